@@ -1,0 +1,1 @@
+//! From blocks of entries to blocks of factors.

@@ -1,0 +1,1 @@
+//! `.ltc`: the block-indexed container of factors.

@@ -1,0 +1,11 @@
+//! Linear images: reading and writing EXR, HDR and PNG, tone mapping, error measures.
+
+mod exr_file;
+mod linear;
+mod measure;
+mod tone;
+
+pub use exr_file::write_exr;
+pub use linear::LinearImage;
+pub use measure::{ImageError, compare};
+pub use tone::{encode_srgb, write_png};

@@ -1,0 +1,47 @@
+//! `ltm`: light transport matrices. Trace a scene once, compress the matrix, relight it at once.
+//!
+//! A scene under `n` basis lights is a matrix `T`: one row for each pixel and colour channel, one column for each basis
+//! light (a lamp, a texel of an area light, a texel of the environment). Every lighting is then one product, `c = T ℓ`.
+//! `T` is larger than memory, so everything here works on one *block* at a time: a square of pixels with all its
+//! channels and all columns.
+//!
+//! ```text
+//! scene ──► trace ─────► store ─────► compress ─────► container ─────► relight ─────► image
+//! OBJ+TOML   one pass     .ltm         low rank +      .ltc             c = L (R ℓ)    EXR, PNG
+//! lights     fills all    mmap, tiled, sparse, rank    block index,     CPU or wgpu,
+//!            columns      columns      from the noise  checksums        paged
+//!            of a block   contiguous
+//! ```
+//!
+//! Method: Lebedev, Karpuhin, Ilyin, Ignatenko, *Compression of light transport matrix* (GraphiCon); "the paper" and
+//! its section numbers in this documentation mean that text.
+//!
+//! # Who may know whom
+//!
+//! The stages never import each other; [`pipeline`] joins them. `tests/house.rs` reads this table and holds the code
+//! to it.
+//!
+//! | module | may import |
+//! |---|---|
+//! | `error` | nothing |
+//! | `matrix`, `image` | `error` |
+//! | `light` | `error`, `matrix`, `image` |
+//! | `scene` | `error`, `light`, `image` |
+//! | `trace` | `error`, `matrix`, `light`, `scene` |
+//! | `store`, `compress`, `container` | `error`, `matrix`, `light` |
+//! | `relight` | `error`, `matrix`, `light`, `image` |
+//! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight` |
+
+pub mod compress;
+pub mod container;
+pub mod error;
+pub mod image;
+pub mod light;
+pub mod matrix;
+pub mod pipeline;
+pub mod relight;
+pub mod scene;
+pub mod store;
+pub mod trace;
+
+pub use error::{Error, Result};

@@ -1,0 +1,225 @@
+//! The light basis: which column of `T` is which light.
+
+use std::ops::Range;
+
+use crate::error::{Error, Result};
+use crate::matrix::{ColumnIndex, MatrixShape};
+
+/// What a light is, and how its columns are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bincode::Encode, bincode::Decode)]
+pub enum LightKind {
+    /// An emissive material or object group: one column.
+    Lamp,
+    /// A rectangular emitter split by its UV into `across × down` texels, row by row; texel (0, 0) has the smallest UV.
+    AreaTexels {
+        /// Texels along u.
+        across: u32,
+        /// Texels along v.
+        down: u32,
+    },
+    /// A latitude–longitude environment of `across × down` texels, row by row from the zenith.
+    LatLong {
+        /// Texels around.
+        across: u32,
+        /// Texels from zenith to nadir.
+        down: u32,
+    },
+    /// An environment on the equal-area octahedral square of `side × side` texels, row by row.
+    Octahedral {
+        /// Texels along each side of the square.
+        side: u32,
+    },
+    /// A point light: one column.
+    Point,
+    /// A spot light: one column.
+    Spot,
+    /// A sun, parallel or of small angular radius: one column.
+    Sun,
+    /// A luminaire with a photometric (IES) distribution: one column.
+    Ies,
+    /// A light known only by its rendered image: one column.
+    Image,
+}
+
+/// The unit of a weight 1 on a column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bincode::Encode, bincode::Decode)]
+pub enum LightUnit {
+    /// Radiance, W·sr⁻¹·m⁻² per channel.
+    Radiance,
+    /// Radiant intensity, W·sr⁻¹ per channel.
+    Intensity,
+    /// Irradiance on a plane facing the light, W·m⁻² per channel.
+    Irradiance,
+    /// Multiples of the light as it was rendered.
+    Multiple,
+}
+
+/// One light: a name, what it is, and the contiguous columns that it owns.
+#[derive(Clone, Debug, PartialEq, bincode::Encode, bincode::Decode)]
+pub struct Light {
+    /// Name, unique in the basis.
+    pub name: String,
+    /// What it is and how its columns are laid out.
+    pub kind: LightKind,
+    /// Unit of a weight 1.
+    pub unit: LightUnit,
+    /// RGB weight with which the scene file lights it: the emission in `unit`.
+    pub emission: [f32; 3],
+    /// First of its columns.
+    pub first_column: u32,
+    /// Place of each of its columns in world space: the centre of the emitter or texel; for environments and suns the
+    /// direction towards it.
+    pub places: Vec<[f32; 3]>,
+    /// Extent of each of its columns: area in square scene units, solid angle in steradians for environments and suns,
+    /// 0 for point-like lights.
+    pub extents: Vec<f32>,
+}
+
+impl Light {
+    /// Its columns.
+    pub fn columns(&self) -> Range<u32> {
+        self.first_column..self.first_column + self.places.len() as u32
+    }
+
+    /// Texels (across, down) of its column layout; (1, 1) for lights of one column.
+    pub fn layout(&self) -> (u32, u32) {
+        self.kind.layout()
+    }
+}
+
+impl LightKind {
+    /// Texels (across, down); (1, 1) for lights of one column.
+    pub fn layout(self) -> (u32, u32) {
+        match self {
+            Self::AreaTexels { across, down } | Self::LatLong { across, down } => (across, down),
+            Self::Octahedral { side } => (side, side),
+            Self::Lamp | Self::Point | Self::Spot | Self::Sun | Self::Ies | Self::Image => (1, 1),
+        }
+    }
+}
+
+/// One column seen through its light.
+#[derive(Clone, Copy, Debug)]
+pub struct Column<'a> {
+    /// The light that owns it.
+    pub light: &'a Light,
+    /// Its texel (across, down) in the light's layout.
+    pub texel: (u32, u32),
+    /// Place, see [`Light::places`].
+    pub place: [f32; 3],
+    /// Extent, see [`Light::extents`].
+    pub extent: f32,
+}
+
+/// All lights of a job, in column order, covering every column exactly once.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LightBasis {
+    lights: Vec<Light>,
+}
+
+impl LightBasis {
+    /// An empty basis, to [`push`](Self::push) lights to.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Appends a light with one column for each of `places`; its `first_column` is set here.
+    ///
+    /// Errors: an empty or taken name, a layout that does not have as many texels as there are places, extents of
+    /// another length, values that are not finite, or more columns than a matrix can have.
+    pub fn push(&mut self, mut light: Light) -> Result<()> {
+        let refuse = |problem: &str| Err(Error::input(format!("light '{}'", light.name), problem, ""));
+        if light.name.is_empty() {
+            return refuse("has no name");
+        }
+        if self.find(&light.name).is_some() {
+            return refuse("the name is taken by another light; rename one of them");
+        }
+        let (across, down) = light.layout();
+        if u64::from(across) * u64::from(down) != light.places.len() as u64 || light.places.is_empty() {
+            return refuse("the number of columns does not fit its layout");
+        }
+        if light.extents.len() != light.places.len() {
+            return refuse("extents and places differ in number");
+        }
+        let finite = light.emission.iter().chain(light.places.iter().flatten()).chain(&light.extents);
+        if !finite.into_iter().all(|v| v.is_finite()) {
+            return refuse("has a place, extent or emission that is not finite");
+        }
+        if self.column_count() + light.places.len() > MatrixShape::MAX_COLUMNS as usize {
+            return refuse("brings the number of columns above what a matrix can have");
+        }
+        light.first_column = self.column_count() as u32;
+        self.lights.push(light);
+        Ok(())
+    }
+
+    /// The lights in column order.
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// Number of columns.
+    pub fn column_count(&self) -> usize {
+        self.lights.last().map_or(0, |light| light.columns().end as usize)
+    }
+
+    /// The light of this name.
+    pub fn find(&self, name: &str) -> Option<&Light> {
+        self.lights.iter().find(|light| light.name == name)
+    }
+
+    /// A column seen through its light. Panics if there is no such column.
+    pub fn column(&self, column: ColumnIndex) -> Column<'_> {
+        let light = &self.lights[self.lights.partition_point(|light| light.columns().end <= column.0)];
+        let texel = column.0 - light.first_column;
+        let across = light.layout().0;
+        Column {
+            light,
+            texel: (texel % across, texel / across),
+            place: light.places[texel as usize],
+            extent: light.extents[texel as usize],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lamp(name: &str, kind: LightKind, columns: usize) -> Light {
+        Light {
+            name: name.into(),
+            kind,
+            unit: LightUnit::Radiance,
+            emission: [1.0; 3],
+            first_column: 77,
+            places: vec![[0.0; 3]; columns],
+            extents: vec![1.0; columns],
+        }
+    }
+
+    #[test]
+    fn columns_are_found_through_their_light() {
+        let mut basis = LightBasis::new();
+        basis.push(lamp("a", LightKind::Lamp, 1)).unwrap();
+        basis.push(lamp("b", LightKind::AreaTexels { across: 3, down: 2 }, 6)).unwrap();
+        basis.push(lamp("c", LightKind::Point, 1)).unwrap();
+        assert_eq!(basis.column_count(), 8);
+        let column = basis.column(ColumnIndex(5));
+        assert_eq!((column.light.name.as_str(), column.texel), ("b", (1, 1)));
+        assert_eq!(basis.column(ColumnIndex(0)).light.name, "a");
+        assert_eq!(basis.column(ColumnIndex(7)).light.name, "c");
+    }
+
+    #[test]
+    fn lights_that_do_not_fit_are_refused() {
+        let mut basis = LightBasis::new();
+        basis.push(lamp("a", LightKind::Lamp, 1)).unwrap();
+        assert!(basis.push(lamp("a", LightKind::Lamp, 1)).is_err());
+        assert!(basis.push(lamp("", LightKind::Lamp, 1)).is_err());
+        assert!(basis.push(lamp("b", LightKind::Octahedral { side: 2 }, 3)).is_err());
+        let nan = Light { emission: [f32::NAN; 3], ..lamp("c", LightKind::Lamp, 1) };
+        assert!(basis.push(nan).is_err());
+    }
+}

@@ -1,0 +1,45 @@
+//! A lighting: the vector `ℓ`, an RGB weight for each column.
+
+use super::LightBasis;
+use crate::error::{Error, Result};
+
+/// The vector `ℓ`: one linear Rec. 709 weight for each column, in the unit of its light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lighting {
+    weights: Vec<[f32; 3]>,
+}
+
+impl Lighting {
+    /// A lighting from its weights. Errors: a weight that is not finite, naming the column.
+    pub fn new(weights: Vec<[f32; 3]>) -> Result<Self> {
+        match weights.iter().position(|w| !w.iter().all(|v| v.is_finite())) {
+            Some(column) => Err(Error::input(
+                format!("lighting, column {column}"),
+                format!("weight {:?} is not finite", weights[column]),
+                "give every light a finite weight",
+            )),
+            None => Ok(Self { weights }),
+        }
+    }
+
+    /// Every column with the same weight.
+    pub fn uniform(columns: usize, weight: [f32; 3]) -> Result<Self> {
+        Self::new(vec![weight; columns])
+    }
+
+    /// The lighting of the scene file: every light with its own emission.
+    pub fn of_scene(basis: &LightBasis) -> Self {
+        let weights = basis.lights().iter().flat_map(|light| light.places.iter().map(|_| light.emission)).collect();
+        Self { weights }
+    }
+
+    /// One weight per column.
+    pub fn weights(&self) -> &[[f32; 3]] {
+        &self.weights
+    }
+
+    /// The weights of one channel (0 red, 1 green, 2 blue): one value per column.
+    pub fn channel(&self, channel: usize) -> Vec<f32> {
+        self.weights.iter().map(|w| w[channel]).collect()
+    }
+}

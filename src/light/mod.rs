@@ -1,0 +1,14 @@
+//! The columns of `T` and what is put on them: the light basis, lightings `ℓ` over it, and the description of a job
+//! that every file of ours carries.
+
+mod basis;
+mod job;
+mod lighting;
+mod metadata;
+mod probes;
+
+pub use basis::{Column, Light, LightBasis, LightKind, LightUnit};
+pub use job::{Job, JobHash, Provenance};
+pub use lighting::Lighting;
+pub use metadata::{decode_job, encode_job};
+pub use probes::probe_lightings;

@@ -1,0 +1,112 @@
+//! Blocks of entries of `T`, owned and borrowed.
+
+use super::{BlockNoise, ColumnIndex};
+
+/// The entries of one block: `rows × columns`, column-major (see the module's layout).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Block {
+    rows: usize,
+    columns: usize,
+    entries: Vec<f32>,
+}
+
+/// A borrowed block of entries: `rows × columns`, column-major.
+#[derive(Clone, Copy, Debug)]
+pub struct BlockView<'a> {
+    rows: usize,
+    columns: usize,
+    entries: &'a [f32],
+}
+
+/// A block with what tracing knows of its noise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TracedBlock {
+    /// The entries: the mean of the two half-sample estimates.
+    pub block: Block,
+    /// The noise that the two halves show; none where the source cannot know it (imported renders).
+    pub noise: Option<BlockNoise>,
+}
+
+impl Block {
+    /// A block of zeros.
+    pub fn zeros(rows: usize, columns: usize) -> Self {
+        Self { rows, columns, entries: vec![0.0; rows * columns] }
+    }
+
+    /// A block over `entries`, column-major. Panics if there are not `rows · columns` of them.
+    pub fn from_entries(rows: usize, columns: usize, entries: Vec<f32>) -> Self {
+        assert_eq!(entries.len(), rows * columns);
+        Self { rows, columns, entries }
+    }
+
+    /// Makes this a block of zeros of the given shape, keeping its allocation.
+    pub fn reset(&mut self, rows: usize, columns: usize) {
+        self.rows = rows;
+        self.columns = columns;
+        self.entries.clear();
+        self.entries.resize(rows * columns, 0.0);
+    }
+
+    /// Rows: pixels × channels.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Columns: basis lights.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// All entries, column-major.
+    pub fn entries(&self) -> &[f32] {
+        &self.entries
+    }
+
+    /// All entries, column-major.
+    pub fn entries_mut(&mut self) -> &mut [f32] {
+        &mut self.entries
+    }
+
+    /// The rows of one column.
+    pub fn column_mut(&mut self, column: ColumnIndex) -> &mut [f32] {
+        &mut self.entries[column.index() * self.rows..][..self.rows]
+    }
+
+    /// Borrows the block.
+    pub fn view(&self) -> BlockView<'_> {
+        BlockView { rows: self.rows, columns: self.columns, entries: &self.entries }
+    }
+}
+
+impl<'a> BlockView<'a> {
+    /// A view of `entries`, column-major. Panics if there are not `rows · columns` of them.
+    pub fn new(rows: usize, columns: usize, entries: &'a [f32]) -> Self {
+        assert_eq!(entries.len(), rows * columns);
+        Self { rows, columns, entries }
+    }
+
+    /// Rows: pixels × channels.
+    pub fn rows(self) -> usize {
+        self.rows
+    }
+
+    /// Columns: basis lights.
+    pub fn columns(self) -> usize {
+        self.columns
+    }
+
+    /// All entries, column-major.
+    pub fn entries(self) -> &'a [f32] {
+        self.entries
+    }
+
+    /// The rows of one column.
+    pub fn column(self, column: ColumnIndex) -> &'a [f32] {
+        &self.entries[column.index() * self.rows..][..self.rows]
+    }
+
+    /// The entry at (`row`, `column`).
+    pub fn at(self, row: usize, column: usize) -> f32 {
+        self.entries[column * self.rows + row]
+    }
+}

@@ -1,0 +1,23 @@
+//! The vocabulary of `T`: its shape and block grid, indices, blocks of entries, blocks of factors, and the seams
+//! between the stages that make and use them.
+//!
+//! # Layout of a block
+//!
+//! A block covers a square of pixels (smaller at the right and bottom edges) with three channels and all columns. Its
+//! rows are channel-planar: row `channel · pixels + y · width + x`, with `x, y` counted inside the block. So the rows
+//! of one colour channel are contiguous, which is what a product with an RGB lighting wants. Its entries are
+//! column-major: each column's rows are contiguous.
+
+mod block;
+mod factors;
+mod index;
+mod noise;
+mod seam;
+mod shape;
+
+pub use block::{Block, BlockView, TracedBlock};
+pub use factors::{FactoredBlock, SparseEntry};
+pub use index::{BlockId, ColumnIndex};
+pub use noise::BlockNoise;
+pub use seam::{BlockSink, BlockSource, FactorSource};
+pub use shape::{CHANNELS, MatrixShape, PixelRect};

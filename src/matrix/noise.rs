@@ -1,0 +1,25 @@
+//! What tracing knows of a block's noise.
+
+/// Noise of a block, from its two half-sample estimates `A` and `B`.
+///
+/// The block is `(A + B) / 2`; `D = (A − B) / 2` has the same variance and, the halves being independent, no signal.
+/// What is kept is small beside the block: marginals of `D²`, and `D Ω` for a few *probe* lightings `Ω`
+/// (`light::probe_lightings`), which show noise that columns share and
+/// independent entries would hide.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlockNoise {
+    /// For each row, the mean over columns of `D²`.
+    pub row_variance: Vec<f32>,
+    /// For each column, the mean over rows of `D²`.
+    pub column_variance: Vec<f32>,
+    /// `D Ω`: rows × probes, column-major.
+    pub probes: Vec<f32>,
+}
+
+impl BlockNoise {
+    /// Mean of `D²` over the whole block: the variance of an entry.
+    pub fn mean_variance(&self) -> f64 {
+        let sum: f64 = self.row_variance.iter().map(|&v| f64::from(v)).sum();
+        if self.row_variance.is_empty() { 0.0 } else { sum / self.row_variance.len() as f64 }
+    }
+}

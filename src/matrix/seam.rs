@@ -1,0 +1,38 @@
+//! The seams between the stages: who gives blocks, who takes them.
+
+use std::ops::Range;
+
+use super::{BlockId, FactoredBlock, MatrixShape, TracedBlock};
+use crate::error::Result;
+
+/// Something that blocks of `T` can be read from: a stored matrix, a set of images, a tracer.
+pub trait BlockSource: Sync {
+    /// Shape of the matrix.
+    fn shape(&self) -> MatrixShape;
+
+    /// Reads or makes one block into `target`, whose allocations are reused.
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()>;
+}
+
+/// Something that takes blocks of `T`, in any order, from any thread.
+pub trait BlockSink: Sync {
+    /// Takes one block. When this returns, the block is committed.
+    fn write_block(&self, id: BlockId, block: &TracedBlock) -> Result<()>;
+}
+
+/// Something that blocks of factors can be read from.
+///
+/// A block's components are grouped into layers, the base layer first; any prefix of layers is a usable block.
+pub trait FactorSource: Send + Sync {
+    /// Shape of the matrix.
+    fn shape(&self) -> MatrixShape;
+
+    /// Layers of a block; 0 for a block that holds nothing (all zero).
+    fn layer_count(&self, id: BlockId) -> u32;
+
+    /// Bytes that a range of layers takes in the source.
+    fn encoded_bytes(&self, id: BlockId, layers: Range<u32>) -> u64;
+
+    /// The factors of a range of layers alone: their components and sparse entries.
+    fn read_layers(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock>;
+}

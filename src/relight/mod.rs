@@ -1,0 +1,1 @@
+//! `c = L (R ℓ)`: images from factors, on the CPU or the GPU.

@@ -1,0 +1,36 @@
+//! What is lit: geometry, materials, camera and emitters, loaded from a scene file or built in.
+//!
+//! A [`Scene`] is plain data, checked once; tracing reads it and never asks a file again.
+
+mod camera;
+mod emitter;
+mod material;
+mod mesh;
+
+pub use camera::{Camera, PixelFilter};
+pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, IesProfile, PointEmitter};
+pub use material::{Material, Paint, Surface, Texture, TextureId};
+pub use mesh::{MaterialId, Mesh, Triangle};
+
+use crate::light::LightBasis;
+
+/// Everything that decides the entries of `T`, apart from the samples.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Name, for people.
+    pub name: String,
+    /// All geometry, in world space.
+    pub mesh: Mesh,
+    /// Materials, indexed by [`MaterialId`].
+    pub materials: Vec<Material>,
+    /// Textures, indexed by [`TextureId`].
+    pub textures: Vec<Texture>,
+    /// The camera.
+    pub camera: Camera,
+    /// One emitter for each light of the basis, in the same order.
+    pub emitters: Vec<Emitter>,
+    /// Which column is which light.
+    pub basis: LightBasis,
+    /// Metres per scene unit, 0 where unknown.
+    pub metres_per_unit: f32,
+}

@@ -1,0 +1,1 @@
+//! `.ltm`: the memory-mapped tiled column store.

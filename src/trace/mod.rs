@@ -1,0 +1,1 @@
+//! Fills one block of `T` with all its columns.
