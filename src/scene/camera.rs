@@ -2,6 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
+use crate::error::{Error, Result};
+
 /// Filter with which samples make a pixel. Samples are drawn from the filter's shape (filter importance sampling), so
 /// each belongs to one pixel and blocks stay independent.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +44,43 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// A camera at `eye` that looks along `direction`, with `up` as near to the top of the image as that allows.
+    ///
+    /// Errors: values that are not finite, a direction of no length or along `up`, a field of view outside (0, π), an
+    /// image without pixels.
+    pub fn looking(
+        eye: Vec3,
+        direction: Vec3,
+        up: Vec3,
+        vertical_fov_radians: f32,
+        (width, height): (u32, u32),
+        filter: PixelFilter,
+    ) -> Result<Self> {
+        let refuse = |problem: &str, hint: &str| Err(Error::input("camera", problem, hint));
+        if !(eye.is_finite() && direction.is_finite() && up.is_finite()) {
+            return refuse("has a value that is not finite", "give finite numbers");
+        }
+        let Some(forward) = direction.try_normalize() else {
+            return refuse(
+                "looks in no direction",
+                "give a look_at that is not the eye, or a direction of some length",
+            );
+        };
+        // Below a milliradian between the two, the roll of the image would hang on rounding.
+        let across = forward.cross(up.normalize_or_zero());
+        if across.length() < 1e-3 {
+            return refuse("'up' is zero or lies along the viewing direction", "choose another up vector");
+        }
+        let right = across.normalize();
+        if !(vertical_fov_radians > 0.0 && vertical_fov_radians < std::f32::consts::PI) {
+            return refuse("the vertical field of view must lie between 0 and 180 degrees", "45 is a usual one");
+        }
+        if width == 0 || height == 0 {
+            return refuse("the image has no pixels", "give a width and a height of at least 1");
+        }
+        Ok(Self { eye, forward, right, up: right.cross(forward), vertical_fov_radians, width, height, filter })
+    }
+
     /// Unit direction in world space through an image position in pixels, origin at the top left.
     pub fn direction(&self, position: Vec2) -> Vec3 {
         let half_height = (0.5 * self.vertical_fov_radians).tan();

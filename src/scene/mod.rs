@@ -2,13 +2,20 @@
 //!
 //! A [`Scene`] is plain data, checked once; tracing reads it and never asks a file again.
 
+mod assembly;
+mod built_in;
 mod camera;
 mod emitter;
+mod environment;
+mod loaded;
 mod material;
 mod mesh;
+mod shapes;
 
+pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
 pub use camera::{Camera, PixelFilter};
 pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, IesProfile, PointEmitter};
+pub use loaded::{LoadedScene, RenderSettings, content_hash};
 pub use material::{Material, Paint, Surface, Texture, TextureId};
 pub use mesh::{MaterialId, Mesh, Triangle};
 

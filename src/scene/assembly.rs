@@ -1,0 +1,136 @@
+//! A scene under construction: geometry, materials and lights are added, and stay consistent with each other.
+
+use glam::{Quat, Vec2, Vec3};
+
+use super::shapes;
+use super::{
+    AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, Material, MaterialId, Mesh, Surface,
+    Texture, Triangle,
+};
+use crate::error::Result;
+use crate::light::{Light, LightBasis, LightKind, LightUnit};
+
+/// Parts of a scene so far.
+#[derive(Debug, Default)]
+pub(super) struct Assembly {
+    pub(super) mesh: Mesh,
+    pub(super) materials: Vec<Material>,
+    pub(super) textures: Vec<Texture>,
+    pub(super) emitters: Vec<Emitter>,
+    pub(super) basis: LightBasis,
+}
+
+/// A rectangle that emits to one side, cut into texels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Panel {
+    pub(super) origin: Vec3,
+    pub(super) edge_u: Vec3,
+    pub(super) edge_v: Vec3,
+    pub(super) normal: Vec3,
+    pub(super) texels: (u32, u32),
+    pub(super) two_sided: bool,
+}
+
+impl Assembly {
+    pub(super) fn material(&mut self, name: &str, surface: Surface) -> MaterialId {
+        self.materials.push(Material { name: name.into(), surface, cutout: None });
+        MaterialId(self.materials.len() as u32 - 1)
+    }
+
+    /// Appends a mesh of one material.
+    pub(super) fn add(&mut self, shape: shapes::Shape, material: MaterialId) {
+        let first = self.mesh.positions.len() as u32;
+        self.mesh.positions.extend(shape.positions);
+        self.mesh.normals.extend(shape.normals);
+        self.mesh.uvs.extend(shape.uvs);
+        self.mesh.triangles.extend(shape.triangles.into_iter().map(|vertices| Triangle {
+            vertices: vertices.map(|v| v + first),
+            material,
+            emitter: None,
+        }));
+    }
+
+    /// Appends a light with its emitter and marks the emitter's triangles.
+    pub(super) fn light(&mut self, emitter: Emitter, light: Light) -> Result<()> {
+        self.basis.push(light)?;
+        let index = self.emitters.len() as u32;
+        if let Emitter::Area(area) = &emitter {
+            for &triangle in &area.triangles {
+                self.mesh.triangles[triangle as usize].emitter = Some(index);
+            }
+        }
+        self.emitters.push(emitter);
+        Ok(())
+    }
+
+    /// Appends a rectangle and makes it a light of `across × down` columns, in units of radiance.
+    pub(super) fn panel(&mut self, name: &str, panel: Panel, material: MaterialId, emission: [f32; 3]) -> Result<()> {
+        let first = self.mesh.triangles.len() as u32;
+        let front = panel.edge_u.cross(panel.edge_v).dot(panel.normal) > 0.0;
+        let mut shape = shapes::rectangle(panel.origin, panel.edge_u, panel.edge_v);
+        if !front {
+            shape.turn_over();
+        }
+        self.add(shape, material);
+        let emitter = AreaEmitter {
+            triangles: vec![first, first + 1],
+            layout: panel.layout(),
+            two_sided: panel.two_sided,
+            pattern: None,
+        };
+        self.light(Emitter::Area(emitter), panel.light(name, emission))
+    }
+
+    /// Appends an environment of which every texel is a column, in units of radiance.
+    pub(super) fn environment(
+        &mut self,
+        name: &str,
+        mapping: EnvironmentMapping,
+        rotation: Quat,
+        emission: [f32; 3],
+    ) -> Result<()> {
+        let kind = match mapping {
+            EnvironmentMapping::LatLong { across, down } => LightKind::LatLong { across, down },
+            EnvironmentMapping::Octahedral { side } => LightKind::Octahedral { side },
+        };
+        let texels = 0..mapping.texel_count();
+        let light = Light {
+            name: name.into(),
+            kind,
+            unit: LightUnit::Radiance,
+            emission,
+            first_column: 0,
+            places: texels.clone().map(|t| (rotation * mapping.direction_at(t, Vec2::splat(0.5))).into()).collect(),
+            extents: texels.map(|t| mapping.solid_angle(t)).collect(),
+        };
+        let world_from_environment = glam::Mat3::from_quat(rotation);
+        self.light(Emitter::Environment(EnvironmentEmitter { mapping, world_from_environment }), light)
+    }
+}
+
+impl Panel {
+    pub(super) fn layout(&self) -> AreaLayout {
+        let &Self { origin, edge_u, edge_v, normal, texels: (across, down), .. } = self;
+        AreaLayout::Texels { origin, edge_u, edge_v, normal, across, down }
+    }
+
+    /// Its light, with the centre and the area of every texel.
+    pub(super) fn light(&self, name: &str, emission: [f32; 3]) -> Light {
+        let (across, down) = self.texels;
+        let centre = |i: u32| {
+            let (u, v) = ((i % across) as f32 + 0.5, (i / across) as f32 + 0.5);
+            (self.origin + self.edge_u * (u / across as f32) + self.edge_v * (v / down as f32)).to_array()
+        };
+        let texels = across as usize * down as usize;
+        let area = self.edge_u.cross(self.edge_v).length() / texels as f32;
+        Light {
+            name: name.into(),
+            kind: LightKind::AreaTexels { across, down },
+            unit: LightUnit::Radiance,
+            emission,
+            first_column: 0,
+            places: (0..texels as u32).map(centre).collect(),
+            extents: vec![area; texels],
+        }
+    }
+}
