@@ -3,12 +3,17 @@
 //! Layout: bincode 2, little-endian, variable-length integers, the fields of `JobRecord` in order; `formats/` writes
 //! it down. A checksum is the containing file's business.
 
+use bincode::config::{Configuration, Limit, LittleEndian, Varint};
+
 use super::{Job, Light, LightBasis, Provenance};
 use crate::error::Result;
 use crate::matrix::MatrixShape;
 
-/// Bound on decoded metadata, so that no length field can ask for more memory than this.
+/// Largest description, and bound on what encoding and decoding count.
 const MAX_BYTES: usize = 1 << 30;
+/// Bytes that a decoded item takes in memory for each byte that it takes here, at most: a light without columns is the
+/// worst, with 18 bytes here and some 120 in memory.
+const MEMORY_PER_BYTE: usize = 8;
 
 #[derive(bincode::Encode, bincode::Decode)]
 struct JobRecord {
@@ -20,8 +25,26 @@ struct JobRecord {
     provenance: Provenance,
 }
 
-fn config() -> impl bincode::config::Config {
+type Config = Configuration<LittleEndian, Varint, Limit<MAX_BYTES>>;
+
+fn config() -> Config {
     bincode::config::standard().with_limit::<MAX_BYTES>()
+}
+
+/// Decodes with a limit that the bytes at hand have earned.
+///
+/// A length field makes bincode allocate for as many items at once, up to its limit, and the limit is a constant. So
+/// it is chosen from a ladder: a damaged length cannot ask for more than 32 times the bytes at hand, or 4 KiB.
+fn decode_within(bytes: &[u8]) -> Result<(JobRecord, usize), bincode::error::DecodeError> {
+    macro_rules! first_that_fits {
+        ($($limit:expr),*) => {
+            $(if bytes.len() * MEMORY_PER_BYTE <= $limit {
+                return bincode::decode_from_slice(bytes, config().with_limit::<{ $limit }>());
+            })*
+        };
+    }
+    first_that_fits!(1 << 12, 1 << 14, 1 << 16, 1 << 18, 1 << 20, 1 << 22, 1 << 24, 1 << 26, 1 << 28);
+    bincode::decode_from_slice(bytes, config())
 }
 
 /// Encodes a job.
@@ -40,8 +63,10 @@ pub fn encode_job(job: &Job) -> Vec<u8> {
 /// Decodes a job. Errors, as plain text for the caller to place: anything that does not decode, trailing bytes, or
 /// parts that do not fit each other.
 pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
-    let (record, used): (JobRecord, usize) = bincode::decode_from_slice(bytes, config())
-        .map_err(|e| format!("the job description does not decode ({e})"))?;
+    if bytes.len() > MAX_BYTES {
+        return Err(format!("the job description has {} bytes, more than {MAX_BYTES}", bytes.len()));
+    }
+    let (record, used) = decode_within(bytes).map_err(|e| format!("the job description does not decode ({e})"))?;
     if used != bytes.len() {
         return Err(format!("the job description has {} trailing bytes", bytes.len() - used));
     }
@@ -96,6 +121,52 @@ mod tests {
             flipped[at] ^= 0xff;
             let _ = decode_job(&flipped);
         }
+    }
+
+    #[test]
+    fn a_light_in_memory_is_no_larger_than_the_bound_says() {
+        let bare = Light {
+            name: String::new(),
+            kind: LightKind::Lamp,
+            unit: LightUnit::Radiance,
+            emission: [0.0; 3],
+            first_column: 0,
+            places: vec![],
+            extents: vec![],
+        };
+        let bytes = bincode::encode_to_vec(&bare, config()).unwrap().len();
+        assert!(size_of::<Light>() <= bytes * MEMORY_PER_BYTE, "{} for {bytes}", size_of::<Light>());
+    }
+
+    #[test]
+    fn jobs_of_every_size_decode_and_a_length_cannot_ask_for_more_than_the_bytes_earn() {
+        for columns in [1, 100, 5_000, 100_000] {
+            let mut basis = LightBasis::new();
+            for i in 0..columns {
+                let name = i.to_string();
+                let (kind, unit) = (LightKind::Lamp, LightUnit::Radiance);
+                let (emission, places, extents) = ([1.0; 3], vec![[0.0; 3]], vec![0.0]);
+                // Pushing looks every name up: too slow for more.
+                if columns <= 5_000 {
+                    basis.push(Light { name, kind, unit, emission, first_column: 0, places, extents }).unwrap();
+                }
+            }
+            if columns > 5_000 {
+                let (kind, unit) = (LightKind::LatLong { across: columns, down: 1 }, LightUnit::Radiance);
+                let (places, extents) = (vec![[0.0; 3]; columns as usize], vec![0.0; columns as usize]);
+                let emission = [1.0; 3];
+                basis
+                    .push(Light { name: "sky".into(), kind, unit, emission, first_column: 0, places, extents })
+                    .unwrap();
+            }
+            let shape = MatrixShape::new(4, 4, columns, 4).unwrap();
+            let job = Job { shape, basis, provenance: Provenance::default() };
+            assert_eq!(decode_job(&encode_job(&job)).unwrap(), job, "{columns} columns");
+        }
+        // Shape, then a number of lights that would take gigabytes: 2²⁴.
+        let absurd = [4, 4, 1, 4, 252, 0, 0, 0, 1, 0];
+        let problem = decode_job(&absurd).unwrap_err();
+        assert!(problem.contains("LimitExceeded"), "{problem}");
     }
 
     #[test]

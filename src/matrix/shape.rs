@@ -65,6 +65,10 @@ impl MatrixShape {
         within("image height", height, Self::MAX_IMAGE_SIDE)?;
         within("number of columns", columns, Self::MAX_COLUMNS)?;
         within("block side", block_side, Self::MAX_BLOCK_SIDE)?;
+        let blocks = u64::from(width.div_ceil(block_side)) * u64::from(height.div_ceil(block_side));
+        if blocks > u64::from(u32::MAX) {
+            return Err(Error::input("block side", format!("{block_side} makes {blocks} blocks"), "make it larger"));
+        }
         Ok(Self { width, height, columns, block_side })
     }
 
@@ -160,5 +164,6 @@ mod tests {
         assert!(MatrixShape::new(1, 1, 0, 1).is_err());
         assert!(MatrixShape::new(1, 1, 1, 0).is_err());
         assert!(MatrixShape::new(1 << 20, 1, 1, 1).is_err());
+        assert!(MatrixShape::new(1 << 16, 1 << 16, 1, 1).is_err());
     }
 }

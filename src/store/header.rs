@@ -1,0 +1,167 @@
+//! The header page and the job description behind it.
+
+use crate::error::{Error, Result};
+use crate::light::{Job, decode_job, encode_job};
+use crate::matrix::MatrixShape;
+use std::path::Path;
+
+use super::storage::{Storage, read_exact};
+use super::{Layout, PAGE_BYTES, Precision, disk_structure};
+
+/// First bytes of every `.ltm` file: a byte above 127, the name, and line ends that a text transfer would change.
+pub const MAGIC: [u8; 8] = *b"\x89LTM\r\n\x1a\n";
+/// Version of the format that this program writes, and the newest that it reads.
+pub const VERSION: u32 = 1;
+
+disk_structure! {
+    /// The header as it lies at the start of the header page; the rest of the page is zero.
+    HeaderBytes,
+    /// Fields of the header.
+    HEADER_FIELDS {
+        magic: [u8; 8],
+        checksum: u32,
+        version: u32,
+        precision: u32,
+        max_probes: u32,
+        width: u32,
+        height: u32,
+        columns: u32,
+        block_side: u32,
+        job_checksum: u32,
+        reserved: u32,
+        job_bytes: u64,
+        table_offset: u64,
+        slots_offset: u64,
+        file_bytes: u64,
+    }
+}
+
+/// First byte of the header page that its checksum covers: the one after the checksum.
+const CHECKED_FROM: usize = 12;
+const PAGE: usize = PAGE_BYTES as usize;
+
+/// A header page as read: not to be believed.
+pub(super) struct UnverifiedHeader(Box<[u8; PAGE]>);
+
+/// A header whose checksum held and whose fields fit each other, with the job description that it vouches for.
+#[derive(Clone, Debug)]
+pub(super) struct Header {
+    pub(super) layout: Layout,
+    pub(super) job: Job,
+}
+
+impl Header {
+    /// The header page and the job description (padded to whole pages) of a new file.
+    pub(super) fn encode(job: &Job, precision: Precision, max_probes: u32) -> (Layout, [u8; PAGE], Vec<u8>) {
+        let mut description = encode_job(job);
+        let layout = Layout { shape: job.shape, precision, max_probes, job_bytes: description.len() as u64 };
+        description.resize(description.len().next_multiple_of(PAGE), 0);
+        let fields = HeaderBytes {
+            magic: MAGIC,
+            checksum: 0,
+            version: VERSION,
+            precision: precision.code(),
+            max_probes,
+            width: job.shape.width(),
+            height: job.shape.height(),
+            columns: job.shape.columns() as u32,
+            block_side: job.shape.block_side(),
+            job_checksum: crc32fast::hash(&description),
+            reserved: 0,
+            job_bytes: layout.job_bytes,
+            table_offset: layout.table_offset(),
+            slots_offset: layout.slots_offset(),
+            file_bytes: layout.file_bytes(),
+        };
+        let mut page = [0; PAGE];
+        page[..size_of::<HeaderBytes>()].copy_from_slice(bytemuck::bytes_of(&fields));
+        let checksum = crc32fast::hash(&page[CHECKED_FROM..]);
+        page[8..CHECKED_FROM].copy_from_slice(&checksum.to_le_bytes());
+        (layout, page, description)
+    }
+
+    /// Reads and verifies the header and the job description.
+    pub(super) fn read(storage: &impl Storage, path: &Path) -> Result<Self> {
+        UnverifiedHeader::read(storage, path)?.verify(storage, path)
+    }
+}
+
+impl UnverifiedHeader {
+    /// Reads the header page. Errors: not there, not ours, or shorter than a header page.
+    pub(super) fn read(storage: &impl Storage, path: &Path) -> Result<Self> {
+        let length = storage.length().map_err(Error::io(path, "ask for the length"))?;
+        let start = length.min(PAGE_BYTES) as usize;
+        let mut page = Box::new([0; PAGE]);
+        read_exact(storage, 0, &mut page[..start]).map_err(Error::io(path, "read the header"))?;
+        if !page.starts_with(&MAGIC[..start.min(MAGIC.len())]) || start == 0 {
+            return Err(Error::input(
+                path.display().to_string(),
+                "is not an .ltm file",
+                "give a file that `ltm` wrote",
+            ));
+        }
+        if start < PAGE {
+            let problem = format!("the file is cut short inside the header: {length} bytes of at least {PAGE}");
+            return Err(Error::damaged(path, problem, "render it again"));
+        }
+        Ok(Self(page))
+    }
+
+    /// Whether nothing was written yet: a writer stopped before it had begun.
+    pub(super) fn is_blank(storage: &impl Storage) -> std::io::Result<bool> {
+        let mut page = [0; PAGE];
+        let start = storage.length()?.min(PAGE_BYTES) as usize;
+        read_exact(storage, 0, &mut page[..start])?;
+        Ok(page.iter().all(|&byte| byte == 0))
+    }
+
+    /// Believes the header once its checksum holds, its version is known, every field is in range and agrees with the
+    /// layout, and the job description's checksum holds and describes the same shape.
+    pub(super) fn verify(self, storage: &impl Storage, path: &Path) -> Result<Header> {
+        let damaged = |problem: String| Error::damaged(path, problem, "render it again, or take it from a copy");
+        let fields: HeaderBytes = bytemuck::pod_read_unaligned(&self.0[..size_of::<HeaderBytes>()]);
+        if crc32fast::hash(&self.0[CHECKED_FROM..]) != fields.checksum {
+            return Err(damaged("the header's checksum does not hold".into()));
+        }
+        if fields.version != VERSION {
+            let problem = format!("has format version {}, this program reads {VERSION}", fields.version);
+            return Err(Error::input(path.display().to_string(), problem, "use a program of that version"));
+        }
+        let precision = Precision::from_code(fields.precision)
+            .ok_or_else(|| damaged(format!("the header names an unknown precision, {}", fields.precision)))?;
+        let shape = MatrixShape::new(fields.width, fields.height, fields.columns, fields.block_side)
+            .map_err(|e| damaged(format!("the header's shape is impossible: {e}")))?;
+        let length = storage.length().map_err(Error::io(path, "ask for the length"))?;
+        if fields.job_bytes > length.saturating_sub(PAGE_BYTES) {
+            let problem = format!("the file is cut short inside the job description: {length} bytes");
+            return Err(damaged(problem));
+        }
+        if fields.max_probes > Self::MOST_PROBES || fields.reserved != 0 {
+            return Err(damaged("the header's fields are out of range".into()));
+        }
+        let layout = Layout { shape, precision, max_probes: fields.max_probes, job_bytes: fields.job_bytes };
+        let said = (fields.table_offset, fields.slots_offset, fields.file_bytes);
+        if said != (layout.table_offset(), layout.slots_offset(), layout.file_bytes()) {
+            return Err(damaged("the header's offsets do not fit its shape".into()));
+        }
+        if length < layout.slots_offset() {
+            let needed = layout.slots_offset();
+            return Err(damaged(format!(
+                "the file is cut short before its blocks: {length} bytes of at least {needed}"
+            )));
+        }
+        let mut description = vec![0; (layout.table_offset() - layout.job_offset()) as usize];
+        read_exact(storage, layout.job_offset(), &mut description).map_err(Error::io(path, "read the description"))?;
+        if crc32fast::hash(&description) != fields.job_checksum {
+            return Err(damaged("the job description's checksum does not hold".into()));
+        }
+        let job = decode_job(&description[..fields.job_bytes as usize]).map_err(damaged)?;
+        if job.shape != shape {
+            return Err(damaged("the header and the job description differ in shape".into()));
+        }
+        Ok(Header { layout, job })
+    }
+
+    /// Bound on the probes of a block.
+    const MOST_PROBES: u32 = 4096;
+}

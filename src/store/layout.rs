@@ -1,0 +1,155 @@
+//! Where everything stands in the file: it follows from shape, precision, probes and the job description's length.
+
+use crate::light::{Job, encode_job};
+use crate::matrix::{BlockId, MatrixShape};
+
+use super::{Precision, StoreOptions};
+
+/// Alignment of the parts of the file and of the slots, in bytes: the page of the machines this runs on.
+pub const PAGE_BYTES: u64 = 4096;
+/// Bytes of one commit record: a power of two below a disk sector, so that no record straddles two.
+pub const RECORD_BYTES: u64 = 64;
+/// Bytes that one thread encodes or decodes before it writes or reads on.
+pub(super) const STAGING_BYTES: usize = 1 << 20;
+
+/// Offsets and sizes of a file's parts, in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    pub(super) shape: MatrixShape,
+    pub(super) precision: Precision,
+    pub(super) max_probes: u32,
+    pub(super) job_bytes: u64,
+}
+
+/// What a store needs, in bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Requirements {
+    /// Anonymous memory of the store itself for one thread that writes or reads a block; the block is the caller's.
+    pub memory_bytes: u64,
+    /// Disk space at most: the reserved file. Zero columns give their part back as they are committed.
+    pub disk_bytes: u64,
+}
+
+/// What storing `job` will need, known before anything is begun.
+pub fn requirements(job: &Job, options: &StoreOptions) -> Requirements {
+    let job_bytes = encode_job(job).len() as u64;
+    let layout = Layout { shape: job.shape, precision: options.precision, max_probes: options.max_probes, job_bytes };
+    let rows = job.shape.max_block_rows() as u64;
+    let columns = job.shape.columns() as u64;
+    let staging = (STAGING_BYTES as u64).max(rows * 4);
+    let table = u64::from(job.shape.block_count());
+    let side = layout.side_bytes(rows, columns, columns + u64::from(options.max_probes), true);
+    Requirements { memory_bytes: staging + 2 * side + table + 2 * job_bytes, disk_bytes: layout.file_bytes() }
+}
+
+fn aligned(bytes: u64) -> u64 {
+    bytes.next_multiple_of(PAGE_BYTES)
+}
+
+impl Layout {
+    /// Offset of the job description, which follows the header page.
+    pub fn job_offset(&self) -> u64 {
+        PAGE_BYTES
+    }
+
+    /// Offset of the commit table.
+    pub fn table_offset(&self) -> u64 {
+        self.job_offset() + aligned(self.job_bytes)
+    }
+
+    /// Offset of a block's commit record.
+    pub fn record_offset(&self, id: BlockId) -> u64 {
+        self.table_offset() + u64::from(id.0) * RECORD_BYTES
+    }
+
+    /// Offset of the first slot.
+    pub fn slots_offset(&self) -> u64 {
+        self.table_offset() + aligned(u64::from(self.shape.block_count()) * RECORD_BYTES)
+    }
+
+    /// Offset of a block's slot: the slots stand in block order without gaps, those at the right and bottom edges
+    /// smaller.
+    pub fn slot_offset(&self, id: BlockId) -> u64 {
+        let shape = self.shape;
+        let (across, down) = (u64::from(shape.blocks_across()), u64::from(shape.blocks_down()));
+        let (x, y) = (u64::from(id.0) % across, u64::from(id.0) / across);
+        let height = |y| {
+            if y + 1 == down { shape.height() - (down - 1) as u32 * shape.block_side() } else { shape.block_side() }
+        };
+        let right = shape.width() - (across - 1) as u32 * shape.block_side();
+        let band = |height: u32| {
+            (across - 1) * self.slot_bytes_of(shape.block_side().min(shape.width()), height)
+                + self.slot_bytes_of(right, height)
+        };
+        let above = if y == 0 { 0 } else { y * band(height(0)) };
+        self.slots_offset() + above + x * self.slot_bytes_of(shape.block_side().min(shape.width()), height(y))
+    }
+
+    /// Bytes of a block's slot: what it takes with every column and all its noise.
+    pub fn slot_bytes(&self, id: BlockId) -> u64 {
+        let rect = self.shape.rect(id);
+        self.slot_bytes_of(rect.width, rect.height)
+    }
+
+    fn slot_bytes_of(&self, width: u32, height: u32) -> u64 {
+        let rows = u64::from(width) * u64::from(height) * crate::matrix::CHANNELS as u64;
+        aligned(self.tile_bytes(rows, self.shape.columns() as u64, u64::from(self.max_probes), true))
+    }
+
+    /// Bytes of the file.
+    pub fn file_bytes(&self) -> u64 {
+        let last = BlockId(self.shape.block_count() - 1);
+        self.slot_offset(last) + self.slot_bytes(last)
+    }
+
+    /// Bytes of the columns and probes of a tile.
+    pub(super) fn column_bytes(&self, rows: u64, stored: u64) -> u64 {
+        rows * stored * self.precision.entry_bytes() as u64
+    }
+
+    /// Bytes of a tile: columns, probes, padding to 8, side data. Nothing at all where there is nothing to say.
+    pub(super) fn tile_bytes(&self, rows: u64, stored_columns: u64, probes: u64, noise: bool) -> u64 {
+        let stored = stored_columns + if noise { probes } else { 0 };
+        if stored_columns == 0 && !noise {
+            return 0;
+        }
+        self.column_bytes(rows, stored).next_multiple_of(8)
+            + self.side_bytes(rows, self.shape.columns() as u64, stored, noise)
+    }
+
+    /// Bytes of the side data: which columns are stored, a checksum (and a scale) for each stored one, the variances.
+    pub(super) fn side_bytes(&self, rows: u64, columns: u64, stored: u64, noise: bool) -> u64 {
+        let scales = if self.precision.has_scale() { stored * 4 } else { 0 };
+        let variances = if noise { (rows + columns) * 4 } else { 0 };
+        columns.div_ceil(32) * 4 + stored * 4 + scales + variances
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_follow_each_other_without_gap_or_overlap() {
+        for (width, height, side) in [(1, 1, 32), (33, 31, 32), (100, 70, 16), (7, 300, 256), (64, 64, 32)] {
+            for precision in Precision::ALL {
+                let shape = MatrixShape::new(width, height, 5, side).unwrap();
+                let layout = Layout { shape, precision, max_probes: 2, job_bytes: 100 };
+                let mut end = layout.slots_offset();
+                for id in shape.blocks() {
+                    assert_eq!(layout.slot_offset(id), end, "{width}×{height} by {side}, {id}");
+                    end += layout.slot_bytes(id);
+                    assert_eq!(end % PAGE_BYTES, 0);
+                }
+                assert_eq!(layout.file_bytes(), end);
+            }
+        }
+    }
+
+    #[test]
+    fn the_largest_shape_does_not_overflow() {
+        let shape = MatrixShape::new(65_536, 65_536, 1 << 24, 256).unwrap();
+        let layout = Layout { shape, precision: Precision::F32, max_probes: 16, job_bytes: 1 << 30 };
+        assert!(layout.file_bytes() > shape.raw_bytes());
+    }
+}

@@ -1,0 +1,222 @@
+//! How entries are stored: f32, f16 with a scale per column, or bf16.
+
+use std::fmt;
+use std::str::FromStr;
+
+use half::slice::HalfFloatSliceExt;
+use half::{bf16, f16};
+
+use crate::error::{Error, Result};
+
+/// How the entries of a column are stored.
+///
+/// The error of a stored entry `v` in a column whose largest finite magnitude is `m`:
+///
+/// | precision | bytes | largest error |
+/// |---|---|---|
+/// | `F32` | 4 | 0, bit for bit |
+/// | `F16` | 2 | 2⁻¹¹ · abs(v) + 2⁻³⁹ · m + 2⁻¹⁴⁹ |
+/// | `Bf16` | 2 | 2⁻⁸ · abs(v) + 2⁻¹³³ |
+///
+/// `F16` has one scale per column, a power of two, so that no column overflows and scaling adds no error of its own.
+/// `Bf16` keeps the sign and saturates where f32's largest values would become infinite. Infinite entries stay
+/// infinite and NaN stays NaN in all three.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Precision {
+    /// 32-bit floats, as traced.
+    #[default]
+    F32,
+    /// 16-bit IEEE floats with an f32 scale per column.
+    F16,
+    /// The upper half of a 32-bit float, rounded to nearest.
+    Bf16,
+}
+
+impl Precision {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::F32, Self::F16, Self::Bf16];
+
+    /// The number that stands for it in the header.
+    pub fn code(self) -> u32 {
+        match self {
+            Self::F32 => 0,
+            Self::F16 => 1,
+            Self::Bf16 => 2,
+        }
+    }
+
+    /// The precision that a number in the header stands for.
+    pub fn from_code(code: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|precision| precision.code() == code)
+    }
+
+    /// Bytes of one entry.
+    pub fn entry_bytes(self) -> usize {
+        match self {
+            Self::F32 => 4,
+            Self::F16 | Self::Bf16 => 2,
+        }
+    }
+
+    /// Whether each column has a scale.
+    pub fn has_scale(self) -> bool {
+        self == Self::F16
+    }
+
+    /// Bound on the error relative to the entry itself, for entries not tiny beside their column's largest.
+    pub fn relative_error(self) -> f64 {
+        match self {
+            Self::F32 => 0.0,
+            Self::F16 => 1.0 / 2048.0,
+            Self::Bf16 => 1.0 / 256.0,
+        }
+    }
+
+    /// Encodes a column into `bytes` (as many as its entries take) and returns its scale, 1 where there is none.
+    pub(super) fn encode(self, column: &[f32], bytes: &mut [u8]) -> f32 {
+        match self {
+            Self::F32 => {
+                bytes.copy_from_slice(bytemuck::cast_slice(column));
+                1.0
+            }
+            Self::F16 => {
+                let scale = f16_scale(column);
+                let inverse = scale.recip();
+                let mut scaled = [0.0f32; 256];
+                let mut halves = [f16::ZERO; 256];
+                for (column, bytes) in column.chunks(256).zip(bytes.chunks_mut(512)) {
+                    for (scaled, value) in scaled.iter_mut().zip(column) {
+                        *scaled = value * inverse;
+                        // Rounded up to 2¹⁵, f32's largest values would come back infinite.
+                        if scaled.abs() > 32_752.0 && scaled.is_finite() {
+                            *scaled = 32_752.0f32.copysign(*scaled);
+                        }
+                    }
+                    halves[..column.len()].convert_from_f32_slice(&scaled[..column.len()]);
+                    bytes.copy_from_slice(bytemuck::cast_slice(&halves[..column.len()]));
+                }
+                scale
+            }
+            Self::Bf16 => {
+                for (value, bytes) in column.iter().zip(bytes.chunks_exact_mut(2)) {
+                    let mut stored = bf16::from_f32(*value);
+                    if stored.is_infinite() && value.is_finite() {
+                        stored = bf16::MAX.copysign(stored);
+                    }
+                    bytes.copy_from_slice(&stored.to_le_bytes());
+                }
+                1.0
+            }
+        }
+    }
+
+    /// Decodes a column.
+    pub(super) fn decode(self, bytes: &[u8], scale: f32, column: &mut [f32]) {
+        match self {
+            Self::F32 => bytemuck::cast_slice_mut(column).copy_from_slice(bytes),
+            Self::F16 => {
+                let mut halves = [f16::ZERO; 256];
+                for (column, bytes) in column.chunks_mut(256).zip(bytes.chunks(512)) {
+                    let halves = &mut halves[..column.len()];
+                    bytemuck::cast_slice_mut(halves).copy_from_slice(bytes);
+                    halves.convert_to_f32_slice(column);
+                    column.iter_mut().for_each(|value| *value *= scale);
+                }
+            }
+            Self::Bf16 => {
+                for (value, bytes) in column.iter_mut().zip(bytes.chunks_exact(2)) {
+                    *value = f32::from_bits(u32::from(u16::from_le_bytes([bytes[0], bytes[1]])) << 16);
+                }
+            }
+        }
+    }
+}
+
+/// The power of two that brings the column's largest finite magnitude into [2¹⁴, 2¹⁵), inside what f16 can hold.
+fn f16_scale(column: &[f32]) -> f32 {
+    let magnitude = |value: &f32| if value.is_finite() { value.to_bits() & 0x7fff_ffff } else { 0 };
+    let largest = f32::from_bits(column.iter().map(magnitude).max().unwrap_or(0));
+    let exponent = (largest.to_bits() >> 23) as i32 - 127;
+    // Below 2⁻¹²⁶ the scale itself would be subnormal.
+    let scale_exponent = (exponent - 14).max(-126);
+    if largest == 0.0 { 1.0 } else { f32::from_bits(((scale_exponent + 127) as u32) << 23) }
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::F32 => "f32",
+            Self::F16 => "f16",
+            Self::Bf16 => "bf16",
+        })
+    }
+}
+
+impl FromStr for Precision {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let found = Self::ALL.into_iter().find(|precision| precision.to_string() == text);
+        found.ok_or_else(|| Error::input("precision", format!("'{text}' is unknown"), "use f32, f16 or bf16"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn through(precision: Precision, column: &[f32]) -> Vec<f32> {
+        let mut bytes = vec![0; column.len() * precision.entry_bytes()];
+        let scale = precision.encode(column, &mut bytes);
+        let mut back = vec![7.0; column.len()];
+        precision.decode(&bytes, scale, &mut back);
+        back
+    }
+
+    #[test]
+    fn the_stated_error_holds_over_the_whole_range_of_f32() {
+        // Every exponent, several mantissas, in columns of very different largest entries.
+        for top in [f32::MAX, 65_504.0, 1.0, 1e-20, 1e-40, f32::from_bits(1)] {
+            let mut column = vec![top];
+            for exponent in 0..255u32 {
+                for mantissa in [0, 1, 0x0f_ffff, 0x40_0001, 0x7f_ffff] {
+                    let value = f32::from_bits(exponent << 23 | mantissa);
+                    if value <= top {
+                        column.extend([value, -value]);
+                    }
+                }
+            }
+            for precision in Precision::ALL {
+                for (&value, back) in column.iter().zip(through(precision, &column)) {
+                    let (value, back, top) = (f64::from(value), f64::from(back), f64::from(top));
+                    let floor = match precision {
+                        Precision::F32 => 0.0,
+                        Precision::F16 => top * 2f64.powi(-39) + 2f64.powi(-149),
+                        Precision::Bf16 => 2f64.powi(-133),
+                    };
+                    let bound = precision.relative_error() * value.abs() + floor;
+                    assert!((value - back).abs() <= bound, "{precision}: {value:e} became {back:e}, top {top:e}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_stays_so() {
+        for precision in Precision::ALL {
+            let back = through(precision, &[f32::INFINITY, 1.0, f32::NEG_INFINITY, f32::NAN]);
+            assert_eq!(back[..3], [f32::INFINITY, 1.0, f32::NEG_INFINITY], "{precision}");
+            assert!(back[3].is_nan(), "{precision}");
+        }
+    }
+
+    #[test]
+    fn codes_and_names_lead_back() {
+        for precision in Precision::ALL {
+            assert_eq!(Precision::from_code(precision.code()), Some(precision));
+            assert_eq!(precision.to_string().parse::<Precision>().unwrap(), precision);
+        }
+        assert_eq!(Precision::from_code(3), None);
+        assert!("f64".parse::<Precision>().is_err());
+    }
+}

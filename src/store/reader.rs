@@ -1,0 +1,277 @@
+//! Reading: the committed blocks of a file, finished or still growing.
+
+use std::fs::File;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::light::Job;
+use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, MatrixShape, TracedBlock};
+
+use super::header::Header;
+use super::layout::STAGING_BYTES;
+use super::record::{Record, UnverifiedRecord};
+use super::storage::{FileStorage, Storage, read_exact};
+use super::tile::SideData;
+use super::{Layout, NOISE_NONE, NOISE_ZERO, Precision, RECORD_BYTES, partial_path};
+
+/// Reads a `.ltm`. Everything that it returns has passed its checksum.
+pub struct StoreReader<S: Storage = FileStorage> {
+    storage: S,
+    path: PathBuf,
+    header: Header,
+}
+
+const REPAIR: &str = "repair it, or render it again";
+
+impl StoreReader<FileStorage> {
+    /// Opens a finished file, or one that is still growing under its partial name.
+    ///
+    /// Errors: not there, not ours, of a newer version, or damaged before the first block. A file that is cut short
+    /// further on opens, and the blocks that are whole can be read.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|error| match error.kind() {
+            io::ErrorKind::NotFound if partial_path(path).exists() => {
+                let hint = format!("run its command again to finish it, or open {}", partial_path(path).display());
+                Error::input(path.display().to_string(), "is not finished", hint)
+            }
+            _ => Error::io(path, "open")(error),
+        })?;
+        Self::over(FileStorage::new(file), path)
+    }
+}
+
+impl<S: Storage> StoreReader<S> {
+    /// Reads from any storage; `path` is for messages.
+    pub fn over(storage: S, path: &Path) -> Result<Self> {
+        let header = Header::read(&storage, path)?;
+        Ok(Self { storage, path: path.to_owned(), header })
+    }
+
+    /// What was rendered.
+    pub fn job(&self) -> &Job {
+        &self.header.job
+    }
+
+    /// How entries are stored.
+    pub fn precision(&self) -> Precision {
+        self.header.layout.precision
+    }
+
+    /// Where everything stands in the file.
+    pub fn layout(&self) -> &Layout {
+        &self.header.layout
+    }
+
+    pub(super) fn storage(&self) -> &S {
+        &self.storage
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether a block is committed, now: in a growing file it may be later. A block whose record is damaged counts as
+    /// committed; reading it says what is wrong.
+    pub fn is_committed(&self, id: BlockId) -> bool {
+        !matches!(self.record(id), Ok(None))
+    }
+
+    /// Bytes of the committed tiles: what the matrix takes without its zero columns and blocks.
+    pub fn stored_bytes(&self) -> Result<u64> {
+        self.shape().blocks().map(|id| Ok(self.record(id)?.map_or(0, |record| record.length))).sum()
+    }
+
+    /// The believed record of a block.
+    pub(super) fn record(&self, id: BlockId) -> Result<Option<Record>> {
+        let mut verdict = Ok(None);
+        // A record may be caught while a writer puts it there: look again before calling it damaged.
+        for _ in 0..3 {
+            let mut record = UnverifiedRecord([0; RECORD_BYTES as usize]);
+            self.read(id, "commit record", self.header.layout.record_offset(id), &mut record.0)?;
+            verdict = record.verify(&self.header.layout, id);
+            if verdict.is_ok() {
+                break;
+            }
+        }
+        verdict.map_err(|problem| self.damaged(id, problem))
+    }
+
+    /// The record of a block that must be there.
+    fn committed_record(&self, id: BlockId) -> Result<Record> {
+        if id.0 >= self.shape().block_count() {
+            let problem = format!("has {} blocks, there is no {id}", self.shape().block_count());
+            return Err(Error::input(self.path.display().to_string(), problem, ""));
+        }
+        self.record(id)?.ok_or_else(|| {
+            let problem = format!("{id} is not committed");
+            Error::input(self.path.display().to_string(), problem, "run the command that makes the file again")
+        })
+    }
+
+    fn damaged(&self, id: BlockId, problem: impl std::fmt::Display) -> Error {
+        Error::damaged(&self.path, format!("{id}: {problem}"), REPAIR)
+    }
+
+    fn read(&self, id: BlockId, what: &str, offset: u64, bytes: &mut [u8]) -> Result<()> {
+        read_exact(&self.storage, offset, bytes).map_err(|error| match error.kind() {
+            io::ErrorKind::UnexpectedEof => self.damaged(id, format!("its {what} is cut off: {error}")),
+            _ => Error::io(&self.path, format!("read the {what} of {id}"))(error),
+        })
+    }
+
+    /// The believed side data of a block that has a tile.
+    pub(super) fn side_data(&self, id: BlockId, record: &Record) -> Result<SideData> {
+        let layout = &self.header.layout;
+        let rows = layout.shape.rect(id).rows();
+        let columns = layout.column_bytes(rows as u64, record.stored());
+        let mut bytes = vec![0; (record.length - columns) as usize];
+        self.read(id, "side data", layout.slot_offset(id) + columns, &mut bytes)?;
+        if crc32fast::hash(&bytes) != record.side_checksum {
+            return Err(self.damaged(id, "its side data's checksum does not hold"));
+        }
+        SideData::decode(&bytes, layout, rows, record).map_err(|problem| self.damaged(id, problem))
+    }
+
+    /// Reads, checks and decodes stored columns `stored` (counting stored columns and probes only) into `target`.
+    fn read_stored(&self, id: BlockId, side: &SideData, stored: Range<usize>, target: &mut [f32]) -> Result<()> {
+        let layout = &self.header.layout;
+        let rows = layout.shape.rect(id).rows();
+        let precision = layout.precision;
+        let column_bytes = rows * precision.entry_bytes();
+        let at_once = (STAGING_BYTES / column_bytes).max(1);
+        let mut staging = Vec::new();
+        let mut first = stored.start;
+        for target in target.chunks_mut(at_once * rows) {
+            let offset = layout.slot_offset(id) + (first * column_bytes) as u64;
+            let bytes: &mut [u8] = if precision == Precision::F32 {
+                bytemuck::cast_slice_mut(target)
+            } else {
+                staging.resize(target.len() * precision.entry_bytes(), 0);
+                &mut staging
+            };
+            self.read(id, "columns", offset, bytes)?;
+            for (i, bytes) in bytes.chunks_exact(column_bytes).enumerate() {
+                if crc32fast::hash(bytes) != side.checksums[first + i] {
+                    return Err(self.damaged(id, self.name_stored(side, first + i)));
+                }
+            }
+            if precision != Precision::F32 {
+                for (i, (bytes, column)) in
+                    staging.chunks_exact(column_bytes).zip(target.chunks_exact_mut(rows)).enumerate()
+                {
+                    precision.decode(bytes, side.scales.get(first + i).copied().unwrap_or(1.0), column);
+                }
+            }
+            first += target.len() / rows;
+        }
+        Ok(())
+    }
+
+    fn name_stored(&self, side: &SideData, stored: usize) -> String {
+        match side.columns.get(stored) {
+            Some(column) => format!("the checksum of column {column} does not hold"),
+            None => format!("the checksum of noise probe {} does not hold", stored - side.columns.len()),
+        }
+    }
+
+    /// Reads a range of columns of a block, without the rest of it and without its noise.
+    pub fn read_columns(&self, id: BlockId, columns: Range<u32>) -> Result<Block> {
+        let record = self.committed_record(id)?;
+        let rows = self.shape().rect(id).rows();
+        if columns.start > columns.end || columns.end as usize > self.shape().columns() {
+            let problem = format!("has {} columns, not {columns:?}", self.shape().columns());
+            return Err(Error::input(self.path.display().to_string(), problem, ""));
+        }
+        let mut block = Block::zeros(rows, columns.len());
+        if record.length > 0 {
+            let side = self.side_data(id, &record)?;
+            let range = side.columns.partition_point(|&c| c < columns.start)
+                ..side.columns.partition_point(|&c| c < columns.end);
+            self.read_stored(id, &side, range.clone(), &mut block.entries_mut()[..range.len() * rows])?;
+            let places: Vec<_> = side.columns[range].iter().map(|column| column - columns.start).collect();
+            spread(block.entries_mut(), rows, &places);
+        }
+        Ok(block)
+    }
+
+    /// Checks every byte that a committed block stores, without decoding it. `scratch` is reused.
+    pub(super) fn check_block(&self, id: BlockId, record: &Record, scratch: &mut Vec<u8>) -> Result<()> {
+        if record.length == 0 {
+            return Ok(());
+        }
+        let layout = &self.header.layout;
+        let side = self.side_data(id, record)?;
+        let column_bytes = layout.shape.rect(id).rows() * layout.precision.entry_bytes();
+        let at_once = (STAGING_BYTES / column_bytes).max(1);
+        let mut offset = layout.slot_offset(id);
+        for (part, checksums) in side.checksums.chunks(at_once).enumerate() {
+            scratch.resize(checksums.len() * column_bytes, 0);
+            self.read(id, "columns", offset, scratch)?;
+            for (i, (bytes, &checksum)) in scratch.chunks_exact(column_bytes).zip(checksums).enumerate() {
+                if crc32fast::hash(bytes) != checksum {
+                    return Err(self.damaged(id, self.name_stored(&side, part * at_once + i)));
+                }
+            }
+            offset += scratch.len() as u64;
+        }
+        Ok(())
+    }
+}
+
+impl<S: Storage> BlockSource for StoreReader<S> {
+    fn shape(&self) -> MatrixShape {
+        self.header.layout.shape
+    }
+
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        let record = self.committed_record(id)?;
+        let (rows, columns) = (self.shape().rect(id).rows(), self.shape().columns());
+        if record.length == 0 {
+            target.block.reset(rows, columns);
+            target.noise = zero_noise(&record, rows, columns);
+            return Ok(());
+        }
+        let side = self.side_data(id, &record)?;
+        if (target.block.rows(), target.block.columns()) != (rows, columns) {
+            target.block.reset(rows, columns);
+        }
+        let stored = side.columns.len();
+        self.read_stored(id, &side, 0..stored, &mut target.block.entries_mut()[..stored * rows])?;
+        spread(target.block.entries_mut(), rows, &side.columns);
+        target.noise = if record.noise == super::NOISE_STORED {
+            let mut probes = target.noise.take().unwrap_or_default().probes;
+            probes.resize(record.probes as usize * rows, 0.0);
+            self.read_stored(id, &side, stored..stored + record.probes as usize, &mut probes)?;
+            Some(BlockNoise { row_variance: side.row_variance, column_variance: side.column_variance, probes })
+        } else {
+            zero_noise(&record, rows, columns)
+        };
+        Ok(())
+    }
+}
+
+/// The noise of a block that stores none.
+fn zero_noise(record: &Record, rows: usize, columns: usize) -> Option<BlockNoise> {
+    debug_assert!(record.noise == NOISE_NONE || record.noise == NOISE_ZERO);
+    (record.noise == NOISE_ZERO).then(|| BlockNoise {
+        row_variance: vec![0.0; rows],
+        column_variance: vec![0.0; columns],
+        probes: vec![0.0; rows * record.probes as usize],
+    })
+}
+
+/// Moves columns that stand at the front of `entries` to their `places` (ascending), and zeros all others.
+fn spread(entries: &mut [f32], rows: usize, places: &[u32]) {
+    let mut end = entries.len();
+    for (from, &to) in places.iter().enumerate().rev() {
+        let (from, to) = (from * rows, to as usize * rows);
+        if from != to {
+            entries.copy_within(from..from + rows, to);
+        }
+        entries[to + rows..end].fill(0.0);
+        end = to;
+    }
+    entries[..end].fill(0.0);
+}

@@ -1,0 +1,115 @@
+//! The commit record of a block.
+
+use crate::matrix::BlockId;
+
+use super::{Layout, RECORD_BYTES, disk_structure};
+
+/// State of a committed block; an uncommitted block's record is all zero.
+pub const COMMITTED: u32 = 1;
+/// The block's source knew nothing of its noise.
+pub const NOISE_NONE: u32 = 0;
+/// The noise is stored in the tile.
+pub const NOISE_STORED: u32 = 1;
+/// The noise is known and zero throughout, so nothing of it is stored.
+pub const NOISE_ZERO: u32 = 2;
+
+disk_structure! {
+    /// A commit record as it lies in the commit table.
+    RecordBytes,
+    /// Fields of a commit record.
+    RECORD_FIELDS {
+        checksum: u32,
+        state: u32,
+        block: u32,
+        noise: u32,
+        offset: u64,
+        length: u64,
+        stored_columns: u32,
+        probes: u32,
+        side_checksum: u32,
+        reserved: [u32; 5],
+    }
+}
+
+const _: () = assert!(size_of::<RecordBytes>() as u64 == RECORD_BYTES);
+
+/// A record as read: not to be believed.
+#[derive(Clone, Copy)]
+pub(super) struct UnverifiedRecord(pub(super) [u8; RECORD_BYTES as usize]);
+
+/// What a believed record says of its block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Record {
+    /// Bytes of the tile, from the start of the slot; 0 for a block that holds nothing.
+    pub(super) length: u64,
+    /// Columns that are not zero throughout.
+    pub(super) stored_columns: u32,
+    /// Probe lightings of the noise.
+    pub(super) probes: u32,
+    /// One of the `NOISE_` constants.
+    pub(super) noise: u32,
+    /// Checksum of the side data.
+    pub(super) side_checksum: u32,
+}
+
+impl Record {
+    /// Probes that lie in the tile.
+    pub(super) fn stored_probes(&self) -> u32 {
+        if self.noise == NOISE_STORED { self.probes } else { 0 }
+    }
+
+    /// Columns and probes that lie in the tile.
+    pub(super) fn stored(&self) -> u64 {
+        u64::from(self.stored_columns) + u64::from(self.stored_probes())
+    }
+
+    pub(super) fn encode(&self, layout: &Layout, id: BlockId) -> [u8; RECORD_BYTES as usize] {
+        let mut fields = RecordBytes {
+            checksum: 0,
+            state: COMMITTED,
+            block: id.0,
+            noise: self.noise,
+            offset: layout.slot_offset(id),
+            length: self.length,
+            stored_columns: self.stored_columns,
+            probes: self.probes,
+            side_checksum: self.side_checksum,
+            reserved: [0; 5],
+        };
+        fields.checksum = crc32fast::hash(&bytemuck::bytes_of(&fields)[4..]);
+        bytemuck::cast(fields)
+    }
+}
+
+impl UnverifiedRecord {
+    /// Whether it is the record of a block that is not committed.
+    pub(super) fn is_blank(&self) -> bool {
+        self.0.iter().all(|&byte| byte == 0)
+    }
+
+    /// Believes the record once its checksum holds and it says nothing that the layout does not allow; `None` for a
+    /// block that is not committed. Errors, as plain text for the caller to place.
+    pub(super) fn verify(&self, layout: &Layout, id: BlockId) -> Result<Option<Record>, String> {
+        if self.is_blank() {
+            return Ok(None);
+        }
+        let fields: RecordBytes = bytemuck::cast(self.0);
+        if crc32fast::hash(&self.0[4..]) != fields.checksum {
+            return Err("the commit record's checksum does not hold".into());
+        }
+        let RecordBytes { length, stored_columns, probes, noise, side_checksum, .. } = fields;
+        let record = Record { length, stored_columns, probes, noise, side_checksum };
+        let rows = layout.shape.rect(id).rows() as u64;
+        let (columns, stored_probes) = (u64::from(stored_columns), u64::from(record.stored_probes()));
+        let in_range = fields.state == COMMITTED
+            && fields.block == id.0
+            && fields.offset == layout.slot_offset(id)
+            && stored_columns as usize <= layout.shape.columns()
+            && probes <= layout.max_probes
+            && noise <= NOISE_ZERO
+            && (noise != NOISE_NONE || probes == 0)
+            && fields.reserved == [0; 5]
+            && length == layout.tile_bytes(rows, columns, stored_probes, noise == NOISE_STORED);
+        if in_range { Ok(Some(record)) } else { Err("the commit record is out of range".into()) }
+    }
+}

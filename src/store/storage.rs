@@ -1,0 +1,172 @@
+//! What the store asks of a file, and the real one.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::FileExt;
+
+use rustix::fs::{Advice, FallocateFlags};
+use rustix::io::Errno;
+
+/// What the store asks of a file. Tests put storages in between that fail, tear, freeze and count.
+pub trait Storage: Send + Sync {
+    /// Bytes of the file.
+    fn length(&self) -> io::Result<u64>;
+
+    /// Sets the length; what is added reads as zero.
+    fn set_length(&self, length: u64) -> io::Result<()>;
+
+    /// Reads some bytes from `offset`, at least one unless the file ends there; may be fewer than asked for.
+    fn read_at(&self, offset: u64, bytes: &mut [u8]) -> io::Result<usize>;
+
+    /// Writes some bytes at `offset`; may be fewer than given.
+    fn write_at(&self, offset: u64, bytes: &[u8]) -> io::Result<usize>;
+
+    /// Returns when everything written so far would survive a loss of power.
+    fn sync(&self) -> io::Result<()>;
+
+    /// Reserves disk space for the first `length` bytes, so that writing them cannot fail for want of it. Where the
+    /// file system cannot do that, does nothing: a write then fails with an error when the disk is full.
+    fn reserve(&self, length: u64) -> io::Result<()>;
+
+    /// Makes a range read as zero, giving its space back where the file system can.
+    fn clear(&self, offset: u64, length: u64) -> io::Result<()>;
+
+    /// Start of the next range at or after `offset` that is not known to be a hole; `None` if only holes follow.
+    fn next_data(&self, offset: u64) -> io::Result<Option<u64>> {
+        Ok((offset < self.length()?).then_some(offset))
+    }
+
+    /// Says that a range will be read soon.
+    fn prefetch(&self, offset: u64, length: u64) {
+        let _ = (offset, length);
+    }
+
+    /// Says that a range will not be read again soon, so that its pages need not crowd out others.
+    fn release(&self, offset: u64, length: u64) {
+        let _ = (offset, length);
+    }
+}
+
+/// A file, read and written at positions.
+#[derive(Debug)]
+pub struct FileStorage {
+    file: File,
+}
+
+impl FileStorage {
+    /// Over an open file.
+    pub fn new(file: File) -> Self {
+        Self { file }
+    }
+
+    /// The file.
+    pub fn file(&self) -> &File {
+        &self.file
+    }
+}
+
+impl Storage for FileStorage {
+    fn length(&self) -> io::Result<u64> {
+        Ok(self.file.metadata()?.len())
+    }
+
+    fn set_length(&self, length: u64) -> io::Result<()> {
+        self.file.set_len(length)
+    }
+
+    fn read_at(&self, offset: u64, bytes: &mut [u8]) -> io::Result<usize> {
+        self.file.read_at(bytes, offset)
+    }
+
+    fn write_at(&self, offset: u64, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write_at(bytes, offset)
+    }
+
+    fn sync(&self) -> io::Result<()> {
+        self.file.sync_data()
+    }
+
+    fn reserve(&self, length: u64) -> io::Result<()> {
+        match rustix::fs::fallocate(&self.file, FallocateFlags::empty(), 0, length) {
+            Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS) => Ok(()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn clear(&self, offset: u64, length: u64) -> io::Result<()> {
+        if length == 0 {
+            return Ok(());
+        }
+        let punch = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
+        match rustix::fs::fallocate(&self.file, punch, offset, length) {
+            Ok(()) => Ok(()),
+            Err(Errno::OPNOTSUPP | Errno::NOSYS) => overwrite_with_zeros(self, offset, length),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn next_data(&self, offset: u64) -> io::Result<Option<u64>> {
+        match rustix::fs::seek(&self.file, rustix::fs::SeekFrom::Data(offset)) {
+            Ok(data) => Ok(Some(data)),
+            Err(Errno::NXIO) => Ok(None),
+            Err(_) => Ok((offset < self.length()?).then_some(offset)),
+        }
+    }
+
+    fn prefetch(&self, offset: u64, length: u64) {
+        // Advice: without it the bytes are the same.
+        let _ = rustix::fs::fadvise(&self.file, offset, std::num::NonZeroU64::new(length), Advice::WillNeed);
+    }
+
+    fn release(&self, offset: u64, length: u64) {
+        let _ = rustix::fs::fadvise(&self.file, offset, std::num::NonZeroU64::new(length), Advice::DontNeed);
+    }
+}
+
+/// Zeros a range where it is not zero already, so that holes stay holes.
+fn overwrite_with_zeros(storage: &impl Storage, offset: u64, length: u64) -> io::Result<()> {
+    let mut bytes = vec![0; 1 << 16];
+    let mut at = offset;
+    while at < offset + length {
+        let part = (offset + length - at).min(bytes.len() as u64) as usize;
+        read_exact(storage, at, &mut bytes[..part])?;
+        if bytes[..part].iter().any(|&byte| byte != 0) {
+            bytes[..part].fill(0);
+            write_all(storage, at, &bytes[..part])?;
+        }
+        at += part as u64;
+    }
+    Ok(())
+}
+
+/// Reads exactly these bytes. Errors: `UnexpectedEof` where the file ends before.
+pub(super) fn read_exact(storage: &impl Storage, mut offset: u64, mut bytes: &mut [u8]) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match storage.read_at(offset, bytes) {
+            Ok(0) => return Err(io::Error::new(io::ErrorKind::UnexpectedEof, format!("the file ends at {offset}"))),
+            Ok(read) => {
+                bytes = &mut bytes[read..];
+                offset += read as u64;
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+/// Writes all of these bytes.
+pub(super) fn write_all(storage: &impl Storage, mut offset: u64, mut bytes: &[u8]) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match storage.write_at(offset, bytes) {
+            Ok(0) => return Err(io::Error::new(io::ErrorKind::WriteZero, "the file takes no more bytes")),
+            Ok(written) => {
+                bytes = &bytes[written..];
+                offset += written as u64;
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}

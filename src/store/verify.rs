@@ -1,0 +1,130 @@
+//! Checking a whole file.
+
+use std::io;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::matrix::{BlockId, BlockSource};
+
+use super::storage::{Storage, read_exact};
+use super::{PAGE_BYTES, StoreReader};
+
+/// A block that cannot be trusted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BlockDamage {
+    /// The block.
+    pub block: BlockId,
+    /// What does not hold.
+    pub problem: String,
+}
+
+/// What checking a file found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct VerifyReport {
+    /// Blocks of the matrix.
+    pub blocks: u32,
+    /// Blocks that were never committed.
+    pub missing: Vec<BlockId>,
+    /// Committed blocks that cannot be trusted; all others can be read.
+    pub damaged: Vec<BlockDamage>,
+    /// Bytes where none should be, or a wrong length: no block is harmed.
+    pub stray: Vec<String>,
+    /// Bytes of the tiles that were read and found good.
+    pub verified_bytes: u64,
+}
+
+impl VerifyReport {
+    /// Whether every byte is as it was written.
+    pub fn is_sound(&self) -> bool {
+        self.damaged.is_empty() && self.stray.is_empty()
+    }
+
+    /// Whether every block is there and sound.
+    pub fn is_complete(&self) -> bool {
+        self.is_sound() && self.missing.is_empty()
+    }
+}
+
+/// Reads and checks every byte of a file. `progress` is told (blocks done, blocks).
+///
+/// Errors: the header or the job description is damaged, so that nothing can be read, or the system refuses. Damaged
+/// blocks are not an error but listed.
+pub fn verify(path: &Path, progress: impl FnMut(u32, u32)) -> Result<VerifyReport> {
+    verify_storage(&StoreReader::open(path)?, progress)
+}
+
+/// As [`verify`], over any storage.
+pub fn verify_storage<S: Storage>(reader: &StoreReader<S>, mut progress: impl FnMut(u32, u32)) -> Result<VerifyReport> {
+    let layout = reader.layout();
+    let blocks = reader.shape().block_count();
+    let mut report = VerifyReport { blocks, ..VerifyReport::default() };
+    let mut scratch = Vec::new();
+    let io = Error::io(reader.path(), "ask for the length");
+    let length = reader.storage().length().map_err(io)?;
+    if length != layout.file_bytes() {
+        report.stray.push(format!("the file has {length} bytes, but {} belong there", layout.file_bytes()));
+    }
+    let table_end = layout.record_offset(BlockId(blocks - 1)) + super::RECORD_BYTES;
+    check_blank(reader, table_end..layout.slots_offset(), "after the commit table", &mut scratch, &mut report)?;
+    for id in reader.shape().blocks() {
+        match reader.record(id).and_then(|record| match record {
+            None => Ok(None),
+            Some(record) => reader.check_block(id, &record, &mut scratch).map(|()| Some(record)),
+        }) {
+            Ok(None) => report.missing.push(id),
+            Ok(Some(record)) => {
+                let slot = layout.slot_offset(id);
+                let rest = slot + record.length..(slot + layout.slot_bytes(id)).min(length);
+                check_blank(reader, rest, &format!("behind {id}"), &mut scratch, &mut report)?;
+                report.verified_bytes += record.length;
+                reader.storage().release(slot, record.length);
+            }
+            Err(Error::Damaged { problem, .. }) => report.damaged.push(BlockDamage { block: id, problem }),
+            Err(other) => return Err(other),
+        }
+        progress(id.0 + 1, blocks);
+    }
+    Ok(report)
+}
+
+/// Notes bytes that are not zero in a range that nothing is stored in. Holes are not read.
+fn check_blank<S: Storage>(
+    reader: &StoreReader<S>,
+    range: std::ops::Range<u64>,
+    where_it_is: &str,
+    scratch: &mut Vec<u8>,
+    report: &mut VerifyReport,
+) -> Result<()> {
+    let mut look = || -> io::Result<Option<u64>> {
+        let mut at = range.start;
+        while at < range.end {
+            let page_end = (at + 1).next_multiple_of(PAGE_BYTES);
+            let part = (range.end - at).min(page_end + 15 * PAGE_BYTES - at) as usize;
+            // Whether a page is a hole is asked for whole pages only; the start of the range may lie inside one.
+            match reader.storage().next_data(at)? {
+                Some(data) if data < at + part as u64 => {}
+                Some(data) => {
+                    at = data;
+                    continue;
+                }
+                None => return Ok(None),
+            }
+            scratch.resize(part, 0);
+            read_exact(reader.storage(), at, scratch)?;
+            if let Some(found) = scratch.iter().position(|&byte| byte != 0) {
+                return Ok(Some(at + found as u64));
+            }
+            at += part as u64;
+        }
+        Ok(None)
+    };
+    match look() {
+        Ok(None) => Ok(()),
+        Ok(Some(at)) => {
+            report.stray.push(format!("bytes {where_it_is} are not zero, from offset {at}"));
+            Ok(())
+        }
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(()),
+        Err(error) => Err(Error::io(reader.path(), format!("read the bytes {where_it_is}"))(error)),
+    }
+}

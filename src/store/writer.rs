@@ -1,0 +1,467 @@
+//! Writing: one slot per block, data first, then its commit record.
+
+use std::fs::{self, File};
+use std::path::Path;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use crate::error::{Error, Result};
+use crate::light::Job;
+use crate::matrix::{BlockId, BlockNoise, BlockSink, BlockView, ColumnIndex, MatrixShape, TracedBlock};
+
+use super::header::{Header, UnverifiedHeader};
+use super::layout::STAGING_BYTES;
+use super::place::{Place, open_locked, partial_path, refuse_existing, sync_folder};
+use super::record::{Record, UnverifiedRecord};
+use super::space::check_free_space;
+use super::storage::{FileStorage, Storage, read_exact, write_all};
+use super::tile::SideData;
+use super::{Layout, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PAGE_BYTES, Precision, RECORD_BYTES};
+
+/// How a matrix is to be stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StoreOptions {
+    /// How entries are stored.
+    pub precision: Precision,
+    /// Whether a file of that name, finished or partial, is replaced.
+    pub overwrite: bool,
+    /// Most probe lightings that a block's noise may hold; room for them is kept in each slot.
+    pub max_probes: u32,
+    /// Whether disk space is reserved up front. Without it a sparse matrix may grow on a disk that could not hold a
+    /// full one, and may find the disk full later.
+    pub reserve: bool,
+}
+
+impl Default for StoreOptions {
+    fn default() -> Self {
+        Self { precision: Precision::F32, overwrite: false, max_probes: 16, reserve: true }
+    }
+}
+
+/// What a finished file holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoreSummary {
+    /// Blocks of the matrix.
+    pub blocks: u32,
+    /// Blocks that were never committed: empty unless only some were asked for.
+    pub missing: Vec<BlockId>,
+    /// Bytes of the committed tiles: what the matrix takes without the zero columns and blocks.
+    pub stored_bytes: u64,
+}
+
+/// Writes blocks into a `.ltm`, from any thread, in any order.
+///
+/// Dropped without [`finish`](Self::finish) it leaves the partial file, to be continued, unless nothing was committed.
+pub struct StoreWriter<S: Storage = FileStorage> {
+    storage: S,
+    layout: Layout,
+    /// For each block one of `EMPTY`, `BUSY`, `DONE`.
+    states: Vec<AtomicU8>,
+    /// Whether the slots may hold bytes of an earlier run.
+    fresh: bool,
+    place: Place,
+}
+
+const EMPTY: u8 = 0;
+const BUSY: u8 = 1;
+const DONE: u8 = 2;
+
+impl StoreWriter<FileStorage> {
+    /// Begins the file `path` under its partial name.
+    ///
+    /// Errors: the file or a partial one is there and may not be overwritten, another process is writing it, the disk
+    /// has no room, the folder cannot be written.
+    pub fn create(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
+        let partial = partial_path(path);
+        if !options.overwrite {
+            refuse_existing(path, "choose another name, or overwrite it")?;
+            refuse_existing(&partial, "continue it with the command that began it, or overwrite it")?;
+        }
+        let existed = partial.exists();
+        let file = open_locked(&partial, true)?;
+        if existed {
+            file.set_len(0).map_err(Error::io(&partial, "empty"))?;
+        }
+        Self::begin(path, file, job, options)
+    }
+
+    /// Continues the partial file of `path`, which must be of the same job and precision.
+    ///
+    /// Blocks whose commit record is damaged count as not committed and are to be written again.
+    pub fn resume(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
+        let partial = partial_path(path);
+        if !options.overwrite {
+            refuse_existing(path, "choose another name, or overwrite it")?;
+        }
+        let storage = FileStorage::new(open_locked(&partial, false)?);
+        if UnverifiedHeader::is_blank(&storage).map_err(Error::io(&partial, "read the header"))? {
+            // Stopped before its header was written: there is nothing to keep.
+            storage.set_length(0).map_err(Error::io(&partial, "empty"))?;
+            return Self::begin(path, storage.file().try_clone().map_err(Error::io(&partial, "open"))?, job, options);
+        }
+        let place = Place {
+            grows: partial,
+            becomes: Some(path.to_owned()),
+            overwrite: options.overwrite,
+            remove_if_empty: false,
+        };
+        Self::continue_over(storage, place, job, options)
+    }
+
+    /// Continues the partial file of `path` if there is one, else begins it: what a command does that may be run again
+    /// after it was stopped. With `overwrite` it begins anew.
+    pub fn create_or_resume(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
+        if partial_path(path).exists() && !options.overwrite {
+            Self::resume(path, job, options)
+        } else {
+            Self::create(path, job, options)
+        }
+    }
+
+    /// Opens the finished file `path` where it stands, to fill in blocks that it lacks or to mend damaged ones (see
+    /// [`discard`](Self::discard)). It is a valid file at every instant.
+    pub fn reopen(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
+        let storage = FileStorage::new(open_locked(path, false)?);
+        let place = Place { grows: path.to_owned(), becomes: None, overwrite: true, remove_if_empty: false };
+        Self::continue_over(storage, place, job, options)
+    }
+
+    fn begin(path: &Path, file: File, job: &Job, options: StoreOptions) -> Result<Self> {
+        let grows = partial_path(path);
+        let place = Place {
+            becomes: Some(path.to_owned()),
+            overwrite: options.overwrite,
+            remove_if_empty: true,
+            grows: grows.clone(),
+        };
+        if options.reserve
+            && let Err(error) = check_free_space(path, super::requirements(job, &options).disk_bytes)
+        {
+            let _ = fs::remove_file(&grows);
+            return Err(error);
+        }
+        let begun = Self::begin_over(FileStorage::new(file), place, job, options);
+        match &begun {
+            Ok(_) => sync_folder(path)?,
+            Err(_) => drop(fs::remove_file(&grows)),
+        }
+        begun
+    }
+}
+
+impl<S: Storage> StoreWriter<S> {
+    /// Begins a file over an empty storage.
+    pub fn create_over(storage: S, job: &Job, options: StoreOptions) -> Result<Self> {
+        Self::begin_over(storage, Place::unnamed(), job, options)
+    }
+
+    /// Continues a file over a storage that holds one.
+    pub fn resume_over(storage: S, job: &Job, options: StoreOptions) -> Result<Self> {
+        Self::continue_over(storage, Place::unnamed(), job, options)
+    }
+
+    /// The header page is written last, so that a file with a header is complete up to its slots.
+    fn begin_over(storage: S, place: Place, job: &Job, options: StoreOptions) -> Result<Self> {
+        let (layout, page, description) = Header::encode(job, options.precision, options.max_probes);
+        let failed = |action: &str| Error::io(&place.grows, action.to_owned());
+        storage.set_length(layout.file_bytes()).map_err(failed("set the length"))?;
+        if options.reserve {
+            storage.reserve(layout.file_bytes()).map_err(failed("reserve disk space"))?;
+        }
+        write_all(&storage, layout.job_offset(), &description).map_err(failed("write the job description"))?;
+        storage.sync().map_err(failed("sync"))?;
+        write_all(&storage, 0, &page).map_err(failed("write the header"))?;
+        storage.sync().map_err(failed("sync"))?;
+        let states = job.shape.blocks().map(|_| AtomicU8::new(EMPTY)).collect();
+        Ok(Self { storage, layout, states, fresh: true, place })
+    }
+
+    fn continue_over(storage: S, place: Place, job: &Job, options: StoreOptions) -> Result<Self> {
+        let path = &place.grows;
+        let found = Header::read(&storage, path)?;
+        let refuse = |problem: String| {
+            let hint = "choose another name, or overwrite it";
+            Err(Error::input(path.display().to_string(), problem, hint))
+        };
+        if found.job.hash() != job.hash() {
+            return refuse(format!("holds blocks of another job ({}, not {})", found.job.hash(), job.hash()));
+        }
+        if found.layout.precision != options.precision {
+            return refuse(format!("is stored as {}, not {}", found.layout.precision, options.precision));
+        }
+        let layout = found.layout;
+        let length = storage.length().map_err(Error::io(path, "ask for the length"))?;
+        if length != layout.file_bytes() {
+            // Cut short or grown: what is missing reads as zero, and fails its checksum.
+            storage.set_length(layout.file_bytes()).map_err(Error::io(path, "set the length"))?;
+        }
+        let states: Vec<_> = job.shape.blocks().map(|_| AtomicU8::new(EMPTY)).collect();
+        let writer = Self { storage, layout, states, fresh: false, place };
+        let damaged = writer.scan_records(|id, record| {
+            if record.is_ok() {
+                writer.states[id.index()].store(DONE, Ordering::Relaxed);
+            }
+            record.is_err()
+        })?;
+        for id in damaged {
+            writer.clear_record(id)?;
+        }
+        Ok(writer)
+    }
+
+    /// Goes through all records but the blank ones and returns the blocks for which `visit` says so.
+    fn scan_records(&self, visit: impl Fn(BlockId, Result<Record, String>) -> bool) -> Result<Vec<BlockId>> {
+        let mut chosen = Vec::new();
+        let mut table = vec![0; 1 << 16];
+        let count = self.layout.shape.block_count();
+        let per_read = (table.len() as u64 / RECORD_BYTES) as u32;
+        for first in (0..count).step_by(per_read as usize) {
+            let here = per_read.min(count - first);
+            let bytes = &mut table[..here as usize * RECORD_BYTES as usize];
+            read_exact(&self.storage, self.layout.record_offset(BlockId(first)), bytes)
+                .map_err(Error::io(&self.place.grows, "read the commit table"))?;
+            for (i, bytes) in bytes.chunks_exact(RECORD_BYTES as usize).enumerate() {
+                let id = BlockId(first + i as u32);
+                let record = UnverifiedRecord(bytes.try_into().expect("a record's bytes")).verify(&self.layout, id);
+                if let Some(record) = record.transpose()
+                    && visit(id, record)
+                {
+                    chosen.push(id);
+                }
+            }
+        }
+        Ok(chosen)
+    }
+
+    /// Shape of the matrix.
+    pub fn shape(&self) -> MatrixShape {
+        self.layout.shape
+    }
+
+    /// The file that is being written.
+    pub fn path(&self) -> &Path {
+        &self.place.grows
+    }
+
+    /// Whether a block is committed: there is no need to make it again.
+    pub fn is_committed(&self, id: BlockId) -> bool {
+        self.states[id.index()].load(Ordering::Acquire) == DONE
+    }
+
+    /// Number of committed blocks.
+    pub fn committed_count(&self) -> u32 {
+        self.states.iter().filter(|state| state.load(Ordering::Acquire) == DONE).count() as u32
+    }
+
+    /// Forgets a committed block, durably, so that it can be written again: the first step of mending it.
+    pub fn discard(&self, id: BlockId) -> Result<()> {
+        self.clear_record(id)?;
+        self.states[id.index()].store(EMPTY, Ordering::Release);
+        Ok(())
+    }
+
+    fn clear_record(&self, id: BlockId) -> Result<()> {
+        let failed = |action: String| Error::io(&self.place.grows, action);
+        write_all(&self.storage, self.layout.record_offset(id), &[0; RECORD_BYTES as usize])
+            .and_then(|()| self.storage.sync())
+            .map_err(failed(format!("discard {id}")))
+    }
+
+    /// Writes a block's tile. `claim` has made sure that nobody else does.
+    fn write_tile(&self, id: BlockId, block: &TracedBlock) -> std::io::Result<Record> {
+        let (view, noise) = (block.block.view(), block.noise.as_ref());
+        let rows = view.rows();
+        let is_zero = |values: &[f32]| values.iter().all(|value| value.to_bits() == 0);
+        let noise_kind = match noise {
+            None => NOISE_NONE,
+            Some(noise) if [&noise.row_variance, &noise.column_variance, &noise.probes].iter().all(|v| is_zero(v)) => {
+                NOISE_ZERO
+            }
+            Some(_) => NOISE_STORED,
+        };
+        let stored_noise = noise.filter(|_| noise_kind == NOISE_STORED);
+        let mut side = SideData {
+            columns: (0..view.columns() as u32).filter(|&c| !is_zero(view.column(ColumnIndex(c)))).collect(),
+            row_variance: stored_noise.map_or(vec![], |noise| noise.row_variance.clone()),
+            column_variance: stored_noise.map_or(vec![], |noise| noise.column_variance.clone()),
+            ..SideData::default()
+        };
+        let probes = noise.map_or(0, |noise| (noise.probes.len() / rows) as u32);
+        let mut record = Record {
+            length: 0,
+            stored_columns: side.columns.len() as u32,
+            probes,
+            noise: noise_kind,
+            side_checksum: 0,
+        };
+        record.length = self.layout.tile_bytes(
+            rows as u64,
+            u64::from(record.stored_columns),
+            u64::from(record.stored_probes()),
+            noise_kind == NOISE_STORED,
+        );
+        let slot = self.layout.slot_offset(id);
+        if record.length > 0 {
+            let end = self.write_columns(slot, view, stored_noise, &mut side)?;
+            let padding = (end - slot).next_multiple_of(8) - (end - slot);
+            let tail = side.encode(view.columns(), padding as usize);
+            record.side_checksum = crc32fast::hash(&tail);
+            write_all(&self.storage, end, &tail)?;
+        }
+        self.clear_rest(id, record.length)?;
+        Ok(record)
+    }
+
+    /// Makes a hole of what is left of a slot. In a fresh file it reads as zero as it is, and only whole pages are
+    /// worth giving back.
+    fn clear_rest(&self, id: BlockId, length: u64) -> std::io::Result<()> {
+        let from = if self.fresh { length.next_multiple_of(PAGE_BYTES) } else { length };
+        self.storage.clear(self.layout.slot_offset(id) + from, self.layout.slot_bytes(id) - from)
+    }
+
+    /// Writes the stored columns, then the probes, and returns where they end.
+    fn write_columns(
+        &self,
+        mut offset: u64,
+        view: BlockView<'_>,
+        noise: Option<&BlockNoise>,
+        side: &mut SideData,
+    ) -> std::io::Result<u64> {
+        let precision = self.layout.precision;
+        let column_bytes = view.rows() * precision.entry_bytes();
+        let at_once = (STAGING_BYTES / column_bytes).max(1);
+        let mut staging = Vec::new();
+        let mut write = |values: &[f32]| {
+            // Where the entries are stored as they are, they are written from where they lie.
+            let bytes: &[u8] = if precision == Precision::F32 {
+                bytemuck::cast_slice(values)
+            } else {
+                staging.resize(values.len() * precision.entry_bytes(), 0);
+                for (column, bytes) in values.chunks_exact(view.rows()).zip(staging.chunks_exact_mut(column_bytes)) {
+                    let scale = precision.encode(column, bytes);
+                    if precision.has_scale() {
+                        side.scales.push(scale);
+                    }
+                }
+                &staging
+            };
+            side.checksums.extend(bytes.chunks_exact(column_bytes).map(crc32fast::hash));
+            write_all(&self.storage, offset, bytes)?;
+            offset += bytes.len() as u64;
+            std::io::Result::Ok(())
+        };
+        for run in side.columns.chunk_by(|a, b| a + 1 == *b) {
+            for part in run.chunks(at_once) {
+                write(&view.entries()[part[0] as usize * view.rows()..][..part.len() * view.rows()])?;
+            }
+        }
+        for part in noise.map_or(&[][..], |noise| &noise.probes).chunks(at_once * view.rows()) {
+            write(part)?;
+        }
+        Ok(offset)
+    }
+
+    fn check_block(&self, id: BlockId, block: &TracedBlock) -> Result<()> {
+        let refuse = |problem: String| Err(Error::input(format!("{id}"), problem, "this is a fault of the program"));
+        let shape = self.layout.shape;
+        if id.0 >= shape.block_count() {
+            return refuse(format!("the matrix has {} blocks", shape.block_count()));
+        }
+        let (rows, columns) = (shape.rect(id).rows(), shape.columns());
+        if (block.block.rows(), block.block.columns()) != (rows, columns) {
+            let (r, c) = (block.block.rows(), block.block.columns());
+            return refuse(format!("has {r} × {c} entries, but {rows} × {columns} belong there"));
+        }
+        if let Some(noise) = &block.noise {
+            let most = rows * self.layout.max_probes as usize;
+            let fits = noise.row_variance.len() == rows
+                && noise.column_variance.len() == columns
+                && noise.probes.len().is_multiple_of(rows)
+                && noise.probes.len() <= most;
+            if !fits {
+                return refuse("has noise of another shape, or with too many probes".into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the writing: gives back the space of blocks that were not committed, makes all durable, and gives the file
+    /// its name.
+    pub fn finish(mut self) -> Result<StoreSummary> {
+        let failed = |action: &str| Error::io(&self.place.grows, action.to_owned());
+        let blocks = self.layout.shape.block_count();
+        let missing: Vec<_> = self.layout.shape.blocks().filter(|&id| !self.is_committed(id)).collect();
+        for &id in &missing {
+            self.storage
+                .clear(self.layout.slot_offset(id), self.layout.slot_bytes(id))
+                .map_err(failed("give back unused space"))?;
+        }
+        let stored = std::cell::Cell::new(0);
+        self.scan_records(|_, record| {
+            stored.set(stored.get() + record.map_or(0, |record| record.length));
+            false
+        })?;
+        self.storage.sync().map_err(failed("sync"))?;
+        self.place.remove_if_empty = false;
+        if let Some(path) = self.place.becomes.clone() {
+            if !self.place.overwrite {
+                refuse_existing(&path, "it was made meanwhile; rename the partial file by hand")?;
+            }
+            fs::rename(&self.place.grows, &path).map_err(Error::io(&path, "give the finished file its name"))?;
+            sync_folder(&path)?;
+        }
+        Ok(StoreSummary { blocks, missing, stored_bytes: stored.get() })
+    }
+}
+
+impl<S: Storage> StoreWriter<S> {
+    /// Copies a tile of the same job from another file, where it was found good.
+    pub(super) fn copy_tile(
+        &self,
+        id: BlockId,
+        record: &Record,
+        from: &impl Storage,
+        scratch: &mut Vec<u8>,
+    ) -> Result<()> {
+        self.commit(id, || {
+            let slot = self.layout.slot_offset(id);
+            for start in (0..record.length).step_by(STAGING_BYTES) {
+                scratch.resize((record.length - start).min(STAGING_BYTES as u64) as usize, 0);
+                read_exact(from, slot + start, scratch)?;
+                write_all(&self.storage, slot + start, scratch)?;
+            }
+            self.clear_rest(id, record.length)?;
+            Ok(*record)
+        })
+    }
+
+    /// Runs `write_tile` on a block that nobody else is writing, makes what it wrote durable, then its record.
+    fn commit(&self, id: BlockId, write_tile: impl FnOnce() -> std::io::Result<Record>) -> Result<()> {
+        let state = &self.states[id.index()];
+        if state.compare_exchange(EMPTY, BUSY, Ordering::AcqRel, Ordering::Acquire).is_err() {
+            return Err(Error::input(format!("{id}"), "was written before", "this is a fault of the program"));
+        }
+        let committed = write_tile().and_then(|record| {
+            if record.length > 0 {
+                self.storage.sync()?;
+            }
+            write_all(&self.storage, self.layout.record_offset(id), &record.encode(&self.layout, id))
+        });
+        state.store(if committed.is_ok() { DONE } else { EMPTY }, Ordering::Release);
+        committed.map_err(Error::io(&self.place.grows, format!("write {id}")))
+    }
+}
+
+impl<S: Storage> BlockSink for StoreWriter<S> {
+    fn write_block(&self, id: BlockId, block: &TracedBlock) -> Result<()> {
+        self.check_block(id, block)?;
+        self.commit(id, || self.write_tile(id, block))
+    }
+}
+
+impl<S: Storage> Drop for StoreWriter<S> {
+    fn drop(&mut self) {
+        if self.place.remove_if_empty && self.committed_count() == 0 {
+            let _ = fs::remove_file(&self.place.grows);
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Hand-made jobs and blocks.
+
+use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
+use ltm::store::{Storage, StoreOptions, StoreReader};
+
+/// A small job with a smaller block at each edge: 20 × 11 pixels in blocks of 8, 3 × 2 blocks.
+pub(crate) fn job(columns: u32) -> Job {
+    job_of(20, 11, columns, 8)
+}
+
+pub(crate) fn job_of(width: u32, height: u32, columns: u32, block_side: u32) -> Job {
+    let mut basis = LightBasis::new();
+    let light = Light {
+        name: "panel".into(),
+        kind: LightKind::AreaTexels { across: columns, down: 1 },
+        unit: LightUnit::Radiance,
+        emission: [1.0; 3],
+        first_column: 0,
+        places: vec![[0.0; 3]; columns as usize],
+        extents: vec![1.0; columns as usize],
+    };
+    basis.push(light).unwrap();
+    let shape = MatrixShape::new(width, height, columns, block_side).unwrap();
+    Job { shape, basis, provenance: Provenance { source: "hand-made".into(), seed: 7, ..Default::default() } }
+}
+
+/// A block that depends on `id` alone: some with every column, some with gaps, block 3 all zero; noise of three kinds.
+pub(crate) fn block(job: &Job, id: BlockId) -> TracedBlock {
+    let (rows, columns) = (job.shape.rect(id).rows(), job.shape.columns());
+    let mut traced = TracedBlock::default();
+    traced.block.reset(rows, columns);
+    let mut state = u64::from(id.0).wrapping_mul(0x9e37_79b9_7f4a_7c15) + 1;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / (1u64 << 24) as f32
+    };
+    for (c, column) in traced.block.entries_mut().chunks_exact_mut(rows).enumerate() {
+        let is_zero = match id.0 % 4 {
+            0 => false,
+            1 => c % 3 == 1,
+            2 => c == 0 || c + 1 == columns,
+            _ => true,
+        };
+        if !is_zero {
+            column.iter_mut().for_each(|entry| *entry = next());
+        }
+    }
+    let probes = 2;
+    traced.noise = match id.0 % 4 {
+        1 => None,
+        3 => Some(BlockNoise {
+            row_variance: vec![0.0; rows],
+            column_variance: vec![0.0; columns],
+            probes: vec![0.0; rows * probes],
+        }),
+        _ => Some(BlockNoise {
+            row_variance: (0..rows).map(|_| next()).collect(),
+            column_variance: (0..columns).map(|_| next()).collect(),
+            probes: (0..rows * probes).map(|_| next() - 0.5).collect(),
+        }),
+    };
+    traced
+}
+
+pub(crate) fn write_all(job: &Job, sink: &impl BlockSink) {
+    job.shape.blocks().for_each(|id| sink.write_block(id, &block(job, id)).unwrap());
+}
+
+pub(crate) fn options() -> StoreOptions {
+    StoreOptions { max_probes: 2, ..StoreOptions::default() }
+}
+
+pub(crate) fn read(reader: &StoreReader<impl Storage>, id: BlockId) -> ltm::Result<TracedBlock> {
+    let mut target = TracedBlock::default();
+    reader.read_block(id, &mut target).map(|()| target)
+}
