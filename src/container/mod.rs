@@ -1,1 +1,25 @@
-//! `.ltc`: the block-indexed container of factors.
+//! `.ltc`: the block-indexed container of factors. `formats/ltc.md` says what each byte means.
+//!
+//! A container holds, for each block of `T`, one or more *layers* of components and sparse entries ([`codec`] makes
+//! their bytes), the base layers of all blocks first, so that the beginning of the file already gives a whole image.
+//! The index stands at the end: one read opens the file, a second one fetches a block.
+//!
+//! [`ContainerWriter`] takes blocks in any order from any thread and gives the same bytes for the same blocks;
+//! [`ContainerReader`] trusts nothing it has not checked; [`merge`] joins containers of the same job.
+
+pub mod codec;
+mod format;
+mod layout;
+mod merge;
+mod metadata;
+mod reader;
+mod report;
+mod spill;
+mod writer;
+
+pub use format::FORMAT_VERSION;
+pub use layout::{BlockLayout, LightLayout};
+pub use merge::merge;
+pub use reader::{ContainerReader, Fault, Verification, verify};
+pub use report::{BlockReport, ContainerReport};
+pub use writer::{ContainerOptions, ContainerSummary, ContainerWriter, EncodedBlock, EncodedSize};

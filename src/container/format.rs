@@ -1,0 +1,227 @@
+//! The fixed bytes of a container: header, index records, trailer. All little-endian.
+
+use super::report::BlockReport;
+
+/// Version of the format that this program writes, and the only one that it reads.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// First bytes of a container. The high bit, the line ends and the control-Z show transfers that were not binary.
+pub(super) const HEADER_MAGIC: [u8; 8] = *b"\x89LTC\r\n\x1a\n";
+/// First bytes of the trailer.
+pub(super) const TRAILER_MAGIC: [u8; 8] = *b"LTCindex";
+/// Bytes of the header.
+pub(super) const HEADER_BYTES: usize = 64;
+/// Bytes of the trailer, the last of the file.
+pub(super) const TRAILER_BYTES: usize = 64;
+/// Bytes of a block's record in the index.
+pub(super) const BLOCK_RECORD_BYTES: usize = 32;
+/// Bytes of a layer's record in the index.
+pub(super) const LAYER_RECORD_BYTES: usize = 16;
+/// Most layers of a block.
+pub(super) const MAX_LAYERS: usize = 16;
+
+/// The header: says what the file is before anything else is read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Header {
+    pub(super) version: u32,
+    pub(super) block_count: u32,
+    pub(super) job_hash: [u8; 32],
+}
+
+impl Header {
+    /// Its bytes.
+    pub(super) fn encode(&self) -> [u8; HEADER_BYTES] {
+        let mut bytes = [0; HEADER_BYTES];
+        bytes[0..8].copy_from_slice(&HEADER_MAGIC);
+        bytes[8..12].copy_from_slice(&self.version.to_le_bytes());
+        bytes[12..16].copy_from_slice(&self.block_count.to_le_bytes());
+        bytes[16..48].copy_from_slice(&self.job_hash);
+        let crc = crc32fast::hash(&bytes[..60]);
+        bytes[60..64].copy_from_slice(&crc.to_le_bytes());
+        bytes
+    }
+
+    /// Reads and checks a header.
+    pub(super) fn decode(bytes: &[u8]) -> Result<Self, String> {
+        if bytes.len() < HEADER_BYTES || bytes[0..8] != HEADER_MAGIC {
+            return Err("it does not begin as a container".into());
+        }
+        let version = u32_at(bytes, 8);
+        if version != FORMAT_VERSION {
+            return Err(format!("it is of format version {version}; this program reads version {FORMAT_VERSION}"));
+        }
+        if u32_at(bytes, 60) != crc32fast::hash(&bytes[..60]) {
+            return Err("the header's checksum does not fit".into());
+        }
+        if bytes[48..60] != [0; 12] {
+            return Err("the header's reserved bytes are not zero".into());
+        }
+        let job_hash = bytes[16..48].try_into().expect("32 bytes");
+        Ok(Self { version, block_count: u32_at(bytes, 12), job_hash })
+    }
+}
+
+/// The trailer: where the metadata and the index stand.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Trailer {
+    /// Offset of the metadata, where the chunks end.
+    pub(super) metadata_offset: u64,
+    /// Bytes of the metadata.
+    pub(super) metadata_bytes: u32,
+    pub(super) block_count: u32,
+    pub(super) layer_count: u32,
+    /// CRC-32 of metadata and index together.
+    pub(super) tail_crc: u32,
+    /// CRC-32 that stands in the header.
+    pub(super) header_crc: u32,
+    pub(super) file_bytes: u64,
+}
+
+impl Trailer {
+    /// Its bytes.
+    pub(super) fn encode(&self) -> [u8; TRAILER_BYTES] {
+        let mut bytes = [0; TRAILER_BYTES];
+        bytes[0..8].copy_from_slice(&TRAILER_MAGIC);
+        bytes[8..12].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+        bytes[12..16].copy_from_slice(&self.block_count.to_le_bytes());
+        bytes[16..20].copy_from_slice(&self.layer_count.to_le_bytes());
+        bytes[20..24].copy_from_slice(&self.metadata_bytes.to_le_bytes());
+        bytes[24..32].copy_from_slice(&self.metadata_offset.to_le_bytes());
+        bytes[32..40].copy_from_slice(&self.file_bytes.to_le_bytes());
+        bytes[40..44].copy_from_slice(&self.tail_crc.to_le_bytes());
+        bytes[44..48].copy_from_slice(&self.header_crc.to_le_bytes());
+        let crc = crc32fast::hash(&bytes[..60]);
+        bytes[60..64].copy_from_slice(&crc.to_le_bytes());
+        bytes
+    }
+
+    /// Reads and checks a trailer against the real size of its file.
+    pub(super) fn decode(bytes: &[u8], file_bytes: u64) -> Result<Self, String> {
+        if bytes.len() != TRAILER_BYTES || bytes[0..8] != TRAILER_MAGIC {
+            return Err("it does not end as a container".into());
+        }
+        let version = u32_at(bytes, 8);
+        if version != FORMAT_VERSION {
+            return Err(format!("it is of format version {version}; this program reads version {FORMAT_VERSION}"));
+        }
+        if u32_at(bytes, 60) != crc32fast::hash(&bytes[..60]) {
+            return Err("the trailer's checksum does not fit".into());
+        }
+        if bytes[48..60] != [0; 12] {
+            return Err("the trailer's reserved bytes are not zero".into());
+        }
+        let trailer = Self {
+            block_count: u32_at(bytes, 12),
+            layer_count: u32_at(bytes, 16),
+            metadata_bytes: u32_at(bytes, 20),
+            metadata_offset: u64_at(bytes, 24),
+            tail_crc: u32_at(bytes, 40),
+            header_crc: u32_at(bytes, 44),
+            file_bytes: u64_at(bytes, 32),
+        };
+        if trailer.file_bytes != file_bytes {
+            return Err(format!("it has {file_bytes} bytes but was written with {}", trailer.file_bytes));
+        }
+        if trailer.metadata_offset < HEADER_BYTES as u64
+            || trailer.metadata_offset.checked_add(trailer.tail_bytes()) != Some(file_bytes)
+        {
+            return Err("metadata, index and trailer do not fill the end of the file".into());
+        }
+        Ok(trailer)
+    }
+
+    /// Bytes of metadata, index and trailer. Cannot overflow: the counts are 32-bit.
+    pub(super) fn tail_bytes(&self) -> u64 {
+        u64::from(self.metadata_bytes)
+            + u64::from(self.block_count) * BLOCK_RECORD_BYTES as u64
+            + u64::from(self.layer_count) * LAYER_RECORD_BYTES as u64
+            + TRAILER_BYTES as u64
+    }
+}
+
+/// A block in the index.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct BlockRecord {
+    /// First of its layers in the table of layers.
+    pub(super) first_layer: u32,
+    /// Number of its layers; 0 for a black block.
+    pub(super) layers: u8,
+    /// Whether the file holds the block; a container of a block range does not hold the others.
+    pub(super) present: bool,
+    /// Components of all layers.
+    pub(super) rank: u16,
+    /// Sparse entries of all layers.
+    pub(super) sparse_entries: u32,
+    pub(super) report: BlockReport,
+}
+
+impl BlockRecord {
+    /// Its bytes.
+    pub(super) fn encode(&self) -> [u8; BLOCK_RECORD_BYTES] {
+        let mut bytes = [0; BLOCK_RECORD_BYTES];
+        bytes[0..4].copy_from_slice(&self.first_layer.to_le_bytes());
+        bytes[4] = self.layers;
+        bytes[5] = u8::from(self.present);
+        bytes[6..8].copy_from_slice(&self.rank.to_le_bytes());
+        bytes[8..12].copy_from_slice(&self.sparse_entries.to_le_bytes());
+        let report = &self.report;
+        let figures = [report.squared_error, report.squared_norm, report.noise_variance, report.uniform_error];
+        for (place, figure) in bytes[12..28].chunks_exact_mut(4).zip(figures) {
+            place.copy_from_slice(&(figure as f32).to_le_bytes());
+        }
+        bytes
+    }
+
+    /// Reads a record; `None` where a flag or reserved byte has no meaning.
+    pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
+        let figure = |at| f64::from(f32::from_bits(u32_at(bytes, at)));
+        let known = bytes[5] <= 1 && bytes[28..32] == [0; 4] && usize::from(bytes[4]) <= MAX_LAYERS;
+        known.then(|| Self {
+            first_layer: u32_at(bytes, 0),
+            layers: bytes[4],
+            present: bytes[5] == 1,
+            rank: u16::from_le_bytes([bytes[6], bytes[7]]),
+            sparse_entries: u32_at(bytes, 8),
+            report: BlockReport {
+                squared_error: figure(12),
+                squared_norm: figure(16),
+                noise_variance: figure(20),
+                uniform_error: figure(24),
+            },
+        })
+    }
+}
+
+/// A layer of a block in the index: where its chunk stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct LayerRecord {
+    pub(super) offset: u64,
+    pub(super) bytes: u32,
+    pub(super) crc: u32,
+}
+
+impl LayerRecord {
+    /// Its bytes.
+    pub(super) fn encode(&self) -> [u8; LAYER_RECORD_BYTES] {
+        let mut bytes = [0; LAYER_RECORD_BYTES];
+        bytes[0..8].copy_from_slice(&self.offset.to_le_bytes());
+        bytes[8..12].copy_from_slice(&self.bytes.to_le_bytes());
+        bytes[12..16].copy_from_slice(&self.crc.to_le_bytes());
+        bytes
+    }
+
+    /// Reads a record.
+    pub(super) fn decode(bytes: &[u8]) -> Self {
+        Self { offset: u64_at(bytes, 0), bytes: u32_at(bytes, 8), crc: u32_at(bytes, 12) }
+    }
+}
+
+/// The 32-bit number at `at`. Panics beyond the end: callers have checked the length.
+pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"))
+}
+
+/// The 64-bit number at `at`. Panics beyond the end: callers have checked the length.
+pub(super) fn u64_at(bytes: &[u8], at: usize) -> u64 {
+    u64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"))
+}

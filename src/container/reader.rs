@@ -1,0 +1,309 @@
+//! Reading a container.
+
+use std::fs::File;
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use super::codec::decode_layer;
+use super::format::{
+    BLOCK_RECORD_BYTES, BlockRecord, HEADER_BYTES, HEADER_MAGIC, Header, LAYER_RECORD_BYTES, LayerRecord,
+    TRAILER_BYTES, Trailer,
+};
+use super::layout::{BlockLayout, LightLayout};
+use super::metadata;
+use super::report::{BlockReport, ContainerReport};
+use super::writer::append_layer;
+use crate::error::{Error, Result};
+use crate::light::Job;
+use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
+
+/// The first read takes this share of the file (between the two bounds), which covers the index of any container
+/// whose blocks are not tiny; where it does not, a second read follows.
+const TAIL_SHARE: u64 = 128;
+const TAIL_LEAST: u64 = 1 << 16;
+const TAIL_MOST: u64 = 1 << 24;
+
+const CUT_SHORT: &str = "make it again, or fetch it again if it was copied";
+
+/// An open container. Reading is thread-safe and holds no lock.
+#[derive(Debug)]
+pub struct ContainerReader {
+    path: PathBuf,
+    file: File,
+    job: Job,
+    report: ContainerReport,
+    lights: LightLayout,
+    blocks: Vec<BlockRecord>,
+    layers: Vec<LayerRecord>,
+    header_crc: u32,
+    file_bytes: u64,
+}
+
+impl ContainerReader {
+    /// Opens a container: one read at its end, checked by its checksums.
+    ///
+    /// Errors: the file is missing, is no container, is of another version, is cut short or damaged in its index.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(Error::io(path, "open"))?;
+        let file_bytes = file.metadata().map_err(Error::io(path, "read"))?.len();
+        let read = |offset: u64, bytes: usize| {
+            let mut buffer = vec![0; bytes];
+            file.read_exact_at(&mut buffer, offset)
+                .map_err(Error::io(path, format!("read {bytes} bytes at {offset}")))?;
+            Ok(buffer)
+        };
+        if file_bytes < (HEADER_BYTES + TRAILER_BYTES) as u64 {
+            let start = read(0, (file_bytes as usize).min(HEADER_MAGIC.len()))?;
+            return Err(if start.len() == HEADER_MAGIC.len() && start == HEADER_MAGIC {
+                Error::damaged(path, "is cut short", CUT_SHORT)
+            } else {
+                not_ours(path)
+            });
+        }
+        let first = (file_bytes / TAIL_SHARE).clamp(TAIL_LEAST, TAIL_MOST).min(file_bytes);
+        let mut end = read(file_bytes - first, first as usize)?;
+        let trailer = match Trailer::decode(&end[end.len() - TRAILER_BYTES..], file_bytes) {
+            Ok(trailer) => trailer,
+            Err(problem) => {
+                return Err(match Header::decode(&read(0, HEADER_BYTES)?) {
+                    Ok(_) => Error::damaged(path, format!("{problem}: it is cut short or damaged"), CUT_SHORT),
+                    Err(_) if read(0, 8)? != HEADER_MAGIC => not_ours(path),
+                    Err(problem) => Error::damaged(path, problem, CUT_SHORT),
+                });
+            }
+        };
+        let tail_bytes = trailer.tail_bytes() as usize;
+        if tail_bytes > end.len() {
+            end = read(trailer.metadata_offset, tail_bytes)?;
+        }
+        let tail = &end[end.len() - tail_bytes..end.len() - TRAILER_BYTES];
+        let parts = decode_tail(tail, &trailer).map_err(|problem| Error::damaged(path, problem, CUT_SHORT))?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            lights: LightLayout::of(&parts.job.basis),
+            job: parts.job,
+            report: parts.report,
+            blocks: parts.blocks,
+            layers: parts.layers,
+            header_crc: trailer.header_crc,
+            file_bytes,
+        })
+    }
+
+    /// What the matrix is.
+    pub fn job(&self) -> &Job {
+        &self.job
+    }
+
+    /// How the container was made.
+    pub fn report(&self) -> &ContainerReport {
+        &self.report
+    }
+
+    /// Error and noise of a block, as measured when it was packed.
+    pub fn block_report(&self, id: BlockId) -> BlockReport {
+        self.blocks[id.index()].report
+    }
+
+    /// Components of a block, over all layers.
+    pub fn rank(&self, id: BlockId) -> usize {
+        usize::from(self.blocks[id.index()].rank)
+    }
+
+    /// Sparse entries of a block, over all layers.
+    pub fn sparse_entries(&self, id: BlockId) -> usize {
+        self.blocks[id.index()].sparse_entries as usize
+    }
+
+    /// Whether the container holds the block; one of a block range does not hold all.
+    pub fn has_block(&self, id: BlockId) -> bool {
+        self.blocks[id.index()].present
+    }
+
+    /// Bytes of the whole file.
+    pub fn file_bytes(&self) -> u64 {
+        self.file_bytes
+    }
+
+    /// Bytes from the start of the file to the end of the base layers of all blocks.
+    pub fn base_bytes(&self) -> u64 {
+        let base = self.blocks.iter().filter(|b| b.layers > 0).map(|b| &self.layers[b.first_layer as usize]);
+        base.map(|layer| layer.offset + u64::from(layer.bytes)).max().unwrap_or(HEADER_BYTES as u64)
+    }
+
+    /// The whole of a block: all its layers.
+    pub fn read_block(&self, id: BlockId) -> Result<FactoredBlock> {
+        self.read_layers(id, 0..self.layer_count(id))
+    }
+
+    /// The bytes of one layer, checked against their checksum.
+    pub(super) fn read_chunk(&self, id: BlockId, layer: usize) -> Result<Vec<u8>> {
+        let record = self.layers[self.blocks[id.index()].first_layer as usize + layer];
+        let mut bytes = vec![0; record.bytes as usize];
+        self.file
+            .read_exact_at(&mut bytes, record.offset)
+            .map_err(Error::io(&self.path, format!("read {id}, layer {layer}")))?;
+        if crc32fast::hash(&bytes) != record.crc {
+            return Err(self.bad_block(id, layer, "the checksum does not fit"));
+        }
+        Ok(bytes)
+    }
+
+    pub(super) fn records(&self) -> &[BlockRecord] {
+        &self.blocks
+    }
+
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn bad_block(&self, id: BlockId, layer: usize, problem: &str) -> Error {
+        let rect = self.job.shape.rect(id);
+        let place = format!("{id} (pixels from {}, {}), layer {layer}: {problem}", rect.x, rect.y);
+        Error::damaged(&self.path, place, "the other blocks can still be read; make the container again")
+    }
+
+    /// Reads and checks the header against the trailer.
+    fn check_header(&self) -> Result<(), String> {
+        let mut bytes = [0; HEADER_BYTES];
+        self.file.read_exact_at(&mut bytes, 0).map_err(|e| e.to_string())?;
+        let header = Header::decode(&bytes)?;
+        let fits = header.block_count as usize == self.blocks.len()
+            && header.job_hash == self.job.hash().0
+            && bytes[60..] == self.header_crc.to_le_bytes();
+        if fits { Ok(()) } else { Err("header and index are not of the same container".into()) }
+    }
+}
+
+impl FactorSource for ContainerReader {
+    fn shape(&self) -> MatrixShape {
+        self.job.shape
+    }
+
+    fn layer_count(&self, id: BlockId) -> u32 {
+        u32::from(self.blocks[id.index()].layers)
+    }
+
+    fn encoded_bytes(&self, id: BlockId, layers: Range<u32>) -> u64 {
+        let first = self.blocks[id.index()].first_layer;
+        let records = &self.layers[(first + layers.start) as usize..(first + layers.end) as usize];
+        records.iter().map(|layer| u64::from(layer.bytes)).sum()
+    }
+
+    fn read_layers(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock> {
+        if !self.has_block(id) {
+            let problem = format!("holds a range of blocks only, without {id}");
+            return Err(Error::input(self.path.display().to_string(), problem, "merge it with the others first"));
+        }
+        let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
+        let mut whole = FactoredBlock { rows: layout.rows(), columns: layout.columns(), ..Default::default() };
+        for layer in layers.start as usize..layers.end as usize {
+            let bytes = self.read_chunk(id, layer)?;
+            let part = decode_layer(&layout, &bytes).map_err(|problem| self.bad_block(id, layer, &problem))?;
+            append_layer(&mut whole, part);
+        }
+        Ok(whole)
+    }
+}
+
+/// What the end of a file says.
+struct Parts {
+    job: Job,
+    report: ContainerReport,
+    blocks: Vec<BlockRecord>,
+    layers: Vec<LayerRecord>,
+}
+
+/// Decodes metadata and index, and holds the index to the one order that chunks may have.
+fn decode_tail(tail: &[u8], trailer: &Trailer) -> Result<Parts, String> {
+    if crc32fast::hash(tail) != trailer.tail_crc {
+        return Err("the checksum of metadata and index does not fit".into());
+    }
+    let (metadata, index) = tail.split_at(trailer.metadata_bytes as usize);
+    let (job, report) = metadata::decode(metadata)?;
+    if trailer.block_count != job.shape.block_count() {
+        return Err(format!("the index has {} blocks, the job {}", trailer.block_count, job.shape.block_count()));
+    }
+    let (blocks, layers) = index.split_at(trailer.block_count as usize * BLOCK_RECORD_BYTES);
+    let blocks: Vec<BlockRecord> = blocks
+        .chunks_exact(BLOCK_RECORD_BYTES)
+        .map(BlockRecord::decode)
+        .collect::<Option<_>>()
+        .ok_or("a block's record in the index has bytes without a meaning")?;
+    let layers: Vec<LayerRecord> = layers.chunks_exact(LAYER_RECORD_BYTES).map(LayerRecord::decode).collect();
+    let mut next_layer = 0u64;
+    for record in &blocks {
+        if u64::from(record.first_layer) != next_layer || (record.layers > 0 && !record.present) {
+            return Err("the index does not number its layers in order".into());
+        }
+        next_layer += u64::from(record.layers);
+    }
+    if next_layer != layers.len() as u64 {
+        return Err(format!("the index has {} layers but its blocks {next_layer}", layers.len()));
+    }
+    let mut offset = HEADER_BYTES as u64;
+    for layer in 0..blocks.iter().map(|block| block.layers).max().unwrap_or(0) {
+        for block in blocks.iter().filter(|block| layer < block.layers) {
+            let record = layers[block.first_layer as usize + usize::from(layer)];
+            if record.offset != offset {
+                return Err("the index does not place its chunks one after the other".into());
+            }
+            offset += u64::from(record.bytes);
+        }
+    }
+    if offset != trailer.metadata_offset {
+        return Err("the chunks do not reach to the metadata".into());
+    }
+    Ok(Parts { job, report, blocks, layers })
+}
+
+fn not_ours(path: &Path) -> Error {
+    Error::input(path.display().to_string(), "is not a container (.ltc)", "make one with ltm-pack")
+}
+
+/// A block that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// The block; `None` for the header.
+    pub block: Option<BlockId>,
+    /// What does not hold.
+    pub problem: String,
+}
+
+/// What [`verify`] found.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Verification {
+    /// Blocks looked at.
+    pub blocks: u32,
+    /// Chunks looked at.
+    pub chunks: u64,
+    /// What is wrong; empty for a sound file.
+    pub faults: Vec<Fault>,
+}
+
+/// Reads and decodes every byte of a container. Errors: it cannot even be opened; bad blocks are listed, not errors.
+pub fn verify(path: &Path) -> Result<Verification> {
+    let reader = ContainerReader::open(path)?;
+    let mut found = Verification::default();
+    if let Err(problem) = reader.check_header() {
+        found.faults.push(Fault { block: None, problem });
+    }
+    for id in reader.shape().blocks().filter(|&id| reader.has_block(id)) {
+        found.blocks += 1;
+        found.chunks += u64::from(reader.layer_count(id));
+        let record = reader.blocks[id.index()];
+        let problem = match reader.read_block(id) {
+            Ok(block) if block.rank() != usize::from(record.rank) => Some("its rank is not the index's".to_owned()),
+            Ok(block) if block.sparse.len() != record.sparse_entries as usize => {
+                Some("its number of sparse entries is not the index's".to_owned())
+            }
+            Ok(block) if !block.is_consistent() => Some("its sparse entries overlap".to_owned()),
+            Ok(_) => None,
+            Err(error) => Some(error.to_string()),
+        };
+        found.faults.extend(problem.map(|problem| Fault { block: Some(id), problem }));
+    }
+    Ok(found)
+}

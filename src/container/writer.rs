@@ -1,0 +1,296 @@
+//! Writing a container.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use sha2::{Digest, Sha256};
+
+use super::codec::{CodecSettings, decode_layer, encode_layer};
+use super::format::{BlockRecord, FORMAT_VERSION, HEADER_BYTES, Header, LayerRecord, Trailer};
+use super::layout::{BlockLayout, LightLayout};
+use super::metadata;
+use super::report::{BlockReport, ContainerReport};
+use super::spill::Spill;
+use crate::error::{Error, Result};
+use crate::light::Job;
+use crate::matrix::{BlockId, FactoredBlock};
+
+/// How a container is to be written.
+#[derive(Clone, Debug, Default)]
+pub struct ContainerOptions {
+    /// Settings of the codec.
+    pub codec: CodecSettings,
+    /// What is written into the file about how it was made.
+    pub report: ContainerReport,
+    /// Replace a file that exists.
+    pub overwrite: bool,
+    /// Allow [`ContainerWriter::finish`] with blocks missing: a container of a block range, to be merged later.
+    pub partial: bool,
+}
+
+/// A block as bytes, and what can be said of them.
+#[derive(Clone, Debug, Default)]
+pub struct EncodedBlock {
+    pub(super) layers: Vec<Vec<u8>>,
+    rank: usize,
+    sparse_entries: usize,
+}
+
+/// Bytes of an encoded block.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct EncodedSize {
+    /// Of each layer, the base layer first.
+    pub layer_bytes: Vec<usize>,
+}
+
+impl EncodedSize {
+    /// Of all layers.
+    pub fn bytes(&self) -> usize {
+        self.layer_bytes.iter().sum()
+    }
+}
+
+/// What [`ContainerWriter::finish`] wrote.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ContainerSummary {
+    /// Bytes of the file.
+    pub file_bytes: u64,
+    /// Of these: index, metadata, header, trailer.
+    pub overhead_bytes: u64,
+    /// Bytes from the start of the file to the end of the base layers.
+    pub base_bytes: u64,
+    /// Blocks in the file.
+    pub blocks: u32,
+    /// Components over all blocks.
+    pub components: u64,
+    /// Sparse entries over all blocks.
+    pub sparse_entries: u64,
+    /// Sum of the blocks' squared errors; NaN where one is unknown.
+    pub squared_error: f64,
+    /// Sum of the blocks' squared norms; NaN where one is unknown.
+    pub squared_norm: f64,
+}
+
+/// Writes a container: blocks in any order, from any thread, and the same bytes whatever the order.
+///
+/// Encoded blocks wait in `PATH.part`. A killed pack that is started again with the same job, options and report
+/// continues from there ([`is_written`](Self::is_written)); [`finish`](Self::finish) assembles the file under
+/// a temporary name, renames it, and removes `PATH.part`.
+#[derive(Debug)]
+pub struct ContainerWriter {
+    path: PathBuf,
+    job: Job,
+    lights: LightLayout,
+    options: ContainerOptions,
+    spill: Mutex<Spill>,
+}
+
+impl ContainerWriter {
+    /// Starts, or continues, a container at `path`.
+    ///
+    /// Errors: the file exists and may not be replaced; its folder cannot be written; another process packs into it.
+    pub fn create(path: &Path, job: &Job, options: ContainerOptions) -> Result<Self> {
+        if path.exists() && !options.overwrite {
+            let hint = "choose another name, or say --force to replace it";
+            return Err(Error::input(path.display().to_string(), "the file exists", hint));
+        }
+        let mut hash = Sha256::new();
+        hash.update(metadata::encode(job, &options.report));
+        hash.update(format!("{FORMAT_VERSION} {:?}", options.codec));
+        let spill = Spill::open(path, hash.finalize().into(), job.shape.block_count() as usize)?;
+        let lights = LightLayout::of(&job.basis);
+        Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, spill: Mutex::new(spill) })
+    }
+
+    /// Whether a block is there already, written by this run or by the one that it continues.
+    pub fn is_written(&self, id: BlockId) -> bool {
+        self.lock().blocks()[id.index()].is_some()
+    }
+
+    /// Encodes a block without writing it, so that its real error can be measured first.
+    ///
+    /// Errors: a block that is not of this job's shape or whose parts do not fit each other.
+    pub fn encode(&self, id: BlockId, block: &FactoredBlock) -> Result<EncodedBlock> {
+        let layout = self.layout(id);
+        if block.rows != layout.rows() || block.columns != layout.columns() || !block.is_consistent() {
+            let problem = format!(
+                "its factors of {} rows × rank {} × {} columns do not fit the job's {} × {}",
+                block.rows,
+                block.rank(),
+                block.columns,
+                layout.rows(),
+                layout.columns()
+            );
+            return Err(Error::input(id.to_string(), problem, ""));
+        }
+        if block.rank() == 0 && block.sparse.is_empty() {
+            return Ok(EncodedBlock::default());
+        }
+        let layers = encode_layer(&layout, block, &self.options.codec)
+            .map_err(|problem| Error::input(id.to_string(), problem, "compress it again with finite values"))?;
+        Ok(EncodedBlock { layers: vec![layers], rank: block.rank(), sparse_entries: block.sparse.len() })
+    }
+
+    /// What a reader will get of an encoded block.
+    pub fn decode(&self, id: BlockId, block: &EncodedBlock) -> Result<FactoredBlock> {
+        let layout = self.layout(id);
+        let mut whole = FactoredBlock { rows: layout.rows(), columns: layout.columns(), ..Default::default() };
+        for layer in &block.layers {
+            let part = decode_layer(&layout, layer).map_err(|problem| Error::input(id.to_string(), problem, ""))?;
+            append_layer(&mut whole, part);
+        }
+        Ok(whole)
+    }
+
+    /// Writes an encoded block. A block may be written again; the last one counts.
+    pub fn write_encoded(&self, id: BlockId, block: &EncodedBlock, report: &BlockReport) -> Result<EncodedSize> {
+        let record = BlockRecord {
+            first_layer: 0,
+            layers: block.layers.len() as u8,
+            present: true,
+            rank: block.rank as u16,
+            sparse_entries: block.sparse_entries as u32,
+            report: *report,
+        };
+        self.lock().append(id, record, &block.layers)?;
+        Ok(block.size())
+    }
+
+    /// Encodes and writes a block; encoding runs in the calling thread, outside any lock.
+    pub fn write_block(&self, id: BlockId, block: &FactoredBlock, report: &BlockReport) -> Result<EncodedSize> {
+        self.write_encoded(id, &self.encode(id, block)?, report)
+    }
+
+    /// Assembles the file and gives it its final name.
+    ///
+    /// Errors: blocks are missing (unless the options allow it); the system refuses to write.
+    pub fn finish(self) -> Result<ContainerSummary> {
+        let spill = self.spill.into_inner().unwrap_or_else(|e| e.into_inner());
+        let missing = spill.blocks().iter().filter(|block| block.is_none()).count();
+        if missing > 0 && !self.options.partial {
+            let problem = format!("{missing} of {} blocks were not written", spill.blocks().len());
+            return Err(Error::input(self.path.display().to_string(), problem, "pack the other blocks first"));
+        }
+        let source = |id: BlockId, layer: usize| {
+            let block = spill.blocks()[id.index()].as_ref().expect("only present blocks are asked for");
+            let before: u64 = block.layer_bytes[..layer].iter().map(|&b| u64::from(b)).sum();
+            spill.read(block.offset + before, block.layer_bytes[layer] as usize)
+        };
+        let records: Vec<BlockRecord> =
+            spill.blocks().iter().map(|b| b.as_ref().map_or(BlockRecord::default(), |b| b.record)).collect();
+        let summary = assemble(&self.path, &self.job, &self.options.report, records, source)?;
+        spill.remove()?;
+        Ok(summary)
+    }
+
+    fn layout(&self, id: BlockId) -> BlockLayout {
+        BlockLayout::new(self.job.shape.rect(id), self.lights.clone())
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Spill> {
+        // A panic while the lock was held leaves at worst an unfinished record at the end, which is overwritten.
+        self.spill.lock().unwrap_or_else(|e| e.into_inner())
+    }
+}
+
+impl EncodedBlock {
+    /// Bytes of its layers.
+    pub fn size(&self) -> EncodedSize {
+        EncodedSize { layer_bytes: self.layers.iter().map(Vec::len).collect() }
+    }
+}
+
+/// Joins a layer to the layers before it.
+pub(super) fn append_layer(whole: &mut FactoredBlock, layer: FactoredBlock) {
+    whole.left.extend(layer.left);
+    whole.right.extend(layer.right);
+    whole.left_step.extend(layer.left_step);
+    whole.right_step.extend(layer.right_step);
+    let sorted = whole.sparse.is_empty();
+    whole.sparse.extend(layer.sparse);
+    if !sorted {
+        whole.sparse.sort_unstable_by_key(|entry| (entry.column, entry.row));
+    }
+}
+
+/// Writes a whole container under a temporary name and renames it: header, base layers of all blocks, their second
+/// layers, and so on, metadata, index, trailer. `chunk` gives the bytes of a layer.
+pub(super) fn assemble(
+    path: &Path,
+    job: &Job,
+    report: &ContainerReport,
+    mut records: Vec<BlockRecord>,
+    chunk: impl Fn(BlockId, usize) -> Result<Vec<u8>>,
+) -> Result<ContainerSummary> {
+    let mut layer_count = 0;
+    for record in &mut records {
+        record.first_layer = layer_count;
+        layer_count += u32::from(record.layers);
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut temporary = tempfile::Builder::new()
+        .prefix(".ltc-")
+        .tempfile_in(folder)
+        .map_err(Error::io(path, "create a temporary file beside"))?;
+    let failed = || Error::io(path, "write");
+    let mut file = BufWriter::with_capacity(1 << 20, temporary.as_file_mut());
+    let header = Header { version: FORMAT_VERSION, block_count: records.len() as u32, job_hash: job.hash().0 }.encode();
+    file.write_all(&header).map_err(failed())?;
+    let mut layers = vec![LayerRecord::default(); layer_count as usize];
+    let mut offset = HEADER_BYTES as u64;
+    let mut summary = ContainerSummary::default();
+    for layer in 0..records.iter().map(|r| usize::from(r.layers)).max().unwrap_or(0) {
+        for (index, record) in records.iter().enumerate().filter(|(_, r)| layer < usize::from(r.layers)) {
+            let bytes = chunk(BlockId(index as u32), layer)?;
+            file.write_all(&bytes).map_err(failed())?;
+            layers[record.first_layer as usize + layer] =
+                LayerRecord { offset, bytes: bytes.len() as u32, crc: crc32fast::hash(&bytes) };
+            offset += bytes.len() as u64;
+        }
+        if layer == 0 {
+            summary.base_bytes = offset;
+        }
+    }
+    let mut tail = metadata::encode(job, report);
+    let mut trailer = Trailer {
+        metadata_offset: offset,
+        metadata_bytes: tail.len() as u32,
+        block_count: records.len() as u32,
+        layer_count,
+        tail_crc: 0,
+        header_crc: u32::from_le_bytes(header[60..].try_into().expect("4 bytes")),
+        file_bytes: 0,
+    };
+    records.iter().for_each(|record| tail.extend(record.encode()));
+    layers.iter().for_each(|layer| tail.extend(layer.encode()));
+    trailer.tail_crc = crc32fast::hash(&tail);
+    trailer.file_bytes = offset + trailer.tail_bytes();
+    tail.extend(trailer.encode());
+    file.write_all(&tail).and_then(|()| file.flush()).map_err(failed())?;
+    drop(file);
+    persist(temporary, path)?;
+    summary.file_bytes = trailer.file_bytes;
+    summary.overhead_bytes = HEADER_BYTES as u64 + tail.len() as u64;
+    for record in records.iter().filter(|record| record.present) {
+        summary.blocks += 1;
+        summary.components += u64::from(record.rank);
+        summary.sparse_entries += u64::from(record.sparse_entries);
+        summary.squared_error += record.report.squared_error;
+        summary.squared_norm += record.report.squared_norm;
+    }
+    Ok(summary)
+}
+
+/// Makes the temporary file durable, readable for all as any new file, and renames it.
+fn persist(temporary: tempfile::NamedTempFile, path: &Path) -> Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    let file = temporary.as_file();
+    file.set_permissions(std::fs::Permissions::from_mode(0o644))
+        .and_then(|()| file.sync_all())
+        .map_err(Error::io(path, "write"))?;
+    temporary.persist(path).map_err(|e| Error::io(path, "rename a temporary file to")(e.error))?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(folder).and_then(|folder| folder.sync_all()).map_err(Error::io(folder, "write"))
+}
