@@ -1,1 +1,19 @@
-//! Fills one block of `T` with all its columns.
+//! Fills one block of `T` with all its columns, for the price of one image (the paper, §3.1).
+//!
+//! ```text
+//! tracer ── for each pixel and sample ──► integrator ──► world (bvh, surfaces), bsdf, lights
+//!    ▲                                        │
+//!    └── block and noise ◄── accumulator ◄────┘ (column, RGB)
+//! ```
+
+mod accumulator;
+pub mod bsdf;
+pub mod bvh;
+mod frame;
+mod integrator;
+mod lights;
+mod sampler;
+mod tracer;
+mod world;
+
+pub use tracer::{BlockStats, TraceSettings, Tracer};

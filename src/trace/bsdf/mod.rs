@@ -1,0 +1,219 @@
+//! How surfaces scatter: each description of `scene::Surface` resolved at a hit, as functions of two directions.
+//!
+//! Directions point away from the surface, in a local frame whose z axis is the shading normal on the side of the
+//! viewer: `wo.z > 0` always. Reflection has `wi.z > 0`, transmission `wi.z < 0`. `eval` gives `f · |cos θi|`.
+
+mod fresnel;
+mod microfacet;
+
+use std::f32::consts::{FRAC_1_PI, PI};
+
+use glam::{Vec2, Vec3};
+
+use crate::scene::{Surface, Texture};
+use fresnel::{dielectric_reflectance, schlick, thin_reflectance};
+use microfacet::Ggx;
+
+/// A surface at a point, its colours looked up.
+#[derive(Clone, Copy, Debug)]
+pub enum Bsdf {
+    /// Lambertian reflection.
+    Lambert {
+        /// Albedo.
+        reflectance: Vec3,
+    },
+    /// Perfect mirror.
+    Mirror {
+        /// Reflectance.
+        reflectance: Vec3,
+    },
+    /// GGX conductor with Schlick's Fresnel term.
+    RoughConductor {
+        /// Reflectance at normal incidence.
+        specular: Vec3,
+        /// Roughness of the microfacets.
+        alpha: f32,
+    },
+    /// Smooth boundary.
+    Dielectric {
+        /// Index of refraction on the far side over that on the viewer's.
+        ior: f32,
+        /// Colour of transmitted light.
+        transmittance: Vec3,
+    },
+    /// Thin sheet.
+    ThinDielectric {
+        /// Index of refraction of the sheet.
+        ior: f32,
+        /// Colour of transmitted light.
+        transmittance: Vec3,
+    },
+    /// Lambertian base under a GGX coat, coupled as Kelemen and Szirmay-Kalos (2001): the base receives what the coat
+    /// does not reflect, `ρ (1 − E(θi)) (1 − E(θo)) / (π (1 − Ē))` with `E` Schlick's term and `Ē` its cosine mean.
+    /// Reciprocal, and of albedo one under a smooth coat where ρ is one.
+    Coated {
+        /// Albedo of the base.
+        reflectance: Vec3,
+        /// Reflectance of the coat at normal incidence.
+        specular: Vec3,
+        /// Roughness of the coat's microfacets.
+        alpha: f32,
+    },
+    /// Absorbs everything.
+    Black,
+}
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug)]
+pub struct Scattered {
+    /// The direction, away from the surface.
+    pub wi: Vec3,
+    /// `f · |cos θi| / pdf`.
+    pub weight: Vec3,
+    /// Density over solid angle; 0 where [`Self::singular`].
+    pub pdf: f32,
+    /// Whether the direction is the only one possible (mirror, refraction), so that lights cannot be sampled for it.
+    pub singular: bool,
+    /// Whether the ray goes straight on, as if nothing were there.
+    pub straight: bool,
+}
+
+/// Below this a microfacet surface is a mirror: its highlight is narrower than f32 can integrate.
+const SMALLEST_ALPHA: f32 = 1e-3;
+
+impl Bsdf {
+    /// Resolves a description at texture coordinates `uv`; `front` says which side the viewer is on.
+    pub fn resolve(surface: &Surface, textures: &[Texture], uv: Vec2, front: bool) -> Self {
+        match *surface {
+            Surface::Lambert { reflectance } => Self::Lambert { reflectance: reflectance.at(textures, uv) },
+            Surface::Mirror { reflectance } => Self::Mirror { reflectance: reflectance.at(textures, uv) },
+            Surface::RoughConductor { specular, alpha } => {
+                Self::RoughConductor { specular: specular.at(textures, uv), alpha: alpha.max(SMALLEST_ALPHA) }
+            }
+            Surface::Dielectric { ior, transmittance } => {
+                Self::Dielectric { ior: if front { ior } else { 1.0 / ior }, transmittance }
+            }
+            Surface::ThinDielectric { ior, transmittance } => Self::ThinDielectric { ior, transmittance },
+            Surface::Coated { reflectance, specular, alpha } => Self::Coated {
+                reflectance: reflectance.at(textures, uv),
+                specular,
+                alpha: alpha.max(SMALLEST_ALPHA),
+            },
+            Surface::Black => Self::Black,
+        }
+    }
+
+    /// Whether light samples can contribute: some of it scatters over a solid angle.
+    pub fn is_spread(&self) -> bool {
+        matches!(self, Self::Lambert { .. } | Self::RoughConductor { .. } | Self::Coated { .. })
+    }
+
+    /// `f(wo, wi) · |cos θi|` and the density with which [`Self::sample`] chooses `wi`; zeros for singular surfaces.
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
+        if wi.z <= 0.0 || wo.z <= 0.0 {
+            return (Vec3::ZERO, 0.0);
+        }
+        match *self {
+            Self::Lambert { reflectance } => (reflectance * (FRAC_1_PI * wi.z), FRAC_1_PI * wi.z),
+            Self::RoughConductor { specular, alpha } => {
+                let ggx = Ggx { alpha };
+                let half = (wo + wi).normalize();
+                (schlick(specular, wi.dot(half)) * ggx.reflection(wo, wi, half), ggx.reflection_pdf(wo, half))
+            }
+            Self::Coated { reflectance, specular, alpha } => {
+                let ggx = Ggx { alpha };
+                let half = (wo + wi).normalize();
+                let coat = schlick(specular, wi.dot(half)) * ggx.reflection(wo, wi, half);
+                let base = coated_base(reflectance, specular, wo.z, wi.z) * (FRAC_1_PI * wi.z);
+                let chance = coat_chance(reflectance, specular, wo.z);
+                let pdf = chance * ggx.reflection_pdf(wo, half) + (1.0 - chance) * FRAC_1_PI * wi.z;
+                (coat + base, pdf)
+            }
+            Self::Mirror { .. } | Self::Dielectric { .. } | Self::ThinDielectric { .. } | Self::Black => {
+                (Vec3::ZERO, 0.0)
+            }
+        }
+    }
+
+    /// Chooses a direction from a pair of uniform numbers and one more for the choice between lobes. None where the
+    /// light is absorbed.
+    pub fn sample(&self, wo: Vec3, pair: Vec2, choice: f32) -> Option<Scattered> {
+        let mirrored = Vec3::new(-wo.x, -wo.y, wo.z);
+        let singular = |wi, weight| Some(Scattered { wi, weight, pdf: 0.0, singular: true, straight: false });
+        let wi = match *self {
+            Self::Black => return None,
+            Self::Mirror { reflectance } => return singular(mirrored, reflectance),
+            Self::Dielectric { ior, transmittance } => {
+                let (reflectance, cos_inside) = dielectric_reflectance(wo.z, ior);
+                if choice < reflectance {
+                    return singular(mirrored, Vec3::ONE);
+                }
+                // Radiance is compressed by the square of the index it enters (Veach 1997, §5.2); what is traced
+                // here is radiance flowing back from the far side to the near one.
+                let wi = Vec3::new(-wo.x / ior, -wo.y / ior, -cos_inside);
+                return singular(wi, transmittance / (ior * ior));
+            }
+            Self::ThinDielectric { ior, transmittance } => {
+                let reflectance = thin_reflectance(wo.z, ior);
+                if choice < reflectance {
+                    return singular(mirrored, Vec3::ONE);
+                }
+                return Some(Scattered { wi: -wo, weight: transmittance, pdf: 0.0, singular: true, straight: true });
+            }
+            Self::Lambert { .. } => cosine_hemisphere(pair),
+            Self::RoughConductor { alpha, .. } => Ggx { alpha }.sample_reflection(wo, pair),
+            Self::Coated { reflectance, specular, alpha } => {
+                if choice < coat_chance(reflectance, specular, wo.z) {
+                    Ggx { alpha }.sample_reflection(wo, pair)
+                } else {
+                    cosine_hemisphere(pair)
+                }
+            }
+        };
+        let (value, pdf) = self.eval(wo, wi);
+        (pdf > 0.0).then(|| Scattered { wi, weight: value / pdf, pdf, singular: false, straight: false })
+    }
+
+    /// What light keeps that passes straight through, for shadow rays: zero for all but thin sheets.
+    pub fn straight_transmittance(&self, cosine: f32) -> Vec3 {
+        match *self {
+            Self::ThinDielectric { ior, transmittance } => transmittance * (1.0 - thin_reflectance(cosine, ior)),
+            _ => Vec3::ZERO,
+        }
+    }
+}
+
+/// The base of a coated surface, as an albedo that depends on both angles.
+fn coated_base(reflectance: Vec3, specular: Vec3, cos_o: f32, cos_i: f32) -> Vec3 {
+    // The cosine-weighted mean of Schlick's term: ∫ 2μ (F₀ + (1 − F₀)(1 − μ)⁵) dμ = F₀ + (1 − F₀)/21.
+    let mean = specular + (Vec3::ONE - specular) / 21.0;
+    let passed = (Vec3::ONE - schlick(specular, cos_o)) * (Vec3::ONE - schlick(specular, cos_i));
+    reflectance * passed / (Vec3::ONE - mean).max(Vec3::splat(1e-6))
+}
+
+/// Chance to sample the coat: its share of the reflected light, kept off 0 so that no highlight is left to luck.
+fn coat_chance(reflectance: Vec3, specular: Vec3, cos_o: f32) -> f32 {
+    let coat = schlick(specular, cos_o).element_sum();
+    let base = (reflectance * (Vec3::ONE - schlick(specular, cos_o))).element_sum();
+    (coat / (coat + base).max(1e-6)).clamp(0.1, 0.9)
+}
+
+/// Density `cos θ / π` over the upper hemisphere.
+pub(super) fn cosine_hemisphere(pair: Vec2) -> Vec3 {
+    let disc = concentric_disc(pair);
+    Vec3::new(disc.x, disc.y, (1.0 - disc.length_squared()).max(1e-8).sqrt())
+}
+
+/// Uniform on the unit disc, keeping strata together (Shirley and Chiu 1997).
+pub(super) fn concentric_disc(pair: Vec2) -> Vec2 {
+    let p = 2.0 * pair - Vec2::ONE;
+    if p == Vec2::ZERO {
+        return p;
+    }
+    let (radius, angle) = if p.x.abs() > p.y.abs() {
+        (p.x, 0.25 * PI * (p.y / p.x))
+    } else {
+        (p.y, 0.5 * PI - 0.25 * PI * (p.x / p.y))
+    };
+    radius * Vec2::new(angle.cos(), angle.sin())
+}

@@ -1,0 +1,122 @@
+//! Rays against triangles: a binary tree by the surface area heuristic, collapsed to eight children a node and eight
+//! triangles a leaf, walked by AVX2 where the processor has it and by plain loops with the same arithmetic where not.
+//!
+//! Both walks do the same operations in the same order (no fused multiply–add, the same handling of NaN), so they give
+//! the same hits to the last bit, and a matrix does not depend on the machine that traced it.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod binary;
+mod scalar;
+mod wide;
+
+use glam::Vec3;
+
+pub use wide::TreeQuality;
+
+/// A ray or segment: points `origin + t · direction`, `0 < t < t_max`.
+#[derive(Clone, Copy, Debug)]
+pub struct Ray {
+    /// Start.
+    pub origin: Vec3,
+    /// Direction; `t` counts in its length.
+    pub direction: Vec3,
+    /// End of the segment, exclusive.
+    pub t_max: f32,
+}
+
+/// Where a ray first meets a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance in lengths of the ray's direction.
+    pub t: f32,
+    /// Index of the triangle.
+    pub triangle: u32,
+    /// Barycentric weight of its second corner.
+    pub u: f32,
+    /// Barycentric weight of its third corner.
+    pub v: f32,
+}
+
+/// What stands between two points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Occlusion {
+    /// Nothing.
+    Clear,
+    /// Only triangles that may let light through: walk them one by one.
+    Perhaps,
+    /// Something opaque.
+    Opaque,
+}
+
+/// How the tree is walked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Walk {
+    /// Plain loops, on every machine.
+    Scalar,
+    /// Eight lanes at a time; only where the processor has AVX2.
+    Avx2,
+}
+
+/// A triangle as the tree takes it.
+#[derive(Clone, Copy, Debug)]
+pub struct BvhTriangle {
+    /// Corners.
+    pub corners: [Vec3; 3],
+    /// Whether it may let light through, see [`Occlusion::Perhaps`].
+    pub see_through: bool,
+}
+
+/// The tree over all triangles of a scene.
+#[derive(Debug)]
+pub struct Bvh {
+    tree: wide::WideTree,
+    walk: Walk,
+}
+
+impl Walk {
+    /// The fastest way that this processor has.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2") {
+            return Self::Avx2;
+        }
+        Self::Scalar
+    }
+}
+
+impl Bvh {
+    /// Builds the tree. Triangles with corners that are not finite are left out; so are none for being degenerate,
+    /// which no ray ever hits.
+    pub fn build(triangles: &[BvhTriangle]) -> Self {
+        Self { tree: wide::WideTree::build(triangles), walk: Walk::detect() }
+    }
+
+    /// The same tree walked in another way; a way that the processor lacks falls back to the scalar one.
+    pub fn with_walk(self, walk: Walk) -> Self {
+        Self { walk: if walk == Walk::detect() { walk } else { Walk::Scalar }, ..self }
+    }
+
+    /// The nearest hit of a ray, if any.
+    pub fn closest(&self, ray: &Ray) -> Option<Hit> {
+        match self.walk {
+            #[cfg(target_arch = "x86_64")]
+            Walk::Avx2 => avx2::closest(&self.tree, ray),
+            _ => scalar::closest(&self.tree, ray),
+        }
+    }
+
+    /// Whether anything stands on a segment.
+    pub fn occlusion(&self, ray: &Ray) -> Occlusion {
+        match self.walk {
+            #[cfg(target_arch = "x86_64")]
+            Walk::Avx2 => avx2::occlusion(&self.tree, ray),
+            _ => scalar::occlusion(&self.tree, ray),
+        }
+    }
+
+    /// Expected work of a random ray, see [`TreeQuality`].
+    pub fn quality(&self) -> TreeQuality {
+        self.tree.quality()
+    }
+}

@@ -1,0 +1,150 @@
+//! The walk in plain loops: the twin of `avx2`, operation by operation.
+
+use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, STACK, WideNode, WideTree};
+use super::{Hit, Occlusion, Ray};
+
+/// What a walk needs of a ray, computed once.
+pub(super) struct Prepared {
+    pub(super) origin: [f32; 3],
+    pub(super) direction: [f32; 3],
+    pub(super) inverse: [f32; 3],
+    /// Which of a node's bounds is nearer, by axis; the farther one is three on or back.
+    pub(super) near: [usize; 3],
+}
+
+/// Far distances are widened by this much, more than the rounding of the two operations before, so that a ray along a
+/// box's face cannot slip between two boxes (Ize 2013, *Robust BVH ray traversal*).
+pub(super) const WIDEN: f32 = 1.000_000_5;
+
+impl Prepared {
+    pub(super) fn new(ray: &Ray) -> Self {
+        let direction = ray.direction.to_array();
+        let inverse = direction.map(|d| 1.0 / d);
+        let near = std::array::from_fn(|axis| if direction[axis].is_sign_negative() { 3 + axis } else { axis });
+        Self { origin: ray.origin.to_array(), direction, inverse, near }
+    }
+
+    pub(super) fn far(&self, axis: usize) -> usize {
+        if self.near[axis] >= 3 { axis } else { 3 + axis }
+    }
+}
+
+/// Maximum that gives the second argument for NaN, as the processor's instruction does.
+fn max(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// Minimum that gives the second argument for NaN.
+fn min(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Entry distances of a node's children and which of them the ray meets before `t_max`.
+fn enter(node: &WideNode, ray: &Prepared, t_max: f32) -> ([f32; LANES], u32) {
+    let mut distances = [0.0; LANES];
+    let mut mask = 0;
+    for lane in 0..LANES {
+        let (mut near, mut far) = (0.0, f32::INFINITY);
+        for axis in 0..3 {
+            near = max((node.bounds[ray.near[axis]][lane] - ray.origin[axis]) * ray.inverse[axis], near);
+            far = min((node.bounds[ray.far(axis)][lane] - ray.origin[axis]) * ray.inverse[axis], far);
+        }
+        far = min(far * WIDEN, t_max);
+        distances[lane] = near;
+        mask |= u32::from(near <= far) << lane;
+    }
+    (distances, mask)
+}
+
+/// Möller and Trumbore's test on one lane: distance and barycentric weights.
+fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_max: f32) -> Option<(f32, f32, f32)> {
+    let of = |field: &[[f32; LANES]; 3]| -> [f32; 3] { std::array::from_fn(|axis| field[axis][lane]) };
+    let (corner, edge1, edge2) = (of(&packet.corner), of(&packet.edge1), of(&packet.edge2));
+    let cross = |a: [f32; 3], b: [f32; 3]| {
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    };
+    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let p = cross(ray.direction, edge2);
+    let inverse = 1.0 / dot(edge1, p);
+    let s = std::array::from_fn(|axis| ray.origin[axis] - corner[axis]);
+    let u = dot(s, p) * inverse;
+    let q = cross(s, edge1);
+    let v = dot(ray.direction, q) * inverse;
+    let t = dot(edge2, q) * inverse;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < t_max).then_some((t, u, v))
+}
+
+pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
+    let prepared = Prepared::new(ray);
+    let mut best = Hit { t: ray.t_max, triangle: u32::MAX, u: 0.0, v: 0.0 };
+    let mut stack = [(0u32, 0.0f32); STACK];
+    let mut height = usize::from(!tree.nodes.is_empty());
+    while height > 0 {
+        height -= 1;
+        let (code, distance) = stack[height];
+        if distance >= best.t {
+            continue;
+        }
+        if code & LEAF != 0 {
+            let packet = &tree.packets[(code & !LEAF) as usize];
+            for lane in 0..LANES {
+                if let Some((t, u, v)) = intersect(packet, lane, &prepared, best.t) {
+                    best = Hit { t, triangle: packet.triangles[lane] & !SEE_THROUGH, u, v };
+                }
+            }
+            continue;
+        }
+        let node = &tree.nodes[code as usize];
+        let (distances, mut mask) = enter(node, &prepared, best.t);
+        let base = height;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            push_sorted(&mut stack, base, &mut height, (node.children[lane], distances[lane]));
+        }
+    }
+    (best.triangle != u32::MAX).then_some(best)
+}
+
+/// Pushes an entry below those of the same node that are nearer, so that the nearest is on top.
+#[inline(always)]
+pub(super) fn push_sorted(stack: &mut [(u32, f32); STACK], base: usize, height: &mut usize, entry: (u32, f32)) {
+    let mut at = *height;
+    while at > base && stack[at - 1].1 < entry.1 {
+        stack[at] = stack[at - 1];
+        at -= 1;
+    }
+    stack[at] = entry;
+    *height += 1;
+}
+
+pub(super) fn occlusion(tree: &WideTree, ray: &Ray) -> Occlusion {
+    let prepared = Prepared::new(ray);
+    let mut found = Occlusion::Clear;
+    let mut stack = [0u32; STACK];
+    let mut height = usize::from(!tree.nodes.is_empty());
+    while height > 0 {
+        height -= 1;
+        let code = stack[height];
+        if code & LEAF != 0 {
+            let packet = &tree.packets[(code & !LEAF) as usize];
+            for lane in 0..LANES {
+                if intersect(packet, lane, &prepared, ray.t_max).is_some() {
+                    if packet.triangles[lane] & SEE_THROUGH == 0 {
+                        return Occlusion::Opaque;
+                    }
+                    found = Occlusion::Perhaps;
+                }
+            }
+            continue;
+        }
+        let node = &tree.nodes[code as usize];
+        let (_, mut mask) = enter(node, &prepared, ray.t_max);
+        while mask != 0 {
+            stack[height] = node.children[mask.trailing_zeros() as usize];
+            mask &= mask - 1;
+            height += 1;
+        }
+    }
+    found
+}

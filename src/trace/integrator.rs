@@ -1,0 +1,212 @@
+//! Path tracing of all columns at once (the paper, §3.1): one set of paths, and every light that a path finds or
+//! samples goes to that light's column.
+//!
+//! Next-event estimation and the light that scattered rays find by themselves are joined by multiple importance
+//! sampling with the power heuristic (Veach 1997, §9.2). A thin sheet that a ray passes straight through is no vertex:
+//! shadow rays pass it too, and both ways of finding a light must see the same path.
+
+use glam::{Vec2, Vec3};
+
+use super::accumulator::Halves;
+use super::frame::Frame;
+use super::lights::EmitterHit;
+use super::sampler::{Sampler, Use};
+use super::world::{MAX_PASSES, SurfacePoint, World};
+use crate::scene::{Camera, PixelFilter};
+
+/// Light samples at the first surface that scatters; later ones get one each. They cost a shadow ray, not a path, and
+/// what is lit directly has the most noise.
+const FIRST_LIGHT_SAMPLES: u32 = 4;
+
+/// Vertices that a path has before its end is left to chance.
+const CERTAIN_VERTICES: u32 = 3;
+
+/// What one path cost.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PathCost {
+    pub(super) rays: u64,
+    /// Contributions that were not finite and were left out.
+    pub(super) non_finite: u64,
+}
+
+/// The last surface that scattered the path, for the weights of the light it finds.
+struct Last {
+    position: Vec3,
+    /// Density over solid angle with which the direction was chosen; None where no light sample could have made it.
+    pdf: Option<f32>,
+    cosine: f32,
+    light_samples: f32,
+}
+
+/// Where the contributions of one path go.
+struct Record<'a> {
+    halves: &'a mut Halves,
+    pixel: usize,
+    half: usize,
+    cost: PathCost,
+}
+
+impl Record<'_> {
+    fn add(&mut self, column: u32, value: Vec3) {
+        if value.is_finite() {
+            self.halves.add(self.half, self.pixel, column, value);
+        } else {
+            self.cost.non_finite += 1;
+        }
+    }
+}
+
+/// Traces one sample of the pixel at image position (x, y) into `pixel` of `halves`.
+pub(super) fn trace_sample(
+    world: &World,
+    max_depth: u32,
+    (x, y): (u32, u32),
+    sampler: &Sampler,
+    halves: &mut Halves,
+    (pixel, half): (usize, usize),
+) -> PathCost {
+    let camera = &world.scene.camera;
+    let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Use::Pixel, 0));
+    let mut record = Record { halves, pixel, half, cost: PathCost::default() };
+    follow(world, max_depth, camera.eye, camera.direction(position), sampler, &mut record);
+    record.cost
+}
+
+fn follow(
+    world: &World,
+    max_depth: u32,
+    mut origin: Vec3,
+    mut direction: Vec3,
+    sampler: &Sampler,
+    record: &mut Record<'_>,
+) {
+    let mut throughput = Vec3::ONE;
+    let mut last = Last { position: origin, pdf: None, cosine: 0.0, light_samples: 0.0 };
+    let (mut vertex, mut passes, mut scattered) = (0, 0, false);
+    loop {
+        let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
+            for found in world.lights.beyond(direction, last.cosine) {
+                record.add(found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
+            }
+            return;
+        };
+        if let Some(emitter) = world.scene.mesh.triangles[point.triangle as usize].emitter {
+            let hit = EmitterHit {
+                position: point.position,
+                normal: point.normal,
+                uv: point.uv,
+                direction,
+                distance: point.position.distance(last.position),
+            };
+            if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit) {
+                record.add(found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
+            }
+        }
+        if vertex + 1 >= max_depth {
+            return;
+        }
+        let front = point.normal.dot(direction) < 0.0;
+        let (normal, frame) = facing(&point, direction, front);
+        let wo = frame.to_local(-direction);
+        let bsdf = world.bsdf(&point, front);
+        let choice = sampler.pair(Use::Choice, vertex + passes);
+
+        let mut light_samples = 0;
+        if bsdf.is_spread() {
+            light_samples = if scattered { 1 } else { FIRST_LIGHT_SAMPLES };
+            scattered = true;
+            for member in 0..light_samples {
+                let pair = sampler.member(Use::Light, vertex, member, light_samples);
+                let Some(light) = world.lights.sample(&world.scene, point.position, &frame, pair) else { continue };
+                if light.towards.dot(normal) <= 0.0 {
+                    continue;
+                }
+                let (value, pdf) = bsdf.eval(wo, frame.to_local(light.towards));
+                let value = throughput * value * light.weight / light_samples as f32;
+                if value == Vec3::ZERO {
+                    continue;
+                }
+                let start = point.start(light.towards);
+                // The end stays clear of the light itself by the same relative measure as the start.
+                let reach = if light.distance.is_finite() {
+                    light.distance * (1.0 - 1e-4) - start.distance(point.position)
+                } else {
+                    light.distance
+                };
+                let kept = world.transmittance(start, light.towards, reach, &mut record.cost.rays);
+                if kept != Vec3::ZERO {
+                    let weight = power_heuristic(light_samples as f32 * light.pdf, pdf);
+                    let weight = if light.pdf > 0.0 { weight } else { 1.0 };
+                    record.add(light.column, value * kept * weight);
+                }
+            }
+        }
+
+        let Some(next) = bsdf.sample(wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
+        throughput *= next.weight;
+        direction = if next.straight { direction } else { frame.to_world(next.wi).normalize() };
+        origin = point.start(direction);
+        if next.straight {
+            passes += 1;
+            if passes >= MAX_PASSES {
+                return;
+            }
+            continue;
+        }
+        // A direction that the shading normal allows and the surface itself does not.
+        if (direction.dot(normal) > 0.0) != (next.wi.z > 0.0) {
+            return;
+        }
+        last = Last {
+            position: point.position,
+            pdf: (!next.singular).then_some(next.pdf),
+            cosine: next.wi.z,
+            light_samples: light_samples as f32,
+        };
+        vertex += 1;
+        if vertex >= CERTAIN_VERTICES {
+            let survival = throughput.max_element().min(0.95);
+            if choice.y >= survival {
+                return;
+            }
+            throughput /= survival;
+        }
+    }
+}
+
+/// The geometric normal on the viewer's side, and the shading frame there. Where the interpolated normal would have the
+/// viewer behind the surface, the geometric one serves.
+fn facing(point: &SurfacePoint, direction: Vec3, front: bool) -> (Vec3, Frame) {
+    let side = if front { 1.0 } else { -1.0 };
+    let (normal, shading) = (point.normal * side, point.shading_normal * side);
+    (normal, Frame::around(if shading.dot(direction) < -1e-4 { shading } else { normal }))
+}
+
+fn weight_of_found(last: &Last, light_pdf: f32) -> f32 {
+    last.pdf.map_or(1.0, |pdf| power_heuristic(pdf, last.light_samples * light_pdf))
+}
+
+/// Weight of the technique with expected density `a` beside one with `b`, which are counts times densities.
+fn power_heuristic(a: f32, b: f32) -> f32 {
+    // As a ratio, so that large densities do not overflow.
+    let ratio = b / a;
+    if a > 0.0 { 1.0 / (1.0 + ratio * ratio) } else { 0.0 }
+}
+
+/// Where in the image a sample falls, from the middle of its pixel: drawn from the filter's shape.
+fn filter_offset(camera: &Camera, pair: Vec2) -> Vec2 {
+    match camera.filter {
+        PixelFilter::Box => pair - 0.5,
+        PixelFilter::Tent { radius } => {
+            let tent = |x: f32| if x < 0.5 { (2.0 * x).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * x).max(0.0).sqrt() };
+            radius * Vec2::new(tent(pair.x), tent(pair.y))
+        }
+        PixelFilter::Gaussian { deviation } => {
+            // Box and Muller over a disc cut at three deviations.
+            let inside = 1.0 - (-4.5f32).exp();
+            let radius = (-2.0 * (1.0 - pair.x * inside).ln()).sqrt();
+            let (sin, cos) = (std::f32::consts::TAU * pair.y).sin_cos();
+            deviation * radius * Vec2::new(cos, sin)
+        }
+    }
+}

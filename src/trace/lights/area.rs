@@ -1,0 +1,128 @@
+//! Emitting surfaces: a rectangle cut into texels, or any set of triangles.
+
+use glam::{Vec2, Vec3};
+
+use super::{EmitterHit, Found, LightSample};
+use crate::error::{Error, Result};
+use crate::scene::{AreaEmitter, AreaLayout, Paint, Scene};
+
+/// A diffusely emitting surface.
+#[derive(Debug)]
+pub(super) struct AreaLight {
+    layout: AreaLayout,
+    two_sided: bool,
+    pattern: Option<Paint>,
+    triangles: Vec<u32>,
+    /// Share of the area up to and with each triangle, ending at 1.
+    cumulative: Vec<f32>,
+    area: f32,
+}
+
+impl AreaLight {
+    pub(super) fn new(scene: &Scene, emitter: &AreaEmitter, name: &str) -> Result<Self> {
+        let refuse = |problem: &str, hint: &str| Err(Error::input(format!("light '{name}'"), problem, hint));
+        let triangle_area = |&t: &u32| {
+            let [a, b, c] = scene.mesh.corners(&scene.mesh.triangles[t as usize]);
+            f64::from((b - a).cross(c - a).length() * 0.5)
+        };
+        if emitter.triangles.iter().any(|&t| t as usize >= scene.mesh.triangles.len()) {
+            return refuse("names a triangle that is not there", "");
+        }
+        let areas: Vec<f64> = emitter.triangles.iter().map(triangle_area).collect();
+        let total: f64 = areas.iter().sum();
+        let area = match emitter.layout {
+            AreaLayout::Whole => total as f32,
+            AreaLayout::Texels { edge_u, edge_v, .. } => edge_u.cross(edge_v).length(),
+        };
+        if !(area > 0.0 && area.is_finite() && total > 0.0 && total.is_finite()) {
+            return refuse("has no area", "give it triangles that are not degenerate, or leave it out");
+        }
+        let mut sum = 0.0;
+        let cumulative = areas.iter().map(|a| {
+            sum += a;
+            (sum / total) as f32
+        });
+        Ok(Self {
+            layout: emitter.layout,
+            two_sided: emitter.two_sided,
+            pattern: emitter.pattern,
+            cumulative: cumulative.collect(),
+            triangles: emitter.triangles.clone(),
+            area,
+        })
+    }
+
+    /// Cosine at the light towards a surface, 0 behind a one-sided one.
+    fn cosine(&self, normal: Vec3, away: Vec3) -> f32 {
+        let cosine = normal.dot(away);
+        if self.two_sided { cosine.abs() } else { cosine.max(0.0) }
+    }
+
+    fn colour(&self, scene: &Scene, uv: Vec2) -> Vec3 {
+        self.pattern.map_or(Vec3::ONE, |paint| paint.at(&scene.textures, uv))
+    }
+
+    /// Uniform over the area, so that every texel gets the same number of samples.
+    pub(super) fn sample(&self, scene: &Scene, position: Vec3, pair: Vec2) -> Option<LightSample> {
+        let (point, normal, uv, column) = match self.layout {
+            AreaLayout::Texels { origin, edge_u, edge_v, normal, across, down } => {
+                let point = origin + edge_u * pair.x + edge_v * pair.y;
+                let texel = |x: f32, n: u32| ((x * n as f32) as u32).min(n - 1);
+                (point, normal, pair, texel(pair.y, down) * across + texel(pair.x, across))
+            }
+            AreaLayout::Whole => {
+                let (index, x) = self.choose(pair.x);
+                let triangle = &scene.mesh.triangles[self.triangles[index] as usize];
+                let [a, b, c] = scene.mesh.corners(triangle);
+                let (u, v) = uniform_triangle(Vec2::new(x, pair.y));
+                let uvs = triangle.vertices.map(|i| scene.mesh.uvs[i as usize]);
+                let uv = uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v;
+                (a + (b - a) * u + (c - a) * v, (b - a).cross(c - a).normalize_or_zero(), uv, 0)
+            }
+        };
+        let offset = point - position;
+        let distance2 = offset.length_squared();
+        let distance = distance2.sqrt();
+        let towards = offset / distance;
+        let cosine = self.cosine(normal, -towards);
+        if !(cosine > 0.0 && distance2 > 0.0) {
+            return None;
+        }
+        let pdf = distance2 / (cosine * self.area);
+        Some(LightSample { towards, distance, column, weight: self.colour(scene, uv) / pdf, pdf })
+    }
+
+    /// Emission where a ray hits one of its triangles.
+    pub(super) fn found(&self, scene: &Scene, hit: &EmitterHit) -> Option<Found> {
+        let (normal, uv, column) = match self.layout {
+            AreaLayout::Whole => (hit.normal, hit.uv, 0),
+            AreaLayout::Texels { origin, edge_u, edge_v, normal, .. } => {
+                let offset = hit.position - origin;
+                let along = |edge: Vec3| offset.dot(edge) / edge.length_squared();
+                (normal, Vec2::new(along(edge_u), along(edge_v)), self.layout.column_at(hit.position))
+            }
+        };
+        let cosine = self.cosine(normal, -hit.direction);
+        (cosine > 0.0).then(|| Found {
+            column,
+            radiance: self.colour(scene, uv),
+            pdf: hit.distance * hit.distance / (cosine * self.area),
+        })
+    }
+
+    /// Triangle by area, and the number stretched to its share again.
+    fn choose(&self, x: f32) -> (usize, f32) {
+        let index = self.cumulative.partition_point(|&c| c <= x).min(self.cumulative.len() - 1);
+        let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
+        let share = self.cumulative[index] - before;
+        (index, ((x - before) / share.max(f32::MIN_POSITIVE)).clamp(0.0, 0.999_999_9))
+    }
+}
+
+/// Uniform barycentric weights of the second and third corner, keeping strata together (Heitz 2019, *A low-distortion
+/// map between triangle and square*).
+pub(in crate::trace) fn uniform_triangle(pair: Vec2) -> (f32, f32) {
+    let (x, y) = (0.5 * pair.x, 0.5 * pair.y);
+    let offset = y - x;
+    if offset > 0.0 { (x, y + offset) } else { (x - offset, y) }
+}

@@ -1,0 +1,132 @@
+//! Lights without extent: points, spots, photometric luminaires; and suns, which are discs of directions.
+
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+use glam::{Vec2, Vec3};
+
+use super::super::bsdf::concentric_disc;
+use super::super::frame::Frame;
+use super::{Found, LightSample};
+use crate::scene::{IesProfile, PointEmitter};
+
+/// A point-like light of one column.
+#[derive(Debug)]
+pub(super) struct PointLight {
+    emitter: PointEmitter,
+}
+
+impl PointLight {
+    pub(super) fn new(emitter: PointEmitter) -> Self {
+        Self { emitter }
+    }
+
+    /// Whether rays that leave the scene can find it.
+    pub(super) fn is_disc(&self) -> bool {
+        matches!(self.emitter, PointEmitter::Sun { angular_radius_radians, .. } if angular_radius_radians > 0.0)
+    }
+
+    pub(super) fn sample(&self, position: Vec3, pair: Vec2) -> Option<LightSample> {
+        match self.emitter {
+            PointEmitter::Point { position: light } => from_point(light, position, |_| 1.0),
+            PointEmitter::Spot { position: light, direction, inner_radians, outer_radians } => {
+                from_point(light, position, |away| {
+                    let (inner, outer) = (inner_radians.cos(), outer_radians.cos());
+                    let t = ((away.dot(direction) - outer) / (inner - outer).max(1e-6)).clamp(0.0, 1.0);
+                    t * t * (3.0 - 2.0 * t)
+                })
+            }
+            PointEmitter::Ies { position: light, world_from_luminaire, ref profile } => {
+                from_point(light, position, |away| intensity(profile, world_from_luminaire.transpose() * away))
+            }
+            PointEmitter::Sun { towards, angular_radius_radians } => {
+                let distance = f32::INFINITY;
+                if angular_radius_radians <= 0.0 {
+                    return Some(LightSample { towards, distance, column: 0, weight: Vec3::ONE, pdf: 0.0 });
+                }
+                // Uniform over the cap: the squared radius on the disc becomes the height above its base.
+                let disc = concentric_disc(pair);
+                let r2 = disc.length_squared().min(1.0);
+                let drop = r2 * cap_height(angular_radius_radians);
+                let ring = (drop * (2.0 - drop)).max(0.0).sqrt();
+                let flat = if r2 > 0.0 { disc / r2.sqrt() * ring } else { Vec2::ZERO };
+                let direction = Frame::around(towards).to_world(Vec3::new(flat.x, flat.y, 1.0 - drop));
+                let found = self.found_inside(angular_radius_radians);
+                let weight = found.radiance / found.pdf;
+                Some(LightSample { towards: direction, distance, column: 0, weight, pdf: found.pdf })
+            }
+        }
+    }
+
+    /// Emission found by a ray that leaves the scene along `direction`.
+    pub(super) fn found(&self, direction: Vec3) -> Option<Found> {
+        let PointEmitter::Sun { towards, angular_radius_radians } = self.emitter else { return None };
+        // The chord between unit vectors is exact where a cosine near one is not.
+        let inside = (direction - towards).length() <= 2.0 * (0.5 * angular_radius_radians).sin();
+        (self.is_disc() && inside).then(|| self.found_inside(angular_radius_radians))
+    }
+
+    fn found_inside(&self, radius: f32) -> Found {
+        // Irradiance 1 on a facing plane: L ∫ cos θ dω = L π sin² r = 1.
+        let radiance = 1.0 / (PI * radius.sin().powi(2));
+        Found { column: 0, radiance: Vec3::splat(radiance), pdf: 1.0 / (TAU * cap_height(radius)) }
+    }
+}
+
+/// `1 − cos r`, without cancellation for small caps.
+fn cap_height(radius: f32) -> f32 {
+    2.0 * (0.5 * radius).sin().powi(2)
+}
+
+fn from_point(light: Vec3, position: Vec3, intensity: impl Fn(Vec3) -> f32) -> Option<LightSample> {
+    let offset = light - position;
+    let distance2 = offset.length_squared();
+    let towards = offset / distance2.sqrt();
+    let intensity = intensity(-towards);
+    (intensity > 0.0 && distance2 > 0.0).then(|| LightSample {
+        towards,
+        distance: distance2.sqrt(),
+        column: 0,
+        weight: Vec3::splat(intensity / distance2),
+        pdf: 0.0,
+    })
+}
+
+/// Relative intensity along `away` in the luminaire's own axes, bilinear in both angles. Profiles over a quarter or a
+/// half of the horizontal circle are mirrored, as IES LM-63 says; one horizontal angle means rotational symmetry.
+fn intensity(profile: &IesProfile, away: Vec3) -> f32 {
+    let vertical = (-away.z).clamp(-1.0, 1.0).acos();
+    let turn = away.y.atan2(away.x).rem_euclid(TAU);
+    let last = profile.horizontal_radians.last().copied().unwrap_or(0.0);
+    let near = |angle: f32| (last - angle).abs() < 1e-3;
+    let horizontal = match () {
+        () if near(FRAC_PI_2) => FRAC_PI_2 - ((turn % PI) - FRAC_PI_2).abs(),
+        () if near(PI) => PI - (turn - PI).abs(),
+        () => turn,
+    };
+    let (&first_v, &last_v) = match (profile.vertical_radians.first(), profile.vertical_radians.last()) {
+        (Some(first), Some(last)) => (first, last),
+        _ => return 0.0,
+    };
+    if vertical < first_v - 1e-4 || vertical > last_v + 1e-4 {
+        return 0.0;
+    }
+    let (v, fv) = bracket(&profile.vertical_radians, vertical);
+    let (h, fh) = bracket(&profile.horizontal_radians, horizontal);
+    let count = profile.vertical_radians.len();
+    let at = |h: usize, v: usize| {
+        let h = h.min(profile.horizontal_radians.len().saturating_sub(1));
+        profile.intensity.get(h * count + v.min(count - 1)).copied().unwrap_or(0.0)
+    };
+    let row = |h: usize| at(h, v) * (1.0 - fv) + at(h, v + 1) * fv;
+    row(h) * (1.0 - fh) + row(h + 1) * fh
+}
+
+/// The interval of increasing `angles` that holds `x`, and how far into it.
+fn bracket(angles: &[f32], x: f32) -> (usize, f32) {
+    let above = angles.partition_point(|&a| a <= x);
+    if above == 0 || above == angles.len() {
+        return (above.saturating_sub(1), 0.0);
+    }
+    let (low, high) = (angles[above - 1], angles[above]);
+    (above - 1, (x - low) / (high - low))
+}

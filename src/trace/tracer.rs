@@ -1,0 +1,138 @@
+//! Blocks of `T` by tracing them.
+
+use std::sync::Arc;
+
+use super::accumulator::{Halves, NoiseSums, interleave};
+use super::bvh::Bvh;
+use super::integrator::trace_sample;
+use super::sampler::Sampler;
+use super::world::World;
+use crate::error::{Error, Result};
+use crate::light::probe_lightings;
+use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
+use crate::scene::Scene;
+
+/// How well to trace.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TraceSettings {
+    /// Paths for each pixel. Powers of two from 2 on cover texels most evenly; with 1 the noise is unknown.
+    pub samples_per_pixel: u32,
+    /// Seed of the random numbers.
+    pub seed: u64,
+    /// Longest path in segments: 1 sees only lights, 2 direct light, 3 one bounce. Thin sheets passed straight do not
+    /// count.
+    pub max_depth: u32,
+}
+
+/// What tracing a block took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BlockStats {
+    /// Rays traced, to surfaces and to lights.
+    pub rays: u64,
+    /// Paths traced: pixels × samples per pixel.
+    pub paths: u64,
+    /// Contributions left out because they were not finite.
+    pub non_finite: u64,
+}
+
+/// Traces blocks of the light transport matrix of a scene.
+///
+/// A block is a function of the scene, the shape and the settings alone: the same bytes on any thread, in any order.
+#[derive(Debug)]
+pub struct Tracer {
+    world: World,
+    shape: MatrixShape,
+    settings: TraceSettings,
+    /// Probe lightings for the noise, columns × probes, probe fastest.
+    probes_of_column: Vec<f32>,
+    probes: usize,
+}
+
+impl Tracer {
+    /// Most samples per pixel: what the sample sequence distinguishes with light samples to spare.
+    pub const MAX_SAMPLES_PER_PIXEL: u32 = 1 << 24;
+
+    /// Prepares a scene for tracing: builds its tree, which takes about a second for each million triangles and core.
+    ///
+    /// Errors: a shape that is not the camera's and the basis's, settings out of range, a scene whose parts do not fit
+    /// each other, lights of no area.
+    pub fn new(scene: impl Into<Arc<Scene>>, shape: MatrixShape, settings: TraceSettings) -> Result<Self> {
+        let scene: Arc<Scene> = scene.into();
+        let refuse = |what: &str, problem: String, hint: &str| Err(Error::input(what, problem, hint));
+        let columns = scene.basis.column_count();
+        if shape.columns() != columns {
+            return refuse(&scene.name, format!("has {columns} columns, the matrix {}", shape.columns()), "");
+        }
+        if (shape.width(), shape.height()) != (scene.camera.width, scene.camera.height) {
+            let camera = format!("the camera has {}×{} pixels", scene.camera.width, scene.camera.height);
+            return refuse(&scene.name, format!("{camera}, the matrix {}×{}", shape.width(), shape.height()), "");
+        }
+        if !(1..=Self::MAX_SAMPLES_PER_PIXEL).contains(&settings.samples_per_pixel) {
+            let problem = format!("{} is not between 1 and {}", settings.samples_per_pixel, Self::MAX_SAMPLES_PER_PIXEL);
+            return refuse("samples per pixel", problem, "powers of two are best, 64 is a good start");
+        }
+        if settings.max_depth == 0 {
+            return refuse("greatest path depth", "0 sees nothing".into(), "give at least 1; 2 is direct light");
+        }
+        let (probes_of_column, probes) = interleave(&probe_lightings(&scene.basis), columns);
+        Ok(Self { world: World::new(scene)?, shape, settings, probes_of_column, probes })
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.world.scene
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> TraceSettings {
+        self.settings
+    }
+
+    /// The tree over the scene's triangles.
+    pub fn bvh(&self) -> &Bvh {
+        self.world.bvh()
+    }
+
+    /// Traces one block, on this thread, into `target`, whose allocations are reused. Panics if there is no such block.
+    pub fn trace_block(&self, id: BlockId, target: &mut TracedBlock) -> BlockStats {
+        let rect = self.shape.rect(id);
+        let (pixels, columns) = (rect.pixels(), self.shape.columns());
+        target.block.reset(rect.rows(), columns);
+        let spp = self.settings.samples_per_pixel;
+        let samples = [spp.div_ceil(2), spp / 2];
+        let mut noise =
+            (spp > 1).then(|| NoiseSums::new(rect.rows(), columns, &self.probes_of_column, self.probes));
+        let mut halves = Halves::new(columns);
+        let mut stats = BlockStats { paths: pixels as u64 * u64::from(spp), ..Default::default() };
+        for first in (0..pixels).step_by(halves.pixels()) {
+            let count = halves.pixels().min(pixels - first);
+            for pixel in 0..count {
+                let inside = (first + pixel) as u32;
+                let (x, y) = (rect.x + inside % rect.width, rect.y + inside / rect.width);
+                let key = u64::from(y) * u64::from(self.shape.width()) + u64::from(x);
+                for sample in 0..spp {
+                    let sampler = Sampler::new(self.settings.seed, key, sample);
+                    let slot = (pixel, (sample & 1) as usize);
+                    let cost =
+                        trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, &mut halves, slot);
+                    stats.rays += cost.rays;
+                    stats.non_finite += cost.non_finite;
+                }
+            }
+            halves.flush(target, noise.as_mut(), (first, count, pixels), samples);
+        }
+        target.noise = noise.map(NoiseSums::finish);
+        stats
+    }
+}
+
+impl BlockSource for Tracer {
+    fn shape(&self) -> MatrixShape {
+        self.shape
+    }
+
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        self.trace_block(id, target);
+        Ok(())
+    }
+}

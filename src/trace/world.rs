@@ -1,0 +1,168 @@
+//! The scene as rays see it: surface points, cut-outs, and what passes between two points.
+
+use std::sync::Arc;
+
+use glam::{Vec2, Vec3};
+
+use super::bsdf::Bsdf;
+use super::bvh::{Bvh, BvhTriangle, Occlusion, Ray};
+use super::lights::Lights;
+use crate::error::{Error, Result};
+use crate::scene::{Material, Scene, Surface};
+
+/// Surfaces that a ray may pass straight through, cut-outs and thin sheets, before it is given up: more than any scene
+/// has in a row, and a bound on the time that a bad one can take.
+pub(super) const MAX_PASSES: u32 = 256;
+
+/// How far new rays start off a surface, in units of the size of its coordinates: some hundred roundings of f32, which
+/// covers the errors of the hit point (a few) and of the intersection with its neighbours.
+const OFFSET: f32 = 1.0e-5;
+
+/// A scene with its tree and lights.
+#[derive(Debug)]
+pub(super) struct World {
+    pub(super) scene: Arc<Scene>,
+    pub(super) lights: Lights,
+    bvh: Bvh,
+}
+
+/// Where a ray has met a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SurfacePoint {
+    pub(super) position: Vec3,
+    /// Unit normal of the triangle's front.
+    pub(super) normal: Vec3,
+    /// Unit shading normal, on the front.
+    pub(super) shading_normal: Vec3,
+    pub(super) uv: Vec2,
+    pub(super) triangle: u32,
+    offset: f32,
+}
+
+impl World {
+    /// Builds the tree and prepares the lights. Errors: indices that point outside, lights of no area.
+    pub(super) fn new(scene: Arc<Scene>) -> Result<Self> {
+        let mesh = &scene.mesh;
+        let vertices = mesh.positions.len();
+        let refuse = |problem: String| Err(Error::input(&scene.name, problem, "repair the scene"));
+        if mesh.normals.len() != vertices || mesh.uvs.len() != vertices {
+            return refuse("vertex arrays of different lengths".into());
+        }
+        let inside = |t: &crate::scene::Triangle| {
+            t.vertices.iter().all(|&v| (v as usize) < vertices) && (t.material.0 as usize) < scene.materials.len()
+        };
+        if let Some(at) = mesh.triangles.iter().position(|t| !inside(t)) {
+            return refuse(format!("triangle {at} names a vertex or material that is not there"));
+        }
+        if mesh.triangles.len() >= 1 << 31 {
+            return refuse(format!("{} triangles are more than 2,147,483,647", mesh.triangles.len()));
+        }
+        let see_through: Vec<bool> = scene.materials.iter().map(is_see_through).collect();
+        let triangles: Vec<BvhTriangle> = mesh
+            .triangles
+            .iter()
+            .map(|t| BvhTriangle { corners: mesh.corners(t), see_through: see_through[t.material.0 as usize] })
+            .collect();
+        let (bvh, lights) = (Bvh::build(&triangles), Lights::new(&scene)?);
+        Ok(Self { scene, lights, bvh })
+    }
+
+    /// The tree.
+    pub(super) fn bvh(&self) -> &Bvh {
+        &self.bvh
+    }
+
+    /// The first surface that a ray meets, passing through what is cut out.
+    pub(super) fn intersect(&self, mut origin: Vec3, direction: Vec3, rays: &mut u64) -> Option<SurfacePoint> {
+        for _ in 0..MAX_PASSES {
+            *rays += 1;
+            let hit = self.bvh.closest(&Ray { origin, direction, t_max: f32::INFINITY })?;
+            let point = self.surface_point(hit.triangle, hit.u, hit.v);
+            if !self.is_cut_out(&point) {
+                return Some(point);
+            }
+            origin = point.start(direction);
+        }
+        None
+    }
+
+    /// What light keeps on the way from `origin` along the unit vector `direction` to `distance`: one where nothing
+    /// stands, the transmittance of thin sheets, zero behind anything else.
+    pub(super) fn transmittance(&self, origin: Vec3, direction: Vec3, distance: f32, rays: &mut u64) -> Vec3 {
+        *rays += 1;
+        match self.bvh.occlusion(&Ray { origin, direction, t_max: distance }) {
+            Occlusion::Clear => Vec3::ONE,
+            Occlusion::Opaque => Vec3::ZERO,
+            Occlusion::Perhaps => self.walk_transmittance(origin, direction, distance, rays),
+        }
+    }
+
+    #[cold]
+    fn walk_transmittance(&self, mut origin: Vec3, direction: Vec3, mut distance: f32, rays: &mut u64) -> Vec3 {
+        let mut kept = Vec3::ONE;
+        for _ in 0..MAX_PASSES {
+            *rays += 1;
+            let Some(hit) = self.bvh.closest(&Ray { origin, direction, t_max: distance }) else { return kept };
+            let point = self.surface_point(hit.triangle, hit.u, hit.v);
+            if !self.is_cut_out(&point) {
+                let cosine = point.shading_normal.dot(direction).abs();
+                kept *= self.bsdf(&point, true).straight_transmittance(cosine);
+                if kept == Vec3::ZERO {
+                    return kept;
+                }
+            }
+            let next = point.start(direction);
+            distance -= (next - origin).dot(direction);
+            origin = next;
+        }
+        Vec3::ZERO
+    }
+
+    /// Material of a point.
+    pub(super) fn material(&self, point: &SurfacePoint) -> &Material {
+        let triangle = &self.scene.mesh.triangles[point.triangle as usize];
+        &self.scene.materials[triangle.material.0 as usize]
+    }
+
+    /// Scattering at a point seen from its front or back.
+    pub(super) fn bsdf(&self, point: &SurfacePoint, front: bool) -> Bsdf {
+        Bsdf::resolve(&self.material(point).surface, &self.scene.textures, point.uv, front)
+    }
+
+    fn is_cut_out(&self, point: &SurfacePoint) -> bool {
+        let cutout = self.material(point).cutout;
+        cutout.is_some_and(|id| self.scene.textures[id.0 as usize].sample(point.uv)[3] < 0.5)
+    }
+
+    fn surface_point(&self, index: u32, u: f32, v: f32) -> SurfacePoint {
+        let mesh = &self.scene.mesh;
+        let triangle = &mesh.triangles[index as usize];
+        let [a, b, c] = mesh.corners(triangle);
+        let (edge1, edge2) = (b - a, c - a);
+        let position = a + edge1 * u + edge2 * v;
+        let normal = edge1.cross(edge2).normalize_or(Vec3::Z);
+        let [i, j, k] = triangle.vertices.map(|v| v as usize);
+        let w = 1.0 - u - v;
+        let shading = mesh.normals[i] * w + mesh.normals[j] * u + mesh.normals[k] * v;
+        let size = position.abs().max_element().max(edge1.abs().max_element()).max(edge2.abs().max_element());
+        SurfacePoint {
+            position,
+            normal,
+            shading_normal: shading.try_normalize().unwrap_or(normal),
+            uv: mesh.uvs[i] * w + mesh.uvs[j] * u + mesh.uvs[k] * v,
+            triangle: index,
+            offset: OFFSET * size,
+        }
+    }
+}
+
+impl SurfacePoint {
+    /// Where a ray that leaves along `direction` starts: off the surface, on the side that it leaves to.
+    pub(super) fn start(&self, direction: Vec3) -> Vec3 {
+        self.position + self.normal * self.offset.copysign(self.normal.dot(direction))
+    }
+}
+
+fn is_see_through(material: &Material) -> bool {
+    material.cutout.is_some() || matches!(material.surface, Surface::ThinDielectric { .. })
+}
