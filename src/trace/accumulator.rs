@@ -99,9 +99,9 @@ impl<'a> NoiseSums<'a> {
                     }
                 }
             }
-            for lane in 0..PROBE_LANES.min(self.probes - first) {
-                for channel in 0..CHANNELS {
-                    self.products[(first + lane) * rows + channel * pixels + pixel] = sums[channel][lane];
+            for (channel, sums) in sums.iter().enumerate() {
+                for (probe, &sum) in (first..self.probes).zip(sums) {
+                    self.products[probe * rows + channel * pixels + pixel] = sum;
                 }
             }
         }

@@ -48,8 +48,8 @@ impl Sampler {
         let hash = mix(self.key ^ u64::from(vertex * USES + purpose as u32 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let (a, b) = (hash as u32, (hash >> 32) as u32);
         let index = self.index.wrapping_mul(count).wrapping_add(member);
-        // Shuffling the index is scrambling its reversed bits.
-        let index = scramble(index.reverse_bits(), a ^ 0xa511_e9b3).reverse_bits();
+        // Scrambling the index itself shuffles the samples and maps aligned runs to aligned runs.
+        let index = scramble(index, a ^ 0xa511_e9b3);
         let x = scramble(index.reverse_bits(), a);
         let y = scramble(sobol_second(index).reverse_bits(), b);
         Vec2::new(unit(x), unit(y))
@@ -114,8 +114,7 @@ mod tests {
         for m in [2, 5, 8, 10] {
             for pixel in 0..20 {
                 let samples = 0..1u32 << m;
-                let points: Vec<Vec2> =
-                    samples.map(|i| Sampler::new(7, pixel, 2 * i).pair(Use::Light, 3)).collect();
+                let points: Vec<Vec2> = samples.map(|i| Sampler::new(7, pixel, 2 * i).pair(Use::Light, 3)).collect();
                 for a in 0..=m {
                     assert!(cells(&points, a, m - a).iter().all(|&n| n == 1), "2^{m} points, {a} bits across");
                 }

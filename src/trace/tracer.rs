@@ -68,7 +68,8 @@ impl Tracer {
             return refuse(&scene.name, format!("{camera}, the matrix {}×{}", shape.width(), shape.height()), "");
         }
         if !(1..=Self::MAX_SAMPLES_PER_PIXEL).contains(&settings.samples_per_pixel) {
-            let problem = format!("{} is not between 1 and {}", settings.samples_per_pixel, Self::MAX_SAMPLES_PER_PIXEL);
+            let problem =
+                format!("{} is not between 1 and {}", settings.samples_per_pixel, Self::MAX_SAMPLES_PER_PIXEL);
             return refuse("samples per pixel", problem, "powers of two are best, 64 is a good start");
         }
         if settings.max_depth == 0 {
@@ -100,8 +101,7 @@ impl Tracer {
         target.block.reset(rect.rows(), columns);
         let spp = self.settings.samples_per_pixel;
         let samples = [spp.div_ceil(2), spp / 2];
-        let mut noise =
-            (spp > 1).then(|| NoiseSums::new(rect.rows(), columns, &self.probes_of_column, self.probes));
+        let mut noise = (spp > 1).then(|| NoiseSums::new(rect.rows(), columns, &self.probes_of_column, self.probes));
         let mut halves = Halves::new(columns);
         let mut stats = BlockStats { paths: pixels as u64 * u64::from(spp), ..Default::default() };
         for first in (0..pixels).step_by(halves.pixels()) {
@@ -113,8 +113,7 @@ impl Tracer {
                 for sample in 0..spp {
                     let sampler = Sampler::new(self.settings.seed, key, sample);
                     let slot = (pixel, (sample & 1) as usize);
-                    let cost =
-                        trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, &mut halves, slot);
+                    let cost = trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, &mut halves, slot);
                     stats.rays += cost.rays;
                     stats.non_finite += cost.non_finite;
                 }

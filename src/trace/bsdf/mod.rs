@@ -94,11 +94,9 @@ impl Bsdf {
                 Self::Dielectric { ior: if front { ior } else { 1.0 / ior }, transmittance }
             }
             Surface::ThinDielectric { ior, transmittance } => Self::ThinDielectric { ior, transmittance },
-            Surface::Coated { reflectance, specular, alpha } => Self::Coated {
-                reflectance: reflectance.at(textures, uv),
-                specular,
-                alpha: alpha.max(SMALLEST_ALPHA),
-            },
+            Surface::Coated { reflectance, specular, alpha } => {
+                Self::Coated { reflectance: reflectance.at(textures, uv), specular, alpha: alpha.max(SMALLEST_ALPHA) }
+            }
             Surface::Black => Self::Black,
         }
     }
@@ -210,10 +208,7 @@ pub(super) fn concentric_disc(pair: Vec2) -> Vec2 {
     if p == Vec2::ZERO {
         return p;
     }
-    let (radius, angle) = if p.x.abs() > p.y.abs() {
-        (p.x, 0.25 * PI * (p.y / p.x))
-    } else {
-        (p.y, 0.5 * PI - 0.25 * PI * (p.x / p.y))
-    };
+    let (radius, angle) =
+        if p.x.abs() > p.y.abs() { (p.x, 0.25 * PI * (p.y / p.x)) } else { (p.y, 0.5 * PI - 0.25 * PI * (p.x / p.y)) };
     radius * Vec2::new(angle.cos(), angle.sin())
 }

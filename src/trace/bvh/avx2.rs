@@ -92,10 +92,8 @@ fn intersect(packet: &Packet, ray: &Lanes, t_max: f32) -> (__m256, __m256, __m25
         _mm256_and_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(v, zero)),
         _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_add_ps(u, v), one),
     );
-    let between = _mm256_and_ps(
-        _mm256_cmp_ps::<_CMP_GT_OQ>(t, zero),
-        _mm256_cmp_ps::<_CMP_LT_OQ>(t, _mm256_set1_ps(t_max)),
-    );
+    let between =
+        _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(t, zero), _mm256_cmp_ps::<_CMP_LT_OQ>(t, _mm256_set1_ps(t_max)));
     (t, u, v, _mm256_movemask_ps(_mm256_and_ps(inside, between)) as u32)
 }
 

@@ -43,14 +43,14 @@ fn min(a: f32, b: f32) -> f32 {
 fn enter(node: &WideNode, ray: &Prepared, t_max: f32) -> ([f32; LANES], u32) {
     let mut distances = [0.0; LANES];
     let mut mask = 0;
-    for lane in 0..LANES {
+    for (lane, distance) in distances.iter_mut().enumerate() {
         let (mut near, mut far) = (0.0, f32::INFINITY);
         for axis in 0..3 {
             near = max((node.bounds[ray.near[axis]][lane] - ray.origin[axis]) * ray.inverse[axis], near);
             far = min((node.bounds[ray.far(axis)][lane] - ray.origin[axis]) * ray.inverse[axis], far);
         }
         far = min(far * WIDEN, t_max);
-        distances[lane] = near;
+        *distance = near;
         mask |= u32::from(near <= far) << lane;
     }
     (distances, mask)
@@ -60,9 +60,8 @@ fn enter(node: &WideNode, ray: &Prepared, t_max: f32) -> ([f32; LANES], u32) {
 fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_max: f32) -> Option<(f32, f32, f32)> {
     let of = |field: &[[f32; LANES]; 3]| -> [f32; 3] { std::array::from_fn(|axis| field[axis][lane]) };
     let (corner, edge1, edge2) = (of(&packet.corner), of(&packet.edge1), of(&packet.edge2));
-    let cross = |a: [f32; 3], b: [f32; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f32; 3], b: [f32; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let p = cross(ray.direction, edge2);
     let inverse = 1.0 / dot(edge1, p);

@@ -89,11 +89,6 @@ impl Lights {
         Ok(Self { sources, distant })
     }
 
-    /// Number of lights.
-    pub(super) fn len(&self) -> usize {
-        self.sources.len()
-    }
-
     /// Chance that a sample goes to one light.
     fn chance(&self) -> f32 {
         1.0 / self.sources.len() as f32
@@ -127,12 +122,7 @@ impl Lights {
 
     /// Emission of light `emitter` where a ray along `direction` hits its triangle at `position`, `distance` from the
     /// surface that scattered it. `normal` is the triangle's front.
-    pub(super) fn on_surface(
-        &self,
-        scene: &Scene,
-        emitter: u32,
-        hit: &EmitterHit,
-    ) -> Option<Found> {
+    pub(super) fn on_surface(&self, scene: &Scene, emitter: u32, hit: &EmitterHit) -> Option<Found> {
         let (Source::Area(light), first_column) = self.sources.get(emitter as usize)? else { return None };
         let mut found = light.found(scene, hit)?;
         found.column += first_column;
