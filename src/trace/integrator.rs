@@ -80,7 +80,7 @@ fn follow(
     sampler: &Sampler,
     record: &mut Record<'_>,
 ) {
-    let mut throughput = Vec3::ONE;
+    let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
     let mut last = Last { position: origin, pdf: None, cosine: 0.0, light_samples: 0.0 };
     let (mut vertex, mut passes, mut scattered) = (0, 0, false);
     loop {
@@ -144,6 +144,7 @@ fn follow(
 
         let Some(next) = bsdf.sample(wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
         throughput *= next.weight;
+        compression *= next.compression;
         direction = if next.straight { direction } else { frame.to_world(next.wi).normalize() };
         origin = point.start(direction);
         if next.straight {
@@ -165,7 +166,8 @@ fn follow(
         };
         vertex += 1;
         if vertex >= CERTAIN_VERTICES {
-            let survival = throughput.max_element().min(0.95);
+            // Radiance inside glass is larger by the square of its index, which says nothing about the path's worth.
+            let survival = (throughput.max_element() * compression).min(1.0);
             if choice.y >= survival {
                 return;
             }

@@ -76,6 +76,8 @@ pub struct Scattered {
     pub singular: bool,
     /// Whether the ray goes straight on, as if nothing were there.
     pub straight: bool,
+    /// Factor by which `weight` falls short of the light kept, because radiance is larger in the medium it came from.
+    pub compression: f32,
 }
 
 /// Below this a microfacet surface is a mirror: its highlight is narrower than f32 can integrate.
@@ -136,27 +138,34 @@ impl Bsdf {
     /// Chooses a direction from a pair of uniform numbers and one more for the choice between lobes. None where the
     /// light is absorbed.
     pub fn sample(&self, wo: Vec3, pair: Vec2, choice: f32) -> Option<Scattered> {
-        let mirrored = Vec3::new(-wo.x, -wo.y, wo.z);
-        let singular = |wi, weight| Some(Scattered { wi, weight, pdf: 0.0, singular: true, straight: false });
+        let mirror = Scattered {
+            wi: Vec3::new(-wo.x, -wo.y, wo.z),
+            weight: Vec3::ONE,
+            pdf: 0.0,
+            singular: true,
+            straight: false,
+            compression: 1.0,
+        };
         let wi = match *self {
             Self::Black => return None,
-            Self::Mirror { reflectance } => return singular(mirrored, reflectance),
+            Self::Mirror { reflectance } => return Some(Scattered { weight: reflectance, ..mirror }),
             Self::Dielectric { ior, transmittance } => {
                 let (reflectance, cos_inside) = dielectric_reflectance(wo.z, ior);
                 if choice < reflectance {
-                    return singular(mirrored, Vec3::ONE);
+                    return Some(mirror);
                 }
                 // Radiance is compressed by the square of the index it enters (Veach 1997, §5.2); what is traced
                 // here is radiance flowing back from the far side to the near one.
                 let wi = Vec3::new(-wo.x / ior, -wo.y / ior, -cos_inside);
-                return singular(wi, transmittance / (ior * ior));
+                let compression = ior * ior;
+                return Some(Scattered { wi, weight: transmittance / compression, compression, ..mirror });
             }
             Self::ThinDielectric { ior, transmittance } => {
                 let reflectance = thin_reflectance(wo.z, ior);
                 if choice < reflectance {
-                    return singular(mirrored, Vec3::ONE);
+                    return Some(mirror);
                 }
-                return Some(Scattered { wi: -wo, weight: transmittance, pdf: 0.0, singular: true, straight: true });
+                return Some(Scattered { wi: -wo, weight: transmittance, straight: true, ..mirror });
             }
             Self::Lambert { .. } => cosine_hemisphere(pair),
             Self::RoughConductor { alpha, .. } => Ggx { alpha }.sample_reflection(wo, pair),
@@ -169,7 +178,7 @@ impl Bsdf {
             }
         };
         let (value, pdf) = self.eval(wo, wi);
-        (pdf > 0.0).then(|| Scattered { wi, weight: value / pdf, pdf, singular: false, straight: false })
+        (pdf > 0.0).then(|| Scattered { wi, weight: value / pdf, pdf, singular: false, ..mirror })
     }
 
     /// What light keeps that passes straight through, for shadow rays: zero for all but thin sheets.
