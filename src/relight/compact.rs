@@ -1,0 +1,265 @@
+//! Blocks of factors as they are held for relighting: 8 or 16 bits a value.
+
+use half::f16;
+
+use crate::error::{Error, Result};
+use crate::matrix::{BlockId, CHANNELS, FactoredBlock, MatrixShape};
+
+/// Values whose 16-bit floats are scaled so that the largest has this size: the smallest normal 16-bit float is then
+/// 2⁻²⁹ of it, and what is smaller is stored as 0, so that kernels never meet a subnormal number.
+const WIDE_PEAK: f64 = 32_768.0;
+
+/// Largest size of an 8-bit value. −128 is not used, so that signs are alike.
+const NARROW_PEAK: f64 = 127.0;
+
+/// A stored value that kernels turn into f32 without branches.
+pub(crate) trait Quantum: Copy + Sync {
+    /// The value before scaling.
+    fn to_f32(self) -> f32;
+}
+
+impl Quantum for i8 {
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        f32::from(self)
+    }
+}
+
+/// The bits of a 16-bit float that is neither subnormal nor infinite nor NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(transparent)]
+pub(crate) struct Wide(pub u16);
+
+impl Quantum for Wide {
+    /// Moves exponent and mantissa into place and mends the exponent's bias by a product with 2¹¹²: vectorises, which
+    /// a conversion with cases for subnormals and infinities does not.
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        let bits = u32::from(self.0);
+        let magnitude = f32::from_bits((bits & 0x7fff) << 13) * f32::from_bits((112 + 127) << 23);
+        f32::from_bits(magnitude.to_bits() | ((bits & 0x8000) << 16))
+    }
+}
+
+/// The components of one factor that are stored in one precision.
+#[derive(Clone, Debug)]
+pub(crate) struct Part<Q> {
+    /// Which component of the block each of these is.
+    pub components: Vec<u32>,
+    /// Their values, component after component.
+    pub values: Vec<Q>,
+}
+
+/// One factor, `L` or `R`: components of `length` values each, those in 8 bits apart from those in 16.
+#[derive(Clone, Debug)]
+pub(crate) struct Factor {
+    pub length: usize,
+    pub narrow: Part<i8>,
+    pub wide: Part<Wide>,
+}
+
+/// Entries outside the low-rank part, column by column.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SparseEntries {
+    /// Columns that have entries, ascending, with the end of each one's entries; they begin where the last ended.
+    pub ends: Vec<(u32, u32)>,
+    /// Row of each entry inside the block.
+    pub rows: Vec<u32>,
+    /// Value of each entry.
+    pub values: Vec<f32>,
+}
+
+/// A block `L diag(s) R + S` ready for relighting.
+///
+/// A component is held in 8 bits where its quantisation step allows it, else as 16-bit floats; the scales of its two
+/// factors are folded into one.
+#[derive(Clone, Debug)]
+pub struct CompactBlock {
+    pub(crate) scales: Vec<f32>,
+    pub(crate) left: Factor,
+    pub(crate) right: Factor,
+    pub(crate) sparse: SparseEntries,
+}
+
+impl<Q> Part<Q> {
+    fn new() -> Self {
+        Self { components: Vec::new(), values: Vec::new() }
+    }
+
+    fn bytes(&self) -> usize {
+        self.components.len() * size_of::<u32>() + self.values.len() * size_of::<Q>()
+    }
+}
+
+impl Factor {
+    fn new(length: usize) -> Self {
+        Self { length, narrow: Part::new(), wide: Part::new() }
+    }
+
+    /// Stores component `index` and returns its scale, 0 for a component of zeros, which takes no room.
+    fn push(&mut self, index: u32, values: &[f32], step: Option<f32>) -> f64 {
+        let peak = f64::from(values.iter().fold(0.0f32, |peak, v| peak.max(v.abs())));
+        if peak == 0.0 {
+            return 0.0;
+        }
+        match step.and_then(|step| narrow_scale(values, peak, f64::from(step))) {
+            Some(scale) => {
+                self.narrow.components.push(index);
+                self.narrow.values.extend(values.iter().map(|&v| (f64::from(v) / scale).round() as i8));
+                scale
+            }
+            None => {
+                let scale = peak / WIDE_PEAK;
+                self.wide.components.push(index);
+                self.wide.values.extend(values.iter().map(|&v| wide(f64::from(v) / scale)));
+                scale
+            }
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        self.narrow.bytes() + self.wide.bytes()
+    }
+}
+
+/// The scale with which values fit 8 bits without losing more than rounding to `step` would, if there is one: `step`
+/// itself where the values are multiples of it (then nothing is lost), else the finest scale that fits.
+fn narrow_scale(values: &[f32], peak: f64, step: f64) -> Option<f64> {
+    if step <= 0.0 || peak / NARROW_PEAK > step * (1.0 + 1e-6) {
+        return None;
+    }
+    let multiple = |v: f32| {
+        let count = f64::from(v) / step;
+        // f32 values that were multiples before rounding are off by at most 2⁻²⁴ of themselves.
+        (count - count.round()).abs() <= 1e-4
+    };
+    Some(if values.iter().all(|&v| multiple(v)) { step } else { peak / NARROW_PEAK })
+}
+
+fn wide(value: f64) -> Wide {
+    let rounded = f16::from_f64(value);
+    Wide(if rounded.is_normal() { rounded.to_bits() } else { 0 })
+}
+
+impl CompactBlock {
+    /// Takes the factors of block `id` into compact form.
+    ///
+    /// Errors: parts that do not fit each other or the shape, and values that are not finite.
+    pub fn new(shape: MatrixShape, id: BlockId, block: &FactoredBlock) -> Result<Self> {
+        let rect = shape.rect(id);
+        let refuse = |problem: String| Err(Error::input(id.to_string(), problem, "pack the matrix again"));
+        let empty = block.left.is_empty() && block.right.is_empty() && block.sparse.is_empty();
+        if !empty && (block.rows != rect.rows() || block.columns != shape.columns()) {
+            let (rows, columns) = (rect.rows(), shape.columns());
+            return refuse(format!("has {} × {} entries, not {rows} × {columns}", block.rows, block.columns));
+        }
+        if !empty && !block.is_consistent() {
+            return refuse("has factors that do not fit each other".into());
+        }
+        let mut values = block.left.iter().chain(&block.right).copied().chain(block.sparse.iter().map(|e| e.value));
+        if !values.all(f32::is_finite) {
+            return refuse("has factors that are not finite".into());
+        }
+        let rank = if empty { 0 } else { block.rank() };
+        let mut compact = Self {
+            scales: Vec::with_capacity(rank),
+            left: Factor::new(rect.rows()),
+            right: Factor::new(shape.columns()),
+            sparse: SparseEntries::default(),
+        };
+        for k in 0..rank {
+            let left_scale = compact.left.push(k as u32, block.left_component(k), block.left_step.get(k).copied());
+            let right_scale = compact.right.push(k as u32, block.right_component(k), block.right_step.get(k).copied());
+            compact.scales.push((left_scale * right_scale) as f32);
+        }
+        for entry in &block.sparse {
+            match compact.sparse.ends.last_mut() {
+                Some((column, end)) if *column == entry.column.0 => *end += 1,
+                _ => compact.sparse.ends.push((entry.column.0, compact.sparse.rows.len() as u32 + 1)),
+            }
+            compact.sparse.rows.push(entry.row);
+            compact.sparse.values.push(entry.value);
+        }
+        compact.shrink();
+        Ok(compact)
+    }
+
+    fn shrink(&mut self) {
+        for factor in [&mut self.left, &mut self.right] {
+            factor.narrow.values.shrink_to_fit();
+            factor.wide.values.shrink_to_fit();
+        }
+        self.sparse.rows.shrink_to_fit();
+        self.sparse.values.shrink_to_fit();
+    }
+
+    /// Number of components.
+    pub fn rank(&self) -> usize {
+        self.scales.len()
+    }
+
+    /// Bytes that its factors take in memory.
+    pub fn bytes(&self) -> usize {
+        let sparse = &self.sparse;
+        let sparse = sparse.ends.len() * 8 + (sparse.rows.len() + sparse.values.len()) * 4;
+        self.left.bytes() + self.right.bytes() + self.scales.len() * size_of::<f32>() + sparse
+    }
+
+    /// Whether any relit pixel can be other than black.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.scales.is_empty() && self.sparse.rows.is_empty()
+    }
+
+    /// Rows of one colour channel.
+    pub(crate) fn pixels(&self) -> usize {
+        self.left.length / CHANNELS
+    }
+}
+
+impl SparseEntries {
+    /// The entries of the `at`-th column that has any: rows and values.
+    pub(crate) fn of(&self, at: usize) -> (&[u32], &[f32]) {
+        let begin = if at == 0 { 0 } else { self.ends[at - 1].1 as usize };
+        let range = begin..self.ends[at].1 as usize;
+        (&self.rows[range.clone()], &self.values[range])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_normal_16_bit_float_is_read_exactly() {
+        for bits in 0..=u16::MAX {
+            let value = f16::from_bits(bits);
+            if value.is_normal() || bits & 0x7fff == 0 {
+                assert_eq!(Wide(bits).to_f32().to_bits(), value.to_f32().to_bits());
+            }
+        }
+    }
+
+    #[test]
+    fn multiples_of_their_step_lose_nothing_in_8_bits() {
+        let step = 0.037f32;
+        let values: Vec<f32> = (-127..=127).map(|q| q as f32 * step).collect();
+        let mut factor = Factor::new(values.len());
+        let scale = factor.push(0, &values, Some(step));
+        assert!(factor.wide.components.is_empty());
+        for (q, v) in factor.narrow.values.iter().zip(&values) {
+            assert!((f64::from(*q) * scale - f64::from(*v)).abs() <= 1e-6 * f64::from(v.abs()));
+        }
+    }
+
+    #[test]
+    fn a_step_too_fine_for_8_bits_takes_16() {
+        let values: Vec<f32> = (0..300).map(|q| q as f32).collect();
+        let mut factor = Factor::new(values.len());
+        let scale = factor.push(0, &values, Some(1.0));
+        assert!(factor.narrow.components.is_empty());
+        for (q, v) in factor.wide.values.iter().zip(&values) {
+            // A 16-bit float keeps 11 bits: half a unit of the last place is 2⁻¹¹ of the value at most.
+            assert!((f64::from(q.to_f32()) * scale - f64::from(*v)).abs() <= f64::from(*v) / 2048.0);
+        }
+    }
+}

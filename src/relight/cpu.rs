@@ -1,0 +1,265 @@
+//! Relighting on the CPU, on all threads, with the same bits for any number of them.
+
+use rayon::prelude::*;
+
+use super::compact::CompactBlock;
+use super::damage::read_what_stands;
+use super::project::{PlanarLighting, project};
+use super::reconstruct::{reconstruct, scatter};
+use super::tiles::{Tile, for_each_tile};
+use crate::error::{Error, Result};
+use crate::image::LinearImage;
+use crate::light::Lighting;
+use crate::matrix::{BlockId, CHANNELS, ColumnIndex, FactorSource, MatrixShape};
+
+/// All factors of a matrix, resident in compact form.
+pub struct CpuRelighter {
+    shape: MatrixShape,
+    /// One for each block; none where nothing of it could be read.
+    blocks: Vec<Option<CompactBlock>>,
+    damage: Vec<String>,
+}
+
+/// An image with what is needed to change a few of its lights without relighting from nothing.
+#[derive(Clone, Debug)]
+pub struct Relit {
+    /// The image.
+    pub image: LinearImage,
+    /// What is on the lights.
+    weights: Vec<[f32; CHANNELS]>,
+    /// `R ℓ` of each block, kept in f64 so that any number of changes adds no visible rounding.
+    projected: Vec<Vec<[f64; CHANNELS]>>,
+}
+
+impl CpuRelighter {
+    /// Reads all factors of `source`. A damaged block keeps the layers before the damage, or becomes a hole; each is
+    /// reported by [`damage`](Self::damage).
+    ///
+    /// Errors: what the source reports other than damage, and factors that do not fit the shape or are not finite.
+    pub fn load(source: &dyn FactorSource) -> Result<Self> {
+        let shape = source.shape();
+        let read: Vec<_> = (0..shape.block_count())
+            .into_par_iter()
+            .map(|id| {
+                let readable = read_what_stands(source, BlockId(id))?;
+                let block = readable.block.map(|block| CompactBlock::new(shape, BlockId(id), &block)).transpose()?;
+                Ok((block, readable.damage.map(|damage| damage.to_string())))
+            })
+            .collect::<Result<_>>()?;
+        let (blocks, damage): (Vec<_>, Vec<_>) = read.into_iter().unzip();
+        Ok(Self { shape, blocks, damage: damage.into_iter().flatten().collect() })
+    }
+
+    /// Shape of the matrix.
+    pub fn shape(&self) -> MatrixShape {
+        self.shape
+    }
+
+    /// One line for each block that is shown with fewer layers than it has, or as a hole.
+    pub fn damage(&self) -> &[String] {
+        &self.damage
+    }
+
+    /// Bytes that the factors take in memory: what one full relight reads.
+    pub fn factor_bytes(&self) -> u64 {
+        self.blocks.iter().flatten().map(|block| block.bytes() as u64).sum()
+    }
+
+    /// Mean rank over all blocks.
+    pub fn mean_rank(&self) -> f64 {
+        let ranks: usize = self.blocks.iter().flatten().map(CompactBlock::rank).sum();
+        ranks as f64 / self.blocks.len() as f64
+    }
+
+    /// The image under `lighting`.
+    ///
+    /// Errors: a lighting with another number of columns than the matrix.
+    pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
+        let mut image = LinearImage::black(self.shape.width(), self.shape.height());
+        self.relight_into(lighting, &mut image)?;
+        Ok(image)
+    }
+
+    /// As [`relight`](Self::relight), into an image of the same size, all of whose pixels are set.
+    ///
+    /// Errors: a lighting with another number of columns than the matrix, or an image of another size.
+    pub fn relight_into(&self, lighting: &Lighting, image: &mut LinearImage) -> Result<()> {
+        check_columns(self.shape, lighting)?;
+        self.check_size(image)?;
+        let lighting = PlanarLighting::new(lighting);
+        for_each_tile(image, self.shape, |mut tile| {
+            relight_block(self.blocks[tile.id.index()].as_ref(), &lighting, &mut tile);
+            Ok(())
+        })
+    }
+
+    /// The image under `lighting`, kept so that [`change`](Self::change) can alter it.
+    ///
+    /// Errors: a lighting with another number of columns than the matrix.
+    pub fn relight_kept(&self, lighting: &Lighting) -> Result<Relit> {
+        check_columns(self.shape, lighting)?;
+        let planar = PlanarLighting::new(lighting);
+        let projected = self
+            .blocks
+            .par_iter()
+            .map_init(Vec::new, |scratch, block| {
+                let Some(block) = block else { return Vec::new() };
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || project(block, &planar, scratch),
+                );
+                scratch.iter().map(|sums| sums.map(f64::from)).collect()
+            })
+            .collect();
+        Ok(Relit { image: self.relight(lighting)?, weights: lighting.weights().to_vec(), projected })
+    }
+
+    /// Puts new weights on some columns of a kept image: costs those columns of `R` and one pass over `L`, not a pass
+    /// over `R`. Blocks that the columns do not reach are not touched.
+    ///
+    /// Errors: a column that the matrix does not have, a weight that is not finite, or an image that was not relit
+    /// with a matrix of this shape; nothing is changed then.
+    pub fn change(&self, relit: &mut Relit, changes: &[(ColumnIndex, [f32; CHANNELS])]) -> Result<()> {
+        self.check_size(&relit.image)?;
+        if relit.projected.len() != self.blocks.len() || relit.weights.len() != self.shape.columns() {
+            return Err(Error::input("kept image", "belongs to another matrix", "relight it anew"));
+        }
+        let mut weights = relit.weights.clone();
+        for &(column, weight) in changes {
+            let Some(target) = weights.get_mut(column.index()) else {
+                let problem = format!("does not exist; the matrix has {} columns", self.shape.columns());
+                return Err(Error::input(column.to_string(), problem, ""));
+            };
+            *target = weight;
+        }
+        let lighting = Lighting::new(weights)?;
+        let mut columns: Vec<u32> = changes.iter().map(|(column, _)| column.0).collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let deltas: Vec<(u32, [f64; CHANNELS])> = columns
+            .into_iter()
+            .map(|column| {
+                let (new, old) = (lighting.weights()[column as usize], relit.weights[column as usize]);
+                (column, [0, 1, 2].map(|ch| f64::from(new[ch]) - f64::from(old[ch])))
+            })
+            .collect();
+        let reached: Vec<bool> = self
+            .blocks
+            .par_iter()
+            .zip(&mut relit.projected)
+            .map(|(block, projected)| block.as_ref().is_some_and(|block| block.change(&deltas, projected)))
+            .collect();
+        let planar = PlanarLighting::new(&lighting);
+        let projected = &relit.projected;
+        for_each_tile(&mut relit.image, self.shape, |mut tile| {
+            if let (true, Some(block)) = (reached[tile.id.index()], &self.blocks[tile.id.index()]) {
+                let sums: Vec<_> = projected[tile.id.index()].iter().map(|sums| sums.map(|sum| sum as f32)).collect();
+                finish_block(block, &sums, &planar, &mut tile);
+            }
+            Ok::<_, Error>(())
+        })?;
+        relit.weights.copy_from_slice(lighting.weights());
+        Ok(())
+    }
+
+    fn check_size(&self, image: &LinearImage) -> Result<()> {
+        let (width, height) = (self.shape.width(), self.shape.height());
+        if (image.width, image.height) == (width, height) {
+            return Ok(());
+        }
+        let problem = format!("is {} × {} pixels, the matrix {width} × {height}", image.width, image.height);
+        Err(Error::input("target image", problem, ""))
+    }
+}
+
+impl CompactBlock {
+    /// Adds `s_k R_kj Δ_j` for the changed columns; says whether the block's pixels can have changed.
+    fn change(&self, deltas: &[(u32, [f64; CHANNELS])], projected: &mut [[f64; CHANNELS]]) -> bool {
+        use super::compact::Quantum;
+        let mut reached = false;
+        let mut add = |k: u32, value: f32, delta: [f64; CHANNELS]| {
+            if value != 0.0 {
+                reached = true;
+                let value = f64::from(value) * f64::from(self.scales[k as usize]);
+                for (sum, delta) in projected[k as usize].iter_mut().zip(delta) {
+                    *sum += value * delta;
+                }
+            }
+        };
+        let columns = self.right.length;
+        for &(column, delta) in deltas {
+            for (i, &k) in self.right.narrow.components.iter().enumerate() {
+                add(k, self.right.narrow.values[i * columns + column as usize].to_f32(), delta);
+            }
+            for (i, &k) in self.right.wide.components.iter().enumerate() {
+                add(k, self.right.wide.values[i * columns + column as usize].to_f32(), delta);
+            }
+        }
+        let has_entries = |column: u32| self.sparse.ends.binary_search_by_key(&column, |end| end.0).is_ok();
+        reached || deltas.iter().any(|&(column, _)| has_entries(column))
+    }
+}
+
+/// Relights without keeping factors: each thread holds one block at a time. Returns the image and one line for each
+/// damaged block.
+///
+/// Errors: as [`CpuRelighter::load`] and [`CpuRelighter::relight`].
+pub fn relight_streaming(source: &dyn FactorSource, lighting: &Lighting) -> Result<(LinearImage, Vec<String>)> {
+    let shape = source.shape();
+    check_columns(shape, lighting)?;
+    let lighting = PlanarLighting::new(lighting);
+    let mut image = LinearImage::black(shape.width(), shape.height());
+    let damage = std::sync::Mutex::new(Vec::new());
+    for_each_tile(&mut image, shape, |mut tile| {
+        let readable = read_what_stands(source, tile.id)?;
+        let block = readable.block.map(|block| CompactBlock::new(shape, tile.id, &block)).transpose()?;
+        relight_block(block.as_ref(), &lighting, &mut tile);
+        if let Some(error) = readable.damage {
+            damage.lock().expect("no thread panics with it").push((tile.id, error.to_string()));
+        }
+        Ok::<_, Error>(())
+    })?;
+    let mut damage = damage.into_inner().expect("no thread panics with it");
+    damage.sort();
+    Ok((image, damage.into_iter().map(|(_, line)| line).collect()))
+}
+
+/// Refuses a lighting with another number of columns than the matrix.
+pub(crate) fn check_columns(shape: MatrixShape, lighting: &Lighting) -> Result<()> {
+    let (has, needs) = (lighting.weights().len(), shape.columns());
+    if has == needs {
+        return Ok(());
+    }
+    Err(Error::input("lighting", format!("has {has} columns, the matrix {needs}"), "make it over the matrix's lights"))
+}
+
+/// Sets the pixels of one block; a missing block becomes a marked hole.
+pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &PlanarLighting, tile: &mut Tile) {
+    match block {
+        None => tile.mark_as_hole(),
+        Some(block) if block.is_empty() => tile.clear(),
+        Some(block) => pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                let mut projected = Vec::new();
+                project(block, lighting, &mut projected);
+                let mut planes = Vec::new();
+                reconstruct(block, &projected, &mut planes);
+                scatter(block, lighting, &mut planes);
+                tile.set(&planes);
+            },
+        ),
+    }
+}
+
+fn finish_block(block: &CompactBlock, projected: &[[f32; CHANNELS]], lighting: &PlanarLighting, tile: &mut Tile) {
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            let mut planes = Vec::new();
+            reconstruct(block, projected, &mut planes);
+            scatter(block, lighting, &mut planes);
+            tile.set(&planes);
+        },
+    );
+}
