@@ -2,5 +2,13 @@
 
 #[path = "store/blocks.rs"]
 mod blocks;
+#[path = "store/damage.rs"]
+mod damage;
+#[path = "store/faults.rs"]
+mod faults;
 #[path = "store/files.rs"]
 mod files;
+#[path = "store/kill.rs"]
+mod kill;
+#[path = "store/storages.rs"]
+mod storages;

@@ -47,6 +47,48 @@ pub trait Storage: Send + Sync {
     }
 }
 
+impl<S: Storage + ?Sized> Storage for &S {
+    fn length(&self) -> io::Result<u64> {
+        (**self).length()
+    }
+
+    fn set_length(&self, length: u64) -> io::Result<()> {
+        (**self).set_length(length)
+    }
+
+    fn read_at(&self, offset: u64, bytes: &mut [u8]) -> io::Result<usize> {
+        (**self).read_at(offset, bytes)
+    }
+
+    fn write_at(&self, offset: u64, bytes: &[u8]) -> io::Result<usize> {
+        (**self).write_at(offset, bytes)
+    }
+
+    fn sync(&self) -> io::Result<()> {
+        (**self).sync()
+    }
+
+    fn reserve(&self, length: u64) -> io::Result<()> {
+        (**self).reserve(length)
+    }
+
+    fn clear(&self, offset: u64, length: u64) -> io::Result<()> {
+        (**self).clear(offset, length)
+    }
+
+    fn next_data(&self, offset: u64) -> io::Result<Option<u64>> {
+        (**self).next_data(offset)
+    }
+
+    fn prefetch(&self, offset: u64, length: u64) {
+        (**self).prefetch(offset, length);
+    }
+
+    fn release(&self, offset: u64, length: u64) {
+        (**self).release(offset, length);
+    }
+}
+
 /// A file, read and written at positions.
 #[derive(Debug)]
 pub struct FileStorage {

@@ -191,16 +191,18 @@ impl<S: Storage> StoreWriter<S> {
         let layout = found.layout;
         let length = storage.length().map_err(Error::io(path, "ask for the length"))?;
         if length != layout.file_bytes() {
-            // Cut short or grown: what is missing reads as zero, and fails its checksum.
+            // Cut short or grown: blocks that reached beyond the end are forgotten below.
             storage.set_length(layout.file_bytes()).map_err(Error::io(path, "set the length"))?;
         }
         let states: Vec<_> = job.shape.blocks().map(|_| AtomicU8::new(EMPTY)).collect();
         let writer = Self { storage, layout, states, fresh: false, place };
         let damaged = writer.scan_records(|id, record| {
-            if record.is_ok() {
+            let whole = record
+                .is_ok_and(|record| writer.layout.slot_offset(id) + record.length <= length || record.length == 0);
+            if whole {
                 writer.states[id.index()].store(DONE, Ordering::Relaxed);
             }
-            record.is_err()
+            !whole
         })?;
         for id in damaged {
             writer.clear_record(id)?;
