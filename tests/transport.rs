@@ -1,12 +1,21 @@
 //! What tracing promises: the right light in the right column, the same bytes every time.
 
+#[path = "transport/bsdf.rs"]
+mod bsdf;
+#[path = "transport/bvh.rs"]
+mod bvh;
+#[path = "transport/light.rs"]
+mod light;
 #[path = "transport/scenes.rs"]
 mod scenes;
+#[path = "transport/statistics.rs"]
+mod statistics;
 
 use glam::Vec3;
 use ltm::light::LightKind;
-use ltm::matrix::TracedBlock;
-use ltm::scene::{Emitter, EnvironmentEmitter, EnvironmentMapping, Surface};
+use ltm::matrix::{MatrixShape, TracedBlock};
+use ltm::scene::{Emitter, EnvironmentEmitter, EnvironmentMapping, Paint, Surface};
+use ltm::trace::{TraceSettings, Tracer};
 use scenes::{Builder, all_on, camera, lambert, mean, settings, trace, tracer};
 
 /// A closed room whose walls all emit E and reflect ρ is equally bright everywhere: E / (1 − ρ).
@@ -70,4 +79,92 @@ fn glass_and_thin_sheets_vanish_in_a_white_furnace() {
         let middle: Vec<f32> = pixels.iter().copied().filter(|p| (p - 1.0).abs() > 1e-4).collect();
         assert!(middle.len() < pixels.len() / 20, "{surface:?}: {} of {}", middle.len(), pixels.len());
     }
+}
+
+fn glossy_room(texels: u32) -> ltm::scene::Scene {
+    let mut builder = Builder::new(camera(Vec3::new(0.5, 0.5, 0.95), Vec3::new(0.5, 0.4, 0.0), 75.0, 16));
+    builder.room(Vec3::ZERO, Vec3::ONE, lambert(0.6));
+    let gold = Surface::RoughConductor { specular: Paint::Constant(Vec3::new(0.9, 0.7, 0.3)), alpha: 0.2 };
+    builder.sphere(Vec3::new(0.3, 0.25, 0.4), 0.2, 16, gold);
+    builder.panel("panel", Vec3::new(0.3, 0.99, 0.3), Vec3::X * 0.4, Vec3::Z * 0.4, (texels, texels));
+    builder.build()
+}
+
+/// T is linear: its columns summed are the image under uniform light, from the very same paths.
+#[test]
+fn columns_summed_are_the_image_under_uniform_light() {
+    let texels = all_on(&trace(glossy_room(16), settings(32, 6)));
+    let whole = all_on(&trace(glossy_room(1), settings(32, 6)));
+    for (row, (a, b)) in texels.iter().zip(&whole).enumerate() {
+        // The same terms in another order: some roundings of f32.
+        assert!((a - b).abs() <= 1e-5 * b.abs() + 1e-7, "row {row}: {a} {b}");
+    }
+}
+
+#[test]
+fn the_stated_noise_is_the_noise_that_repeated_renders_show() {
+    let (repeats, columns) = (24, 16);
+    let renders: Vec<Vec<TracedBlock>> = (0..repeats)
+        .map(|seed| {
+            let blocks = trace(glossy_room(4), TraceSettings { seed, ..settings(16, 4) });
+            blocks.into_iter().map(|(block, _)| block).collect()
+        })
+        .collect();
+    let (mut stated, mut shown, mut probes_stated, mut probes_shown) = (0.0, 0.0, 0.0, 0.0);
+    for (block, first) in renders[0].iter().enumerate() {
+        let of = |k: usize| &renders[k][block];
+        let rows = first.block.rows();
+        let deviations = |value: &dyn Fn(usize) -> f64| {
+            let values: Vec<f64> = (0..repeats as usize).map(value).collect();
+            let mean = values.iter().sum::<f64>() / repeats as f64;
+            values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (repeats - 1) as f64
+        };
+        for row in 0..rows {
+            for column in 0..columns {
+                shown += deviations(&|k| f64::from(of(k).block.view().at(row, column)));
+            }
+            let all = |k: usize| (0..columns).map(|c| f64::from(of(k).block.view().at(row, c))).sum::<f64>();
+            probes_shown += deviations(&all);
+        }
+        for k in 0..repeats as usize {
+            let noise = of(k).noise.as_ref().unwrap();
+            stated += noise.mean_variance() * (rows * columns) as f64 / repeats as f64;
+            let by_column: f64 = noise.column_variance.iter().map(|&v| f64::from(v)).sum::<f64>() / columns as f64;
+            assert!((by_column / noise.mean_variance() - 1.0).abs() < 1e-4, "marginals of the same squares");
+            probes_stated += noise.probes[..rows].iter().map(|&p| f64::from(p).powi(2)).sum::<f64>() / repeats as f64;
+        }
+    }
+    // Both are estimates from some 10,000 rows and 24 repeats, but heavy-tailed ones.
+    assert!((stated / shown - 1.0).abs() < 0.1, "entries: stated {stated}, shown {shown}");
+    assert!((probes_stated / probes_shown - 1.0).abs() < 0.1, "all on: stated {probes_stated}, shown {probes_shown}");
+}
+
+#[test]
+fn bad_requests_are_refused_with_a_reason() {
+    let refused = |scene: ltm::scene::Scene, width, columns, settings| {
+        let shape = MatrixShape::new(width, 16, columns, 8).unwrap();
+        Tracer::new(scene, shape, settings).unwrap_err().to_string()
+    };
+    let good = settings(4, 4);
+    assert!(refused(glossy_room(2), 17, 4, good).contains("17×16"));
+    assert!(refused(glossy_room(2), 16, 5, good).contains("5"));
+    assert!(refused(glossy_room(2), 16, 4, TraceSettings { samples_per_pixel: 0, ..good }).contains("samples"));
+    assert!(refused(glossy_room(2), 16, 4, TraceSettings { max_depth: 0, ..good }).contains("depth"));
+    let mut flat = glossy_room(1);
+    let Emitter::Area(emitter) = &mut flat.emitters[0] else { unreachable!() };
+    emitter.layout = ltm::scene::AreaLayout::Whole;
+    for t in emitter.triangles.clone() {
+        let [a, _, _] = flat.mesh.triangles[t as usize].vertices;
+        flat.mesh.triangles[t as usize].vertices = [a; 3];
+    }
+    assert!(refused(flat, 16, 1, good).contains("has no area"));
+    let mut outside = glossy_room(2);
+    outside.mesh.triangles[3].vertices[1] = 1 << 30;
+    assert!(refused(outside, 16, 4, good).contains("triangle 3"));
+}
+
+#[test]
+fn one_sample_has_no_noise_to_state() {
+    let blocks = trace(glossy_room(2), settings(1, 4));
+    assert!(blocks.iter().all(|(block, stats)| block.noise.is_none() && stats.paths == 64 && stats.rays > 64));
 }

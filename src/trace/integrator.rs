@@ -102,13 +102,15 @@ fn follow(
                 record.add(found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
             }
         }
-        if vertex + 1 >= max_depth {
-            return;
-        }
         let front = point.normal.dot(direction) < 0.0;
         let (normal, frame) = facing(&point, direction, front);
         let wo = frame.to_local(-direction);
         let bsdf = world.bsdf(&point, front);
+        // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
+        let at_end = vertex + 1 >= max_depth;
+        if at_end && !bsdf.lets_pass() {
+            return;
+        }
         let choice = sampler.pair(Use::Choice, vertex + passes);
 
         let mut light_samples = 0;
@@ -153,6 +155,9 @@ fn follow(
                 return;
             }
             continue;
+        }
+        if at_end {
+            return;
         }
         // A direction that the shading normal allows and the surface itself does not.
         if (direction.dot(normal) > 0.0) != (next.wi.z > 0.0) {

@@ -108,6 +108,11 @@ impl Bsdf {
         matches!(self, Self::Lambert { .. } | Self::RoughConductor { .. } | Self::Coated { .. })
     }
 
+    /// Whether rays may pass straight through.
+    pub fn lets_pass(&self) -> bool {
+        matches!(self, Self::ThinDielectric { .. })
+    }
+
     /// `f(wo, wi) · |cos θi|` and the density with which [`Self::sample`] chooses `wi`; zeros for singular surfaces.
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         if wi.z <= 0.0 || wo.z <= 0.0 {
