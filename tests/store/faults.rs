@@ -88,13 +88,13 @@ fn image_after(operations: &[Operation], count: usize, random: &mut impl FnMut()
                 while at < bytes.len() {
                     let sector_end = (offset + at as u64 + 1).next_multiple_of(512) - offset;
                     let end = (sector_end as usize).min(bytes.len());
-                    if random() % 2 == 0 {
+                    if random().is_multiple_of(2) {
                         apply(&mut image, &Operation::Write(offset + at as u64, bytes[at..end].to_vec()));
                     }
                     at = end;
                 }
             }
-            Operation::Clear(..) if random() % 2 == 0 => {}
+            Operation::Clear(..) if random().is_multiple_of(2) => {}
             other => apply(&mut image, other),
         }
     }
