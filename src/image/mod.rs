@@ -3,9 +3,11 @@
 mod exr_file;
 mod linear;
 mod measure;
+mod read;
 mod tone;
 
 pub use exr_file::write_exr;
 pub use linear::LinearImage;
 pub use measure::{ImageError, compare};
+pub use read::{RgbaImage, decode_srgb, image_size, read_image, read_rgba};
 pub use tone::{encode_srgb, write_png};

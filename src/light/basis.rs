@@ -118,6 +118,9 @@ pub struct LightBasis {
 }
 
 impl LightBasis {
+    /// Largest number of columns.
+    pub const MAX_COLUMNS: u32 = MatrixShape::MAX_COLUMNS;
+
     /// An empty basis, to [`push`](Self::push) lights to.
     pub fn new() -> Self {
         Self::default()
@@ -146,7 +149,7 @@ impl LightBasis {
         if !finite.into_iter().all(|v| v.is_finite()) {
             return refuse("has a place, extent or emission that is not finite");
         }
-        if self.column_count() + light.places.len() > MatrixShape::MAX_COLUMNS as usize {
+        if self.column_count() + light.places.len() > Self::MAX_COLUMNS as usize {
             return refuse("brings the number of columns above what a matrix can have");
         }
         light.first_column = self.column_count() as u32;

@@ -4,8 +4,8 @@ use glam::{Quat, Vec2, Vec3};
 
 use super::shapes;
 use super::{
-    AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, Material, MaterialId, Mesh, Surface,
-    Texture, Triangle,
+    AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, Material, MaterialId, Mesh, PointEmitter,
+    Surface, Texture, Triangle,
 };
 use crate::error::Result;
 use crate::light::{Light, LightBasis, LightKind, LightUnit};
@@ -105,6 +105,30 @@ impl Assembly {
         };
         let world_from_environment = glam::Mat3::from_quat(rotation);
         self.light(Emitter::Environment(EnvironmentEmitter { mapping, world_from_environment }), light)
+    }
+
+    /// Appends a point-like light.
+    pub(super) fn point(&mut self, name: &str, emitter: PointEmitter, emission: [f32; 3]) -> Result<()> {
+        let (kind, unit, place, extent) = match &emitter {
+            PointEmitter::Point { position } => (LightKind::Point, LightUnit::Intensity, *position, 0.0),
+            PointEmitter::Spot { position, .. } => (LightKind::Spot, LightUnit::Intensity, *position, 0.0),
+            PointEmitter::Ies { position, .. } => (LightKind::Ies, LightUnit::Intensity, *position, 0.0),
+            PointEmitter::Sun { towards, angular_radius_radians } => {
+                // 2π (1 − cos r) as 4π sin²(r/2), which keeps its digits for the sun's quarter of a degree.
+                let solid_angle = 4.0 * std::f32::consts::PI * (0.5 * angular_radius_radians).sin().powi(2);
+                (LightKind::Sun, LightUnit::Irradiance, *towards, solid_angle)
+            }
+        };
+        let light = Light {
+            name: name.into(),
+            kind,
+            unit,
+            emission,
+            first_column: 0,
+            places: vec![place.into()],
+            extents: vec![extent],
+        };
+        self.light(Emitter::Point(emitter), light)
     }
 }
 

@@ -8,6 +8,7 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 use glam::{Vec2, Vec3};
 
 use super::EnvironmentMapping;
+use crate::image::LinearImage;
 
 impl EnvironmentMapping {
     /// Number of texels, which are the columns of the light.
@@ -62,6 +63,41 @@ impl EnvironmentMapping {
             }
             Self::Octahedral { side } => 4.0 * PI / (side as f32 * side as f32),
         }
+    }
+
+    /// Averages of a lat-long image over the solid angle of every texel: the weights with which the columns show it.
+    ///
+    /// The image lies as a [`LatLong`](Self::LatLong) mapping does: zenith at its top, −z at its left edge.
+    pub fn texel_averages(self, image: &LinearImage) -> Vec<[f32; 3]> {
+        let (width, height) = (image.width as usize, image.height as usize);
+        let pixels = Self::LatLong { across: image.width, down: image.height };
+        let texels = self.texel_count() as usize;
+        // Enough points that every texel gets about sixteen, so that coarse images reach all texels.
+        let cuts = ((16 * texels) as f32 / (width * height).max(1) as f32).sqrt().ceil().max(1.0) as usize;
+        let mut sums = vec![[0.0f64; 4]; texels];
+        for row in 0..height {
+            let weight = f64::from(pixels.solid_angle((row * width) as u32));
+            for column in 0..width {
+                let pixel = row * width + column;
+                for cut in 0..cuts * cuts {
+                    let offset = Vec2::new((cut % cuts) as f32 + 0.5, (cut / cuts) as f32 + 0.5) / cuts as f32;
+                    let sum = &mut sums[self.texel_at(pixels.direction_at(pixel as u32, offset)) as usize];
+                    for (channel, value) in image.pixels[pixel].iter().enumerate() {
+                        sum[channel] += weight * f64::from(*value);
+                    }
+                    sum[3] += weight;
+                }
+            }
+        }
+        let nearest = |texel: usize| {
+            let at = pixels.texel_at(self.direction_at(texel as u32, Vec2::splat(0.5)));
+            image.pixels.get(at as usize).copied().unwrap_or_default()
+        };
+        let average = |(texel, [r, g, b, weight]): (usize, [f64; 4])| match weight > 0.0 {
+            true => [r, g, b].map(|v| (v / weight) as f32),
+            false => nearest(texel),
+        };
+        sums.into_iter().enumerate().map(average).collect()
     }
 
     /// Position of a unit direction in the environment's image, `[0, 1]²` from its top left.
@@ -175,6 +211,31 @@ mod tests {
         near(octahedral, Vec3::X, 1.0, 0.5);
         near(octahedral, Vec3::NEG_Z, 0.5, 0.0);
         near(octahedral, Vec3::new(1e-4, -1.0, 1e-4), 1.0, 1.0);
+    }
+
+    #[test]
+    fn averages_keep_an_images_flux_and_place() {
+        let mut image = LinearImage::black(64, 32);
+        for (i, pixel) in image.pixels.iter_mut().enumerate() {
+            *pixel = [1.0 + (i % 64) as f32, (i / 64) as f32, 0.25];
+        }
+        let from = EnvironmentMapping::LatLong { across: 64, down: 32 };
+        let flux = |mapping: EnvironmentMapping, weights: &[[f32; 3]], c: usize| -> f64 {
+            let texels = weights.iter().enumerate();
+            texels.map(|(t, w)| f64::from(w[c]) * f64::from(mapping.solid_angle(t as u32))).sum()
+        };
+        for mapping in MAPPINGS {
+            let weights = mapping.texel_averages(&image);
+            assert!(weights.iter().all(|w| (w[2] - 0.25).abs() < 1e-6));
+            // Whole pixels fall to one texel or another: a few per cent where the two grids do not meet.
+            for channel in 0..3 {
+                let (found, stated) = (flux(mapping, &weights, channel), flux(from, &image.pixels, channel));
+                assert!((found / stated - 1.0).abs() < 0.03, "{mapping:?}: {found} for {stated}");
+            }
+        }
+        let exact = EnvironmentMapping::LatLong { across: 32, down: 16 }.texel_averages(&image);
+        assert!((exact[5][0] - 11.5).abs() < 1e-4, "{:?}", exact[5]);
+        assert_eq!(from.texel_averages(&image).len(), 64 * 32);
     }
 
     #[test]

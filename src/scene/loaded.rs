@@ -3,6 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use super::Scene;
+use crate::light::Lighting;
 
 /// A scene that has been read and checked.
 #[derive(Clone, Debug)]
@@ -11,6 +12,8 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// How it asks to be rendered; programs may override each of these.
     pub settings: RenderSettings,
+    /// The light that the scene file gives: every light's emission, and an environment's map texel by texel.
+    pub lighting: Lighting,
     /// What was mended or looks wrong, one line each, for people.
     pub warnings: Vec<String>,
     /// [`content_hash`] of the scene with these settings.
@@ -37,10 +40,11 @@ impl Default for RenderSettings {
 }
 
 impl LoadedScene {
-    /// A loaded scene with its content hash.
+    /// A loaded scene with its content hash, lit by its lights' emission.
     pub fn new(scene: Scene, settings: RenderSettings, warnings: Vec<String>) -> Self {
         let content = content_hash(&scene, settings.max_depth);
-        Self { scene, settings, warnings, content }
+        let lighting = Lighting::of_scene(&scene.basis);
+        Self { scene, settings, lighting, warnings, content }
     }
 }
 

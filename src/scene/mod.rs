@@ -7,17 +7,32 @@ mod built_in;
 mod camera;
 mod emitter;
 mod environment;
+mod file;
+mod folders;
+mod ies;
+mod import;
+mod lights;
+mod load;
 mod loaded;
+mod looks;
 mod material;
 mod mesh;
+mod mtl;
+mod names;
+mod obj;
+mod rectangle;
 mod shapes;
+mod textures;
+mod validate;
 
 pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
 pub use camera::{Camera, PixelFilter};
 pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, IesProfile, PointEmitter};
+pub use load::load;
 pub use loaded::{LoadedScene, RenderSettings, content_hash};
 pub use material::{Material, Paint, Surface, Texture, TextureId};
 pub use mesh::{MaterialId, Mesh, Triangle};
+pub use validate::validate;
 
 use crate::light::LightBasis;
 

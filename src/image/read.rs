@@ -1,0 +1,160 @@
+//! Reading images: EXR and HDR as they are, PNG, JPEG, TGA and BMP decoded from sRGB.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+use super::LinearImage;
+use crate::error::{Error, Result};
+
+/// Largest side of an image that is read, in pixels.
+const MAX_SIDE: u32 = 16_384;
+
+/// First four bytes of an OpenEXR file.
+const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// `width × height` linear Rec. 709 RGBA pixels, row by row from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RgbaImage {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Pixels, row by row; alpha is 1 where the file has none.
+    pub pixels: Vec<[f32; 4]>,
+    /// Whether the file has an alpha channel.
+    pub has_alpha: bool,
+}
+
+/// Reads an image, dropping its alpha. Errors: those of [`read_rgba`].
+pub fn read_image(path: &Path) -> Result<LinearImage> {
+    let RgbaImage { width, height, pixels, .. } = read_rgba(path)?;
+    Ok(LinearImage { width, height, pixels: pixels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect() })
+}
+
+/// Reads an image with its alpha. The format is told from the content, not from the name.
+///
+/// Errors: a file that cannot be opened, is no image of a known format, is damaged, or is larger than 16,384 pixels
+/// along a side.
+pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
+    let mut magic = [0; 4];
+    let mut file = File::open(path).map_err(Error::io(path, "open the image"))?;
+    let is_exr = file.read_exact(&mut magic).is_ok() && magic == EXR_MAGIC;
+    if is_exr { read_exr(path) } else { read_other(path) }
+}
+
+/// Width and height in pixels, without decoding. Errors: those of [`read_rgba`].
+pub fn image_size(path: &Path) -> Result<(u32, u32)> {
+    let mut magic = [0; 4];
+    let mut file = File::open(path).map_err(Error::io(path, "open the image"))?;
+    let size = if file.read_exact(&mut magic).is_ok() && magic == EXR_MAGIC {
+        let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| refuse(path, &e.to_string()))?;
+        let size = meta.headers.first().ok_or_else(|| refuse(path, "it has no layers"))?.layer_size;
+        (size.x() as u64, size.y() as u64)
+    } else {
+        let reader = image::ImageReader::open(path).and_then(|r| r.with_guessed_format());
+        let reader = reader.map_err(Error::io(path, "open the image"))?;
+        let (width, height) = reader.into_dimensions().map_err(|e| refuse(path, &e.to_string()))?;
+        (u64::from(width), u64::from(height))
+    };
+    if size.0.max(size.1) > u64::from(MAX_SIDE) {
+        let problem = format!("the image has {} × {} pixels", size.0, size.1);
+        return Err(Error::input(
+            path.display().to_string(),
+            problem,
+            format!("give one of at most {MAX_SIDE} a side"),
+        ));
+    }
+    Ok((size.0 as u32, size.1 as u32))
+}
+
+fn refuse(path: &Path, reason: &str) -> Error {
+    let reason = reason.lines().next().unwrap_or_default();
+    let hint = "give an EXR, HDR, PNG, JPEG, TGA or BMP image (EXR without DWA compression)";
+    Error::input(path.display().to_string(), format!("the image cannot be read ({reason})"), hint)
+}
+
+fn read_exr(path: &Path) -> Result<RgbaImage> {
+    image_size(path)?;
+    // The layer with colours need not be the file's first, so the size is taken from it.
+    let result = exr::prelude::read_first_rgba_layer_from_file(
+        path,
+        |size, _| (size, vec![[0.0, 0.0, 0.0, 1.0]; size.area()]),
+        |(size, pixels), position, (r, g, b, a): (f32, f32, f32, f32)| {
+            pixels[position.y() * size.x() + position.x()] = [r, g, b, a];
+        },
+    );
+    let channels = result.map_err(|e| refuse(path, &e.to_string()))?.layer_data.channel_data;
+    let (size, pixels) = channels.pixels;
+    let has_alpha = channels.channels.3.is_some();
+    Ok(RgbaImage { width: size.x() as u32, height: size.y() as u32, pixels, has_alpha })
+}
+
+fn read_other(path: &Path) -> Result<RgbaImage> {
+    let (width, height) = image_size(path)?;
+    let file = File::open(path).map_err(Error::io(path, "open the image"))?;
+    let reader = image::ImageReader::new(BufReader::new(file)).with_guessed_format();
+    let mut reader = reader.map_err(Error::io(path, "read the image"))?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(u64::from(MAX_SIDE).pow(2) * 16);
+    reader.limits(limits);
+    let decoded = reader.decode().map_err(|e| refuse(path, &e.to_string()))?;
+    let has_alpha = decoded.color().has_alpha();
+    // Radiance HDR decodes to floats, which are linear; everything else holds sRGB.
+    let linear = matches!(decoded.color(), image::ColorType::Rgb32F | image::ColorType::Rgba32F);
+    let decode = |v: f32| if linear { v } else { decode_srgb(v) };
+    let pixels = decoded.into_rgba32f();
+    let pixels = pixels.pixels().map(|image::Rgba([r, g, b, a])| [decode(*r), decode(*g), decode(*b), *a]).collect();
+    Ok(RgbaImage { width, height, pixels, has_alpha })
+}
+
+/// Inverse of the sRGB transfer function (IEC 61966-2-1).
+pub fn decode_srgb(encoded: f32) -> f32 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::{encode_srgb, write_exr};
+
+    #[test]
+    fn srgb_decodes_what_it_encodes() {
+        for i in 0..=255 {
+            let v = i as f32 / 255.0;
+            assert!((encode_srgb(decode_srgb(v)) - v).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn an_exr_comes_back_as_written_whatever_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.png");
+        let image = LinearImage { width: 3, height: 2, pixels: (0..6).map(|i| [i as f32, 0.5, 7e3]).collect() };
+        write_exr(&path, &image).unwrap();
+        assert_eq!(read_image(&path).unwrap(), image);
+        assert_eq!(image_size(&path).unwrap(), (3, 2));
+        assert!(!read_rgba(&path).unwrap().has_alpha);
+    }
+
+    #[test]
+    fn a_png_keeps_its_alpha_and_is_made_linear() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image.png");
+        image::RgbaImage::from_raw(2, 1, vec![255, 188, 0, 255, 0, 0, 0, 64]).unwrap().save(&path).unwrap();
+        let read = read_rgba(&path).unwrap();
+        assert!(read.has_alpha && read.pixels[0][0] == 1.0 && (read.pixels[0][1] - 0.503).abs() < 1e-3);
+        assert!((read.pixels[1][3] - 64.0 / 255.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused_with_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("text.png");
+        std::fs::write(&path, "no image").unwrap();
+        assert!(read_image(&path).unwrap_err().to_string().contains("text.png"));
+        std::fs::write(&path, [EXR_MAGIC.as_slice(), &[2, 0, 0, 0, 9, 9]].concat()).unwrap();
+        assert!(read_image(&path).unwrap_err().to_string().contains("text.png"));
+        assert!(read_image(&folder.path().join("none.exr")).is_err());
+    }
+}

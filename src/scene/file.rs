@@ -1,0 +1,263 @@
+//! The scene file as it is typed: TOML to records, with errors that name the line, the key and the nearest known one.
+//!
+//! `formats/scene.md` describes every key; what the values mean is decided in `load`.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::names;
+use crate::error::{Error, Result};
+
+/// A scene file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneFile {
+    pub(super) name: Option<String>,
+    pub(super) geometry: Vec<String>,
+    pub(super) metres_per_unit: Option<f32>,
+    pub(super) camera: CameraEntry,
+    #[serde(default)]
+    pub(super) render: RenderEntry,
+    #[serde(default)]
+    pub(super) light: Vec<LightEntry>,
+    #[serde(default)]
+    pub(super) material: Vec<MaterialEntry>,
+}
+
+/// `[camera]`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraEntry {
+    pub(super) eye: [f32; 3],
+    pub(super) look_at: Option<[f32; 3]>,
+    pub(super) direction: Option<[f32; 3]>,
+    pub(super) up: Option<[f32; 3]>,
+    pub(super) vertical_fov_degrees: Option<f32>,
+    pub(super) width: Option<u32>,
+    pub(super) height: Option<u32>,
+    pub(super) filter: Option<FilterEntry>,
+    pub(super) filter_radius: Option<f32>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum FilterEntry {
+    Box,
+    Tent,
+    Gaussian,
+}
+
+/// `[render]`.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RenderEntry {
+    pub(super) samples_per_pixel: Option<u32>,
+    pub(super) seed: Option<u64>,
+    pub(super) block_side: Option<u32>,
+    pub(super) max_depth: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum LightEntryKind {
+    #[default]
+    Surface,
+    Panel,
+    Point,
+    Spot,
+    Sun,
+    Ies,
+    Environment,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum SideEntry {
+    #[default]
+    Front,
+    Back,
+    Both,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum MappingEntry {
+    #[default]
+    LatLong,
+    Octahedral,
+}
+
+/// `[[light]]`, for all kinds; which keys go with which kind is checked by [`LightEntry::check_keys`].
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LightEntry {
+    #[serde(default)]
+    pub(super) kind: LightEntryKind,
+    pub(super) name: Option<String>,
+    pub(super) emission: Option<[f32; 3]>,
+    pub(super) material: Option<String>,
+    pub(super) object: Option<String>,
+    pub(super) join: Option<bool>,
+    pub(super) texels: Option<[u32; 2]>,
+    pub(super) side: Option<SideEntry>,
+    pub(super) replaces: Option<String>,
+    pub(super) origin: Option<[f32; 3]>,
+    pub(super) edge_u: Option<[f32; 3]>,
+    pub(super) edge_v: Option<[f32; 3]>,
+    pub(super) faces: Option<[f32; 3]>,
+    pub(super) position: Option<[f32; 3]>,
+    pub(super) direction: Option<[f32; 3]>,
+    pub(super) inner_degrees: Option<f32>,
+    pub(super) outer_degrees: Option<f32>,
+    pub(super) towards: Option<[f32; 3]>,
+    pub(super) angular_radius_degrees: Option<f32>,
+    pub(super) file: Option<String>,
+    pub(super) turn_degrees: Option<f32>,
+    pub(super) mapping: Option<MappingEntry>,
+    pub(super) map: Option<String>,
+}
+
+/// `[[material]]`: what overrides the MTL file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialEntry {
+    #[serde(rename = "match")]
+    pub(super) pattern: String,
+    pub(super) kind: Option<SurfaceEntry>,
+    pub(super) reflectance: Option<[f32; 3]>,
+    pub(super) reflectance_map: Option<String>,
+    pub(super) specular: Option<[f32; 3]>,
+    pub(super) roughness: Option<f32>,
+    pub(super) ior: Option<f32>,
+    pub(super) transmittance: Option<[f32; 3]>,
+    pub(super) cutout_map: Option<String>,
+    pub(super) emission: Option<[f32; 3]>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum SurfaceEntry {
+    Lambert,
+    Mirror,
+    RoughConductor,
+    Dielectric,
+    ThinDielectric,
+    Coated,
+    Black,
+}
+
+impl LightEntryKind {
+    /// Its name in the file and the keys that go with it besides `kind`, `name` and `emission`.
+    fn keys(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Self::Surface => ("surface", &["material", "object", "join", "texels", "side"]),
+            Self::Panel => ("panel", &["origin", "edge_u", "edge_v", "faces", "texels", "side", "replaces"]),
+            Self::Point => ("point", &["position"]),
+            Self::Spot => ("spot", &["position", "direction", "inner_degrees", "outer_degrees"]),
+            Self::Sun => ("sun", &["towards", "angular_radius_degrees"]),
+            Self::Ies => ("ies", &["file", "position", "direction", "turn_degrees"]),
+            Self::Environment => ("environment", &["mapping", "texels", "turn_degrees", "map"]),
+        }
+    }
+}
+
+impl LightEntry {
+    /// Errors: a key that does not go with the light's kind.
+    pub(super) fn check_keys(&self, place: &str) -> Result<()> {
+        let given = [
+            ("material", self.material.is_some()),
+            ("object", self.object.is_some()),
+            ("join", self.join.is_some()),
+            ("texels", self.texels.is_some()),
+            ("side", self.side.is_some()),
+            ("replaces", self.replaces.is_some()),
+            ("origin", self.origin.is_some()),
+            ("edge_u", self.edge_u.is_some()),
+            ("edge_v", self.edge_v.is_some()),
+            ("faces", self.faces.is_some()),
+            ("position", self.position.is_some()),
+            ("direction", self.direction.is_some()),
+            ("inner_degrees", self.inner_degrees.is_some()),
+            ("outer_degrees", self.outer_degrees.is_some()),
+            ("towards", self.towards.is_some()),
+            ("angular_radius_degrees", self.angular_radius_degrees.is_some()),
+            ("file", self.file.is_some()),
+            ("turn_degrees", self.turn_degrees.is_some()),
+            ("mapping", self.mapping.is_some()),
+            ("map", self.map.is_some()),
+        ];
+        let (kind, allowed) = self.kind.keys();
+        match given.iter().find(|(key, given)| *given && !allowed.contains(key)) {
+            None => Ok(()),
+            Some((key, _)) => Err(Error::input(
+                place,
+                format!("a light of kind \"{kind}\" has no '{key}'"),
+                format!("it takes name, emission, {}", allowed.join(", ")),
+            )),
+        }
+    }
+}
+
+/// Parses a scene file's text; `path` is for messages. Errors: anything that is not a scene file, with its line.
+pub(super) fn parse(path: &Path, text: &str) -> Result<SceneFile> {
+    toml::from_str(text).map_err(|error| {
+        let mut place = path.display().to_string();
+        if let Some(span) = error.span() {
+            let line = text.get(..span.start).map_or(0, |before| before.matches('\n').count()) + 1;
+            place = format!("{place}, line {line}");
+        }
+        let message = error.message().lines().next().unwrap_or_default().to_owned();
+        let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        match quoted.split_first() {
+            Some((&key, known)) if message.starts_with("unknown field") => {
+                let nearest = names::nearest(key, known.iter().copied());
+                let hint = nearest.map(|name| format!("did you mean '{name}'? ")).unwrap_or_default();
+                Error::input(place, format!("unknown key '{key}'"), format!("{hint}known here: {}", known.join(", ")))
+            }
+            Some((&value, known)) if message.starts_with("unknown variant") => {
+                let hint = format!("choose one of {}", known.join(", "));
+                Error::input(place, format!("unknown value \"{value}\""), hint)
+            }
+            Some((&key, _)) if message.starts_with("missing field") => {
+                Error::input(place, format!("the key '{key}' is missing"), "formats/scene.md lists the keys")
+            }
+            _ => Error::input(place, message, "formats/scene.md says how a scene file is written"),
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(text: &str) -> String {
+        parse(Path::new("a.toml"), text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn errors_name_the_line_the_key_and_the_nearest_known_one() {
+        let unknown = message("geometry = []\n[camera]\neye = [0, 0, 0]\nfov_degrees = 3\n");
+        assert!(unknown.contains("line 4") && unknown.contains("'fov_degrees'"), "{unknown}");
+        let unknown = message("geometry = []\n[camera]\neye = [0, 0, 0]\n[[light]]\ntexel = 3\n");
+        assert!(unknown.contains("line 5") && unknown.contains("did you mean 'texels'"), "{unknown}");
+        let unknown = message("geometry = []\n[camera]\neye = [0, 0, 0]\n[[light]]\nkind = \"lamp\"\n");
+        assert!(unknown.contains("line 5") && unknown.contains("environment"), "{unknown}");
+        assert!(message("geometry = []\n").contains("'camera' is missing"));
+        assert!(message("geometry = 3\n").contains("line 1"));
+        assert!(message("geometry = [").contains("line 1"));
+    }
+
+    #[test]
+    fn every_kind_of_light_refuses_the_keys_of_others() {
+        let kinds = ["surface", "panel", "point", "spot", "sun", "ies", "environment"];
+        for kind in kinds {
+            let text = format!("geometry=[]\n[camera]\neye=[0,0,0]\n[[light]]\nkind=\"{kind}\"\n");
+            let mut light = parse(Path::new("a"), &text).unwrap().light.remove(0);
+            assert_eq!(light.kind.keys().0, kind);
+            assert!(light.check_keys("here").is_ok());
+            light.inner_degrees = Some(1.0);
+            assert_eq!(light.check_keys("here").is_ok(), kind == "spot");
+        }
+    }
+}

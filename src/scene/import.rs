@@ -1,0 +1,139 @@
+//! Geometry files into one mesh, with the material description and the object name of every triangle.
+
+use std::path::{Path, PathBuf};
+
+use glam::{Vec2, Vec3};
+
+use super::folders::Folders;
+use super::mtl::{self, MtlMaterial};
+use super::obj::{self, ObjFile, ObjPart};
+use super::{MaterialId, Mesh, Triangle};
+use crate::error::{Error, Result};
+
+/// Height over longest side below which a triangle is degenerate: its normal would be rounding noise.
+const THINNEST: f32 = 1e-6;
+
+/// All geometry of a scene before its materials and lights are made.
+#[derive(Debug, Default)]
+pub(super) struct Geometry {
+    pub(super) mesh: Mesh,
+    /// What [`MaterialId`]s mean.
+    pub(super) materials: Vec<SourceMaterial>,
+    /// Object names.
+    pub(super) objects: Vec<String>,
+    /// Index into `objects` for every triangle.
+    pub(super) object_of: Vec<u32>,
+}
+
+/// A material as an MTL file describes it.
+#[derive(Debug)]
+pub(super) struct SourceMaterial {
+    pub(super) description: MtlMaterial,
+    /// Folder of its textures.
+    pub(super) folder: PathBuf,
+}
+
+impl Geometry {
+    /// Reads an OBJ file with its materials and adds it. Errors: files that are missing or unreadable, and those of
+    /// [`obj::parse`] and [`mtl::parse`].
+    pub(super) fn read(&mut self, path: &Path, warnings: &mut Vec<String>) -> Result<()> {
+        let bytes = std::fs::read(path).map_err(Error::io(path, "read the geometry"))?;
+        let file = obj::parse(path, &bytes)?;
+        drop(bytes);
+        let first_material = self.materials.len();
+        self.describe(path, &file, warnings)?;
+        let (mut degenerate, mut turned) = (0, 0);
+        for part in &file.parts {
+            let material = MaterialId((first_material + part.material) as u32);
+            self.add(part, material, &mut degenerate, &mut turned);
+        }
+        if degenerate > 0 {
+            warnings.push(format!("{}: {degenerate} triangles without area were left out", path.display()));
+        }
+        if turned > 0 {
+            warnings.push(format!("{}: {turned} triangles wound against their normals were turned", path.display()));
+        }
+        Ok(())
+    }
+
+    /// Leaves out the triangles for which `keep` says no.
+    pub(super) fn retain(&mut self, keep: impl Fn(&Triangle) -> bool) {
+        let kept: Vec<bool> = self.mesh.triangles.iter().map(keep).collect();
+        let mut each = kept.iter();
+        self.mesh.triangles.retain(|_| *each.next().unwrap_or(&true));
+        let mut each = kept.iter();
+        self.object_of.retain(|_| *each.next().unwrap_or(&true));
+    }
+
+    fn describe(&mut self, path: &Path, file: &ObjFile, warnings: &mut Vec<String>) -> Result<()> {
+        let beside = Folders::of(path);
+        let mut library = Vec::new();
+        for name in &file.libraries {
+            let Ok(mtl_path) = beside.find(name, "") else {
+                let problem =
+                    format!("{}: the material file \"{name}\" is missing; its materials are grey", path.display());
+                warnings.push(problem);
+                continue;
+            };
+            let text = std::fs::read(&mtl_path).map_err(Error::io(&mtl_path, "read the materials"))?;
+            let folder = mtl_path.parent().unwrap_or(Path::new("")).to_owned();
+            let described = mtl::parse(&mtl_path, &String::from_utf8_lossy(&text))?;
+            library.extend(described.into_iter().map(|material| (material, folder.clone())));
+        }
+        for name in &file.materials {
+            let found = library.iter().find(|(material, _)| material.name == *name);
+            let (mut description, folder) = found.cloned().unwrap_or_else(|| {
+                if !library.is_empty() {
+                    warnings.push(format!("{}: material '{name}' is not described; it is grey", path.display()));
+                }
+                (MtlMaterial { name: name.clone(), ..Default::default() }, PathBuf::new())
+            });
+            if description.name.is_empty() {
+                description.name = "unnamed".into();
+            }
+            self.materials.push(SourceMaterial { description, folder });
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, part: &ObjPart, material: MaterialId, degenerate: &mut usize, turned: &mut usize) {
+        let first = self.mesh.positions.len() as u32;
+        let count = part.positions.len();
+        self.mesh.positions.extend_from_slice(&part.positions);
+        if part.normals.is_empty() {
+            self.mesh.normals.resize(self.mesh.positions.len(), Vec3::ZERO);
+        } else {
+            self.mesh.normals.extend_from_slice(&part.normals);
+        }
+        if part.uvs.is_empty() {
+            self.mesh.uvs.resize(self.mesh.positions.len(), Vec2::ZERO);
+        } else {
+            self.mesh.uvs.extend_from_slice(&part.uvs);
+        }
+        debug_assert!(
+            self.mesh.normals.len() == first as usize + count && self.mesh.uvs.len() == first as usize + count
+        );
+        let object = self.objects.iter().rposition(|name| *name == part.object).unwrap_or_else(|| {
+            self.objects.push(part.object.clone());
+            self.objects.len() - 1
+        });
+        for indices in &part.triangles {
+            let [a, b, c] = indices.map(|i| part.positions[i as usize]);
+            let normal = (b - a).cross(c - a);
+            let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+            if normal.length().partial_cmp(&(THINNEST * longest)) != Some(std::cmp::Ordering::Greater) {
+                *degenerate += 1;
+                continue;
+            }
+            let mut vertices = indices.map(|i| i + first);
+            // Glass and lamps ask which side is the front; normals are stated on purpose, winding often by accident.
+            let stated: Vec3 = vertices.iter().map(|&v| self.mesh.normals[v as usize]).sum();
+            if stated.dot(normal) < 0.0 {
+                vertices.swap(1, 2);
+                *turned += 1;
+            }
+            self.mesh.triangles.push(Triangle { vertices, material, emitter: None });
+            self.object_of.push(object as u32);
+        }
+    }
+}

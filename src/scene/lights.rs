@@ -1,0 +1,384 @@
+//! The `[[light]]` entries of a scene file: each becomes one or more lights of the basis.
+
+use glam::{Mat3, Quat, Vec3};
+
+use super::assembly::{Assembly, Panel};
+use super::file::{LightEntry, LightEntryKind, MappingEntry, SideEntry};
+use super::folders::Folders;
+use super::looks::{Emission, colour};
+use super::rectangle::{self, Corner};
+use super::{AreaEmitter, AreaLayout, Emitter, EnvironmentMapping, PointEmitter, Surface, ies, names};
+use crate::error::{Error, Result};
+use crate::image::read_image;
+use crate::light::{Light, LightBasis, LightKind, LightUnit};
+
+/// Luminous efficacy by which candela become W·sr⁻¹, in lm/W: the convention of Radiance and of files converted from MGF.
+const LUMENS_PER_WATT: f32 = 179.0;
+
+/// Half angle under which the sun is seen from the earth, in degrees.
+const SUN_RADIUS_DEGREES: f32 = 0.2665;
+
+/// A scene under construction, with what its lights are chosen by.
+pub(super) struct Lights<'a> {
+    pub(super) assembly: &'a mut Assembly,
+    /// What each material emits.
+    pub(super) emissions: &'a [Option<Emission>],
+    pub(super) objects: &'a [String],
+    /// Index into `objects` for every triangle.
+    pub(super) object_of: &'a [u32],
+    pub(super) folders: &'a Folders,
+    /// Weights that differ from their light's emission: first column, weights.
+    pub(super) weights: Vec<(u32, Vec<[f32; 3]>)>,
+}
+
+/// Triangles that become one light.
+struct Group {
+    name: String,
+    emission: Emission,
+    triangles: Vec<u32>,
+}
+
+impl Lights<'_> {
+    /// Adds the lights of one entry; `place` names it in messages.
+    pub(super) fn add(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        entry.check_keys(place)?;
+        if let Some(emission) = entry.emission {
+            colour(emission, "emission", f32::MAX, place)?;
+        }
+        match entry.kind {
+            LightEntryKind::Surface => self.surfaces(entry, place),
+            LightEntryKind::Panel => self.panel(entry, place),
+            LightEntryKind::Environment => self.environment(entry, place),
+            _ => self.point_like(entry, place),
+        }
+    }
+
+    fn surfaces(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        let (across, down) = texels(entry.texels.unwrap_or([1, 1]), place)?;
+        let groups = self.groups(entry, place)?;
+        if groups.len() > 1 && entry.name.is_some() {
+            let problem = format!("the name is for one light, but {} are chosen", groups.len());
+            let hint = "leave the name out, choose one, or say join = true";
+            return Err(Error::input(place, problem, hint));
+        }
+        check_columns(&self.assembly.basis, groups.len() as u64 * u64::from(across) * u64::from(down), place)?;
+        for group in groups {
+            let name = entry.name.clone().unwrap_or(group.name);
+            let mut emission = group.emission;
+            emission.radiance = entry.emission.map_or(emission.radiance, Vec3::from);
+            let side = entry.side.unwrap_or_default();
+            self.surface(name, emission, group.triangles, entry.texels.map(|_| (across, down)), side, place)?;
+        }
+        Ok(())
+    }
+
+    /// The triangles that an entry chooses, one group for each material, each object, or all joined.
+    fn groups(&self, entry: &LightEntry, place: &str) -> Result<Vec<Group>> {
+        let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|p| names::fits(p, name));
+        let mut groups: Vec<(u32, Group)> = Vec::new();
+        let (mut named, mut dark) = (0, None);
+        for (index, triangle) in self.assembly.mesh.triangles.iter().enumerate() {
+            let material = triangle.material.0;
+            let object = self.object_of.get(index).copied().unwrap_or(u32::MAX);
+            let material_name = &self.assembly.materials[material as usize].name;
+            let object_name = self.objects.get(object as usize).map_or("", String::as_str);
+            if !fits(&entry.material, material_name) || !fits(&entry.object, object_name) {
+                continue;
+            }
+            named += 1;
+            if triangle.emitter.is_some() {
+                continue;
+            }
+            let stated = self.emissions.get(material as usize).copied().flatten();
+            let own = entry.emission.map(|e| Emission { radiance: e.into(), pattern: None });
+            let Some(emission) = stated.or(own) else {
+                dark = Some(material_name);
+                continue;
+            };
+            let by_object = entry.object.is_some() && entry.material.is_none();
+            let (key, name) = match entry.join.unwrap_or(false) {
+                true => (0, material_name),
+                false if by_object => (object, &self.objects[object as usize]),
+                false => (material, material_name),
+            };
+            match groups.iter_mut().rev().find(|(k, _)| *k == key) {
+                Some((_, group)) => {
+                    if group.emission != emission && entry.emission.is_none() {
+                        let problem = format!("'{}' joins surfaces of different emission", group.name);
+                        return Err(Error::input(place, problem, "state an emission for all of them, or do not join"));
+                    }
+                    group.triangles.push(index as u32);
+                }
+                None => groups.push((key, Group { name: name.clone(), emission, triangles: vec![index as u32] })),
+            }
+        }
+        if !groups.is_empty() {
+            return Ok(groups.into_iter().map(|(_, group)| group).collect());
+        }
+        let wanted = entry.material.as_deref().or(entry.object.as_deref()).unwrap_or("*");
+        Err(match dark {
+            Some(name) => {
+                let hint = "state an emission here, or a Ke in the material file";
+                Error::input(place, format!("the material '{name}' does not emit"), hint)
+            }
+            None if named > 0 => {
+                let problem = format!("all that fits \"{wanted}\" belongs to earlier lights");
+                Error::input(place, problem, "take this entry out or choose other surfaces")
+            }
+            None => {
+                let materials = self.assembly.materials.iter().map(|m| m.name.as_str());
+                let known = materials.chain(self.objects.iter().map(String::as_str));
+                let hint = match names::nearest(wanted, known) {
+                    Some(name) => format!("did you mean '{name}'?"),
+                    None => "look up the names in the OBJ and MTL files".into(),
+                };
+                Error::input(place, format!("no surface fits \"{wanted}\""), hint)
+            }
+        })
+    }
+
+    fn surface(
+        &mut self,
+        name: String,
+        emission: Emission,
+        triangles: Vec<u32>,
+        texels: Option<(u32, u32)>,
+        side: SideEntry,
+        place: &str,
+    ) -> Result<()> {
+        if side == SideEntry::Back {
+            for &index in &triangles {
+                self.assembly.mesh.triangles[index as usize].vertices.swap(1, 2);
+            }
+        }
+        let two_sided = side == SideEntry::Both;
+        let mesh = &self.assembly.mesh;
+        let corners = |&index: &u32| {
+            mesh.triangles[index as usize].vertices.map(|v| {
+                let v = v as usize;
+                Corner { position: mesh.positions[v], uv: mesh.uvs[v] }
+            })
+        };
+        let all: Vec<_> = triangles.iter().map(corners).collect();
+        let radiance = emission.radiance.to_array();
+        let (light, layout) = match texels {
+            Some(texels) => {
+                let found = rectangle::find(&all).map_err(|reason| {
+                    let problem = format!("'{name}' cannot be cut into texels: {reason}");
+                    let hint = "choose a flat rectangle, or put a light of kind \"panel\" in its place";
+                    Error::input(place, problem, hint)
+                })?;
+                let rectangle::Rectangle { origin, edge_u, edge_v, normal } = found;
+                let panel = Panel { origin, edge_u, edge_v, normal, texels, two_sided };
+                (panel.light(&name, radiance), panel.layout())
+            }
+            None => (lamp(&name, &all, radiance, place)?, AreaLayout::Whole),
+        };
+        let emitter = AreaEmitter { triangles, layout, two_sided, pattern: emission.pattern };
+        self.assembly.light(Emitter::Area(emitter), light)
+    }
+
+    fn panel(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        let name = entry.name.clone().unwrap_or_else(|| "panel".into());
+        let origin = point(required(entry.origin, "origin", place)?, "origin", place)?;
+        let edge_u = direction(required(entry.edge_u, "edge_u", place)?, "edge_u", place)?;
+        let edge_v = direction(required(entry.edge_v, "edge_v", place)?, "edge_v", place)?;
+        let cosine = edge_u.normalize().dot(edge_v.normalize());
+        if cosine.abs() > 1e-3 {
+            let problem = "edge_u and edge_v are not perpendicular";
+            return Err(Error::input(place, problem, "a panel is a rectangle; give perpendicular edges"));
+        }
+        let mut normal = edge_u.cross(edge_v).normalize_or_zero();
+        if let Some(faces) = entry.faces {
+            let faces = direction(faces, "faces", place)?.normalize();
+            if faces.dot(normal).abs() < 1e-3 {
+                return Err(Error::input(place, "'faces' lies in the panel's plane", "let it point to the lit side"));
+            }
+            normal *= faces.dot(normal).signum();
+        }
+        if entry.side == Some(SideEntry::Back) {
+            normal = -normal;
+        }
+        let texels = texels(entry.texels.unwrap_or([32, 32]), place)?;
+        check_columns(&self.assembly.basis, u64::from(texels.0) * u64::from(texels.1), place)?;
+        let two_sided = entry.side == Some(SideEntry::Both);
+        let panel = Panel { origin, edge_u, edge_v, normal, texels, two_sided };
+        let material = self.assembly.material(&name, Surface::Black);
+        self.assembly.panel(&name, panel, material, entry.emission.unwrap_or([1.0; 3]))
+    }
+
+    fn environment(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        if self.assembly.emitters.iter().any(|e| matches!(e, Emitter::Environment(_))) {
+            return Err(Error::input(place, "there is an environment already", "a scene has one at most"));
+        }
+        let name = entry.name.clone().unwrap_or_else(|| "environment".into());
+        let (across, down) = texels(entry.texels.unwrap_or([32, 16]), place)?;
+        let mapping = match entry.mapping.unwrap_or_default() {
+            MappingEntry::LatLong => EnvironmentMapping::LatLong { across, down },
+            MappingEntry::Octahedral if across == down => EnvironmentMapping::Octahedral { side: across },
+            MappingEntry::Octahedral => {
+                let hint = "give the same number twice, or mapping = \"lat_long\"";
+                return Err(Error::input(place, "an octahedral environment is a square of texels", hint));
+            }
+        };
+        check_columns(&self.assembly.basis, u64::from(across) * u64::from(down), place)?;
+        let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
+        let emission = entry.emission.unwrap_or([1.0; 3]);
+        self.assembly.environment(&name, mapping, Quat::from_rotation_y(turn), emission)?;
+        if let Some(map) = &entry.map {
+            let image = read_image(&self.folders.find(map, place)?)?;
+            let scale = |[r, g, b]: [f32; 3]| [r * emission[0], g * emission[1], b * emission[2]];
+            let weights = mapping.texel_averages(&image).into_iter().map(scale).collect();
+            let first = self.assembly.basis.lights().last().map_or(0, |light| light.first_column);
+            self.weights.push((first, weights));
+        }
+        Ok(())
+    }
+
+    fn point_like(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        let position = || point(required(entry.position, "position", place)?, "position", place);
+        let default_direction = [0.0, -1.0, 0.0];
+        let axis = || Ok(direction(entry.direction.unwrap_or(default_direction), "direction", place)?.normalize());
+        let mut emission = entry.emission.unwrap_or([1.0; 3]);
+        let (name, emitter) = match entry.kind {
+            LightEntryKind::Point => ("point", PointEmitter::Point { position: position()? }),
+            LightEntryKind::Spot => {
+                let outer = finite(entry.outer_degrees.unwrap_or(30.0), "outer_degrees", place)?;
+                let inner = finite(entry.inner_degrees.unwrap_or(0.8 * outer), "inner_degrees", place)?;
+                if !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= 180.0) {
+                    let problem = format!("inner_degrees {inner} and outer_degrees {outer} are no cones");
+                    return Err(Error::input(place, problem, "they must obey 0 ≤ inner ≤ outer ≤ 180"));
+                }
+                let (inner_radians, outer_radians) = (inner.to_radians(), outer.to_radians());
+                let direction = axis()?;
+                ("spot", PointEmitter::Spot { position: position()?, direction, inner_radians, outer_radians })
+            }
+            LightEntryKind::Ies => {
+                let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
+                let path = self.folders.find(file, place)?;
+                let text = std::fs::read(&path).map_err(Error::io(&path, "read the photometric file"))?;
+                let photometry = ies::parse(&path, &String::from_utf8_lossy(&text))?;
+                if entry.emission.is_none() {
+                    emission = [photometry.peak_candela / LUMENS_PER_WATT; 3];
+                }
+                let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
+                let world_from_luminaire = hung(axis()?, turn);
+                let profile = photometry.profile;
+                ("ies", PointEmitter::Ies { position: position()?, world_from_luminaire, profile })
+            }
+            _ => {
+                let towards = direction(required(entry.towards, "towards", place)?, "towards", place)?.normalize();
+                let degrees = entry.angular_radius_degrees.unwrap_or(SUN_RADIUS_DEGREES);
+                if !(0.0..=90.0).contains(&degrees) {
+                    let problem = format!("angular_radius_degrees {degrees}");
+                    return Err(Error::input(place, problem, "give 0 to 90; the sun has 0.2665"));
+                }
+                ("sun", PointEmitter::Sun { towards, angular_radius_radians: degrees.to_radians() })
+            }
+        };
+        check_columns(&self.assembly.basis, 1, place)?;
+        self.assembly.point(&entry.name.clone().unwrap_or_else(|| name.into()), emitter, emission)
+    }
+}
+
+/// Axes of a luminaire whose nadir points along `down`, turned about it: x lies as near to the world's +x as that
+/// allows (to +z if the luminaire points along x).
+fn hung(down: Vec3, turn_radians: f32) -> Mat3 {
+    let reference = if down.x.abs() < 0.999 { Vec3::X } else { Vec3::Z };
+    let z = -down;
+    let x = Quat::from_axis_angle(z, turn_radians) * reference.reject_from(z).normalize();
+    Mat3::from_cols(x, z.cross(x), z)
+}
+
+/// The light of an emitter in one piece: its centre and area.
+fn lamp(name: &str, triangles: &[[Corner; 3]], radiance: [f32; 3], place: &str) -> Result<Light> {
+    let (mut area, mut moment) = (0.0f64, glam::DVec3::ZERO);
+    for [a, b, c] in triangles {
+        let part = 0.5 * f64::from((b.position - a.position).cross(c.position - a.position).length());
+        area += part;
+        moment += part * (a.position + b.position + c.position).as_dvec3() / 3.0;
+    }
+    if area.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
+        return Err(Error::input(place, format!("the light '{name}' has no area"), "choose surfaces of some size"));
+    }
+    Ok(Light {
+        name: name.into(),
+        kind: LightKind::Lamp,
+        unit: LightUnit::Radiance,
+        emission: radiance,
+        first_column: 0,
+        places: vec![(moment / area).as_vec3().into()],
+        extents: vec![area as f32],
+    })
+}
+
+/// Errors: more columns than a matrix can have, saying what they would need.
+fn check_columns(basis: &LightBasis, more: u64, place: &str) -> Result<()> {
+    let columns = basis.column_count() as u64 + more;
+    if columns <= u64::from(LightBasis::MAX_COLUMNS) {
+        return Ok(());
+    }
+    // One row of three channels in f32 for every pixel of a small image, to give an idea.
+    let tebibytes = columns as f64 * 640.0 * 480.0 * 3.0 * 4.0 / (1u64 << 40) as f64;
+    Err(Error::Resources {
+        what: place.into(),
+        needed: format!("{columns} columns ({tebibytes:.0} TiB for an image of 640 × 480)"),
+        available: format!("a matrix has at most {} columns", LightBasis::MAX_COLUMNS),
+        hint: "give fewer texels".into(),
+    })
+}
+
+fn texels([across, down]: [u32; 2], place: &str) -> Result<(u32, u32)> {
+    match across > 0 && down > 0 {
+        true => Ok((across, down)),
+        false => Err(Error::input(place, format!("texels [{across}, {down}]"), "give at least one each way")),
+    }
+}
+
+fn missing(key: &str, place: &str) -> Error {
+    Error::input(place, format!("the key '{key}' is missing"), "formats/scene.md lists the keys of each kind of light")
+}
+
+fn required<T>(value: Option<T>, key: &str, place: &str) -> Result<T> {
+    value.ok_or_else(|| missing(key, place))
+}
+
+fn finite(value: f32, key: &str, place: &str) -> Result<f32> {
+    match value.is_finite() {
+        true => Ok(value),
+        false => Err(Error::input(place, format!("{key} is not finite"), "give a finite number")),
+    }
+}
+
+fn point(values: [f32; 3], key: &str, place: &str) -> Result<Vec3> {
+    let point = Vec3::from(values);
+    match point.is_finite() {
+        true => Ok(point),
+        false => Err(Error::input(place, format!("{key} {values:?} is not finite"), "give finite numbers")),
+    }
+}
+
+fn direction(values: [f32; 3], key: &str, place: &str) -> Result<Vec3> {
+    let direction = point(values, key, place)?;
+    match direction.try_normalize() {
+        Some(_) => Ok(direction),
+        None => Err(Error::input(place, format!("{key} has no length"), "give a vector that is not zero")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn luminaires_hang_with_their_nadir_along_the_direction() {
+        for down in [Vec3::NEG_Y, Vec3::X, Vec3::new(0.3, -0.8, 0.2).normalize()] {
+            for turn in [0.0, 0.4, 3.0] {
+                let axes = hung(down, turn);
+                assert!((axes * Vec3::NEG_Z - down).length() < 1e-5);
+                assert!((axes.determinant() - 1.0).abs() < 1e-5);
+            }
+        }
+        assert!((hung(Vec3::NEG_Y, 0.0) * Vec3::X - Vec3::X).length() < 1e-6);
+    }
+}

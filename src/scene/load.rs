@@ -1,0 +1,180 @@
+//! From a scene file to a scene that can be traced.
+
+use std::path::Path;
+
+use glam::Vec3;
+
+use super::assembly::Assembly;
+use super::file::{self, CameraEntry, FilterEntry, LightEntry, LightEntryKind, RenderEntry, SceneFile};
+use super::folders::Folders;
+use super::import::Geometry;
+use super::lights::Lights;
+use super::looks::Workshop;
+use super::textures::Textures;
+use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
+use crate::error::{Error, Result};
+use crate::light::Lighting;
+
+/// Reads a scene file (TOML, see `formats/scene.md`) and everything that it names, and checks the result.
+///
+/// Relative paths are looked up beside the scene file, then in the folder that `LTM_SCENES` names. Errors: one line
+/// that names the file and what is wrong in it; what can be mended is mended and becomes a warning.
+pub fn load(path: &Path) -> Result<LoadedScene> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path, "read the scene"))?;
+    let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
+        file::parse(path, &text)?;
+    let place = path.display().to_string();
+    let folders = Folders::of(path);
+    let settings = settings(&render, &place)?;
+    let camera = self::camera(&camera, &place)?;
+    let metres_per_unit = metres_per_unit.unwrap_or(0.0);
+    if !(metres_per_unit >= 0.0 && metres_per_unit.is_finite()) {
+        return Err(Error::input(place, "metres_per_unit is not a length", "give a number above 0, or leave it out"));
+    }
+
+    let mut warnings = Vec::new();
+    let mut geometry = Geometry::default();
+    for name in &files {
+        geometry.read(&folders.find(name, &place)?, &mut warnings)?;
+    }
+    for (index, entry) in entries.iter().enumerate() {
+        replace(entry, &mut geometry, &light_place(&place, index, entry))?;
+    }
+
+    let mut workshop =
+        Workshop { textures: Textures::default(), warnings, overrides: &overrides, folders: &folders, place: &place };
+    let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };
+    let mut emissions = Vec::new();
+    for source in &geometry.materials {
+        let (material, emission) = workshop.make(&source.description, &source.folder)?;
+        assembly.materials.push(material);
+        emissions.push(emission);
+    }
+    let known = geometry.materials.iter().map(|m| m.description.name.as_str());
+    for entry in &overrides {
+        if !known.clone().any(|name| names::fits(&entry.pattern, name)) {
+            let nearest = names::nearest(&entry.pattern, known);
+            let hint = nearest.map_or("look up the names in the MTL files".into(), |n| format!("did you mean '{n}'?"));
+            let place = format!("{place}, material \"{}\"", entry.pattern);
+            return Err(Error::input(place, "no material has such a name", hint));
+        }
+    }
+    let Workshop { textures, mut warnings, .. } = workshop;
+    assembly.textures = textures.list;
+
+    let mut lights = Lights {
+        assembly: &mut assembly,
+        emissions: &emissions,
+        objects: &geometry.objects,
+        object_of: &geometry.object_of,
+        folders: &folders,
+        weights: Vec::new(),
+    };
+    for (index, entry) in entries.iter().enumerate() {
+        lights.add(entry, &light_place(&place, index, entry))?;
+    }
+    if entries.is_empty() && emissions.iter().any(Option::is_some) {
+        lights.add(&LightEntry::default(), &place)?;
+    }
+    let weights = std::mem::take(&mut lights.weights);
+    warn_of_unused(&assembly, emissions.iter().map(Option::is_some), &mut warnings);
+
+    let name = name.unwrap_or_else(|| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
+    let Assembly { mesh, materials, textures, emitters, basis } = assembly;
+    let scene = Scene { name, mesh, materials, textures, camera, emitters, basis, metres_per_unit };
+    warnings.extend(validate(&scene)?);
+    let mut loaded = LoadedScene::new(scene, settings, warnings);
+    if !weights.is_empty() {
+        let mut all = loaded.lighting.weights().to_vec();
+        for (first, weights) in weights {
+            all[first as usize..][..weights.len()].copy_from_slice(&weights);
+        }
+        loaded.lighting = Lighting::new(all)?;
+    }
+    Ok(loaded)
+}
+
+fn light_place(place: &str, index: usize, entry: &LightEntry) -> String {
+    let name = entry.name.as_deref().or(entry.material.as_deref()).or(entry.object.as_deref());
+    format!("{place}, light {}{}", index + 1, name.map(|n| format!(" \"{n}\"")).unwrap_or_default())
+}
+
+/// Takes out the surfaces that a panel replaces.
+fn replace(entry: &LightEntry, geometry: &mut Geometry, place: &str) -> Result<()> {
+    let Some(pattern) = entry.replaces.as_ref().filter(|_| entry.kind == LightEntryKind::Panel) else {
+        return Ok(());
+    };
+    let replaced: Vec<bool> = geometry.materials.iter().map(|m| names::fits(pattern, &m.description.name)).collect();
+    let before = geometry.mesh.triangles.len();
+    geometry.retain(|triangle| !replaced[triangle.material.0 as usize]);
+    if geometry.mesh.triangles.len() < before {
+        return Ok(());
+    }
+    let nearest = names::nearest(pattern, geometry.materials.iter().map(|m| m.description.name.as_str()));
+    let hint = nearest.map_or("look up the names in the MTL files".into(), |n| format!("did you mean '{n}'?"));
+    Err(Error::input(place, format!("there is no surface of material \"{pattern}\" to replace"), hint))
+}
+
+fn warn_of_unused(assembly: &Assembly, emits: impl Iterator<Item = bool>, warnings: &mut Vec<String>) {
+    let mut unlit = vec![false; assembly.materials.len()];
+    for triangle in assembly.mesh.triangles.iter().filter(|t| t.emitter.is_none()) {
+        unlit[triangle.material.0 as usize] = true;
+    }
+    for ((material, unlit), emits) in assembly.materials.iter().zip(unlit).zip(emits) {
+        if emits && unlit {
+            warnings.push(format!(
+                "material '{}' emits, but no [[light]] chooses all of it: the rest is dark",
+                material.name
+            ));
+        }
+    }
+}
+
+fn settings(entry: &RenderEntry, place: &str) -> Result<RenderSettings> {
+    let default = RenderSettings::default();
+    let within = |key: &str, value: Option<u32>, default: u32, most: u32| match value {
+        Some(value) if !(1..=most).contains(&value) => {
+            let place = format!("{place}, [render]");
+            Err(Error::input(place, format!("{key} = {value}"), format!("give a number from 1 to {most}")))
+        }
+        value => Ok(value.unwrap_or(default)),
+    };
+    Ok(RenderSettings {
+        samples_per_pixel: within("samples_per_pixel", entry.samples_per_pixel, default.samples_per_pixel, 1 << 20)?,
+        seed: entry.seed.unwrap_or(default.seed),
+        block_side: within("block_side", entry.block_side, default.block_side, 256)?,
+        max_depth: within("max_depth", entry.max_depth, default.max_depth, 1024)?,
+    })
+}
+
+fn camera(entry: &CameraEntry, place: &str) -> Result<Camera> {
+    let place = format!("{place}, [camera]");
+    let eye = Vec3::from(entry.eye);
+    let direction = match (entry.look_at, entry.direction) {
+        (Some(at), None) => Vec3::from(at) - eye,
+        (None, Some(direction)) => direction.into(),
+        (None, None) => return Err(Error::input(place, "says not where it looks", "give look_at or direction")),
+        (Some(_), Some(_)) => {
+            return Err(Error::input(place, "has both look_at and direction", "give one of them"));
+        }
+    };
+    let size = (entry.width.unwrap_or(640), entry.height.unwrap_or(480));
+    let radius = entry.filter_radius;
+    if radius.is_some_and(|r| !(0.0..=8.0).contains(&r)) {
+        return Err(Error::input(place, "filter_radius is out of range", "give 0 to 8 pixels"));
+    }
+    let filter = match (entry.filter.unwrap_or(FilterEntry::Box), radius) {
+        (FilterEntry::Box, None) => PixelFilter::Box,
+        (FilterEntry::Box, Some(_)) => {
+            return Err(Error::input(place, "a box filter has no filter_radius", "leave it out, or choose \"tent\""));
+        }
+        (FilterEntry::Tent, radius) => PixelFilter::Tent { radius: radius.unwrap_or(1.0) },
+        (FilterEntry::Gaussian, radius) => PixelFilter::Gaussian { deviation: radius.unwrap_or(1.5) / 3.0 },
+    };
+    let up = entry.up.map_or(Vec3::Y, Vec3::from);
+    let fov = entry.vertical_fov_degrees.unwrap_or(45.0).to_radians();
+    Camera::looking(eye, direction, up, fov, size, filter).map_err(|error| match error {
+        Error::Input { problem, hint, .. } => Error::input(place, problem, hint),
+        other => other,
+    })
+}
