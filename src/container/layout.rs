@@ -8,10 +8,20 @@ use crate::matrix::{BlockId, PixelRect};
 /// The texel layouts of a basis, as the codec sees them: a list of little images that together cover the columns.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LightLayout {
-    /// `(across, down)` of each image, in column order. Neighbouring lights of one column each are joined into one
-    /// row, `(number, 1)`.
-    planes: Arc<[(usize, usize)]>,
+    planes: Arc<[LightPlane]>,
     columns: usize,
+}
+
+/// Some columns as a little image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LightPlane {
+    /// Texels across.
+    pub across: usize,
+    /// Texels down.
+    pub down: usize,
+    /// Whether neighbours belong to one light, so that a transform pays; otherwise these are neighbouring lights of one
+    /// column each, joined into one row.
+    pub is_image: bool,
 }
 
 /// The layout of one block: its pixels and the lights.
@@ -28,22 +38,20 @@ pub struct BlockLayout {
 impl LightLayout {
     /// The layout of a basis.
     pub fn of(basis: &LightBasis) -> Self {
-        let mut planes: Vec<(usize, usize)> = Vec::new();
-        let mut in_row = false;
+        let mut planes: Vec<LightPlane> = Vec::new();
         for light in basis.lights() {
             let (across, down) = light.layout();
-            let single = (across, down) == (1, 1);
+            let is_image = (across, down) != (1, 1);
             match planes.last_mut() {
-                Some(row) if single && in_row => row.0 += 1,
-                _ => planes.push((across as usize, down as usize)),
+                Some(row) if !is_image && !row.is_image => row.across += 1,
+                _ => planes.push(LightPlane { across: across as usize, down: down as usize, is_image }),
             }
-            in_row = single;
         }
         Self { columns: basis.column_count(), planes: planes.into() }
     }
 
-    /// `(across, down)` of each image, in column order.
-    pub fn planes(&self) -> &[(usize, usize)] {
+    /// The images, in column order.
+    pub fn planes(&self) -> &[LightPlane] {
         &self.planes
     }
 

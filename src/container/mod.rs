@@ -18,7 +18,7 @@ mod spill;
 mod writer;
 
 pub use format::FORMAT_VERSION;
-pub use layout::{BlockLayout, LightLayout};
+pub use layout::{BlockLayout, LightLayout, LightPlane};
 pub use merge::merge;
 pub use reader::{ContainerReader, Fault, Verification, verify};
 pub use report::{BlockReport, ContainerReport};

@@ -1,5 +1,13 @@
 //! From factors to bytes and back: functions on slices that know no file.
 
-mod plain;
+mod adaptive;
+mod classes;
+mod layer;
+mod planes;
+mod rans;
+mod rotation;
+mod sparse;
+mod step;
+mod transform;
 
-pub use plain::{CodecSettings, decode_layer, encode_layer};
+pub use layer::{CodecSettings, decode_layer, encode_layer};
