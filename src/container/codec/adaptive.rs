@@ -60,10 +60,11 @@ pub(super) trait BitCoder {
         (0..count).rev().fold(0, |read, i| read << 1 | u32::from(self.even_bit(value >> i & 1 == 1)))
     }
 
-    /// Codes a number from 0 to 2³¹ − 2 by its length (in unary, one context each) and its bits; the bit after the
+    /// Codes a number below 2³⁰ by its length (in unary, one context each) and its bits; the bit after the
     /// highest has a context too.
     fn number(&mut self, contexts: &mut NumberContexts, value: u32) -> u32 {
-        let value = value + 1;
+        // A reader's argument is arbitrary.
+        let value = (value & 0x3fff_ffff) + 1;
         let length = 31 - value.leading_zeros();
         let mut read = 0;
         while read < 30 && self.bit(&mut contexts.length[read as usize], length > read) {

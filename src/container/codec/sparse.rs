@@ -44,8 +44,7 @@ impl Walk {
         let column = before.column.checked_add(advance)?;
         let pixel = if advance == 0 && self.before.is_some() {
             let kind = (32 - self.last_gap.leading_zeros()).min(2) as usize;
-            let gap = coder
-                .number(&mut contexts.gap[kind], group.pixel.wrapping_sub(before.pixel).wrapping_sub(1) & 0x3fff_ffff);
+            let gap = coder.number(&mut contexts.gap[kind], group.pixel.wrapping_sub(before.pixel).wrapping_sub(1));
             self.last_gap = gap;
             before.pixel.checked_add(gap)?.checked_add(1)?
         } else {
