@@ -159,10 +159,11 @@ pub(crate) fn settings(samples_per_pixel: u32, max_depth: u32) -> TraceSettings 
     TraceSettings { samples_per_pixel, seed: 1, max_depth }
 }
 
-/// A tracer over blocks of eight pixels.
+/// A tracer over blocks of eight pixels, of 32 for larger images.
 pub(crate) fn tracer(scene: Scene, settings: TraceSettings) -> Tracer {
     let (width, height) = (scene.camera.width, scene.camera.height);
-    let shape = MatrixShape::new(width, height, scene.basis.column_count() as u32, 8).unwrap();
+    let side = if width > 64 { 32 } else { 8 };
+    let shape = MatrixShape::new(width, height, scene.basis.column_count() as u32, side).unwrap();
     Tracer::new(scene, shape, settings).unwrap()
 }
 

@@ -2,8 +2,9 @@
 #![expect(unsafe_code, reason = "a measured SIMD leaf: two thirds of tracing's time is spent here")]
 
 use std::arch::x86_64::*;
+use std::mem::MaybeUninit;
 
-use super::scalar::{Prepared, WIDEN, push_sorted};
+use super::scalar::{Prepared, WIDEN};
 use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, STACK, WideNode, WideTree};
 use super::{Hit, Occlusion, Ray};
 
@@ -118,19 +119,78 @@ pub(super) fn occlusion(tree: &WideTree, ray: &Ray) -> Occlusion {
     unsafe { occlusion_lanes(tree, ray) }
 }
 
+/// Entries that wait, deepest first. The array is left uninitialised, for filling it would cost as much as the walk.
+struct Stack<T: Copy> {
+    entries: [MaybeUninit<T>; STACK],
+    height: usize,
+}
+
+impl<T: Copy> Stack<T> {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { entries: [const { MaybeUninit::uninit() }; STACK], height: 0 }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, entry: T) {
+        self.entries[self.height].write(entry);
+        self.height += 1;
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<T> {
+        self.height = self.height.checked_sub(1)?;
+        // SAFETY: every entry below the height has been written by `push` or `sort_above`.
+        Some(unsafe { self.entries[self.height].assume_init() })
+    }
+}
+
+impl Stack<(u32, f32)> {
+    /// Sorts the entries from `base` up, the nearest on top; of equals the one pushed later is on top.
+    #[inline(always)]
+    fn sort_above(&mut self, base: usize) {
+        // SAFETY: every entry below the height has been written.
+        let at = |entries: &[MaybeUninit<(u32, f32)>; STACK], i: usize| unsafe { entries[i].assume_init() };
+        for next in base + 1..self.height {
+            let entry = at(&self.entries, next);
+            let mut i = next;
+            while i > base && at(&self.entries, i - 1).1 < entry.1 {
+                self.entries[i] = self.entries[i - 1];
+                i -= 1;
+            }
+            self.entries[i].write(entry);
+        }
+    }
+}
+
 #[target_feature(enable = "avx2")]
 fn closest_lanes(tree: &WideTree, ray: &Ray) -> Option<Hit> {
     let lanes = Lanes::new(ray);
     let mut best = Hit { t: ray.t_max, triangle: u32::MAX, u: 0.0, v: 0.0 };
-    let mut stack = [(0u32, 0.0f32); STACK];
-    let mut height = usize::from(!tree.nodes.is_empty());
-    while height > 0 {
-        height -= 1;
-        let (code, distance) = stack[height];
-        if distance >= best.t {
-            continue;
-        }
-        if code & LEAF != 0 {
+    let mut stack = Stack::<(u32, f32)>::new();
+    let mut code = if tree.nodes.is_empty() { return None } else { 0 };
+    loop {
+        if code & LEAF == 0 {
+            let node = &tree.nodes[code as usize];
+            let (distances, mut mask) = enter(node, &lanes, best.t);
+            if mask != 0 {
+                let first = mask.trailing_zeros() as usize;
+                mask &= mask - 1;
+                if mask == 0 {
+                    code = node.children[first];
+                    continue;
+                }
+                let distances = store(distances);
+                let base = stack.height;
+                stack.push((node.children[first], distances[first]));
+                while mask != 0 {
+                    let lane = mask.trailing_zeros() as usize;
+                    mask &= mask - 1;
+                    stack.push((node.children[lane], distances[lane]));
+                }
+                stack.sort_above(base);
+            }
+        } else {
             let packet = &tree.packets[(code & !LEAF) as usize];
             let (t, u, v, mut mask) = intersect(packet, &lanes, best.t);
             if mask != 0 {
@@ -144,34 +204,34 @@ fn closest_lanes(tree: &WideTree, ray: &Ray) -> Option<Hit> {
                     }
                 }
             }
-            continue;
         }
-        let node = &tree.nodes[code as usize];
-        let (distances, mut mask) = enter(node, &lanes, best.t);
-        if mask == 0 {
-            continue;
-        }
-        let distances = store(distances);
-        let base = height;
-        while mask != 0 {
-            let lane = mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            push_sorted(&mut stack, base, &mut height, (node.children[lane], distances[lane]));
-        }
+        code = loop {
+            match stack.pop() {
+                None => return (best.triangle != u32::MAX).then_some(best),
+                Some((code, distance)) if distance < best.t => break code,
+                Some(_) => {}
+            }
+        };
     }
-    (best.triangle != u32::MAX).then_some(best)
 }
 
 #[target_feature(enable = "avx2")]
 fn occlusion_lanes(tree: &WideTree, ray: &Ray) -> Occlusion {
     let lanes = Lanes::new(ray);
     let mut found = Occlusion::Clear;
-    let mut stack = [0u32; STACK];
-    let mut height = usize::from(!tree.nodes.is_empty());
-    while height > 0 {
-        height -= 1;
-        let code = stack[height];
-        if code & LEAF != 0 {
+    let mut stack = Stack::<u32>::new();
+    if !tree.nodes.is_empty() {
+        stack.push(0);
+    }
+    while let Some(code) = stack.pop() {
+        if code & LEAF == 0 {
+            let node = &tree.nodes[code as usize];
+            let mut mask = enter(node, &lanes, ray.t_max).1;
+            while mask != 0 {
+                stack.push(node.children[mask.trailing_zeros() as usize]);
+                mask &= mask - 1;
+            }
+        } else {
             let packet = &tree.packets[(code & !LEAF) as usize];
             let mut mask = intersect(packet, &lanes, ray.t_max).3;
             while mask != 0 {
@@ -182,14 +242,6 @@ fn occlusion_lanes(tree: &WideTree, ray: &Ray) -> Occlusion {
                 }
                 found = Occlusion::Perhaps;
             }
-            continue;
-        }
-        let node = &tree.nodes[code as usize];
-        let mut mask = enter(node, &lanes, ray.t_max).1;
-        while mask != 0 {
-            stack[height] = node.children[mask.trailing_zeros() as usize];
-            mask &= mask - 1;
-            height += 1;
         }
     }
     found

@@ -106,8 +106,7 @@ pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
 }
 
 /// Pushes an entry below those of the same node that are nearer, so that the nearest is on top.
-#[inline(always)]
-pub(super) fn push_sorted(stack: &mut [(u32, f32); STACK], base: usize, height: &mut usize, entry: (u32, f32)) {
+fn push_sorted(stack: &mut [(u32, f32); STACK], base: usize, height: &mut usize, entry: (u32, f32)) {
     let mut at = *height;
     while at > base && stack[at - 1].1 < entry.1 {
         stack[at] = stack[at - 1];
