@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::BvhTriangle;
 use super::binary::{BinaryTree, Bounds};
+use super::collapse::Collapse;
 
 /// Children of a node and triangles of a leaf.
 pub(super) const LANES: usize = 8;
@@ -69,37 +70,30 @@ impl WideTree {
         let binary = BinaryTree::build(triangles.iter().map(|t| t.corners));
         let mut tree = Self { nodes: Vec::new(), packets: Vec::new() };
         if !binary.nodes.is_empty() {
-            tree.add_node(&binary, triangles, 0);
+            tree.add_node(&binary, &Collapse::new(&binary), triangles, 0);
         }
         tree
     }
 
-    /// Makes a node of the binary node `root` by opening its largest descendants until eight stand side by side.
-    fn add_node(&mut self, binary: &BinaryTree, triangles: &[BvhTriangle], root: u32) -> u32 {
-        let node = |i: u32| &binary.nodes[i as usize];
-        let mut children = vec![root];
-        while children.len() < LANES {
-            let area = |i: u32| node(i).bounds.half_area();
-            let openable = children.iter().enumerate().filter(|&(_, &i)| node(i).count as usize > LANES);
-            let Some((at, &open)) = openable.max_by(|a, b| area(*a.1).total_cmp(&area(*b.1))) else { break };
-            children[at] = open + 1;
-            children.push(node(open).second);
-        }
+    /// Makes a node of the binary node `root`, and all below it.
+    fn add_node(&mut self, binary: &BinaryTree, collapse: &Collapse, triangles: &[BvhTriangle], root: u32) -> u32 {
+        let mut parts = Vec::with_capacity(LANES);
+        collapse.parts(binary, root, &mut parts);
         let index = self.nodes.len();
         self.nodes.push(UNUSED_NODE);
-        for (lane, &child) in children.iter().enumerate() {
-            let Bounds { min, max } = node(child).bounds;
-            let code = if node(child).count as usize <= LANES {
-                let range = node(child).start as usize..(node(child).start + node(child).count) as usize;
+        for (lane, part) in parts.into_iter().enumerate() {
+            let child = &binary.nodes[part.node as usize];
+            let code = if part.is_leaf {
+                let range = child.start as usize..(child.start + child.count) as usize;
                 self.packets.push(Packet::new(&binary.order[range], triangles));
                 LEAF | (self.packets.len() - 1) as u32
             } else {
-                self.add_node(binary, triangles, child)
+                self.add_node(binary, collapse, triangles, part.node)
             };
             let wide = &mut self.nodes[index];
             for axis in 0..3 {
-                wide.bounds[axis][lane] = min[axis];
-                wide.bounds[3 + axis][lane] = max[axis];
+                wide.bounds[axis][lane] = child.bounds.min[axis];
+                wide.bounds[3 + axis][lane] = child.bounds.max[axis];
             }
             wide.children[lane] = code;
         }
