@@ -4,6 +4,9 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
+use image::ImageDecoder;
+use image::codecs::hdr::HdrDecoder;
+
 use super::LinearImage;
 use crate::error::{Error, Result};
 
@@ -37,25 +40,37 @@ pub fn read_image(path: &Path) -> Result<LinearImage> {
 /// Errors: a file that cannot be opened, is no image of a known format, is damaged, or is larger than 16,384 pixels
 /// along a side.
 pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
-    let mut magic = [0; 4];
-    let mut file = File::open(path).map_err(Error::io(path, "open the image"))?;
-    let is_exr = file.read_exact(&mut magic).is_ok() && magic == EXR_MAGIC;
-    if is_exr { read_exr(path) } else { read_other(path) }
+    image_size(path)?;
+    match format_of(path)? {
+        Format::Exr => read_exr(path),
+        Format::Hdr => read_with(path, hdr_decoder(path)?, true),
+        Format::Other => {
+            let mut reader = other_reader(path)?;
+            reader.limits(limits());
+            let mut decoder = reader.into_decoder().map_err(|e| refuse(path, &e.to_string()))?;
+            decoder.set_limits(limits()).map_err(|e| refuse(path, &e.to_string()))?;
+            read_with(path, decoder, false)
+        }
+    }
 }
 
 /// Width and height in pixels, without decoding. Errors: those of [`read_rgba`].
 pub fn image_size(path: &Path) -> Result<(u32, u32)> {
-    let mut magic = [0; 4];
-    let mut file = File::open(path).map_err(Error::io(path, "open the image"))?;
-    let size = if file.read_exact(&mut magic).is_ok() && magic == EXR_MAGIC {
-        let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| refuse(path, &e.to_string()))?;
-        let size = meta.headers.first().ok_or_else(|| refuse(path, "it has no layers"))?.layer_size;
-        (size.x() as u64, size.y() as u64)
-    } else {
-        let reader = image::ImageReader::open(path).and_then(|r| r.with_guessed_format());
-        let reader = reader.map_err(Error::io(path, "open the image"))?;
-        let (width, height) = reader.into_dimensions().map_err(|e| refuse(path, &e.to_string()))?;
-        (u64::from(width), u64::from(height))
+    let size = match format_of(path)? {
+        Format::Exr => {
+            let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| refuse(path, &e.to_string()))?;
+            let size = meta.headers.first().ok_or_else(|| refuse(path, "it has no layers"))?.layer_size;
+            (size.x() as u64, size.y() as u64)
+        }
+        Format::Hdr => {
+            let (width, height) = hdr_decoder(path)?.dimensions();
+            (u64::from(width), u64::from(height))
+        }
+        Format::Other => {
+            let size = other_reader(path)?.into_dimensions();
+            let (width, height) = size.map_err(|e| refuse(path, &e.to_string()))?;
+            (u64::from(width), u64::from(height))
+        }
     };
     if size.0.max(size.1) > u64::from(MAX_SIDE) {
         let problem = format!("the image has {} × {} pixels", size.0, size.1);
@@ -68,6 +83,41 @@ pub fn image_size(path: &Path) -> Result<(u32, u32)> {
     Ok((size.0 as u32, size.1 as u32))
 }
 
+enum Format {
+    Exr,
+    Hdr,
+    Other,
+}
+
+fn format_of(path: &Path) -> Result<Format> {
+    let mut magic = [0; 4];
+    let mut file = File::open(path).map_err(Error::io(path, "open the image"))?;
+    // A file too short for its magic is left to the decoders to refuse.
+    let _ = file.read_exact(&mut magic);
+    Ok(match magic {
+        EXR_MAGIC => Format::Exr,
+        [b'#', b'?', ..] => Format::Hdr,
+        _ => Format::Other,
+    })
+}
+
+/// Takes `#?RGBE` for Radiance as well as `#?RADIANCE`, which is all that a strict decoder knows.
+fn hdr_decoder(path: &Path) -> Result<HdrDecoder<BufReader<File>>> {
+    let file = File::open(path).map_err(Error::io(path, "open the image"))?;
+    HdrDecoder::new_nonstrict(BufReader::new(file)).map_err(|e| refuse(path, &e.to_string()))
+}
+
+fn other_reader(path: &Path) -> Result<image::ImageReader<BufReader<File>>> {
+    let reader = image::ImageReader::open(path).and_then(|r| r.with_guessed_format());
+    reader.map_err(Error::io(path, "open the image"))
+}
+
+fn limits() -> image::Limits {
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(u64::from(MAX_SIDE).pow(2) * 16);
+    limits
+}
+
 fn refuse(path: &Path, reason: &str) -> Error {
     let reason = reason.lines().next().unwrap_or_default();
     let hint = "give an EXR, HDR, PNG, JPEG, TGA or BMP image (EXR without DWA compression)";
@@ -75,7 +125,6 @@ fn refuse(path: &Path, reason: &str) -> Error {
 }
 
 fn read_exr(path: &Path) -> Result<RgbaImage> {
-    image_size(path)?;
     // The layer with colours need not be the file's first, so the size is taken from it.
     let result = exr::prelude::read_first_rgba_layer_from_file(
         path,
@@ -90,22 +139,13 @@ fn read_exr(path: &Path) -> Result<RgbaImage> {
     Ok(RgbaImage { width: size.x() as u32, height: size.y() as u32, pixels, has_alpha })
 }
 
-fn read_other(path: &Path) -> Result<RgbaImage> {
-    let (width, height) = image_size(path)?;
-    let file = File::open(path).map_err(Error::io(path, "open the image"))?;
-    let reader = image::ImageReader::new(BufReader::new(file)).with_guessed_format();
-    let mut reader = reader.map_err(Error::io(path, "read the image"))?;
-    let mut limits = image::Limits::default();
-    limits.max_alloc = Some(u64::from(MAX_SIDE).pow(2) * 16);
-    reader.limits(limits);
-    let decoded = reader.decode().map_err(|e| refuse(path, &e.to_string()))?;
+fn read_with(path: &Path, decoder: impl ImageDecoder, linear: bool) -> Result<RgbaImage> {
+    let decoded = image::DynamicImage::from_decoder(decoder).map_err(|e| refuse(path, &e.to_string()))?;
     let has_alpha = decoded.color().has_alpha();
-    // Radiance HDR decodes to floats, which are linear; everything else holds sRGB.
-    let linear = matches!(decoded.color(), image::ColorType::Rgb32F | image::ColorType::Rgba32F);
     let decode = |v: f32| if linear { v } else { decode_srgb(v) };
-    let pixels = decoded.into_rgba32f();
-    let pixels = pixels.pixels().map(|image::Rgba([r, g, b, a])| [decode(*r), decode(*g), decode(*b), *a]).collect();
-    Ok(RgbaImage { width, height, pixels, has_alpha })
+    let image = decoded.into_rgba32f();
+    let pixels = image.pixels().map(|image::Rgba([r, g, b, a])| [decode(*r), decode(*g), decode(*b), *a]).collect();
+    Ok(RgbaImage { width: image.width(), height: image.height(), pixels, has_alpha })
 }
 
 /// Inverse of the sRGB transfer function (IEC 61966-2-1).
@@ -145,6 +185,18 @@ mod tests {
         let read = read_rgba(&path).unwrap();
         assert!(read.has_alpha && read.pixels[0][0] == 1.0 && (read.pixels[0][1] - 0.503).abs() < 1e-3);
         assert!((read.pixels[1][3] - 64.0 / 255.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn both_signatures_of_radiance_files_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("image");
+        for signature in ["RGBE", "RADIANCE"] {
+            let head = format!("#?{signature}\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n");
+            std::fs::write(&path, [head.as_bytes(), &[128, 64, 0, 129, 128, 128, 128, 132]].concat()).unwrap();
+            let read = read_image(&path).unwrap();
+            assert_eq!(read.pixels, [[1.0, 0.5, 0.0], [8.0; 3]], "{signature}");
+        }
     }
 
     #[test]

@@ -2,7 +2,7 @@
 //!
 //! `formats/scene.md` states the mapping in a table.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use glam::Vec3;
 
@@ -58,7 +58,7 @@ pub(super) struct Workshop<'a> {
 
 impl Workshop<'_> {
     /// The material that an MTL description and the scene file's overrides make. `folder` holds its textures.
-    pub(super) fn make(&mut self, source: &MtlMaterial, folder: &PathBuf) -> Result<(Material, Option<Emission>)> {
+    pub(super) fn make(&mut self, source: &MtlMaterial, folder: &Path) -> Result<(Material, Option<Emission>)> {
         let asked_by = format!("material '{}'", source.name);
         let mut map = |name: &Option<String>, usage: Use| {
             let path = name.as_ref().map(|name| folder.join(name));

@@ -24,7 +24,7 @@ const TOLERANCE: f32 = 2e-3;
 
 /// The rectangle that these triangles fill exactly.
 ///
-/// With texture coordinates, `u` and `v` run as they do. Without (all zero), `u` runs along the longer side and `v`
+/// With texture coordinates, `u` and `v` run as they do. Without (all the same), `u` runs along the longer side and `v`
 /// along the shorter, each in the direction in which its largest coordinate grows. Errors: the reason why there is
 /// none.
 pub(super) fn find(triangles: &[[Corner; 3]]) -> Result<Rectangle, &'static str> {
@@ -36,7 +36,7 @@ pub(super) fn find(triangles: &[[Corner; 3]]) -> Result<Rectangle, &'static str>
         return Err("its faces do not lie in one plane with the front on one side");
     }
     let corners = || triangles.iter().flatten();
-    let without_uv = corners().all(|c| c.uv == Vec2::ZERO);
+    let without_uv = corners().all(|c| c.uv == triangles[0][0].uv);
     let found = if without_uv { from_edges(triangles, normal, area) } else { from_uvs(triangles) };
     let (origin, edge_u, edge_v) = found?;
     let fills = (edge_u.cross(edge_v).length() / area - 1.0).abs() < 2.0 * TOLERANCE;

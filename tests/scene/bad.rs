@@ -1,0 +1,162 @@
+//! What is refused, each with one line that says where and what.
+
+use ltm::Error;
+
+use super::{Folder, ROOM_MTL, ROOM_OBJ, ROOM_TOML, room};
+
+pub(super) const TESTS: &[(&str, fn())] = &[
+    ("bad_scene_files_are_one_clear_line", bad_scene_files),
+    ("bad_lights_are_one_clear_line", bad_lights),
+    ("bad_materials_and_textures_are_one_clear_line", bad_materials),
+    ("bad_geometry_is_one_clear_line", bad_geometry),
+    ("bad_cameras_are_one_clear_line", bad_cameras),
+    ("a_camera_inside_something_solid_is_warned_of", a_camera_inside_something_solid),
+    ("columns_that_do_not_fit_say_what_they_would_need", columns_that_do_not_fit),
+    ("no_cut_or_changed_byte_of_an_input_panics", no_damaged_input_panics),
+];
+
+/// Holds an error to its promise: the right kind, one line, and the words that help.
+fn refused(folder: &Folder, words: &[&str]) {
+    let error = match folder.load() {
+        Ok(_) => panic!("accepted, but should say {words:?}"),
+        Err(error) => error,
+    };
+    let text = error.to_string();
+    assert!(matches!(error, Error::Input { .. } | Error::Resources { .. } | Error::Io { .. }), "{error:?}");
+    assert!(!text.contains('\n') && text.len() < 600, "{text}");
+    for word in words {
+        assert!(text.contains(word), "'{word}' is missing in: {text}");
+    }
+}
+
+fn bad_scene_files() {
+    refused(&Folder::new(), &["scene.toml"]);
+    refused(&Folder::new().with("scene.toml", ROOM_TOML), &["scene.toml", "room.obj", "missing", "LTM_SCENES"]);
+    refused(&room("[rendr]\n"), &["scene.toml, line 5", "'rendr'", "did you mean 'render'"]);
+    refused(&room("[render]\nsample_per_pixel = 3\n"), &["line 6", "did you mean 'samples_per_pixel'"]);
+    refused(&room("[render]\nsamples_per_pixel = 0\n"), &["scene.toml", "samples_per_pixel = 0"]);
+    refused(&room("[render]\nsamples_per_pixel = -1\n"), &["scene.toml, line 6"]);
+    refused(&room("[render]\nblock_side = 1000\n"), &["block_side = 1000", "256"]);
+    refused(&room("").with("scene.toml", [0xff, 0xfe, 0x00]), &["scene.toml"]);
+    refused(&room("").with("scene.toml", "geometry = [\"room.obj\"]\n"), &["'camera' is missing"]);
+    let negative = ROOM_TOML.replace("[camera]", "metres_per_unit = -1\n[camera]");
+    refused(&room("").with("scene.toml", negative), &["metres_per_unit"]);
+}
+
+fn bad_lights() {
+    let light = |text: &str| room(&format!("[[light]]\n{text}\n"));
+    refused(&light("material = \"lmp\""), &["scene.toml, light 1 \"lmp\"", "no surface fits", "did you mean 'lamp'"]);
+    refused(&light("material = \"ground\""), &["'ground' does not emit"]);
+    refused(&light("kind = \"sun\"\ntexels = [2, 2]"), &["\"sun\"", "'texels'", "towards"]);
+    refused(&light("kind = \"sun\""), &["'towards' is missing"]);
+    refused(&light("kind = \"sun\"\ntowards = [0, 0, 0]"), &["towards has no length"]);
+    refused(&light("kind = \"point\"\nposition = [0, nan, 0]"), &["position", "not finite"]);
+    refused(&light("kind = \"spot\"\nposition = [0, 1, 0]\ninner_degrees = 50"), &["inner_degrees 50"]);
+    refused(&light("kind = \"laser\""), &["line 6", "\"laser\"", "panel"]);
+    refused(&light("texels = [0, 4]"), &["texels [0, 4]"]);
+    refused(&light("emission = [-1, 0, 0]"), &["emission"]);
+    refused(&light("material = \"lamp\"\n[[light]]\nmaterial = \"lamp\""), &["light 2", "belongs to earlier lights"]);
+    let panel = "kind = \"panel\"\norigin = [0, 2, 0]\nedge_u = [1, 0, 0]\n";
+    refused(&light(&format!("{panel}edge_v = [1, 1, 0]")), &["not perpendicular"]);
+    refused(&light(&format!("{panel}edge_v = [0, 0, 0]")), &["edge_v has no length"]);
+    refused(&light(&format!("{panel}edge_v = [0, 0, 1]\nfaces = [1, 0, 0]")), &["'faces'"]);
+    refused(&light(&format!("{panel}edge_v = [0, 0, 1]\nreplaces = \"lamb\"")), &["\"lamb\"", "did you mean 'lamp'"]);
+    refused(&light("kind = \"environment\"\nmapping = \"octahedral\"\ntexels = [4, 2]"), &["octahedral", "square"]);
+    refused(&light("kind = \"environment\"\n[[light]]\nkind = \"environment\"\nname = \"b\""), &["light 2", "already"]);
+    refused(&light("kind = \"environment\"\nmap = \"none.hdr\""), &["none.hdr", "missing"]);
+    refused(&light("kind = \"ies\"\nposition = [0, 1, 0]\nfile = \"a.ies\"").with("a.ies", "?"), &["a.ies", "TILT"]);
+    refused(&light("kind = \"point\"\nposition = [0, 1, 0]\nname = \"lamp\"\n[[light]]"), &["'lamp'", "taken"]);
+    let split = ROOM_OBJ.replace("f 5 6 7 8", "f 5 6 7");
+    refused(&light("texels = [2, 2]").with("room.obj", split), &["'lamp'", "not a rectangle", "panel"]);
+    let dark = ROOM_MTL.replace("Ke 3 2 1", "Ke 0 0 0");
+    refused(&room("").with("room.mtl", dark), &["no light", "[[light]]"]);
+    let flat = ROOM_OBJ.replace("f 5 6 7 8", "f 5 6 6");
+    refused(&light("material = \"lamp\"").with("room.obj", flat), &["no surface fits \"lamp\""]);
+}
+
+fn bad_materials() {
+    let material = |text: &str| room(&format!("[[material]]\n{text}\n"));
+    refused(&material("match = \"grond\"\nroughness = 1"), &["material \"grond\"", "did you mean 'ground'"]);
+    refused(&material("match = \"*\"\nroughness = 2"), &["material \"*\"", "roughness 2"]);
+    refused(&material("match = \"*\"\nior = 0"), &["ior 0"]);
+    refused(&material("match = \"*\"\nreflectance = [-1, 0, 0]"), &["reflectance", "-1"]);
+    refused(&material("match = \"*\"\nkind = \"shiny\""), &["line 7", "\"shiny\"", "coated"]);
+    refused(&material("match = \"*\"\nreflectence = [1, 1, 1]"), &["line 7", "did you mean 'reflectance'"]);
+    refused(&room("").with("room.mtl", "newmtl ground\nKd 1 x 1\n"), &["room.mtl, line 2"]);
+    refused(&room("").with("room.mtl", "newmtl ground\nmap_Kd wood.png\n"), &["'ground'", "wood.png", "missing"]);
+    let text = room("").with("room.mtl", "newmtl ground\nmap_Kd wood.png\n").with("wood.png", "no image");
+    refused(&text, &["wood.png", "cannot be read"]);
+    // A PNG that claims 65,535 × 65,535 pixels in its header.
+    let mut huge = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\xff\xff\0\0\xff\xff\x08\x06\0\0\0".to_vec();
+    huge.extend(crc32fast::hash(&huge[12..]).to_be_bytes());
+    huge.extend(b"\0\0\0\0IDAT\x35\xaf\x06\x1e");
+    let folder = room("").with("room.mtl", "newmtl ground\nmap_Kd wood.png\n").with("wood.png", huge);
+    refused(&folder, &["wood.png", "65535"]);
+}
+
+fn bad_geometry() {
+    let with = |obj: &str| room("").with("room.obj", obj);
+    refused(&with(""), &["room.obj", "no faces"]);
+    refused(&with("v 0 0 0\nv 1 0 0\nv 0 1 0\n"), &["room.obj", "no faces"]);
+    refused(&with(&ROOM_OBJ.replace("v 5 0 5", "v 5 NaN 5")), &["room.obj, line 4", "not finite"]);
+    refused(&with(&ROOM_OBJ.replace("f 1 2 3 4", "f 1 2 3 44")), &["room.obj, line 12", "44 of 8 vertices"]);
+    refused(&with(&ROOM_OBJ.replace("f 1 2 3 4", "f 1 2")), &["room.obj, line 12", "three corners"]);
+    refused(&with("v 0 0 0\nf 1 1 1\n"), &["no triangles"]);
+    refused(&room("").with("scene.toml", ROOM_TOML.replace("\"room.obj\"", "")), &["no triangles"]);
+}
+
+fn bad_cameras() {
+    let with = |camera: &str| room("").with("scene.toml", format!("geometry = [\"room.obj\"]\n[camera]\n{camera}\n"));
+    refused(&with("eye = [0, 1, 4]"), &["[camera]", "look_at"]);
+    refused(&with("eye = [0, 1, 4]\nlook_at = [0, 0, 0]\ndirection = [0, 0, 1]"), &["[camera]", "both"]);
+    refused(&with("eye = [0, 1, 4]\nlook_at = [0, 1, 4]"), &["[camera]", "no direction"]);
+    refused(&with("eye = [0, inf, 4]\nlook_at = [0, 1, 4]"), &["[camera]", "not finite"]);
+    refused(&with("eye = [0, 1, 4]\ndirection = [0, -1, 0]"), &["[camera]", "'up'"]);
+    refused(&with("eye = [0, 1, 4]\ndirection = [1, 0, 0]\nvertical_fov_degrees = 180"), &["field of view"]);
+    refused(&with("eye = [0, 1, 4]\ndirection = [1, 0, 0]\nwidth = 0"), &["no pixels"]);
+    refused(&with("eye = [0, 1, 4]\ndirection = [1, 0, 0]\nfilter_radius = 2"), &["box filter"]);
+    refused(&with("eye = [0, 1, 40]\ndirection = [0, 0, 1]"), &["sees nothing", "[0, 1, 40]"]);
+    refused(&with("eye = [0, 0.0001, 0]\ndirection = [0, -1, 0]\nup = [0, 0, 1]"), &["stands in a wall"]);
+}
+
+fn a_camera_inside_something_solid() {
+    let cube =
+        "mtllib room.mtl\nusemtl lamp\nv -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv -1 2 -1\nv 1 2 -1\nv 1 2 1\nv -1 2 1
+f 1 2 3 4\nf 8 7 6 5\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
+    let camera = "geometry = [\"room.obj\"]\n[camera]\neye = [0, 1, 0.1]\ndirection = [0, 0, -1]\n";
+    let loaded = room("").with("room.obj", cube).with("scene.toml", camera).load().unwrap();
+    assert!(loaded.warnings.iter().any(|w| w.contains("inside something solid")), "{:?}", loaded.warnings);
+}
+
+fn columns_that_do_not_fit() {
+    let words = ["light 1", "25000000 columns", "TiB", "16777216", "fewer texels"];
+    refused(&room("[[light]]\ntexels = [5000, 5000]\n"), &words);
+    refused(&room("[[light]]\ntexels = [4294967295, 4294967295]\n"), &["columns", "TiB"]);
+    refused(&room("[[light]]\nkind = \"environment\"\ntexels = [5000, 5000]\n"), &words);
+    let panel = "kind = \"panel\"\norigin = [0, 2, 0]\nedge_u = [1, 0, 0]\nedge_v = [0, 0, 1]\n";
+    refused(&room(&format!("[[light]]\n{panel}texels = [5000, 5000]\n")), &words);
+}
+
+fn no_damaged_input_panics() {
+    let more = "[[light]]\nmaterial = \"lamp\"\ntexels = [2, 2]\n[[light]]\nkind = \"ies\"\nposition = [0, 1, 0]\nfile = \"a.ies\"\n";
+    let ies = "TILT=NONE\n1 1 1 2 2 1 1 0 0 0 1 1 1 0 90 0 90 4 3 2 1\n";
+    let whole = [("room.obj", ROOM_OBJ.to_owned()), ("room.mtl", ROOM_MTL.to_owned()), ("a.ies", ies.to_owned())];
+    let whole = whole.into_iter().chain([("scene.toml", format!("{ROOM_TOML}{more}"))]);
+    let whole: Vec<_> = whole.map(|(name, text)| (name, text.into_bytes())).collect();
+    let folder = || whole.iter().fold(Folder::new(), |folder, (name, bytes)| folder.with(name, bytes));
+    assert!(folder().load().is_ok());
+    let mut folder = folder();
+    for (name, bytes) in &whole {
+        for at in 0..bytes.len() {
+            folder = folder.with(name, &bytes[..at]);
+            let _ = folder.load();
+            for byte in [b'0', b'-', b'/', b'\n', 0xff] {
+                let mut changed = bytes.clone();
+                changed[at] = byte;
+                folder = folder.with(name, &changed);
+                let _ = folder.load();
+            }
+        }
+        folder = folder.with(name, bytes);
+    }
+}
