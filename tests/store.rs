@@ -8,6 +8,8 @@ mod damage;
 mod faults;
 #[path = "store/files.rs"]
 mod files;
+#[path = "store/format.rs"]
+mod format;
 #[path = "store/kill.rs"]
 mod kill;
 #[path = "store/storages.rs"]

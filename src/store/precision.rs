@@ -3,8 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use half::f16;
 use half::slice::HalfFloatSliceExt;
-use half::{bf16, f16};
 
 use crate::error::{Error, Result};
 
@@ -87,10 +87,11 @@ impl Precision {
                 for (column, bytes) in column.chunks(256).zip(bytes.chunks_mut(512)) {
                     for (scaled, value) in scaled.iter_mut().zip(column) {
                         *scaled = value * inverse;
+                    }
+                    if scale >= LARGEST_SCALE {
                         // Rounded up to 2¹⁵, f32's largest values would come back infinite.
-                        if scaled.abs() > 32_752.0 && scaled.is_finite() {
-                            *scaled = 32_752.0f32.copysign(*scaled);
-                        }
+                        let finite = scaled.iter_mut().filter(|value| value.is_finite());
+                        finite.for_each(|value| *value = value.clamp(-32_752.0, 32_752.0));
                     }
                     halves[..column.len()].convert_from_f32_slice(&scaled[..column.len()]);
                     bytes.copy_from_slice(bytemuck::cast_slice(&halves[..column.len()]));
@@ -99,11 +100,7 @@ impl Precision {
             }
             Self::Bf16 => {
                 for (value, bytes) in column.iter().zip(bytes.chunks_exact_mut(2)) {
-                    let mut stored = bf16::from_f32(*value);
-                    if stored.is_infinite() && value.is_finite() {
-                        stored = bf16::MAX.copysign(stored);
-                    }
-                    bytes.copy_from_slice(&stored.to_le_bytes());
+                    bytes.copy_from_slice(&bf16_bits(value.to_bits()).to_le_bytes());
                 }
                 1.0
             }
@@ -132,10 +129,23 @@ impl Precision {
     }
 }
 
+/// Scale of columns that reach f32's last binade.
+const LARGEST_SCALE: f32 = f32::from_bits((113 + 127) << 23);
+
+/// The upper half of a float's bits, rounded to nearest, ties to even; saturating; NaN stays NaN. Without branches, so
+/// that it becomes SIMD.
+fn bf16_bits(bits: u32) -> u16 {
+    let rounded = (bits.wrapping_add(0x7fff + (bits >> 16 & 1))) >> 16;
+    let magnitude = bits & 0x7fff_ffff;
+    let saturated = if magnitude < 0x7f80_0000 && rounded & 0x7fff == 0x7f80 { rounded - 1 } else { rounded };
+    let kept = if magnitude > 0x7f80_0000 { bits >> 16 | 0x40 } else { saturated };
+    kept as u16
+}
+
 /// The power of two that brings the column's largest finite magnitude into [2¹⁴, 2¹⁵), inside what f16 can hold.
 fn f16_scale(column: &[f32]) -> f32 {
     let magnitude = |value: &f32| if value.is_finite() { value.to_bits() & 0x7fff_ffff } else { 0 };
-    let largest = f32::from_bits(column.iter().map(magnitude).max().unwrap_or(0));
+    let largest = f32::from_bits(column.iter().fold(0, |largest, value| magnitude(value).max(largest)));
     let exponent = (largest.to_bits() >> 23) as i32 - 127;
     // Below 2⁻¹²⁶ the scale itself would be subnormal.
     let scale_exponent = (exponent - 14).max(-126);
@@ -207,6 +217,19 @@ mod tests {
             let back = through(precision, &[f32::INFINITY, 1.0, f32::NEG_INFINITY, f32::NAN]);
             assert_eq!(back[..3], [f32::INFINITY, 1.0, f32::NEG_INFINITY], "{precision}");
             assert!(back[3].is_nan(), "{precision}");
+        }
+    }
+
+    #[test]
+    fn bf16_rounds_as_the_reference_does() {
+        let mut bits = 0u32;
+        for _ in 0..1_000_000 {
+            bits = bits.wrapping_add(0x9e37_79b9);
+            let reference = half::bf16::from_f32(f32::from_bits(bits));
+            // Beyond the largest finite value ours saturates; of a NaN only that it is one counts.
+            let same = half::bf16::from_bits(bf16_bits(bits));
+            let agree = same == reference || same.is_nan() && reference.is_nan() || reference.is_infinite();
+            assert!(agree, "{bits:#x}: {same} for {reference}");
         }
     }
 

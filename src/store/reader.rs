@@ -11,7 +11,9 @@ use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, MatrixShape, Traced
 
 use super::header::Header;
 use super::layout::STAGING_BYTES;
+use super::mapped::MappedStorage;
 use super::record::{Record, UnverifiedRecord};
+use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact};
 use super::tile::SideData;
 use super::{Layout, NOISE_NONE, NOISE_ZERO, Precision, RECORD_BYTES, partial_path};
@@ -21,6 +23,8 @@ pub struct StoreReader<S: Storage = FileStorage> {
     storage: S,
     path: PathBuf,
     header: Header,
+    /// Whether read pages leave the page cache.
+    releases: bool,
 }
 
 const REPAIR: &str = "repair it, or render it again";
@@ -31,22 +35,34 @@ impl StoreReader<FileStorage> {
     /// Errors: not there, not ours, of a newer version, or damaged before the first block. A file that is cut short
     /// further on opens, and the blocks that are whole can be read.
     pub fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(|error| match error.kind() {
-            io::ErrorKind::NotFound if partial_path(path).exists() => {
-                let hint = format!("run its command again to finish it, or open {}", partial_path(path).display());
-                Error::input(path.display().to_string(), "is not finished", hint)
-            }
-            _ => Error::io(path, "open")(error),
-        })?;
-        Self::over(FileStorage::new(file), path)
+        Self::over(FileStorage::new(open_file(path)?), path)
     }
+}
+
+impl StoreReader<MappedStorage> {
+    /// As [`open`](StoreReader::open), but reads through a memory map; see [`MappedStorage`] for what that is worth.
+    pub fn open_mapped(path: &Path) -> Result<Self> {
+        let storage = MappedStorage::new(open_file(path)?).map_err(Error::io(path, "map"))?;
+        Self::over(storage, path)
+    }
+}
+
+fn open_file(path: &Path) -> Result<File> {
+    File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound if partial_path(path).exists() => {
+            let hint = format!("run its command again to finish it, or open {}", partial_path(path).display());
+            Error::input(path.display().to_string(), "is not finished", hint)
+        }
+        _ => Error::io(path, "open")(error),
+    })
 }
 
 impl<S: Storage> StoreReader<S> {
     /// Reads from any storage; `path` is for messages.
     pub fn over(storage: S, path: &Path) -> Result<Self> {
         let header = Header::read(&storage, path)?;
-        Ok(Self { storage, path: path.to_owned(), header })
+        let releases = crowds_out(header.layout.file_bytes());
+        Ok(Self { storage, path: path.to_owned(), header, releases })
     }
 
     /// What was rendered.
@@ -248,6 +264,9 @@ impl<S: Storage> BlockSource for StoreReader<S> {
         } else {
             zero_noise(&record, rows, columns)
         };
+        if self.releases {
+            self.storage.release(self.header.layout.slot_offset(id), record.length);
+        }
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! Room on the disk.
+//! Room on the disk, and in the page cache.
 
 use std::path::Path;
 
@@ -23,6 +23,14 @@ pub fn check_free_space(path: &Path, needed: u64) -> Result<()> {
         available: format!("only {} are free in {}", in_gib(free), folder.display()),
         hint: "make room, store in f16, or render fewer pixels or columns".into(),
     })
+}
+
+/// Whether a file of this size should leave the page cache as soon as a block is written or read: one that is larger
+/// than half the memory would push everything else out, and itself, before it is used again.
+pub(super) fn crowds_out(file_bytes: u64) -> bool {
+    let system = rustix::system::sysinfo();
+    let memory = (system.totalram as u64).saturating_mul(u64::from(system.mem_unit));
+    file_bytes > memory / 2
 }
 
 /// The folder of a file, `.` for a bare name.

@@ -12,7 +12,7 @@ use super::header::{Header, UnverifiedHeader};
 use super::layout::STAGING_BYTES;
 use super::place::{Place, open_locked, partial_path, refuse_existing, sync_folder};
 use super::record::{Record, UnverifiedRecord};
-use super::space::check_free_space;
+use super::space::{check_free_space, crowds_out};
 use super::storage::{FileStorage, Storage, read_exact, write_all};
 use super::tile::SideData;
 use super::{Layout, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PAGE_BYTES, Precision, RECORD_BYTES};
@@ -56,8 +56,10 @@ pub struct StoreWriter<S: Storage = FileStorage> {
     layout: Layout,
     /// For each block one of `EMPTY`, `BUSY`, `DONE`.
     states: Vec<AtomicU8>,
-    /// Whether the slots may hold bytes of an earlier run.
+    /// Whether the slots hold no bytes of an earlier run.
     fresh: bool,
+    /// Whether written pages leave the page cache once they are durable.
+    releases: bool,
     place: Place,
 }
 
@@ -172,7 +174,7 @@ impl<S: Storage> StoreWriter<S> {
         write_all(&storage, 0, &page).map_err(failed("write the header"))?;
         storage.sync().map_err(failed("sync"))?;
         let states = job.shape.blocks().map(|_| AtomicU8::new(EMPTY)).collect();
-        Ok(Self { storage, layout, states, fresh: true, place })
+        Ok(Self { storage, layout, states, fresh: true, releases: crowds_out(layout.file_bytes()), place })
     }
 
     fn continue_over(storage: S, place: Place, job: &Job, options: StoreOptions) -> Result<Self> {
@@ -195,7 +197,7 @@ impl<S: Storage> StoreWriter<S> {
             storage.set_length(layout.file_bytes()).map_err(Error::io(path, "set the length"))?;
         }
         let states: Vec<_> = job.shape.blocks().map(|_| AtomicU8::new(EMPTY)).collect();
-        let writer = Self { storage, layout, states, fresh: false, place };
+        let writer = Self { storage, layout, states, fresh: false, releases: crowds_out(layout.file_bytes()), place };
         let damaged = writer.scan_records(|id, record| {
             let whole = record
                 .is_ok_and(|record| writer.layout.slot_offset(id) + record.length <= length || record.length == 0);
@@ -445,6 +447,9 @@ impl<S: Storage> StoreWriter<S> {
         let committed = write_tile().and_then(|record| {
             if record.length > 0 {
                 self.storage.sync()?;
+                if self.releases {
+                    self.storage.release(self.layout.slot_offset(id), record.length);
+                }
             }
             write_all(&self.storage, self.layout.record_offset(id), &record.encode(&self.layout, id))
         });

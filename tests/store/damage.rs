@@ -93,21 +93,26 @@ fn every_flipped_byte_is_noticed_and_harms_one_block_at_most() {
     assert!(memory.content() == bytes);
 }
 
+fn shrinks<S: Storage>(path: &Path, reader: &StoreReader<S>) {
+    assert_eq!(bad_blocks(reader), []);
+    let file = std::fs::File::options().write(true).open(path).unwrap();
+    let layout = *reader.layout();
+    file.set_len(layout.slot_offset(BlockId(4)) + 10).unwrap();
+    assert_eq!(bad_blocks(reader), [BlockId(4), BlockId(5)]);
+    file.set_len(100).unwrap();
+    let mut target = TracedBlock::default();
+    let error = ltm::matrix::BlockSource::read_block(reader, BlockId(0), &mut target).unwrap_err();
+    assert!(error.to_string().contains("block 0"), "{error}");
+}
+
 #[test]
 fn a_file_that_shrinks_while_it_is_read_gives_errors_and_keeps_the_rest() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltm");
     std::fs::write(&path, small_file()).unwrap();
-    let reader = StoreReader::open(&path).unwrap();
-    assert_eq!(bad_blocks(&reader), []);
-    let file = std::fs::File::options().write(true).open(&path).unwrap();
-    let layout = *reader.layout();
-    file.set_len(layout.slot_offset(BlockId(4)) + 10).unwrap();
-    assert_eq!(bad_blocks(&reader), [BlockId(4), BlockId(5)]);
-    file.set_len(100).unwrap();
-    let mut target = TracedBlock::default();
-    let error = ltm::matrix::BlockSource::read_block(&reader, BlockId(0), &mut target).unwrap_err();
-    assert!(error.to_string().contains("block 0"), "{error}");
+    shrinks(&path, &StoreReader::open(&path).unwrap());
+    std::fs::write(&path, small_file()).unwrap();
+    shrinks(&path, &StoreReader::open_mapped(&path).unwrap());
 }
 
 /// A header whose fields are changed and whose checksum is made to hold: what a program with a fault, or with bad

@@ -30,13 +30,16 @@ fn what_is_written_comes_back_bit_for_bit_in_f32() {
         let summary = writer.finish().unwrap();
         assert!(summary.missing.is_empty() && !partial_path(&path).exists());
         let reader = StoreReader::open(&path).unwrap();
+        let mapped = StoreReader::open_mapped(&path).unwrap();
         assert_eq!(*reader.job(), job);
         assert_eq!(reader.stored_bytes().unwrap(), summary.stored_bytes);
         // One target for all: what an earlier block left in it must not show.
         let mut target = TracedBlock::default();
         for id in job.shape.blocks() {
             reader.read_block(id, &mut target).unwrap();
-            assert_eq!(target, block(&job, id), "{columns} columns, {id}");
+            assert!(target == block(&job, id), "{columns} columns, {id}");
+            mapped.read_block(id, &mut target).unwrap();
+            assert!(target == block(&job, id), "mapped, {columns} columns, {id}");
         }
         assert!(verify(&path, |_, _| {}).unwrap().is_complete());
     }

@@ -1,0 +1,257 @@
+//! The store against the disk: writing and reading, against plain `pwrite` and `pread` of the same bytes in the same
+//! run, with the error of each precision.
+//!
+//! `cargo bench --bench store`; `LTM_BENCH_BLOCKS` sets the number of blocks (of 3,072 rows × 1,024 columns, 12 MiB in
+//! f32; 64 where unset), `LTM_BENCH_FOLDER` the disk. Criterion repeats short work many times; a disk wants long runs,
+//! few of them and taken in turns, so this is a program of its own. It prints the best of `ROUNDS`.
+
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Instant;
+
+use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
+use ltm::store::{FileStorage, MappedStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter};
+
+const COLUMNS: u32 = 1024;
+const ROUNDS: usize = 3;
+
+fn main() {
+    let blocks = std::env::var("LTM_BENCH_BLOCKS").ok().and_then(|n| n.parse().ok()).unwrap_or(64u32);
+    let parent = std::env::var_os("LTM_BENCH_FOLDER").unwrap_or_else(|| std::env::temp_dir().into());
+    let folder = tempfile::tempdir_in(parent).unwrap();
+    let job = job(blocks);
+    let traced = block(&job);
+    let (rows, columns) = (traced.block.rows(), traced.block.columns());
+    let raw = job.shape.raw_bytes();
+    eprintln!(
+        "{blocks} blocks of {rows} rows × {columns} columns, {:.2} GiB in f32\n",
+        raw as f64 / (1u64 << 30) as f64
+    );
+    eprintln!("writing                                       stored      GB/s stored   of the best pwrite");
+    let plain = folder.path().join("plain");
+    const PLAIN: [(&str, usize, bool); 3] = [
+        ("pwrite of blocks, one fsync", 12 << 20, false),
+        ("pwrite of 1 MiB, one fsync", 1 << 20, false),
+        ("pwrite of 1 MiB, fdatasync per block", 1 << 20, true),
+    ];
+    let mut rates = vec![0.0f64; PLAIN.len() + WRITES.len()];
+    for _ in 0..ROUNDS {
+        for (i, &(_, at_once, sync_each)) in PLAIN.iter().enumerate() {
+            let _ = std::fs::remove_file(&plain);
+            rates[i] = rates[i].max(rate(raw, || write_plain(&plain, blocks, &traced, at_once, sync_each)));
+        }
+        for (i, write) in WRITES.iter().enumerate() {
+            let path = folder.path().join(write.name);
+            let _ = std::fs::remove_file(&path);
+            let mut stored = 0;
+            let seconds = timed(|| stored = write_store(&path, &job, &traced, write));
+            let i = PLAIN.len() + i;
+            rates[i] = rates[i].max(stored as f64 / seconds / 1e9);
+        }
+    }
+    let best_plain = rates[..PLAIN.len()].iter().copied().fold(0.0, f64::max);
+    for ((name, ..), rate) in PLAIN.iter().zip(&rates) {
+        eprintln!("  {name:<37} {raw:>12}   {rate:>8.2}      {:.2}", rate / best_plain);
+    }
+    for (write, rate) in WRITES.iter().zip(&rates[PLAIN.len()..]) {
+        let stored = open(&folder.path().join(write.name)).stored_bytes().unwrap();
+        eprintln!("  store, {:<30} {:>12}   {rate:>8.2}      {:.2}", write.name, stored, rate / best_plain);
+    }
+    eprintln!(
+        "\nreading                                  cold GB/s   warm GB/s   error (largest, relative to the entry)"
+    );
+    for (name, threads) in [("pread", 1), ("pread, two threads", 2)] {
+        let read = |cold| {
+            best(
+                || rate(raw, || read_plain(&plain, blocks, threads)),
+                || {
+                    if cold {
+                        evict(&plain)
+                    }
+                },
+            )
+        };
+        eprintln!("  {name:<36} {:>9.2}   {:>9.2}", read(true), read(false));
+    }
+    for write in WRITES.iter().filter(|write| write.threads == 1 && write.reserve) {
+        let path = folder.path().join(write.name);
+        let error = largest_error(&path, &traced);
+        for threads in [1, 2] {
+            for mapped in [false, true] {
+                let stored = open(&path).stored_bytes().unwrap();
+                let read = |cold| {
+                    let once = || {
+                        let file = File::open(&path).unwrap();
+                        if mapped {
+                            let storage = MappedStorage::new(file).unwrap();
+                            read_store(&StoreReader::over(storage, &path).unwrap(), threads);
+                        } else {
+                            read_store(&StoreReader::over(FileStorage::new(file), &path).unwrap(), threads);
+                        }
+                    };
+                    best(
+                        || rate(stored, once),
+                        || {
+                            if cold {
+                                evict(&path)
+                            }
+                        },
+                    )
+                };
+                let how = if mapped { "map" } else { "pread" };
+                let name = format!("store, {}, {how}, {threads} thread(s)", write.name);
+                eprintln!("  {name:<36} {:>9.2}   {:>9.2}   {error:.1e}", read(true), read(false));
+            }
+        }
+    }
+}
+
+struct Write {
+    name: &'static str,
+    precision: Precision,
+    threads: usize,
+    reserve: bool,
+}
+
+const WRITES: [Write; 5] = [
+    Write { name: "f32", precision: Precision::F32, threads: 1, reserve: true },
+    Write { name: "f32, two threads", precision: Precision::F32, threads: 2, reserve: true },
+    Write { name: "f32, not reserved", precision: Precision::F32, threads: 1, reserve: false },
+    Write { name: "f16", precision: Precision::F16, threads: 1, reserve: true },
+    Write { name: "bf16", precision: Precision::Bf16, threads: 1, reserve: true },
+];
+
+fn job(blocks: u32) -> Job {
+    let mut basis = LightBasis::new();
+    let kind = LightKind::AreaTexels { across: 32, down: COLUMNS / 32 };
+    let (name, unit, emission) = ("panel".to_owned(), LightUnit::Radiance, [1.0; 3]);
+    let (places, extents) = (vec![[0.0; 3]; COLUMNS as usize], vec![1.0; COLUMNS as usize]);
+    basis.push(Light { name, kind, unit, emission, first_column: 0, places, extents }).unwrap();
+    let shape = MatrixShape::new(32, 32 * blocks, COLUMNS, 32).unwrap();
+    Job { shape, basis, provenance: Provenance::default() }
+}
+
+fn block(job: &Job) -> TracedBlock {
+    let mut traced = TracedBlock::default();
+    let rows = job.shape.max_block_rows();
+    traced.block.reset(rows, COLUMNS as usize);
+    let mut state = 1u32;
+    let mut next = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        ((state >> 8) as f32 + 1.0) / (1u32 << 24) as f32
+    };
+    traced.block.entries_mut().iter_mut().for_each(|entry| *entry = next());
+    traced.noise = Some(BlockNoise {
+        row_variance: vec![0.1; rows],
+        column_variance: vec![0.1; COLUMNS as usize],
+        probes: vec![0.1; rows * 16],
+    });
+    traced
+}
+
+fn timed(work: impl FnOnce()) -> f64 {
+    let started = Instant::now();
+    work();
+    started.elapsed().as_secs_f64()
+}
+
+fn rate(bytes: u64, work: impl FnOnce()) -> f64 {
+    bytes as f64 / timed(work) / 1e9
+}
+
+fn best(work: impl Fn() -> f64, before: impl Fn()) -> f64 {
+    (0..ROUNDS).map(|_| (before(), work()).1).fold(0.0, f64::max)
+}
+
+fn open(path: &Path) -> StoreReader {
+    StoreReader::open(path).unwrap()
+}
+
+/// Drops a file's pages from the page cache, as far as the kernel follows the advice.
+fn evict(path: &Path) {
+    let storage = FileStorage::new(File::open(path).unwrap());
+    storage.sync().unwrap();
+    storage.release(0, storage.length().unwrap());
+}
+
+fn write_plain(path: &Path, blocks: u32, traced: &TracedBlock, at_once: usize, sync_each: bool) {
+    let file = File::create(path).unwrap();
+    let bytes: &[u8] = bytemuck::cast_slice(traced.block.entries());
+    for i in 0..u64::from(blocks) {
+        for (j, part) in bytes.chunks(at_once).enumerate() {
+            file.write_all_at(part, i * bytes.len() as u64 + (j * at_once) as u64).unwrap();
+        }
+        if sync_each {
+            file.sync_data().unwrap();
+        }
+    }
+    file.sync_all().unwrap();
+}
+
+fn write_store(path: &Path, job: &Job, traced: &TracedBlock, write: &Write) -> u64 {
+    let options = StoreOptions { precision: write.precision, reserve: write.reserve, ..StoreOptions::default() };
+    let writer = StoreWriter::create(path, job, options).unwrap();
+    let next = AtomicU32::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..write.threads {
+            scope.spawn(|| {
+                loop {
+                    let id = BlockId(next.fetch_add(1, Ordering::Relaxed));
+                    if id.0 >= job.shape.block_count() {
+                        break;
+                    }
+                    writer.write_block(id, traced).unwrap();
+                }
+            });
+        }
+    });
+    writer.finish().unwrap().stored_bytes
+}
+
+fn read_plain(path: &Path, blocks: u32, threads: u32) {
+    let file = File::open(path).unwrap();
+    let next = AtomicU32::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                let block_bytes = 3072 * u64::from(COLUMNS) * 4;
+                let mut bytes = vec![0; block_bytes as usize];
+                loop {
+                    let i = next.fetch_add(1, Ordering::Relaxed);
+                    if i >= blocks {
+                        break;
+                    }
+                    file.read_exact_at(&mut bytes, u64::from(i) * block_bytes).unwrap();
+                }
+            });
+        }
+    });
+}
+
+fn read_store<S: Storage>(reader: &StoreReader<S>, threads: u32) {
+    let next = AtomicU32::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                let mut target = TracedBlock::default();
+                loop {
+                    let id = BlockId(next.fetch_add(1, Ordering::Relaxed));
+                    if id.0 >= reader.shape().block_count() {
+                        break;
+                    }
+                    reader.read_block(id, &mut target).unwrap();
+                }
+            });
+        }
+    });
+}
+
+fn largest_error(path: &Path, traced: &TracedBlock) -> f32 {
+    let mut target = TracedBlock::default();
+    open(path).read_block(BlockId(0), &mut target).unwrap();
+    let pairs = target.block.entries().iter().zip(traced.block.entries());
+    pairs.map(|(stored, original)| (stored - original).abs() / original).fold(0.0, f32::max)
+}

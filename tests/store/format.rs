@@ -1,0 +1,266 @@
+//! The document, the golden files and the bad files say what the code does.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ltm::Error;
+use ltm::matrix::{BlockId, BlockSource};
+use ltm::store::{
+    HEADER_FIELDS, MAGIC, PAGE_BYTES, Precision, RECORD_BYTES, RECORD_FIELDS, StoreOptions, StoreReader, StoreWriter,
+    VERSION, verify,
+};
+
+use crate::blocks::{block, job, options, read, write_all};
+
+fn formats() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("formats")
+}
+
+/// Rows of the table that follows a mark in the document, cut into cells.
+fn table_after(mark: &str) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(formats().join("ltm.md")).unwrap();
+    let rest = text.split_once(mark).unwrap_or_else(|| panic!("no '{mark}' in ltm.md")).1;
+    let lines = rest.lines().skip_while(|line| !line.starts_with('|')).take_while(|line| line.starts_with('|'));
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().replace('`', "")).collect();
+    lines.skip(2).map(cells).collect()
+}
+
+#[test]
+fn the_field_tables_of_the_document_are_those_of_the_code() {
+    for (mark, fields) in [("<!-- fields: header -->", HEADER_FIELDS), ("<!-- fields: record -->", RECORD_FIELDS)] {
+        let written: Vec<_> = table_after(mark)
+            .into_iter()
+            .map(|row| (row[0].clone(), row[1].parse().unwrap(), row[2].parse().unwrap()))
+            .collect();
+        let coded: Vec<(String, usize, usize)> =
+            fields.iter().map(|&(name, offset, size)| (name.to_owned(), offset, size)).collect();
+        assert_eq!(written, coded, "{mark}");
+    }
+}
+
+#[test]
+fn the_numbers_of_the_document_are_those_of_the_code() {
+    let header = table_after("<!-- fields: header -->");
+    let cell = |name: &str, column: usize| header.iter().find(|row| row[0] == name).unwrap()[column].clone();
+    let magic: Vec<u8> = cell("magic", 3).split(' ').map(|hex| u8::from_str_radix(hex, 16).unwrap()).collect();
+    assert_eq!(magic, MAGIC);
+    assert_eq!(cell("version", 4), VERSION.to_string());
+    for precision in Precision::ALL {
+        assert!(cell("precision", 3).contains(&format!("{}: {precision}", precision.code())));
+    }
+    let parts = table_after("## The whole");
+    assert_eq!(parts[0][2], PAGE_BYTES.to_string());
+    assert!(parts[2][2].starts_with(&format!("{RECORD_BYTES} for each block")));
+    let versions = table_after("## Promise");
+    assert_eq!(versions.last().unwrap()[0], VERSION.to_string());
+    use ltm::matrix::MatrixShape;
+    assert_eq!(cell("width", 4), format!("1 to {}", MatrixShape::MAX_IMAGE_SIDE));
+    assert_eq!(cell("columns", 4), format!("1 to {}", MatrixShape::MAX_COLUMNS));
+    assert!(cell("block_side", 4).starts_with(&format!("1 to {};", MatrixShape::MAX_BLOCK_SIDE)));
+}
+
+/// Constants that are on disks. They never change; a new meaning takes a new version.
+#[test]
+fn never_change_these() {
+    assert_eq!(MAGIC, [0x89, b'L', b'T', b'M', 13, 10, 26, 10]);
+    assert_eq!((PAGE_BYTES, RECORD_BYTES), (4096, 64));
+    assert_eq!(Precision::ALL.map(|precision| precision.code()), [0, 1, 2]);
+    use ltm::store::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO};
+    assert_eq!((COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO), (1, 0, 1, 2));
+}
+
+fn golden_name(precision: Precision) -> PathBuf {
+    formats().join(format!("golden/v1-{precision}.ltm"))
+}
+
+fn write_golden(path: &Path, precision: Precision) {
+    let job = job(3);
+    let writer = StoreWriter::create(path, &job, StoreOptions { precision, ..options() }).unwrap();
+    write_all(&job, &writer);
+    writer.finish().unwrap();
+}
+
+#[test]
+fn golden_files_are_read_and_are_what_would_be_written_now() {
+    let folder = tempfile::tempdir().unwrap();
+    for precision in Precision::ALL {
+        let golden = golden_name(precision);
+        assert!(verify(&golden, |_, _| {}).unwrap().is_complete(), "{}", golden.display());
+        let reader = StoreReader::open(&golden).unwrap();
+        assert_eq!((reader.precision(), reader.job()), (precision, &job(3)));
+        for id in reader.shape().blocks() {
+            let (stored, original) = (read(&reader, id).unwrap(), block(&job(3), id));
+            for (stored, original) in stored.block.entries().iter().zip(original.block.entries()) {
+                assert!(
+                    f64::from((stored - original).abs())
+                        <= precision.relative_error() * f64::from(*original) + 2f64.powi(-39)
+                );
+            }
+        }
+        let now = folder.path().join("now.ltm");
+        write_golden(&now, precision);
+        assert!(fs::read(&now).unwrap() == fs::read(&golden).unwrap(), "{precision}: a change needs a new version");
+        fs::remove_file(now).unwrap();
+    }
+}
+
+/// What becomes of a bad file.
+#[derive(Debug, PartialEq)]
+enum Fate {
+    /// Cannot be opened, with this in the message.
+    Refused(&'static str),
+    /// Opens; these blocks are bad, with this in the message, and all others can be read.
+    Blocks(&'static [u32], &'static str),
+}
+use Fate::{Blocks, Refused};
+
+type Change = fn(&mut Vec<u8>);
+
+/// Sets bytes of the header and makes its checksum hold.
+fn set_header(bytes: &mut [u8], name: &str, value: &[u8]) {
+    let offset = HEADER_FIELDS.iter().find(|field| field.0 == name).unwrap().1;
+    bytes[offset..offset + value.len()].copy_from_slice(value);
+    let checksum = crc32fast::hash(&bytes[12..4096]);
+    bytes[8..12].copy_from_slice(&checksum.to_le_bytes());
+}
+
+/// Sets bytes of block 0's record and makes its checksum hold.
+fn set_record(bytes: &mut [u8], name: &str, value: &[u8]) {
+    let offset = RECORD_FIELDS.iter().find(|field| field.0 == name).unwrap().1;
+    let record = &mut bytes[TABLE..TABLE + 64];
+    record[offset..offset + value.len()].copy_from_slice(value);
+    let checksum = crc32fast::hash(&record[4..]);
+    record[..4].copy_from_slice(&checksum.to_le_bytes());
+}
+
+/// Changes the side data of block 0 and makes all checksums hold.
+fn set_side(bytes: &mut [u8], change: impl FnOnce(&mut [u8])) {
+    let number = |at: usize| u64::from_le_bytes(bytes[TABLE + at..TABLE + at + 8].try_into().unwrap()) as usize;
+    let (start, end) = (number(16) + COLUMNS_OF_BLOCK_0, number(16) + number(24));
+    change(&mut bytes[start..end]);
+    let checksum = crc32fast::hash(&bytes[start..end]);
+    set_record(bytes, "side_checksum", &checksum.to_le_bytes());
+}
+
+/// Changes the job description and makes its checksum and the header's hold.
+fn set_job(bytes: &mut [u8], change: impl FnOnce(&mut [u8])) {
+    change(&mut bytes[4096..TABLE]);
+    let checksum = crc32fast::hash(&bytes[4096..TABLE]);
+    set_header(bytes, "job_checksum", &checksum.to_le_bytes());
+}
+
+/// Offsets in the golden f16 file.
+const TABLE: usize = 8192;
+const SLOTS: usize = 12_288;
+/// Three columns and two probes of 192 rows in 2 bytes.
+const COLUMNS_OF_BLOCK_0: usize = 5 * 192 * 2;
+
+/// Every bad file: its name, how it is made from the golden f16 file, and what must become of it.
+const BAD: &[(&str, Change, Fate)] = &[
+    ("ltm-empty", |b| b.clear(), Refused("is not an .ltm file")),
+    ("ltm-not-ours", |b| *b = b"P6 2 2 255 not a matrix".to_vec(), Refused("is not an .ltm file")),
+    ("ltm-text-transfer", |b| b.splice(4..6, [b'\n']).for_each(drop), Refused("is not an .ltm file")),
+    ("ltm-newer-version", |b| set_header(b, "version", &2u32.to_le_bytes()), Refused("format version 2")),
+    ("ltm-header-flipped", |b| b[25] ^= 1, Refused("header's checksum")),
+    ("ltm-header-cut", |b| b.truncate(100), Refused("cut short inside the header")),
+    ("ltm-precision-unknown", |b| set_header(b, "precision", &3u32.to_le_bytes()), Refused("unknown precision")),
+    ("ltm-probes-absurd", |b| set_header(b, "max_probes", &u32::MAX.to_le_bytes()), Refused("out of range")),
+    ("ltm-width-zero", |b| set_header(b, "width", &0u32.to_le_bytes()), Refused("image width")),
+    ("ltm-columns-absurd", |b| set_header(b, "columns", &u32::MAX.to_le_bytes()), Refused("number of columns")),
+    ("ltm-reserved-used", |b| set_header(b, "reserved", &1u32.to_le_bytes()), Refused("out of range")),
+    ("ltm-job-absurd", |b| set_header(b, "job_bytes", &u64::MAX.to_le_bytes()), Refused("cut short inside the job")),
+    ("ltm-table-elsewhere", |b| set_header(b, "table_offset", &0u64.to_le_bytes()), Refused("offsets do not fit")),
+    ("ltm-job-flipped", |b| b[4100] ^= 1, Refused("job description's checksum")),
+    (
+        "ltm-job-lights-absurd",
+        |b| set_job(b, |job| job[4..9].copy_from_slice(&[252, 255, 255, 255, 127])),
+        Refused("does not decode"),
+    ),
+    ("ltm-job-other-shape", |b| set_job(b, |job| job[0] = 21), Refused("differ in shape")),
+    (
+        "ltm-job-trailing",
+        |b| {
+            let longer = u64::from_le_bytes(b[48..56].try_into().unwrap()) + 1;
+            set_header(b, "job_bytes", &longer.to_le_bytes());
+        },
+        Refused("trailing"),
+    ),
+    ("ltm-cut-before-slots", |b| b.truncate(SLOTS - 1), Refused("cut short before its blocks")),
+    ("ltm-cut-in-block-4", |b| b.truncate(SLOTS + 4 * 4096 + 100), Blocks(&[4, 5], "cut off")),
+    ("ltm-record-flipped", |b| b[TABLE + 30] ^= 1, Blocks(&[0], "commit record's checksum")),
+    ("ltm-record-elsewhere", |b| set_record(b, "offset", &20_480u64.to_le_bytes()), Blocks(&[0], "out of range")),
+    ("ltm-record-of-another", |b| b.copy_within(TABLE..TABLE + 64, TABLE + 128), Blocks(&[2], "out of range")),
+    ("ltm-record-length", |b| set_record(b, "length", &u64::MAX.to_le_bytes()), Blocks(&[0], "out of range")),
+    ("ltm-side-flipped", |b| b[SLOTS + COLUMNS_OF_BLOCK_0 + 9] ^= 1, Blocks(&[0], "side data's checksum")),
+    ("ltm-side-contradicts", |b| set_side(b, |side| side[0] = 3), Blocks(&[0], "contradicts")),
+    (
+        "ltm-scale-not-a-number",
+        |b| {
+            set_side(b, |side| side[24..28].copy_from_slice(&f32::NAN.to_le_bytes()));
+        },
+        Blocks(&[0], "scale is out of range"),
+    ),
+    ("ltm-column-flipped", |b| b[SLOTS + 400] ^= 1, Blocks(&[0], "checksum of column 1")),
+    ("ltm-probe-flipped", |b| b[SLOTS + 4 * 384] ^= 1, Blocks(&[0], "checksum of noise probe 1")),
+];
+
+/// Makes the golden files of a new version (those that are there are never rewritten), then the bad files.
+#[test]
+#[ignore = "writes into formats/: run by hand when the version goes up, or for a new bad file"]
+fn make_golden_and_bad_files() {
+    for precision in Precision::ALL {
+        if !golden_name(precision).exists() {
+            write_golden(&golden_name(precision), precision);
+        }
+    }
+    let sound = fs::read(golden_name(Precision::F16)).unwrap();
+    for (name, change, _) in BAD {
+        let mut bytes = sound.clone();
+        change(&mut bytes);
+        fs::write(formats().join("bad").join(name).with_extension("ltm"), bytes).unwrap();
+    }
+}
+
+#[test]
+fn every_bad_file_is_refused_for_its_own_fault() {
+    for (name, change, fate) in BAD {
+        let path = formats().join("bad").join(name).with_extension("ltm");
+        let mut made = fs::read(golden_name(Precision::F16)).unwrap();
+        change(&mut made);
+        assert!(fs::read(&path).unwrap() == made, "{name} is not what its case says");
+        match (StoreReader::open(&path), fate) {
+            (Err(error), Refused(part)) => {
+                let message = error.to_string();
+                assert!(message.contains(part) && message.contains(name), "{name}: {message}");
+            }
+            (Ok(reader), Blocks(bad, part)) => {
+                for id in reader.shape().blocks() {
+                    match read(&reader, id) {
+                        Ok(_) => assert!(!bad.contains(&id.0), "{name}: {id} is not refused"),
+                        Err(Error::Damaged { problem, .. }) => {
+                            assert!(bad.contains(&id.0) && problem.contains(part), "{name}: {problem}");
+                        }
+                        Err(other) => panic!("{name}: {other}"),
+                    }
+                }
+                let report = verify(&path, |_, _| {}).unwrap();
+                let listed: Vec<_> = report.damaged.iter().map(|damage| damage.block).collect();
+                assert_eq!(listed, bad.iter().map(|&id| BlockId(id)).collect::<Vec<_>>(), "{name}");
+            }
+            (opened, fate) => {
+                panic!("{name}: {fate:?}, but {}", opened.err().map_or("it opens".into(), |e| e.to_string()))
+            }
+        }
+    }
+}
+
+#[test]
+fn every_bad_file_has_a_case() {
+    for entry in fs::read_dir(formats().join("bad")).unwrap() {
+        let path = entry.unwrap().path();
+        let stem = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        if stem.starts_with("ltm-") {
+            assert!(BAD.iter().any(|(name, ..)| *name == stem), "{stem}");
+        }
+    }
+}
