@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
+use ltm::container::codec::CodecSettings;
 use ltm::container::{BlockReport, ContainerOptions, ContainerReader, ContainerWriter, merge, verify};
 use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
-use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, MatrixShape, SparseEntry};
+use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -70,8 +71,13 @@ fn report(id: BlockId) -> BlockReport {
     }
 }
 
+/// Blocks are small here, so their base layers need a larger share.
+fn options() -> ContainerOptions {
+    ContainerOptions { codec: CodecSettings { base_share: 0.5, ..Default::default() }, ..Default::default() }
+}
+
 fn pack(path: &Path, job: &Job, ids: impl Iterator<Item = BlockId>, partial: bool) {
-    let writer = ContainerWriter::create(path, job, ContainerOptions { partial, ..Default::default() }).unwrap();
+    let writer = ContainerWriter::create(path, job, ContainerOptions { partial, ..options() }).unwrap();
     for id in ids {
         writer.write_block(id, &block(job, id), &report(id)).unwrap();
     }
@@ -133,7 +139,7 @@ fn a_killed_pack_continues_where_it_stood() {
     let job = job();
     let (whole, killed) = (folder.path().join("whole.ltc"), folder.path().join("killed.ltc"));
     pack(&whole, &job, job.shape.blocks(), false);
-    let writer = ContainerWriter::create(&killed, &job, ContainerOptions::default()).unwrap();
+    let writer = ContainerWriter::create(&killed, &job, options()).unwrap();
     for id in job.shape.blocks().take(4) {
         writer.write_block(id, &block(&job, id), &report(id)).unwrap();
     }
@@ -142,7 +148,7 @@ fn a_killed_pack_continues_where_it_stood() {
     let part = folder.path().join("killed.ltc.part");
     let bytes = std::fs::read(&part).unwrap();
     std::fs::write(&part, &bytes[..bytes.len() - 7]).unwrap();
-    let writer = ContainerWriter::create(&killed, &job, ContainerOptions::default()).unwrap();
+    let writer = ContainerWriter::create(&killed, &job, options()).unwrap();
     assert_eq!(job.shape.blocks().filter(|&id| writer.is_written(id)).count(), 3);
     for id in job.shape.blocks() {
         if !writer.is_written(id) {
@@ -198,4 +204,32 @@ fn a_file_that_exists_is_not_replaced_unasked() {
     std::fs::write(&path, "precious").unwrap();
     assert!(ContainerWriter::create(&path, &job(), ContainerOptions::default()).is_err());
     assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+}
+
+#[test]
+fn layers_add_up_to_the_block_and_the_base_layers_come_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ltc");
+    let job = job();
+    pack(&path, &job, job.shape.blocks(), false);
+    let reader = ContainerReader::open(&path).unwrap();
+    let mut split = 0;
+    for id in job.shape.blocks() {
+        let layers = reader.layer_count(id);
+        if layers < 2 {
+            continue;
+        }
+        split += 1;
+        let base = reader.read_layers(id, 0..1).unwrap();
+        let rest = reader.read_layers(id, 1..layers).unwrap();
+        let whole = reader.read_block(id).unwrap().expand();
+        assert!(base.is_consistent() && rest.is_consistent());
+        let (base, rest) = (base.expand(), rest.expand());
+        for ((a, b), whole) in base.entries().iter().zip(rest.entries()).zip(whole.entries()) {
+            // Sums of a few products in f32, in another order.
+            assert!((a + b - whole).abs() <= 1e-5 * (a.abs() + b.abs() + 1.0), "{id}: {a} + {b} is not {whole}");
+        }
+    }
+    assert!(split >= 2, "the test's blocks are too small to be split");
+    assert!(reader.base_bytes() < reader.file_bytes() * 2 / 3);
 }

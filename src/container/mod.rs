@@ -9,6 +9,7 @@
 
 pub mod codec;
 mod format;
+mod layers;
 mod layout;
 mod merge;
 mod metadata;

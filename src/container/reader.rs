@@ -5,15 +5,14 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use super::codec::decode_layer;
 use super::format::{
     BLOCK_RECORD_BYTES, BlockRecord, HEADER_BYTES, HEADER_MAGIC, Header, LAYER_RECORD_BYTES, LayerRecord,
     TRAILER_BYTES, Trailer,
 };
+use super::layers::join_layers;
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
 use super::report::{BlockReport, ContainerReport};
-use super::writer::append_layer;
 use crate::error::{Error, Result};
 use crate::light::Job;
 use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
@@ -198,13 +197,12 @@ impl FactorSource for ContainerReader {
             return Err(Error::input(self.path.display().to_string(), problem, "merge it with the others first"));
         }
         let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
-        let mut whole = FactoredBlock { rows: layout.rows(), columns: layout.columns(), ..Default::default() };
-        for layer in layers.start as usize..layers.end as usize {
-            let bytes = self.read_chunk(id, layer)?;
-            let part = decode_layer(&layout, &bytes).map_err(|problem| self.bad_block(id, layer, &problem))?;
-            append_layer(&mut whole, part);
-        }
-        Ok(whole)
+        // Later layers lean on the base layer.
+        let base = if layers.start > 0 { Some(self.read_layers(id, 0..1)?) } else { None };
+        let chunks = (layers.start..layers.end).map(|layer| self.read_chunk(id, layer as usize));
+        let chunks = chunks.collect::<Result<Vec<_>>>()?;
+        join_layers(&layout, chunks.iter().map(|chunk| Ok(chunk.as_slice())), base.as_ref())
+            .map_err(|problem: String| self.bad_block(id, layers.start as usize, &problem))
     }
 }
 

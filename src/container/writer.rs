@@ -7,8 +7,9 @@ use std::sync::Mutex;
 
 use sha2::{Digest, Sha256};
 
-use super::codec::{CodecSettings, decode_layer, encode_layer};
+use super::codec::CodecSettings;
 use super::format::{BlockRecord, FORMAT_VERSION, HEADER_BYTES, Header, LayerRecord, Trailer};
+use super::layers::{encode_layers, join_layers};
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
 use super::report::{BlockReport, ContainerReport};
@@ -128,20 +129,16 @@ impl ContainerWriter {
         if block.rank() == 0 && block.sparse.is_empty() {
             return Ok(EncodedBlock::default());
         }
-        let layers = encode_layer(&layout, block, &self.options.codec)
+        let layers = encode_layers(&layout, block, &self.options.codec)
             .map_err(|problem| Error::input(id.to_string(), problem, "compress it again with finite values"))?;
-        Ok(EncodedBlock { layers: vec![layers], rank: block.rank(), sparse_entries: block.sparse.len() })
+        Ok(EncodedBlock { layers, rank: block.rank(), sparse_entries: block.sparse.len() })
     }
 
     /// What a reader will get of an encoded block.
     pub fn decode(&self, id: BlockId, block: &EncodedBlock) -> Result<FactoredBlock> {
         let layout = self.layout(id);
-        let mut whole = FactoredBlock { rows: layout.rows(), columns: layout.columns(), ..Default::default() };
-        for layer in &block.layers {
-            let part = decode_layer(&layout, layer).map_err(|problem| Error::input(id.to_string(), problem, ""))?;
-            append_layer(&mut whole, part);
-        }
-        Ok(whole)
+        let chunks = block.layers.iter().map(|layer| Ok(layer.as_slice()));
+        join_layers(&layout, chunks, None).map_err(|problem: String| Error::input(id.to_string(), problem, ""))
     }
 
     /// Writes an encoded block. A block may be written again; the last one counts.
@@ -199,19 +196,6 @@ impl EncodedBlock {
     /// Bytes of its layers.
     pub fn size(&self) -> EncodedSize {
         EncodedSize { layer_bytes: self.layers.iter().map(Vec::len).collect() }
-    }
-}
-
-/// Joins a layer to the layers before it.
-pub(super) fn append_layer(whole: &mut FactoredBlock, layer: FactoredBlock) {
-    whole.left.extend(layer.left);
-    whole.right.extend(layer.right);
-    whole.left_step.extend(layer.left_step);
-    whole.right_step.extend(layer.right_step);
-    let sorted = whole.sparse.is_empty();
-    whole.sparse.extend(layer.sparse);
-    if !sorted {
-        whole.sparse.sort_unstable_by_key(|entry| (entry.column, entry.row));
     }
 }
 

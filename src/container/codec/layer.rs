@@ -2,7 +2,7 @@
 
 use super::adaptive::{BitCoder, BitDecoder, BitEncoder, SignedContexts};
 use super::classes::CLASSES;
-use super::planes::{PlanePlan, PlaneShape, PlaneStep, Scratch, plan, push, read};
+use super::planes::{PlanePlan, PlaneShape, Scratch, plan, push, read};
 use super::rans::{RansDecoder, RansEncoder};
 use super::rotation::{ROTATION_BITS, Rotation, rotate, transposed};
 use super::sparse;
@@ -17,17 +17,13 @@ pub struct CodecSettings {
     /// Squared error, in squared quantisation steps, that a bit is worth. At high rates a uniform quantiser gives
     /// `2 ln 2 / 12 ≈ 0.12`; 0 rounds to nearest.
     pub lambda: f32,
-    /// How much coarser the fine detail of the right factors is kept: eighths of an octave a zone of frequency, 0 to
-    /// 15. Lightings are smooth, so errors of fine detail average out when relit.
-    pub tilt: u8,
-    /// Share of the file that the base layers should take at most; the rest of a block's components go into a second
-    /// layer. 1: one layer.
+    /// Share of a block's bytes that its base layer may take, where its first component fits in; 1: one layer only.
     pub base_share: f32,
 }
 
 impl Default for CodecSettings {
     fn default() -> Self {
-        Self { lambda: 0.1, tilt: 0, base_share: 1.0 }
+        Self { lambda: 0.15, base_share: 0.1 }
     }
 }
 
@@ -40,10 +36,28 @@ const TILES: [usize; 4] = [32, 16, 8, 4];
 /// A component's steps and rotation alone take more bytes than this.
 const LEAST_COMPONENT_BYTES: usize = 6;
 
+/// What the encoding of a layer takes from the block that it is part of.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LayerPart {
+    /// The right sides of this many first components are those of the base layer's and are not stored again.
+    pub shared: usize,
+    /// Step for sparse values; `None`: found from the layer's own factors and values.
+    pub sparse_step: Option<f32>,
+}
+
 /// Encodes all components and sparse entries of `block` as one layer.
 ///
-/// Errors, as plain text for the caller to place: a value that is not finite.
-pub fn encode_layer(layout: &BlockLayout, block: &FactoredBlock, settings: &CodecSettings) -> Result<Vec<u8>, String> {
+/// Errors, as plain text for the caller to place: a value that is not finite, more than 255 shared components.
+pub fn encode_layer(
+    layout: &BlockLayout,
+    block: &FactoredBlock,
+    part: LayerPart,
+    settings: &CodecSettings,
+) -> Result<Vec<u8>, String> {
+    let shared = part.shared;
+    if shared > block.rank().min(255) {
+        return Err(format!("{shared} components cannot be shared"));
+    }
     let sparse_finite = block.sparse.iter().all(|e| e.value.is_finite());
     if !block.left.iter().chain(&block.right).all(|v| v.is_finite()) || !sparse_finite {
         return Err("it has a value that is not finite".into());
@@ -54,24 +68,26 @@ pub fn encode_layer(layout: &BlockLayout, block: &FactoredBlock, settings: &Code
     let mut side = BitEncoder::new();
     let mut values = RansEncoder::default();
     side.bits(tile as u32, 2);
-    side.bits(u32::from(settings.tilt.min(15)), 4);
     let mut contexts = ClassContexts::default();
-    for component in &components {
+    for (k, component) in components.iter().enumerate() {
+        let stored_planes = if k < shared { CHANNELS } else { usize::MAX };
         side.bits((component.left_step + STEP_LIMIT) as u32, STEP_BITS);
-        side.bits((component.right_step + STEP_LIMIT) as u32, STEP_BITS);
+        if k >= shared {
+            side.bits((component.right_step + STEP_LIMIT) as u32, STEP_BITS);
+        }
         side.bits(component.rotation.0, ROTATION_BITS);
-        for (kind, plane) in component.planes(tile) {
+        for (kind, plane) in component.planes(tile).take(stored_planes) {
             contexts.code(&mut side, kind, plane.classes);
             push(&mut values, plane);
         }
     }
     if !block.sparse.is_empty() {
-        let step = sparse_step(block);
+        let step = index_of(part.sparse_step.unwrap_or_else(|| sparse_step(block)));
         side.bits((step + STEP_LIMIT) as u32, STEP_BITS);
         sparse::write(&mut side, &block.sparse, layout.pixels(), step_of(step));
     }
     let side = side.finish();
-    let mut bytes = vec![CODING, 0];
+    let mut bytes = vec![CODING, shared as u8];
     bytes.extend((block.rank() as u16).to_le_bytes());
     bytes.extend((block.sparse.len() as u32).to_le_bytes());
     bytes.extend((side.len() as u32).to_le_bytes());
@@ -82,29 +98,37 @@ pub fn encode_layer(layout: &BlockLayout, block: &FactoredBlock, settings: &Code
     Ok(bytes)
 }
 
-/// Decodes a layer.
+/// Number of components whose right sides a layer takes from the base layer; 0 where the bytes are no layer.
+pub fn shared_components(bytes: &[u8]) -> usize {
+    bytes.get(1).map_or(0, |&shared| usize::from(shared))
+}
+
+/// Decodes a layer. `base` is the base layer where this is not it.
 ///
 /// Errors, as plain text for the caller to place: anything that cannot be a layer of this layout.
-pub fn decode_layer(layout: &BlockLayout, bytes: &[u8]) -> Result<FactoredBlock, String> {
+pub fn decode_layer(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> Result<FactoredBlock, String> {
     let (rows, columns, pixels) = (layout.rows(), layout.columns(), layout.pixels());
     let Some((header, streams)) = bytes.split_at_checked(CHUNK_HEADER_BYTES) else {
         return Err("the chunk is cut short".into());
     };
-    if header[0] != CODING || header[1] != 0 {
-        return Err(format!("the chunk is coded in an unknown way ({}, {})", header[0], header[1]));
+    if header[0] != CODING {
+        return Err(format!("the chunk is coded in an unknown way ({})", header[0]));
     }
+    let shared = shared_components(bytes);
     let number = |at: usize| u32::from_le_bytes(header[at..at + 4].try_into().expect("4 bytes")) as usize;
     let rank = usize::from(u16::from_le_bytes([header[2], header[3]]));
     let (sparse_count, side_bytes) = (number(4), number(8));
     let Some((side, values)) = streams.split_at_checked(side_bytes) else {
         return Err("the chunk is cut short".into());
     };
-    if rank > rows.min(columns) || rank * LEAST_COMPONENT_BYTES > side_bytes || sparse_count > rows * columns {
+    if shared > rank || shared > base.map_or(0, FactoredBlock::rank) {
+        return Err(format!("the chunk shares {shared} components that are not there"));
+    }
+    if rank > rows.min(columns) + shared || rank * LEAST_COMPONENT_BYTES > side_bytes || sparse_count > rows * columns {
         return Err(format!("the chunk claims rank {rank} and {sparse_count} sparse entries"));
     }
     let mut side = BitDecoder::new(side);
     let tile = TILES[side.bits(0, 2) as usize];
-    let tilt = side.bits(0, 4) as i32;
     let mut decoder = if rank > 0 { Some(RansDecoder::new(values)?) } else { None };
     if rank == 0 && !values.is_empty() {
         return Err("the chunk has bytes that belong to nothing".into());
@@ -121,26 +145,36 @@ pub fn decode_layer(layout: &BlockLayout, bytes: &[u8]) -> Result<FactoredBlock,
     let left_shape = PlaneShape { width: layout.width, height: layout.height, tile };
     if let Some(decoder) = &mut decoder {
         let components = block.left.chunks_exact_mut(rows).zip(block.right.chunks_exact_mut(columns));
-        for (left, right) in components {
-            let left_step = PlaneStep { index: side.bits(0, STEP_BITS) as i32 - STEP_LIMIT, tilt: 0 };
-            let right_step = PlaneStep { index: side.bits(0, STEP_BITS) as i32 - STEP_LIMIT, tilt };
+        for (k, (left, right)) in components.enumerate() {
+            let left_step = side.bits(0, STEP_BITS) as i32 - STEP_LIMIT;
+            block.left_step.push(step_of(left_step));
+            let base = base.filter(|_| k < shared);
+            let right_step = match base {
+                Some(base) => base.right_step[k],
+                None => step_of(side.bits(0, STEP_BITS) as i32 - STEP_LIMIT),
+            };
+            block.right_step.push(right_step);
             let rotation = Rotation(side.bits(0, ROTATION_BITS));
             for (channel, plane) in left.chunks_exact_mut(pixels).enumerate() {
                 let classes = contexts.code(&mut side, PlaneKind::left(channel), [0; ZONES]);
                 check_classes(&classes)?;
-                read(decoder, &classes, left_shape, left_step, &mut scratch, plane);
+                read(decoder, &classes, left_shape, step_of(left_step), &mut scratch, plane);
             }
             rotate(left, transposed(rotation.matrix()));
-            let mut rest = right;
-            for shape in right_shapes(layout) {
+            let mut rest = match base {
+                Some(base) => {
+                    right.copy_from_slice(base.right_component(k));
+                    &mut []
+                }
+                None => right,
+            };
+            for shape in right_shapes(layout).filter(|_| base.is_none()) {
                 let plane;
                 (plane, rest) = rest.split_at_mut(shape.width * shape.height);
                 let classes = contexts.code(&mut side, PlaneKind::Right, [0; ZONES]);
                 check_classes(&classes)?;
                 read(decoder, &classes, shape, right_step, &mut scratch, plane);
             }
-            block.left_step.push(step_of(left_step.index));
-            block.right_step.push(step_of(right_step.index));
             if side.is_exhausted() {
                 return Err("the chunk's steps and classes are cut short".into());
             }
@@ -174,10 +208,10 @@ impl Component {
         rotate(&mut left, rotation.matrix());
         let left_plans = TILES.map(|tile| {
             let shape = PlaneShape { width: layout.width, height: layout.height, tile };
-            let step = PlaneStep { index: left_step, tilt: 0 };
+            let step = left_step;
             std::array::from_fn(|c| plan(&left[c * layout.pixels()..][..layout.pixels()], shape, step, settings.lambda))
         });
-        let step = PlaneStep { index: right_step, tilt: i32::from(settings.tilt.min(15)) };
+        let step = right_step;
         let mut rest = right;
         let right_plans = right_shapes(layout).map(|shape| {
             let plane;
@@ -203,8 +237,8 @@ fn allowed_step(steps: &[f32], k: usize, values: &[f32]) -> f32 {
     steps.get(k).map_or(largest / 2048.0, |&step| step).max(least)
 }
 
-/// Index of the step for sparse values.
-fn sparse_step(block: &FactoredBlock) -> i32 {
+/// The step for sparse values that fits the steps of the factors.
+pub fn sparse_step(block: &FactoredBlock) -> f32 {
     let magnitudes = || block.sparse.iter().map(|e| e.value.abs()).filter(|&v| v > 0.0);
     let (least, most) = magnitudes().fold((f32::MAX, 0.0f32), |(a, b), v| (a.min(v), b.max(v)));
     let step = match block.left_step.first() {
@@ -213,7 +247,7 @@ fn sparse_step(block: &FactoredBlock) -> i32 {
         Some(&step) => step * block.right_component(0).iter().sum::<f32>().abs(),
         None => least / 1024.0,
     };
-    index_of(step.clamp(most * 1e-6, least.max(most * 1e-6)))
+    step.clamp(most * 1e-6, least.max(most * 1e-6))
 }
 
 /// The images of a component of the right factor.

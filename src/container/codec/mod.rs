@@ -10,4 +10,4 @@ mod sparse;
 mod step;
 mod transform;
 
-pub use layer::{CodecSettings, decode_layer, encode_layer};
+pub use layer::{CodecSettings, LayerPart, decode_layer, encode_layer, shared_components, sparse_step};

@@ -14,15 +14,6 @@ pub(super) struct PlaneShape {
     pub(super) tile: usize,
 }
 
-/// How an image is quantised.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct PlaneStep {
-    /// Index of the step in the lowest zone.
-    pub(super) index: i32,
-    /// What each higher zone adds to the index.
-    pub(super) tilt: i32,
-}
-
 /// A quantised image.
 #[derive(Clone, Debug)]
 pub(super) struct PlanePlan {
@@ -60,14 +51,8 @@ impl PlaneShape {
     }
 }
 
-impl PlaneStep {
-    fn of_zone(self, zone: usize) -> f32 {
-        step_of(self.index + self.tilt * zone as i32)
-    }
-}
-
-/// Transforms and quantises an image. `lambda` is the squared error, in squared steps, that a bit is worth.
-pub(super) fn plan(values: &[f32], shape: PlaneShape, step: PlaneStep, lambda: f32) -> PlanePlan {
+/// Transforms and quantises an image with the step of an index. `lambda` is the squared error, in squared steps, that a bit is worth.
+pub(super) fn plan(values: &[f32], shape: PlaneShape, step: i32, lambda: f32) -> PlanePlan {
     let mut bands: [Vec<f32>; ZONES] = Default::default();
     if shape.tile == 0 {
         bands[0].extend(values);
@@ -88,8 +73,8 @@ pub(super) fn plan(values: &[f32], shape: PlaneShape, step: PlaneStep, lambda: f
         }
     }
     let mut plan = PlanePlan { classes: [0; ZONES], bands: Default::default(), cost: 0.0 };
+    let inverse_step = 1.0 / step_of(step);
     for (zone, band) in bands.iter_mut().enumerate() {
-        let inverse_step = 1.0 / step.of_zone(zone);
         band.iter_mut().for_each(|c| *c *= inverse_step);
         let (class, quantised, cost) = quantise(band, lambda);
         plan.classes[zone] = class;
@@ -170,7 +155,7 @@ pub(super) fn read(
     decoder: &mut RansDecoder<'_>,
     classes: &[u32; ZONES],
     shape: PlaneShape,
-    step: PlaneStep,
+    step: f32,
     scratch: &mut Scratch,
     out: &mut [f32],
 ) {
@@ -182,7 +167,6 @@ pub(super) fn read(
     if shape.tile == 0 {
         integers.resize(shape.values(), 0);
         decoder.read_band(classes[0], integers);
-        let step = step.of_zone(0);
         out.iter_mut().zip(integers).for_each(|(out, &mut q)| *out = q as f32 * step);
         return;
     }
@@ -196,7 +180,6 @@ pub(super) fn read(
         let count = shape.tiles().map(|tile| band(&tile).len()).sum();
         integers.resize(count, 0);
         decoder.read_band(class, integers);
-        let step = step.of_zone(zone);
         let (mut at, mut start) = (0, 0);
         for tile in shape.tiles() {
             let places = band(&tile);
