@@ -30,6 +30,7 @@
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
 //! | `store`, `compress`, `container` | `error`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
+//! | `view` | `error`, `matrix`, `image`, `light`, `relight`, `container` |
 //! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight` |
 
 pub mod compress;
@@ -43,5 +44,6 @@ pub mod relight;
 pub mod scene;
 pub mod store;
 pub mod trace;
+pub mod view;
 
 pub use error::{Error, Result};

@@ -1,0 +1,381 @@
+//! Relighting beside the window: a thread that takes the newest lighting and leaves out those that were overtaken.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use super::display::{Display, Shown};
+use super::reach::{Reach, per_light, pixel_rows};
+use crate::container::ContainerReader;
+use crate::error::{Error, Result};
+use crate::image::LinearImage;
+use crate::light::{LightBasis, Lighting};
+use crate::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape};
+use crate::relight::{CpuRelighter, Relit};
+
+/// A changed lighting is applied column by column while fewer than one in this many columns change: a column of `R` is
+/// gathered entry by entry, some ten times dearer than in a pass over all of it.
+const FEW_COLUMNS: usize = 10;
+
+/// What the window wants to see.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Grows with every request, so that a picture can be traced to what asked for it.
+    pub generation: u64,
+    /// The lighting.
+    pub lighting: Arc<Lighting>,
+    /// How its radiance is turned to colours.
+    pub display: Display,
+    /// A picture to show beside it, and how far.
+    pub compared: Option<Arc<LinearImage>>,
+}
+
+/// A picture made for a request.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    /// The request's.
+    pub generation: u64,
+    /// Linear radiance.
+    pub image: Arc<LinearImage>,
+    /// As it is shown.
+    pub shown: Shown,
+    /// The compared picture, as it is shown.
+    pub compared: Option<Shown>,
+    /// Whether all layers are in it; before that it is made of the base layers.
+    pub complete: bool,
+    /// Time of relighting alone; 0 where the lighting had not changed.
+    pub relight_secs: f64,
+    /// Time from taking the request to the finished picture.
+    pub total_secs: f64,
+}
+
+/// What comes back from the worker.
+#[derive(Debug)]
+pub enum Event {
+    /// A picture.
+    Picture(Box<Picture>),
+    /// All factors are resident: bytes that they take, mean rank, and one line for each damaged block.
+    Loaded {
+        /// Bytes in memory.
+        factor_bytes: u64,
+        /// Mean rank of the blocks.
+        mean_rank: f64,
+        /// Damaged blocks.
+        damage: Vec<String>,
+    },
+    /// What each column brings to the picture is known.
+    Reach(Reach),
+    /// What each light brings to a pixel, at the newest lighting: luminances.
+    Pixel {
+        /// The pixel.
+        pixel: [u32; 2],
+        /// One value for each light.
+        lights: Vec<f32>,
+    },
+    /// Something could not be done.
+    Failed(String),
+}
+
+/// What was read of the container so far; it counts while others look.
+#[derive(Debug, Default)]
+pub struct Meter {
+    /// Bytes of layers read.
+    pub bytes_read: AtomicU64,
+    /// Blocks read, base layers and whole ones counted alike.
+    pub blocks_read: AtomicU64,
+}
+
+/// A container whose reads are counted, and of which only the base layers may be shown.
+struct Metered<'a> {
+    source: &'a ContainerReader,
+    meter: &'a Meter,
+    most_layers: u32,
+    stop: &'a AtomicBool,
+}
+
+impl FactorSource for Metered<'_> {
+    fn shape(&self) -> MatrixShape {
+        self.source.shape()
+    }
+
+    fn layer_count(&self, id: BlockId) -> u32 {
+        self.source.layer_count(id).min(self.most_layers)
+    }
+
+    fn encoded_bytes(&self, id: BlockId, layers: Range<u32>) -> u64 {
+        self.source.encoded_bytes(id, layers)
+    }
+
+    fn read_layers(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted("the window was closed".into()));
+        }
+        self.meter.bytes_read.fetch_add(self.source.encoded_bytes(id, layers.clone()), Ordering::Relaxed);
+        self.meter.blocks_read.fetch_add(1, Ordering::Relaxed);
+        self.source.read_layers(id, layers)
+    }
+}
+
+#[derive(Default)]
+struct Wishes {
+    picture: Option<Request>,
+    pixel: Option<[u32; 2]>,
+}
+
+#[derive(Default)]
+struct Shared {
+    wishes: Mutex<Wishes>,
+    woken: Condvar,
+    stop: AtomicBool,
+    meter: Meter,
+}
+
+impl Shared {
+    fn wishes(&self) -> MutexGuard<'_, Wishes> {
+        // No code that can panic runs while the lock is held.
+        self.wishes.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+    }
+
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
+
+/// The worker of one container. Dropping it ends its threads.
+pub struct Worker {
+    shared: Arc<Shared>,
+    events: Receiver<Event>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// What sends an event and wakes the window.
+#[derive(Clone)]
+struct Outbox {
+    events: Sender<Event>,
+    wake: Arc<dyn Fn() + Send + Sync>,
+}
+
+impl Outbox {
+    fn send(&self, event: Event) {
+        // The window may be gone already; then nobody needs the event.
+        if self.events.send(event).is_ok() {
+            (self.wake)();
+        }
+    }
+}
+
+impl Worker {
+    /// Begins to load the factors of an open container. `wake` is called after every event.
+    pub fn start(source: Arc<ContainerReader>, wake: Arc<dyn Fn() + Send + Sync>) -> Self {
+        let shared = Arc::new(Shared::default());
+        let (sender, events) = channel();
+        let outbox = Outbox { events: sender, wake };
+        let thread = {
+            let shared = shared.clone();
+            std::thread::spawn(move || {
+                if let Err(error) = work(&source, &shared, &outbox)
+                    && !shared.stopped()
+                {
+                    outbox.send(Event::Failed(error.to_string()));
+                }
+            })
+        };
+        Self { shared, events, thread: Some(thread) }
+    }
+
+    /// Asks for a picture; one that was asked for and not begun is forgotten.
+    pub fn request(&self, request: Request) {
+        self.shared.wishes().picture = Some(request);
+        self.shared.woken.notify_all();
+    }
+
+    /// Asks which lights matter at a pixel.
+    pub fn ask_pixel(&self, pixel: [u32; 2]) {
+        self.shared.wishes().pixel = Some(pixel);
+        self.shared.woken.notify_all();
+    }
+
+    /// The events since the last call.
+    pub fn events(&self) -> impl Iterator<Item = Event> + '_ {
+        self.events.try_iter()
+    }
+
+    /// What was read so far.
+    pub fn meter(&self) -> &Meter {
+        &self.shared.meter
+    }
+}
+
+impl Drop for Worker {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        self.shared.woken.notify_all();
+        if let Some(thread) = self.thread.take() {
+            // A panic there was reported by its own message; there is nothing to add here.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Loads base layers, then everything, and serves wishes in between and after.
+fn work(source: &Arc<ContainerReader>, shared: &Arc<Shared>, outbox: &Outbox) -> Result<()> {
+    let load =
+        |most_layers| CpuRelighter::load(&Metered { source, meter: &shared.meter, most_layers, stop: &shared.stop });
+    let shape = source.shape();
+    let layered = shape.blocks().any(|id| source.layer_count(id) > 1);
+    let mut desk = Desk { source: source.clone(), shared: shared.clone(), outbox: outbox.clone(), kept: None };
+    if layered {
+        let base = load(1)?;
+        desk.serve(&base, false, false);
+        desk.kept = None;
+    }
+    let whole = load(u32::MAX)?;
+    outbox.send(Event::Loaded {
+        factor_bytes: whole.factor_bytes(),
+        mean_rank: whole.mean_rank(),
+        damage: whole.damage().to_vec(),
+    });
+    let reach = {
+        let (source, shared, outbox) = (source.clone(), shared.clone(), outbox.clone());
+        std::thread::spawn(move || {
+            let metered = Metered { source: &source, meter: &shared.meter, most_layers: u32::MAX, stop: &shared.stop };
+            if let Some(reach) = Reach::measure(&metered, &shared.stop) {
+                outbox.send(Event::Reach(reach));
+            }
+        })
+    };
+    desk.serve(&whole, true, true);
+    reach.join().map_err(|_| Error::input("contributions", "cannot be measured", "open the file again"))
+}
+
+/// What the worker keeps between wishes.
+struct Desk {
+    source: Arc<ContainerReader>,
+    shared: Arc<Shared>,
+    outbox: Outbox,
+    kept: Option<Kept>,
+}
+
+struct Kept {
+    lighting: Arc<Lighting>,
+    relit: Relit,
+    image: Arc<LinearImage>,
+}
+
+impl Desk {
+    /// Serves wishes: `for_ever` until the stop, else one picture, whose request stays for the next relighter.
+    fn serve(&mut self, relighter: &CpuRelighter, complete: bool, for_ever: bool) {
+        loop {
+            let (picture, pixel) = {
+                let mut wishes = self.shared.wishes();
+                while !self.shared.stopped() && wishes.picture.is_none() && wishes.pixel.is_none() {
+                    wishes = self.shared.woken.wait(wishes).unwrap_or_else(|poisoned| poisoned.into_inner());
+                }
+                if self.shared.stopped() {
+                    return;
+                }
+                let picture = if for_ever { wishes.picture.take() } else { wishes.picture.clone() };
+                (picture, wishes.pixel.take())
+            };
+            let made = picture.map(|request| self.make(relighter, request, complete));
+            let found = pixel.map(|pixel| self.look_at(pixel));
+            for result in [made, found].into_iter().flatten() {
+                if let Err(error) = result {
+                    self.outbox.send(Event::Failed(error.to_string()));
+                }
+            }
+            if !for_ever {
+                return;
+            }
+        }
+    }
+
+    fn make(&mut self, relighter: &CpuRelighter, request: Request, complete: bool) -> Result<()> {
+        let begun = Instant::now();
+        let relit = self.relight(relighter, &request.lighting)?;
+        let relight_secs = if relit { begun.elapsed().as_secs_f64() } else { 0.0 };
+        let kept = self.kept.as_ref().expect("relight has just set it");
+        let image = kept.image.clone();
+        let shown = request.display.show(&image);
+        let compared = request.compared.map(|image| request.display.show(&image));
+        let total_secs = begun.elapsed().as_secs_f64();
+        let generation = request.generation;
+        let picture = Picture { generation, image, shown, compared, complete, relight_secs, total_secs };
+        self.outbox.send(Event::Picture(Box::new(picture)));
+        Ok(())
+    }
+
+    /// Brings the kept picture to a lighting by the cheapest way; says whether there was anything to do.
+    fn relight(&mut self, relighter: &CpuRelighter, lighting: &Arc<Lighting>) -> Result<bool> {
+        if let Some(kept) = &mut self.kept {
+            let pairs = kept.lighting.weights().iter().zip(lighting.weights()).enumerate();
+            let changes: Vec<_> = pairs
+                .filter(|(_, (old, new))| old != new)
+                .map(|(column, (_, new))| (ColumnIndex(column as u32), *new))
+                .collect();
+            if changes.is_empty() {
+                return Ok(false);
+            }
+            if changes.len() == 1 || changes.len() * FEW_COLUMNS <= lighting.weights().len() {
+                relighter.change(&mut kept.relit, &changes)?;
+                kept.lighting = lighting.clone();
+                kept.image = Arc::new(kept.relit.image.clone());
+                return Ok(true);
+            }
+        }
+        let relit = relighter.relight_kept(lighting)?;
+        let image = Arc::new(relit.image.clone());
+        self.kept = Some(Kept { lighting: lighting.clone(), relit, image });
+        Ok(true)
+    }
+
+    fn look_at(&self, pixel: [u32; 2]) -> Result<()> {
+        let Some(kept) = &self.kept else { return Ok(()) };
+        let rows = pixel_rows(&*self.source, pixel)?;
+        let lights = per_light(&self.source.job().basis, &rows, &kept.lighting);
+        self.outbox.send(Event::Pixel { pixel, lights });
+        Ok(())
+    }
+}
+
+/// An open container with its worker.
+pub struct Session {
+    /// Its file.
+    pub path: PathBuf,
+    /// The container.
+    pub container: Arc<ContainerReader>,
+    /// Its worker.
+    pub worker: Worker,
+}
+
+impl Session {
+    /// Opens a container and begins to load it.
+    ///
+    /// Errors: those of [`ContainerReader::open`].
+    pub fn open(path: &Path, wake: Arc<dyn Fn() + Send + Sync>) -> Result<Self> {
+        let container = Arc::new(ContainerReader::open(path)?);
+        let worker = Worker::start(container.clone(), wake);
+        Ok(Self { path: path.to_owned(), container, worker })
+    }
+
+    /// The lights.
+    pub fn basis(&self) -> &LightBasis {
+        &self.container.job().basis
+    }
+
+    /// Relative error over all blocks, against the stored matrix, as the container states it; none if it does not.
+    pub fn stated_error(&self) -> Option<f64> {
+        let (mut error, mut norm) = (0.0, 0.0);
+        for id in self.container.shape().blocks().filter(|&id| self.container.has_block(id)) {
+            let report = self.container.block_report(id);
+            error += report.squared_error;
+            norm += report.squared_norm;
+        }
+        let relative = (error / norm).sqrt();
+        relative.is_finite().then_some(relative)
+    }
+}

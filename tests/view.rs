@@ -1,0 +1,122 @@
+//! The window's knowledge of lights, held against relit pictures.
+
+mod relight_source;
+
+use std::sync::atomic::AtomicBool;
+
+use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting};
+use ltm::relight::CpuRelighter;
+use ltm::view::groups::Groups;
+use ltm::view::history::History;
+use ltm::view::mixer::{Mix, Tint};
+use ltm::view::pattern::{Brush, Pattern};
+use ltm::view::planck::luminance;
+use ltm::view::reach::{Reach, per_light, pixel_rows};
+use relight_source::{MemoryFactors, Recipe};
+
+/// Two lamps that make a group, a texelled panel, an environment: 1 + 1 + 6 + 8 columns.
+fn basis() -> LightBasis {
+    let mut basis = LightBasis::new();
+    for (name, kind) in [
+        ("lamp 1", LightKind::Lamp),
+        ("lamp 2", LightKind::Lamp),
+        ("panel", LightKind::AreaTexels { across: 3, down: 2 }),
+        ("sky", LightKind::LatLong { across: 4, down: 2 }),
+    ] {
+        let columns = (kind.layout().0 * kind.layout().1) as usize;
+        let light = Light {
+            name: name.into(),
+            kind,
+            unit: LightUnit::Radiance,
+            emission: [1.0, 0.8, 0.6],
+            first_column: 0,
+            places: vec![[0.0; 3]; columns],
+            extents: vec![1.0; columns],
+        };
+        basis.push(light).unwrap();
+    }
+    basis
+}
+
+fn factors() -> MemoryFactors {
+    Recipe::new((37, 21), 16, 16, &[5]).sparse(9).make()
+}
+
+/// A mix in which everything is used: stops, tints, a painted panel, a turned sky.
+fn mixed(basis: &LightBasis, groups: &Groups) -> Mix {
+    let mut mix = Mix::of_scene(basis, groups);
+    mix.groups[0].stops = -0.5;
+    mix.lights[0].stops = 1.3;
+    mix.lights[1].tint = Tint::Kelvin(3200.0);
+    let mut painted = Pattern::white((3, 2));
+    let brush = Brush { radius_texels: 1.0, hardness: 0.3, flow: 0.7, colour: [2.0, 0.1, 0.0] };
+    painted.stroke(&brush, [0.2, 0.4], [2.5, 1.5], false);
+    mix.lights[2].pattern = Some(painted);
+    let mut sky = Pattern::white((4, 2));
+    sky.texels_mut()[1] = [40.0, 30.0, 20.0];
+    mix.lights[3].pattern = Some(sky);
+    mix.lights[3].turn_radians = 0.9;
+    mix
+}
+
+/// Sums of a few thousand products in f32 and 16-bit factors (2⁻¹¹ each): a thousandth of the picture's mean.
+fn near(a: f32, b: f32, scale: f32) -> bool {
+    (a - b).abs() <= 1e-3 * scale
+}
+
+#[test]
+fn contributions_are_the_mean_luminances_of_the_lights_own_pictures() {
+    let (basis, source) = (basis(), factors());
+    let groups = Groups::of(&basis);
+    let mix = mixed(&basis, &groups);
+    let relighter = CpuRelighter::load(&source).unwrap();
+    let reach = Reach::measure(&source, &AtomicBool::new(false)).unwrap();
+    let contributions = reach.contributions(&basis, &mix.lighting(&basis, &groups).unwrap());
+    for light in 0..basis.lights().len() {
+        let mut alone = mix.clone();
+        alone.toggle_solo(light, false);
+        let image = relighter.relight(&alone.lighting(&basis, &groups).unwrap()).unwrap();
+        let count = image.pixels.len() as f32;
+        let mean = image.luminances().sum::<f32>() / count;
+        let scale = image.luminances().map(f32::abs).sum::<f32>() / count;
+        assert!(near(contributions[light], mean, scale), "light {light}: {} against {mean}", contributions[light]);
+    }
+}
+
+#[test]
+fn a_stopped_measurement_gives_nothing() {
+    assert_eq!(Reach::measure(&factors(), &AtomicBool::new(true)), None);
+}
+
+#[test]
+fn the_lights_at_a_pixel_add_up_to_the_pixel() {
+    let (basis, source) = (basis(), factors());
+    let groups = Groups::of(&basis);
+    let lighting = mixed(&basis, &groups).lighting(&basis, &groups).unwrap();
+    let image = CpuRelighter::load(&source).unwrap().relight(&lighting).unwrap();
+    for [x, y] in [[0, 0], [36, 20], [15, 16], [16, 15], [33, 3]] {
+        let rows = pixel_rows(&source, [x, y]).unwrap();
+        let lights = per_light(&basis, &rows, &lighting);
+        let pixel = luminance(image.pixels[(y * 37 + x) as usize]);
+        let scale = lights.iter().map(|v| v.abs()).sum::<f32>();
+        assert!(near(lights.iter().sum(), pixel, scale), "{x}, {y}: {lights:?} against {pixel}");
+    }
+}
+
+#[test]
+fn a_drag_of_a_hundred_frames_is_undone_at_once_and_gives_the_scenes_picture_again() {
+    let (basis, source) = (basis(), factors());
+    let groups = Groups::of(&basis);
+    let mut mix = Mix::of_scene(&basis, &groups);
+    let mut history = History::new(mix.clone());
+    for frame in 0..100 {
+        mix.lights[0].stops = frame as f32 * 0.05;
+        history.observe(&mix, frame < 99);
+    }
+    let undone = history.undo().unwrap();
+    assert!(!history.can_undo());
+    let lighting = undone.lighting(&basis, &groups).unwrap();
+    assert_eq!(lighting, Lighting::of_scene(&basis));
+    let relighter = CpuRelighter::load(&source).unwrap();
+    assert_eq!(relighter.relight(&lighting).unwrap(), relighter.relight(&Lighting::of_scene(&basis)).unwrap());
+}
