@@ -1,20 +1,23 @@
 //! Relighting: `c = T ℓ` from factors, block by block.
 //!
 //! A block `L R + S` gives the pixels of colour channel `ch` as `c_ch = L_ch (R ℓ_ch) + S_ch ℓ_ch` (the paper, §3.4,
-//! "on-fly reconstruction"), where `L_ch` are the rows of that channel. Two kernels do the work, each once for the CPU
+//! "on-fly reconstruction"), where `L_ch` are the rows of that channel. Three kernels do the work, each once for the CPU
 //! and once in `shaders/` under the same name: `project` makes `y = R ℓ` for the three channels in one pass over `R`,
-//! `reconstruct` makes `L y` and adds the sparse entries.
+//! `reconstruct` makes `L y`, and `scatter` adds the sparse entries.
 //!
 //! Factors stay in the compact form of [`CompactBlock`], 8 or 16 bits a value, wherever they are kept.
 
 mod compact;
 mod cpu;
 mod damage;
+mod gpu;
 mod project;
 mod raw;
 mod reconstruct;
+mod scatter;
 mod tiles;
 
 pub use compact::CompactBlock;
 pub use cpu::{CpuRelighter, Relit, relight_streaming};
+pub use gpu::{GpuRelighter, GpuSettings};
 pub use raw::relight_raw;

@@ -1,7 +1,6 @@
-//! `c = L y + S ℓ`; twin of `shaders/reconstruct.wgsl` and `shaders/scatter.wgsl`.
+//! `c = L y`; twin of `shaders/reconstruct.wgsl`.
 
 use super::compact::{CompactBlock, Part, Quantum};
-use super::project::PlanarLighting;
 use crate::matrix::CHANNELS;
 
 /// Rows that are finished together: their sums stay in registers while the components pass by.
@@ -49,20 +48,6 @@ fn add_part<Q: Quantum>(
         let weight = projected[k as usize][channel];
         for (sum, value) in tail.iter_mut().zip(&values[tail_start..]) {
             *sum += value.to_f32() * weight;
-        }
-    }
-}
-
-/// Adds `S ℓ` to `planes`.
-#[inline(always)]
-pub(crate) fn scatter(block: &CompactBlock, lighting: &PlanarLighting, planes: &mut [f32]) {
-    let pixels = block.pixels() as u32;
-    for at in 0..block.sparse.ends.len() {
-        let column = block.sparse.ends[at].0 as usize;
-        let weights = [0, 1, 2].map(|channel| lighting.channel(channel)[column]);
-        let (rows, values) = block.sparse.of(at);
-        for (&row, value) in rows.iter().zip(values) {
-            planes[row as usize] += value * weights[(row / pixels) as usize];
         }
     }
 }

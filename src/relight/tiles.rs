@@ -29,6 +29,15 @@ impl Tile<'_> {
         }
     }
 
+    /// Sets the pixels from those of the block, row by row; there may be more than it has.
+    pub(crate) fn copy(&mut self, mut pixels: &[[f32; CHANNELS]]) {
+        for row in &mut self.rows {
+            let (these, rest) = pixels.split_at(row.len());
+            row.copy_from_slice(these);
+            pixels = rest;
+        }
+    }
+
     /// Paints the block with stripes that no relit image shows: nothing of it could be read.
     pub(crate) fn mark_as_hole(&mut self) {
         for (y, row) in self.rows.iter_mut().enumerate() {

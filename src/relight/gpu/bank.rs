@@ -1,0 +1,230 @@
+//! Blocks packed into the arrays that the kernels read. Knows the layout of `shaders/`, not the GPU.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::matrix::{BlockId, CHANNELS};
+use crate::relight::compact::{CompactBlock, Factor};
+
+/// One component of a block, as in `shaders/project.wgsl` and `shaders/reconstruct.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Component {
+    right_word: u32,
+    left_word: u32,
+    narrow: u32,
+    scale: f32,
+}
+
+/// One block, as in `shaders/reconstruct.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Block {
+    first_component: u32,
+    component_count: u32,
+    pixels: u32,
+    first_pixel: u32,
+}
+
+/// One row with sparse entries, as in `shaders/scatter.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct SparseRow {
+    target_index: u32,
+    first: u32,
+    end: u32,
+}
+
+/// One sparse entry, as in `shaders/scatter.wgsl`.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct SparseEntry {
+    column: u32,
+    value: f32,
+}
+
+/// Numbers of things in a bank, as in every shader.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Sizes {
+    pub columns: u32,
+    pub components: u32,
+    pub blocks: u32,
+    pub sparse_rows: u32,
+}
+
+/// Blocks whose arrays each fit one binding.
+#[derive(Debug, Default)]
+pub(super) struct Bank {
+    pub components: Vec<Component>,
+    pub blocks: Vec<Block>,
+    pub factors: Vec<u32>,
+    pub sparse_rows: Vec<SparseRow>,
+    pub sparse_entries: Vec<SparseEntry>,
+    /// Pixels of all its blocks, block after block.
+    pub pixels: u32,
+    /// Its blocks, each with its first pixel.
+    pub ids: Vec<(BlockId, u32)>,
+    pub max_pixels: u32,
+}
+
+impl Bank {
+    /// Bytes of the largest array that the bank would have with `block` in it.
+    pub(super) fn largest_with(&self, block: &CompactBlock) -> u64 {
+        let plane_words = |values: usize| 2 * values.div_ceil(4);
+        let words = block.rank() * (plane_words(block.right.length) + CHANNELS * plane_words(block.pixels()));
+        let sizes = [
+            4 * (self.factors.len() + words),
+            size_of::<Component>() * (self.components.len() + block.rank()),
+            size_of::<Block>() * (self.blocks.len() + 1),
+            size_of::<SparseRow>() * (self.sparse_rows.len() + block.sparse.rows.len()),
+            size_of::<SparseEntry>() * (self.sparse_entries.len() + block.sparse.rows.len()),
+            4 * CHANNELS * (self.pixels as usize + block.pixels()),
+        ];
+        sizes.into_iter().max().unwrap_or(0) as u64
+    }
+
+    /// Appends a block.
+    pub(super) fn push(&mut self, id: BlockId, block: &CompactBlock) {
+        let pixels = block.pixels() as u32;
+        let first_component = self.components.len();
+        let empty = Component { right_word: 0, left_word: 0, narrow: 0, scale: 0.0 };
+        self.components.extend(std::iter::repeat_n(empty, block.rank()));
+        for (component, &scale) in self.components[first_component..].iter_mut().zip(&block.scales) {
+            component.scale = scale;
+        }
+        let right = self.push_factor(&block.right, block.right.length);
+        let left = self.push_factor(&block.left, block.pixels());
+        for (k, word, narrow) in right {
+            let component = &mut self.components[first_component + k as usize];
+            component.right_word = word;
+            component.narrow |= u32::from(narrow);
+        }
+        for (k, word, narrow) in left {
+            let component = &mut self.components[first_component + k as usize];
+            component.left_word = word;
+            component.narrow |= u32::from(narrow) << 1;
+        }
+        self.push_sparse(block);
+        self.blocks.push(Block {
+            first_component: first_component as u32,
+            component_count: block.rank() as u32,
+            pixels,
+            first_pixel: self.pixels,
+        });
+        self.ids.push((id, self.pixels));
+        self.pixels += pixels;
+        self.max_pixels = self.max_pixels.max(pixels);
+    }
+
+    /// Appends the planes of a factor, each padded to four values; returns (component, first word, whether in 8 bits).
+    fn push_factor(&mut self, factor: &Factor, plane: usize) -> Vec<(u32, u32, bool)> {
+        let mut places = Vec::new();
+        for (&k, values) in factor.narrow.components.iter().zip(factor.narrow.values.chunks_exact(factor.length)) {
+            places.push((k, self.factors.len() as u32, true));
+            for plane in values.chunks_exact(plane) {
+                self.factors.extend(plane.chunks(4).map(|four| {
+                    let byte = |i: usize| four.get(i).map_or(0, |&value| value as u8);
+                    u32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)])
+                }));
+            }
+        }
+        for (&k, values) in factor.wide.components.iter().zip(factor.wide.values.chunks_exact(factor.length)) {
+            places.push((k, self.factors.len() as u32, false));
+            for plane in values.chunks_exact(plane) {
+                for four in plane.chunks(4) {
+                    let half = |i: usize| four.get(i).map_or(0, |value| u32::from(value.0));
+                    self.factors.extend([half(0) | half(1) << 16, half(2) | half(3) << 16]);
+                }
+            }
+        }
+        places
+    }
+
+    /// Appends the sparse entries, row after row.
+    fn push_sparse(&mut self, block: &CompactBlock) {
+        let pixels = block.pixels() as u32;
+        let mut entries: Vec<(u32, SparseEntry)> = Vec::with_capacity(block.sparse.rows.len());
+        for (at, &(column, _)) in block.sparse.ends.iter().enumerate() {
+            let (rows, values) = block.sparse.of(at);
+            entries.extend(rows.iter().zip(values).map(|(&row, &value)| (row, SparseEntry { column, value })));
+        }
+        // Stable: a row's entries stay in the order of their columns, as the twin adds them.
+        entries.sort_by_key(|(row, _)| *row);
+        for of_row in entries.chunk_by(|a, b| a.0 == b.0) {
+            let row = of_row[0].0;
+            let first = self.sparse_entries.len() as u32;
+            self.sparse_entries.extend(of_row.iter().map(|(_, entry)| entry));
+            self.sparse_rows.push(SparseRow {
+                target_index: (self.pixels + row % pixels) * CHANNELS as u32 + row / pixels,
+                first,
+                end: self.sparse_entries.len() as u32,
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::kernels::{KERNELS, THREADS};
+    use super::*;
+    use std::mem::offset_of;
+    use wgpu::naga;
+
+    /// Offsets of the members of a struct in a shader, and its size.
+    fn members(source: &str, name: &str) -> Option<(Vec<(String, u32)>, u32)> {
+        let module = naga::front::wgsl::parse_str(source).unwrap();
+        module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).map(|(_, ty)| match &ty.inner {
+            naga::TypeInner::Struct { members, span } => {
+                (members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect(), *span)
+            }
+            other => panic!("{name} is {other:?}"),
+        })
+    }
+
+    #[test]
+    fn structs_of_the_shaders_have_the_layout_of_ours() {
+        macro_rules! layout {
+            ($ty:ident: $($field:ident),+) => {
+                (stringify!($ty), vec![$((stringify!($field).to_owned(), offset_of!($ty, $field) as u32)),+],
+                 size_of::<$ty>() as u32)
+            };
+        }
+        let ours = [
+            layout!(Sizes: columns, components, blocks, sparse_rows),
+            layout!(Component: right_word, left_word, narrow, scale),
+            layout!(Block: first_component, component_count, pixels, first_pixel),
+            layout!(SparseRow: target_index, first, end),
+            layout!(SparseEntry: column, value),
+        ];
+        for (name, fields, size) in ours {
+            let found: Vec<_> = KERNELS.iter().filter_map(|kernel| members(kernel.source, name)).collect();
+            assert!(!found.is_empty(), "no shader has {name}");
+            found.iter().for_each(|found| assert_eq!(found, &(fields.clone(), size), "{name}"));
+        }
+    }
+
+    #[test]
+    fn shaders_are_valid_and_have_the_entry_points_and_bindings_that_are_made_for_them() {
+        for kernel in KERNELS {
+            let module = naga::front::wgsl::parse_str(kernel.source).unwrap();
+            // Nothing beyond plain WebGPU, of which `unpack2x16float` is a part.
+            let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+            let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
+            validator.validate(&module).unwrap_or_else(|e| panic!("{}: {e:?}", kernel.name));
+            assert_eq!(module.entry_points.len(), 1);
+            assert_eq!(module.entry_points[0].name, kernel.name);
+            assert_eq!(module.entry_points[0].workgroup_size, [THREADS, 1, 1]);
+            let mut bindings: Vec<_> =
+                module.global_variables.iter().filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding))).collect();
+            bindings.sort_unstable();
+            let expected: Vec<_> = (0..kernel.bindings.len() as u32).map(|binding| (0, binding)).collect();
+            assert_eq!(bindings, expected, "{}", kernel.name);
+            for (_, variable) in module.global_variables.iter() {
+                if let Some(binding) = variable.binding {
+                    let name = variable.name.as_deref().unwrap();
+                    assert_eq!(kernel.bindings[binding.binding as usize], name, "{}", kernel.name);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! An adapter, a device and the compiled kernels.
+
+use std::sync::{Arc, Mutex};
+
+use super::kernels::{KERNELS, Kernel};
+use crate::error::{Error, Result};
+
+/// A GPU ready to run the kernels.
+pub(super) struct Gpu {
+    pub adapter: wgpu::AdapterInfo,
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub pipelines: Vec<wgpu::ComputePipeline>,
+    /// What the driver reported outside any call of ours.
+    complaint: Arc<Mutex<Option<String>>>,
+}
+
+impl Gpu {
+    /// Opens the most powerful adapter with the default limits of WebGPU, which every adapter has.
+    pub(super) fn open() -> Result<Self> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        let instance = wgpu::Instance::new(descriptor);
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..Default::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options))
+            .map_err(|e| Error::NoGpu(format!("no adapter was found ({}); relighting on the CPU works", line(&e))))?;
+        let info = adapter.get_info();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("relight"),
+            required_limits: wgpu::Limits::default(),
+            memory_hints: wgpu::MemoryHints::Performance,
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|e| Error::NoGpu(format!("{} cannot be opened ({})", info.name, line(&e))))?;
+        let complaint = Arc::new(Mutex::new(None));
+        let sink = Arc::clone(&complaint);
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            sink.lock().expect("no thread panics with it").get_or_insert(line(&error));
+        }));
+        let pipelines = KERNELS.iter().map(|kernel| compile(&device, kernel)).collect();
+        let gpu = Self { adapter: info, device, queue, pipelines, complaint };
+        gpu.check()?;
+        Ok(gpu)
+    }
+
+    /// Errors if the driver has complained since the last call.
+    pub(super) fn check(&self) -> Result<()> {
+        match self.complaint.lock().expect("no thread panics with it").take() {
+            Some(complaint) => Err(Error::NoGpu(format!("{} failed ({complaint})", self.adapter.name))),
+            None => Ok(()),
+        }
+    }
+
+    /// Waits until everything submitted is done.
+    pub(super) fn wait(&self) -> Result<()> {
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|e| Error::NoGpu(format!("{} stopped answering ({})", self.adapter.name, line(&e))))?;
+        self.check()
+    }
+}
+
+fn compile(device: &wgpu::Device, kernel: &Kernel) -> wgpu::ComputePipeline {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(kernel.name),
+        source: wgpu::ShaderSource::Wgsl(kernel.source.into()),
+    });
+    device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(kernel.name),
+        layout: None,
+        module: &module,
+        entry_point: Some(kernel.name),
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    })
+}
+
+/// An error as one line.
+fn line(error: &dyn std::fmt::Display) -> String {
+    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
