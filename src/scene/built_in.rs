@@ -114,8 +114,9 @@ impl BuiltIn {
         let (eye, look_at, fov_degrees) = match name {
             "mixed" => (Vec3::new(0.0, 1.0, 3.9), Vec3::new(0.0, 1.0, 0.0), 38.0f32),
             "environment" => (Vec3::new(0.0, 1.5, 4.0), Vec3::new(0.0, 0.4, 0.0), 30.0),
-            // The upper edge of the image meets the back wall 0.3 m below the ceiling: the light stays out of view.
-            _ => (Vec3::new(0.0, 1.0, 3.4), Vec3::new(0.0, 0.55, 0.0), 32.0),
+            // The upper edge of the image meets the back wall 0.2 m below the ceiling, so the light stays out of view;
+            // the lower edge meets the floor, not the open front.
+            _ => (Vec3::new(0.0, 1.0, 3.4), Vec3::new(0.0, 0.63, 0.0), 32.0),
         };
         let size = (self.width, self.height);
         let camera = Camera::looking(eye, look_at - eye, Vec3::Y, fov_degrees.to_radians(), size, PixelFilter::Box)?;

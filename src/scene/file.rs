@@ -248,6 +248,42 @@ mod tests {
         assert!(message("geometry = [").contains("line 1"));
     }
 
+    /// The keys that a table takes, as its parser lists them.
+    fn keys_after(text: &str) -> Vec<String> {
+        let error = toml::from_str::<SceneFile>(&format!("{text}\nno_such_key = 1\n")).unwrap_err();
+        assert!(error.message().starts_with("unknown field"), "{error}");
+        error.message().split('`').skip(3).step_by(2).map(String::from).collect()
+    }
+
+    #[test]
+    fn the_format_document_lists_exactly_the_keys_that_are_read() {
+        let document = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/formats/scene.md")).unwrap();
+        let (before, rest) = document.split_once("```toml").unwrap();
+        let (example, after) = rest.split_once("```").unwrap();
+        let prose = format!("{before}{after}");
+        let words: Vec<&str> = prose.split('`').skip(1).step_by(2).map(|w| w.trim_matches(['[', ']'])).collect();
+        assert_eq!(parse(Path::new("scene.md"), example).unwrap().light.len(), 1);
+        let camera = "[camera]\neye = [0, 0, 0]";
+        let heads = ["geometry = []", camera, "[render]", "[[light]]", "[[material]]\nmatch = \"*\""];
+        let mut known: Vec<String> = heads.iter().flat_map(|head| keys_after(head)).collect();
+        for key in &known {
+            let in_example = example.lines().any(|line| line.starts_with(&format!("{key} =")));
+            assert!(words.contains(&key.as_str()) || in_example, "formats/scene.md does not describe '{key}'");
+        }
+        // What stands first in a row of a table of keys is one.
+        known.extend(
+            ["surface", "panel", "environment", "point", "spot", "ies", "sun", "illum", "Pm", "Pr"].map(String::from),
+        );
+        for row in document.lines().filter(|line| line.starts_with("| `")) {
+            let first = row.split('|').nth(1).unwrap_or_default();
+            for key in first.split('`').skip(1).step_by(2) {
+                let key = key.split(' ').next().unwrap_or_default();
+                let mtl = ["Ks", "Kd", "Ns", "Ni"].contains(&key);
+                assert!(mtl || known.iter().any(|k| k == key), "formats/scene.md describes '{key}', which is not read");
+            }
+        }
+    }
+
     #[test]
     fn every_kind_of_light_refuses_the_keys_of_others() {
         let kinds = ["surface", "panel", "point", "spot", "sun", "ies", "environment"];

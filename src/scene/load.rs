@@ -15,6 +15,9 @@ use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, vali
 use crate::error::{Error, Result};
 use crate::light::Lighting;
 
+/// Size of a block in f32 above which a warning is given, in bytes.
+const LARGE_BLOCK_BYTES: u64 = 1 << 30;
+
 /// Reads a scene file (TOML, see `formats/scene.md`) and everything that it names, and checks the result.
 ///
 /// Relative paths are looked up beside the scene file, then in the folder that `LTM_SCENES` names. Errors: one line
@@ -83,6 +86,15 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     let Assembly { mesh, materials, textures, emitters, basis } = assembly;
     let scene = Scene { name, mesh, materials, textures, camera, emitters, basis, metres_per_unit };
     warnings.extend(validate(&scene)?);
+    // Tracing and compressing hold whole blocks, one for each worker.
+    let block_bytes = u64::from(settings.block_side).pow(2) * 3 * 4 * scene.basis.column_count() as u64;
+    if block_bytes > LARGE_BLOCK_BYTES {
+        let (side, columns) = (settings.block_side, scene.basis.column_count());
+        let gib = block_bytes as f64 / (1u64 << 30) as f64;
+        warnings.push(format!(
+            "a block of {side} × {side} pixels under {columns} columns takes {gib:.1} GiB; a smaller block_side takes less"
+        ));
+    }
     let mut loaded = LoadedScene::new(scene, settings, warnings);
     if !weights.is_empty() {
         let mut all = loaded.lighting.weights().to_vec();

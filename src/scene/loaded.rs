@@ -29,7 +29,7 @@ pub struct RenderSettings {
     pub seed: u64,
     /// Side of a block in pixels.
     pub block_side: u32,
-    /// Largest number of surfaces that a path visits.
+    /// Longest path in segments: 1 sees only lights, 2 direct light.
     pub max_depth: u32,
 }
 

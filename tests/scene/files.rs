@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use ltm::image::{LinearImage, write_exr};
-use ltm::light::{LightKind, LightUnit};
+use ltm::light::{LightBasis, LightKind, LightUnit};
 use ltm::matrix::MatrixShape;
 use ltm::scene::{
     AreaLayout, Emitter, EnvironmentMapping, Paint, PixelFilter, PointEmitter, RenderSettings, Surface, built_in,
@@ -30,6 +30,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("the_camera_and_the_settings_are_as_written", the_camera_and_the_settings_are_as_written),
     ("the_content_hash_follows_what_decides_the_entries", the_content_hash_follows),
     ("built_in_scenes_pass_their_own_checks", built_in_scenes_pass_their_own_checks),
+    ("the_format_document_states_the_defaults_and_limits_of_the_code", the_format_document_states_the_defaults),
     ("a_very_large_matrix_is_warned_of", a_very_large_matrix_is_warned_of),
 ];
 
@@ -331,4 +332,25 @@ fn a_very_large_matrix_is_warned_of() {
         "{:?}",
         loaded.warnings
     );
+}
+
+fn the_format_document_states_the_defaults() {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/formats/scene.md")).unwrap();
+    let default = RenderSettings::default();
+    let camera = room("").load().unwrap().scene.camera;
+    let columns = LightBasis::MAX_COLUMNS.to_string();
+    let grouped = format!("{},{},{}", &columns[..2], &columns[2..5], &columns[5..]);
+    let stated = [
+        format!("| `samples_per_pixel` | {} |", default.samples_per_pixel),
+        format!("| `seed` | {} |", default.seed),
+        format!("| `block_side` | {} |", default.block_side),
+        format!("1 to {} |", MatrixShape::MAX_BLOCK_SIDE),
+        format!("| `max_depth` | {} |", default.max_depth),
+        format!("| `width`, `height` | {}, {} |", camera.width, camera.height),
+        format!("| `vertical_fov_degrees` | {} |", camera.vertical_fov_radians.to_degrees().round()),
+        format!("more columns than {grouped}"),
+    ];
+    for line in stated {
+        assert!(text.contains(&line), "formats/scene.md does not say: {line}");
+    }
 }

@@ -29,16 +29,10 @@ fn every_committed_scene_file_loads() {
     assert!(names.len() >= 12);
     for name in names {
         let loaded = read(name.to_str().unwrap());
-        let camera = loaded.scene.camera;
-        println!(
-            "{name:?}: {} triangles, {} materials, {} columns, {} × {}, warnings {:?}",
-            loaded.scene.mesh.triangles.len(),
-            loaded.scene.materials.len(),
-            loaded.scene.basis.column_count(),
-            camera.width,
-            camera.height,
-            loaded.warnings
-        );
+        assert!(loaded.scene.basis.column_count() > 0);
+        // The bunny has two triangles wound against their normals.
+        let known = |w: &String| w.contains("2 triangles wound against their normals");
+        assert!(loaded.warnings.iter().all(known), "{name:?}: {:?}", loaded.warnings);
     }
 }
 
