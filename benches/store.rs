@@ -1,6 +1,9 @@
 //! The store against the disk: writing and reading, against plain `pwrite` and `pread` of the same bytes in the same
 //! run, with the error of each precision.
 //!
+//! `LTM_BENCH_STREAM=f32` (or `f16`, `bf16`) does one file alone instead, as large as asked for: written, verified and
+//! read by two threads, with the peak of resident memory. `LTM_BENCH_DENSITY` is the share of columns that are not zero.
+//!
 //! `cargo bench --bench store`; `LTM_BENCH_BLOCKS` sets the number of blocks (of 3,072 rows × 1,024 columns, 12 MiB in
 //! f32; 64 where unset), `LTM_BENCH_FOLDER` the disk. Criterion repeats short work many times; a disk wants long runs,
 //! few of them and taken in turns, so this is a program of its own. It prints the best of `ROUNDS`.
@@ -13,7 +16,9 @@ use std::time::Instant;
 
 use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
 use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
-use ltm::store::{FileStorage, MappedStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter};
+use ltm::store::{
+    FileStorage, MappedStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify,
+};
 
 const COLUMNS: u32 = 1024;
 const ROUNDS: usize = 3;
@@ -23,7 +28,10 @@ fn main() {
     let parent = std::env::var_os("LTM_BENCH_FOLDER").unwrap_or_else(|| std::env::temp_dir().into());
     let folder = tempfile::tempdir_in(parent).unwrap();
     let job = job(blocks);
-    let traced = block(&job);
+    let mut traced = block(&job);
+    if let Ok(precision) = std::env::var("LTM_BENCH_STREAM") {
+        return stream(folder.path(), &job, &mut traced, precision.parse().unwrap());
+    }
     let (rows, columns) = (traced.block.rows(), traced.block.columns());
     let raw = job.shape.raw_bytes();
     eprintln!(
@@ -107,6 +115,50 @@ fn main() {
             }
         }
     }
+}
+
+/// One large file: written, verified, read cold, without anything else on the disk.
+fn stream(folder: &Path, job: &Job, traced: &mut TracedBlock, precision: Precision) {
+    let density: f64 = std::env::var("LTM_BENCH_DENSITY").ok().and_then(|n| n.parse().ok()).unwrap_or(1.0);
+    let kept = (f64::from(COLUMNS) * density) as usize * traced.block.rows();
+    traced.block.entries_mut()[kept..].fill(0.0);
+    let path = folder.join("stream.ltm");
+    let write = Write { name: "", precision, threads: 2, reserve: density == 1.0 };
+    let gib = |bytes: u64| bytes as f64 / (1u64 << 30) as f64;
+    let options = StoreOptions { precision, ..StoreOptions::default() };
+    let stated = requirements(job, &options);
+    eprintln!("{} × {COLUMNS} entries, {precision}, {density} of the columns not zero", job.shape.rows());
+    eprintln!("  as f32 {:.2} GiB; disk at most {:.2} GiB", gib(job.shape.raw_bytes()), gib(stated.disk_bytes));
+    let mut stored = 0;
+    let report = |what: &str, work: &mut dyn FnMut() -> u64| {
+        let started = Instant::now();
+        let bytes = work();
+        let seconds = started.elapsed().as_secs_f64();
+        let rate = bytes as f64 / seconds / 1e9;
+        eprintln!(
+            "  {what:<7} {seconds:>7.2} s {:>7.2} GiB {rate:>6.2} GB/s, peak {} so far",
+            gib(bytes),
+            peak_memory()
+        );
+    };
+    eprintln!("  a block and what else runs: peak {}", peak_memory());
+    report("write", &mut || {
+        stored = write_store(&path, job, traced, &write);
+        stored
+    });
+    evict(&path);
+    report("verify", &mut || verify(&path, |_, _| {}).unwrap().verified_bytes);
+    evict(&path);
+    report("read", &mut || {
+        read_store(&open(&path), 2);
+        open(&path).stored_bytes().unwrap()
+    });
+}
+
+fn peak_memory() -> String {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:")).unwrap_or(" unknown");
+    line.trim().to_owned()
 }
 
 struct Write {

@@ -12,5 +12,7 @@ mod files;
 mod format;
 #[path = "store/kill.rs"]
 mod kill;
+#[path = "store/memory.rs"]
+mod memory;
 #[path = "store/storages.rs"]
 mod storages;

@@ -36,7 +36,7 @@ pub fn requirements(job: &Job, options: &StoreOptions) -> Requirements {
     let layout = Layout { shape: job.shape, precision: options.precision, max_probes: options.max_probes, job_bytes };
     let rows = job.shape.max_block_rows() as u64;
     let columns = job.shape.columns() as u64;
-    let staging = (STAGING_BYTES as u64).max(rows * 4);
+    let staging = layout.staging_bytes() as u64;
     let table = u64::from(job.shape.block_count());
     let side = layout.side_bytes(rows, columns, columns + u64::from(options.max_probes), true);
     Requirements { memory_bytes: staging + 2 * side + table + 2 * job_bytes, disk_bytes: layout.file_bytes() }
@@ -100,6 +100,11 @@ impl Layout {
     pub fn file_bytes(&self) -> u64 {
         let last = BlockId(self.shape.block_count() - 1);
         self.slot_offset(last) + self.slot_bytes(last)
+    }
+
+    /// Bytes of a buffer that holds a few columns, or the largest one.
+    pub(super) fn staging_bytes(&self) -> usize {
+        STAGING_BYTES.max(self.shape.max_block_rows() * self.precision.entry_bytes())
     }
 
     /// Bytes of the columns and probes of a tile.

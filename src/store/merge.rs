@@ -50,7 +50,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
     };
     let blocks = first.shape().block_count();
     let mut report = MergeReport { blocks, present: writer.committed_count(), ..MergeReport::default() };
-    let mut scratch = Vec::new();
+    let mut scratch = Vec::with_capacity(first.layout().staging_bytes());
     for id in first.shape().blocks() {
         let mut damaged = Vec::new();
         let mut source: Option<&StoreReader> = None;

@@ -58,7 +58,7 @@ pub use reader::StoreReader;
 pub use record::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, RECORD_FIELDS};
 pub use space::{check_free_space, free_bytes};
 pub use storage::{FileStorage, Storage};
-pub use verify::{BlockDamage, VerifyReport, verify, verify_storage};
+pub use verify::{BlockDamage, VerifyReport, mend, verify, verify_storage};
 pub use writer::{StoreOptions, StoreSummary, StoreWriter};
 
 /// Where a field stands in a fixed structure: name, offset and size in bytes. `formats/ltm.md` repeats these tables and

@@ -4,10 +4,11 @@ use std::io;
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::light::Job;
 use crate::matrix::{BlockId, BlockSource};
 
 use super::storage::{Storage, read_exact};
-use super::{PAGE_BYTES, StoreReader};
+use super::{PAGE_BYTES, StoreOptions, StoreReader, StoreWriter};
 
 /// A block that cannot be trusted.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,12 +54,35 @@ pub fn verify(path: &Path, progress: impl FnMut(u32, u32)) -> Result<VerifyRepor
     verify_storage(&StoreReader::open(path)?, progress)
 }
 
+/// Opens a finished file to be mended where it stands: checks it, forgets what is damaged, and returns the writer with
+/// the blocks that are to be made again (damaged ones, then missing ones) and the job that they belong to.
+///
+/// The file is valid at every instant; stopped half way, it lacks blocks, and mending it again goes on. Errors: as
+/// [`verify`]; a file whose header or description is damaged cannot be mended.
+pub fn mend(path: &Path, progress: impl FnMut(u32, u32)) -> Result<(StoreWriter, Vec<BlockId>, Job)> {
+    let reader = StoreReader::open(path)?;
+    let report = verify_storage(&reader, progress)?;
+    let max_probes = reader.layout().max_probes;
+    let options = StoreOptions { precision: reader.precision(), max_probes, ..StoreOptions::default() };
+    let writer = StoreWriter::reopen(path, reader.job(), options)?;
+    let mut again: Vec<_> = report.damaged.iter().map(|damage| damage.block).collect();
+    for &id in &again {
+        writer.discard(id)?;
+    }
+    if !report.stray.is_empty() {
+        writer.clear_unused(|id| reader.record(id))?;
+    }
+    again.extend(report.missing);
+    Ok((writer, again, reader.job().clone()))
+}
+
 /// As [`verify`], over any storage.
 pub fn verify_storage<S: Storage>(reader: &StoreReader<S>, mut progress: impl FnMut(u32, u32)) -> Result<VerifyReport> {
     let layout = reader.layout();
     let blocks = reader.shape().block_count();
     let mut report = VerifyReport { blocks, ..VerifyReport::default() };
-    let mut scratch = Vec::new();
+    // As large as it gets, once: a vector that grows holds two buffers while it does.
+    let mut scratch = Vec::with_capacity(layout.staging_bytes());
     let io = Error::io(reader.path(), "ask for the length");
     let length = reader.storage().length().map_err(io)?;
     if length != layout.file_bytes() {

@@ -263,6 +263,19 @@ impl<S: Storage> StoreWriter<S> {
         Ok(())
     }
 
+    /// Makes a hole of everything in which nothing is stored.
+    pub(super) fn clear_unused(&self, record: impl Fn(BlockId) -> Result<Option<Record>>) -> Result<()> {
+        let failed = || Error::io(&self.place.grows, "clear what is not used");
+        let shape = self.layout.shape;
+        let table_end = self.layout.record_offset(BlockId(shape.block_count()));
+        self.storage.clear(table_end, self.layout.slots_offset() - table_end).map_err(failed())?;
+        for id in shape.blocks() {
+            let length = record(id)?.map_or(0, |record| record.length);
+            self.clear_rest(id, length).map_err(failed())?;
+        }
+        Ok(())
+    }
+
     fn clear_record(&self, id: BlockId) -> Result<()> {
         let failed = |action: String| Error::io(&self.place.grows, action);
         write_all(&self.storage, self.layout.record_offset(id), &[0; RECORD_BYTES as usize])

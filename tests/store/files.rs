@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ltm::Error;
 use ltm::matrix::{BlockId, BlockSink, BlockSource, TracedBlock};
-use ltm::store::{Precision, StoreOptions, StoreReader, StoreWriter, merge, partial_path, requirements, verify};
+use ltm::store::{Precision, StoreOptions, StoreReader, StoreWriter, mend, merge, partial_path, requirements, verify};
 
 use crate::blocks::{block, job, job_of, options, read, write_all};
 
@@ -225,10 +225,15 @@ fn damaged_blocks_are_listed_and_can_be_mended() {
     for id in reader.shape().blocks() {
         assert_eq!(read(&reader, id).is_ok(), id != BlockId(2));
     }
-    let writer = StoreWriter::reopen(&path, reader.job(), options()).unwrap();
-    for damage in &report.damaged {
-        writer.discard(damage.block).unwrap();
-        writer.write_block(damage.block, &block(reader.job(), damage.block)).unwrap();
+    // Bytes where none should be, too.
+    let last = reader.layout().slot_offset(BlockId(1)) + reader.layout().slot_bytes(BlockId(1)) - 1;
+    fs::File::options().write(true).open(&path).unwrap().write_at(&[0xff], last).unwrap();
+    assert_eq!(verify(&path, |_, _| {}).unwrap().stray.len(), 1);
+    let (writer, again, job) = mend(&path, |_, _| {}).unwrap();
+    assert_eq!((again.as_slice(), &job), (&[BlockId(2)][..], reader.job()));
+    assert!(!reader.is_committed(BlockId(2)), "a file under repair lacks the block, it does not show half of it");
+    for id in again {
+        writer.write_block(id, &block(&job, id)).unwrap();
     }
     writer.finish().unwrap();
     assert!(fs::read(&path).unwrap() == sound);

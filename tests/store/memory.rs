@@ -1,0 +1,68 @@
+//! What the store takes in memory does not depend on the size of the matrix.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use ltm::light::Job;
+use ltm::matrix::{BlockSink, BlockSource, TracedBlock};
+use ltm::store::{Precision, StoreOptions, StoreReader, StoreWriter, merge, requirements, verify};
+
+use crate::blocks::job_of;
+
+const CHILD: &str = "LTM_TEST_STORE_MEMORY";
+
+/// Peak resident memory of this process, in bytes.
+fn peak_bytes() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmHWM:")).unwrap();
+    line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() * 1024
+}
+
+/// Does nothing unless it is the child that the test below starts.
+#[test]
+fn the_memory_child() {
+    let Some(folder) = std::env::var_os(CHILD).map(PathBuf::from) else { return };
+    let small = job_of(4, 8, 3, 4);
+    // 24 blocks of 3,072 rows × 512 columns: 6 MiB each, 144 MiB in all.
+    let large = job_of(32, 32 * 24, 512, 32);
+    for precision in Precision::ALL {
+        let options = StoreOptions { precision, ..StoreOptions::default() };
+        // The program's own pages count as they are touched: touch them first.
+        through(&folder, &small, options);
+        let taken = through(&folder, &large, options);
+        // The allocator rounds up and keeps what is freed: a quarter more, and a few pages.
+        let stated = requirements(&large, &options).memory_bytes;
+        assert!(taken <= stated + stated / 4 + 65_536, "{precision}: took {taken} bytes, said {stated}");
+    }
+}
+
+/// Everything that the store does with a matrix, once; returns by how much the peak rose beside the blocks.
+fn through(folder: &Path, job: &Job, options: StoreOptions) -> u64 {
+    let (path, merged) = (folder.join("a.ltm"), folder.join("merged.ltm"));
+    let mut traced = TracedBlock::default();
+    traced.block.reset(job.shape.max_block_rows(), job.shape.columns());
+    traced.block.entries_mut().fill(0.5);
+    let mut target = traced.clone();
+    let before = peak_bytes();
+    let writer = StoreWriter::create(&path, job, options).unwrap();
+    job.shape.blocks().for_each(|id| writer.write_block(id, &traced).unwrap());
+    writer.finish().unwrap();
+    verify(&path, |_, _| {}).unwrap();
+    let reader = StoreReader::open(&path).unwrap();
+    job.shape.blocks().for_each(|id| reader.read_block(id, &mut target).unwrap());
+    merge(std::slice::from_ref(&path), &merged, |_, _| {}).unwrap();
+    std::fs::remove_file(&merged).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    peak_bytes() - before
+}
+
+#[test]
+fn writing_reading_checking_and_merging_stay_within_the_stated_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let child = Command::new(std::env::current_exe().unwrap())
+        .args(["memory::the_memory_child", "--exact", "--test-threads=1"])
+        .env(CHILD, folder.path())
+        .output()
+        .unwrap();
+    assert!(child.status.success(), "{}", String::from_utf8_lossy(&child.stdout));
+}
