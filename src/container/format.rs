@@ -225,3 +225,111 @@ pub(super) fn u32_at(bytes: &[u8], at: usize) -> u32 {
 pub(super) fn u64_at(bytes: &[u8], at: usize) -> u64 {
     u64::from_le_bytes(bytes[at..at + 8].try_into().expect("8 bytes"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The rows `(offset, size, field)` of the table under a heading of `formats/ltc.md`.
+    fn table(heading: &str) -> Vec<(usize, usize, String)> {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/formats/ltc.md");
+        let text = std::fs::read_to_string(path).unwrap();
+        let section = text.split(&format!("\n## {heading}\n")).nth(1).unwrap().split("\n## ").next().unwrap();
+        let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+        let rows = section.lines().map(cells).filter(|cells| cells.len() > 4 && cells[1].parse::<usize>().is_ok());
+        rows.map(|cells| (cells[1].parse().unwrap(), cells[2].parse().unwrap(), cells[3].clone())).collect()
+    }
+
+    /// Holds a table to encoded bytes: the fields follow each other to the end, and each holds what it is said to.
+    fn check(heading: &str, bytes: &[u8], fields: &[(&str, Vec<u8>)]) {
+        let rows = table(heading);
+        let mut end = 0;
+        for ((offset, size, name), (field, value)) in rows.iter().zip(fields) {
+            assert_eq!((*offset, name.as_str()), (end, *field), "{heading}");
+            assert_eq!(&bytes[*offset..offset + size], value, "{heading}: {name}");
+            end += size;
+        }
+        assert_eq!((end, rows.len()), (bytes.len(), fields.len()), "{heading}");
+    }
+
+    fn le(value: u32) -> Vec<u8> {
+        value.to_le_bytes().to_vec()
+    }
+
+    #[test]
+    fn the_tables_of_the_format_document_are_what_is_written() {
+        let header = Header { version: FORMAT_VERSION, block_count: 0x0102_0304, job_hash: [7; 32] }.encode();
+        let crc = header[60..].to_vec();
+        check(
+            "Header",
+            &header,
+            &[
+                ("magic", HEADER_MAGIC.to_vec()),
+                ("version", le(1)),
+                ("block count", le(0x0102_0304)),
+                ("job hash", vec![7; 32]),
+                ("reserved", vec![0; 12]),
+                ("checksum", crc),
+            ],
+        );
+        let trailer = Trailer {
+            metadata_offset: 0x1122_3344_5566,
+            metadata_bytes: 11,
+            block_count: 12,
+            layer_count: 13,
+            tail_crc: 14,
+            header_crc: 15,
+            file_bytes: 16,
+        }
+        .encode();
+        let crc = trailer[60..].to_vec();
+        check(
+            "Trailer",
+            &trailer,
+            &[
+                ("magic", TRAILER_MAGIC.to_vec()),
+                ("version", le(1)),
+                ("block count", le(12)),
+                ("layer count", le(13)),
+                ("metadata bytes", le(11)),
+                ("metadata offset", 0x1122_3344_5566u64.to_le_bytes().to_vec()),
+                ("file bytes", 16u64.to_le_bytes().to_vec()),
+                ("tail checksum", le(14)),
+                ("header checksum", le(15)),
+                ("reserved", vec![0; 12]),
+                ("checksum", crc),
+            ],
+        );
+        let report = BlockReport { squared_error: 1.0, squared_norm: 2.0, noise_variance: 3.0, uniform_error: 4.0 };
+        let block = BlockRecord { first_layer: 9, layers: 2, present: true, rank: 515, sparse_entries: 77, report };
+        assert_eq!(BlockRecord::decode(&block.encode()), Some(block));
+        let float = |value: f32| value.to_le_bytes().to_vec();
+        check(
+            "Block record",
+            &block.encode(),
+            &[
+                ("first layer", le(9)),
+                ("layers", vec![2]),
+                ("present", vec![1]),
+                ("rank", vec![3, 2]),
+                ("sparse entries", le(77)),
+                ("squared error", float(1.0)),
+                ("squared norm", float(2.0)),
+                ("noise variance", float(3.0)),
+                ("uniform error", float(4.0)),
+                ("reserved", le(0)),
+            ],
+        );
+        let layer = LayerRecord { offset: 5, bytes: 6, crc: 7 };
+        assert_eq!(LayerRecord::decode(&layer.encode()), layer);
+        let offset = 5u64.to_le_bytes().to_vec();
+        check("Layer record", &layer.encode(), &[("offset", offset), ("bytes", le(6)), ("checksum", le(7))]);
+    }
+
+    #[test]
+    fn the_document_knows_this_version() {
+        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/formats/ltc.md")).unwrap();
+        let last = text.lines().filter(|line| line.contains("| 0.")).next_back().unwrap();
+        assert!(last.starts_with(&format!("| {FORMAT_VERSION} |")), "{last}");
+    }
+}

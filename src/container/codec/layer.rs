@@ -297,7 +297,7 @@ impl ClassContexts {
             let before = &mut self.before[kind][zone];
             let guess = (*before + shift).clamp(0, CLASSES as i32 - 1);
             let context = &mut self.contexts[kind][usize::from(guess == 0)];
-            let class = guess + coder.signed(context, classes[zone] as i32 - guess);
+            let class = guess.saturating_add(coder.signed(context, classes[zone] as i32 - guess));
             let class = class.clamp(0, CLASSES as i32);
             shift = class - *before;
             *before = class;

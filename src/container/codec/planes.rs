@@ -160,7 +160,8 @@ pub(super) fn read(
     out: &mut [f32],
 ) {
     debug_assert_eq!(out.len(), shape.values());
-    if classes.iter().all(|&class| class == 0) {
+    let zones = if shape.tile == 0 { 1 } else { ZONES };
+    if classes[..zones].iter().all(|&class| class == 0) {
         return out.fill(0.0);
     }
     let Scratch { integers, tiles } = scratch;
