@@ -1,1 +1,34 @@
-//! From blocks of entries to blocks of factors.
+//! Compression: each block of `T` as two thin factors and a few single entries.
+//!
+//! Two passes, so that one rate–distortion slope holds for every block and yet only one block is held at a time:
+//!
+//! ```text
+//! block ──► Compressor::analyse ──► Candidate ──► CandidateSummary ──┐
+//!           sanitise, sparse entries, (spill file)                    ▼
+//!           weighted range                 │            Compressor::choose ──► Cut
+//!                                          └──────► Candidate::cut(&Cut) ──► FactoredBlock
+//! ```
+//!
+//! The distortion is that of relit images: with the covariance `K` of [`LightingPrior`](crate::light::LightingPrior),
+//! `‖(A − L R − S) K^½‖²`. Every method ends in the same shape: `L` with orthonormal columns, `R = Lᵀ A`, and the
+//! components in the order of what they bring, so that leaving out a component costs exactly its gain.
+//!
+//! One block is worked on by one thread, without parallelism inside: the bytes do not depend on the number of threads.
+
+mod candidate;
+mod compressor;
+mod cur;
+mod cut;
+mod dense;
+mod kmeans;
+mod range;
+mod remainder;
+mod sanitise;
+mod settings;
+
+pub use candidate::{Candidate, CandidateSummary};
+pub use compressor::Compressor;
+pub use cur::{Selection, cur};
+pub use cut::Cut;
+pub use sanitise::Replaced;
+pub use settings::{CompressSettings, Core, Method, PriorChoice, Target};

@@ -5,10 +5,12 @@ mod basis;
 mod job;
 mod lighting;
 mod metadata;
+mod prior;
 mod probes;
 
 pub use basis::{Column, Light, LightBasis, LightKind, LightUnit};
 pub use job::{Job, JobHash, Provenance};
 pub use lighting::Lighting;
 pub use metadata::{decode_job, encode_job};
+pub use prior::{LightingPrior, evaluation_lightings};
 pub use probes::probe_lightings;

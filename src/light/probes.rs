@@ -1,22 +1,20 @@
 //! Probe lightings: a few fixed lightings under which the noise of a traced block is kept.
 
-use rand::RngExt;
-use rand::SeedableRng;
-use rand_pcg::Pcg64Mcg;
-
-use super::LightBasis;
+use super::{LightBasis, LightingPrior};
 
 /// Number of probe lightings.
 const PROBES: usize = 16;
 
+/// Seed of the draws: fixed, because files hold noise under these very lightings.
+const SEED: u64 = 0x6c74_6d70_726f_6265;
+
 /// The probe lightings `Ω`: columns × probes, column-major, the same for the same basis.
 ///
-/// Probe 0 is all-on. The others are white (each column ±1), so that an average over probes of `‖uᵀ D Ω‖²` estimates
-/// the noise that a direction `u` of the block's range would carry.
+/// Probe 0 is all-on. The others are draws of the [`LightingPrior`] of the basis, so that for a direction `u` of the
+/// block's range their mean of `(uᵀ D ω)²` estimates `uᵀ D K Dᵀ u`: the noise that this direction brings into the
+/// images that people make.
 pub fn probe_lightings(basis: &LightBasis) -> Vec<f32> {
-    let columns = basis.column_count();
-    let mut random = Pcg64Mcg::seed_from_u64(0x6c74_6d70_726f_6265);
-    let mut probes = vec![1.0; columns];
-    probes.extend((0..columns * (PROBES - 1)).map(|_| if random.random::<bool>() { 1.0f32 } else { -1.0 }));
+    let mut probes = vec![1.0; basis.column_count()];
+    probes.extend(LightingPrior::of_basis(basis).draws(PROBES - 1, SEED));
     probes
 }

@@ -1,0 +1,168 @@
+//! A block after analysis: over-ranked factors and sparse entries, each with what it brings, small enough to spill.
+
+use super::Replaced;
+use crate::matrix::{BlockId, ColumnIndex, SparseEntry};
+
+/// First bytes of an encoded candidate, with the version of the layout. Spill files live as long as one run.
+const MAGIC: [u8; 4] = *b"cnd1";
+
+/// Bins of [`CandidateSummary::sparse_gains`]: powers of two of the gain, from `2^-80`.
+pub(super) const GAIN_BINS: usize = 160;
+const LOWEST_EXPONENT: f64 = -80.0;
+
+/// A block as components and sparse entries, more of each than will be kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// Which block.
+    pub id: BlockId,
+    pub(super) summary: CandidateSummary,
+    /// `U`: rows × rank, column-major.
+    pub(super) left: Vec<f32>,
+    /// `Uᵀ A`: rank × columns, row-major.
+    pub(super) right: Vec<f32>,
+    /// By column, then row.
+    pub(super) sparse: Vec<SparseEntry>,
+    /// Distortion that each saves.
+    pub(super) sparse_gain: Vec<f32>,
+}
+
+/// What choosing a cut needs to know of a candidate.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CandidateSummary {
+    /// Rows of the block.
+    pub rows: u32,
+    /// Columns of the block.
+    pub columns: u32,
+    /// Whether all components are kept whatever they bring (methods with a rank of their own).
+    pub fixed: bool,
+    /// Weighted energy `uᵀ A K Aᵀ u` of each component: the distortion that it saves.
+    pub gains: Vec<f32>,
+    /// What of each gain is noise; 0 where unknown.
+    pub noise: Vec<f32>,
+    /// Mean square of each component's row of `R`.
+    pub right_mean_square: Vec<f32>,
+    /// Weighted energy outside all components.
+    pub tail: f32,
+    /// Sum of the gains of the sparse entries, and their number, by powers of two of the gain.
+    pub sparse_gains: Vec<(f32, u32)>,
+    /// Root mean square of the all-on image.
+    pub brightness: f32,
+    /// Largest value of the all-on image.
+    pub peak: f32,
+    /// Entries that were replaced because they could not be computed with.
+    pub replaced: Replaced,
+}
+
+impl CandidateSummary {
+    /// Weighted energy of the whole block.
+    pub fn energy(&self) -> f64 {
+        let sparse: f64 = self.sparse_gains.iter().map(|(sum, _)| f64::from(*sum)).sum();
+        self.gains.iter().map(|&g| f64::from(g)).sum::<f64>() + f64::from(self.tail) + sparse
+    }
+
+    pub(super) fn sparse_bin(gain: f32) -> usize {
+        let exponent = f64::from(gain).max(1e-60).log2().floor();
+        (exponent - LOWEST_EXPONENT).clamp(0.0, (GAIN_BINS - 1) as f64) as usize
+    }
+
+    /// Smallest gain of a bin.
+    pub(super) fn bin_floor(bin: usize) -> f64 {
+        (bin as f64 + LOWEST_EXPONENT).exp2()
+    }
+}
+
+impl Candidate {
+    /// What choosing a cut needs of it.
+    pub fn summary(&self) -> &CandidateSummary {
+        &self.summary
+    }
+
+    /// Components kept for the choice.
+    pub fn rank(&self) -> usize {
+        self.summary.gains.len()
+    }
+
+    /// Encodes it, little-endian, for a spill file that the same program reads back.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let s = &self.summary;
+        let mut out = Vec::with_capacity(64 + 4 * (self.left.len() + self.right.len()) + 16 * self.sparse.len());
+        out.extend(MAGIC);
+        let first = s.replaced.first.map_or([u32::MAX; 2], |(c, r)| [c.0, r]);
+        let counts = [self.rank() as u32, self.sparse.len() as u32, u32::from(s.fixed)];
+        for v in [self.id.0, s.rows, s.columns, s.replaced.nan, s.replaced.huge].into_iter().chain(first).chain(counts)
+        {
+            out.extend(v.to_le_bytes());
+        }
+        let scalars = [s.tail, s.brightness, s.peak];
+        let lists = [&s.gains, &s.noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain];
+        for v in scalars.iter().chain(lists.into_iter().flatten()) {
+            out.extend(v.to_le_bytes());
+        }
+        for entry in &self.sparse {
+            out.extend(entry.column.0.to_le_bytes());
+            out.extend(entry.row.to_le_bytes());
+            out.extend(entry.value.to_le_bytes());
+        }
+        out
+    }
+
+    /// Decodes what [`to_bytes`](Self::to_bytes) wrote. Errors, as plain text for the caller to place: bytes that are
+    /// not a candidate, cut short, or too many.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
+        let short = || "a spilled candidate is cut short".to_owned();
+        let rest = bytes.strip_prefix(&MAGIC).ok_or("this is not a spilled candidate")?;
+        let words: Vec<u32> = rest.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+        let mut words = words.as_slice();
+        let mut take = |count: usize| -> Result<&[u32], String> {
+            let (taken, left) = words.split_at_checked(count).ok_or_else(short)?;
+            words = left;
+            Ok(taken)
+        };
+        let &[id, rows, columns, nan, huge, first_column, first_row, rank, sparse_count, fixed] = take(10)? else {
+            return Err(short());
+        };
+        let floats = |words: &[u32]| words.iter().map(|&w| f32::from_bits(w)).collect::<Vec<f32>>();
+        let size = |a: u32, b: u32| (a as usize).checked_mul(b as usize).ok_or_else(short);
+        let scalars = floats(take(3)?);
+        let gains = floats(take(rank as usize)?);
+        let noise = floats(take(rank as usize)?);
+        let right_mean_square = floats(take(rank as usize)?);
+        let left = floats(take(size(rows, rank)?)?);
+        let right = floats(take(size(columns, rank)?)?);
+        let sparse_gain = floats(take(sparse_count as usize)?);
+        let entries = take(size(sparse_count, 3)?)?.chunks_exact(3);
+        let sparse = entries
+            .map(|e| SparseEntry { column: ColumnIndex(e[0]), row: e[1], value: f32::from_bits(e[2]) })
+            .collect();
+        if !take(1).is_err_and(|_| rest.len() % 4 == 0) {
+            return Err("a spilled candidate has trailing bytes".into());
+        }
+        let first = (first_column != u32::MAX).then_some((ColumnIndex(first_column), first_row));
+        let summary = CandidateSummary {
+            rows,
+            columns,
+            fixed: fixed != 0,
+            gains,
+            noise,
+            right_mean_square,
+            tail: scalars[0],
+            sparse_gains: bins(&sparse_gain),
+            brightness: scalars[1],
+            peak: scalars[2],
+            replaced: Replaced { nan, huge, first },
+        };
+        Ok(Self { id: BlockId(id), summary, left, right, sparse, sparse_gain })
+    }
+}
+
+/// Sums and counts of gains by powers of two, up to the last bin in use.
+pub(super) fn bins(gains: &[f32]) -> Vec<(f32, u32)> {
+    let mut bins = vec![(0.0f32, 0u32); GAIN_BINS];
+    for &gain in gains {
+        let bin = &mut bins[CandidateSummary::sparse_bin(gain)];
+        bin.0 += gain;
+        bin.1 += 1;
+    }
+    bins.truncate(bins.iter().rposition(|b| b.1 > 0).map_or(0, |last| last + 1));
+    bins
+}

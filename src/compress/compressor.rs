@@ -1,0 +1,213 @@
+//! The driver: analyses blocks one by one, chooses one cut for all.
+
+use std::borrow::Cow;
+
+use faer::{Mat, MatRef};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+
+use super::candidate::{Candidate, CandidateSummary, bins};
+use super::cur::{decompose, select};
+use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
+use super::range::{Range, Weights, find_range};
+use super::remainder::stand_out;
+use super::sanitise::sanitise;
+use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, cut};
+use crate::error::{Error, Result};
+use crate::light::{LightBasis, LightingPrior, probe_lightings};
+use crate::matrix::{BlockId, BlockNoise, BlockView, MatrixShape, SparseEntry};
+
+/// Compresses the blocks of one matrix. Shared by threads: analysing changes nothing in it.
+pub struct Compressor {
+    settings: CompressSettings,
+    shape: MatrixShape,
+    weights: Weights,
+    /// Diagonal of `K`.
+    variances: Vec<f32>,
+    probe_count: usize,
+}
+
+impl Compressor {
+    /// A compressor for matrices of this shape over this basis.
+    ///
+    /// Errors: settings out of range, or a basis with another number of columns than the matrix.
+    pub fn new(basis: &LightBasis, shape: MatrixShape, settings: CompressSettings) -> Result<Self> {
+        settings.check()?;
+        let n = shape.columns();
+        if basis.column_count() != n {
+            let problem = format!("describes {} columns, the matrix has {n}", basis.column_count());
+            return Err(Error::input("light basis", problem, "take the basis that the matrix was made with"));
+        }
+        let prior = match settings.prior {
+            PriorChoice::Lighting => LightingPrior::of_basis(basis),
+            PriorChoice::Flat => LightingPrior::flat(n),
+        };
+        let sketch_columns = (settings.rank + settings.oversampling).min(n);
+        let weights = Weights::new(&prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
+        let probe_count = probe_lightings(basis).len() / n;
+        Ok(Self { shape, weights, variances: prior.variances(), probe_count, settings })
+    }
+
+    /// The settings it was made with.
+    pub fn settings(&self) -> &CompressSettings {
+        &self.settings
+    }
+
+    /// Bytes of working memory that one call of [`analyse`](Self::analyse) takes at most beside the block itself, and
+    /// bytes of the compressor and of a candidate.
+    pub fn needs_bytes(&self) -> u64 {
+        let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
+        let q = (self.settings.rank + self.settings.oversampling + 1) as u64;
+        4 * (m * n + 6 * (m + n) * q) + 16 * (m + n) * q + 4 * n * 256
+    }
+
+    /// Analyses one block: replaces unusable entries, takes out what stands alone, finds the range, and notes what each
+    /// part brings and how much of it is noise.
+    ///
+    /// Panics if the block has another number of columns than the matrix.
+    pub fn analyse(&self, id: BlockId, block: BlockView<'_>, noise: Option<&BlockNoise>) -> Candidate {
+        assert_eq!(block.columns(), self.shape.columns(), "{id}");
+        let (m, n) = (block.rows(), block.columns());
+        let (entries, replaced) = sanitise(block);
+        let usable = BlockView::new(m, n, &entries);
+        let (brightness, peak) = all_on(usable);
+        let automatic = self.settings.method == Method::Auto;
+        let (fraction, contrast) = (self.settings.sparse_fraction, self.settings.sparse_contrast);
+        let sparse = if automatic { stand_out(usable, fraction, contrast) } else { Vec::new() };
+        let smooth = without(entries, &sparse, m);
+        let a = MatRef::from_column_major_slice(&smooth, m, n);
+        let range = match self.settings.method {
+            _ if peak == 0.0 && smooth.iter().all(|&v| v == 0.0) => {
+                Range { left: Vec::new(), right: Vec::new(), gains: Vec::new(), tail: 0.0 }
+            }
+            Method::Auto => {
+                find_range(a, &self.weights, self.settings.rank.min(m).min(n), self.settings.power_iterations)
+            }
+            _ => self.by_rank(a, id),
+        };
+        self.candidate(id, (m, n), range, sparse, noise, (brightness, peak, replaced))
+    }
+
+    /// Chooses the slope for all blocks from their summaries, in any order.
+    pub fn choose<'a>(&self, summaries: impl Iterator<Item = &'a CandidateSummary> + Clone) -> Cut {
+        cut::choose(&self.settings, summaries)
+    }
+
+    /// The methods that have a rank of their own, brought to orthonormal factors.
+    fn by_rank(&self, a: MatRef<'_, f32>, id: BlockId) -> Range {
+        let (m, n) = a.shape();
+        let rank = self.settings.rank.min(m).min(n);
+        let (left, right) = match self.settings.method {
+            Method::BlockSvd => best_rank(a, rank),
+            Method::BlockPca => {
+                // Rows about their mean: A = 1 μᵀ + (A − 1 μᵀ); the mean counts as one component.
+                let mean = product(Mat::from_fn(1, m, |_, _| 1.0 / m as f32).as_ref(), a);
+                let centred = Mat::from_fn(m, n, |i, j| a[(i, j)] - mean[(0, j)]);
+                let (left, right) = best_rank(centred.as_ref(), rank.saturating_sub(1));
+                let ones = |i, k| if k == 0 { 1.0 } else { left[(i, k - 1)] };
+                let over = |k: usize, j| if k == 0 { mean[(0, j)] } else { right[(k - 1, j)] };
+                (Mat::from_fn(m, left.ncols() + 1, ones), Mat::from_fn(right.nrows() + 1, n, over))
+            }
+            method => {
+                let mut settings = self.settings.clone();
+                if method == Method::Proposed && settings.core == Core::Textbook {
+                    settings.core = Core::LeastSquares;
+                }
+                let mut random = Pcg64Mcg::seed_from_u64(settings.seed ^ (u64::from(id.0) << 20) ^ 0x0063_7572);
+                let chosen = select(a, &settings, &mut random);
+                decompose(a, &chosen, settings.core, settings.truncation)
+            }
+        };
+        self.ordered(left.as_ref(), right.as_ref())
+    }
+
+    /// `left · right` over an orthonormal basis, by what each component brings.
+    fn ordered(&self, left: MatRef<'_, f32>, right: MatRef<'_, f32>) -> Range {
+        let q = orthonormal(left);
+        let through = product(product(q.transpose(), left).as_ref(), right);
+        let (values, vectors) = eigen(self.weights.gram(through.as_ref()).as_ref());
+        let kept = values.iter().take_while(|&&v| v > 0.0).count();
+        let turn = to_f32(vectors.as_ref().subcols(0, kept));
+        Range {
+            left: to_vec(product(q.as_ref(), turn.as_ref()).as_ref()),
+            right: to_vec(product(through.transpose(), turn.as_ref()).as_ref()),
+            gains: values[..kept].to_vec(),
+            tail: 0.0,
+        }
+    }
+
+    fn candidate(
+        &self,
+        id: BlockId,
+        (m, n): (usize, usize),
+        range: Range,
+        sparse: Vec<SparseEntry>,
+        noise: Option<&BlockNoise>,
+        (brightness, peak, replaced): (f32, f32, Replaced),
+    ) -> Candidate {
+        let sparse_gain: Vec<f32> =
+            sparse.iter().map(|e| e.value * e.value * self.variances[e.column.index()]).collect();
+        let mean_square = |k: usize| {
+            let row = &range.right[k * n..][..n];
+            row.iter().map(|v| v * v).sum::<f32>() / n as f32
+        };
+        let rank = range.gains.len();
+        let summary = CandidateSummary {
+            rows: m as u32,
+            columns: n as u32,
+            fixed: self.settings.method != Method::Auto && self.settings.fixed_rank,
+            noise: self.noise_of(&range.left, rank, m, noise),
+            right_mean_square: (0..rank).map(mean_square).collect(),
+            gains: range.gains.iter().map(|&g| g as f32).collect(),
+            tail: range.tail as f32,
+            sparse_gains: bins(&sparse_gain),
+            brightness,
+            peak,
+            replaced,
+        };
+        Candidate { id, summary, left: range.left, right: range.right, sparse, sparse_gain }
+    }
+
+    /// Mean of `(uᵀ D ω)²` over the prior's probes for each component; zeros without usable probes.
+    fn noise_of(&self, left: &[f32], rank: usize, m: usize, noise: Option<&BlockNoise>) -> Vec<f32> {
+        let fits = |n: &&BlockNoise| self.probe_count > 1 && n.probes.len() == m * self.probe_count;
+        let Some(noise) = noise.filter(fits) else {
+            return vec![0.0; rank];
+        };
+        let probes = MatRef::from_column_major_slice(&noise.probes[m..], m, self.probe_count - 1);
+        let seen = product(MatRef::from_column_major_slice(left, m, rank).transpose(), probes);
+        let mean = |k: usize| seen.row(k).squared_norm_l2() / (self.probe_count - 1) as f32;
+        (0..rank).map(mean).map(|v| if v.is_finite() { v } else { 0.0 }).collect()
+    }
+}
+
+/// Root mean square and largest value of the all-on image of a block.
+fn all_on(block: BlockView<'_>) -> (f32, f32) {
+    let mut image = vec![0.0f32; block.rows()];
+    for column in block.entries().chunks_exact(block.rows()) {
+        image.iter_mut().zip(column).for_each(|(s, v)| *s += v);
+    }
+    let squares: f64 = image.iter().map(|&v| f64::from(v).powi(2)).sum();
+    let peak = image.iter().fold(0.0f32, |p, v| p.max(v.abs()));
+    ((squares / block.rows() as f64).sqrt() as f32, peak)
+}
+
+/// The entries with the sparse ones set to 0; not copied where there are none.
+fn without<'a>(entries: Cow<'a, [f32]>, sparse: &[SparseEntry], rows: usize) -> Cow<'a, [f32]> {
+    if sparse.is_empty() {
+        return entries;
+    }
+    let mut entries = entries.into_owned();
+    for entry in sparse {
+        entries[entry.column.index() * rows + entry.row as usize] = 0.0;
+    }
+    Cow::Owned(entries)
+}
+
+/// The best approximation of rank `rank` (Eckart and Young 1936), by an f64 SVD.
+fn best_rank(a: MatRef<'_, f32>, rank: usize) -> (Mat<f32>, Mat<f32>) {
+    let (u, s, v) = thin_svd(to_f64(a).as_ref());
+    let rank = rank.min(s.len());
+    let right = Mat::from_fn(rank, a.ncols(), |k, j| (s[k] * v[(j, k)]) as f32);
+    (to_f32(u.as_ref().subcols(0, rank)), right)
+}

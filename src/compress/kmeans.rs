@@ -1,0 +1,127 @@
+//! k-means over the columns of a dense matrix, and the members nearest to its centres.
+
+use faer::{Mat, MatRef};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+use super::dense::product;
+
+/// Indices of the points (columns of `points`, dimension × count) that stand nearest to the centres of `k` clusters,
+/// rising and without duplicates; fewer than `k` where points coincide.
+///
+/// Seeding is k-means++ (Arthur and Vassilvitskii 2007), the iteration Lloyd's. A centre is not a point (the paper,
+/// §3.2, needs rows and columns of the matrix), so the nearest member stands for it.
+pub(super) fn nearest_to_centres(
+    points: MatRef<'_, f32>,
+    k: usize,
+    iterations: usize,
+    random: &mut Pcg64Mcg,
+) -> Vec<usize> {
+    let count = points.ncols();
+    if k >= count {
+        return (0..count).collect();
+    }
+    let norms: Vec<f32> = (0..count).map(|j| points.col(j).squared_norm_l2()).collect();
+    let mut centres = seed(points, &norms, k, random);
+    let mut distances = vec![f32::INFINITY; count];
+    let mut owners = vec![0usize; count];
+    for iteration in 0..=iterations {
+        assign(points, &norms, &centres, &mut owners, &mut distances);
+        if iteration < iterations {
+            centres = means(points, &owners, &centres);
+        }
+    }
+    let mut nearest = vec![(f32::INFINITY, usize::MAX); centres.ncols()];
+    for j in 0..count {
+        let best = &mut nearest[owners[j]];
+        if distances[j] < best.0 {
+            *best = (distances[j], j);
+        }
+    }
+    let mut chosen: Vec<usize> = nearest.into_iter().map(|(_, j)| j).filter(|&j| j != usize::MAX).collect();
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
+}
+
+fn seed(points: MatRef<'_, f32>, norms: &[f32], k: usize, random: &mut Pcg64Mcg) -> Mat<f32> {
+    let count = points.ncols();
+    let mut chosen = vec![random.random_range(0..count)];
+    let mut distances = vec![f32::INFINITY; count];
+    while chosen.len() < k {
+        let last = *chosen.last().expect("one is chosen");
+        let dots = product(points.transpose(), points.subcols(last, 1));
+        for j in 0..count {
+            let d = (norms[j] + norms[last] - 2.0 * dots[(j, 0)]).max(0.0);
+            distances[j] = distances[j].min(d);
+        }
+        distances[last] = 0.0;
+        let total: f64 = distances.iter().map(|&d| f64::from(d)).sum();
+        if total <= 0.0 {
+            break;
+        }
+        let mut at = random.random::<f64>() * total;
+        let next = distances.iter().position(|&d| {
+            at -= f64::from(d);
+            d > 0.0 && at <= 0.0
+        });
+        let fallback = || distances.iter().rposition(|&d| d > 0.0).expect("the total is not 0");
+        chosen.push(next.unwrap_or_else(fallback));
+    }
+    Mat::from_fn(points.nrows(), chosen.len(), |i, c| points[(i, chosen[c])])
+}
+
+fn assign(points: MatRef<'_, f32>, norms: &[f32], centres: &Mat<f32>, owners: &mut [usize], distances: &mut [f32]) {
+    let centre_norms: Vec<f32> = (0..centres.ncols()).map(|c| centres.col(c).squared_norm_l2()).collect();
+    let dots = product(centres.transpose(), points);
+    for j in 0..points.ncols() {
+        let dots = dots.col(j);
+        let mut best = (f32::INFINITY, 0);
+        for (c, norm) in centre_norms.iter().enumerate() {
+            let d = norm - 2.0 * dots[c];
+            if d < best.0 {
+                best = (d, c);
+            }
+        }
+        owners[j] = best.1;
+        distances[j] = (norms[j] + best.0).max(0.0);
+    }
+}
+
+fn means(points: MatRef<'_, f32>, owners: &[usize], old: &Mat<f32>) -> Mat<f32> {
+    let mut sums = Mat::<f32>::zeros(old.nrows(), old.ncols());
+    let mut counts = vec![0usize; old.ncols()];
+    for (j, &owner) in owners.iter().enumerate() {
+        counts[owner] += 1;
+        let mut sum = sums.col_mut(owner);
+        sum += points.col(j);
+    }
+    for (c, &count) in counts.iter().enumerate() {
+        for i in 0..old.nrows() {
+            sums[(i, c)] = if count > 0 { sums[(i, c)] / count as f32 } else { old[(i, c)] };
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+
+    #[test]
+    fn separated_clusters_each_give_one_member() {
+        let points = Mat::from_fn(2, 30, |i, j| (j % 3) as f32 * 10.0 * (1.0 + i as f32) + (j / 3) as f32 * 0.01);
+        let chosen = nearest_to_centres(points.as_ref(), 3, 10, &mut Pcg64Mcg::seed_from_u64(1));
+        let mut clusters: Vec<_> = chosen.iter().map(|j| j % 3).collect();
+        clusters.sort_unstable();
+        assert_eq!(clusters, [0, 1, 2]);
+    }
+
+    #[test]
+    fn equal_points_give_one_member() {
+        let points = Mat::from_fn(4, 9, |_, _| 2.0);
+        assert_eq!(nearest_to_centres(points.as_ref(), 3, 5, &mut Pcg64Mcg::seed_from_u64(1)).len(), 1);
+    }
+}

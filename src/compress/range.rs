@@ -1,0 +1,139 @@
+//! The range of a block as lightings see it: a randomized range finder weighted by the prior.
+//!
+//! The best `U` of given rank for `‖(A − U Uᵀ A) K^½‖` are the left singular vectors of `A K^½`. They are found from a
+//! sketch `A · (draws of K)`, improved by power iterations `A K Aᵀ` (Halko, Martinsson, Tropp 2011, Algorithm 4.4, with
+//! `K` in the middle), and an eigenproblem as small as the sketch.
+
+use faer::{Mat, MatRef};
+
+use super::dense::{eigen, orthonormal, product, product_f64, subtract_product, to_f32, to_f64, to_vec};
+use crate::light::LightingPrior;
+
+/// Factors of a block over an orthonormal `left`, in falling order of gain after the exact all-on component.
+pub(super) struct Range {
+    /// `U`, rows × rank, column-major, orthonormal.
+    pub(super) left: Vec<f32>,
+    /// `Uᵀ A`, rank × columns, row-major.
+    pub(super) right: Vec<f32>,
+    /// `uᵀ A K Aᵀ u` of each component.
+    pub(super) gains: Vec<f64>,
+    /// Energy outside the range, under `K`.
+    pub(super) tail: f64,
+}
+
+/// The prior in the form that products want.
+pub(super) struct Weights {
+    /// `F`, columns × width.
+    factor: Mat<f32>,
+    /// `d`.
+    independent: Vec<f32>,
+    /// The sketch's lightings: all-on, then draws.
+    sketch: Mat<f32>,
+}
+
+impl Weights {
+    pub(super) fn new(prior: &LightingPrior, sketch_columns: usize, seed: u64) -> Self {
+        let n = prior.columns();
+        let view = |values: &[f32], width| MatRef::from_column_major_slice(values, n, width).to_owned();
+        let mut sketch = vec![1.0f32; n];
+        if sketch_columns >= n {
+            // As many lightings as columns: the columns themselves lose nothing.
+            sketch.extend((0..n * n).map(|i| if i / n == i % n { 1.0 } else { 0.0 }));
+        } else {
+            sketch.extend(prior.draws(sketch_columns, seed));
+        }
+        let width = sketch.len() / n;
+        Self {
+            factor: view(prior.factor(), prior.width()),
+            independent: prior.independent().to_vec(),
+            sketch: view(&sketch, width),
+        }
+    }
+
+    /// `K bᵀ` for `b` (k × columns).
+    fn weigh(&self, b: MatRef<'_, f32>) -> Mat<f32> {
+        let mut weighed = product(self.factor.as_ref(), product(self.factor.transpose(), b.transpose()).as_ref());
+        for k in 0..b.nrows() {
+            for j in 0..b.ncols() {
+                weighed[(j, k)] += self.independent[j] * b[(k, j)];
+            }
+        }
+        weighed
+    }
+
+    /// `b K bᵀ` for `b` (k × columns), in f64.
+    pub(super) fn gram(&self, b: MatRef<'_, f32>) -> Mat<f64> {
+        let through = to_f64(product(b, self.factor.as_ref()).as_ref());
+        let b = to_f64(b);
+        let scaled = Mat::from_fn(b.nrows(), b.ncols(), |k, j| b[(k, j)] * f64::from(self.independent[j]));
+        product_f64(through.as_ref(), through.transpose()) + product_f64(scaled.as_ref(), b.transpose())
+    }
+}
+
+/// Finds the weighted range of `a` (rows × columns), at most `rank` wide, with the all-on image inside it exactly.
+pub(super) fn find_range(a: MatRef<'_, f32>, weights: &Weights, rank: usize, power_iterations: usize) -> Range {
+    let m = a.nrows();
+    let mut y = product(a, weights.sketch.as_ref());
+    let sketched = y.clone();
+    let all_on = orthonormal(y.as_ref().subcols(0, 1));
+    let mut q = orthonormal_beside(all_on.as_ref(), &mut y);
+    for _ in 0..power_iterations {
+        if q.ncols() == 0 {
+            break;
+        }
+        // Turned to the axes of `Qᵀ A K Aᵀ Q` and scaled to equal energy, or weak directions would fall below rounding.
+        let through = product(q.transpose(), a);
+        let (values, vectors) = eigen(weights.gram(through.as_ref()).as_ref());
+        let strong = values.iter().take_while(|&&v| v > 1e-14 * values[0] && v > 0.0).count();
+        let level = Mat::from_fn(vectors.nrows(), strong, |i, k| (vectors[(i, k)] / values[k].sqrt()) as f32);
+        y = product(a, weights.weigh(product(level.transpose(), through.as_ref()).as_ref()).as_ref());
+        q = orthonormal_beside(all_on.as_ref(), &mut y);
+    }
+    // The all-on direction stays as it is; the others turn to the axes of the weighted energy.
+    let first = all_on.ncols();
+    let fixed = product(all_on.transpose(), a);
+    let turned = product(q.transpose(), a);
+    let (values, vectors) = eigen(weights.gram(turned.as_ref()).as_ref());
+    let largest = values.first().copied().unwrap_or(0.0);
+    let kept = values.iter().take_while(|&&v| v > 1e-14 * largest && v > 0.0).count();
+    let kept = kept.min(rank.saturating_sub(first));
+    let turn = to_f32(vectors.as_ref().subcols(0, kept));
+    let mut left = to_vec(all_on.as_ref());
+    left.extend(to_vec(product(q.as_ref(), turn.as_ref()).as_ref()));
+    let mut right = to_vec(fixed.transpose());
+    right.extend(to_vec(product(turned.transpose(), turn.as_ref()).as_ref()));
+    let fixed_gain = weights.gram(fixed.as_ref());
+    let gains: Vec<f64> = (0..first).map(|k| fixed_gain[(k, k)]).chain(values[..kept].iter().copied()).collect();
+    let tail = values[kept..].iter().sum::<f64>() + unseen(&sketched, all_on.as_ref(), q.as_ref());
+    debug_assert_eq!(left.len(), m * gains.len());
+    Range { left, right, gains, tail }
+}
+
+/// Orthonormal basis of `y` beside the orthonormal `fixed`.
+fn orthonormal_beside(fixed: MatRef<'_, f32>, y: &mut Mat<f32>) -> Mat<f32> {
+    let scale = y.norm_l2();
+    let part = product(fixed.transpose(), y.as_ref());
+    subtract_product(y, fixed, part.as_ref());
+    if y.norm_l2() <= 3e-7 * scale {
+        return Mat::zeros(y.nrows(), 0);
+    }
+    let mut q = orthonormal(y.as_ref());
+    let part = product(fixed.transpose(), q.as_ref());
+    subtract_product(&mut q, fixed, part.as_ref());
+    orthonormal(q.as_ref())
+}
+
+/// Mean energy of the sketch's draws that lies outside the range.
+fn unseen(sketched: &Mat<f32>, all_on: MatRef<'_, f32>, q: MatRef<'_, f32>) -> f64 {
+    let draws = sketched.as_ref().subcols(1, sketched.ncols() - 1);
+    if draws.ncols() == 0 {
+        return 0.0;
+    }
+    let mut rest = draws.to_owned();
+    for basis in [all_on, q] {
+        let part = product(basis.transpose(), rest.as_ref());
+        subtract_product(&mut rest, basis, part.as_ref());
+    }
+    let norm = f64::from(rest.norm_l2());
+    norm * norm / draws.ncols() as f64
+}

@@ -1,0 +1,210 @@
+//! What can be asked of the compressor.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::error::{Error, Result};
+
+/// How a block is turned into factors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// Sparse entries out, then the range weighted by the lighting prior, projected with the whole block.
+    Auto,
+    /// The paper, §3.2, Algorithm 1: columns by k-means over a random set of rows.
+    Algorithm1,
+    /// Algorithm 2: rows by k-means over a random set of columns.
+    Algorithm2,
+    /// Algorithm 3: columns and rows at random.
+    Algorithm3,
+    /// Algorithm 4: rounds of Algorithm 2 with fresh columns; the union of all rows and columns.
+    Algorithm4,
+    /// The paper, §3.4: blocks, Algorithm 4 and Nyström, with as many rows again for a stable core.
+    Proposed,
+    /// Principal components of a block's rows about their mean (Mahajan et al. 2007); the mean is one component.
+    BlockPca,
+    /// Truncated singular value decomposition of a block: the best matrix approximation of its rank.
+    BlockSvd,
+}
+
+/// How the middle of a CUR decomposition is made from the chosen columns `C`, rows `R` and their crossing `W`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Core {
+    /// `C W⁻¹ R` as in the textbook, with `W` square and its inverse not truncated: unstable, kept for comparison.
+    Textbook,
+    /// `C (W⁺ R)` with `W` over-sampled in rows and solved by least squares with truncation.
+    LeastSquares,
+    /// `C (C⁺ A)`: projection with the whole block at hand.
+    Projection,
+}
+
+/// What the result is to reach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Target {
+    /// Mean PSNR in dB over the prior's lightings, peak = the largest value of the all-on image.
+    PsnrDb(f64),
+    /// Error of images over their norm, over the prior's lightings.
+    RelativeL2(f64),
+    /// Bytes of all factors, estimated from their entropy.
+    Bytes(u64),
+    /// The slope itself: squared radiance per bit.
+    Slope(f64),
+}
+
+/// The covariance of lightings that the error is weighed by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PriorChoice {
+    /// How people light, see [`LightingPrior::of_basis`](crate::light::LightingPrior::of_basis).
+    Lighting,
+    /// Every column alike and independent: plain least squares.
+    Flat,
+}
+
+/// Parameters of compression. The default is the product's: [`Method::Auto`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct CompressSettings {
+    /// How a block is turned into factors.
+    pub method: Method,
+    /// What the result is to reach.
+    pub target: Target,
+    /// What the error is weighed by.
+    pub prior: PriorChoice,
+    /// Components kept in a candidate at most; for the methods of the paper, for PCA and for SVD: the rank itself.
+    pub rank: usize,
+    /// For all but [`Method::Auto`]: keep all `rank` components whatever they bring, as 16-bit floats.
+    pub fixed_rank: bool,
+    /// `Auto`: columns of the sketch beyond `rank`.
+    pub oversampling: usize,
+    /// `Auto`: power iterations; 0 loses about 10 dB, 2 gain little.
+    pub power_iterations: usize,
+    /// Algorithms 1–4: columns looked at in each round (`c₀`); 0: `rank / rounds`.
+    pub columns: usize,
+    /// Algorithms 1–4: rows per column, at least 1. 2 makes the core stable.
+    pub rows_per_column: f64,
+    /// Algorithm 4: rounds.
+    pub rounds: usize,
+    /// Iterations of k-means.
+    pub kmeans_iterations: usize,
+    /// Algorithms 1–4: the core.
+    pub core: Core,
+    /// Singular values of the core below this fraction of its largest are dropped.
+    pub truncation: f64,
+    /// `Auto`: an entry is looked at as a sparse one if it carries more than this fraction of its row's sum. 0: none.
+    pub sparse_fraction: f64,
+    /// … and stands this many times above the row's 90th percentile.
+    pub sparse_contrast: f64,
+    /// How strongly dark blocks are favoured: a block's squared error weighs `1 / brightness^(2 · exponent)`. 0: not.
+    pub exposure_exponent: f64,
+    /// A component is kept if its energy is above this many times its noise. 0: noise is not looked at.
+    pub noise_factor: f64,
+    /// Seed of every random choice.
+    pub seed: u64,
+}
+
+impl Default for CompressSettings {
+    fn default() -> Self {
+        Self {
+            method: Method::Auto,
+            target: Target::PsnrDb(50.0),
+            prior: PriorChoice::Lighting,
+            rank: 24,
+            fixed_rank: true,
+            oversampling: 8,
+            power_iterations: 1,
+            columns: 0,
+            rows_per_column: 2.0,
+            rounds: 4,
+            kmeans_iterations: 8,
+            core: Core::LeastSquares,
+            truncation: 1e-2,
+            sparse_fraction: 0.02,
+            sparse_contrast: 16.0,
+            exposure_exponent: 0.25,
+            noise_factor: 2.0,
+            seed: 0,
+        }
+    }
+}
+
+impl CompressSettings {
+    /// The defaults for a method: the target's slope for `Auto`, a fixed rank of 32 for the others.
+    pub fn of_method(method: Method) -> Self {
+        let rank = if method == Method::Auto { Self::default().rank } else { 32 };
+        Self { method, rank, ..Self::default() }
+    }
+
+    /// Errors: a parameter out of its range.
+    pub(super) fn check(&self) -> Result<()> {
+        let refuse = |what: &str, hint: &str| Err(Error::input("compression settings", what, hint));
+        if self.rank == 0 || self.rank > 4096 {
+            return refuse("the rank is not between 1 and 4096", "");
+        }
+        if !(self.rows_per_column >= 1.0 && self.rows_per_column <= 64.0) {
+            return refuse("rows per column are not between 1 and 64", "2 is stable");
+        }
+        if self.rounds == 0 {
+            return refuse("Algorithm 4 needs at least one round", "");
+        }
+        if !(0.0..1.0).contains(&self.truncation) {
+            return refuse("the truncation is not between 0 and 1", "0.01 is usual");
+        }
+        let fine = match self.target {
+            Target::PsnrDb(db) => (0.0..=200.0).contains(&db),
+            Target::RelativeL2(e) => e > 0.0 && e <= 1.0,
+            Target::Bytes(b) => b > 0,
+            Target::Slope(s) => s >= 0.0 && s.is_finite(),
+        };
+        if !fine {
+            return refuse("the target cannot be reached", "PSNR is 0 to 200 dB, relative L2 above 0 and at most 1");
+        }
+        let weights = [self.sparse_fraction, self.sparse_contrast, self.exposure_exponent, self.noise_factor];
+        if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
+            return refuse("a threshold is negative or not finite", "");
+        }
+        Ok(())
+    }
+}
+
+impl Method {
+    /// Every method.
+    pub const ALL: [Self; 8] = [
+        Self::Auto,
+        Self::Algorithm1,
+        Self::Algorithm2,
+        Self::Algorithm3,
+        Self::Algorithm4,
+        Self::Proposed,
+        Self::BlockPca,
+        Self::BlockSvd,
+    ];
+
+    /// Its name in arguments and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Algorithm1 => "algorithm1",
+            Self::Algorithm2 => "algorithm2",
+            Self::Algorithm3 => "algorithm3",
+            Self::Algorithm4 => "algorithm4",
+            Self::Proposed => "proposed",
+            Self::BlockPca => "pca",
+            Self::BlockSvd => "svd",
+        }
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Method {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|method| method.name() == text).ok_or_else(|| {
+            let names: Vec<_> = Self::ALL.iter().map(|method| method.name()).collect();
+            Error::input("method", format!("'{text}' is unknown"), format!("take one of {}", names.join(", ")))
+        })
+    }
+}
