@@ -72,14 +72,14 @@ fn contributions_are_the_mean_luminances_of_the_lights_own_pictures() {
     let relighter = CpuRelighter::load(&source).unwrap();
     let reach = Reach::measure(&source, &AtomicBool::new(false)).unwrap();
     let contributions = reach.contributions(&basis, &mix.lighting(&basis, &groups).unwrap());
-    for light in 0..basis.lights().len() {
+    for (light, &contribution) in contributions.iter().enumerate() {
         let mut alone = mix.clone();
         alone.toggle_solo(light, false);
         let image = relighter.relight(&alone.lighting(&basis, &groups).unwrap()).unwrap();
         let count = image.pixels.len() as f32;
         let mean = image.luminances().sum::<f32>() / count;
         let scale = image.luminances().map(f32::abs).sum::<f32>() / count;
-        assert!(near(contributions[light], mean, scale), "light {light}: {} against {mean}", contributions[light]);
+        assert!(near(contribution, mean, scale), "light {light}: {contribution} against {mean}");
     }
 }
 

@@ -1,2 +1,116 @@
-//! x
-fn main() {}
+//! `ltm-pack`: a stored matrix in, a container out.
+
+#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
+
+mod console;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser};
+use console::{Console, EXIT_CODES};
+use ltm::Result;
+use ltm::compress::{CompressSettings, Method, PriorChoice, Target};
+use ltm::pipeline::{self, PackOptions, human_bytes, parse_bytes};
+use ltm::store::StoreReader;
+
+/// Compress a stored light transport matrix (.ltm) into a container (.ltc).
+#[derive(Parser)]
+#[command(version, after_help = format!("Examples:
+  ltm-pack room.ltm                      writes room.ltc
+  ltm-pack room.ltm -o small.ltc --target 1MiB --force
+  ltm-pack room.ltm -o paper.ltc --method proposed --rank 32
+
+{EXIT_CODES}"))]
+struct Arguments {
+    /// The stored matrix.
+    input: PathBuf,
+    /// The container to write [default: the input's name with .ltc].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Replace a container that is there.
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    compression: Compression,
+    /// Threads to use [default: one for each core].
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+#[derive(Args)]
+#[command(next_help_heading = "Compression")]
+struct Compression {
+    /// auto, algorithm1 … algorithm4, proposed (blocks, Algorithm 4, Nyström), pca or svd.
+    #[arg(long, default_value = "auto")]
+    method: Method,
+    /// What to reach over the image: 50dB (PSNR), 0.01 (relative L2) or 2MiB (bytes) [default: the method's].
+    #[arg(long, value_parser = parse_target)]
+    target: Option<Target>,
+    /// Components of a block at most; the rank itself for the methods other than auto [default: the method's].
+    #[arg(long)]
+    rank: Option<usize>,
+    /// Plain least squares over all columns, instead of weighing errors by how people light.
+    #[arg(long)]
+    flat_prior: bool,
+    /// Seed of random choices.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+impl Compression {
+    fn settings(&self) -> CompressSettings {
+        let mut settings = CompressSettings::of_method(self.method);
+        settings.target = self.target.unwrap_or(settings.target);
+        settings.rank = self.rank.unwrap_or(settings.rank);
+        settings.seed = self.seed;
+        if self.flat_prior {
+            settings.prior = PriorChoice::Flat;
+        }
+        settings
+    }
+}
+
+fn parse_target(text: &str) -> Result<Target, String> {
+    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("'{s}' is not a number"));
+    if let Some(decibels) = text.strip_suffix("dB").or_else(|| text.strip_suffix("db")) {
+        return number(decibels).map(Target::PsnrDb);
+    }
+    match text.parse::<f64>() {
+        Ok(error) if error < 1.0 => Ok(Target::RelativeL2(error)),
+        _ => parse_bytes(text).map(Target::Bytes).map_err(|e| format!("{e}; or a PSNR, 50dB, or an error, 0.01")),
+    }
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let console = Console::new();
+    console::finish("ltm-pack", run(&arguments, &console))
+}
+
+fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    console::use_threads(arguments.threads)?;
+    let output = arguments.output.clone().unwrap_or_else(|| arguments.input.with_extension("ltc"));
+    let matrix = StoreReader::open(&arguments.input)?;
+    let mut options = PackOptions { compress: arguments.compression.settings(), ..Default::default() };
+    options.container.overwrite = arguments.force;
+    let report = pipeline::pack(&matrix, matrix.job(), &output, &options, console)?;
+    println!(
+        "{}: {} from {}, ratio {:.0}×, mean rank {:.2}, {} sparse entries",
+        output.display(),
+        human_bytes(report.packed_bytes),
+        human_bytes(report.raw_bytes),
+        report.raw_bytes as f64 / report.packed_bytes as f64,
+        report.mean_rank,
+        report.sparse_entries,
+    );
+    println!(
+        "error {:.5} relative L2 of the matrix, measured; {:.1} s, {}/s of raw input, peak memory {}",
+        report.relative_l2,
+        report.seconds,
+        human_bytes((report.raw_bytes as f64 / report.seconds) as u64),
+        report.peak_memory_bytes.map_or("unknown".into(), human_bytes),
+    );
+    println!("next: ltm relight {} -o relit.png", output.display());
+    Ok(())
+}

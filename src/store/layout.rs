@@ -47,6 +47,11 @@ fn aligned(bytes: u64) -> u64 {
 }
 
 impl Layout {
+    /// Most probe lightings that a block's noise may hold.
+    pub fn max_probes(&self) -> u32 {
+        self.max_probes
+    }
+
     /// Offset of the job description, which follows the header page.
     pub fn job_offset(&self) -> u64 {
         PAGE_BYTES

@@ -1,0 +1,113 @@
+//! Keeping a job's memory below what it was given: fewer threads, or a refusal before anything is begun.
+
+use std::fs;
+
+use crate::error::{Error, Result};
+
+/// What a job takes in anonymous memory: a fixed part, and a part for each thread that works on a block.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Need {
+    pub(super) fixed_bytes: u64,
+    pub(super) per_thread_bytes: u64,
+}
+
+impl Need {
+    /// Memory for a number of threads.
+    pub(super) fn bytes(self, threads: usize) -> u64 {
+        self.fixed_bytes + self.per_thread_bytes * threads as u64
+    }
+
+    /// The number of threads, at most those of the current pool, that stay within a budget; without one, within the
+    /// memory that the system has available.
+    ///
+    /// Errors: not even one thread does.
+    pub(super) fn threads_within(self, job: &str, budget_bytes: Option<u64>) -> Result<usize> {
+        let wanted = rayon::current_num_threads();
+        let limit = budget_bytes.or_else(available_bytes).unwrap_or(u64::MAX);
+        match (1..=wanted).rev().find(|&threads| self.bytes(threads) <= limit) {
+            Some(threads) => Ok(threads),
+            None => Err(Error::Resources {
+                what: job.to_owned(),
+                needed: format!("{} of memory", human_bytes(self.bytes(1))),
+                available: match budget_bytes {
+                    Some(budget) => format!("--memory allows {}", human_bytes(budget)),
+                    None => format!("only {} are available", human_bytes(limit)),
+                },
+                hint: "give it more, or take smaller blocks (block_side in the scene file)".to_owned(),
+            }),
+        }
+    }
+}
+
+/// Runs `work` on a pool of this many threads, or on the current one if that is its size.
+pub(super) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+    if threads == rayon::current_num_threads() {
+        return Ok(work());
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|e| Error::input("--threads", format!("cannot start {threads} threads ({e})"), ""))?;
+    Ok(pool.install(work))
+}
+
+/// Memory that the system could give now without swapping, from `/proc/meminfo`.
+fn available_bytes() -> Option<u64> {
+    let text = fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}
+
+/// Bytes with a binary unit.
+pub fn human_bytes(bytes: u64) -> String {
+    const UNITS: [&str; 4] = ["B", "KiB", "MiB", "GiB"];
+    let mut value = bytes as f64;
+    let mut unit = 0;
+    while value >= 1024.0 && unit + 1 < UNITS.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{bytes} B") } else { format!("{value:.1} {}", UNITS[unit]) }
+}
+
+/// Reads a size such as `512MiB`, `1.5GiB`, `2G` or plain bytes.
+///
+/// Errors, as text: not a number, an unknown unit, or a size of nothing.
+pub fn parse_bytes(text: &str) -> Result<u64, String> {
+    let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
+    let (number, unit) = text.split_at(split);
+    let number: f64 = number.parse().map_err(|_| format!("'{text}' is not a size; write 512MiB or 1.5GiB"))?;
+    let factor = match unit.trim().to_ascii_lowercase().as_str() {
+        "" | "b" => 1.0,
+        "k" | "kb" | "kib" => 1024.0,
+        "m" | "mb" | "mib" => 1024f64.powi(2),
+        "g" | "gb" | "gib" => 1024f64.powi(3),
+        "t" | "tb" | "tib" => 1024f64.powi(4),
+        _ => return Err(format!("'{unit}' is not a unit; write KiB, MiB, GiB or TiB")),
+    };
+    let bytes = (number * factor) as u64;
+    if bytes == 0 { Err(format!("'{text}' is nothing")) } else { Ok(bytes) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_given_up_before_the_job_is() {
+        let need = Need { fixed_bytes: 100, per_thread_bytes: 50 };
+        let most = rayon::current_num_threads();
+        assert_eq!(need.threads_within("a job", Some(need.bytes(most))).unwrap(), most);
+        assert_eq!(need.threads_within("a job", Some(150)).unwrap(), 1);
+        let error = need.threads_within("a job", Some(149)).unwrap_err().to_string();
+        assert!(error.contains("150 B") && error.contains("149 B"), "{error}");
+    }
+
+    #[test]
+    fn sizes_are_read_and_written() {
+        assert_eq!(parse_bytes("1GiB"), Ok(1 << 30));
+        assert_eq!(parse_bytes("1.5 MiB"), Ok(3 << 19));
+        assert_eq!(parse_bytes("77"), Ok(77));
+        assert!(parse_bytes("lots").is_err() && parse_bytes("1 parsec").is_err() && parse_bytes("0").is_err());
+        assert_eq!(human_bytes(1536), "1.5 KiB");
+    }
+}

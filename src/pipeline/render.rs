@@ -1,0 +1,180 @@
+//! Scene → `.ltm`: blocks traced in parallel, each committed when it is done.
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::budget::{Need, on_threads};
+use super::{PeakMemory, Watch, human_bytes};
+use crate::error::{Error, Result};
+use crate::light::{Job, Provenance};
+use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
+use crate::scene::{LoadedScene, Triangle};
+use crate::store::{self, StoreOptions, StoreWriter};
+use crate::trace::{TraceSettings, Tracer};
+
+/// The program itself, its threads and its tables.
+pub(super) const PROGRAM_BYTES: u64 = 24 << 20;
+
+/// Choices of a render that do not change the entries.
+#[derive(Clone, Debug, Default)]
+pub struct RenderOptions {
+    /// How the store keeps the entries.
+    pub store: StoreOptions,
+    /// Only these blocks; all if none.
+    pub blocks: Option<Range<u32>>,
+    /// Anonymous memory to stay within; none: what the system has.
+    pub memory_bytes: Option<u64>,
+}
+
+/// What a render did.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RenderReport {
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Blocks traced now.
+    pub blocks_traced: u64,
+    /// Blocks found committed by an earlier, interrupted run.
+    pub blocks_kept: u64,
+    /// Blocks that the file still lacks, where only some were asked for.
+    pub blocks_missing: u64,
+    /// Path contributions that were not finite and were dropped.
+    pub non_finite: u64,
+    /// Peak resident anonymous memory, where the system tells.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// The job that rendering a scene makes.
+///
+/// Errors: a shape that a matrix cannot have.
+pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
+    let (scene, settings) = (&loaded.scene, &loaded.settings);
+    let columns = u32::try_from(scene.basis.column_count()).unwrap_or(u32::MAX);
+    let shape = MatrixShape::new(scene.camera.width, scene.camera.height, columns, settings.block_side)?;
+    let provenance = Provenance {
+        source: scene.name.clone(),
+        content: loaded.content,
+        program: format!("ltm {}", env!("CARGO_PKG_VERSION")),
+        samples_per_pixel: settings.samples_per_pixel,
+        seed: settings.seed,
+        settings: format!(
+            "{} samples per pixel, depth {}, seed {}",
+            settings.samples_per_pixel, settings.max_depth, settings.seed
+        ),
+        metres_per_unit: scene.metres_per_unit,
+    };
+    Ok(Job { shape, basis: scene.basis.clone(), provenance })
+}
+
+/// Renders a scene into `path`. Continues where an interrupted run of the same job stopped.
+///
+/// Errors: those of the tracer and the store; [`Error::Interrupted`] when the watch says so, with every finished block
+/// kept.
+pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: &dyn Watch) -> Result<RenderReport> {
+    let begun = Instant::now();
+    let memory = PeakMemory::start();
+    let job = job_of(&loaded)?;
+    let shape = job.shape;
+    let settings = settings_of(&loaded);
+    let requirements = store::requirements(&job, &options.store);
+    let need =
+        Need { fixed_bytes: scene_bytes(&loaded), per_thread_bytes: block_need(&job) + requirements.memory_bytes };
+    let threads = need.threads_within("rendering", options.memory_bytes)?;
+    // A finished file that lacks blocks is filled in where it stands, part by part.
+    let fill_in = options.blocks.is_some() && path.exists() && !options.store.overwrite;
+    let writer = match fill_in {
+        true => StoreWriter::reopen(path, &job, options.store)?,
+        false => StoreWriter::create_or_resume(path, &job, options.store)?,
+    };
+    watch.note(&format!(
+        "{}: {} rows × {} columns, {} threads, needs {} of memory and {} of disk",
+        path.display(),
+        shape.rows(),
+        shape.columns(),
+        threads,
+        human_bytes(need.bytes(threads)),
+        human_bytes(requirements.disk_bytes),
+    ));
+    let wanted = wanted_blocks(shape, options.blocks.clone())?;
+    let todo: Vec<BlockId> = wanted.into_iter().filter(|&id| !writer.is_committed(id)).collect();
+    let blocks_kept = shape.blocks().filter(|&id| writer.is_committed(id)).count() as u64;
+    if blocks_kept > 0 {
+        watch.note(&format!("{}: continuing, {blocks_kept} blocks are done", path.display()));
+    }
+    let tracer = Tracer::new(loaded.scene, shape, settings)?;
+    let (rays, traced, non_finite) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU64::new(0));
+    watch.begin("tracing", todo.len() as u64, "blocks");
+    let trace_one = |block: &mut TracedBlock, &id: &BlockId| {
+        if watch.interrupted() {
+            return Err(interrupted(path));
+        }
+        let stats = tracer.trace_block(id, block);
+        writer.write_block(id, block)?;
+        rays.fetch_add(stats.rays, Ordering::Relaxed);
+        non_finite.fetch_add(stats.non_finite, Ordering::Relaxed);
+        traced.fetch_add(1, Ordering::Relaxed);
+        watch.advance(1, stats.rays, "rays");
+        Ok(())
+    };
+    let result = on_threads(threads, || todo.par_iter().try_for_each_init(TracedBlock::default, trace_one));
+    watch.end();
+    result??;
+    let missing = writer.finish()?.missing.len() as u64;
+    Ok(RenderReport {
+        seconds: begun.elapsed().as_secs_f64(),
+        rays: rays.into_inner(),
+        blocks_traced: traced.into_inner(),
+        blocks_kept,
+        blocks_missing: missing,
+        non_finite: non_finite.into_inner(),
+        peak_memory_bytes: memory.stop(),
+    })
+}
+
+/// How a loaded scene asks to be traced.
+pub(super) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
+    TraceSettings {
+        samples_per_pixel: loaded.settings.samples_per_pixel,
+        seed: loaded.settings.seed,
+        max_depth: loaded.settings.max_depth,
+    }
+}
+
+/// Memory of a scene while it is traced: its arrays, its textures, and the tree, whose nodes and building take about
+/// 250 bytes for each triangle.
+fn scene_bytes(loaded: &LoadedScene) -> u64 {
+    let mesh = &loaded.scene.mesh;
+    let texels: usize = loaded.scene.textures.iter().map(|texture| texture.texels.len()).sum();
+    let vertices = size_of_val(&*mesh.positions) + size_of_val(&*mesh.normals) + size_of_val(&*mesh.uvs);
+    (vertices + texels * 16 + mesh.triangles.len() * (250 + size_of::<Triangle>())) as u64 + PROGRAM_BYTES
+}
+
+/// Memory of a thread that traces a block: the block, and the two halves of a run of pixels.
+fn block_need(job: &Job) -> u64 {
+    let columns = job.shape.columns() as u64;
+    let block = job.shape.max_block_rows() as u64 * columns * 4;
+    let halves = 2 * 16 * CHANNELS as u64 * columns * 4;
+    block + halves
+}
+
+fn wanted_blocks(shape: MatrixShape, range: Option<Range<u32>>) -> Result<Vec<BlockId>> {
+    let all = 0..shape.block_count();
+    let range = range.unwrap_or(all.clone());
+    if range.is_empty() || range.end > all.end {
+        return Err(Error::input(
+            format!("blocks {}..{}", range.start, range.end),
+            format!("the image has blocks 0..{}", all.end),
+            "give a range inside it",
+        ));
+    }
+    Ok(range.map(BlockId).collect())
+}
+
+fn interrupted(path: &Path) -> Error {
+    Error::Interrupted(format!("{} keeps the finished blocks; the same command continues", path.display()))
+}

@@ -1,0 +1,32 @@
+//! What a long job tells the program that runs it, and how it hears that it should stop.
+
+/// Hears the progress of a job. All methods may be called from any thread.
+pub trait Watch: Sync {
+    /// A stage begins that has `total` steps, each a `unit` ("blocks").
+    fn begin(&self, stage: &str, total: u64, unit: &str);
+
+    /// `steps` more are done; `work` more of what the stage counts as its rate (rays, bytes), with its unit.
+    fn advance(&self, steps: u64, work: u64, work_unit: &str);
+
+    /// The stage is over.
+    fn end(&self);
+
+    /// One line for the user: a warning or a note.
+    fn note(&self, line: &str);
+
+    /// Whether the user asked to stop: jobs finish the blocks at hand and return [`crate::Error::Interrupted`].
+    fn interrupted(&self) -> bool;
+}
+
+/// Hears nothing and never stops a job.
+pub struct Quiet;
+
+impl Watch for Quiet {
+    fn begin(&self, _: &str, _: u64, _: &str) {}
+    fn advance(&self, _: u64, _: u64, _: &str) {}
+    fn end(&self) {}
+    fn note(&self, _: &str) {}
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
