@@ -4,8 +4,8 @@
 //! `LTM_BENCH_STREAM=f32` (or `f16`, `bf16`) does one file alone instead, as large as asked for: written, verified and
 //! read by two threads, with the peak of resident memory. `LTM_BENCH_DENSITY` is the share of columns that are not zero.
 //!
-//! `cargo bench --bench store`; `LTM_BENCH_BLOCKS` sets the number of blocks (of 3,072 rows × 1,024 columns, 12 MiB in
-//! f32; 64 where unset), `LTM_BENCH_FOLDER` the disk. Criterion repeats short work many times; a disk wants long runs,
+//! `cargo bench --bench store`; `LTM_BENCH_BLOCKS` sets the number of blocks (of 3,072 rows; 64 where unset),
+//! `LTM_BENCH_COLUMNS` their columns (1,024, so 12 MiB in f32), `LTM_BENCH_FOLDER` the disk. Criterion repeats short work many times; a disk wants long runs,
 //! few of them and taken in turns, so this is a program of its own. It prints the best of `ROUNDS`.
 
 use std::fs::File;
@@ -20,14 +20,14 @@ use ltm::store::{
     FileStorage, MappedStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify,
 };
 
-const COLUMNS: u32 = 1024;
 const ROUNDS: usize = 3;
 
 fn main() {
     let blocks = std::env::var("LTM_BENCH_BLOCKS").ok().and_then(|n| n.parse().ok()).unwrap_or(64u32);
     let parent = std::env::var_os("LTM_BENCH_FOLDER").unwrap_or_else(|| std::env::temp_dir().into());
     let folder = tempfile::tempdir_in(parent).unwrap();
-    let job = job(blocks);
+    let columns = std::env::var("LTM_BENCH_COLUMNS").ok().and_then(|n| n.parse().ok()).unwrap_or(1024u32);
+    let job = job(blocks, columns);
     let mut traced = block(&job);
     if let Ok(precision) = std::env::var("LTM_BENCH_STREAM") {
         return stream(folder.path(), &job, &mut traced, precision.parse().unwrap());
@@ -120,14 +120,14 @@ fn main() {
 /// One large file: written, verified, read cold, without anything else on the disk.
 fn stream(folder: &Path, job: &Job, traced: &mut TracedBlock, precision: Precision) {
     let density: f64 = std::env::var("LTM_BENCH_DENSITY").ok().and_then(|n| n.parse().ok()).unwrap_or(1.0);
-    let kept = (f64::from(COLUMNS) * density) as usize * traced.block.rows();
+    let kept = (traced.block.columns() as f64 * density) as usize * traced.block.rows();
     traced.block.entries_mut()[kept..].fill(0.0);
     let path = folder.join("stream.ltm");
     let write = Write { name: "", precision, threads: 2, reserve: density == 1.0 };
     let gib = |bytes: u64| bytes as f64 / (1u64 << 30) as f64;
     let options = StoreOptions { precision, ..StoreOptions::default() };
     let stated = requirements(job, &options);
-    eprintln!("{} × {COLUMNS} entries, {precision}, {density} of the columns not zero", job.shape.rows());
+    eprintln!("{} × {} entries, {precision}, {density} of the columns not zero", job.shape.rows(), job.shape.columns());
     eprintln!("  as f32 {:.2} GiB; disk at most {:.2} GiB", gib(job.shape.raw_bytes()), gib(stated.disk_bytes));
     let mut stored = 0;
     let report = |what: &str, work: &mut dyn FnMut() -> u64| {
@@ -176,20 +176,20 @@ const WRITES: [Write; 5] = [
     Write { name: "bf16", precision: Precision::Bf16, threads: 1, reserve: true },
 ];
 
-fn job(blocks: u32) -> Job {
+fn job(blocks: u32, columns: u32) -> Job {
     let mut basis = LightBasis::new();
-    let kind = LightKind::AreaTexels { across: 32, down: COLUMNS / 32 };
+    let kind = LightKind::AreaTexels { across: 32, down: columns / 32 };
     let (name, unit, emission) = ("panel".to_owned(), LightUnit::Radiance, [1.0; 3]);
-    let (places, extents) = (vec![[0.0; 3]; COLUMNS as usize], vec![1.0; COLUMNS as usize]);
+    let (places, extents) = (vec![[0.0; 3]; columns as usize], vec![1.0; columns as usize]);
     basis.push(Light { name, kind, unit, emission, first_column: 0, places, extents }).unwrap();
-    let shape = MatrixShape::new(32, 32 * blocks, COLUMNS, 32).unwrap();
+    let shape = MatrixShape::new(32, 32 * blocks, columns, 32).unwrap();
     Job { shape, basis, provenance: Provenance::default() }
 }
 
 fn block(job: &Job) -> TracedBlock {
     let mut traced = TracedBlock::default();
     let rows = job.shape.max_block_rows();
-    traced.block.reset(rows, COLUMNS as usize);
+    traced.block.reset(rows, job.shape.columns());
     let mut state = 1u32;
     let mut next = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -198,7 +198,7 @@ fn block(job: &Job) -> TracedBlock {
     traced.block.entries_mut().iter_mut().for_each(|entry| *entry = next());
     traced.noise = Some(BlockNoise {
         row_variance: vec![0.1; rows],
-        column_variance: vec![0.1; COLUMNS as usize],
+        column_variance: vec![0.1; job.shape.columns()],
         probes: vec![0.1; rows * 16],
     });
     traced
@@ -269,7 +269,7 @@ fn read_plain(path: &Path, blocks: u32, threads: u32) {
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
-                let block_bytes = 3072 * u64::from(COLUMNS) * 4;
+                let block_bytes = file.metadata().unwrap().len() / u64::from(blocks);
                 let mut bytes = vec![0; block_bytes as usize];
                 loop {
                     let i = next.fetch_add(1, Ordering::Relaxed);

@@ -76,12 +76,6 @@ impl Storage for MappedStorage {
         self.file.next_data(offset)
     }
 
-    fn prefetch(&self, offset: u64, length: u64) {
-        if let Some((start, length)) = self.pages(offset, length) {
-            let _ = self.map.advise_range(Advice::WillNeed, start, length);
-        }
-    }
-
     fn release(&self, offset: u64, length: u64) {
         if let Some((start, length)) = self.pages(offset, length) {
             #[expect(unsafe_code, reason = "dropping pages is unsafe for maps that may have been written to")]

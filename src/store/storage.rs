@@ -36,11 +36,6 @@ pub trait Storage: Send + Sync {
         Ok((offset < self.length()?).then_some(offset))
     }
 
-    /// Says that a range will be read soon.
-    fn prefetch(&self, offset: u64, length: u64) {
-        let _ = (offset, length);
-    }
-
     /// Says that a range will not be read again soon, so that its pages need not crowd out others.
     fn release(&self, offset: u64, length: u64) {
         let _ = (offset, length);
@@ -78,10 +73,6 @@ impl<S: Storage + ?Sized> Storage for &S {
 
     fn next_data(&self, offset: u64) -> io::Result<Option<u64>> {
         (**self).next_data(offset)
-    }
-
-    fn prefetch(&self, offset: u64, length: u64) {
-        (**self).prefetch(offset, length);
     }
 
     fn release(&self, offset: u64, length: u64) {
@@ -155,12 +146,8 @@ impl Storage for FileStorage {
         }
     }
 
-    fn prefetch(&self, offset: u64, length: u64) {
-        // Advice: without it the bytes are the same.
-        let _ = rustix::fs::fadvise(&self.file, offset, std::num::NonZeroU64::new(length), Advice::WillNeed);
-    }
-
     fn release(&self, offset: u64, length: u64) {
+        // Advice: without it the bytes are the same.
         let _ = rustix::fs::fadvise(&self.file, offset, std::num::NonZeroU64::new(length), Advice::DontNeed);
     }
 }
