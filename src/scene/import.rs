@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::folders::Folders;
 use super::mtl::{self, MtlMaterial};
+use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
 use super::{MaterialId, Mesh, Triangle};
 use crate::error::{Error, Result};
@@ -20,7 +21,7 @@ pub(super) struct Geometry {
     /// What [`MaterialId`]s mean.
     pub(super) materials: Vec<SourceMaterial>,
     /// Object names.
-    pub(super) objects: Vec<String>,
+    pub(super) objects: NameList,
     /// Index into `objects` for every triangle.
     pub(super) object_of: Vec<u32>,
 }
@@ -84,7 +85,10 @@ impl Geometry {
             let found = library.iter().find(|(material, _)| material.name == *name);
             let (mut description, folder) = found.cloned().unwrap_or_else(|| {
                 if !library.is_empty() {
-                    warnings.push(format!("{}: material '{name}' is not described; it is grey", path.display()));
+                    let known = library.iter().map(|(material, _)| material.name.as_str());
+                    let hint =
+                        names::nearest(name, known).map(|n| format!(" (did you mean '{n}'?)")).unwrap_or_default();
+                    warnings.push(format!("{}: material '{name}' is not described{hint}; it is grey", path.display()));
                 }
                 (MtlMaterial { name: name.clone(), ..Default::default() }, PathBuf::new())
             });
@@ -113,10 +117,7 @@ impl Geometry {
         debug_assert!(
             self.mesh.normals.len() == first as usize + count && self.mesh.uvs.len() == first as usize + count
         );
-        let object = self.objects.iter().rposition(|name| *name == part.object).unwrap_or_else(|| {
-            self.objects.push(part.object.clone());
-            self.objects.len() - 1
-        });
+        let object = self.objects.position(&part.object);
         for indices in &part.triangles {
             let [a, b, c] = indices.map(|i| part.positions[i as usize]);
             let normal = (b - a).cross(c - a);

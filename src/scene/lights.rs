@@ -1,5 +1,7 @@
 //! The `[[light]]` entries of a scene file: each becomes one or more lights of the basis.
 
+use std::collections::HashMap;
+
 use glam::{Mat3, Quat, Vec3};
 
 use super::assembly::{Assembly, Panel};
@@ -75,7 +77,8 @@ impl Lights<'_> {
     /// The triangles that an entry chooses, one group for each material, each object, or all joined.
     fn groups(&self, entry: &LightEntry, place: &str) -> Result<Vec<Group>> {
         let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|p| names::fits(p, name));
-        let mut groups: Vec<(u32, Group)> = Vec::new();
+        let mut groups: Vec<Group> = Vec::new();
+        let mut group_of: HashMap<u32, usize> = HashMap::new();
         let (mut named, mut dark) = (0, None);
         for (index, triangle) in self.assembly.mesh.triangles.iter().enumerate() {
             let material = triangle.material.0;
@@ -101,19 +104,20 @@ impl Lights<'_> {
                 false if by_object => (object, &self.objects[object as usize]),
                 false => (material, material_name),
             };
-            match groups.iter_mut().rev().find(|(k, _)| *k == key) {
-                Some((_, group)) => {
+            let slot = *group_of.entry(key).or_insert(groups.len());
+            match groups.get_mut(slot) {
+                Some(group) => {
                     if group.emission != emission && entry.emission.is_none() {
                         let problem = format!("'{}' joins surfaces of different emission", group.name);
                         return Err(Error::input(place, problem, "state an emission for all of them, or do not join"));
                     }
                     group.triangles.push(index as u32);
                 }
-                None => groups.push((key, Group { name: name.clone(), emission, triangles: vec![index as u32] })),
+                None => groups.push(Group { name: name.clone(), emission, triangles: vec![index as u32] }),
             }
         }
         if !groups.is_empty() {
-            return Ok(groups.into_iter().map(|(_, group)| group).collect());
+            return Ok(groups);
         }
         let wanted = entry.material.as_deref().or(entry.object.as_deref()).unwrap_or("*");
         Err(match dark {

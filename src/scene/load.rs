@@ -68,7 +68,7 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     let mut lights = Lights {
         assembly: &mut assembly,
         emissions: &emissions,
-        objects: &geometry.objects,
+        objects: geometry.objects.as_slice(),
         object_of: &geometry.object_of,
         folders: &folders,
         weights: Vec::new(),

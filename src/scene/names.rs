@@ -1,5 +1,30 @@
 //! Names: patterns that choose by name, and the nearest known name to a misspelt one.
 
+use std::collections::HashMap;
+
+/// Names in the order in which they first occur, found again by hash: files have had a hundred thousand groups.
+#[derive(Debug, Default)]
+pub(super) struct NameList {
+    names: Vec<String>,
+    index: HashMap<String, usize>,
+}
+
+impl NameList {
+    /// Index of a name, which is added if it is new.
+    pub(super) fn position(&mut self, name: &str) -> usize {
+        if let Some(&index) = self.index.get(name) {
+            return index;
+        }
+        self.names.push(name.to_owned());
+        self.index.insert(name.to_owned(), self.names.len() - 1);
+        self.names.len() - 1
+    }
+
+    pub(super) fn as_slice(&self) -> &[String] {
+        &self.names
+    }
+}
+
 /// Whether `name` fits a pattern in which `*` stands for any characters and `?` for one.
 pub(super) fn fits(pattern: &str, name: &str) -> bool {
     let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
+use super::names::NameList;
 use crate::error::{Error, Result};
 
 /// Triangles of one object and one material, with their own vertices.
@@ -51,15 +52,16 @@ pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<ObjFile> {
     }
     let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
     let named = || {
-        let index = plain.materials.iter().enumerate().map(|(i, _)| (i.to_string(), i)).collect();
-        Ok((plain.materials.iter().map(|_| tobj::Material::default()).collect(), index))
+        let count = plain.materials.as_slice().len();
+        let index = (0..count).map(|i| (i.to_string(), i)).collect();
+        Ok((vec![tobj::Material::default(); count], index))
     };
     let text = format!("mtllib -\n{}{}", plain.vertices, plain.groups);
     let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| named()).map_err(|error| {
         Error::input(path.display().to_string(), format!("the OBJ file cannot be read ({error})"), "mend the file")
     })?;
-    let parts = models.into_iter().map(|model| part(model, &plain.objects)).collect();
-    Ok(ObjFile { parts, libraries: plain.libraries, materials: plain.materials })
+    let parts = models.into_iter().map(|model| part(model, plain.objects.as_slice())).collect();
+    Ok(ObjFile { parts, libraries: plain.libraries, materials: plain.materials.as_slice().to_vec() })
 }
 
 fn part(model: tobj::Model, objects: &[String]) -> ObjPart {
@@ -88,8 +90,8 @@ struct Plain {
     vertices: String,
     groups: String,
     libraries: Vec<String>,
-    materials: Vec<String>,
-    objects: Vec<String>,
+    materials: NameList,
+    objects: NameList,
     /// Lines read, for messages.
     lines: usize,
     faces: usize,
@@ -129,12 +131,12 @@ impl Plain {
             "vn" => self.vertex(2, "vn", 3, rest),
             "f" => self.face(rest),
             "o" | "g" => {
-                self.object = position(&mut self.objects, rest);
+                self.object = self.objects.position(rest);
                 self.format = None;
                 Ok(())
             }
             "usemtl" => {
-                self.material = position(&mut self.materials, rest);
+                self.material = self.materials.position(rest);
                 self.format = None;
                 Ok(())
             }
@@ -189,11 +191,11 @@ impl Plain {
         let common = corners.iter().map(formats).fold((true, true), |a, b| (a.0 && b.0, a.1 && b.1));
         if self.format != Some(common) {
             self.format = Some(common);
-            if self.materials.is_empty() {
-                self.material = position(&mut self.materials, "");
+            if self.materials.as_slice().is_empty() {
+                self.material = self.materials.position("");
             }
-            if self.objects.is_empty() {
-                self.object = position(&mut self.objects, "");
+            if self.objects.as_slice().is_empty() {
+                self.object = self.objects.position("");
             }
             let _ = write!(self.groups, "g {}\nusemtl {}\n", self.object, self.material);
         }
@@ -233,15 +235,6 @@ impl Plain {
         }
         Ok(())
     }
-}
-
-/// Index of a name in a list, to which it is added if it is new.
-fn position(names: &mut Vec<String>, name: &str) -> usize {
-    // A file switches between few names, mostly to the latest.
-    names.iter().rposition(|n| n == name).unwrap_or_else(|| {
-        names.push(name.to_owned());
-        names.len() - 1
-    })
 }
 
 #[cfg(test)]
