@@ -1,5 +1,6 @@
 //! The light basis: which column of `T` is which light.
 
+use std::collections::HashMap;
 use std::ops::Range;
 
 use crate::error::{Error, Result};
@@ -115,6 +116,8 @@ pub struct Column<'a> {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightBasis {
     lights: Vec<Light>,
+    /// Index of each light by its name.
+    by_name: HashMap<String, usize>,
 }
 
 impl LightBasis {
@@ -153,6 +156,7 @@ impl LightBasis {
             return refuse("brings the number of columns above what a matrix can have");
         }
         light.first_column = self.column_count() as u32;
+        self.by_name.insert(light.name.clone(), self.lights.len());
         self.lights.push(light);
         Ok(())
     }
@@ -169,7 +173,7 @@ impl LightBasis {
 
     /// The light of this name.
     pub fn find(&self, name: &str) -> Option<&Light> {
-        self.lights.iter().find(|light| light.name == name)
+        self.by_name.get(name).map(|&index| &self.lights[index])
     }
 
     /// A column seen through its light. Panics if there is no such column.

@@ -275,7 +275,9 @@ fn missing_materials_are_grey() {
     assert!(loaded.warnings.iter().any(|w| w.contains("none.mtl")), "{:?}", loaded.warnings);
     assert_eq!(surface_of(&folder, "ground"), Surface::Lambert { reflectance: Paint::Constant(Vec3::splat(0.5)) });
     let folder = room("").with("room.obj", super::ROOM_OBJ.replace("usemtl ground", "usemtl grund"));
-    assert!(folder.load().unwrap().warnings.iter().any(|w| w.contains("'grund' is not described (did you mean 'ground'?)")));
+    assert!(
+        folder.load().unwrap().warnings.iter().any(|w| w.contains("'grund' is not described (did you mean 'ground'?)"))
+    );
 }
 
 fn the_camera_and_the_settings_are_as_written() {
