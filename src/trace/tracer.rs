@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::accumulator::{Halves, NoiseSums, interleave};
+use super::accumulator::{Halves, NoiseSums, Run, interleave};
 use super::bvh::Bvh;
 use super::integrator::trace_sample;
 use super::sampler::Sampler;
@@ -98,7 +98,10 @@ impl Tracer {
     pub fn trace_block(&self, id: BlockId, target: &mut TracedBlock) -> BlockStats {
         let rect = self.shape.rect(id);
         let (pixels, columns) = (rect.pixels(), self.shape.columns());
-        target.block.reset(rect.rows(), columns);
+        if (target.block.rows(), target.block.columns()) != (rect.rows(), columns) {
+            // Every entry is written below, so a block of the right shape need not be emptied.
+            target.block.reset(rect.rows(), columns);
+        }
         let spp = self.settings.samples_per_pixel;
         let samples = [spp.div_ceil(2), spp / 2];
         let mut noise = (spp > 1).then(|| NoiseSums::new(rect.rows(), columns, &self.probes_of_column, self.probes));
@@ -118,7 +121,7 @@ impl Tracer {
                     stats.non_finite += cost.non_finite;
                 }
             }
-            halves.flush(target, noise.as_mut(), (first, count, pixels), samples);
+            halves.flush(target, noise.as_mut(), Run { first, count, pixels }, samples);
         }
         target.noise = noise.map(NoiseSums::finish);
         stats
