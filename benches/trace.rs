@@ -99,15 +99,24 @@ fn room(texels: u32, side: u32) -> Scene {
     builder.build()
 }
 
+/// Seconds that this thread has run so far, which other work on the machine stretches less than those on the wall;
+/// where the system does not tell, those on the wall.
+fn thread_seconds(since: Instant) -> f64 {
+    let told = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
+    let nanoseconds = told.and_then(|text| text.split(' ').next()?.parse::<f64>().ok());
+    nanoseconds.map_or(since.elapsed().as_secs_f64(), |n| n * 1e-9)
+}
+
 /// Seconds for some blocks in the middle of the image, one thread.
 fn seconds(texels: u32, samples: u32, side: u32) -> (f64, u64) {
     let tracer = tracer(room(texels, side), settings(samples, 8));
     let mut block = TracedBlock::default();
     let count = tracer.shape().block_count();
     let ids = (0..4).map(|i| BlockId(count / 3 + i * count / 12));
-    let start = Instant::now();
+    let since = Instant::now();
+    let start = thread_seconds(since);
     let rays = ids.map(|id| tracer.trace_block(id, &mut block).rays).sum();
-    (start.elapsed().as_secs_f64(), rays)
+    (thread_seconds(since) - start, rays)
 }
 
 fn tax() {

@@ -6,6 +6,8 @@ mod bsdf;
 mod bvh;
 #[path = "transport/light.rs"]
 mod light;
+#[path = "transport/references.rs"]
+mod references;
 #[path = "transport/scenes.rs"]
 mod scenes;
 #[path = "transport/statistics.rs"]

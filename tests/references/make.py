@@ -1,0 +1,140 @@
+"""Makes the references that tests/transport/references.rs compares with: Mitsuba 3, scalar_rgb, its path integrator.
+
+    pip install mitsuba numpy
+    python tests/references/make.py tests/references
+
+Each scene is a room lit by a panel of two texels. A file holds, as little-endian f32, the mean image of each texel
+lit alone, then the variance of that mean from independent renders: [mean, variance][texel][channel][y][x].
+"""
+import math
+import os
+import sys
+import tempfile
+
+import mitsuba as mi
+import numpy as np
+
+mi.set_variant("scalar_rgb")
+SIDE, RENDERS, SAMPLES, DEPTH = 16, 16, 512, 24
+
+
+def add(a, b):
+    return tuple(x + y for x, y in zip(a, b))
+
+
+def quad(origin, u, v):
+    return [(origin, add(origin, u), add(add(origin, u), v), add(origin, v))]
+
+
+def room(low, high):
+    d = tuple(h - l for l, h in zip(low, high))
+    x, y, z = (d[0], 0, 0), (0, d[1], 0), (0, 0, d[2])
+    minus = lambda a: tuple(-c for c in a)
+    sides = [(low, z, x), (low, x, y), (low, y, z), (high, minus(x), minus(z)), (high, minus(y), minus(x)), (high, minus(z), minus(y))]
+    return [quad(*side)[0] for side in sides]
+
+
+def sphere(centre, radius, rings):
+    def at(i, j):
+        t, p = math.pi * i / rings, math.pi * j / rings
+        return (math.sin(t) * math.cos(p), math.cos(t), math.sin(t) * math.sin(p))
+
+    # Flat facets: how interpolated normals behave at a rim is each renderer's own convention.
+    faces = []
+    for i in range(rings):
+        for j in range(2 * rings):
+            corners = [at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]
+            faces.append([add(centre, tuple(radius * c for c in m)) for m in corners])
+    return faces
+
+
+def obj(folder, name, faces):
+    path = os.path.join(folder, name + ".obj")
+    with open(path, "w") as f:
+        for face in faces:
+            for p in face:
+                f.write("v %.9g %.9g %.9g\n" % tuple(p))
+        for k in range(len(faces)):
+            for corner in [(1, 2, 3), (1, 3, 4)]:
+                ids = [4 * k + c for c in corner]
+                points = [np.array(faces[k][c - 1]) for c in corner]
+                if np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0])) < 1e-9:
+                    continue
+                f.write("f " + " ".join(str(i) for i in ids) + "\n")
+    return path
+
+
+def grey(r):
+    return {"type": "rgb", "value": [r, r, r]}
+
+
+def lambert(r):
+    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": grey(r)}}
+
+
+MIRROR = {"type": "twosided", "bsdf": {"type": "conductor", "material": "none", "specular_reflectance": grey(0.9)}}
+GLOSSY = {"type": "twosided", "bsdf": {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": 0.2}}
+GLASS = {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}
+SHEET = {"type": "thindielectric", "int_ior": 1.5, "ext_ior": 1.0}
+
+WALLS = (room((0, 0, 0), (1, 1, 1)), lambert(0.5))
+CEILING = ((0.25, 0.98, 0.25), (0.25, 0, 0), (0, 0, 0.5))
+SCENES = {
+    "diffuse": ([WALLS, (sphere((0.4, 0.25, 0.4), 0.2, 12), lambert(0.8))], CEILING),
+    "reflections": (
+        [WALLS, (sphere((0.3, 0.25, 0.4), 0.2, 24), MIRROR), (sphere((0.72, 0.22, 0.4), 0.18, 24), GLOSSY)],
+        CEILING,
+    ),
+    "caustics": ([WALLS, (sphere((0.5, 0.35, 0.4), 0.25, 24), GLASS)], CEILING),
+    "light_in_view": (
+        [WALLS, (quad((0.1, 0.2, 0.3), (0.5, 0, 0), (0, 0.6, 0)), SHEET)],
+        ((0.3, 0.3, 0.02), (0.2, 0, 0), (0, 0.4, 0)),
+    ),
+}
+
+
+def scene(folder, parts, texel, panel):
+    origin, u, v = panel
+    camera = mi.ScalarTransform4f().look_at(origin=[0.5, 0.5, 0.95], target=[0.5, 0.4, 0.0], up=[0, 1, 0])
+    described = {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": DEPTH, "rr_depth": 6},
+        "sensor": {
+            "type": "perspective",
+            "fov": 75.0,
+            "fov_axis": "y",
+            "near_clip": 1e-3,
+            "to_world": camera,
+            "film": {"type": "hdrfilm", "width": SIDE, "height": SIDE, "pixel_format": "rgb",
+                     "component_format": "float32", "rfilter": {"type": "box"}},
+            "sampler": {"type": "independent", "sample_count": SAMPLES},
+        },
+    }
+    for k, (shape, bsdf) in enumerate(parts):
+        described[f"part{k}"] = {"type": "obj", "filename": obj(folder, f"part{k}", shape), "bsdf": bsdf,
+                                 "face_normals": True}
+    for k in range(2):
+        place = origin if k == 0 else add(origin, u)
+        black = {"type": "diffuse", "reflectance": grey(0.0)}
+        half = {"type": "obj", "filename": obj(folder, f"texel{k}", quad(place, u, v)), "bsdf": black, "face_normals": True}
+        if k == texel:
+            half["emitter"] = {"type": "area", "radiance": grey(1.0)}
+        described[f"texel{k}"] = half
+    return mi.load_dict(described)
+
+
+def main(target):
+    for name, (parts, panel) in SCENES.items():
+        means, variances = [], []
+        for texel in range(2):
+            with tempfile.TemporaryDirectory() as folder:
+                loaded = scene(folder, parts, texel, panel)
+                images = np.stack([np.array(mi.render(loaded, seed=1000 * texel + s), dtype=np.float64) for s in range(RENDERS)])
+            means.append(images.mean(axis=0).transpose(2, 0, 1))
+            variances.append(images.var(axis=0, ddof=1).transpose(2, 0, 1) / RENDERS)
+        data = np.stack([np.stack(means), np.stack(variances)]).astype("<f4")
+        data.tofile(os.path.join(target, name + ".f32"))
+        print(name, data.shape, data[0].mean(), flush=True)
+
+
+main(sys.argv[1])
