@@ -1,6 +1,8 @@
 //! Linear images: reading and writing EXR, HDR and PNG, tone mapping, error measures.
 
 mod exr_file;
+mod light_files;
+mod light_layers;
 mod linear;
 mod measure;
 mod npy;
@@ -8,6 +10,8 @@ mod read;
 mod tone;
 
 pub use exr_file::{write_exr, write_exr_layers};
+pub use light_files::{read_light_array, read_light_files, read_pfm};
+pub use light_layers::{LayerMatch, LayerRole, LightImage, LightImages, capture, read_light_layers};
 pub use linear::LinearImage;
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;

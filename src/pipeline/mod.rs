@@ -5,6 +5,7 @@
 
 mod budget;
 pub mod demo;
+mod import;
 mod maintain;
 mod memory;
 mod pack;
@@ -15,6 +16,7 @@ mod unpack;
 mod watch;
 
 pub use budget::{human_bytes, parse_bytes};
+pub use import::{ImportedMatrix, read_lights};
 pub use maintain::repair;
 pub use memory::PeakMemory;
 pub use pack::{PackOptions, PackReport, pack};
