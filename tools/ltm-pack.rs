@@ -31,6 +31,9 @@ struct Arguments {
     /// Replace a container that is there.
     #[arg(long)]
     force: bool,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
     #[command(flatten)]
     compression: Compression,
     /// Threads to use [default: one for each core].
@@ -92,7 +95,11 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     console::use_threads(arguments.threads)?;
     let output = arguments.output.clone().unwrap_or_else(|| arguments.input.with_extension("ltc"));
     let matrix = StoreReader::open(&arguments.input)?;
-    let mut options = PackOptions { compress: arguments.compression.settings(), ..Default::default() };
+    let mut options = PackOptions {
+        compress: arguments.compression.settings(),
+        memory_bytes: arguments.memory,
+        ..Default::default()
+    };
     options.container.overwrite = arguments.force;
     let report = pipeline::pack(&matrix, matrix.job(), &output, &options, console)?;
     println!(

@@ -9,8 +9,10 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::budget::{Need, on_threads};
+use super::render::PROGRAM_BYTES;
 use super::spill::{Place, Spill};
-use super::{PeakMemory, Watch};
+use super::{PeakMemory, Watch, human_bytes};
 use crate::compress::{Candidate, CompressSettings, Compressor};
 use crate::container::{BlockReport, ContainerOptions, ContainerWriter};
 use crate::error::{Error, Result};
@@ -24,6 +26,8 @@ pub struct PackOptions {
     pub compress: CompressSettings,
     /// How factors are written.
     pub container: ContainerOptions,
+    /// Anonymous memory to stay within; none: what the system has.
+    pub memory_bytes: Option<u64>,
 }
 
 /// What a pack did.
@@ -62,41 +66,53 @@ pub fn pack(
     let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
     let spill = Spill::create(path)?;
 
+    // Beside the analysis of a block: the block itself, its factors multiplied out, and what reading and encoding take.
+    let block_bytes_f32 = job.shape.max_block_rows() as u64 * job.shape.columns() as u64 * 4;
+    let need = Need {
+        fixed_bytes: PROGRAM_BYTES + 4096 * u64::from(job.shape.block_count()),
+        per_thread_bytes: compressor.needs_bytes() + 2 * block_bytes_f32,
+    };
+    let threads = need.threads_within("packing", options.memory_bytes)?;
+    watch.note(&format!(
+        "{}: packing with {threads} threads, needs {} of memory",
+        path.display(),
+        human_bytes(need.bytes(threads))
+    ));
+
     let blocks: Vec<BlockId> = job.shape.blocks().collect();
     watch.begin("analysing", blocks.len() as u64, "blocks");
-    let analysed: Result<Vec<_>> = blocks
-        .par_iter()
-        .map_init(TracedBlock::default, |block, &id| {
-            stop_if_interrupted(path, watch)?;
-            source.read_block(id, block)?;
-            let candidate = compressor.analyse(id, block.block.view(), block.noise.as_ref());
-            let place = spill.append(&candidate.to_bytes())?;
-            watch.advance(1, block_bytes(block), "B");
-            Ok((candidate.summary().clone(), place))
-        })
-        .collect();
+    let analyse = |block: &mut TracedBlock, &id: &BlockId| {
+        stop_if_interrupted(path, watch)?;
+        source.read_block(id, block)?;
+        let candidate = compressor.analyse(id, block.block.view(), block.noise.as_ref());
+        let place = spill.append(&candidate.to_bytes())?;
+        watch.advance(1, block_bytes(block), "B");
+        Ok((candidate.summary().clone(), place))
+    };
+    let analysed = on_threads(threads, || -> Result<Vec<_>> {
+        blocks.par_iter().map_init(TracedBlock::default, analyse).collect()
+    });
     watch.end();
-    let (summaries, places): (Vec<_>, Vec<_>) = analysed?.into_iter().unzip();
+    let (summaries, places): (Vec<_>, Vec<_>) = analysed??.into_iter().unzip();
     let cut = compressor.choose(summaries.iter());
 
     watch.begin("packing", blocks.len() as u64, "blocks");
-    let stored: Result<Vec<Stored>> = blocks
-        .par_iter()
-        .zip(&places)
-        .map_init(TracedBlock::default, |block, (&id, place)| {
-            stop_if_interrupted(path, watch)?;
-            let candidate = candidate(&spill, place)?;
-            let factored = candidate.cut(&cut);
-            source.read_block(id, block)?;
-            let encoded = writer.encode(id, &factored)?;
-            let report = measure(block, &writer.decode(id, &encoded)?);
-            writer.write_encoded(id, &encoded, &report)?;
-            watch.advance(1, block_bytes(block), "B");
-            Ok(Stored { rank: factored.rank(), sparse: factored.sparse.len(), report })
-        })
-        .collect();
+    let store = |block: &mut TracedBlock, (&id, place): (&BlockId, &Place)| {
+        stop_if_interrupted(path, watch)?;
+        let candidate = candidate(&spill, place)?;
+        let factored = candidate.cut(&cut);
+        source.read_block(id, block)?;
+        let encoded = writer.encode(id, &factored)?;
+        let report = measure(block, &writer.decode(id, &encoded)?);
+        writer.write_encoded(id, &encoded, &report)?;
+        watch.advance(1, block_bytes(block), "B");
+        Ok(Stored { rank: factored.rank(), sparse: factored.sparse.len(), report })
+    };
+    let stored = on_threads(threads, || -> Result<Vec<Stored>> {
+        blocks.par_iter().zip(&places).map_init(TracedBlock::default, store).collect()
+    });
     watch.end();
-    let stored = stored?;
+    let stored = stored??;
     let summary = writer.finish()?;
     let sum = |part: fn(&Stored) -> f64| stored.iter().map(part).sum::<f64>();
     Ok(PackReport {

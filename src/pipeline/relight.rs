@@ -11,7 +11,7 @@ use super::Watch;
 /// Where to relight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
-    /// The GPU if there is one, else the CPU, saying so.
+    /// The GPU if there is a real one, else the CPU, saying so.
     #[default]
     Auto,
     /// The CPU.
@@ -31,6 +31,10 @@ pub fn relight(
 ) -> Result<(Vec<LinearImage>, String)> {
     if device != Device::Cpu {
         match GpuRelighter::new(source) {
+            // A driver that computes on the CPU is slower than our own code there.
+            Ok(gpu) if device == Device::Auto && gpu.is_software() => {
+                watch.note(&format!("the only adapter is a software one ({}); relighting on the CPU", gpu.adapter()));
+            }
             Ok(gpu) => {
                 let images = lightings.iter().map(|lighting| gpu.relight(lighting)).collect::<Result<_>>()?;
                 return Ok((images, format!("GPU ({})", gpu.adapter())));

@@ -146,12 +146,12 @@ pub(super) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
 }
 
 /// Memory of a scene while it is traced: its arrays, its textures, and the tree, whose nodes and building take about
-/// 250 bytes for each triangle.
+/// 450 bytes for each triangle.
 fn scene_bytes(loaded: &LoadedScene) -> u64 {
     let mesh = &loaded.scene.mesh;
     let texels: usize = loaded.scene.textures.iter().map(|texture| texture.texels.len()).sum();
     let vertices = size_of_val(&*mesh.positions) + size_of_val(&*mesh.normals) + size_of_val(&*mesh.uvs);
-    (vertices + texels * 16 + mesh.triangles.len() * (250 + size_of::<Triangle>())) as u64 + PROGRAM_BYTES
+    (vertices + texels * 16 + mesh.triangles.len() * (450 + size_of::<Triangle>())) as u64 + PROGRAM_BYTES
 }
 
 /// Memory of a thread that traces a block: the block, and the two halves of a run of pixels.
