@@ -14,3 +14,31 @@ pub mod reach;
 pub mod snapshots;
 pub mod viewport;
 pub mod worker;
+
+#[cfg(feature = "view")]
+mod window;
+
+use std::path::PathBuf;
+
+#[cfg(feature = "view")]
+pub use window::{App, run};
+
+/// What the window begins with.
+#[derive(Clone, Debug, Default)]
+pub struct WindowOptions {
+    /// Container to open.
+    pub path: Option<PathBuf>,
+    /// Where to save a PNG of the window once its picture stands; the window closes then.
+    pub screenshot: Option<PathBuf>,
+    /// Frames to wait before that.
+    pub frames: u32,
+    /// Size of the window, in points.
+    pub size: Option<[f32; 2]>,
+}
+
+/// Says how to build with the window; this build is without.
+#[cfg(not(feature = "view"))]
+pub fn run(_: WindowOptions) -> crate::error::Result<()> {
+    let hint = "build it with: cargo build --release --features view";
+    Err(crate::error::Error::input("ltm view", "this program was built without the window", hint))
+}

@@ -1,0 +1,125 @@
+//! The window over the mixer's state: egui on wgpu.
+
+mod app;
+mod document;
+mod export;
+mod fader;
+mod keys;
+mod light_panel;
+mod mixer_panel;
+mod pattern_editor;
+mod picture_panel;
+mod status;
+mod theme;
+mod view_panel;
+
+use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
+use std::sync::{Arc, Mutex};
+
+use eframe::egui;
+
+pub use app::App;
+
+use super::WindowOptions;
+use crate::error::{Error, Result};
+
+/// Opens the window and stays until it is closed.
+///
+/// Errors: no display, no adapter or a missing library, in one line that names the package; a screenshot that cannot
+/// be written. A container that cannot be opened is told in the window, or is an error if there is a screenshot to take.
+pub fn run(options: WindowOptions) -> Result<()> {
+    let viewport = egui::ViewportBuilder::default()
+        .with_title("ltm")
+        .with_app_id("ltm")
+        .with_inner_size(options.size.unwrap_or([1440.0, 900.0]))
+        .with_min_inner_size([640.0, 420.0])
+        .with_drag_and_drop(true);
+    let native = eframe::NativeOptions { viewport, centered: true, ..Default::default() };
+    let failure = Arc::new(Mutex::new(None));
+    let outcome = {
+        let failure = failure.clone();
+        quietly(|| {
+            eframe::run_native(
+                "ltm",
+                native,
+                Box::new(move |context| Ok(Box::new(App::new(&context.egui_ctx, options, failure)))),
+            )
+        })
+    };
+    match outcome {
+        Err(panic) => Err(unusable(&panic)),
+        Ok(Err(error)) => Err(unusable(&error.to_string())),
+        Ok(Ok(())) => match failure.lock().ok().and_then(|mut failure| failure.take()) {
+            Some(error) => Err(error),
+            None => Ok(()),
+        },
+    }
+}
+
+/// Runs something whose libraries panic where one of theirs is missing; the panic's message is an error then. Panics
+/// of other threads are reported as ever.
+fn quietly<T>(run: impl FnOnce() -> T) -> Result<T, String> {
+    let here = std::thread::current().id();
+    let usual: Arc<dyn Fn(&PanicHookInfo) + Send + Sync> = Arc::from(take_hook());
+    let message = Arc::new(Mutex::new(String::new()));
+    {
+        let (usual, message) = (usual.clone(), message.clone());
+        set_hook(Box::new(move |info| {
+            if std::thread::current().id() != here {
+                usual(info);
+            } else if let Ok(mut message) = message.lock() {
+                let text = info.payload_as_str().unwrap_or("the window stopped");
+                *message = match info.location() {
+                    Some(at) => format!("{text} ({}:{})", at.file(), at.line()),
+                    None => text.to_owned(),
+                };
+            }
+        }));
+    }
+    let outcome = catch_unwind(AssertUnwindSafe(run));
+    set_hook(Box::new(move |info| usual(info)));
+    outcome.map_err(|_| message.lock().map(|message| message.clone()).unwrap_or_default())
+}
+
+/// What is wrong with the system, with the Debian package that mends it.
+fn unusable(message: &str) -> Error {
+    const PACKAGES: [(&str, &str); 8] = [
+        ("xkbcommon-x11", "libxkbcommon-x11-0"),
+        ("xkbcommon", "libxkbcommon0"),
+        ("xcursor", "libxcursor1"),
+        ("libxi", "libxi6"),
+        ("x11-xcb", "libx11-xcb1"),
+        ("libx11", "libx11-6"),
+        ("wayland-client", "libwayland-client0"),
+        ("libvulkan", "libvulkan1 mesa-vulkan-drivers"),
+    ];
+    let text = message.lines().map(str::trim).collect::<Vec<_>>().join(" ");
+    let lower = text.to_lowercase();
+    if lower.contains("wayland_display") || lower.contains("xopendisplay") || lower.contains("open display") {
+        let hint = "start it in a graphical session, or over `ssh -X`, or in `xvfb-run` (apt-get install xvfb)";
+        return Error::input("ltm view", "there is no display to open a window on", hint);
+    }
+    if let Some((_, package)) = PACKAGES.iter().find(|(library, _)| lower.contains(library)) {
+        return Error::input("ltm view", "a library is missing", format!("apt-get install {package}"));
+    }
+    if lower.contains("adapter") || lower.contains("wgpu") || lower.contains("surface") {
+        return Error::NoGpu(format!("{text}; apt-get install mesa-vulkan-drivers gives one in software"));
+    }
+    Error::input("ltm view", format!("the window cannot be opened ({text})"), "")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_library_is_one_line_with_its_package() {
+        let outcome = quietly(|| panic!("Library libxkbcommon-x11.so could not be loaded."));
+        let error = unusable(&outcome.unwrap_err()).to_string();
+        assert_eq!(error, "ltm view: a library is missing; apt-get install libxkbcommon-x11-0");
+        assert!(unusable("neither WAYLAND_DISPLAY nor DISPLAY is set").to_string().contains("no display"));
+        let adapter = unusable("WGPU error: No suitable `wgpu::Adapter` found.\nmore").to_string();
+        assert!(adapter.contains("mesa-vulkan-drivers") && !adapter.contains('\n'));
+        assert_eq!(quietly(|| 7), Ok(7));
+    }
+}

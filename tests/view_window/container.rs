@@ -1,0 +1,63 @@
+//! Containers without loss, straight from the tracer: `L` is the traced block, `R` the unit matrix.
+
+use std::path::Path;
+use std::sync::Mutex;
+
+use ltm::container::{BlockReport, ContainerOptions, ContainerWriter};
+use ltm::light::{Job, Provenance};
+use ltm::matrix::{BlockId, FactoredBlock, MatrixShape, TracedBlock};
+use ltm::scene::LoadedScene;
+use ltm::trace::{TraceSettings, Tracer};
+
+/// Traces a scene into a container.
+pub(crate) fn write(path: &Path, scene: LoadedScene, samples_per_pixel: u32) {
+    let camera = &scene.scene.camera;
+    let columns = scene.scene.basis.column_count();
+    let shape = MatrixShape::new(camera.width, camera.height, columns as u32, 32).unwrap();
+    let provenance = Provenance {
+        source: scene.scene.name.clone(),
+        samples_per_pixel,
+        metres_per_unit: scene.scene.metres_per_unit,
+        ..Default::default()
+    };
+    let job = Job { shape, basis: scene.scene.basis.clone(), provenance };
+    let settings = TraceSettings { samples_per_pixel, seed: 1, max_depth: 6 };
+    let tracer = Tracer::new(scene.scene, shape, settings).unwrap();
+    let writer =
+        ContainerWriter::create(path, &job, ContainerOptions { overwrite: true, ..Default::default() }).unwrap();
+    let next = Mutex::new(shape.blocks());
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                let mut traced = TracedBlock::default();
+                loop {
+                    let Some(id) = next.lock().unwrap().next() else { return };
+                    tracer.trace_block(id, &mut traced);
+                    write_block(&writer, id, &traced, columns);
+                }
+            });
+        }
+    });
+    writer.finish().unwrap();
+}
+
+fn write_block(writer: &ContainerWriter, id: BlockId, traced: &TracedBlock, columns: usize) {
+    let mut right = vec![0.0; columns * columns];
+    (0..columns).for_each(|column| right[column * columns + column] = 1.0);
+    let block = FactoredBlock {
+        rows: traced.block.rows(),
+        columns,
+        left: traced.block.entries().to_vec(),
+        right,
+        ..Default::default()
+    };
+    let encoded = writer.encode(id, &block).unwrap();
+    let decoded = writer.decode(id, &encoded).unwrap().expand();
+    let (mut squared_error, mut squared_norm) = (0.0, 0.0);
+    for (&kept, &stored) in decoded.entries().iter().zip(traced.block.entries()) {
+        squared_error += f64::from(kept - stored).powi(2);
+        squared_norm += f64::from(stored).powi(2);
+    }
+    let report = BlockReport { squared_error, squared_norm, ..Default::default() };
+    writer.write_encoded(id, &encoded, &report).unwrap();
+}

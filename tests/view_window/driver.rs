@@ -1,0 +1,146 @@
+//! A window without a window: egui's input made by hand, its widgets found by their accessible names.
+
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, Rect, accesskit};
+use ltm::view::{App, WindowOptions};
+
+const SIZE: egui::Vec2 = egui::vec2(1280.0, 800.0);
+/// How long a picture may take to come, on a machine that does other things as well.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+pub(crate) struct Driver {
+    context: egui::Context,
+    app: App,
+    time_secs: f64,
+    modifiers: Modifiers,
+    /// Widgets of the last frame: name, what it says of itself, place.
+    widgets: Vec<(String, Rect)>,
+    /// The picture's texture, by its identity and its newest bytes.
+    picture: Vec<u8>,
+    pictures: usize,
+}
+
+impl Driver {
+    /// Opens a container and waits for its picture.
+    pub(crate) fn open(path: &Path) -> Self {
+        let context = egui::Context::default();
+        context.enable_accesskit();
+        let options = WindowOptions { path: Some(path.to_owned()), ..Default::default() };
+        let app = App::new(&context, options, Arc::new(Mutex::new(None)));
+        let (widgets, picture) = (Vec::new(), Vec::new());
+        let mut driver =
+            Self { context, app, time_secs: 0.0, modifiers: Modifiers::NONE, widgets, picture, pictures: 0 };
+        driver.settle();
+        driver
+    }
+
+    /// One frame of a sixtieth of a second.
+    pub(crate) fn frame(&mut self, events: Vec<Event>) {
+        self.time_secs += 1.0 / 60.0;
+        let input = egui::RawInput {
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, SIZE)),
+            time: Some(self.time_secs),
+            events,
+            focused: true,
+            ..Default::default()
+        };
+        let mut output = self.context.run_ui(input, |ui| self.app.show(ui));
+        if let Some(update) = output.platform_output.accesskit_update.take() {
+            self.widgets = update.nodes.iter().filter_map(|(_, node)| widget(node)).collect();
+        }
+        for (id, delta) in output.textures_delta.set.iter().flat_map(|(id, all)| all.iter().map(move |one| (id, one))) {
+            let egui::ImageData::Color(image) = &delta.image;
+            let name = self.context.tex_manager().read().meta(*id).map(|meta| meta.name.clone());
+            if name.as_deref() == Some("picture") && delta.pos.is_none() {
+                self.picture = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+                self.pictures += 1;
+            }
+        }
+        output.drop_without_applying_deltas();
+    }
+
+    /// Frames until nothing is awaited, and three more for what follows from it.
+    pub(crate) fn settle(&mut self) {
+        let begun = Instant::now();
+        self.frame(Vec::new());
+        while !self.app.is_settled() {
+            assert!(begun.elapsed() < PATIENCE, "the picture does not come");
+            std::thread::sleep(Duration::from_millis(2));
+            self.frame(Vec::new());
+        }
+        for _ in 0..3 {
+            self.frame(Vec::new());
+        }
+        while !self.app.is_settled() {
+            assert!(begun.elapsed() < PATIENCE, "the picture does not come");
+            std::thread::sleep(Duration::from_millis(2));
+            self.frame(Vec::new());
+        }
+    }
+
+    /// The picture's bytes, RGBA.
+    pub(crate) fn picture(&self) -> Vec<u8> {
+        assert!(!self.picture.is_empty(), "no picture yet");
+        self.picture.clone()
+    }
+
+    /// Place of the widget with exactly this name.
+    pub(crate) fn find(&self, name: &str) -> Rect {
+        let found = self.widgets.iter().find(|(label, _)| label == name);
+        found.unwrap_or_else(|| panic!("no widget is called '{name}': {:?}", self.names())).1
+    }
+
+    /// Place of a widget whose name holds this text.
+    pub(crate) fn find_containing(&self, text: &str) -> Rect {
+        let found = self.widgets.iter().find(|(label, _)| label.contains(text));
+        found.unwrap_or_else(|| panic!("no widget says '{text}': {:?}", self.names())).1
+    }
+
+    fn names(&self) -> Vec<&str> {
+        self.widgets.iter().map(|(name, _)| name.as_str()).collect()
+    }
+
+    pub(crate) fn click(&mut self, at: Pos2) {
+        self.frame(vec![Event::PointerMoved(at)]);
+        self.frame(vec![self.button(at, true)]);
+        self.frame(vec![self.button(at, false)]);
+        // Two clicks in a row are not meant as a double click.
+        self.time_secs += 1.0;
+    }
+
+    /// Drags over a number of frames of 16 ms; how many pictures came meanwhile.
+    pub(crate) fn drag(&mut self, from: Pos2, to: Pos2, frames: usize) -> usize {
+        let before = self.pictures;
+        self.frame(vec![Event::PointerMoved(from)]);
+        self.frame(vec![self.button(from, true)]);
+        for frame in 1..=frames {
+            std::thread::sleep(Duration::from_millis(16));
+            self.frame(vec![Event::PointerMoved(from + (to - from) * (frame as f32 / frames as f32))]);
+        }
+        self.frame(vec![self.button(to, false)]);
+        self.time_secs += 1.0;
+        self.pictures - before
+    }
+
+    pub(crate) fn key(&mut self, key: Key, modifiers: Modifiers) {
+        self.modifiers = modifiers;
+        let event = |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
+        self.frame(vec![Event::ModifiersChanged(modifiers), event(true)]);
+        self.frame(vec![event(false), Event::ModifiersChanged(Modifiers::NONE)]);
+        self.modifiers = Modifiers::NONE;
+    }
+
+    fn button(&self, pos: Pos2, pressed: bool) -> Event {
+        Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: self.modifiers }
+    }
+}
+
+fn widget(node: &accesskit::Node) -> Option<(String, Rect)> {
+    let bounds = node.bounds()?;
+    let name = node.label().or(node.value())?.to_owned();
+    let place = |x: f64, y: f64| Pos2::new(x as f32, y as f32);
+    Some((name, Rect::from_min_max(place(bounds.x0, bounds.y0), place(bounds.x1, bounds.y1))))
+}
