@@ -214,7 +214,7 @@ fn show_document(ui: &mut Ui, document: &mut Document, panels: bool) {
     if panels {
         let side = frame(PANEL, Margin::symmetric(10, 0));
         let left =
-            egui::Panel::left("mixer").frame(side).default_size(372.0).size_range(330.0..=640.0).show(ui, |ui| {
+            egui::Panel::left("mixer").frame(side).default_size(400.0).size_range(360.0..=640.0).show(ui, |ui| {
                 egui::Panel::bottom("light").frame(egui::Frame::new()).show(ui, |ui| light_panel(ui, document));
                 mixer(ui, document);
             });

@@ -95,7 +95,8 @@ pub(super) struct Document {
     generation: u64,
     /// Frame in which each open request was made.
     pending: BTreeMap<u64, u64>,
-    exposed: bool,
+    /// The exposure that was chosen for the picture, until the whole picture stands.
+    exposed: Option<f32>,
 }
 
 impl Document {
@@ -153,7 +154,7 @@ impl Document {
             asked_display: None,
             generation: 0,
             pending: BTreeMap::new(),
-            exposed: false,
+            exposed: Some(Display::default().exposure_stops),
         })
     }
 
@@ -208,14 +209,17 @@ impl Document {
     }
 
     fn take_picture(&mut self, context: &egui::Context, picture: Picture) {
-        if !self.exposed {
-            self.exposed = true;
+        // Base layers alone can be darker than the whole: until that stands, the exposure follows, unless it was set.
+        if self.exposed == Some(self.display.exposure_stops) {
             self.display.exposure_stops = Display::exposure_for(&picture.image);
+            self.exposed = (!picture.complete).then_some(self.display.exposure_stops);
         }
         if let Some(asked_in) = self.pending.get(&picture.generation) {
             let frames = context.cumulative_frame_nr() - asked_in;
             let (relight_secs, total_secs) = (picture.relight_secs, picture.total_secs);
-            self.latency = Latency { frames, relight_secs, total_secs };
+            if relight_secs > 0.0 {
+                self.latency = Latency { frames, relight_secs, total_secs };
+            }
         }
         self.pending.retain(|&generation, _| generation > picture.generation);
         set_texture(context, &mut self.texture, "picture", &picture.shown);

@@ -78,7 +78,7 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
         }
     });
     let easel = &mut document.easel;
-    ui.horizontal(|ui| match easel.tool {
+    ui.horizontal_wrapped(|ui| match easel.tool {
         Tool::Brush => {
             let largest = (light.layout().0.max(light.layout().1) as f32 * 0.5).max(2.0);
             ui.add(

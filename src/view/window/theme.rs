@@ -11,7 +11,7 @@ pub(super) const PANEL: Color32 = Color32::from_gray(27);
 /// Lines between them.
 pub(super) const LINE: Color32 = Color32::from_gray(44);
 /// Troughs of faders and bars.
-pub(super) const TROUGH: Color32 = Color32::from_gray(46);
+pub(super) const TROUGH: Color32 = Color32::from_gray(70);
 /// Ordinary text.
 pub(super) const TEXT: Color32 = Color32::from_gray(208);
 /// Text of less weight.

@@ -113,8 +113,8 @@ fn histogram(ui: &mut Ui, document: &Document) {
     });
     if clipped > 0.0005 {
         let text = format!("{:.1} % above white", clipped.min(1.0) * 100.0);
-        let at = rect.right_top() + vec2(-6.0, 4.0);
-        painter.text(at, egui::Align2::RIGHT_TOP, text, egui::FontId::proportional(10.0), WEAK);
+        let at = rect.left_top() + vec2(6.0, 4.0);
+        painter.text(at, egui::Align2::LEFT_TOP, text, egui::FontId::proportional(10.0), WEAK);
     }
     response.on_hover_text("Stops after exposure; the line is white.");
 }
