@@ -1,6 +1,7 @@
 //! Linear images: reading and writing EXR, HDR and PNG, tone mapping, error measures.
 
 mod exr_file;
+mod kelvin;
 mod light_files;
 mod light_layers;
 mod linear;
@@ -10,10 +11,11 @@ mod read;
 mod tone;
 
 pub use exr_file::{write_exr, write_exr_layers};
+pub use kelvin::kelvin_to_linear;
 pub use light_files::{read_light_array, read_light_files, read_pfm};
 pub use light_layers::{LayerMatch, LayerRole, LightImage, LightImages, capture, read_light_layers};
 pub use linear::LinearImage;
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;
 pub use read::{RgbaImage, decode_srgb, image_size, read_image, read_rgba};
-pub use tone::{encode_srgb, write_png};
+pub use tone::{ToneCurve, ToneMapping, encode_srgb, false_colour, write_png, write_toned_png};

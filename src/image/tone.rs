@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::LinearImage;
+use super::kelvin::kelvin_to_linear;
+use super::linear::LinearImage;
 use super::measure::percentile;
 use crate::error::{Error, Result};
 
@@ -12,10 +13,138 @@ pub fn encode_srgb(linear: f32) -> f32 {
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// How linear values become displayed ones.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ToneCurve {
+    /// Values above 1 are cut.
+    #[default]
+    None,
+    /// AgX, base look: T. Sobotka's, in the polynomial form of B. Wrensch.
+    Agx,
+    /// A film curve in the manner of ACES: K. Narkowicz's fit, one channel at a time.
+    Filmic,
+    /// Khronos PBR Neutral: colours below 0.8 stay as they are.
+    Neutral,
+}
+
+/// From linear radiance to 8 bits: white balance, exposure, curve, sRGB.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ToneMapping {
+    /// The curve.
+    pub curve: ToneCurve,
+    /// Exposure in stops: values are multiplied by 2 to this power.
+    pub exposure_stops: f32,
+    /// Temperature in kelvin of the light that shall look white; none leaves colours alone.
+    pub white_kelvin: Option<f32>,
+}
+
+impl ToneMapping {
+    /// Exposed so that the 95th luminance percentile of `image` maps to `white`, before the curve.
+    pub fn auto_exposed(self, image: &LinearImage, white: f32) -> Self {
+        let level = percentile(image.luminances().collect(), 0.95).max(1e-12);
+        Self { exposure_stops: self.exposure_stops + (white / level).log2(), ..self }
+    }
+
+    /// Displayed (sRGB-encoded) values of a linear pixel, in [0, 1]; values that are not finite count as 0.
+    pub fn display(self, pixel: [f32; 3]) -> [f32; 3] {
+        let gain = self.exposure_stops.exp2();
+        let white = self.white_kelvin.map_or([1.0; 3], |kelvin| kelvin_to_linear(kelvin).map(|v| v.max(0.05)));
+        let exposed = |ch: usize| Some(pixel[ch] * gain / white[ch]).filter(|v| v.is_finite()).unwrap_or(0.0).max(0.0);
+        let linear = [exposed(0), exposed(1), exposed(2)];
+        match self.curve {
+            ToneCurve::None => linear.map(encode_srgb),
+            ToneCurve::Agx => agx(linear),
+            ToneCurve::Filmic => linear.map(|v| encode_srgb((v * (2.51 * v + 0.03)) / (v * (2.43 * v + 0.59) + 0.14))),
+            ToneCurve::Neutral => neutral(linear).map(encode_srgb),
+        }
+    }
+}
+
+/// AgX from linear to displayed values; its curve ends in display space.
+fn agx(linear: [f32; 3]) -> [f32; 3] {
+    const INTO: [[f32; 3]; 3] = [
+        [0.842_479_05, 0.078_433_6, 0.079_223_745],
+        [0.042_328_242, 0.878_468_64, 0.079_166_13],
+        [0.042_375_655, 0.078_433_6, 0.879_143],
+    ];
+    const OUT: [[f32; 3]; 3] = [
+        [1.196_879, -0.098_020_88, -0.099_029_74],
+        [-0.052_896_757, 1.151_903_1, -0.098_961_18],
+        [-0.052_971_636, -0.098_043_45, 1.151_073_7],
+    ];
+    const STOPS: [f32; 2] = [-12.473_93, 4.026_069];
+    let product =
+        |m: &[[f32; 3]; 3], v: [f32; 3]| [0, 1, 2].map(|i: usize| (0..3).map(|j| m[i][j] * v[j]).sum::<f32>());
+    let curve = |v: f32| {
+        let x = (v.max(1e-10).log2().clamp(STOPS[0], STOPS[1]) - STOPS[0]) / (STOPS[1] - STOPS[0]);
+        let terms = [-0.002_32, 0.119_1, 0.429_8, -6.868, 31.96, -40.14, 15.5];
+        terms.iter().rev().fold(0.0, |sum, term| sum * x + term)
+    };
+    product(&OUT, product(&INTO, linear).map(curve)).map(|v| v.clamp(0.0, 1.0))
+}
+
+/// Khronos PBR Neutral (the specification's reference code), linear to linear.
+fn neutral(color: [f32; 3]) -> [f32; 3] {
+    const START: f32 = 0.8 - 0.04;
+    const DESATURATION: f32 = 0.15;
+    let least = color.into_iter().fold(f32::INFINITY, f32::min);
+    let offset = if least < 0.08 { least - 6.25 * least * least } else { 0.04 };
+    let color = color.map(|v| v - offset);
+    let peak = color.into_iter().fold(0.0, f32::max);
+    if peak < START {
+        return color;
+    }
+    let room = 1.0 - START;
+    let new_peak = 1.0 - room * room / (peak + room - START);
+    let mix = 1.0 - 1.0 / (DESATURATION * (peak - new_peak) + 1.0);
+    color.map(|v| v * new_peak / peak * (1.0 - mix) + new_peak * mix)
+}
+
+/// Shows the luminance of an image in colours, from black over blue, green and red to white, one step for each factor
+/// of `(high / low)^⅙`; the image that comes back is linear, for [`ToneMapping::default`].
+///
+/// Luminance is Rec. 709's of the pixel, in its unit: where that is W·sr⁻¹·m⁻², 179 lm/W make it cd·m⁻².
+/// Errors: limits that are not positive and in order.
+pub fn false_colour(image: &LinearImage, low: f32, high: f32) -> Result<LinearImage> {
+    const COLOURS: [[f32; 3]; 7] = [
+        [0.0, 0.0, 0.0],
+        [0.05, 0.0, 0.5],
+        [0.0, 0.4, 0.9],
+        [0.0, 0.7, 0.2],
+        [0.9, 0.8, 0.0],
+        [0.9, 0.1, 0.0],
+        [1.0, 1.0, 1.0],
+    ];
+    if !(low > 0.0 && high > low && high.is_finite()) {
+        return Err(Error::input(
+            "false colour",
+            format!("{low} to {high} is no range of luminance"),
+            "give 0 < low < high",
+        ));
+    }
+    let colour = |luminance: f32| {
+        let at = ((luminance.max(low) / low).ln() / (high / low).ln()).clamp(0.0, 1.0) * (COLOURS.len() - 1) as f32;
+        let step = (at as usize).min(COLOURS.len() - 2);
+        let part = at - step as f32;
+        [0, 1, 2].map(|ch: usize| COLOURS[step][ch] * (1.0 - part) + COLOURS[step + 1][ch] * part)
+    };
+    Ok(LinearImage { pixels: image.luminances().map(colour).collect(), ..*image })
+}
+
+/// Writes an 8-bit sRGB PNG through `tone`.
+pub fn write_toned_png(path: &Path, image: &LinearImage, tone: ToneMapping) -> Result<()> {
+    let pixels = image.pixels.iter().flat_map(|&pixel| tone.display(pixel).map(|v| (v * 255.0 + 0.5) as u8));
+    save_png(path, image, pixels.collect())
+}
+
 /// Writes an 8-bit sRGB PNG, exposed so that the 95th luminance percentile maps to `white`.
 pub fn write_png(path: &Path, image: &LinearImage, white: f32) -> Result<()> {
     let exposure = white / percentile(image.luminances().collect(), 0.95).max(1e-12);
     let bytes = image.values().iter().map(|v| (encode_srgb(v * exposure) * 255.0 + 0.5) as u8).collect();
+    save_png(path, image, bytes)
+}
+
+fn save_png(path: &Path, image: &LinearImage, bytes: Vec<u8>) -> Result<()> {
     image::RgbImage::from_raw(image.width, image.height, bytes)
         .expect("one byte per channel value")
         .save_with_format(path, image::ImageFormat::Png)
@@ -23,4 +152,63 @@ pub fn write_png(path: &Path, image: &LinearImage, white: f32) -> Result<()> {
             image::ImageError::IoError(io) => Error::io(path, "write the image")(io),
             other => Error::io(path, "write the image")(std::io::Error::other(other)),
         })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CURVES: [ToneCurve; 4] = [ToneCurve::None, ToneCurve::Agx, ToneCurve::Filmic, ToneCurve::Neutral];
+
+    #[test]
+    fn every_curve_keeps_black_dark_and_grows_and_stays_within_the_display() {
+        for curve in CURVES {
+            let tone = ToneMapping { curve, ..Default::default() };
+            let mut last = 0.0;
+            for i in 0..400 {
+                let grey = tone.display([1e-4 * 1.05f32.powi(i); 3]);
+                assert!(grey.iter().all(|v| (0.0..=1.0).contains(v)));
+                // The polynomial of AgX wavers by less than a thousandth at its ends.
+                assert!(grey[0] >= last - 1e-3, "{curve:?} at step {i}: {} after {last}", grey[0]);
+                last = grey[0];
+            }
+            assert!(tone.display([0.0; 3])[0] < 0.01 && last > 0.95, "{curve:?}: {last}");
+            assert!(tone.display([f32::NAN, f32::INFINITY, -1.0]).iter().all(|v| *v < 0.01), "{curve:?}");
+        }
+    }
+
+    #[test]
+    fn neutral_leaves_the_middle_alone() {
+        // The specification: below 0.8 only the Fresnel offset of 0.04 is taken away.
+        let mapped = neutral([0.5, 0.3, 0.2]);
+        for (mapped, expected) in mapped.into_iter().zip([0.46, 0.26, 0.16]) {
+            assert!((mapped - expected).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn middle_grey_of_agx_and_filmic_is_where_they_put_it() {
+        let at = |curve| ToneMapping { curve, ..Default::default() }.display([0.18; 3])[1];
+        // 0.18 lies ten stops above AgX's black, (10 / 16.5); its curve gives a little less than half.
+        assert!((0.42..0.52).contains(&at(ToneCurve::Agx)), "{}", at(ToneCurve::Agx));
+        let filmic = (0.18 * (2.51 * 0.18 + 0.03)) / (0.18 * (2.43 * 0.18 + 0.59) + 0.14);
+        assert!((at(ToneCurve::Filmic) - encode_srgb(filmic)).abs() < 1e-6);
+    }
+
+    #[test]
+    fn exposure_and_white_balance_do_what_they_say() {
+        let stop = ToneMapping { exposure_stops: 1.0, ..Default::default() };
+        assert_eq!(stop.display([0.1; 3]), ToneMapping::default().display([0.2; 3]));
+        let warm = kelvin_to_linear(3000.0).map(|v| 0.3 * v);
+        let balanced = ToneMapping { white_kelvin: Some(3000.0), ..Default::default() }.display(warm);
+        assert!(balanced.iter().all(|v| (v - encode_srgb(0.3)).abs() < 1e-5), "{balanced:?}");
+    }
+
+    #[test]
+    fn false_colour_goes_from_black_to_white() {
+        let image = LinearImage { width: 3, height: 1, pixels: vec![[0.01; 3], [1.0; 3], [200.0; 3]] };
+        let shown = false_colour(&image, 0.1, 100.0).unwrap();
+        assert_eq!((shown.pixels[0], shown.pixels[2]), ([0.0; 3], [1.0; 3]));
+        assert!(false_colour(&image, 1.0, 1.0).is_err());
+    }
 }

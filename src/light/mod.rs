@@ -4,6 +4,7 @@
 mod basis;
 mod job;
 mod lighting;
+pub mod look;
 mod metadata;
 mod prior;
 mod probes;

@@ -1,0 +1,114 @@
+//! What a look file says, word for word.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use crate::error::{Error, Result};
+
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LookFile {
+    #[serde(default)]
+    pub base: Base,
+    #[serde(default)]
+    pub groups: BTreeMap<String, Vec<String>>,
+    #[serde(default)]
+    pub light: Vec<Rule>,
+    #[serde(default)]
+    pub look: Vec<NamedLook>,
+    #[serde(default)]
+    pub key: Vec<Key>,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Base {
+    #[default]
+    Scene,
+    Off,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NamedLook {
+    pub name: String,
+    #[serde(default)]
+    pub light: Vec<Rule>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Key {
+    pub time_secs: f32,
+    pub look: String,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Rule {
+    pub name: String,
+    pub on: Option<bool>,
+    pub stops: Option<f32>,
+    pub intensity: Option<f32>,
+    pub color: Option<Color>,
+    pub image: Option<Picture>,
+    pub shape: Option<Shape>,
+    pub environment: Option<Environment>,
+    /// Puts the whole light on the one column that lies nearest to this direction towards the light.
+    pub sun: Option<[f32; 3]>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(rename_all = "lowercase", deny_unknown_fields)]
+pub(super) enum Color {
+    Srgb(String),
+    Linear([f32; 3]),
+    Kelvin(f32),
+}
+
+/// An image over the light's texels; `place` is (left, top, right, bottom) in the light's unit square.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Picture {
+    pub file: String,
+    #[serde(default = "whole")]
+    pub place: [f32; 4],
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub(super) enum Shape {
+    Disc { center: [f32; 2], radius: f32 },
+    Rectangle { center: [f32; 2], size: [f32; 2] },
+    Gradient { from: [f32; 2], to: [f32; 2] },
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Environment {
+    pub file: String,
+    #[serde(default)]
+    pub rotation_degrees: f32,
+    #[serde(default)]
+    pub stops: f32,
+}
+
+fn whole() -> [f32; 4] {
+    [0.0, 0.0, 1.0, 1.0]
+}
+
+pub(super) fn parse_toml(place: &str, text: &str) -> Result<LookFile> {
+    toml::from_str(text).map_err(|e| {
+        let line = e.span().map_or(1, |span| text[..span.start.min(text.len())].lines().count().max(1));
+        Error::input(format!("{place}, line {line}"), one_line(e.message()), "")
+    })
+}
+
+pub(super) fn parse_json(place: &str, text: &str) -> Result<LookFile> {
+    serde_json::from_str(text).map_err(|e| Error::input(place, one_line(&e.to_string()), ""))
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,111 @@
+//! Looks: lightings as a designer writes them, in TOML or JSON.
+//!
+//! ```toml
+//! base = "scene"                      # what lights have that no rule names: "scene" or "off"
+//! [groups]
+//! ceiling = ["lamp 1*", "lamp 2*"]    # names, or globs with * and ?
+//!
+//! [[light]]                           # rules, the later over the earlier
+//! name = "ceiling"                    # a light, a glob or a group
+//! stops = -1.0
+//! color = { kelvin = 2700 }           # or srgb = "#ffcc88", or linear = [1, 0.8, 0.5]
+//! [[light]]
+//! name = "panel"
+//! intensity = 40.0                    # luminance of the weight, in the light's unit
+//! shape = { kind = "disc", center = [0.5, 0.5], radius = 0.2 }   # or image = { file = "pattern.png" }
+//! [[light]]
+//! name = "sky"
+//! environment = { file = "studio.hdr", rotation_degrees = 30, stops = 0 }
+//!
+//! [[look]]                            # further looks by name, on top of the rules above
+//! name = "night"
+//! [[look.light]]
+//! name = "*"
+//! on = false
+//!
+//! [[key]]                             # an animation between looks
+//! time_secs = 0
+//! look = "night"
+//! ```
+//!
+//! A colour sets the chromaticity and leaves the luminance; a mask or image multiplies; stops come last.
+
+mod environment;
+mod file;
+mod names;
+mod pattern;
+mod resolve;
+
+use std::path::Path;
+
+use super::{LightBasis, Lighting};
+use crate::error::{Error, Result};
+
+/// The lightings of a look file over one light basis.
+#[derive(Clone, Debug)]
+pub struct Look {
+    place: String,
+    lighting: Lighting,
+    named: Vec<(String, Lighting)>,
+    keys: Vec<(f32, Lighting)>,
+}
+
+/// Reads a look file (JSON if its name ends so, else TOML) for a light basis. Images are found beside the file.
+///
+/// Errors: a file that cannot be read, unknown keys, names that fit no light (with the nearest names), values out of
+/// range, images that cannot be read.
+pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path, "read the look"))?;
+    let place = path.display().to_string();
+    let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    let file = if json { file::parse_json(&place, &text) } else { file::parse_toml(&place, &text) }?;
+    resolve::resolve(&place, path.parent().unwrap_or(Path::new("")), &file, basis)
+}
+
+impl Look {
+    /// The look of the file's own rules.
+    pub fn lighting(&self) -> &Lighting {
+        &self.lighting
+    }
+
+    /// Names of the further looks, in the file's order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.named.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// The look of this name. Errors: there is none (with the nearest names).
+    pub fn named(&self, name: &str) -> Result<&Lighting> {
+        match self.named.iter().find(|(has, _)| has == name) {
+            Some((_, lighting)) => Ok(lighting),
+            None => {
+                let problem = format!("has no look '{name}'");
+                Err(Error::input(&self.place, problem, names::nearest(name, self.names())))
+            }
+        }
+    }
+
+    /// The animation, `frames_per_sec` lightings a second from the first key to the last: weights between keys are
+    /// blended linearly. Empty without keys.
+    ///
+    /// Errors: a rate that is not positive, or more than 100,000 frames.
+    pub fn frames(&self, frames_per_sec: f32) -> Result<Vec<Lighting>> {
+        let (Some((begin, _)), Some((end, _))) = (self.keys.first(), self.keys.last()) else {
+            return Ok(Vec::new());
+        };
+        let count = ((end - begin) * frames_per_sec).floor() + 1.0;
+        if !(frames_per_sec > 0.0 && count <= 100_000.0) {
+            return Err(Error::input(&self.place, format!("{frames_per_sec} frames a second cannot be made"), ""));
+        }
+        (0..count as usize).map(|frame| self.at(begin + frame as f32 / frames_per_sec)).collect()
+    }
+
+    /// The animation at a time within its keys.
+    fn at(&self, time_secs: f32) -> Result<Lighting> {
+        let after = self.keys.partition_point(|(time, _)| *time <= time_secs).clamp(1, self.keys.len());
+        let (begin, from) = &self.keys[after - 1];
+        let Some((end, to)) = self.keys.get(after) else { return Ok(from.clone()) };
+        let part = (time_secs - begin) / (end - begin);
+        let pairs = from.weights().iter().zip(to.weights());
+        Lighting::new(pairs.map(|(a, b)| [0, 1, 2].map(|ch: usize| a[ch] * (1.0 - part) + b[ch] * part)).collect())
+    }
+}

@@ -1,0 +1,199 @@
+//! From what a look file says to weights on columns.
+
+use std::f32::consts::PI;
+use std::path::Path;
+
+use super::Look;
+use super::environment::{nearest_texel, resample};
+use super::file::{Base, Color, LookFile, Rule};
+use super::names::{fits, nearest};
+use super::pattern::{image_mask, shape_mask};
+use crate::error::{Error, Result};
+use crate::image::{LinearImage, decode_srgb, kelvin_to_linear, read_image};
+use crate::light::{Light, LightBasis, LightKind, Lighting};
+
+/// Applies a file's rules to a basis.
+pub(super) fn resolve(place: &str, folder: &Path, file: &LookFile, basis: &LightBasis) -> Result<Look> {
+    let resolver = Resolver { place, folder, file, basis };
+    let mut base = match file.base {
+        Base::Scene => Lighting::of_scene(basis).weights().to_vec(),
+        Base::Off => vec![[0.0; 3]; basis.column_count()],
+    };
+    resolver.apply(&file.light, &mut base)?;
+    let mut look =
+        Look { place: place.to_owned(), lighting: Lighting::new(base.clone())?, named: Vec::new(), keys: Vec::new() };
+    for named in &file.look {
+        let mut weights = base.clone();
+        resolver.apply(&named.light, &mut weights)?;
+        if look.names().any(|name| name == named.name) {
+            return Err(Error::input(place, format!("look '{}' stands there twice", named.name), "rename one"));
+        }
+        look.named.push((named.name.clone(), Lighting::new(weights)?));
+    }
+    for key in &file.key {
+        let rising = look.keys.last().is_none_or(|(last, _)| *last < key.time_secs);
+        if !key.time_secs.is_finite() || !rising {
+            let problem = format!("the key at {} s does not come after the one before", key.time_secs);
+            return Err(Error::input(place, problem, "put keys in order of time"));
+        }
+        let lighting = look.named(&key.look)?.clone();
+        look.keys.push((key.time_secs, lighting));
+    }
+    Ok(look)
+}
+
+struct Resolver<'a> {
+    place: &'a str,
+    folder: &'a Path,
+    file: &'a LookFile,
+    basis: &'a LightBasis,
+}
+
+impl Resolver<'_> {
+    fn apply(&self, rules: &[Rule], weights: &mut [[f32; 3]]) -> Result<()> {
+        for rule in rules {
+            for light in self.lights(&rule.name)? {
+                let columns = light.columns();
+                self.apply_to(rule, light, &mut weights[columns.start as usize..columns.end as usize])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The lights that a name, a glob or a group means: at least one.
+    fn lights(&self, name: &str) -> Result<Vec<&Light>> {
+        let alone = [name.to_owned()];
+        let patterns = match self.file.groups.get(name) {
+            Some(group) if self.basis.find(name).is_none() => group.as_slice(),
+            _ => &alone,
+        };
+        let mut found = Vec::new();
+        for pattern in patterns {
+            // A light's own name comes before its reading as a glob.
+            let exact = self.basis.find(pattern);
+            let meant = |light: &&Light| exact.map_or_else(|| fits(pattern, &light.name), |e| e.name == light.name);
+            let before = found.len();
+            found.extend(self.basis.lights().iter().filter(meant));
+            if found.len() == before {
+                let known = self.basis.lights().iter().map(|light| light.name.as_str());
+                let hint = nearest(pattern, known.chain(self.file.groups.keys().map(String::as_str)));
+                return Err(Error::input(self.place, format!("no light is called '{pattern}'"), hint));
+            }
+        }
+        Ok(found)
+    }
+
+    fn apply_to(&self, rule: &Rule, light: &Light, weights: &mut [[f32; 3]]) -> Result<()> {
+        let refuse = |problem: String| Error::input(format!("{}, light '{}'", self.place, light.name), problem, "");
+        if rule.on == Some(true) && weights.iter().flatten().all(|v| *v == 0.0) {
+            weights.fill(light.emission);
+        }
+        if let Some(environment) = &rule.environment {
+            if !matches!(light.kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. }) {
+                return Err(refuse("is no environment; give it an image or a colour".into()));
+            }
+            let map = self.read(&environment.file)?;
+            let gain = finite(environment.stops.exp2()).ok_or_else(|| refuse("has stops out of range".into()))?;
+            let turned = resample(light, &map, f64::from(environment.rotation_degrees).to_radians());
+            weights.iter_mut().zip(turned).for_each(|(weight, value)| *weight = value.map(|v| v * gain));
+        }
+        if rule.color.is_some() || rule.intensity.is_some() {
+            let chroma = rule.color.as_ref().map(chromaticity).transpose().map_err(&refuse)?;
+            if rule.intensity.is_some_and(|v| !(v.is_finite() && v >= 0.0)) {
+                return Err(refuse("has an intensity that is not zero or more".into()));
+            }
+            for weight in weights.iter_mut() {
+                let has = luminance(*weight);
+                let own = if has > 0.0 { weight.map(|v| v / has) } else { [1.0; 3] };
+                let (chroma, level) = (chroma.unwrap_or(own), rule.intensity.unwrap_or(has));
+                *weight = chroma.map(|v| v * level);
+            }
+        }
+        if let Some(direction) = rule.sun {
+            self.put_sun(light, direction, weights).map_err(&refuse)?;
+        }
+        let mut multiply = |mask: Vec<[f32; 3]>| {
+            for (weight, mask) in weights.iter_mut().zip(mask) {
+                (0..3).for_each(|ch| weight[ch] *= mask[ch]);
+            }
+        };
+        if let Some(shape) = rule.shape {
+            multiply(shape_mask(light.layout(), shape));
+        }
+        if let Some(picture) = &rule.image {
+            let [left, top, right, bottom] = picture.place;
+            if !(left < right && top < bottom) {
+                return Err(refuse("has an image whose place is not (left, top, right, bottom)".into()));
+            }
+            multiply(image_mask(light.layout(), picture, &self.read(&picture.file)?));
+        }
+        if let Some(stops) = rule.stops {
+            let gain = finite(stops.exp2()).ok_or_else(|| refuse("has stops out of range".into()))?;
+            weights.iter_mut().flatten().for_each(|v| *v *= gain);
+        }
+        if rule.on == Some(false) {
+            weights.fill([0.0; 3]);
+        }
+        if !weights.iter().flatten().all(|v| v.is_finite()) {
+            return Err(refuse("gets a weight that is not finite".into()));
+        }
+        Ok(())
+    }
+
+    /// Gathers the light's irradiance on the column nearest to a direction.
+    fn put_sun(&self, light: &Light, direction: [f32; 3], weights: &mut [[f32; 3]]) -> Result<(), String> {
+        if !matches!(light.kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. }) {
+            return Err("has no directions to put a sun in; name an environment".into());
+        }
+        let length = direction.iter().map(|v| v * v).sum::<f32>().sqrt();
+        if !(length > 0.0 && length.is_finite()) {
+            return Err("has a sun without direction".into());
+        }
+        let texel = nearest_texel(light, direction);
+        let total = [0, 1, 2].map(|ch: usize| {
+            weights.iter().zip(&light.extents).map(|(weight, extent)| weight[ch] * extent).sum::<f32>()
+        });
+        let extent = light.extents[texel].max(4.0 * PI * 1e-9);
+        weights.fill([0.0; 3]);
+        weights[texel] = total.map(|v| v / extent);
+        Ok(())
+    }
+
+    fn read(&self, file: &str) -> Result<LinearImage> {
+        let path = self.folder.join(file);
+        let image = read_image(&path)?;
+        if image.pixels.is_empty() || !image.values().iter().all(|v| v.is_finite()) {
+            return Err(Error::input(path.display().to_string(), "has no pixels, or some that are not finite", ""));
+        }
+        Ok(image)
+    }
+}
+
+fn finite(value: f32) -> Option<f32> {
+    Some(value).filter(|v| v.is_finite())
+}
+
+fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// A colour scaled to luminance 1.
+fn chromaticity(color: &Color) -> Result<[f32; 3], String> {
+    let linear = match color {
+        Color::Kelvin(kelvin) if (1000.0..=40_000.0).contains(kelvin) => kelvin_to_linear(*kelvin),
+        Color::Kelvin(kelvin) => return Err(format!("has a colour of {kelvin} K; give 1,000 to 40,000")),
+        Color::Linear(linear) => *linear,
+        Color::Srgb(text) => {
+            let digits = text.strip_prefix('#').unwrap_or(text);
+            let number = u32::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 6);
+            let number = number.ok_or_else(|| format!("has the colour '{text}'; write it as \"#ffcc88\""))?;
+            [16, 8, 0].map(|shift| decode_srgb(((number >> shift) & 255) as f32 / 255.0))
+        }
+    };
+    let level = luminance(linear);
+    if linear.iter().all(|v| v.is_finite() && *v >= 0.0) && level > 0.0 {
+        Ok(linear.map(|v| v / level))
+    } else {
+        Err("has a colour that is black, negative or not finite; switch it off with on = false".into())
+    }
+}
