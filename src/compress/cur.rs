@@ -99,7 +99,14 @@ pub(super) fn decompose(a: MatRef<'_, f32>, chosen: &Selection, core: Core, trun
             let rows = &chosen.rows;
             let w = Mat::from_fn(rows.len(), chosen.columns.len(), |i, k| f64::from(a[(rows[i], chosen.columns[k])]));
             let r = Mat::from_fn(rows.len(), n, |i, j| f64::from(a[(rows[i], j)]));
-            solve_least_squares(w.as_ref(), r.as_ref(), if core == Core::Textbook { 0.0 } else { truncation })
+            if core == Core::LeastSquares {
+                solve_least_squares(w.as_ref(), r.as_ref(), truncation)
+            } else {
+                // The inverse is formed and multiplied in the precision of the data, as the formula reads.
+                let unit = Mat::<f64>::identity(rows.len(), rows.len());
+                let inverse = to_f32(solve_least_squares(w.as_ref(), unit.as_ref(), 0.0).as_ref());
+                to_f64(product(inverse.as_ref(), to_f32(r.as_ref()).as_ref()).as_ref())
+            }
         }
     };
     (c, to_f32(right.as_ref()))

@@ -49,9 +49,6 @@ pub(super) fn to_vec(a: MatRef<'_, f32>) -> Vec<f32> {
 /// are not finite.
 pub(super) fn eigen(a: MatRef<'_, f64>) -> (Vec<f64>, Mat<f64>) {
     let n = a.nrows();
-    if n == 0 {
-        return (Vec::new(), Mat::new());
-    }
     let (mut values, mut vectors) = (vec![0.0; n], Mat::zeros(n, n));
     if n == 0 {
         return (values, vectors); // faer's count of scratch underflows here
