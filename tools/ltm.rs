@@ -18,7 +18,7 @@ use ltm::store::{Precision, StoreReader};
 use ltm::{Error, Result};
 
 /// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
-const DEMO_SAMPLES: u32 = 128;
+const DEMO_SAMPLES: u32 = 256;
 
 /// Light transport matrices: trace a scene once, then relight it at once.
 ///
@@ -84,7 +84,7 @@ struct Demo {
     /// Folder for the results.
     #[arg(long, default_value = "out")]
     out: PathBuf,
-    /// Samples per pixel [default: 128].
+    /// Samples per pixel [default: 256].
     #[arg(long)]
     samples: Option<u32>,
     /// Image size, WIDTHxHEIGHT [default: the embedded scene's own].
@@ -242,13 +242,13 @@ fn run_render(options: &Render, console: &Console) -> Result<()> {
 }
 
 /// A scene with the samples and size that the command line asks for, and the identity that goes with them.
-fn with_overrides(loaded: LoadedScene, samples: Option<u32>, size: Option<(u32, u32)>) -> LoadedScene {
-    let LoadedScene { mut scene, mut settings, warnings, .. } = loaded;
-    settings.samples_per_pixel = samples.unwrap_or(settings.samples_per_pixel);
+fn with_overrides(mut loaded: LoadedScene, samples: Option<u32>, size: Option<(u32, u32)>) -> LoadedScene {
+    loaded.settings.samples_per_pixel = samples.unwrap_or(loaded.settings.samples_per_pixel);
     if let Some((width, height)) = size {
-        (scene.camera.width, scene.camera.height) = (width, height);
+        (loaded.scene.camera.width, loaded.scene.camera.height) = (width, height);
     }
-    LoadedScene::new(scene, settings, warnings)
+    loaded.content = ltm::scene::content_hash(&loaded.scene, loaded.settings.max_depth);
+    loaded
 }
 
 fn run_relight(options: &Relight, console: &Console) -> Result<()> {

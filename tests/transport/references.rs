@@ -90,7 +90,7 @@ fn agrees(name: &str) {
         far += usize::from(z.abs() > 4.5);
         counted += 1;
         // Channels are the same paths: one of them stands for all.
-        if entry / (SIDE * SIDE) % CHANNELS == 0 {
+        if (entry / (SIDE * SIDE)).is_multiple_of(CHANNELS) {
             (difference, variance, total) =
                 (difference + mean - expected[entry], variance + both, total + expected[entry]);
         }
