@@ -15,6 +15,7 @@ use ltm::pipeline::demo::demo;
 use ltm::pipeline::{self, Device, RenderOptions, Watch, human_bytes, parse_bytes};
 use ltm::scene::LoadedScene;
 use ltm::store::{Precision, StoreReader};
+use ltm::view::WindowOptions;
 use ltm::{Error, Result};
 
 /// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
@@ -70,6 +71,15 @@ enum Command {
         /// Replace a container that is there (a matrix is added to).
         #[arg(long)]
         force: bool,
+    },
+    /// Open a container in a window: a mixer for its lights.
+    #[command(after_help = "Needs a build with --features view. Keys are listed under '?'. Example: ltm view room.ltc")]
+    View {
+        /// The container; without it, one is dropped on the window.
+        file: Option<PathBuf>,
+        /// Save a PNG of the window once its picture stands, and close it.
+        #[arg(long, value_name = "PNG")]
+        screenshot: Option<PathBuf>,
     },
     /// Say what a .ltm or .ltc file is.
     #[command(after_help = "Example: ltm info room.ltc")]
@@ -190,6 +200,10 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Verify { file } => run_verify(&file),
         Command::Repair(options) => run_repair(&options, console),
         Command::Merge { parts, output, force } => run_merge(&parts, &output, force),
+        Command::View { file, screenshot } => {
+            let options = WindowOptions { path: file, screenshot, frames: 10, ..Default::default() };
+            ltm::view::run(options)
+        }
         Command::Info { file } => run_info(&file),
     }
 }

@@ -56,15 +56,16 @@ impl Display {
         gains.map(|gain| gain / luminance * exposure)
     }
 
-    /// Exposure, in stops, that brings the 95th percentile of luminance to 0.8; 0 for a black picture.
+    /// Exposure, in stops, that brings the 85th percentile of luminance to 0.7, so that lamps in view do not
+    /// darken the room; 0 for a black picture.
     pub fn exposure_for(image: &LinearImage) -> f32 {
         let mut luminances: Vec<f32> = image.luminances().filter(|v| v.is_finite()).collect();
         if luminances.is_empty() {
             return 0.0;
         }
-        let index = (luminances.len() - 1) * 95 / 100;
+        let index = (luminances.len() - 1) * 85 / 100;
         let bright = *luminances.select_nth_unstable_by(index, f32::total_cmp).1;
-        if bright > 0.0 { (0.8 / bright).log2().clamp(-24.0, 24.0) } else { 0.0 }
+        if bright > 0.0 { (0.7 / bright).log2().clamp(-24.0, 24.0) } else { 0.0 }
     }
 
     /// The picture as it is shown, on all threads.
@@ -189,8 +190,8 @@ mod tests {
     #[test]
     fn automatic_exposure_shows_most_of_the_picture() {
         let image = LinearImage { width: 100, height: 1, pixels: (0..100).map(|i| [i as f32; 3]).collect() };
-        let exposed = 94.0 * Display::exposure_for(&image).exp2();
-        assert!((exposed - 0.8).abs() < 1e-3);
+        let exposed = 84.0 * Display::exposure_for(&image).exp2();
+        assert!((exposed - 0.7).abs() < 1e-3);
         assert_eq!(Display::exposure_for(&LinearImage::black(2, 2)), 0.0);
     }
 }

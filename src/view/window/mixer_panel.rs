@@ -1,6 +1,6 @@
 //! The mixer: a row for each light and group.
 
-use eframe::egui::{self, Align2, Color32, FontId, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use eframe::egui::{self, Color32, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 
 use super::document::Document;
 use super::fader::{fader, stops_number};
@@ -98,13 +98,10 @@ fn group_row(ui: &mut Ui, document: &mut Document, group: usize) {
     let folded = document.folded.contains(&group);
     let (arrow, toggle) = ui.allocate_exact_size(vec2(14.0, ROW), Sense::click());
     toggle.widget_info(|| WidgetInfo::labeled(Role::DisclosureTriangle, true, format!("group {name}")));
-    ui.painter().text(
-        arrow.center(),
-        Align2::CENTER_CENTER,
-        if folded { "⏵" } else { "⏷" },
-        FontId::proportional(12.0),
-        WEAK,
-    );
+    let [ahead, across] = if folded { [vec2(3.0, 0.0), vec2(0.0, 4.0)] } else { [vec2(0.0, 3.0), vec2(4.0, 0.0)] };
+    let centre = arrow.center();
+    let corners = vec![centre + ahead, centre - ahead + across, centre - ahead - across];
+    ui.painter().add(egui::Shape::convex_polygon(corners, WEAK, egui::Stroke::NONE));
     let mix = &mut document.mix.groups[group];
     switch(ui, &mut mix.on, false, NEUTRAL, &name);
     let count = document.groups.group(group).lights.len();
