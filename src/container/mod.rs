@@ -5,7 +5,7 @@
 //! The index stands at the end: one read opens the file, a second one fetches a block.
 //!
 //! [`ContainerWriter`] takes blocks in any order from any thread and gives the same bytes for the same blocks;
-//! [`ContainerReader`] trusts nothing it has not checked; [`merge`] joins containers of the same job.
+//! [`ContainerReader`] trusts nothing it has not checked; [`merge()`] joins containers of the same job.
 
 pub mod codec;
 mod format;
