@@ -217,3 +217,19 @@ fn absurd_settings_are_refused() {
     }
     assert!(Compressor::new(&lamps(9), shape, CompressSettings::default()).is_err());
 }
+
+#[test]
+fn a_light_that_fills_the_block_is_counted_once() {
+    // Exactly rank 1: what is left beside the all-on image is rounding, and must not become a second component.
+    for (side, columns, value) in [(32, 24, 1.0), (32, 20, 1.0), (32, 47, 0.3), (19, 24, 7.3), (32, 64, 1e-3)] {
+        let shape = MatrixShape::new(side, side, columns, 32).unwrap();
+        let (m, n) = (shape.max_block_rows(), shape.columns());
+        for lit in 0..20 {
+            let entries = (0..m * n).map(|i| if i / m == lit { value } else { 0.0 }).collect();
+            let block = Block::from_entries(m, n, entries);
+            let error = relative_error(&block, &pack(shape, &block, CompressSettings::default()));
+            // 50 dB of the peak is asked for; here the peak is everywhere.
+            assert!(error < 4e-3, "{side}² pixels, column {lit} of {columns} at {value}: {error}");
+        }
+    }
+}

@@ -120,7 +120,13 @@ fn orthonormal_beside(fixed: MatRef<'_, f32>, y: &mut Mat<f32>) -> Mat<f32> {
     let mut q = orthonormal(y.as_ref());
     let part = product(fixed.transpose(), q.as_ref());
     subtract_product(&mut q, fixed, part.as_ref());
-    orthonormal(q.as_ref())
+    // Directions that were only the rounding of the first subtraction lie in `fixed` again, and little of their unit
+    // length is left now: normalising them would count the same direction twice.
+    let q = to_f64(q.as_ref());
+    let (values, vectors) = eigen(product_f64(q.transpose(), q.as_ref()).as_ref());
+    let rank = values.iter().take_while(|&&v| v > 0.25).count();
+    let scaled = Mat::from_fn(vectors.nrows(), rank, |i, j| vectors[(i, j)] / values[j].sqrt());
+    to_f32(product_f64(q.as_ref(), scaled.as_ref()).as_ref())
 }
 
 /// Mean energy of the sketch's draws that lies outside the range.
