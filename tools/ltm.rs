@@ -37,7 +37,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Render, pack and relight the embedded room, and print what it cost and what it lost.
-    #[command(after_help = "Example: ltm demo --out /tmp/room --samples 16")]
+    #[command(after_help = "Example: ltm demo --out room --samples 16")]
     Demo(Demo),
     /// Render a scene file into a stored matrix (.ltm). An interrupted render is continued by the same command.
     #[command(after_help = "Examples:
