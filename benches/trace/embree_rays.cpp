@@ -1,9 +1,9 @@
 // The same rays through Embree 3, one ray at a time, one thread: what `cargo bench --bench trace -- rays` is compared
 // with. Not part of the build; needs Debian's libembree-dev.
 //
-//   LTM_RAY_DUMP=/tmp/rays cargo bench --bench trace -- rays
-//   g++ -O3 -march=native benches/trace/embree_rays.cpp -lembree3 -o /tmp/embree_rays
-//   /tmp/embree_rays /tmp/rays/*
+//   LTM_RAY_DUMP=target/rays cargo bench --bench trace -- rays
+//   g++ -O3 -march=native benches/trace/embree_rays.cpp -lembree3 -o target/embree_rays
+//   target/embree_rays target/rays/*
 #include <embree3/rtcore.h>
 
 #include <algorithm>
