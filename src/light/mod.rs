@@ -6,6 +6,7 @@ mod job;
 mod lighting;
 pub mod look;
 mod metadata;
+pub mod names;
 mod prior;
 mod probes;
 

@@ -12,6 +12,7 @@ use super::rectangle::{self, Corner};
 use super::{AreaEmitter, AreaLayout, Emitter, EnvironmentMapping, PointEmitter, Surface, ies, names};
 use crate::error::{Error, Result};
 use crate::image::read_image;
+use crate::light::names::fits;
 use crate::light::{Light, LightBasis, LightKind, LightUnit};
 
 /// Luminous efficacy by which candela become W·sr⁻¹, in lm/W: the convention of Radiance and of files converted from MGF.
@@ -76,7 +77,7 @@ impl Lights<'_> {
 
     /// The triangles that an entry chooses, one group for each material, each object, or all joined.
     fn groups(&self, entry: &LightEntry, place: &str) -> Result<Vec<Group>> {
-        let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|p| names::fits(p, name));
+        let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|p| fits(p, name));
         let mut groups: Vec<Group> = Vec::new();
         let mut group_of: HashMap<u32, usize> = HashMap::new();
         let (mut named, mut dark) = (0, None);

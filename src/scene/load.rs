@@ -14,6 +14,7 @@ use super::textures::Textures;
 use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
 use crate::error::{Error, Result};
 use crate::light::Lighting;
+use crate::light::names::fits;
 
 /// Size of a block in f32 above which a warning is given, in bytes.
 const LARGE_BLOCK_BYTES: u64 = 1 << 30;
@@ -55,7 +56,7 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     }
     let known = geometry.materials.iter().map(|m| m.description.name.as_str());
     for entry in &overrides {
-        if !known.clone().any(|name| names::fits(&entry.pattern, name)) {
+        if !known.clone().any(|name| fits(&entry.pattern, name)) {
             let nearest = names::nearest(&entry.pattern, known);
             let hint = nearest.map_or("look up the names in the MTL files".into(), |n| format!("did you mean '{n}'?"));
             let place = format!("{place}, material \"{}\"", entry.pattern);
@@ -116,7 +117,7 @@ fn replace(entry: &LightEntry, geometry: &mut Geometry, place: &str) -> Result<(
     let Some(pattern) = entry.replaces.as_ref().filter(|_| entry.kind == LightEntryKind::Panel) else {
         return Ok(());
     };
-    let replaced: Vec<bool> = geometry.materials.iter().map(|m| names::fits(pattern, &m.description.name)).collect();
+    let replaced: Vec<bool> = geometry.materials.iter().map(|m| fits(pattern, &m.description.name)).collect();
     let before = geometry.mesh.triangles.len();
     geometry.retain(|triangle| !replaced[triangle.material.0 as usize]);
     if geometry.mesh.triangles.len() < before {

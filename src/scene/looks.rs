@@ -9,10 +9,10 @@ use glam::Vec3;
 use super::file::{MaterialEntry, SurfaceEntry};
 use super::folders::Folders;
 use super::mtl::MtlMaterial;
-use super::names;
 use super::textures::{Textures, Use};
 use super::{Material, Paint, Surface};
 use crate::error::{Error, Result};
+use crate::light::names::fits;
 
 /// Index of refraction of surfaces that state none: ordinary glass and lacquer.
 const USUAL_IOR: f32 = 1.5;
@@ -85,7 +85,7 @@ impl Workshop<'_> {
         if pattern.is_some() && radiance == Vec3::ZERO {
             radiance = Vec3::ONE;
         }
-        for entry in self.overrides.iter().filter(|entry| names::fits(&entry.pattern, &source.name)) {
+        for entry in self.overrides.iter().filter(|entry| fits(&entry.pattern, &source.name)) {
             let place = format!("{}, material \"{}\"", self.place, entry.pattern);
             look.change(entry, &place)?;
             let mut map = |name: &Option<String>, usage: Use| {

@@ -1,30 +1,11 @@
-//! Names, globs, and the names that were perhaps meant.
+//! The names that were perhaps meant.
 
-/// Whether `name` fits `pattern`, where `*` stands for any letters and `?` for one.
-pub(super) fn fits(pattern: &str, name: &str) -> bool {
-    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
-    // The last star seen and the letter it was tried up to: on a mismatch it takes one more.
-    let (mut p, mut n, mut star) = (0, 0, None);
-    while n < name.len() {
-        if p < pattern.len() && pattern[p] == '*' {
-            star = Some((p, n));
-            p += 1;
-        } else if p < pattern.len() && (pattern[p] == '?' || pattern[p] == name[n]) {
-            (p, n) = (p + 1, n + 1);
-        } else if let Some((at, taken)) = star {
-            star = Some((at, taken + 1));
-            (p, n) = (at + 1, taken + 1);
-        } else {
-            return false;
-        }
-    }
-    pattern[p..].iter().all(|&letter| letter == '*')
-}
+use crate::light::names::edit_distance;
 
 /// "did you mean …" with up to three of the nearest names, or what there is.
 pub(super) fn nearest<'a>(name: &str, among: impl Iterator<Item = &'a str>) -> String {
     let mut ranked: Vec<_> =
-        among.map(|other| (distance(&name.to_lowercase(), &other.to_lowercase()), other)).collect();
+        among.map(|other| (edit_distance(&name.to_lowercase(), &other.to_lowercase()), other)).collect();
     ranked.sort();
     ranked.truncate(3);
     if ranked.is_empty() {
@@ -34,40 +15,12 @@ pub(super) fn nearest<'a>(name: &str, among: impl Iterator<Item = &'a str>) -> S
     format!("the nearest names are {}", quoted.join(", "))
 }
 
-/// Levenshtein's distance: insertions, deletions and replacements.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn globs_fit_what_they_say() {
-        for (pattern, name) in [("*", ""), ("a*c", "abbbc"), ("a*b*c", "aXbXbc"), ("?b", "ab"), ("lamp 1*", "lamp 12")]
-        {
-            assert!(fits(pattern, name), "{pattern} {name}");
-        }
-        for (pattern, name) in [("a", "b"), ("a*c", "abb"), ("?", ""), ("", "a")] {
-            assert!(!fits(pattern, name), "{pattern} {name}");
-        }
-    }
-
-    #[test]
     fn the_nearest_name_comes_first() {
-        assert_eq!(distance("kitten", "sitting"), 3);
         assert!(nearest("pannel", ["lamp", "panel", "sky"].into_iter()).starts_with("the nearest names are 'panel'"));
     }
 }

@@ -6,10 +6,11 @@ use std::path::Path;
 use super::Look;
 use super::environment::{nearest_texel, resample};
 use super::file::{Base, Color, LookFile, Rule};
-use super::names::{fits, nearest};
+use super::names::nearest;
 use super::pattern::{image_mask, shape_mask};
 use crate::error::{Error, Result};
 use crate::image::{LinearImage, decode_srgb, kelvin_to_linear, read_image};
+use crate::light::names::fits;
 use crate::light::{Light, LightBasis, LightKind, Lighting};
 
 /// Applies a file's rules to a basis.
