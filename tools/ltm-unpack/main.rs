@@ -2,6 +2,7 @@
 
 #![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
+#[path = "../console.rs"]
 mod console;
 
 use std::path::PathBuf;

@@ -1,0 +1,40 @@
+//! What the commands' inputs have in common.
+
+use std::path::Path;
+
+use ltm::scene::LoadedScene;
+use ltm::{Error, Result};
+
+pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let (width, height) = text.split_once('x').ok_or("write WIDTHxHEIGHT, for example 1024x768")?;
+    let side = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a size ({e})"));
+    Ok((side(width)?, side(height)?))
+}
+
+/// A scene with the samples and size that the command line asks for, and the identity that goes with them.
+pub(crate) fn with_overrides(mut loaded: LoadedScene, samples: Option<u32>, size: Option<(u32, u32)>) -> LoadedScene {
+    loaded.settings.samples_per_pixel = samples.unwrap_or(loaded.settings.samples_per_pixel);
+    if let Some((width, height)) = size {
+        (loaded.scene.camera.width, loaded.scene.camera.height) = (width, height);
+    }
+    loaded.content = ltm::scene::content_hash(&loaded.scene, loaded.settings.max_depth);
+    loaded
+}
+
+/// What a file is, by its name.
+pub(crate) enum Kind {
+    Container,
+    Matrix,
+}
+
+pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("ltc") => Ok(Kind::Container),
+        Some("ltm") | Some("part") => Ok(Kind::Matrix),
+        _ => Err(Error::input(
+            path.display().to_string(),
+            "the name ends neither in .ltc nor in .ltm",
+            "give a container made by ltm-pack or a matrix made by ltm render",
+        )),
+    }
+}

@@ -1,0 +1,86 @@
+//! `ltm`: render a scene into its light transport matrix, relight it, look into the files.
+
+#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
+
+#[path = "../console.rs"]
+mod console;
+mod demo;
+mod info;
+mod input;
+mod maintain;
+mod relight;
+mod render;
+mod verify;
+mod view;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use console::{Console, EXIT_CODES};
+use ltm::Result;
+
+/// Light transport matrices: trace a scene once, then relight it at once.
+///
+/// Without a command, runs the demonstration into the folder `out`.
+#[derive(Parser)]
+#[command(version, after_help = EXIT_CODES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Threads to use [default: one for each core].
+    #[arg(long, global = true)]
+    threads: Option<usize>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render, pack and relight the embedded room, and print what it cost and what it lost.
+    #[command(after_help = "Example: ltm demo --out room --samples 16")]
+    Demo(demo::Demo),
+    /// Render a scene file into a stored matrix (.ltm). An interrupted render is continued by the same command.
+    #[command(after_help = "Examples:
+  ltm render room.toml                       writes room.ltm
+  ltm render room.toml -o t.ltm --samples 256 --size 1024x768
+  ltm render room.toml --blocks 0..100       one part of a farm's work")]
+    Render(render::Render),
+    /// Make an image from a container (.ltc) or a stored matrix (.ltm) under a lighting.
+    #[command(after_help = "Examples:
+  ltm relight room.ltc -o room.exr
+  ltm relight room.ltc -o room.png --on desk --on 'ceiling*' --device cpu")]
+    Relight(relight::Relight),
+    /// Open a container in a window: a mixer for its lights.
+    #[command(after_help = "Needs a build with --features view. Keys are listed under '?'. Example: ltm view room.ltc")]
+    View(view::View),
+    /// Say what a .ltm or .ltc file is.
+    #[command(after_help = "Example: ltm info room.ltc")]
+    Info(info::Info),
+    /// Read every byte of a .ltm or .ltc file and list what is damaged.
+    #[command(after_help = "Exits with 4 if anything is. Example: ltm verify room.ltm")]
+    Verify(verify::Verify),
+    /// Render the damaged and missing blocks of a matrix again.
+    #[command(after_help = "Example: ltm repair room.ltm room.toml --samples 256")]
+    Repair(maintain::Repair),
+    /// Join files that hold different blocks of the same job. Doing it again changes nothing.
+    #[command(after_help = "Example: ltm merge -o whole.ltm part-*.ltm")]
+    Merge(maintain::Merge),
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let console = Console::new();
+    console::finish("ltm", run(arguments, &console))
+}
+
+fn run(arguments: Arguments, console: &Console) -> Result<()> {
+    console::use_threads(arguments.threads)?;
+    match arguments.command.unwrap_or_else(|| Command::Demo(demo::Demo::default())) {
+        Command::Demo(options) => demo::run(&options, console),
+        Command::Render(options) => render::run(&options, console),
+        Command::Relight(options) => relight::run(&options, console),
+        Command::View(options) => view::run(options),
+        Command::Info(options) => info::run(&options),
+        Command::Verify(options) => verify::run(&options),
+        Command::Repair(options) => maintain::repair(&options, console),
+        Command::Merge(options) => maintain::merge(&options),
+    }
+}

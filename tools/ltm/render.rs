@@ -1,0 +1,91 @@
+//! `ltm render`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use ltm::Result;
+use ltm::pipeline::{self, RenderOptions, Watch, human_bytes, parse_bytes};
+use ltm::store::Precision;
+
+use crate::console::Console;
+use crate::input::{parse_size, with_overrides};
+
+#[derive(Args)]
+pub(crate) struct Render {
+    /// The scene file.
+    scene: PathBuf,
+    /// The matrix to write [default: the scene file's name with .ltm, in this folder].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Samples per pixel [default: the scene file's].
+    #[arg(long)]
+    samples: Option<u32>,
+    /// Image size, WIDTHxHEIGHT [default: the scene file's].
+    #[arg(long, value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Precision of the stored entries.
+    #[arg(long, value_enum, default_value = "f32")]
+    precision: PrecisionName,
+    /// Only these blocks, FIRST..END.
+    #[arg(long, value_parser = parse_range)]
+    blocks: Option<std::ops::Range<u32>>,
+    /// Replace a matrix that is there.
+    #[arg(long)]
+    force: bool,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum PrecisionName {
+    F32,
+    F16,
+    Bf16,
+}
+
+pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
+    let loaded = with_overrides(ltm::scene::load(&options.scene)?, options.samples, options.size);
+    for warning in &loaded.warnings {
+        console.note(&format!("warning: {warning}"));
+    }
+    let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltm"));
+    let store = ltm::store::StoreOptions {
+        overwrite: options.force,
+        precision: match options.precision {
+            PrecisionName::F32 => Precision::F32,
+            PrecisionName::F16 => Precision::F16,
+            PrecisionName::Bf16 => Precision::Bf16,
+        },
+        ..Default::default()
+    };
+    let render = RenderOptions { store, blocks: options.blocks.clone(), memory_bytes: options.memory };
+    let report = pipeline::render(loaded, &output, &render, console)?;
+    println!(
+        "{}: {} blocks in {:.1} s, {:.2} M rays/s, peak memory {}",
+        output.display(),
+        report.blocks_traced,
+        report.seconds,
+        report.rays as f64 / report.seconds / 1e6,
+        report.peak_memory_bytes.map_or("unknown".into(), human_bytes),
+    );
+    if report.non_finite > 0 {
+        println!("{} contributions were not finite and were dropped", report.non_finite);
+    }
+    match report.blocks_missing {
+        0 => println!("next: ltm-pack {}", output.display()),
+        missing => println!("{missing} blocks are still missing: render them too, then ltm merge"),
+    }
+    Ok(())
+}
+
+fn parse_range(text: &str) -> Result<std::ops::Range<u32>, String> {
+    let (first, end) = text.split_once("..").ok_or("write FIRST..END, for example 0..100")?;
+    let index = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a block index ({e})"));
+    Ok(index(first)?..index(end)?)
+}
+
+/// `path`'s file name with another extension, in the current folder.
+fn beside(path: &Path, extension: &str) -> PathBuf {
+    PathBuf::from(path.file_stem().unwrap_or(path.as_os_str())).with_extension(extension)
+}
