@@ -11,6 +11,10 @@ use ltm::pipeline::Watch;
 /// A stage shows a bar only when it has run this long.
 const PATIENCE: Duration = Duration::from_millis(700);
 
+/// Gives the memory of freed blocks back, so that a job's peak is what it needs at once, whatever the matrix's size.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// The exit codes, for `--help`.
