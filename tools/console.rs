@@ -11,10 +11,6 @@ use ltm::pipeline::Watch;
 /// A stage shows a bar only when it has run this long.
 const PATIENCE: Duration = Duration::from_millis(700);
 
-/// Gives the memory of freed blocks back, so that a job's peak is what it needs at once, whatever the matrix's size.
-#[global_allocator]
-static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
-
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// The exit codes, for `--help`.
@@ -38,6 +34,7 @@ struct Stage {
 impl Console {
     /// A console whose jobs stop after the blocks at hand on the first Ctrl-C, and at once on the second.
     pub(crate) fn new() -> Self {
+        give_freed_blocks_back();
         let _ = ctrlc::set_handler(|| {
             if INTERRUPTED.swap(true, Ordering::SeqCst) {
                 std::process::exit(130);
@@ -93,6 +90,20 @@ impl Watch for Console {
 
     fn interrupted(&self) -> bool {
         INTERRUPTED.load(Ordering::SeqCst)
+    }
+}
+
+/// Lets the system take back every freed buffer above 128 KiB at once.
+///
+/// glibc begins so, but raises that limit to the size of the largest buffer ever freed, and then keeps the holes that
+/// blocks of many megabytes leave between small results: packing 9 GiB peaked at 563 MiB, five times its need, and more
+/// with larger matrices. Setting the limit fixes it. Other systems' allocators are left alone.
+fn give_freed_blocks_back() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[expect(unsafe_code, reason = "the allocator is tuned through its C interface only")]
+    // SAFETY: `mallopt` takes two integers and touches nothing but the allocator's parameters.
+    unsafe {
+        libc::mallopt(libc::M_MMAP_THRESHOLD, 128 << 10);
     }
 }
 
