@@ -4,6 +4,7 @@ mod relight_source;
 
 use std::sync::atomic::AtomicBool;
 
+use ltm::image::luminance;
 use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting};
 use ltm::matrix::BlockId;
 use ltm::relight::CpuRelighter;
@@ -11,7 +12,6 @@ use ltm::view::groups::Groups;
 use ltm::view::history::History;
 use ltm::view::mixer::{Mix, Tint};
 use ltm::view::pattern::{Brush, Pattern};
-use ltm::view::planck::luminance;
 use ltm::view::reach::{Reach, per_light, pixel_rows};
 use relight_source::{MemoryFactors, Recipe};
 

@@ -60,13 +60,29 @@ fn a_switch_turns_the_light_off_and_on() {
     assert_eq!(driver.picture(), before);
 }
 
-/// While a fader moves in every frame, pictures keep coming, and the last one is that of the last position.
-fn pictures_keep_coming_during_a_long_drag() {
+/// The picture follows while the fader is still held, and the last one is that of the last position.
+fn pictures_come_during_a_drag_and_the_last_is_that_of_its_end() {
     let folder = tempfile::tempdir().unwrap();
     let mut driver = Driver::open(&room(&folder));
-    let fader = driver.find("ceiling, stops");
-    let updates = driver.drag(fader.center(), fader.center() + vec2(40.0, 0.0), 40);
-    assert!(updates >= 10, "only {updates} pictures in 40 frames of 16 ms");
+    let before = driver.picture();
+    let start = driver.find("ceiling, stops").center();
+    let end = start + vec2(30.0, 0.0);
+    driver.press(start);
+    driver.move_to(start + vec2(15.0, 0.0));
+    driver.settle();
+    let held = driver.picture();
+    assert_ne!(held, before, "before the button is let go");
+    (16..=30).for_each(|step| driver.move_to(start + vec2(step as f32, 0.0)));
+    driver.release(end);
+    driver.settle();
+    let slowly = driver.picture();
+    assert_ne!(slowly, held);
+    driver.key(Key::Z, CTRL);
+    driver.settle();
+    assert_eq!(driver.picture(), before);
+    driver.drag(start, end, 1);
+    driver.settle();
+    assert_eq!(driver.picture(), slowly);
 }
 
 /// Keys act on the picture, and `?` lists them.
@@ -122,7 +138,10 @@ fn main() -> ExitCode {
     let tests: [(&str, fn()); 6] = [
         ("a_fader_drag_relights_and_is_one_undo", a_fader_drag_relights_and_is_one_undo),
         ("a_switch_turns_the_light_off_and_on", a_switch_turns_the_light_off_and_on),
-        ("pictures_keep_coming_during_a_long_drag", pictures_keep_coming_during_a_long_drag),
+        (
+            "pictures_come_during_a_drag_and_the_last_is_that_of_its_end",
+            pictures_come_during_a_drag_and_the_last_is_that_of_its_end,
+        ),
         ("keys_expose_and_help_lists_them", keys_expose_and_help_lists_them),
         ("painting_on_the_light_changes_the_room", painting_on_the_light_changes_the_room),
         ("a_file_that_is_no_container_is_told", a_file_that_is_no_container_is_told),

@@ -1,11 +1,14 @@
 //! The colour of a black body.
 
+/// Lowest and highest temperature, in kelvin, that [`kelvin_to_linear`] tells apart.
+pub const KELVIN_RANGE: std::ops::RangeInclusive<f32> = 1667.0..=25_000.0;
+
 /// Linear Rec. 709 colour of a black body, scaled to luminance 1; channels that leave the gamut are 0.
 ///
 /// Planckian locus after Kim et al., *Design of advanced color temperature control system for HDTV applications*
-/// (2002), good from 1,667 to 25,000 K; temperatures outside are brought to that range.
+/// (2002), good over [`KELVIN_RANGE`], to which temperatures outside are brought.
 pub fn kelvin_to_linear(kelvin: f32) -> [f32; 3] {
-    let t = f64::from(kelvin).clamp(1667.0, 25_000.0);
+    let t = f64::from(kelvin.clamp(*KELVIN_RANGE.start(), *KELVIN_RANGE.end()));
     let u = 1e3 / t;
     let x = if t <= 4000.0 {
         -0.266_123_9 * u.powi(3) - 0.234_358_9 * u.powi(2) + 0.877_695_6 * u + 0.179_910

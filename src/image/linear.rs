@@ -24,6 +24,11 @@ impl LinearImage {
 
     /// Rec. 709 luminance of every pixel.
     pub fn luminances(&self) -> impl Iterator<Item = f32> + '_ {
-        self.pixels.iter().map(|[r, g, b]| 0.2126 * r + 0.7152 * g + 0.0722 * b)
+        self.pixels.iter().copied().map(luminance)
     }
+}
+
+/// Rec. 709 luminance of a linear colour.
+pub fn luminance([r, g, b]: [f32; 3]) -> f32 {
+    0.2126 * r + 0.7152 * g + 0.0722 * b
 }

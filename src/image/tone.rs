@@ -45,17 +45,29 @@ impl ToneMapping {
         Self { exposure_stops: self.exposure_stops + (white / level).log2(), ..self }
     }
 
-    /// Displayed (sRGB-encoded) values of a linear pixel, in [0, 1]; values that are not finite count as 0.
-    pub fn display(self, pixel: [f32; 3]) -> [f32; 3] {
+    /// What each channel of a pixel is multiplied by before the curve: exposure and white balance.
+    pub fn gains(self) -> [f32; 3] {
         let gain = self.exposure_stops.exp2();
         let white = self.white_kelvin.map_or([1.0; 3], |kelvin| kelvin_to_linear(kelvin).map(|v| v.max(0.05)));
-        let exposed = |ch: usize| Some(pixel[ch] * gain / white[ch]).filter(|v| v.is_finite()).unwrap_or(0.0).max(0.0);
-        let linear = [exposed(0), exposed(1), exposed(2)];
-        match self.curve {
-            ToneCurve::None => linear.map(encode_srgb),
-            ToneCurve::Agx => agx(linear),
-            ToneCurve::Filmic => linear.map(|v| encode_srgb((v * (2.51 * v + 0.03)) / (v * (2.43 * v + 0.59) + 0.14))),
-            ToneCurve::Neutral => neutral(linear).map(encode_srgb),
+        white.map(|white| gain / white)
+    }
+
+    /// Displayed (sRGB-encoded) values of a linear pixel, in [0, 1]; values that are not finite count as 0.
+    pub fn display(self, pixel: [f32; 3]) -> [f32; 3] {
+        let gains = self.gains();
+        self.curve.encode([0, 1, 2].map(|ch: usize| pixel[ch] * gains[ch]))
+    }
+}
+
+impl ToneCurve {
+    /// Displayed (sRGB-encoded) values of an exposed linear pixel, in [0, 1]; values that are not finite count as 0.
+    pub fn encode(self, exposed: [f32; 3]) -> [f32; 3] {
+        let linear = exposed.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
+        match self {
+            Self::None => linear.map(encode_srgb),
+            Self::Agx => agx(linear),
+            Self::Filmic => linear.map(|v| encode_srgb((v * (2.51 * v + 0.03)) / (v * (2.43 * v + 0.59) + 0.14))),
+            Self::Neutral => neutral(linear).map(encode_srgb),
         }
     }
 }

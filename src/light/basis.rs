@@ -89,6 +89,11 @@ impl Light {
 }
 
 impl LightKind {
+    /// Whether its texels are directions all around.
+    pub fn is_environment(self) -> bool {
+        matches!(self, Self::LatLong { .. } | Self::Octahedral { .. })
+    }
+
     /// Texels (across, down); (1, 1) for lights of one column.
     pub fn layout(self) -> (u32, u32) {
         match self {

@@ -51,6 +51,28 @@ impl CpuRelighter {
         Ok(Self { shape, blocks, damage: damage.into_iter().flatten().collect() })
     }
 
+    /// Reads some blocks again, with the layers that `source` gives by now: how a picture grows while its container
+    /// streams in.
+    ///
+    /// Errors: as [`load`](Self::load); the blocks stay as they were then. Panics if the source has another shape.
+    pub fn refine(&mut self, source: &dyn FactorSource, ids: &[BlockId]) -> Result<()> {
+        let shape = self.shape;
+        assert_eq!(source.shape(), shape);
+        let read: Vec<_> = ids
+            .par_iter()
+            .map(|&id| {
+                let readable = read_what_stands(source, id)?;
+                let block = readable.block.map(|block| CompactBlock::new(shape, id, &block)).transpose()?;
+                Ok((id, block, readable.damage.map(|damage| damage.to_string())))
+            })
+            .collect::<Result<_>>()?;
+        for (id, block, damage) in read {
+            self.blocks[id.index()] = block;
+            self.damage.extend(damage.filter(|line| !self.damage.contains(line)));
+        }
+        Ok(())
+    }
+
     /// Shape of the matrix.
     pub fn shape(&self) -> MatrixShape {
         self.shape

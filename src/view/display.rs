@@ -2,11 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::planck::{colour_of_kelvin, luminance};
-use crate::image::LinearImage;
-use crate::image::encode_srgb;
+use crate::image::{LinearImage, ToneCurve, ToneMapping, encode_srgb, false_colour};
 
-/// White point that changes nothing, in kelvin.
+/// White point that is shown where none was chosen, in kelvin: near that of Rec. 709.
 pub const NEUTRAL_KELVIN: f32 = 6500.0;
 
 /// Stops below and above 1 that histogram and false colour cover.
@@ -16,13 +14,11 @@ pub const STOPS_SHOWN: (f32, f32) = (-10.0, 6.0);
 pub const BINS: usize = 128;
 
 /// How radiance is turned to colours.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Display {
-    /// Exposure in stops.
-    pub exposure_stops: f32,
-    /// Colour temperature that is shown as white, in kelvin.
-    pub white_kelvin: f32,
-    /// Whether luminance is shown as false colour, over [`STOPS_SHOWN`] after exposure.
+    /// Exposure, white balance and curve.
+    pub tone: ToneMapping,
+    /// Whether luminance is shown as false colour instead, over [`STOPS_SHOWN`] after exposure.
     pub false_colour: bool,
 }
 
@@ -37,60 +33,73 @@ pub struct Shown {
     pub histogram: Vec<[f32; 3]>,
 }
 
-impl Default for Display {
-    fn default() -> Self {
-        Self { exposure_stops: 0.0, white_kelvin: NEUTRAL_KELVIN, false_colour: false }
-    }
-}
+/// The curves with their names, in the order in which they are offered.
+pub const CURVES: [(ToneCurve, &str); 4] = [
+    (ToneCurve::None, "sRGB"),
+    (ToneCurve::Agx, "AgX"),
+    (ToneCurve::Filmic, "Filmic"),
+    (ToneCurve::Neutral, "Neutral"),
+];
 
 impl Display {
-    /// Gain of each channel: exposure and white balance, which keeps the luminance of white.
-    pub fn gains(&self) -> [f32; 3] {
-        let exposure = self.exposure_stops.exp2();
-        if self.white_kelvin == NEUTRAL_KELVIN {
-            return [exposure; 3];
+    /// The next way to show radiance, or the one before: the curves of [`CURVES`], then false colour.
+    pub fn next(self, back: bool) -> Self {
+        let ways = CURVES.len() + 1;
+        let curve = CURVES.iter().position(|(curve, _)| *curve == self.tone.curve).unwrap_or(0);
+        let now = if self.false_colour { CURVES.len() } else { curve };
+        let next = (now + if back { ways - 1 } else { 1 }) % ways;
+        match CURVES.get(next) {
+            Some(&(curve, _)) => Self { tone: ToneMapping { curve, ..self.tone }, false_colour: false },
+            None => Self { false_colour: true, ..self },
         }
-        let (neutral, white) = (colour_of_kelvin(NEUTRAL_KELVIN), colour_of_kelvin(self.white_kelvin));
-        let gains = [0, 1, 2].map(|ch| neutral[ch] / white[ch].max(1e-3));
-        let luminance = luminance(gains);
-        gains.map(|gain| gain / luminance * exposure)
+    }
+
+    /// Luminances, before exposure, at the ends of the false colours.
+    pub fn luminance_range(self) -> (f32, f32) {
+        let at = |stops: f32| (stops - self.tone.exposure_stops).exp2();
+        (at(STOPS_SHOWN.0), at(STOPS_SHOWN.1))
     }
 
     /// Exposure, in stops, that brings the 85th percentile of luminance to 0.7, so that lamps in view do not
-    /// darken the room; 0 for a black picture.
+    /// darken the room; black pixels do not count, nor do parts that are still to come. 0 for a black picture.
     pub fn exposure_for(image: &LinearImage) -> f32 {
-        let mut luminances: Vec<f32> = image.luminances().filter(|v| v.is_finite()).collect();
+        let mut luminances: Vec<f32> = image.luminances().filter(|v| v.is_finite() && *v > 0.0).collect();
         if luminances.is_empty() {
             return 0.0;
         }
         let index = (luminances.len() - 1) * 85 / 100;
         let bright = *luminances.select_nth_unstable_by(index, f32::total_cmp).1;
-        if bright > 0.0 { (0.7 / bright).log2().clamp(-24.0, 24.0) } else { 0.0 }
+        (0.7 / bright).log2().clamp(-24.0, 24.0)
     }
 
     /// The picture as it is shown, on all threads.
     pub fn show(&self, image: &LinearImage) -> Shown {
-        let gains = self.gains();
+        let (gains, curve) = (self.tone.gains(), self.tone.curve);
         let (width, height) = (image.width as usize, image.height as usize);
         let mut rgba = vec![255; width * height * 4];
-        let curve = Curve::new();
+        let table = SrgbTable::new();
+        let (low, high) = self.luminance_range();
+        // Exposures beyond what a float can hold leave no range to colour.
+        let coloured = if self.false_colour { false_colour(image, low, high).ok() } else { None };
+        let pixels = coloured.as_ref().map_or(&image.pixels, |coloured| &coloured.pixels);
         let counts = rgba
             .par_chunks_mut((width * 4).max(1))
             .zip(image.pixels.par_chunks(width.max(1)))
+            .zip(pixels.par_chunks(width.max(1)))
             .fold(
                 || vec![[0u32; 3]; BINS],
-                |mut counts, (row, pixels)| {
-                    for (bytes, pixel) in row.chunks_exact_mut(4).zip(pixels) {
-                        let exposed = [0, 1, 2].map(|ch| pixel[ch] * gains[ch]);
+                |mut counts, ((row, pixels), coloured)| {
+                    for ((bytes, pixel), colour) in row.chunks_exact_mut(4).zip(pixels).zip(coloured) {
+                        let exposed = [0, 1, 2].map(|ch: usize| pixel[ch] * gains[ch]);
                         for (channel, value) in exposed.into_iter().enumerate() {
                             counts[bin(value)][channel] += 1;
                         }
-                        let colour = if self.false_colour {
-                            false_colour(luminance(exposed))
-                        } else {
-                            exposed.map(|value| curve.encode(value))
+                        let shown = match curve {
+                            _ if self.false_colour => colour.map(|value| table.encode(value)),
+                            ToneCurve::None => exposed.map(|value| table.encode(value)),
+                            curve => curve.encode(exposed).map(|value| (value * 255.0 + 0.5) as u8),
                         };
-                        bytes[..3].copy_from_slice(&colour);
+                        bytes[..3].copy_from_slice(&shown);
                     }
                     counts
                 },
@@ -118,9 +127,9 @@ fn bin(value: f32) -> usize {
 }
 
 /// The sRGB curve as a table over values of [0, 1], fine enough that no 8-bit step is missed where it is steepest.
-struct Curve(Vec<u8>);
+struct SrgbTable(Vec<u8>);
 
-impl Curve {
+impl SrgbTable {
     const STEPS: usize = 1 << 14;
 
     fn new() -> Self {
@@ -134,37 +143,40 @@ impl Curve {
     }
 }
 
-/// Stops of an exposed luminance as a colour: from deep blue over green and yellow to red, white above all.
-pub fn false_colour(value: f32) -> [u8; 3] {
-    const STOPS: [[f32; 3]; 7] = [
-        [0.07, 0.04, 0.18],
-        [0.16, 0.23, 0.60],
-        [0.10, 0.56, 0.66],
-        [0.24, 0.72, 0.36],
-        [0.93, 0.85, 0.24],
-        [0.94, 0.45, 0.14],
-        [1.00, 0.93, 0.92],
-    ];
-    let (low, high) = STOPS_SHOWN;
-    let at = ((value.max(f32::MIN_POSITIVE).log2() - low) / (high - low)).clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
-    let (index, part) = ((at as usize).min(STOPS.len() - 2), at - (at as usize).min(STOPS.len() - 2) as f32);
-    [0, 1, 2].map(|ch| ((STOPS[index][ch] * (1.0 - part) + STOPS[index + 1][ch] * part) * 255.0 + 0.5) as u8)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn exposed(exposure_stops: f32) -> Display {
+        Display { tone: ToneMapping { exposure_stops, ..Default::default() }, ..Default::default() }
+    }
 
     #[test]
     fn a_stop_doubles_and_bytes_are_those_of_srgb() {
         let pixels = (0..4096).map(|i| [i as f32 / 4095.0, 0.0, f32::NAN]).collect();
         let image = LinearImage { width: 64, height: 64, pixels };
-        let shown = Display { exposure_stops: 1.0, ..Default::default() }.show(&image);
+        let shown = exposed(1.0).show(&image);
         for (bytes, pixel) in shown.rgba.chunks_exact(4).zip(&image.pixels) {
             let exact = encode_srgb(pixel[0] * 2.0) * 255.0;
             // Rounding to a byte and to a step of the table, where sRGB is steepest: 12.92 · 255 / 2¹⁴ / 2.
             assert!((f32::from(bytes[0]) - exact).abs() <= 0.5 + 0.11, "{exact}");
             assert_eq!(bytes[1..], [0, 0, 255]);
+        }
+    }
+
+    #[test]
+    fn every_curve_is_shown_as_a_written_image_would_be() {
+        let pixels = (0..512).map(|i| [i as f32 / 100.0, 0.3, 0.01]).collect();
+        let image = LinearImage { width: 32, height: 16, pixels };
+        for (curve, name) in CURVES {
+            let tone = ToneMapping { curve, exposure_stops: -0.7, white_kelvin: Some(4000.0) };
+            let shown = Display { tone, false_colour: false }.show(&image);
+            for (bytes, &pixel) in shown.rgba.chunks_exact(4).zip(&image.pixels) {
+                for (byte, value) in bytes.iter().zip(tone.display(pixel)) {
+                    // As above; only the curve without a shoulder goes through the table.
+                    assert!((f32::from(*byte) - value * 255.0).abs() <= 0.5 + 0.11, "{name}: {value}");
+                }
+            }
         }
     }
 
@@ -179,12 +191,30 @@ mod tests {
     }
 
     #[test]
-    fn white_balance_makes_its_white_grey_and_keeps_its_brightness() {
-        let display = Display { white_kelvin: 3000.0, ..Default::default() };
-        let (white, neutral) = (colour_of_kelvin(3000.0), colour_of_kelvin(NEUTRAL_KELVIN));
-        let seen = [0, 1, 2].map(|ch| white[ch] * display.gains()[ch] / neutral[ch]);
-        assert!((seen[0] / seen[1] - 1.0).abs() < 1e-4 && (seen[2] / seen[1] - 1.0).abs() < 1e-4);
-        assert!((luminance(display.gains()) - 1.0).abs() < 1e-5);
+    fn all_ways_to_show_come_in_turn_and_back() {
+        let first = exposed(2.0);
+        let mut display = first;
+        let mut seen = 0;
+        loop {
+            assert_eq!(display.next(false).next(true).false_colour, display.false_colour);
+            display = display.next(false);
+            seen += 1;
+            if display == first {
+                break;
+            }
+        }
+        assert_eq!(seen, CURVES.len() + 1);
+    }
+
+    #[test]
+    fn false_colours_end_where_the_histogram_does() {
+        let (low, high) = exposed(3.0).luminance_range();
+        let image = LinearImage { width: 2, height: 1, pixels: vec![[low; 3], [high; 3]] };
+        let shown = Display { false_colour: true, ..exposed(3.0) }.show(&image);
+        assert_eq!(shown.rgba, [0, 0, 0, 255, 255, 255, 255, 255]);
+        for absurd in [1e9, -1e9, f32::NAN] {
+            Display { false_colour: true, ..exposed(absurd) }.show(&image);
+        }
     }
 
     #[test]

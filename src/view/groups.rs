@@ -159,7 +159,7 @@ impl Groups {
 }
 
 /// A name cut into text and numbers, so that `lamp 10` comes after `lamp 9`.
-fn natural(name: &str) -> Vec<(String, u64)> {
+pub(super) fn natural(name: &str) -> Vec<(String, u64)> {
     let mut parts = vec![(String::new(), 0u64)];
     let mut in_number = false;
     for c in name.chars() {

@@ -3,13 +3,16 @@
 use std::ops::RangeInclusive;
 
 use super::groups::Groups;
-use super::pattern::Pattern;
-use super::planck::{colour_of_kelvin, luminance};
+use super::pattern::{Pattern, Shape};
 use crate::error::Result;
+use crate::image::{KELVIN_RANGE, kelvin_to_linear, luminance};
 use crate::light::{Light, LightBasis, Lighting};
 
 /// How far a light can be taken up or down, in stops.
 pub const STOPS_RANGE: RangeInclusive<f32> = -8.0..=8.0;
+
+/// Share of a colour's largest channel by which two colours that count as the same may differ.
+const SAME_COLOUR: f32 = 1e-5;
 
 /// Colour of a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,6 +39,8 @@ pub struct LightMix {
     pub tint: Tint,
     /// What each texel is multiplied by; none: 1 everywhere.
     pub pattern: Option<Pattern>,
+    /// The shape that made the pattern, as long as nothing else has changed it.
+    pub shape: Option<Shape>,
     /// How far an environment is turned about the vertical, to the right, in radians.
     pub turn_radians: f32,
 }
@@ -62,7 +67,7 @@ impl LightMix {
     /// As the scene file lights it: off if it has no emission there.
     pub fn of_scene(light: &Light) -> Self {
         let on = luminance(light.emission) != 0.0;
-        Self { on, solo: false, stops: 0.0, tint: Tint::Scene, pattern: None, turn_radians: 0.0 }
+        Self { on, solo: false, stops: 0.0, tint: Tint::Scene, pattern: None, shape: None, turn_radians: 0.0 }
     }
 
     /// Weight of a texel with pattern 1, were the light on: the tint with the luminance of the scene's emission, which
@@ -76,8 +81,43 @@ impl LightMix {
         match self.tint {
             Tint::Scene => of_scene,
             Tint::Colour(colour) => bright(colour),
-            Tint::Kelvin(kelvin) => bright(colour_of_kelvin(kelvin)),
+            Tint::Kelvin(kelvin) => bright(kelvin_to_linear(kelvin)),
         }
+    }
+
+    /// What gives a light these weights. One weight on all texels becomes stops and a tint, a black body's where one
+    /// fits; other weights become a pattern.
+    pub fn of_weights(light: &Light, weights: &[[f32; 3]]) -> Self {
+        let of_scene = Self::of_scene(light);
+        let Some(first) = weights.first().filter(|_| weights.iter().flatten().any(|v| *v != 0.0)) else {
+            return Self { on: false, ..of_scene };
+        };
+        let mix = Self { on: true, ..of_scene };
+        let base = mix.colour(light);
+        if weights.iter().all(|weight| weight == first) {
+            let stops = (luminance(*first) / luminance(base)).log2();
+            let near = |colour: [f32; 3]| {
+                let peak = first.iter().copied().fold(0.0, f32::max);
+                let gain = stops.exp2();
+                (0..3).all(|ch| (colour[ch] * gain - first[ch]).abs() <= SAME_COLOUR * peak)
+            };
+            let tints = [Tint::Scene, Tint::Kelvin(kelvin_of(*first).round()), Tint::Kelvin(kelvin_of(*first))];
+            let positive = first.iter().all(|v| *v >= 0.0);
+            let tint = tints.into_iter().find(|&tint| near(Self { tint, ..mix.clone() }.colour(light)));
+            if positive && STOPS_RANGE.contains(&stops) {
+                let peak = first.iter().copied().fold(0.0, f32::max);
+                return Self { stops, tint: tint.unwrap_or(Tint::Colour(first.map(|v| v / peak))), ..mix };
+            }
+        }
+        // A channel that the scene's colour lacks could not be multiplied up from it.
+        let tint = if base.iter().all(|v| *v > 0.0) { Tint::Scene } else { Tint::Colour([1.0; 3]) };
+        let mix = Self { tint, ..mix };
+        let base = mix.colour(light);
+        let mut pattern = Pattern::white(light.layout());
+        for (texel, weight) in pattern.texels_mut().iter_mut().zip(weights) {
+            *texel = [0, 1, 2].map(|ch: usize| weight[ch] / base[ch]);
+        }
+        Self { pattern: Some(pattern), ..mix }
     }
 
     /// Whether it is as the scene file has it, solo aside.
@@ -99,6 +139,15 @@ impl Mix {
             lights: basis.lights().iter().map(LightMix::of_scene).collect(),
             groups: vec![GroupMix::default(); groups.len()],
         }
+    }
+
+    /// What gives this lighting: see [`LightMix::of_weights`].
+    pub fn of_lighting(basis: &LightBasis, groups: &Groups, lighting: &Lighting) -> Self {
+        let of_light = |light: &Light| {
+            let columns = light.columns();
+            LightMix::of_weights(light, &lighting.weights()[columns.start as usize..columns.end as usize])
+        };
+        Self { lights: basis.lights().iter().map(of_light).collect(), ..Self::of_scene(basis, groups) }
     }
 
     /// Whether any light is heard alone.
@@ -149,6 +198,18 @@ impl Mix {
         }
         Lighting::new(weights)
     }
+}
+
+/// Temperature, in kelvin, of the black body that has the same ratio of red to blue.
+fn kelvin_of([red, _, blue]: [f32; 3]) -> f32 {
+    let (mut low, mut high) = (*KELVIN_RANGE.start(), *KELVIN_RANGE.end());
+    // Red falls against blue all the way up; f32 is exhausted before the steps are.
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        let [r, _, b] = kelvin_to_linear(middle);
+        if r * blue > b * red { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
 }
 
 #[cfg(test)]
@@ -231,6 +292,25 @@ mod tests {
         assert_eq!(shining(&mix), [0, 1, 2]);
         let weights = mix.lighting(&basis, &groups).unwrap();
         assert_eq!(weights.weights()[6], [0.0; 3], "a light that the scene leaves dark starts switched off");
+    }
+
+    #[test]
+    fn weights_are_understood_as_stops_tints_and_patterns() {
+        let basis = basis();
+        let lamp = &basis.lights()[0];
+        let read = |weight: [f32; 3]| LightMix::of_weights(lamp, &[weight]);
+        assert_eq!(read([2.0, 1.0, 0.5]), LightMix::of_scene(lamp));
+        assert_eq!(read([8.0, 4.0, 2.0]).stops, 2.0);
+        assert_eq!(read([0.0; 3]), LightMix { on: false, ..LightMix::of_scene(lamp) });
+        let warm = LightMix { tint: Tint::Kelvin(2700.0), ..LightMix::of_scene(lamp) }.colour(lamp);
+        assert_eq!(read(warm.map(|v| v * 0.25)).tint, Tint::Kelvin(2700.0));
+        let green = read([0.0, 3.0, 0.0]);
+        assert_eq!(green.tint, Tint::Colour([0.0, 1.0, 0.0]));
+        assert!((luminance(green.colour(lamp)) * green.stops.exp2() / luminance([0.0, 3.0, 0.0]) - 1.0).abs() < 1e-5);
+        let far = read([2e6, 1e6, 5e5]);
+        assert_eq!((far.stops, far.pattern.unwrap().texels()), (0.0, &[[1e6; 3]][..]));
+        let panel = LightMix::of_weights(&basis.lights()[2], &[[0.0; 3], [3.0; 3], [6.0; 3], [3.0, 0.0, 0.0]]);
+        assert_eq!(panel.pattern.unwrap().texels(), [[0.0; 3], [1.0; 3], [2.0; 3], [1.0, 0.0, 0.0]]);
     }
 
     #[test]

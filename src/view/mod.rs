@@ -1,16 +1,18 @@
 //! The window: a light mixer over a container.
 //!
 //! What the window knows is kept apart from how it looks. [`mixer`], [`groups`], [`pattern`], [`history`],
-//! [`snapshots`], [`viewport`] and [`reach`] are plain state with tests of their own and are always built; the window
-//! over them needs the feature `view`.
+//! [`snapshots`], [`looks`], [`recent`], [`export`], [`viewport`] and [`reach`] are plain state with tests of their own
+//! and are always built; the window over them needs the feature `view`.
 
 pub mod display;
+pub mod export;
 pub mod groups;
 pub mod history;
+pub mod looks;
 pub mod mixer;
 pub mod pattern;
-pub mod planck;
 pub mod reach;
+pub mod recent;
 pub mod snapshots;
 pub mod viewport;
 pub mod worker;
@@ -34,6 +36,8 @@ pub struct WindowOptions {
     pub frames: u32,
     /// Size of the window, in points.
     pub size: Option<[f32; 2]>,
+    /// Folder in which the list of recent files is kept; none: it is forgotten with the window.
+    pub state_folder: Option<PathBuf>,
 }
 
 /// Says how to build with the window; this build is without.

@@ -140,7 +140,7 @@ impl Pattern {
         }
         let clean = |pixel: [f32; 3]| pixel.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
         let mut sums = vec![[0.0f64; 4]; size.0 as usize * size.1 as usize];
-        let is_environment = matches!(kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. });
+        let is_environment = kind.is_environment();
         for row in 0..height {
             let v = (row as f32 + 0.5) / height as f32;
             let weight = if is_environment { f64::from((PI * v).sin()) } else { 1.0 };
@@ -173,7 +173,7 @@ impl Pattern {
 
     /// The environment turned to the right about the vertical; other lights as they are.
     pub fn turned(&self, kind: LightKind, radians: f32) -> Cow<'_, Self> {
-        let is_environment = matches!(kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. });
+        let is_environment = kind.is_environment();
         if !is_environment || radians == 0.0 || kind.layout() != self.size {
             return Cow::Borrowed(self);
         }

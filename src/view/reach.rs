@@ -2,8 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::planck::luminance;
 use crate::error::Result;
+use crate::image::luminance;
 use crate::light::LightBasis;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS, FactorSource, FactoredBlock, MatrixShape};

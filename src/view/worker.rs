@@ -9,17 +9,22 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use super::display::{Display, Shown};
+use super::mixer::Mix;
 use super::reach::{Reach, per_light, pixel_rows};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::{LightBasis, Lighting};
-use crate::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape};
+use crate::matrix::{BlockId, CHANNELS, ColumnIndex, FactorSource, FactoredBlock, MatrixShape};
 use crate::relight::{CpuRelighter, Relit};
 
 /// A changed lighting is applied column by column while fewer than one in this many columns change: a column of `R` is
 /// gathered entry by entry, some ten times dearer than in a pass over all of it.
 const FEW_COLUMNS: usize = 10;
+
+/// Blocks that are read before the first picture, and how long later steps may take, in seconds.
+const FIRST_STEP: usize = 16;
+const STEP_SECS: f64 = 0.08;
 
 /// What the window wants to see.
 #[derive(Clone, Debug)]
@@ -45,28 +50,62 @@ pub struct Picture {
     pub shown: Shown,
     /// The compared picture, as it is shown.
     pub compared: Option<Shown>,
-    /// Whether all layers are in it; before that it is made of the base layers.
-    pub complete: bool,
+    /// What of the container is in it.
+    pub progress: Progress,
     /// Time of relighting alone; 0 where the lighting had not changed.
     pub relight_secs: f64,
     /// Time from taking the request to the finished picture.
     pub total_secs: f64,
 }
 
-/// What comes back from the worker.
+/// How much of the container is resident: base layers of all blocks come first, then all their layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Share of the blocks whose base layer is there.
+    pub base: f32,
+    /// Share of the blocks that are there with all their layers.
+    pub whole: f32,
+}
+
+impl Progress {
+    /// Everything is there.
+    pub const COMPLETE: Self = Self { base: 1.0, whole: 1.0 };
+
+    /// Whether everything is there.
+    pub fn is_complete(self) -> bool {
+        self == Self::COMPLETE
+    }
+}
+
+/// What work beside the worker brings.
 #[derive(Debug)]
+pub enum Brought {
+    /// Something was written; one line about it.
+    Message(String),
+    /// An image was read.
+    Image {
+        /// Its file.
+        path: PathBuf,
+        /// The light that it is for; none: it is a reference.
+        light: Option<usize>,
+        /// The image.
+        image: LinearImage,
+    },
+    /// A lighting file was read.
+    Look {
+        /// The file.
+        path: PathBuf,
+        /// What it puts on the lights.
+        mix: Mix,
+    },
+}
+
+/// What comes back from the worker.
 pub enum Event {
     /// A picture.
     Picture(Box<Picture>),
-    /// All factors are resident: bytes that they take, mean rank, and one line for each damaged block.
-    Loaded {
-        /// Bytes in memory.
-        factor_bytes: u64,
-        /// Mean rank of the blocks.
-        mean_rank: f64,
-        /// Damaged blocks.
-        damage: Vec<String>,
-    },
+    /// All factors are resident.
+    Loaded(Arc<CpuRelighter>),
     /// What each column brings to the picture is known.
     Reach(Reach),
     /// What each light brings to a pixel, at the newest lighting: luminances.
@@ -76,6 +115,8 @@ pub enum Event {
         /// One value for each light.
         lights: Vec<f32>,
     },
+    /// Work beside the worker is done, or failed with a message.
+    Brought(Result<Brought, String>),
     /// Something could not be done.
     Failed(String),
 }
@@ -114,6 +155,11 @@ impl FactorSource for Metered<'_> {
         if self.stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted("the window was closed".into()));
         }
+        if layers.is_empty() {
+            // Also of blocks that the container does not hold.
+            let (rows, columns) = (self.shape().rect(id).pixels() * CHANNELS, self.shape().columns());
+            return Ok(FactoredBlock { rows, columns, ..Default::default() });
+        }
         self.meter.bytes_read.fetch_add(self.source.encoded_bytes(id, layers.clone()), Ordering::Relaxed);
         self.meter.blocks_read.fetch_add(1, Ordering::Relaxed);
         self.source.read_layers(id, layers)
@@ -149,6 +195,7 @@ impl Shared {
 pub struct Worker {
     shared: Arc<Shared>,
     events: Receiver<Event>,
+    outbox: Outbox,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -175,7 +222,7 @@ impl Worker {
         let (sender, events) = channel();
         let outbox = Outbox { events: sender, wake };
         let thread = {
-            let shared = shared.clone();
+            let (shared, outbox) = (shared.clone(), outbox.clone());
             std::thread::spawn(move || {
                 if let Err(error) = work(&source, &shared, &outbox)
                     && !shared.stopped()
@@ -184,7 +231,7 @@ impl Worker {
                 }
             })
         };
-        Self { shared, events, thread: Some(thread) }
+        Self { shared, events, outbox, thread: Some(thread) }
     }
 
     /// Asks for a picture; one that was asked for and not begun is forgotten.
@@ -197,6 +244,13 @@ impl Worker {
     pub fn ask_pixel(&self, pixel: [u32; 2]) {
         self.shared.wishes().pixel = Some(pixel);
         self.shared.woken.notify_all();
+    }
+
+    /// Does something that takes long, writing a file say, on a thread of its own; what it returns comes back as
+    /// [`Event::Brought`].
+    pub fn beside(&self, work: impl FnOnce() -> Result<Brought> + Send + 'static) {
+        let outbox = self.outbox.clone();
+        std::thread::spawn(move || outbox.send(Event::Brought(work().map_err(|error| error.to_string()))));
     }
 
     /// The events since the last call.
@@ -223,22 +277,38 @@ impl Drop for Worker {
 
 /// Loads base layers, then everything, and serves wishes in between and after.
 fn work(source: &Arc<ContainerReader>, shared: &Arc<Shared>, outbox: &Outbox) -> Result<()> {
-    let load =
-        |most_layers| CpuRelighter::load(&Metered { source, meter: &shared.meter, most_layers, stop: &shared.stop });
-    let shape = source.shape();
-    let layered = shape.blocks().any(|id| source.layer_count(id) > 1);
-    let mut desk = Desk { source: source.clone(), shared: shared.clone(), outbox: outbox.clone(), kept: None };
-    if layered {
-        let base = load(1)?;
-        desk.serve(&base, false, false);
-        desk.kept = None;
+    let metered = |most_layers| Metered { source, meter: &shared.meter, most_layers, stop: &shared.stop };
+    let mut desk =
+        Desk { source: source.clone(), shared: shared.clone(), outbox: outbox.clone(), kept: None, last: None };
+    // Without layers every block is black and nothing is read.
+    let mut relighter = CpuRelighter::load(&metered(0))?;
+    let mut ids: Vec<BlockId> = source.shape().blocks().filter(|&id| source.has_block(id)).collect();
+    middle_first(source.shape(), &mut ids);
+    let (all, refined): (usize, Vec<_>) =
+        (ids.len(), ids.iter().copied().filter(|&id| source.layer_count(id) > 1).collect());
+    let mut progress = Progress::default();
+    for (most_layers, ids) in [(1, ids), (u32::MAX, refined)] {
+        let (mut at, mut step) = (0, FIRST_STEP);
+        while at < ids.len() {
+            let begun = Instant::now();
+            let these = &ids[at..(at + step).min(ids.len())];
+            relighter.refine(&metered(most_layers), these)?;
+            at += these.len();
+            let share = at as f32 / all as f32;
+            match most_layers {
+                1 => progress.base = share,
+                _ => progress.whole = (all - ids.len() + at) as f32 / all as f32,
+            }
+            // Larger steps where reading is quick: pictures in between cost time that reading could use.
+            step = if begun.elapsed().as_secs_f64() < STEP_SECS { step * 2 } else { step.div_ceil(2) };
+            if at < ids.len() {
+                desk.show_progress(&relighter, progress);
+            }
+        }
     }
-    let whole = load(u32::MAX)?;
-    outbox.send(Event::Loaded {
-        factor_bytes: whole.factor_bytes(),
-        mean_rank: whole.mean_rank(),
-        damage: whole.damage().to_vec(),
-    });
+    let whole = Arc::new(relighter);
+    outbox.send(Event::Loaded(whole.clone()));
+    desk.show_progress(&whole, Progress::COMPLETE);
     let reach = {
         let (source, shared, outbox) = (source.clone(), shared.clone(), outbox.clone());
         std::thread::spawn(move || {
@@ -248,8 +318,18 @@ fn work(source: &Arc<ContainerReader>, shared: &Arc<Shared>, outbox: &Outbox) ->
             }
         })
     };
-    desk.serve(&whole, true, true);
+    desk.serve(&whole);
     reach.join().map_err(|_| Error::input("contributions", "cannot be measured", "open the file again"))
+}
+
+/// Puts the blocks in the middle of the picture, where people look, before those at its edges.
+fn middle_first(shape: MatrixShape, ids: &mut [BlockId]) {
+    let middle = [shape.width(), shape.height()].map(|v| f64::from(v) / 2.0);
+    ids.sort_by_cached_key(|&id| {
+        let rect = shape.rect(id);
+        let [x, y] = [rect.x + rect.width / 2, rect.y + rect.height / 2].map(f64::from);
+        ((x - middle[0]).hypot(y - middle[1]) * 16.0) as u64
+    });
 }
 
 /// What the worker keeps between wishes.
@@ -258,6 +338,8 @@ struct Desk {
     shared: Arc<Shared>,
     outbox: Outbox,
     kept: Option<Kept>,
+    /// The request of the newest picture, to show it again when more has streamed in.
+    last: Option<Request>,
 }
 
 struct Kept {
@@ -267,8 +349,20 @@ struct Kept {
 }
 
 impl Desk {
-    /// Serves wishes: `for_ever` until the stop, else one picture, whose request stays for the next relighter.
-    fn serve(&mut self, relighter: &CpuRelighter, complete: bool, for_ever: bool) {
+    /// Shows what the newest request gives with the factors that are there by now.
+    fn show_progress(&mut self, relighter: &CpuRelighter, progress: Progress) {
+        self.kept = None;
+        if let Some(request) = self.shared.wishes().picture.take() {
+            self.last = Some(request);
+        }
+        if let Some(request) = self.last.clone() {
+            let made = self.make(relighter, request, progress);
+            self.tell(made);
+        }
+    }
+
+    /// Serves wishes until the stop.
+    fn serve(&mut self, relighter: &CpuRelighter) {
         loop {
             let (picture, pixel) = {
                 let mut wishes = self.shared.wishes();
@@ -278,23 +372,26 @@ impl Desk {
                 if self.shared.stopped() {
                     return;
                 }
-                let picture = if for_ever { wishes.picture.take() } else { wishes.picture.clone() };
-                (picture, wishes.pixel.take())
+                (wishes.picture.take(), wishes.pixel.take())
             };
-            let made = picture.map(|request| self.make(relighter, request, complete));
-            let found = pixel.map(|pixel| self.look_at(pixel));
-            for result in [made, found].into_iter().flatten() {
-                if let Err(error) = result {
-                    self.outbox.send(Event::Failed(error.to_string()));
-                }
+            if let Some(request) = picture {
+                let made = self.make(relighter, request, Progress::COMPLETE);
+                self.tell(made);
             }
-            if !for_ever {
-                return;
+            if let Some(pixel) = pixel {
+                let found = self.look_at(pixel);
+                self.tell(found);
             }
         }
     }
 
-    fn make(&mut self, relighter: &CpuRelighter, request: Request, complete: bool) -> Result<()> {
+    fn tell(&self, outcome: Result<()>) {
+        if let Err(error) = outcome {
+            self.outbox.send(Event::Failed(error.to_string()));
+        }
+    }
+
+    fn make(&mut self, relighter: &CpuRelighter, request: Request, progress: Progress) -> Result<()> {
         let begun = Instant::now();
         let relit = self.relight(relighter, &request.lighting)?;
         let relight_secs = if relit { begun.elapsed().as_secs_f64() } else { 0.0 };
@@ -304,7 +401,7 @@ impl Desk {
         let compared = request.compared.map(|image| request.display.show(&image));
         let total_secs = begun.elapsed().as_secs_f64();
         let generation = request.generation;
-        let picture = Picture { generation, image, shown, compared, complete, relight_secs, total_secs };
+        let picture = Picture { generation, image, shown, compared, progress, relight_secs, total_secs };
         self.outbox.send(Event::Picture(Box::new(picture)));
         Ok(())
     }

@@ -20,7 +20,6 @@ pub(crate) struct Driver {
     widgets: Vec<(String, Rect)>,
     /// The picture's texture, by its identity and its newest bytes.
     picture: Vec<u8>,
-    pictures: usize,
 }
 
 impl Driver {
@@ -31,8 +30,7 @@ impl Driver {
         let options = WindowOptions { path: Some(path.to_owned()), ..Default::default() };
         let app = App::new(&context, options, Arc::new(Mutex::new(None)));
         let (widgets, picture) = (Vec::new(), Vec::new());
-        let mut driver =
-            Self { context, app, time_secs: 0.0, modifiers: Modifiers::NONE, widgets, picture, pictures: 0 };
+        let mut driver = Self { context, app, time_secs: 0.0, modifiers: Modifiers::NONE, widgets, picture };
         driver.settle();
         driver
     }
@@ -56,7 +54,6 @@ impl Driver {
             let name = self.context.tex_manager().read().meta(*id).map(|meta| meta.name.clone());
             if name.as_deref() == Some("picture") && delta.pos.is_none() {
                 self.picture = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
-                self.pictures += 1;
             }
         }
         output.drop_without_applying_deltas();
@@ -104,25 +101,34 @@ impl Driver {
     }
 
     pub(crate) fn click(&mut self, at: Pos2) {
-        self.frame(vec![Event::PointerMoved(at)]);
-        self.frame(vec![self.button(at, true)]);
-        self.frame(vec![self.button(at, false)]);
-        // Two clicks in a row are not meant as a double click.
-        self.time_secs += 1.0;
+        self.press(at);
+        self.release(at);
     }
 
-    /// Drags over a number of frames of 16 ms; how many pictures came meanwhile.
-    pub(crate) fn drag(&mut self, from: Pos2, to: Pos2, frames: usize) -> usize {
-        let before = self.pictures;
-        self.frame(vec![Event::PointerMoved(from)]);
-        self.frame(vec![self.button(from, true)]);
+    /// Drags over a number of frames.
+    pub(crate) fn drag(&mut self, from: Pos2, to: Pos2, frames: usize) {
+        self.press(from);
         for frame in 1..=frames {
-            std::thread::sleep(Duration::from_millis(16));
-            self.frame(vec![Event::PointerMoved(from + (to - from) * (frame as f32 / frames as f32))]);
+            self.move_to(from + (to - from) * (frame as f32 / frames as f32));
         }
-        self.frame(vec![self.button(to, false)]);
+        self.release(to);
+    }
+
+    /// Goes to a place and puts the button down.
+    pub(crate) fn press(&mut self, at: Pos2) {
+        self.frame(vec![Event::PointerMoved(at)]);
+        self.frame(vec![self.button(at, true)]);
+    }
+
+    pub(crate) fn move_to(&mut self, at: Pos2) {
+        self.frame(vec![Event::PointerMoved(at)]);
+    }
+
+    /// Lets the button go.
+    pub(crate) fn release(&mut self, at: Pos2) {
+        self.frame(vec![self.button(at, false)]);
+        // What follows is not meant as a double click.
         self.time_secs += 1.0;
-        self.pictures - before
     }
 
     pub(crate) fn key(&mut self, key: Key, modifiers: Modifiers) {

@@ -20,6 +20,14 @@ pub(crate) fn run(options: View) -> Result<()> {
         path: options.file,
         screenshot: options.screenshot,
         frames: 10,
+        state_folder: state_folder(),
         ..Default::default()
     })
+}
+
+/// Where programs keep what a user would not miss: the XDG base directories' state folder.
+fn state_folder() -> Option<PathBuf> {
+    let folder = |name| std::env::var_os(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
+    let state = folder("XDG_STATE_HOME").or_else(|| Some(folder("HOME")?.join(".local/state")))?;
+    Some(state.join("ltm"))
 }

@@ -5,18 +5,20 @@ use std::sync::{Arc, Mutex};
 
 use eframe::egui::{self, Align2, Color32, FontId, Margin, RichText, Ui};
 
+use super::chooser::{Answer, Chooser, Purpose};
 use super::document::Document;
-use super::export::write_rgba;
 use super::keys::{Action, act, help, pressed};
 use super::light_panel::light_panel;
 use super::mixer_panel::mixer;
-use super::pattern_editor::load_image;
 use super::picture_panel::picture;
 use super::status::status;
 use super::theme::{self, ALARM, LINE, PANEL, SURROUND, TEXT, WEAK};
+use super::top_bar::{Choice, recent_files, top_bar};
 use super::view_panel::view_panel;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::view::WindowOptions;
+use crate::view::export::write_rgba;
+use crate::view::recent::{Recent, RecentKind};
 
 /// Frames that may pass without the picture before a screenshot is taken of what there is.
 const PATIENCE_FRAMES: u32 = 2000;
@@ -25,7 +27,8 @@ const PATIENCE_FRAMES: u32 = 2000;
 pub struct App {
     document: Option<Document>,
     message: Option<String>,
-    path: String,
+    recent: Recent,
+    chooser: Option<Chooser>,
     panels: bool,
     help: bool,
     screenshot: Option<Screenshot>,
@@ -46,8 +49,9 @@ impl App {
         theme::apply(context);
         let screenshot =
             options.screenshot.map(|path| Screenshot { path, frames: options.frames.max(1), waited: 0, asked: false });
-        let mut app =
-            Self { document: None, message: None, path: String::new(), panels: true, help: false, screenshot, failure };
+        let recent = Recent::load(options.state_folder);
+        let (document, message, chooser) = (None, None, None);
+        let mut app = Self { document, message, recent, chooser, panels: true, help: false, screenshot, failure };
         if let Some(path) = options.path {
             app.open(context, &path);
         }
@@ -60,6 +64,8 @@ impl App {
             Ok(document) => {
                 self.document = Some(document);
                 self.message = None;
+                let kept = self.recent.add(RecentKind::Container, path);
+                self.tell(kept);
                 let name = path.file_name().map_or("".into(), |name| name.to_string_lossy());
                 context.send_viewport_cmd(egui::ViewportCommand::Title(format!("{name} – ltm")));
             }
@@ -74,22 +80,16 @@ impl App {
 
     /// Whether the picture stands and nothing newer is awaited.
     pub fn is_settled(&self) -> bool {
-        self.document.as_ref().is_none_or(|document| document.complete && !document.waits())
+        self.document.as_ref().is_none_or(|document| document.is_settled())
     }
 
     /// Draws one frame.
     pub fn show(&mut self, ui: &mut Ui) {
         let context = ui.ctx().clone();
         self.take_dropped(&context);
-        for action in pressed(&context) {
-            match action {
-                Action::Help => self.help = !self.help,
-                Action::Panels => self.panels = !self.panels,
-                action => {
-                    if let Some(document) = &mut self.document {
-                        act(&context, document, action);
-                    }
-                }
+        if self.chooser.is_none() {
+            for action in pressed(&context) {
+                self.act(&context, action);
             }
         }
         if self.help && context.input(|input| input.key_pressed(egui::Key::Escape)) {
@@ -99,11 +99,25 @@ impl App {
             None => self.welcome(ui),
             Some(document) => {
                 document.receive(&context);
-                show_document(ui, document, self.panels);
+                let choice = show_document(ui, document, self.panels, &self.recent);
                 let held = context.input(|input| input.pointer.any_down());
                 document.ask(&context, held);
+                if let Some(purpose) = document.wanted.take() {
+                    let near = match (&document.look, purpose) {
+                        (Some((path, _)), Purpose::SaveLook | Purpose::LoadLook) => path.with_extension(""),
+                        _ => document.export_base.clone(),
+                    };
+                    self.chooser = Some(Chooser::new(purpose, &near));
+                }
+                match choice {
+                    Some(Choice::Act(action)) => self.act(&context, action),
+                    Some(Choice::Open(path)) => self.open(&context, &path),
+                    Some(Choice::Look(path)) => self.chosen(&context, Purpose::LoadLook, path),
+                    None => {}
+                }
             }
         }
+        self.choose(&context);
         if self.help {
             help(&context, &mut self.help);
         }
@@ -113,19 +127,94 @@ impl App {
         self.take_screenshot(&context);
     }
 
+    fn act(&mut self, context: &egui::Context, action: Action) {
+        let larger = |factor: f32| context.set_zoom_factor((context.zoom_factor() * factor).clamp(0.5, 3.0));
+        match (action, &mut self.document) {
+            (Action::Help, _) => self.help = !self.help,
+            (Action::Panels, _) => self.panels = !self.panels,
+            (Action::Larger, _) => larger(1.1),
+            (Action::Smaller, _) => larger(1.0 / 1.1),
+            (Action::Quit, _) => context.send_viewport_cmd(egui::ViewportCommand::Close),
+            (Action::FullScreen, _) => {
+                let full = context.input(|input| input.viewport().fullscreen.unwrap_or(false));
+                context.send_viewport_cmd(egui::ViewportCommand::Fullscreen(!full));
+            }
+            (Action::Open, document) => {
+                let near = document.as_ref().map_or(Path::new("."), |document| document.session.path.as_path());
+                self.chooser = Some(Chooser::new(Purpose::Container, near));
+            }
+            (Action::Reload, Some(document)) => {
+                let path = document.session.path.clone();
+                self.open(context, &path);
+            }
+            (action, Some(document)) => act(context, document, action),
+            (_, None) => {}
+        }
+    }
+
+    /// Shows the list of files while one is being chosen.
+    fn choose(&mut self, context: &egui::Context) {
+        let Some(chooser) = &mut self.chooser else { return };
+        let purpose = chooser.purpose;
+        match chooser.show(context) {
+            Some(Answer::Chosen(path)) => {
+                self.chooser = None;
+                self.chosen(context, purpose, path);
+            }
+            Some(Answer::Cancelled) => self.chooser = None,
+            None => {}
+        }
+    }
+
+    /// Does with a file what it was chosen for.
+    fn chosen(&mut self, context: &egui::Context, purpose: Purpose, path: PathBuf) {
+        if matches!(purpose, Purpose::LoadLook | Purpose::SaveLook) {
+            let kept = self.recent.add(RecentKind::Look, &path);
+            self.tell(kept);
+        }
+        let Some(document) = &mut self.document else {
+            return self.open(context, &path);
+        };
+        if matches!(purpose, Purpose::Png | Purpose::Exr) {
+            document.export_base = path.with_extension("");
+        }
+        match purpose {
+            Purpose::Container => self.open(context, &path),
+            Purpose::LoadLook => document.read_look(path),
+            Purpose::SaveLook => document.write_look(path),
+            Purpose::LightImage(light) => document.read_image(path, Some(light)),
+            Purpose::Reference => document.read_image(path, None),
+            Purpose::Png => document.write_png(path),
+            Purpose::Exr => document.write_exr(path),
+            Purpose::Layers => document.write_layers(path),
+        }
+    }
+
+    /// What went wrong, in the status line or on the empty window.
+    fn tell(&mut self, outcome: Result<()>) {
+        let Err(error) = outcome else { return };
+        match &mut self.document {
+            Some(document) => document.message = Some((error.to_string(), true)),
+            None => self.message = Some(error.to_string()),
+        }
+    }
+
     /// What is seen without a container.
     fn welcome(&mut self, ui: &mut Ui) {
         let mut chosen = None;
         egui::CentralPanel::default().frame(egui::Frame::new().fill(SURROUND)).show(ui, |ui| {
             ui.vertical_centered(|ui| {
-                ui.add_space(ui.available_height() * 0.36);
+                ui.add_space(ui.available_height() * 0.3);
                 ui.label(RichText::new("Drop a container here").size(22.0).color(TEXT));
                 ui.label(RichText::new("a .ltc file, as ltm-pack makes it").color(WEAK));
                 ui.add_space(14.0);
-                let field = egui::TextEdit::singleline(&mut self.path).hint_text("or type its path and press Enter");
-                let field = ui.add(field.desired_width(360.0));
-                if field.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter)) {
-                    chosen = Some(PathBuf::from(self.path.trim()));
+                if ui.button("Open…  (Ctrl+O)").clicked() {
+                    self.chooser = Some(Chooser::new(Purpose::Container, Path::new(".")));
+                }
+                if self.recent.of(RecentKind::Container).next().is_some() {
+                    ui.add_space(14.0);
+                    ui.label(RichText::new("or one of these again").color(WEAK));
+                    chosen = recent_files(ui, &self.recent, RecentKind::Container);
                 }
                 if let Some(message) = &self.message {
                     ui.add_space(10.0);
@@ -138,27 +227,26 @@ impl App {
         }
     }
 
-    /// Containers are opened; an image goes onto the selected texelled light if the pointer is over the left panel,
-    /// else it becomes a reference.
+    /// Containers are opened, lighting files loaded; an image goes onto the selected texelled light if the pointer is
+    /// over the left panel, else it becomes a reference.
     fn take_dropped(&mut self, context: &egui::Context) {
         let dropped: Vec<PathBuf> =
             context.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
         for path in dropped {
-            let is_container = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ltc"));
-            let Some(document) = self.document.as_mut().filter(|_| !is_container) else {
+            let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+            let Some(document) = self.document.as_ref().filter(|_| ending != "ltc") else {
                 self.open(context, &path);
                 continue;
             };
             let pointer = context.input(|input| input.pointer.latest_pos());
             let over_mixer = pointer.is_some_and(|pointer| document.mixer_rect.contains(pointer));
             let texelled = document.selected.filter(|&light| document.basis().lights()[light].layout() != (1, 1));
-            let outcome = match texelled.filter(|_| over_mixer) {
-                Some(light) => load_image(document, light, &path),
-                None => document.add_reference(&path),
+            let purpose = match (ending.as_str(), texelled.filter(|_| over_mixer)) {
+                ("toml" | "json", _) => Purpose::LoadLook,
+                (_, Some(light)) => Purpose::LightImage(light),
+                (_, None) => Purpose::Reference,
             };
-            if let Err(error) = outcome {
-                document.message = Some((error.to_string(), true));
-            }
+            self.chosen(context, purpose, path);
         }
     }
 
@@ -179,8 +267,8 @@ impl App {
         if !std::mem::replace(&mut screenshot.asked, true) {
             let (path, failure, context_too) = (screenshot.path.clone(), self.failure.clone(), context.clone());
             let callback = egui::ScreenshotCallback::new(move |image: Arc<egui::ColorImage>| {
-                let rgba = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
-                if let (Err(error), Ok(mut failure)) = (write_rgba(&path, image.size, rgba), failure.lock()) {
+                let rgba: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+                if let (Err(error), Ok(mut failure)) = (write_rgba(&path, image.size, &rgba), failure.lock()) {
                     *failure = Some(error);
                 }
                 context_too.send_viewport_cmd(egui::ViewportCommand::Close);
@@ -207,9 +295,10 @@ impl eframe::App for App {
     }
 }
 
-fn show_document(ui: &mut Ui, document: &mut Document, panels: bool) {
+fn show_document(ui: &mut Ui, document: &mut Document, panels: bool, recent: &Recent) -> Option<Choice> {
     let frame = |fill: Color32, margin: Margin| egui::Frame::new().fill(fill).inner_margin(margin);
     let bar = frame(PANEL, Margin::symmetric(10, 4)).stroke((1.0, LINE));
+    let choice = egui::Panel::top("bar").frame(bar).show(ui, |ui| top_bar(ui, document, recent)).inner;
     egui::Panel::bottom("status").frame(bar).show(ui, |ui| status(ui, document));
     if panels {
         let side = frame(PANEL, Margin::symmetric(10, 0));
@@ -224,6 +313,7 @@ fn show_document(ui: &mut Ui, document: &mut Document, panels: bool) {
         });
     }
     egui::CentralPanel::default().frame(frame(SURROUND, Margin::ZERO)).show(ui, |ui| picture(ui, document));
+    choice
 }
 
 /// What a file that is dropped now would do.
@@ -231,6 +321,7 @@ fn drop_hint(context: &egui::Context) {
     let painter = context.layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop")));
     let rect = context.content_rect();
     painter.rect_filled(rect, 0.0, Color32::from_black_alpha(170));
-    let text = "Drop a container to open it, an image over the mixer for the selected light,\nelsewhere as a reference";
+    let text = "Drop a container to open it, a lighting file to load it,\n\
+                an image over the mixer for the selected light, elsewhere as a reference";
     painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(18.0), Color32::WHITE);
 }

@@ -1,25 +1,35 @@
 //! One open container with everything that the window knows of it.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Instant;
 
 use eframe::egui::{self, ColorImage, TextureHandle, TextureOptions};
 
+use super::chooser::Purpose;
 use crate::error::Result;
 use crate::image::LinearImage;
-use crate::light::{LightBasis, Lighting};
+use crate::light::{LightBasis, LightUnit, Lighting};
 use crate::matrix::FactorSource;
+use crate::relight::CpuRelighter;
 use crate::view::display::{Display, Shown};
-use crate::view::groups::{Groups, Order};
+use crate::view::groups::{Groups, Order, Row};
 use crate::view::history::History;
 use crate::view::mixer::Mix;
 use crate::view::pattern::{Brush, ShapeKind};
 use crate::view::reach::Reach;
 use crate::view::snapshots::{Snapshots, thumbnail};
 use crate::view::viewport::Viewport;
-use crate::view::worker::{Event, Picture, Request, Session};
+use crate::view::worker::{Event, Picture, Progress, Request, Session};
+
+/// Lumens per watt of white light: what makes radiance of three channels a photometric luminance, as in RGBE files.
+pub(super) const LUMENS_PER_WATT: f32 = 179.0;
+
+/// Pictures over which their rate is counted, and the longest pause between two of them that is no rest, in seconds.
+const RATE_PICTURES: usize = 24;
+const REST_SECS: f64 = 0.5;
 
 /// What the pointer does on a light's texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +48,17 @@ pub(super) struct Easel {
     /// Size of shapes, as a fraction of the light's size.
     pub(super) shape_size: f32,
     pub(super) last_touch: Option<[f32; 2]>,
-    pub(super) image_path: String,
+    /// What a drag does with the light's shape.
+    pub(super) hold: Hold,
+}
+
+/// How a shape is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Hold {
+    /// At a place inside it, given from its middle, in fractions of the light's size.
+    Inside([f32; 2]),
+    /// At one of its corners.
+    Corner,
 }
 
 /// A pixel that was asked about, with what each light brings there.
@@ -79,15 +99,22 @@ pub(super) struct Document {
     pub(super) texture: Option<TextureHandle>,
     pub(super) compared_texture: Option<TextureHandle>,
     pub(super) histogram: Vec<[f32; 3]>,
-    pub(super) complete: bool,
-    pub(super) factor_bytes: u64,
-    pub(super) mean_rank: f64,
-    pub(super) damage: Vec<String>,
+    pub(super) progress: Progress,
+    /// All factors, once they are there.
+    pub(super) relighter: Option<Arc<CpuRelighter>>,
     pub(super) latency: Latency,
     pub(super) message: Option<(String, bool)>,
-    pub(super) export_path: String,
+    /// Works beside the worker that are not done yet.
+    pub(super) beside: usize,
+    /// Name for exported files, without ending.
+    pub(super) export_base: PathBuf,
+    /// The lighting file in which a mix stands.
+    pub(super) look: Option<(PathBuf, Mix)>,
+    /// What a file is to be chosen for.
+    pub(super) wanted: Option<Purpose>,
     /// Where the mixer stands, for files that are dropped on it.
     pub(super) mixer_rect: egui::Rect,
+    arrivals: VecDeque<Instant>,
     reach: Option<Reach>,
     lighting: Arc<Lighting>,
     lit: Option<Mix>,
@@ -134,27 +161,29 @@ impl Document {
                 paint_stops: 2.0,
                 shape_size: 0.5,
                 last_touch: None,
-                image_path: String::new(),
+                hold: Hold::Corner,
             },
             image: None,
             texture: None,
             compared_texture: None,
             histogram: Vec::new(),
-            complete: false,
-            factor_bytes: 0,
-            mean_rank: 0.0,
-            damage: Vec::new(),
+            progress: Progress::default(),
+            relighter: None,
             latency: Latency::default(),
             message: None,
-            export_path: stem,
+            beside: 0,
+            export_base: stem.into(),
+            look: None,
+            wanted: None,
             mixer_rect: egui::Rect::NOTHING,
+            arrivals: VecDeque::new(),
             reach: None,
             lighting,
             lit: None,
             asked_display: None,
             generation: 0,
             pending: BTreeMap::new(),
-            exposed: Some(Display::default().exposure_stops),
+            exposed: Some(Display::default().tone.exposure_stops),
         })
     }
 
@@ -168,10 +197,22 @@ impl Document {
         [shape.width(), shape.height()]
     }
 
-    /// Share of the container's blocks that were read, 0 to 1, while it loads.
-    pub(super) fn loaded(&self) -> f32 {
-        let read = self.session.worker.meter().blocks_read.load(Ordering::Relaxed);
-        (read as f32 / self.session.container.shape().block_count() as f32).min(1.0)
+    /// Whether a weight 1 on each light is a physical quantity, so that pixels are radiances.
+    pub(super) fn has_units(&self) -> bool {
+        let metres = self.session.container.job().provenance.metres_per_unit;
+        self.basis().lights().iter().all(|light| match light.unit {
+            LightUnit::Radiance | LightUnit::Irradiance => true,
+            // Intensity falls with the square of a distance, whose unit must be known.
+            LightUnit::Intensity => metres > 0.0,
+            LightUnit::Multiple => false,
+        })
+    }
+
+    /// Pictures a second over the last that came in a row; none after a rest.
+    pub(super) fn pictures_per_sec(&self) -> Option<f64> {
+        let (first, last) = (self.arrivals.front()?, self.arrivals.back()?);
+        let span = last.duration_since(*first).as_secs_f64();
+        (self.arrivals.len() > 2 && span > 0.0).then(|| (self.arrivals.len() - 1) as f64 / span)
     }
 
     pub(super) fn bytes_read(&self) -> u64 {
@@ -184,12 +225,21 @@ impl Document {
         for event in events {
             match event {
                 Event::Picture(picture) => self.take_picture(context, *picture),
-                Event::Loaded { factor_bytes, mean_rank, damage } => {
-                    (self.factor_bytes, self.mean_rank) = (factor_bytes, mean_rank);
-                    if let Some(first) = damage.first() {
-                        self.message = Some((format!("{} damaged blocks: {first}", damage.len()), true));
+                Event::Loaded(relighter) => {
+                    if let Some(first) = relighter.damage().first() {
+                        let count = relighter.damage().len();
+                        let blocks = if count == 1 { "block" } else { "blocks" };
+                        self.message = Some((format!("{count} damaged {blocks}: {first}"), true));
                     }
-                    self.damage = damage;
+                    self.relighter = Some(relighter);
+                }
+                Event::Brought(brought) => {
+                    self.beside -= 1;
+                    let outcome = brought.and_then(|brought| self.take(brought).map_err(|error| error.to_string()));
+                    self.message = match outcome {
+                        Ok(message) => Some((message, false)),
+                        Err(message) => Some((message, true)),
+                    };
                 }
                 Event::Reach(reach) => {
                     self.contributions = reach.contributions(self.session.basis(), &self.lighting);
@@ -210,9 +260,9 @@ impl Document {
 
     fn take_picture(&mut self, context: &egui::Context, picture: Picture) {
         // Base layers alone can be darker than the whole: until that stands, the exposure follows, unless it was set.
-        if self.exposed == Some(self.display.exposure_stops) {
-            self.display.exposure_stops = Display::exposure_for(&picture.image);
-            self.exposed = (!picture.complete).then_some(self.display.exposure_stops);
+        if self.exposed == Some(self.display.tone.exposure_stops) {
+            self.display.tone.exposure_stops = Display::exposure_for(&picture.image);
+            self.exposed = (!picture.progress.is_complete()).then_some(self.display.tone.exposure_stops);
         }
         if let Some(asked_in) = self.pending.get(&picture.generation) {
             let frames = context.cumulative_frame_nr() - asked_in;
@@ -229,7 +279,20 @@ impl Document {
         }
         self.histogram = picture.shown.histogram;
         self.image = Some(picture.image);
-        self.complete = picture.complete;
+        self.progress = picture.progress;
+        let now = Instant::now();
+        if self.arrivals.back().is_some_and(|last| now.duration_since(*last).as_secs_f64() > REST_SECS) {
+            self.arrivals.clear();
+        }
+        self.arrivals.push_back(now);
+        if self.arrivals.len() > RATE_PICTURES {
+            self.arrivals.pop_front();
+        }
+    }
+
+    /// The rows of the mixer.
+    pub(super) fn rows(&self) -> Vec<Row> {
+        self.groups.rows(self.session.basis(), &self.search, self.order, &self.folded, &self.contributions)
     }
 
     /// Asks for what has changed; after the panels were drawn. `held` while a drag is on.
@@ -264,9 +327,9 @@ impl Document {
         });
     }
 
-    /// Whether a picture is awaited.
-    pub(super) fn waits(&self) -> bool {
-        !self.pending.is_empty()
+    /// Whether the whole picture stands and nothing is awaited.
+    pub(super) fn is_settled(&self) -> bool {
+        self.progress.is_complete() && self.pending.is_empty() && self.beside == 0
     }
 
     pub(super) fn undo(&mut self) {
@@ -282,9 +345,15 @@ impl Document {
         self.mix = Mix::of_scene(self.session.basis(), &self.groups);
     }
 
+    /// Back to how the picture was first shown.
+    pub(super) fn reset_display(&mut self) {
+        self.display = Display::default();
+        self.expose();
+    }
+
     pub(super) fn expose(&mut self) {
         if let Some(image) = &self.image {
-            self.display.exposure_stops = Display::exposure_for(image);
+            self.display.tone.exposure_stops = Display::exposure_for(image);
         }
     }
 
@@ -292,22 +361,6 @@ impl Document {
         if let Some(image) = self.image.clone() {
             self.snapshots.take(self.mix.clone(), image);
         }
-    }
-
-    /// Adds an image of the picture's size to compare with.
-    pub(super) fn add_reference(&mut self, path: &Path) -> Result<()> {
-        let image = crate::image::read_image(path)?;
-        if [image.width, image.height] != self.size() {
-            let problem = format!("is {} × {} pixels, the picture {:?}", image.width, image.height, self.size());
-            return Err(crate::error::Error::input(path.display().to_string(), problem, "give one of the same size"));
-        }
-        let name = path.file_name().map_or("reference".into(), |name| name.to_string_lossy().into_owned());
-        let index = self.snapshots.add_reference(&name, Arc::new(image));
-        self.thumbnails.remove(&name);
-        if self.snapshots.compared() != Some(index) {
-            self.snapshots.toggle_compare(index);
-        }
-        Ok(())
     }
 
     /// The small picture of a snapshot, made once.
@@ -324,7 +377,7 @@ impl Document {
     }
 }
 
-fn colour_image(shown: &Shown) -> ColorImage {
+pub(super) fn colour_image(shown: &Shown) -> ColorImage {
     ColorImage::from_rgba_unmultiplied(shown.size, &shown.rgba)
 }
 

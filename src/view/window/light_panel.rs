@@ -5,9 +5,9 @@ use eframe::egui::{self, RichText, Ui};
 use super::document::Document;
 use super::pattern_editor::pattern_editor;
 use super::theme::{WEAK, section, swatch};
+use crate::image::{KELVIN_RANGE, kelvin_to_linear};
 use crate::light::{Light, LightKind, LightUnit};
 use crate::view::mixer::{LightMix, Tint};
-use crate::view::planck::{KELVIN_RANGE, colour_of_kelvin};
 
 pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
     let Some(index) = document.selected else {
@@ -86,7 +86,7 @@ fn colour(ui: &mut Ui, mix: &mut LightMix, light: &Light) {
                 ui.spacing_mut().slider_width = (ui.available_width() - 96.0).max(40.0);
                 ui.add(slider);
                 let (rect, _) = ui.allocate_exact_size(egui::vec2(18.0, 18.0), egui::Sense::hover());
-                ui.painter().rect_filled(rect, 3.0, swatch(colour_of_kelvin(*kelvin)));
+                ui.painter().rect_filled(rect, 3.0, swatch(kelvin_to_linear(*kelvin)));
             }
         }
     });

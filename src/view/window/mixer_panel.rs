@@ -17,13 +17,7 @@ const NEUTRAL: Color32 = Color32::from_gray(150);
 
 pub(super) fn mixer(ui: &mut Ui, document: &mut Document) {
     head(ui, document);
-    let rows = document.groups.rows(
-        document.session.basis(),
-        &document.search,
-        document.order,
-        &document.folded,
-        &document.contributions,
-    );
+    let rows = document.rows();
     if rows.is_empty() {
         ui.label(RichText::new("No light has this name.").color(WEAK));
         return;
@@ -58,7 +52,7 @@ fn head(ui: &mut Ui, document: &mut Document) {
         let shining = (0..count).filter(|&light| document.mix.shines(light, &document.groups)).count();
         ui.label(RichText::new(format!("{shining} of {count} on")).color(WEAK));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            if ui.button("Reset").on_hover_text("Back to the scene's own lighting (R)").clicked() {
+            if ui.button("Reset").on_hover_text("Back to the scene's own lighting (Shift+R)").clicked() {
                 document.reset();
             }
             let solo = document.mix.has_solo();
@@ -70,7 +64,7 @@ fn head(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {
         let width = ui.available_width() - 118.0;
         let search =
-            egui::TextEdit::singleline(&mut document.search).hint_text("Search  (Ctrl+F)").desired_width(width);
+            egui::TextEdit::singleline(&mut document.search).hint_text("Search  (Ctrl+P)").desired_width(width);
         ui.add(search.id(search_id()));
         let name = |order| match order {
             Order::File => "as in file",
@@ -139,6 +133,9 @@ fn light_row(ui: &mut Ui, document: &mut Document, light: usize, indented: bool,
         document.mix.lights[light].on = true;
         document.mix.toggle_solo(light, modifiers.shift);
     }
+    if solo_button(ui, solo, &name).clicked() {
+        document.mix.toggle_solo(light, modifiers.shift);
+    }
     let text = if shines { TEXT } else { WEAK };
     let label = label(ui, row, shown.as_deref().unwrap_or(&name), text, false).on_hover_text(&name);
     if label.clicked() {
@@ -193,6 +190,17 @@ fn switch(ui: &mut Ui, on: &mut bool, solo: bool, colour: Color32, name: &str) -
         painter.circle_stroke(centre, 8.0, (1.0, Color32::from_gray(150)));
     }
     response
+}
+
+/// Hears a light alone.
+fn solo_button(ui: &mut Ui, solo: bool, name: &str) -> egui::Response {
+    let (rect, response) = ui.allocate_exact_size(vec2(14.0, ROW), Sense::click());
+    response.widget_info(|| WidgetInfo::selected(Role::Button, true, solo, format!("{name}, solo")));
+    let near = response.hovered() || response.has_focus();
+    let colour = if solo { ACCENT } else { Color32::from_gray(if near { 170 } else { 72 }) };
+    let font = egui::FontId::proportional(11.0);
+    ui.painter().text(rect.center(), egui::Align2::CENTER_CENTER, "S", font, colour);
+    response.on_hover_text("Solo; with Shift add to the solo")
 }
 
 /// The name, cut to the space that the fader leaves.

@@ -1,8 +1,9 @@
 //! The window over the mixer's state: egui on wgpu.
 
 mod app;
+mod chooser;
 mod document;
-mod export;
+mod errands;
 mod fader;
 mod keys;
 mod light_panel;
@@ -11,6 +12,7 @@ mod pattern_editor;
 mod picture_panel;
 mod status;
 mod theme;
+mod top_bar;
 mod view_panel;
 
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};

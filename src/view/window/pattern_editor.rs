@@ -1,21 +1,19 @@
 //! The texture of a light: painted on, laid over with a shape or an image, turned.
 
 use std::f32::consts::{PI, TAU};
-use std::path::Path;
 
 use eframe::egui::{self, Color32, ColorImage, Rect, Sense, TextureOptions, Ui, pos2, vec2};
 
-use super::document::{Document, Tool};
+use super::chooser::Purpose;
+use super::document::{Document, Easel, Hold, Tool};
 use super::theme::{ACCENT, LINE, section};
-use crate::error::Result;
 use crate::image::encode_srgb;
-use crate::image::read_image;
 use crate::light::{Light, LightKind};
-use crate::view::pattern::{Pattern, Shape, ShapeKind};
+use crate::view::pattern::{Brush, Pattern, Shape, ShapeKind};
 
 pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
     section(ui, "TEXTURE");
-    let is_environment = matches!(light.kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. });
+    let is_environment = light.kind.is_environment();
     tools(ui, document, index, light, is_environment);
     let (across, down) = light.layout();
     let width = ui.available_width().min(across as f32 * 48.0);
@@ -27,9 +25,13 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     match (pressed, response.interact_pointer_pos()) {
         (true, Some(pointer)) => {
             let moved = response.drag_delta().x / size.x * TAU;
-            use_tool(document, index, light, to_texels(pointer), moved);
+            let begins = ui.input(|input| input.pointer.any_pressed());
+            use_tool(document, index, light, to_texels(pointer), moved, begins.then_some(GRIP / scale));
         }
         _ => document.easel.last_touch = None,
+    }
+    if response.hovered() {
+        scroll_shape(ui, document, index, light);
     }
     let mix = &document.mix.lights[index];
     let white = Pattern::white((across, down));
@@ -47,6 +49,16 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     if let (Some(pointer), Tool::Brush) = (response.hover_pos(), document.easel.tool) {
         let radius = document.easel.brush.radius_texels.max(0.5) * scale;
         ui.painter().with_clip_rect(rect).circle_stroke(pointer, radius, (1.0, ACCENT));
+    }
+    if let (Some(shape), Tool::Shape(_)) = (document.mix.lights[index].shape, document.easel.tool) {
+        let size = vec2(shape.size[0] * rect.width(), shape.size[1] * rect.height());
+        let centre = rect.min + vec2(shape.centre[0] * rect.width(), shape.centre[1] * rect.height());
+        let outline = Rect::from_center_size(centre, size);
+        let painter = ui.painter().with_clip_rect(rect.expand(4.0));
+        painter.rect_stroke(outline, 0.0, (1.0, ACCENT), egui::StrokeKind::Middle);
+        for corner in [outline.left_top(), outline.right_top(), outline.left_bottom(), outline.right_bottom()] {
+            painter.rect_filled(Rect::from_center_size(corner, vec2(6.0, 6.0)), 0.0, ACCENT);
+        }
     }
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "texture"));
     response.on_hover_cursor(egui::CursorIcon::Crosshair);
@@ -71,15 +83,23 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
         }
         ui.separator();
         if ui.button("Even").on_hover_text("The same everywhere").clicked() {
-            document.mix.lights[index].pattern = None;
+            let mix = &mut document.mix.lights[index];
+            (mix.pattern, mix.shape, mix.turn_radians) = (None, None, 0.0);
         }
         if ui.button("Dark").on_hover_text("Black, to paint light into").clicked() {
-            document.mix.lights[index].pattern = Some(Pattern::filled(light.layout(), [0.0; 3]));
+            put(document, index, Pattern::filled(light.layout(), [0.0; 3]));
+        }
+        let (name, about) = match is_environment {
+            true => ("Map…", "A lat-long map, its zenith at the top, as what the environment sends"),
+            false => ("Image…", "A picture in front of the light"),
+        };
+        if ui.button(name).on_hover_text(about).clicked() {
+            document.wanted = Some(Purpose::LightImage(index));
         }
     });
-    let easel = &mut document.easel;
-    ui.horizontal_wrapped(|ui| match easel.tool {
+    ui.horizontal_wrapped(|ui| match document.easel.tool {
         Tool::Brush => {
+            let easel = &mut document.easel;
             let largest = (light.layout().0.max(light.layout().1) as f32 * 0.5).max(2.0);
             ui.add(
                 egui::DragValue::new(&mut easel.brush.radius_texels).range(0.5..=largest).speed(0.05).prefix("size "),
@@ -89,26 +109,21 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
             paint(ui, &mut easel.brush.colour, &mut easel.paint_stops);
         }
         Tool::Shape(_) => {
-            ui.add(egui::Slider::new(&mut easel.shape_size, 0.02..=2.0).logarithmic(true).text("size"));
+            let easel = &mut document.easel;
+            let slider = egui::Slider::new(&mut easel.shape_size, 0.02..=2.0).logarithmic(true).text("size");
+            let resized = ui.add(slider.max_decimals(2)).changed();
+            let (colour, stops) = (easel.brush.colour, easel.paint_stops);
             paint(ui, &mut easel.brush.colour, &mut easel.paint_stops);
+            let repainted = (easel.brush.colour, easel.paint_stops) != (colour, stops);
+            if resized || repainted {
+                restyle(document, index, light, resized);
+            }
         }
         Tool::Turn => {
             let turn = &mut document.mix.lights[index].turn_radians;
             let mut degrees = turn.to_degrees();
             if ui.add(egui::Slider::new(&mut degrees, -180.0..=180.0).suffix("°").max_decimals(1)).changed() {
                 *turn = degrees.to_radians();
-            }
-        }
-    });
-    ui.horizontal(|ui| {
-        let field =
-            egui::TextEdit::singleline(&mut document.easel.image_path).hint_text("Image file, or drop one here");
-        let entered = ui.add(field.desired_width(ui.available_width() - 64.0)).lost_focus()
-            && ui.input(|input| input.key_pressed(egui::Key::Enter));
-        if (ui.button("Load").clicked() || entered) && !document.easel.image_path.is_empty() {
-            let path = document.easel.image_path.clone();
-            if let Err(error) = load_image(document, index, Path::new(&path)) {
-                document.message = Some((error.to_string(), true));
             }
         }
     });
@@ -120,20 +135,24 @@ fn paint(ui: &mut Ui, colour: &mut [f32; 3], stops: &mut f32) {
     ui.add(number).on_hover_text("Brightness of the paint against the light as it was");
 }
 
-/// Lays an image over a light.
-pub(super) fn load_image(document: &mut Document, index: usize, path: &Path) -> Result<()> {
-    let image = read_image(path)?;
-    let kind = document.session.basis().lights()[index].kind;
-    document.mix.lights[index].pattern = Some(Pattern::of_image(kind, &image));
-    document.message = Some((format!("{} lies on the light", path.display()), false));
-    Ok(())
+/// Puts a pattern that no shape made on a light.
+fn put(document: &mut Document, index: usize, pattern: Pattern) {
+    let mix = &mut document.mix.lights[index];
+    (mix.pattern, mix.shape) = (Some(pattern), None);
 }
 
-fn use_tool(document: &mut Document, index: usize, light: &Light, at: [f32; 2], moved_radians: f32) {
+/// Uses the tool at a place in texels. `begins`: the button has just gone down; how near, in texels, is near enough to
+/// a shape's corner.
+fn use_tool(
+    document: &mut Document,
+    index: usize,
+    light: &Light,
+    at: [f32; 2],
+    moved_radians: f32,
+    begins: Option<f32>,
+) {
     let (across, down) = light.layout();
     let easel = &mut document.easel;
-    let gain = easel.paint_stops.exp2();
-    let colour = easel.brush.colour.map(|v| v * gain);
     let mix = &mut document.mix.lights[index];
     match easel.tool {
         Tool::Turn => {
@@ -149,7 +168,7 @@ fn use_tool(document: &mut Document, index: usize, light: &Light, at: [f32; 2], 
                 pattern = pattern.turned(light.kind, mix.turn_radians).into_owned();
                 mix.turn_radians = 0.0;
             }
-            let brush = crate::view::pattern::Brush { colour, ..easel.brush };
+            let brush = Brush { colour: paint_colour(easel), ..easel.brush };
             let wraps = matches!(light.kind, LightKind::LatLong { .. });
             match easel.last_touch {
                 Some(last) if last == at => {}
@@ -157,21 +176,81 @@ fn use_tool(document: &mut Document, index: usize, light: &Light, at: [f32; 2], 
                 None => pattern.touch(&brush, at, wraps),
             }
             easel.last_touch = Some(at);
-            mix.pattern = Some(pattern);
+            put(document, index, pattern);
         }
         Tool::Shape(kind) => {
-            // Sizes are those of the light's smaller side, so that a disc is round on the texels.
-            let side = across.min(down) as f32 * easel.shape_size;
-            let shape = Shape {
-                kind,
-                centre: [at[0] / across as f32, at[1] / down as f32],
-                size: [side / across as f32, side / down as f32],
-                inside: colour,
-                outside: [0.0; 3],
+            let at = [at[0] / across as f32, at[1] / down as f32];
+            let mut shape = match mix.shape {
+                Some(shape) if shape.kind == kind => shape,
+                _ => new_shape(easel, kind, light, at),
             };
-            mix.turn_radians = 0.0;
-            mix.pattern = Some(Pattern::of_shape((across, down), &shape));
+            if let Some(near) = begins {
+                let near = [near / across as f32, near / down as f32];
+                let from_middle = [0, 1].map(|axis| at[axis] - shape.centre[axis]);
+                let outside = |reach: f32| {
+                    (0..2).any(|axis| from_middle[axis].abs() > shape.size[axis] / 2.0 + reach * near[axis])
+                };
+                let at_corner =
+                    (0..2).all(|axis| (from_middle[axis].abs() - shape.size[axis] / 2.0).abs() <= near[axis]);
+                if !at_corner && outside(0.0) {
+                    shape = new_shape(easel, kind, light, at);
+                }
+                easel.hold = match at_corner {
+                    true => Hold::Corner,
+                    false => Hold::Inside([0, 1].map(|axis| at[axis] - shape.centre[axis])),
+                };
+            }
+            match easel.hold {
+                Hold::Inside(offset) => shape.centre = [0, 1].map(|axis| at[axis] - offset[axis]),
+                Hold::Corner => {
+                    let size = [0, 1].map(|axis| (2.0 * (at[axis] - shape.centre[axis]).abs()).clamp(0.01, 4.0));
+                    shape.size = size;
+                }
+            }
+            lay(document, index, light, shape);
         }
+    }
+}
+
+/// How near to a corner, in points, a shape is held there.
+const GRIP: f32 = 7.0;
+
+fn paint_colour(easel: &Easel) -> [f32; 3] {
+    let gain = easel.paint_stops.exp2();
+    easel.brush.colour.map(|v| v * gain)
+}
+
+/// A shape of the easel's size, which is in fractions of the light's smaller side, so that a disc is round.
+fn new_shape(easel: &Easel, kind: ShapeKind, light: &Light, centre: [f32; 2]) -> Shape {
+    let (across, down) = light.layout();
+    let side = across.min(down) as f32 * easel.shape_size;
+    let size = [side / across as f32, side / down as f32];
+    Shape { kind, centre, size, inside: paint_colour(easel), outside: [0.0; 3] }
+}
+
+/// Gives a light's shape the easel's colour, and its size if that was changed.
+fn restyle(document: &mut Document, index: usize, light: &Light, resized: bool) {
+    if let Some(shape) = document.mix.lights[index].shape {
+        let new = new_shape(&document.easel, shape.kind, light, shape.centre);
+        let size = if resized { new.size } else { shape.size };
+        lay(document, index, light, Shape { size, ..new });
+    }
+}
+
+/// Lays a shape over a light.
+fn lay(document: &mut Document, index: usize, light: &Light, shape: Shape) {
+    let mix = &mut document.mix.lights[index];
+    mix.turn_radians = 0.0;
+    (mix.pattern, mix.shape) = (Some(Pattern::of_shape(light.layout(), &shape)), Some(shape));
+}
+
+/// Scrolling over a light with a shape makes that larger or smaller.
+fn scroll_shape(ui: &Ui, document: &mut Document, index: usize, light: &Light) {
+    let scroll = ui.input(|input| input.smooth_scroll_delta().y);
+    let (Tool::Shape(_), Some(shape)) = (document.easel.tool, document.mix.lights[index].shape) else { return };
+    if scroll != 0.0 {
+        let size = shape.size.map(|size| (size * (scroll * 0.004).exp()).clamp(0.01, 4.0));
+        lay(document, index, light, Shape { size, ..shape });
     }
 }
 

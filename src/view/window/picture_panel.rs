@@ -69,32 +69,34 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
 fn draw(ui: &Ui, document: &Document, rect: Rect, picture: Rect, wipe_x: f32) {
     let painter = ui.painter().with_clip_rect(rect);
     let Some(texture) = &document.texture else {
-        let text = format!("Reading {:.0} %", document.loaded() * 100.0);
+        let read = document.progress.base;
+        let text = format!("Reading {:.0} %", read * 100.0);
         painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(14.0), WEAK);
         let bar = Rect::from_center_size(rect.center() + vec2(0.0, 22.0), vec2(220.0, 3.0));
         painter.rect_filled(bar, 1.5, Color32::from_gray(44));
-        let done = Rect::from_min_size(bar.min, vec2(bar.width() * document.loaded(), 3.0));
+        let done = Rect::from_min_size(bar.min, vec2(bar.width() * read, 3.0));
         painter.rect_filled(done, 1.5, ACCENT);
         return;
     };
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture.id(), picture, whole, Color32::WHITE);
     if let (Some(other), Some(index)) = (&document.compared_texture, document.snapshots.compared()) {
-        let wipe = document.snapshots.wipe;
+        let name = &document.snapshots.list()[index].name;
+        // With Alt held the other is seen whole, as references are in tev.
+        let whole = ui.input(|input| input.modifiers.alt);
+        let (wipe, wipe_x) = if whole { (0.0, picture.left()) } else { (document.snapshots.wipe, wipe_x) };
         let part = Rect::from_min_max(pos2(wipe_x, picture.top()), picture.max);
         let uv = Rect::from_min_max(pos2(wipe, 0.0), pos2(1.0, 1.0));
         painter.image(other.id(), part, uv, Color32::WHITE);
-        painter.vline(wipe_x, picture.y_range(), (1.5, Color32::from_gray(235)));
-        painter.circle_filled(pos2(wipe_x, picture.center().y), 5.0, Color32::from_gray(235));
-        let tag = |anchor: Align2, x: f32, text: &str| {
-            let at = pos2(x, picture.top().max(rect.top()) + 14.0);
-            let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(12.0), Color32::WHITE);
-            let place = anchor.anchor_size(at, galley.size());
-            painter.rect_filled(place.expand2(vec2(6.0, 3.0)), 4.0, Color32::from_black_alpha(160));
-            painter.galley(place.min, galley, Color32::WHITE);
-        };
-        tag(Align2::RIGHT_CENTER, wipe_x - 14.0, "now");
-        tag(Align2::LEFT_CENTER, wipe_x + 14.0, &document.snapshots.list()[index].name);
+        let top = picture.top().max(rect.top()) + 16.0;
+        if whole {
+            tag(&painter, Align2::LEFT_CENTER, pos2(picture.left().max(rect.left()) + 14.0, top), name);
+        } else {
+            painter.vline(wipe_x, picture.y_range(), (1.5, Color32::from_gray(235)));
+            painter.circle_filled(pos2(wipe_x, picture.center().y), 5.0, Color32::from_gray(235));
+            tag(&painter, Align2::RIGHT_CENTER, pos2(wipe_x - 14.0, top), "now");
+            tag(&painter, Align2::LEFT_CENTER, pos2(wipe_x + 14.0, top), name);
+        }
     }
     if let Some(asked) = &document.asked {
         let centre = [asked.pixel[0] as f32 + 0.5, asked.pixel[1] as f32 + 0.5];
@@ -103,8 +105,20 @@ fn draw(ui: &Ui, document: &Document, rect: Rect, picture: Rect, wipe_x: f32) {
         painter.circle_stroke(at, 6.0, (2.5, Color32::from_black_alpha(140)));
         painter.circle_stroke(at, 6.0, (1.2, ACCENT));
     }
-    if !document.complete {
-        let at = pos2(rect.center().x, rect.top() + 18.0);
-        painter.text(at, Align2::CENTER_CENTER, "base layers, refining", FontId::proportional(12.0), WEAK);
+    let progress = document.progress;
+    if !progress.is_complete() {
+        let text = match progress.base < 1.0 {
+            true => format!("base layers {:.0} %", progress.base * 100.0),
+            false => format!("refining {:.0} %", progress.whole * 100.0),
+        };
+        tag(&painter, Align2::CENTER_CENTER, pos2(rect.center().x, rect.top() + 18.0), &text);
     }
+}
+
+/// Words on the picture, legible on any.
+fn tag(painter: &egui::Painter, anchor: Align2, at: egui::Pos2, text: &str) {
+    let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(12.0), Color32::WHITE);
+    let place = anchor.anchor_size(at, galley.size());
+    painter.rect_filled(place.expand2(vec2(6.0, 3.0)), 4.0, Color32::from_black_alpha(160));
+    painter.galley(place.min, galley, Color32::WHITE);
 }

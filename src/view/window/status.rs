@@ -8,46 +8,71 @@ use super::theme::{ALARM, TEXT, WEAK};
 pub(super) fn status(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 14.0;
-        let weak = |text: String| RichText::new(text).size(11.5).color(WEAK);
-        if let Some((message, alarm)) = &document.message {
-            let colour = if *alarm { ALARM } else { TEXT };
-            let response = ui.add(egui::Label::new(RichText::new(message).size(11.5).color(colour)).truncate());
-            if response.interact(egui::Sense::click()).on_hover_text("Click to dismiss").clicked() {
-                document.message = None;
-            }
-        } else {
-            let [width, height] = document.size();
-            let container = &document.session.container;
-            let columns = container.job().shape.columns();
-            ui.label(weak(format!("{width} × {height}")));
-            ui.label(weak(format!("{columns} columns, mean rank {:.0}", document.mean_rank)));
-            let error = match document.session.stated_error() {
-                Some(error) => format!("stated error {:.2} %", error * 100.0),
-                None => "error not stated".into(),
-            };
-            ui.label(weak(error)).on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, from the container");
-            ui.label(weak(format!("{} resident", bytes(document.factor_bytes))));
-            ui.label(weak(format!("{} read of {}", bytes(document.bytes_read()), bytes(container.file_bytes()))));
-        }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.label(weak("? for keys".into()));
-            let latency = document.latency;
-            let frames = if latency.frames == 1 { "frame" } else { "frames" };
-            let text = format!(
-                "relit in {:.1} ms, shown after {:.1} ms, {} {frames}",
-                latency.relight_secs * 1e3,
-                latency.total_secs * 1e3,
-                latency.frames
-            );
-            ui.label(weak(text))
-                .on_hover_text("Of the last change: product, product and display, frames of the window");
-            let rate = 1.0 / latency.total_secs.max(1e-6);
-            if latency.total_secs > 0.0 {
-                ui.label(weak(format!("{rate:.0} pictures/s")));
-            }
-            ui.label(weak(format!("{:.0} %", document.viewport.zoom * ui.ctx().pixels_per_point() * 100.0)));
+            cost(ui, document);
+            worth(ui, document);
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| message(ui, document));
         });
     });
+}
+
+fn weak(text: String) -> RichText {
+    RichText::new(text).size(11.5).color(WEAK)
+}
+
+fn message(ui: &mut Ui, document: &mut Document) {
+    if document.beside > 0 {
+        ui.spinner();
+        ui.label(weak("working".into()));
+    } else if let Some((message, alarm)) = &document.message {
+        let text = RichText::new(message).size(11.5).color(if *alarm { ALARM } else { TEXT });
+        let response = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
+        if response.on_hover_text(format!("{message}\n\nClick to dismiss")).clicked() {
+            document.message = None;
+        }
+    } else {
+        let [width, height] = document.size();
+        let columns = document.session.container.job().shape.columns();
+        let rank = document.relighter.as_ref().map_or(String::new(), |r| format!(", mean rank {:.1}", r.mean_rank()));
+        ui.add(egui::Label::new(weak(format!("{width} × {height}, {columns} columns{rank}"))).truncate());
+    }
+}
+
+/// Frames a second and what a change costs.
+fn cost(ui: &mut Ui, document: &Document) {
+    ui.label(weak("? for keys".into()));
+    ui.label(weak(format!("{:.0} %", document.viewport.zoom * ui.ctx().pixels_per_point() * 100.0)));
+    let latency = document.latency;
+    if latency.total_secs > 0.0 {
+        let frames = if latency.frames == 1 { "frame" } else { "frames" };
+        let text = format!("{:.1} ms, {} {frames}", latency.total_secs * 1e3, latency.frames);
+        let of = format!(
+            "From the last change to its picture: {:.1} ms of relighting, {:.1} ms with display, {} {frames}",
+            latency.relight_secs * 1e3,
+            latency.total_secs * 1e3,
+            latency.frames
+        );
+        ui.label(weak(text)).on_hover_text(of);
+    }
+    if let Some(rate) = document.pictures_per_sec() {
+        ui.label(weak(format!("{rate:.0} fps"))).on_hover_text("Pictures a second while something was dragged");
+    }
+}
+
+/// Bytes, and the error that the container states.
+fn worth(ui: &mut Ui, document: &Document) {
+    let container = &document.session.container;
+    let error = match document.session.stated_error() {
+        Some(error) => format!("stated error {:.2} %", error * 100.0),
+        None => "error not stated".into(),
+    };
+    ui.label(weak(error)).on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, as the container says");
+    let read = format!("{} read", bytes(document.bytes_read()));
+    let file = format!("of a file of {}; layers that lean on others are read with them", bytes(container.file_bytes()));
+    ui.label(weak(read)).on_hover_text(file);
+    if let Some(relighter) = &document.relighter {
+        ui.label(weak(format!("{} resident", bytes(relighter.factor_bytes())))).on_hover_text("Factors in memory");
+    }
 }
 
 /// A number of bytes for people.

@@ -24,6 +24,8 @@ pub(super) const ALARM: Color32 = Color32::from_rgb(236, 110, 92);
 /// Gives all of a context's widgets these colours.
 pub(super) fn apply(context: &egui::Context) {
     context.set_theme(egui::Theme::Dark);
+    // Ctrl+0 is the picture's.
+    context.options_mut(|options| options.zoom_with_keyboard = false);
     context.all_styles_mut(|style| {
         style.text_styles = [
             (TextStyle::Heading, FontId::new(15.0, FontFamily::Proportional)),

@@ -2,11 +2,12 @@
 
 use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 
-use super::document::Document;
-use super::export::export;
+use super::chooser::Purpose;
+use super::document::{Document, LUMENS_PER_WATT};
+use super::keys::{Action, act};
 use super::theme::{ACCENT, WEAK, section};
-use crate::view::display::{BINS, NEUTRAL_KELVIN, STOPS_SHOWN, false_colour};
-use crate::view::planck::luminance;
+use crate::image::{LinearImage, encode_srgb, false_colour, luminance};
+use crate::view::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
 
 pub(super) fn view_panel(ui: &mut Ui, document: &mut Document) {
     egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
@@ -17,7 +18,19 @@ pub(super) fn view_panel(ui: &mut Ui, document: &mut Document) {
         probe(ui, document);
         snapshots(ui, document);
         section(ui, "EXPORT");
-        export(ui, document);
+        ui.horizontal_wrapped(|ui| {
+            for (name, about, action) in [
+                ("PNG…", "The picture as it is shown (Ctrl+S)", Action::Png),
+                ("EXR…", "Linear radiance, 32 bits (Ctrl+E)", Action::Exr),
+                ("Layers…", "An EXR with a layer for each light that shines", Action::Layers),
+                ("Lighting…", "A file for `ltm relight --lighting` (Ctrl+K)", Action::SaveLook),
+                ("Command", "Copy the command line that makes this picture (Ctrl+Shift+C)", Action::CopyCommand),
+            ] {
+                if ui.button(name).on_hover_text(about).clicked() {
+                    act(ui.ctx(), document, action);
+                }
+            }
+        });
         ui.add_space(8.0);
     });
 }
@@ -39,46 +52,84 @@ fn display(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {
         ui.add_sized(vec2(62.0, 20.0), egui::Label::new("Exposure").selectable(false));
         ui.spacing_mut().slider_width = (ui.available_width() - number - 58.0).max(40.0);
-        let slider = egui::Slider::new(&mut document.display.exposure_stops, -12.0..=12.0);
+        let slider = egui::Slider::new(&mut document.display.tone.exposure_stops, -12.0..=12.0);
         ui.add(slider.clamping(egui::SliderClamping::Never).suffix(" EV").fixed_decimals(1))
             .on_hover_text("E / Shift+E");
         if ui.button("Auto").on_hover_text("Expose for most of the picture (N)").clicked() {
             document.expose();
         }
     });
+    let tone = &mut document.display.tone;
     ui.horizontal(|ui| {
         ui.add_sized(vec2(62.0, 20.0), egui::Label::new("White").selectable(false));
         ui.spacing_mut().slider_width = (ui.available_width() - number - 58.0).max(40.0);
-        let slider = egui::Slider::new(&mut document.display.white_kelvin, 2000.0..=12_000.0).logarithmic(true);
-        ui.add(slider.suffix(" K").max_decimals(0)).on_hover_text("Colour temperature that is shown as white");
-        if ui.button("6500").on_hover_text("Neutral").clicked() {
-            document.display.white_kelvin = NEUTRAL_KELVIN;
+        let mut kelvin = tone.white_kelvin.unwrap_or(NEUTRAL_KELVIN);
+        let slider = egui::Slider::new(&mut kelvin, 2000.0..=12_000.0).logarithmic(true);
+        if ui.add(slider.suffix(" K").max_decimals(0)).on_hover_text("The light that is shown as white").changed() {
+            tone.white_kelvin = Some(kelvin);
+        }
+        let balanced = tone.white_kelvin.is_some();
+        if ui.add_enabled(balanced, egui::Button::new("Off")).on_hover_text("Colours as they are").clicked() {
+            tone.white_kelvin = None;
         }
     });
-    ui.checkbox(&mut document.display.false_colour, "False colour").on_hover_text("Luminance in stops (L)");
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 2.0;
+        let display = &mut document.display;
+        for (curve, name) in CURVES {
+            let is_shown = !display.false_colour && display.tone.curve == curve;
+            if ui.selectable_label(is_shown, name).on_hover_text("Tone curve (Shift+Right)").clicked() {
+                (display.tone.curve, display.false_colour) = (curve, false);
+            }
+        }
+        let label = ui.selectable_label(display.false_colour, "False colour");
+        if label.on_hover_text("Luminance in stops (Shift+Right)").clicked() {
+            display.false_colour = true;
+        }
+    });
     if document.display.false_colour {
-        scale(ui);
+        scale(ui, document);
     }
 }
 
-/// The colours of false colour with their stops.
-fn scale(ui: &mut Ui) {
-    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 26.0), Sense::hover());
+/// The colours of false colour with what they stand for.
+fn scale(ui: &mut Ui, document: &Document) {
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 40.0), Sense::hover());
     let bar = Rect::from_min_size(rect.min, vec2(rect.width(), 8.0));
     let (low, high) = STOPS_SHOWN;
-    let steps = 64;
-    for step in 0..steps {
-        let [left, right] = [step, step + 1].map(|s| bar.left() + bar.width() * s as f32 / steps as f32);
-        let stops = low + (high - low) * (step as f32 + 0.5) / steps as f32;
-        let [r, g, b] = false_colour(stops.exp2());
-        let part = Rect::from_x_y_ranges(left..=right + 0.5, bar.y_range());
-        ui.painter().rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
+    let steps = 96;
+    let stops = |part: f32| low + (high - low) * part;
+    let ramp = (0..steps).map(|step| [stops((step as f32 + 0.5) / steps as f32).exp2(); 3]).collect();
+    let ramp = LinearImage { width: steps, height: 1, pixels: ramp };
+    if let Ok(colours) = false_colour(&ramp, low.exp2(), high.exp2()) {
+        for (step, colour) in colours.pixels.into_iter().enumerate() {
+            let [left, right] = [step, step + 1].map(|s| bar.left() + bar.width() * s as f32 / steps as f32);
+            let [r, g, b] = colour.map(|v| (encode_srgb(v) * 255.0 + 0.5) as u8);
+            let part = Rect::from_x_y_ranges(left..=right + 0.5, bar.y_range());
+            ui.painter().rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
+        }
     }
+    let has_units = document.has_units();
+    let gain = if has_units { LUMENS_PER_WATT } else { 1.0 };
     for stops in (low as i32..=high as i32).step_by(4) {
         let x = bar.left() + bar.width() * (stops as f32 - low) / (high - low);
-        let at = pos2(x.clamp(bar.left() + 10.0, bar.right() - 10.0), bar.bottom() + 9.0);
+        let at = pos2(x.clamp(bar.left() + 14.0, bar.right() - 14.0), bar.bottom() + 9.0);
         let text = if stops == 0 { "0 EV".to_owned() } else { format!("{stops:+}") };
-        ui.painter().text(at, egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(10.0), WEAK);
+        let font = egui::FontId::proportional(10.0);
+        ui.painter().text(at, egui::Align2::CENTER_CENTER, text, font.clone(), WEAK);
+        let luminance = (stops as f32 - document.display.tone.exposure_stops).exp2() * gain;
+        let text = short(luminance) + if stops == 0 && has_units { " cd/m²" } else { "" };
+        ui.painter().text(at + vec2(0.0, 13.0), egui::Align2::CENTER_CENTER, text, font, WEAK);
+    }
+}
+
+/// A number in about three digits.
+fn short(value: f32) -> String {
+    match value.abs() {
+        v if v == 0.0 || (0.001..1.0).contains(&v) => format!("{value:.3}"),
+        v if (1.0..100.0).contains(&v) => format!("{value:.1}"),
+        v if (100.0..100_000.0).contains(&v) => format!("{value:.0}"),
+        _ => format!("{value:.1e}"),
     }
 }
 
@@ -129,9 +180,19 @@ fn probe(ui: &mut Ui, document: &mut Document) {
         (Some([x, y]), Some([r, g, b])) => {
             let bright = luminance([r, g, b]);
             let stops = if bright > 0.0 { format!("{:+.2} EV", bright.log2()) } else { "black".into() };
-            format!("{x:>5}, {y:<5} {r:9.4} {g:9.4} {b:9.4}\nradiance W/(sr·m²)   Y {bright:.4}   {stops}")
+            let rgb = [r, g, b].map(|v| format!("{:>9}", short(v))).concat();
+            let radiance = format!("{x:>5}, {y:<5}{rgb}\n");
+            // A matt surface sends on at most what it gets: E ≥ π L.
+            match document.has_units() {
+                true => {
+                    let candela = bright * LUMENS_PER_WATT;
+                    let lux = short(candela * std::f32::consts::PI);
+                    format!("{radiance}W/(sr·m²)   {stops}\n{} cd/m²   {lux} lx if matt white", short(candela))
+                }
+                false => format!("{radiance}times as rendered   {stops}\nY {}", short(bright)),
+            }
         }
-        _ => "Point at the picture to read it;\nclick to ask which light matters there.".into(),
+        _ => "Point at the picture to read it;\nclick to ask which light matters there.\n".into(),
     };
     ui.label(RichText::new(text).monospace().size(11.0));
     let Some(asked) = &document.asked else { return };
@@ -200,9 +261,11 @@ fn snapshots(ui: &mut Ui, document: &mut Document) {
         document.snapshots.remove(index);
     }
     ui.horizontal(|ui| {
-        if ui.button("Take snapshot").on_hover_text("Keep this lighting and its picture (S)").clicked() {
+        if ui.button("Take snapshot").on_hover_text("Keep this lighting and its picture (K)").clicked() {
             document.snapshot();
         }
-        ui.label(RichText::new("or drop a reference image").size(11.0).color(WEAK));
+        if ui.button("Reference…").on_hover_text("Compare with an image of the same size").clicked() {
+            document.wanted = Some(Purpose::Reference);
+        }
     });
 }
