@@ -153,6 +153,44 @@ fn a_sun_stands_in_the_column_nearest_to_its_direction() {
 }
 
 #[test]
+fn of_several_suns_the_nearest_one_shines() {
+    let mut basis = basis();
+    for (i, place) in [[0.0, 1.0, 0.0], [0.6, 0.8, 0.0], [0.8, 0.0, 0.6]].into_iter().enumerate() {
+        let (kind, unit) = (LightKind::Sun, LightUnit::Irradiance);
+        let (emission, places, extents) = ([if i == 1 { 0.0 } else { 5.0 }; 3], vec![place], vec![1e-4]);
+        basis.push(Light { name: format!("sun {i}"), kind, unit, emission, first_column: 0, places, extents }).unwrap();
+    }
+    let with = |direction: &str| {
+        let (_folder, path) =
+            folder_with("look.toml", &format!("[[light]]\nname = 'sun *'\nsun = {direction}\nstops = 1\n"));
+        look::load(&path, &basis).unwrap().lighting().weights()[50..].iter().map(|w| w[0]).collect::<Vec<_>>()
+    };
+    assert_eq!(with("[0, 3, 0.1]"), [10.0, 0.0, 0.0]);
+    assert_eq!(with("[4, 0.5, 4]"), [0.0, 0.0, 10.0]);
+    // One that is dark in the scene stays what the scene makes of it.
+    assert_eq!(with("[0.7, 0.7, 0]"), [0.0, 0.0, 0.0]);
+}
+
+#[test]
+fn the_scenes_own_map_is_its_lighting() {
+    let mut basis = basis();
+    basis.set_scene_weights(18, (0..32).map(|i| [i as f32; 3]).collect()).unwrap();
+    let (_folder, path) = folder_with("look.toml", "[[light]]\nname = 'sky'\nstops = 1\n");
+    let look = look::load(&path, &basis).unwrap();
+    assert_eq!((look.lighting().weights()[0], look.lighting().weights()[18 + 7]), ([2.0; 3], [14.0; 3]));
+    let (_folder, path) = folder_with("look.toml", "base = 'off'\n[[light]]\nname = 'sky'\non = true\n");
+    assert_eq!(look::load(&path, &basis).unwrap().lighting().weights()[18 + 7], [7.0; 3]);
+}
+
+#[test]
+fn groups_share_out_the_columns() {
+    let look = load("[groups]\na = ['lamp*']\nb = ['lamp left', 'panel']\n").unwrap();
+    assert_eq!(look.groups()[0], ("a".to_owned(), vec![0, 1]));
+    assert_eq!(look.groups()[1], ("b".to_owned(), (2..18).collect()));
+    assert!(refused("[groups]\na = ['lmap left']\n").contains("'lamp left'"));
+}
+
+#[test]
 fn named_looks_stand_on_the_rules_above_and_keys_blend_them() {
     let look = load(
         "[[light]]\nname = 'panel'\non = false\n[[look]]\nname = 'day'\n[[look]]\nname = 'night'\n[[look.light]]\nname = '*'\nstops = -1\n\

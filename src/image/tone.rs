@@ -143,6 +143,12 @@ pub fn false_colour(image: &LinearImage, low: f32, high: f32) -> Result<LinearIm
     Ok(LinearImage { pixels: image.luminances().map(colour).collect(), ..*image })
 }
 
+/// The luminances of the colours of [`false_colour`], from `low` (and below) to `high` (and above).
+pub fn false_colour_scale(low: f32, high: f32) -> [(&'static str, f32); 7] {
+    let names = ["black", "dark blue", "blue", "green", "yellow", "red", "white"];
+    std::array::from_fn(|i| (names[i], low * (high / low).powf(i as f32 / 6.0)))
+}
+
 /// Writes an 8-bit sRGB PNG through `tone`.
 pub fn write_toned_png(path: &Path, image: &LinearImage, tone: ToneMapping) -> Result<()> {
     let pixels = image.pixels.iter().flat_map(|&pixel| tone.display(pixel).map(|v| (v * 255.0 + 0.5) as u8));

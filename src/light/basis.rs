@@ -123,6 +123,8 @@ pub struct LightBasis {
     lights: Vec<Light>,
     /// Index of each light by its name.
     by_name: HashMap<String, usize>,
+    /// Weights in the scene's lighting that are not their light's emission: first column, weights.
+    scene_weights: Vec<(u32, Vec<[f32; 3]>)>,
 }
 
 impl LightBasis {
@@ -164,6 +166,42 @@ impl LightBasis {
         self.by_name.insert(light.name.clone(), self.lights.len());
         self.lights.push(light);
         Ok(())
+    }
+
+    /// Says how the scene lights a light's columns where its emission does not: an environment's map, one weight for
+    /// each texel. `first_column` is the light's.
+    ///
+    /// Errors: no light begins there, it has another number of columns, or a weight is not finite.
+    pub fn set_scene_weights(&mut self, first_column: u32, weights: Vec<[f32; 3]>) -> Result<()> {
+        let refuse = |problem: &str| Err(Error::input(format!("weights of column {first_column}"), problem, ""));
+        match self.lights.binary_search_by_key(&first_column, |light| light.first_column) {
+            Err(_) => refuse("no light begins at this column"),
+            Ok(light) if self.lights[light].places.len() != weights.len() => {
+                refuse("their number is not that of the light's columns")
+            }
+            Ok(_) if !weights.iter().flatten().all(|v| v.is_finite()) => refuse("one is not finite"),
+            Ok(_) => {
+                self.scene_weights.retain(|(column, _)| *column != first_column);
+                self.scene_weights.push((first_column, weights));
+                self.scene_weights.sort_by_key(|(column, _)| *column);
+                Ok(())
+            }
+        }
+    }
+
+    /// What [`set_scene_weights`](Self::set_scene_weights) set, in column order.
+    pub(super) fn own_scene_weights(&self) -> &[(u32, Vec<[f32; 3]>)] {
+        &self.scene_weights
+    }
+
+    /// The weight of each column in the scene's own lighting.
+    pub fn scene_weights(&self) -> Vec<[f32; 3]> {
+        let emission = |light: &Light| std::iter::repeat_n(light.emission, light.places.len());
+        let mut weights: Vec<_> = self.lights.iter().flat_map(emission).collect();
+        for (first, own) in &self.scene_weights {
+            weights[*first as usize..][..own.len()].copy_from_slice(own);
+        }
+        weights
     }
 
     /// The lights in column order.
@@ -222,6 +260,18 @@ mod tests {
         assert_eq!((column.light.name.as_str(), column.texel), ("b", (1, 1)));
         assert_eq!(basis.column(ColumnIndex(0)).light.name, "a");
         assert_eq!(basis.column(ColumnIndex(7)).light.name, "c");
+    }
+
+    #[test]
+    fn the_scene_lights_a_column_by_its_own_weight_or_its_lights_emission() {
+        let mut basis = LightBasis::new();
+        basis.push(lamp("a", LightKind::Lamp, 1)).unwrap();
+        basis.push(lamp("sky", LightKind::LatLong { across: 2, down: 1 }, 2)).unwrap();
+        basis.set_scene_weights(1, vec![[3.0; 3], [4.0; 3]]).unwrap();
+        assert_eq!(basis.scene_weights(), [[1.0; 3], [3.0; 3], [4.0; 3]]);
+        for (first, weights) in [(2, vec![[1.0; 3]; 2]), (1, vec![[1.0; 3]; 3]), (0, vec![[f32::NAN; 3]])] {
+            assert!(basis.set_scene_weights(first, weights).is_err());
+        }
     }
 
     #[test]

@@ -27,9 +27,17 @@ impl Lighting {
         Self::new(vec![weight; columns])
     }
 
-    /// The lighting of the scene file: every light with its own emission.
+    /// The lighting of the scene file: every light with its own emission, an environment with its map.
     pub fn of_scene(basis: &LightBasis) -> Self {
-        let weights = basis.lights().iter().flat_map(|light| light.places.iter().map(|_| light.emission)).collect();
+        Self { weights: basis.scene_weights() }
+    }
+
+    /// The same with all columns dark but those of `columns`.
+    pub fn only(&self, columns: impl IntoIterator<Item = u32>) -> Self {
+        let mut weights = vec![[0.0; 3]; self.weights.len()];
+        for column in columns {
+            weights[column as usize] = self.weights[column as usize];
+        }
         Self { weights }
     }
 

@@ -1,7 +1,8 @@
 //! The bytes of a [`Job`]: the only place that knows bincode.
 //!
-//! Layout: bincode 2, little-endian, variable-length integers, the fields of `JobRecord` in order; `formats/` writes
-//! it down. A checksum is the containing file's business.
+//! Layout: bincode 2, little-endian, variable-length integers, the fields of `JobRecord` in order, and after them the
+//! weights of the scene's lighting that are not their lights' emission, if there are any; `formats/` writes it down. A
+//! checksum is the containing file's business.
 
 use bincode::config::{Configuration, Limit, LittleEndian, Varint};
 
@@ -25,6 +26,9 @@ struct JobRecord {
     provenance: Provenance,
 }
 
+/// First column and weights of each light that the scene lights texel by texel.
+type SceneWeights = Vec<(u32, Vec<[f32; 3]>)>;
+
 type Config = Configuration<LittleEndian, Varint, Limit<MAX_BYTES>>;
 
 fn config() -> Config {
@@ -35,7 +39,7 @@ fn config() -> Config {
 ///
 /// A length field makes bincode allocate for as many items at once, up to its limit, and the limit is a constant. So
 /// it is chosen from a ladder: a damaged length cannot ask for more than 32 times the bytes at hand, or 4 KiB.
-fn decode_within(bytes: &[u8]) -> Result<(JobRecord, usize), bincode::error::DecodeError> {
+fn decode_within<T: bincode::Decode<()>>(bytes: &[u8]) -> Result<(T, usize), bincode::error::DecodeError> {
     macro_rules! first_that_fits {
         ($($limit:expr),*) => {
             $(if bytes.len() * MEMORY_PER_BYTE <= $limit {
@@ -57,7 +61,12 @@ pub fn encode_job(job: &Job) -> Vec<u8> {
         lights: job.basis.lights().to_vec(),
         provenance: job.provenance.clone(),
     };
-    bincode::encode_to_vec(record, config()).expect("encoding into memory cannot fail")
+    let mut bytes = bincode::encode_to_vec(record, config()).expect("encoding into memory cannot fail");
+    let weights = job.basis.own_scene_weights();
+    if !weights.is_empty() {
+        bytes.extend(bincode::encode_to_vec(weights, config()).expect("encoding into memory cannot fail"));
+    }
+    bytes
 }
 
 /// Decodes a job. Errors, as plain text for the caller to place: anything that does not decode, trailing bytes, or
@@ -66,15 +75,28 @@ pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
     if bytes.len() > MAX_BYTES {
         return Err(format!("the job description has {} bytes, more than {MAX_BYTES}", bytes.len()));
     }
-    let (record, used) = decode_within(bytes).map_err(|e| format!("the job description does not decode ({e})"))?;
-    if used != bytes.len() {
-        return Err(format!("the job description has {} trailing bytes", bytes.len() - used));
+    let undecodable = |e| format!("the job description does not decode ({e})");
+    let (record, used): (JobRecord, usize) = decode_within(bytes).map_err(undecodable)?;
+    let rest = &bytes[used..];
+    let (weights, used): (SceneWeights, usize) =
+        if rest.is_empty() { Default::default() } else { decode_within(rest).map_err(undecodable)? };
+    // An empty list is never written: a description has one form.
+    if used != rest.len() || (weights.is_empty() && !rest.is_empty()) {
+        return Err(format!("the job description has {} trailing bytes", rest.len()));
     }
     let shape = MatrixShape::new(record.width, record.height, record.columns, record.block_side)
         .map_err(|e| format!("the job description is impossible: {e}"))?;
     let mut basis = LightBasis::new();
     for light in record.lights {
         basis.push(light).map_err(|e| format!("the job description is impossible: {e}"))?;
+    }
+    if !weights.is_sorted_by(|a, b| a.0 < b.0) {
+        return Err("the job's scene weights are not in order".into());
+    }
+    for (first_column, weights) in weights {
+        basis
+            .set_scene_weights(first_column, weights)
+            .map_err(|e| format!("the job description is impossible: {e}"))?;
     }
     if basis.column_count() != shape.columns() {
         return Err(format!("the job has {} columns but its lights {}", shape.columns(), basis.column_count()));
@@ -108,6 +130,19 @@ mod tests {
     #[test]
     fn a_job_survives_its_bytes() {
         assert_eq!(decode_job(&encode_job(&job())).unwrap(), job());
+    }
+
+    #[test]
+    fn the_scenes_own_weights_survive_and_take_no_byte_where_there_are_none() {
+        let mut lit = job();
+        lit.basis.set_scene_weights(1, (0..6).map(|i| [i as f32; 3]).collect()).unwrap();
+        let bytes = encode_job(&lit);
+        assert_eq!(decode_job(&bytes).unwrap(), lit);
+        assert!(bytes.starts_with(&encode_job(&job())));
+        for length in encode_job(&job()).len() + 1..bytes.len() {
+            assert!(decode_job(&bytes[..length]).is_err());
+        }
+        assert!(decode_job(&[encode_job(&job()), vec![0]].concat()).is_err());
     }
 
     #[test]

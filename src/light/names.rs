@@ -37,6 +37,20 @@ pub fn edit_distance(a: &str, b: &str) -> usize {
     row[b.len()]
 }
 
+/// "the nearest names are …" with up to three of those that are there, or that there are none.
+pub fn suggest<'a>(name: &str, among: impl Iterator<Item = &'a str>) -> String {
+    let mut ranked: Vec<_> =
+        among.map(|other| (edit_distance(&name.to_lowercase(), &other.to_lowercase()), other)).collect();
+    ranked.sort();
+    ranked.dedup();
+    ranked.truncate(3);
+    if ranked.is_empty() {
+        return "there are none".into();
+    }
+    let quoted: Vec<_> = ranked.iter().map(|(_, other)| format!("'{other}'")).collect();
+    format!("the nearest names are {}", quoted.join(", "))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -60,6 +74,12 @@ mod tests {
         for (pattern, name) in [("", "a"), ("lum_?", "lum_07"), ("*a", "ab"), ("a*b", "a"), ("a", "A")] {
             assert!(!fits(pattern, name), "{pattern} {name}");
         }
+    }
+
+    #[test]
+    fn the_nearest_name_comes_first() {
+        assert!(suggest("pannel", ["lamp", "panel", "sky"].into_iter()).starts_with("the nearest names are 'panel'"));
+        assert_eq!(suggest("x", std::iter::empty()), "there are none");
     }
 
     #[test]

@@ -20,7 +20,7 @@ pub use import::{ImportedMatrix, read_lights};
 pub use maintain::repair;
 pub use memory::PeakMemory;
 pub use pack::{PackOptions, PackReport, pack};
-pub use relight::{Device, relight};
+pub use relight::{Device, RelightOptions, Relighter, relight};
 pub use render::{RenderOptions, RenderReport, job_of, render};
 pub use unpack::{UnpackOptions, unpack_to_exr, unpack_to_npy, unpack_to_store};
 pub use watch::{Quiet, Watch};

@@ -13,7 +13,6 @@ use super::looks::Workshop;
 use super::textures::Textures;
 use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
 use crate::error::{Error, Result};
-use crate::light::Lighting;
 use crate::light::names::fits;
 
 /// Size of a block in f32 above which a warning is given, in bytes.
@@ -84,7 +83,10 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     warn_of_unused(&assembly, emissions.iter().map(Option::is_some), &mut warnings);
 
     let name = name.unwrap_or_else(|| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
-    let Assembly { mesh, materials, textures, emitters, basis } = assembly;
+    let Assembly { mesh, materials, textures, emitters, mut basis } = assembly;
+    for (first, weights) in weights {
+        basis.set_scene_weights(first, weights)?;
+    }
     let scene = Scene { name, mesh, materials, textures, camera, emitters, basis, metres_per_unit };
     warnings.extend(validate(&scene)?);
     // Tracing and compressing hold whole blocks, one for each worker.
@@ -96,15 +98,7 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
             "a block of {side} × {side} pixels under {columns} columns takes {gib:.1} GiB; a smaller block_side takes less"
         ));
     }
-    let mut loaded = LoadedScene::new(scene, settings, warnings);
-    if !weights.is_empty() {
-        let mut all = loaded.lighting.weights().to_vec();
-        for (first, weights) in weights {
-            all[first as usize..][..weights.len()].copy_from_slice(&weights);
-        }
-        loaded.lighting = Lighting::new(all)?;
-    }
-    Ok(loaded)
+    Ok(LoadedScene::new(scene, settings, warnings))
 }
 
 fn light_place(place: &str, index: usize, entry: &LightEntry) -> String {

@@ -8,6 +8,7 @@ mod demo;
 mod info;
 mod input;
 mod maintain;
+mod picture;
 mod relight;
 mod render;
 mod verify;
@@ -46,7 +47,11 @@ enum Command {
     /// Make an image from a container (.ltc) or a stored matrix (.ltm) under a lighting.
     #[command(after_help = "Examples:
   ltm relight room.ltc -o room.exr
-  ltm relight room.ltc -o room.png --on desk --on 'ceiling*' --device cpu")]
+  ltm relight room.ltc -o room.png --on desk --on 'ceiling*' --device cpu
+  ltm relight room.ltc --lighting look.toml --look night -o night.png --tone agx
+  ltm relight room.ltc --lighting look.toml -o frame-####.png --fps 24
+  ltm relight room.ltc -o lights.exr --layers lights
+  ltm relight room.ltc -o lux.png --false-colour illuminance --reflectance 0.5")]
     Relight(relight::Relight),
     /// Open a container in a window: a mixer for its lights.
     #[command(after_help = "Needs a build with --features view. Keys are listed under '?'. Example: ltm view room.ltc")]

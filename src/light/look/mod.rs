@@ -16,6 +16,9 @@
 //! [[light]]
 //! name = "sky"
 //! environment = { file = "studio.hdr", rotation_degrees = 30, stops = 0 }
+//! [[light]]
+//! name = "sun *"
+//! sun = [0.3, 0.8, -0.5]              # of several suns, the one nearest to this direction; of a sky, its texel there
 //!
 //! [[look]]                            # further looks by name, on top of the rules above
 //! name = "night"
@@ -32,12 +35,12 @@
 
 mod environment;
 mod file;
-mod names;
 mod pattern;
 mod resolve;
 
 use std::path::Path;
 
+use super::names::suggest;
 use super::{LightBasis, Lighting};
 use crate::error::{Error, Result};
 
@@ -48,6 +51,7 @@ pub struct Look {
     lighting: Lighting,
     named: Vec<(String, Lighting)>,
     keys: Vec<(f32, Lighting)>,
+    groups: Vec<(String, Vec<u32>)>,
 }
 
 /// Reads a look file (JSON if its name ends so, else TOML) for a light basis. Images are found beside the file.
@@ -79,9 +83,20 @@ impl Look {
             Some((_, lighting)) => Ok(lighting),
             None => {
                 let problem = format!("has no look '{name}'");
-                Err(Error::input(&self.place, problem, names::nearest(name, self.names())))
+                Err(Error::input(&self.place, problem, suggest(name, self.names())))
             }
         }
+    }
+
+    /// The groups of the file in the order of their names, each with the columns of its lights; a light of several
+    /// groups is counted with the first.
+    pub fn groups(&self) -> &[(String, Vec<u32>)] {
+        &self.groups
+    }
+
+    /// The lightings at the keys: no frame of the animation has more on any column than the brightest of them.
+    pub fn keys(&self) -> impl Iterator<Item = &Lighting> {
+        self.keys.iter().map(|(_, lighting)| lighting)
     }
 
     /// The animation, `frames_per_sec` lightings a second from the first key to the last: weights between keys are

@@ -6,11 +6,10 @@ use std::path::Path;
 use super::Look;
 use super::environment::{nearest_texel, resample};
 use super::file::{Base, Color, LookFile, Rule};
-use super::names::nearest;
 use super::pattern::{image_mask, shape_mask};
 use crate::error::{Error, Result};
 use crate::image::{LinearImage, decode_srgb, kelvin_to_linear, read_image};
-use crate::light::names::fits;
+use crate::light::names::{fits, suggest};
 use crate::light::{Light, LightBasis, LightKind, Lighting};
 
 /// Applies a file's rules to a basis.
@@ -21,8 +20,13 @@ pub(super) fn resolve(place: &str, folder: &Path, file: &LookFile, basis: &Light
         Base::Off => vec![[0.0; 3]; basis.column_count()],
     };
     resolver.apply(&file.light, &mut base)?;
-    let mut look =
-        Look { place: place.to_owned(), lighting: Lighting::new(base.clone())?, named: Vec::new(), keys: Vec::new() };
+    let mut look = Look {
+        place: place.to_owned(),
+        lighting: Lighting::new(base.clone())?,
+        named: Vec::new(),
+        keys: Vec::new(),
+        groups: resolver.groups()?,
+    };
     for named in &file.look {
         let mut weights = base.clone();
         resolver.apply(&named.light, &mut weights)?;
@@ -53,7 +57,12 @@ struct Resolver<'a> {
 impl Resolver<'_> {
     fn apply(&self, rules: &[Rule], weights: &mut [[f32; 3]]) -> Result<()> {
         for rule in rules {
-            for light in self.lights(&rule.name)? {
+            let lights = self.lights(&rule.name)?;
+            let suns = lights.iter().all(|light| light.kind == LightKind::Sun);
+            if let (Some(direction), true) = (rule.sun, suns) {
+                self.choose_sun(rule, &lights, direction, weights)?;
+            }
+            for light in lights {
                 let columns = light.columns();
                 self.apply_to(rule, light, &mut weights[columns.start as usize..columns.end as usize])?;
             }
@@ -77,7 +86,7 @@ impl Resolver<'_> {
             found.extend(self.basis.lights().iter().filter(meant));
             if found.len() == before {
                 let known = self.basis.lights().iter().map(|light| light.name.as_str());
-                let hint = nearest(pattern, known.chain(self.file.groups.keys().map(String::as_str)));
+                let hint = suggest(pattern, known.chain(self.file.groups.keys().map(String::as_str)));
                 return Err(Error::input(self.place, format!("no light is called '{pattern}'"), hint));
             }
         }
@@ -87,7 +96,8 @@ impl Resolver<'_> {
     fn apply_to(&self, rule: &Rule, light: &Light, weights: &mut [[f32; 3]]) -> Result<()> {
         let refuse = |problem: String| Error::input(format!("{}, light '{}'", self.place, light.name), problem, "");
         if rule.on == Some(true) && weights.iter().flatten().all(|v| *v == 0.0) {
-            weights.fill(light.emission);
+            let columns = light.columns();
+            weights.copy_from_slice(&self.basis.scene_weights()[columns.start as usize..columns.end as usize]);
         }
         if let Some(environment) = &rule.environment {
             if !matches!(light.kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. }) {
@@ -110,7 +120,7 @@ impl Resolver<'_> {
                 *weight = chroma.map(|v| v * level);
             }
         }
-        if let Some(direction) = rule.sun {
+        if let Some(direction) = rule.sun.filter(|_| light.kind != LightKind::Sun) {
             self.put_sun(light, direction, weights).map_err(&refuse)?;
         }
         let mut multiply = |mask: Vec<[f32; 3]>| {
@@ -141,16 +151,39 @@ impl Resolver<'_> {
         Ok(())
     }
 
+    /// The columns of each group, without those of groups before it.
+    fn groups(&self) -> Result<Vec<(String, Vec<u32>)>> {
+        let mut taken = vec![false; self.basis.column_count()];
+        let columns = |name: &String| {
+            let columns = self.lights(name)?.into_iter().flat_map(Light::columns);
+            Ok((
+                name.clone(),
+                columns.filter(|&column| !std::mem::replace(&mut taken[column as usize], true)).collect(),
+            ))
+        };
+        self.file.groups.keys().map(columns).collect()
+    }
+
+    /// Of several suns, leaves only the one nearest to a direction on; one that was off shines as in the scene.
+    fn choose_sun(&self, rule: &Rule, suns: &[&Light], direction: [f32; 3], weights: &mut [[f32; 3]]) -> Result<()> {
+        let direction = unit(direction)
+            .map_err(|problem| Error::input(format!("{}, light '{}'", self.place, rule.name), problem, ""))?;
+        let nearness = |sun: &Light| (0..3).map(|i| sun.places[0][i] * direction[i]).sum::<f32>();
+        let nearest = suns.iter().max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
+        let nearest = nearest.map_or(0, |sun| sun.first_column as usize);
+        if weights[nearest] == [0.0; 3] {
+            weights[nearest] = self.basis.scene_weights()[nearest];
+        }
+        suns.iter().map(|sun| sun.first_column as usize).filter(|&c| c != nearest).for_each(|c| weights[c] = [0.0; 3]);
+        Ok(())
+    }
+
     /// Gathers the light's irradiance on the column nearest to a direction.
     fn put_sun(&self, light: &Light, direction: [f32; 3], weights: &mut [[f32; 3]]) -> Result<(), String> {
         if !matches!(light.kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. }) {
-            return Err("has no directions to put a sun in; name an environment".into());
+            return Err("has no directions to put a sun in; name an environment, or suns".into());
         }
-        let length = direction.iter().map(|v| v * v).sum::<f32>().sqrt();
-        if !(length > 0.0 && length.is_finite()) {
-            return Err("has a sun without direction".into());
-        }
-        let texel = nearest_texel(light, direction);
+        let texel = nearest_texel(light, unit(direction)?);
         let total = [0, 1, 2].map(|ch: usize| {
             weights.iter().zip(&light.extents).map(|(weight, extent)| weight[ch] * extent).sum::<f32>()
         });
@@ -167,6 +200,15 @@ impl Resolver<'_> {
             return Err(Error::input(path.display().to_string(), "has no pixels, or some that are not finite", ""));
         }
         Ok(image)
+    }
+}
+
+fn unit(direction: [f32; 3]) -> Result<[f32; 3], String> {
+    let length = direction.iter().map(|v| v * v).sum::<f32>().sqrt();
+    if length > 0.0 && length.is_finite() {
+        Ok(direction.map(|v| v / length))
+    } else {
+        Err("has a sun without direction".into())
     }
 }
 

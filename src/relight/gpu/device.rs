@@ -41,8 +41,17 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             sink.lock().expect("no thread panics with it").get_or_insert(line(&error));
         }));
+        Self::with(device, queue, complaint)
+    }
+
+    /// Uses a device that others use too, whose errors go where they have set.
+    pub(super) fn on_device(device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
+        Self::with(device, queue, Arc::default())
+    }
+
+    fn with(device: wgpu::Device, queue: wgpu::Queue, complaint: Arc<Mutex<Option<String>>>) -> Result<Self> {
         let pipelines = KERNELS.iter().map(|kernel| compile(&device, kernel)).collect();
-        let gpu = Self { adapter: info, device, queue, pipelines, complaint };
+        let gpu = Self { adapter: device.adapter_info(), device, queue, pipelines, complaint };
         gpu.check()?;
         Ok(gpu)
     }

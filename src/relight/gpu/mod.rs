@@ -72,7 +72,23 @@ impl GpuRelighter {
     ///
     /// Errors: as [`new`](Self::new).
     pub fn with_settings(source: &dyn FactorSource, settings: GpuSettings) -> Result<Self> {
-        let gpu = Gpu::open()?;
+        Self::on(Gpu::open()?, source, settings)
+    }
+
+    /// As [`with_settings`](Self::with_settings), on a device that is open already. What the device reports outside
+    /// calls of this type goes to the handler that its owner has set.
+    ///
+    /// Errors: as [`new`](Self::new).
+    pub fn on_device(
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        source: &dyn FactorSource,
+        settings: GpuSettings,
+    ) -> Result<Self> {
+        Self::on(Gpu::on_device(device, queue)?, source, settings)
+    }
+
+    fn on(gpu: Gpu, source: &dyn FactorSource, settings: GpuSettings) -> Result<Self> {
         let shape = source.shape();
         let limit = settings.binding_bytes.min(gpu.device.limits().max_storage_buffer_binding_size);
         let lighting_bytes = (shape.columns() * CHANNELS * 4) as u64;

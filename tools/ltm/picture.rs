@@ -1,0 +1,203 @@
+//! How an image is shown and written: the options of `ltm relight` that concern pictures.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use ltm::image::{self, LinearImage, ToneCurve, ToneMapping};
+use ltm::light::{Job, LightUnit};
+use ltm::{Error, Result};
+
+/// Luminous efficacy by which radiance in W·sr⁻¹·m⁻² becomes luminance in cd·m⁻².
+const LUMENS_PER_WATT: f32 = 179.0;
+
+/// Where automatic exposure puts the 95th percentile of luminance.
+const WHITE: f32 = 0.9;
+
+#[derive(Args)]
+#[command(next_help_heading = "Picture")]
+pub(crate) struct Picture {
+    /// Tone curve of a PNG.
+    #[arg(long, value_enum)]
+    tone: Option<ToneName>,
+    /// Exposure of a PNG in stops [default: as bright as its 95th percentile allows; for an animation, that of its
+    /// brightest key].
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    exposure: Option<f32>,
+    /// Temperature of the light that shall look white in a PNG.
+    #[arg(long, value_name = "KELVIN")]
+    white_balance: Option<f32>,
+    /// Show luminance in cd/m², or the illuminance in lx of matte surfaces of the given --reflectance, in false colours.
+    #[arg(long, value_enum, value_name = "QUANTITY")]
+    false_colour: Option<Quantity>,
+    /// Lowest and highest value of the false colours, LOW..HIGH [default: three decades below the brightest].
+    #[arg(long, value_parser = parse_scale, requires = "false_colour")]
+    scale: Option<(f32, f32)>,
+    /// Reflectance of the surfaces whose illuminance is shown.
+    #[arg(long, requires = "false_colour")]
+    reflectance: Option<f32>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ToneName {
+    None,
+    Agx,
+    Filmic,
+    Neutral,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Quantity {
+    Luminance,
+    Illuminance,
+}
+
+/// What file a name asks for.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Format {
+    Exr,
+    Png,
+}
+
+/// How images are to be written, after the first exposure was decided.
+pub(crate) enum Writer {
+    Exr,
+    Toned(ToneMapping),
+    FalseColour {
+        /// What a luminance of 1 in the image is in the shown quantity.
+        factor: f32,
+        low: f32,
+        high: f32,
+    },
+}
+
+pub(crate) fn format_of(path: &Path) -> Result<Format> {
+    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+        Some("exr") => Ok(Format::Exr),
+        Some("png") => Ok(Format::Png),
+        _ => {
+            let problem = "the name ends neither in .exr nor in .png";
+            Err(Error::input(path.display().to_string(), problem, "name the image x.exr or x.png"))
+        }
+    }
+}
+
+impl Picture {
+    /// Whether automatic exposure needs an image to look at.
+    pub(crate) fn looks_at_images(&self) -> bool {
+        if self.false_colour.is_some() { self.scale.is_none() } else { self.exposure.is_none() }
+    }
+
+    /// Decides how to write, exposing for `brightest` where nothing else is asked for; says what it chose.
+    pub(crate) fn writer(
+        &self,
+        output: &Path,
+        job: &Job,
+        brightest: &LinearImage,
+        say: &mut dyn FnMut(String),
+    ) -> Result<Writer> {
+        if format_of(output)? == Format::Exr {
+            let shown = self.tone.is_some() || self.exposure.is_some() || self.white_balance.is_some();
+            if shown || self.false_colour.is_some() {
+                let problem = "an EXR holds linear radiance as it is";
+                return Err(Error::input(output.display().to_string(), problem, "write a .png to show it"));
+            }
+            return Ok(Writer::Exr);
+        }
+        match self.false_colour {
+            Some(quantity) => self.false_colour_writer(quantity, job, brightest, say),
+            None => self.toned_writer(brightest, say),
+        }
+    }
+
+    fn toned_writer(&self, brightest: &LinearImage, say: &mut dyn FnMut(String)) -> Result<Writer> {
+        if let Some(kelvin) = self.white_balance.filter(|kelvin| !(1000.0..=40_000.0).contains(kelvin)) {
+            return Err(Error::input("--white-balance", format!("{kelvin} K is out of range"), "give 1000 to 40000"));
+        }
+        if let Some(stops) = self.exposure.filter(|stops| !(-60.0..=60.0).contains(stops)) {
+            return Err(Error::input("--exposure", format!("{stops} stops are out of range"), "give −60 to 60"));
+        }
+        let curve = match self.tone {
+            None | Some(ToneName::None) => ToneCurve::None,
+            Some(ToneName::Agx) => ToneCurve::Agx,
+            Some(ToneName::Filmic) => ToneCurve::Filmic,
+            Some(ToneName::Neutral) => ToneCurve::Neutral,
+        };
+        let tone = ToneMapping { curve, exposure_stops: 0.0, white_kelvin: self.white_balance };
+        Ok(Writer::Toned(match self.exposure {
+            Some(exposure_stops) => ToneMapping { exposure_stops, ..tone },
+            None => {
+                let tone = tone.auto_exposed(brightest, WHITE);
+                say(format!("exposed by {:.2} stops", tone.exposure_stops));
+                tone
+            }
+        }))
+    }
+
+    fn false_colour_writer(
+        &self,
+        quantity: Quantity,
+        job: &Job,
+        brightest: &LinearImage,
+        say: &mut dyn FnMut(String),
+    ) -> Result<Writer> {
+        if let Some(light) = job.basis.lights().iter().find(|light| light.unit == LightUnit::Multiple) {
+            let problem = "is known only as an image, without unit";
+            return Err(Error::input(format!("light '{}'", light.name), problem, "show it with --tone"));
+        }
+        let (factor, unit) = match (quantity, self.reflectance) {
+            (Quantity::Luminance, None) => (LUMENS_PER_WATT, "cd/m²"),
+            (Quantity::Luminance, Some(_)) => {
+                let problem = "luminance is that of the picture, whatever reflects it";
+                return Err(Error::input("--reflectance", problem, "leave it out, or show the illuminance"));
+            }
+            // A matte surface of reflectance ρ under illuminance E has the luminance ρ E / π.
+            (Quantity::Illuminance, Some(reflectance)) if reflectance > 0.0 && reflectance <= 1.0 => {
+                (LUMENS_PER_WATT * std::f32::consts::PI / reflectance, "lx")
+            }
+            (Quantity::Illuminance, given) => {
+                let problem = match given {
+                    Some(reflectance) => format!("{reflectance} is no reflectance"),
+                    None => "a picture shows what surfaces reflect, not what they receive".to_owned(),
+                };
+                return Err(Error::input("illuminance", problem, "give the surfaces' --reflectance, 0 to 1"));
+            }
+        };
+        let (low, high) = self.scale.unwrap_or_else(|| {
+            let peak = brightest.luminances().fold(0.0, f32::max) * factor;
+            let high = if peak > 0.0 { 10f32.powf(peak.log10().ceil()) } else { 1.0 };
+            (high / 1000.0, high)
+        });
+        let steps = image::false_colour_scale(low, high).map(|(name, value)| format!("{name} {value:.3}"));
+        say(format!("{}: {unit}", steps.join(", ")));
+        Ok(Writer::FalseColour { factor, low, high })
+    }
+}
+
+impl Writer {
+    pub(crate) fn write(&self, path: &Path, picture: &LinearImage) -> Result<()> {
+        match self {
+            Self::Exr => image::write_exr(path, picture),
+            Self::Toned(tone) => image::write_toned_png(path, picture, *tone),
+            Self::FalseColour { factor, low, high } => {
+                let shown = image::false_colour(picture, low / factor, high / factor)?;
+                image::write_toned_png(path, &shown, ToneMapping::default())
+            }
+        }
+    }
+}
+
+fn parse_scale(text: &str) -> Result<(f32, f32), String> {
+    let value = |s: &str| s.parse::<f32>().map_err(|e| format!("'{s}' is no number ({e})"));
+    let (low, high) = text.split_once("..").ok_or("write LOW..HIGH, for example 1..1000")?;
+    let (low, high) = (value(low)?, value(high)?);
+    if low > 0.0 && high > low && high.is_finite() { Ok((low, high)) } else { Err("give 0 < LOW < HIGH".into()) }
+}
+
+/// The name of a frame: the last run of `#` becomes its number.
+pub(crate) fn frame_path(pattern: &Path, frame: usize) -> Option<PathBuf> {
+    let name = pattern.file_name()?.to_str()?;
+    let end = name.rfind('#')? + 1;
+    let begin = name[..end].trim_end_matches('#').len();
+    let number = format!("{frame:0width$}", width = end - begin);
+    Some(pattern.with_file_name(format!("{}{number}{}", &name[..begin], &name[end..])))
+}
