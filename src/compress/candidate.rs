@@ -4,7 +4,7 @@ use super::Replaced;
 use crate::matrix::{BlockId, ColumnIndex, SparseEntry};
 
 /// First bytes of an encoded candidate, with the version of the layout. Spill files live as long as one run.
-const MAGIC: [u8; 4] = *b"cnd1";
+const MAGIC: [u8; 4] = *b"cnd2";
 
 /// Bins of [`CandidateSummary::sparse_gains`]: powers of two of the gain, from `2^-80`.
 pub(super) const GAIN_BINS: usize = 160;
@@ -37,8 +37,10 @@ pub struct CandidateSummary {
     pub fixed: bool,
     /// Weighted energy `uᵀ A K Aᵀ u` of each component: the distortion that it saves.
     pub gains: Vec<f32>,
-    /// What of each gain is noise; 0 where unknown.
+    /// Noise that falls on each component from outside: the mean square of what it adds to an image; 0 where unknown.
     pub noise: Vec<f32>,
+    /// What of each gain is noise that the component was fitted to; 0 where unknown.
+    pub fitted_noise: Vec<f32>,
     /// Mean square of each component's row of `R`.
     pub right_mean_square: Vec<f32>,
     /// Weighted energy outside all components.
@@ -94,7 +96,8 @@ impl Candidate {
             out.extend(v.to_le_bytes());
         }
         let scalars = [s.tail, s.brightness, s.peak];
-        let lists = [&s.gains, &s.noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain];
+        let lists =
+            [&s.gains, &s.noise, &s.fitted_noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain];
         for v in scalars.iter().chain(lists.into_iter().flatten()) {
             out.extend(v.to_le_bytes());
         }
@@ -126,6 +129,7 @@ impl Candidate {
         let scalars = floats(take(3)?);
         let gains = floats(take(rank as usize)?);
         let noise = floats(take(rank as usize)?);
+        let fitted_noise = floats(take(rank as usize)?);
         let right_mean_square = floats(take(rank as usize)?);
         let left = floats(take(size(rows, rank)?)?);
         let right = floats(take(size(columns, rank)?)?);
@@ -144,6 +148,7 @@ impl Candidate {
             fixed: fixed != 0,
             gains,
             noise,
+            fitted_noise,
             right_mean_square,
             tail: scalars[0],
             sparse_gains: bins(&sparse_gain),

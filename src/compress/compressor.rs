@@ -1,7 +1,5 @@
 //! The driver: analyses blocks one by one, chooses one cut for all.
 
-use std::borrow::Cow;
-
 use faer::{Mat, MatRef};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -9,8 +7,9 @@ use rand_pcg::Pcg64Mcg;
 use super::candidate::{Candidate, CandidateSummary, bins};
 use super::cur::{decompose, select};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
+use super::noise::NoiseModel;
 use super::range::{Range, Weights, find_range};
-use super::remainder::stand_out;
+use super::remainder::{stand_out, without};
 use super::sanitise::sanitise;
 use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, cut};
 use crate::error::{Error, Result};
@@ -24,7 +23,8 @@ pub struct Compressor {
     weights: Weights,
     /// Diagonal of `K`.
     variances: Vec<f32>,
-    probe_count: usize,
+    /// The probe lightings that noise is kept under: columns × probes, column-major.
+    probes: Vec<f32>,
 }
 
 impl Compressor {
@@ -44,8 +44,8 @@ impl Compressor {
         };
         let sketch_columns = (settings.rank + settings.oversampling).min(n);
         let weights = Weights::new(&prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
-        let probe_count = probe_lightings(basis).len() / n;
-        Ok(Self { shape, weights, variances: prior.variances(), probe_count, settings })
+        let probes = probe_lightings(basis);
+        Ok(Self { shape, weights, variances: prior.variances(), probes, settings })
     }
 
     /// The settings it was made with.
@@ -73,15 +73,21 @@ impl Compressor {
         let (brightness, peak) = all_on(usable);
         let automatic = self.settings.method == Method::Auto;
         let (fraction, contrast) = (self.settings.sparse_fraction, self.settings.sparse_contrast);
-        let sparse = if automatic { stand_out(usable, fraction, contrast) } else { Vec::new() };
-        let smooth = without(entries, &sparse, m);
+        let standing = if automatic { stand_out(usable, fraction, contrast) } else { Vec::new() };
+        let heeded = self.settings.noise_factor > 0.0;
+        let noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, (m, n)));
+        let smooth = without(entries, &standing, m);
+        let (sparse, noisy) = match &noise {
+            Some(noise) => noise.split(standing),
+            None => (standing, Vec::new()),
+        };
         let a = MatRef::from_column_major_slice(&smooth, m, n);
         let range = match self.settings.method {
             _ if peak == 0.0 && smooth.iter().all(|&v| v == 0.0) => {
                 Range { left: Vec::new(), right: Vec::new(), gains: Vec::new(), tail: 0.0 }
             }
             Method::Auto => {
-                find_range(a, &self.weights, self.settings.rank.min(m).min(n), self.settings.power_iterations)
+                find_range(a, &noisy, &self.weights, self.settings.rank.min(m).min(n), self.settings.power_iterations)
             }
             _ => self.by_rank(a, id),
         };
@@ -142,7 +148,7 @@ impl Compressor {
         (m, n): (usize, usize),
         range: Range,
         sparse: Vec<SparseEntry>,
-        noise: Option<&BlockNoise>,
+        noise: Option<NoiseModel<'_>>,
         (brightness, peak, replaced): (f32, f32, Replaced),
     ) -> Candidate {
         let sparse_gain: Vec<f32> =
@@ -152,11 +158,13 @@ impl Compressor {
             row.iter().map(|v| v * v).sum::<f32>() / n as f32
         };
         let rank = range.gains.len();
+        let unknown = || vec![0.0; rank];
         let summary = CandidateSummary {
             rows: m as u32,
             columns: n as u32,
             fixed: self.settings.method != Method::Auto && self.settings.fixed_rank,
-            noise: self.noise_of(&range.left, rank, m, noise),
+            noise: noise.as_ref().map_or(unknown(), |noise| noise.fallen(&range.left, rank)),
+            fitted_noise: noise.map_or(unknown(), |noise| noise.fitted(&self.weights, &range.right, &range.gains)),
             right_mean_square: (0..rank).map(mean_square).collect(),
             gains: range.gains.iter().map(|&g| g as f32).collect(),
             tail: range.tail as f32,
@@ -166,18 +174,6 @@ impl Compressor {
             replaced,
         };
         Candidate { id, summary, left: range.left, right: range.right, sparse, sparse_gain }
-    }
-
-    /// Mean of `(uᵀ D ω)²` over the prior's probes for each component; zeros without usable probes.
-    fn noise_of(&self, left: &[f32], rank: usize, m: usize, noise: Option<&BlockNoise>) -> Vec<f32> {
-        let fits = |n: &&BlockNoise| self.probe_count > 1 && n.probes.len() == m * self.probe_count;
-        let Some(noise) = noise.filter(fits) else {
-            return vec![0.0; rank];
-        };
-        let probes = MatRef::from_column_major_slice(&noise.probes[m..], m, self.probe_count - 1);
-        let seen = product(MatRef::from_column_major_slice(left, m, rank).transpose(), probes);
-        let mean = |k: usize| seen.row(k).squared_norm_l2() / (self.probe_count - 1) as f32;
-        (0..rank).map(mean).map(|v| if v.is_finite() { v } else { 0.0 }).collect()
     }
 }
 
@@ -190,18 +186,6 @@ fn all_on(block: BlockView<'_>) -> (f32, f32) {
     let squares: f64 = image.iter().map(|&v| f64::from(v).powi(2)).sum();
     let peak = image.iter().fold(0.0f32, |p, v| p.max(v.abs()));
     ((squares / block.rows() as f64).sqrt() as f32, peak)
-}
-
-/// The entries with the sparse ones set to 0; not copied where there are none.
-fn without<'a>(entries: Cow<'a, [f32]>, sparse: &[SparseEntry], rows: usize) -> Cow<'a, [f32]> {
-    if sparse.is_empty() {
-        return entries;
-    }
-    let mut entries = entries.into_owned();
-    for entry in sparse {
-        entries[entry.column.index() * rows + entry.row as usize] = 0.0;
-    }
-    Cow::Owned(entries)
 }
 
 /// The best approximation of rank `rank` (Eckart and Young 1936), by an f64 SVD.

@@ -17,8 +17,12 @@ use crate::matrix::FactoredBlock;
 const SPARSE_BITS: f64 = 24.0;
 /// Bits that a component costs beside its entries: steps, lengths.
 const COMPONENT_BITS: f64 = 96.0;
-/// Quantisation below this fraction of the noise only stores noise.
-const NOISE_SHARE: f64 = 0.1;
+/// Error variance of a quantiser over the noise of what it quantises, for entries of `L` and of `R`. The codec transforms
+/// `L` as a little image: where a step is a few times the noise, most of the noise falls below it and the image stays.
+/// Measured at 16 samples per pixel on four built-in scenes (96 × 64 pixels, 256 columns) against 2,048 samples: 2.5
+/// brings diffuse 8.0 and caustics 5.1 dB nearer to the truth than the raw matrix, 0.1 brings 4.6 and 3.3.
+const LEFT_NOISE_SHARE: f64 = 2.5;
+const RIGHT_NOISE_SHARE: f64 = 0.1;
 /// Steps of at least this fraction of an entry's root mean square: what 16-bit floats would keep.
 const FINEST_STEP: f64 = 1.0 / 2048.0;
 
@@ -61,14 +65,22 @@ impl Cut {
         self.slope / self.weight(s.brightness)
     }
 
+    /// Squared steps times weight that the slope allows for an entry of either factor.
+    fn allowed(&self, s: &CandidateSummary) -> f64 {
+        6.0 * self.slope_of(s) / std::f64::consts::LN_2
+    }
+
     /// Steps of component `k` for `L` and `R`.
     fn steps(&self, s: &CandidateSummary, k: usize) -> (f64, f64) {
         let (gain, rms) = (f64::from(s.gains[k]), f64::from(s.right_mean_square[k]).sqrt());
-        let allowed = 6.0 * self.slope_of(s) / std::f64::consts::LN_2;
-        // The noise of an entry of R is the component's noise spread over the columns.
-        let noise = NOISE_SHARE * 12.0 * f64::from(s.noise[k]) / f64::from(s.columns);
-        let left = (allowed / gain.max(1e-300)).sqrt();
-        let right = allowed.max(noise).sqrt();
+        let allowed = self.allowed(s);
+        let heeded = if self.noise_factor > 0.0 { 12.0 } else { 0.0 };
+        // The noise of an entry of R is what falls on the component, spread over the columns.
+        let fallen = heeded * RIGHT_NOISE_SHARE * f64::from(s.noise[k]) / f64::from(s.columns);
+        // That of an entry of L, what its component was fitted to, spread over the rows.
+        let fitted = heeded * LEFT_NOISE_SHARE * f64::from(s.fitted_noise[k]) / f64::from(s.rows);
+        let left = (allowed.max(fitted) / gain.max(1e-300)).sqrt();
+        let right = allowed.max(fallen).sqrt();
         (left.max(FINEST_STEP / f64::from(s.rows).sqrt()), right.max(FINEST_STEP * rms))
     }
 
@@ -77,9 +89,12 @@ impl Cut {
         let (left, right) = self.steps(s, k);
         let (m, n) = (f64::from(s.rows), f64::from(s.columns));
         let bits = m * entropy(1.0 / m, left) + n * entropy(f64::from(s.right_mean_square[k]), right) + COMPONENT_BITS;
+        let noise = f64::from(s.fitted_noise[k] + s.noise[k]);
+        let noisy = self.noise_factor > 0.0 && k > 0 && gain < self.noise_factor * noise;
+        // Steps that only pass over noise cost nothing of what the component is kept for.
+        let lost = (m + n) * self.allowed(s) / 12.0;
+        let worth = !noisy && gain - lost > self.slope_of(s) * bits;
         let distortion = (m * gain * left * left + n * right * right) / 12.0;
-        let noisy = self.noise_factor > 0.0 && k > 0 && gain < self.noise_factor * f64::from(s.noise[k]);
-        let worth = !noisy && gain - distortion > self.slope_of(s) * bits;
         (s.fixed || worth).then_some(Spent { distortion, bits })
     }
 

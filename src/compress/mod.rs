@@ -21,6 +21,7 @@ mod cur;
 mod cut;
 mod dense;
 mod kmeans;
+mod noise;
 mod range;
 mod remainder;
 mod sanitise;

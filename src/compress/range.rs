@@ -8,6 +8,7 @@ use faer::{Mat, MatRef};
 
 use super::dense::{eigen, orthonormal, product, product_f64, subtract_product, to_f32, to_f64, to_vec};
 use crate::light::LightingPrior;
+use crate::matrix::SparseEntry;
 
 /// Factors of a block over an orthonormal `left`, in falling order of gain after the exact all-on component.
 pub(super) struct Range {
@@ -51,7 +52,7 @@ impl Weights {
     }
 
     /// `K bᵀ` for `b` (k × columns).
-    fn weigh(&self, b: MatRef<'_, f32>) -> Mat<f32> {
+    pub(super) fn weigh(&self, b: MatRef<'_, f32>) -> Mat<f32> {
         let mut weighed = product(self.factor.as_ref(), product(self.factor.transpose(), b.transpose()).as_ref());
         for k in 0..b.nrows() {
             for j in 0..b.ncols() {
@@ -70,10 +71,18 @@ impl Weights {
     }
 }
 
-/// Finds the weighted range of `a` (rows × columns), at most `rank` wide, with the all-on image inside it exactly.
-pub(super) fn find_range(a: MatRef<'_, f32>, weights: &Weights, rank: usize, power_iterations: usize) -> Range {
+/// Finds the weighted range of `a` (rows × columns), at most `rank` wide, with the all-on image inside it exactly. The
+/// entries of `noisy` are to be added to `a`: they count in the all-on image and in `Uᵀ A`, but do not draw the range.
+pub(super) fn find_range(
+    a: MatRef<'_, f32>,
+    noisy: &[SparseEntry],
+    weights: &Weights,
+    rank: usize,
+    power_iterations: usize,
+) -> Range {
     let m = a.nrows();
     let mut y = product(a, weights.sketch.as_ref());
+    noisy.iter().for_each(|e| y[(e.row as usize, 0)] += e.value);
     let sketched = y.clone();
     let all_on = orthonormal(y.as_ref().subcols(0, 1));
     let mut q = orthonormal_beside(all_on.as_ref(), &mut y);
@@ -91,8 +100,8 @@ pub(super) fn find_range(a: MatRef<'_, f32>, weights: &Weights, rank: usize, pow
     }
     // The all-on direction stays as it is; the others turn to the axes of the weighted energy.
     let first = all_on.ncols();
-    let fixed = product(all_on.transpose(), a);
-    let turned = product(q.transpose(), a);
+    let fixed = projected(all_on.as_ref(), a, noisy);
+    let turned = projected(q.as_ref(), a, noisy);
     let (values, vectors) = eigen(weights.gram(turned.as_ref()).as_ref());
     let largest = values.first().copied().unwrap_or(0.0);
     let kept = values.iter().take_while(|&&v| v > 1e-14 * largest && v > 0.0).count();
@@ -107,6 +116,17 @@ pub(super) fn find_range(a: MatRef<'_, f32>, weights: &Weights, rank: usize, pow
     let tail = values[kept..].iter().sum::<f64>() + unseen(&sketched, all_on.as_ref(), q.as_ref());
     debug_assert_eq!(left.len(), m * gains.len());
     Range { left, right, gains, tail }
+}
+
+/// `Qᵀ (A + E)` with the few entries of `E`.
+fn projected(q: MatRef<'_, f32>, a: MatRef<'_, f32>, few: &[SparseEntry]) -> Mat<f32> {
+    let mut through = product(q.transpose(), a);
+    for entry in few {
+        for k in 0..q.ncols() {
+            through[(k, entry.column.index())] += q[(entry.row as usize, k)] * entry.value;
+        }
+    }
+    through
 }
 
 /// Orthonormal basis of `y` beside the orthonormal `fixed`.

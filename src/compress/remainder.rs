@@ -3,6 +3,8 @@
 //! A pixel that sees texel `j` has one entry far above all others of its row: near-identity blocks, which no low rank
 //! holds. Such entries are taken out before the range is found.
 
+use std::borrow::Cow;
+
 use crate::matrix::{BlockView, ColumnIndex, SparseEntry};
 
 /// A column with more of its rows standing out than this is a component, not a set of single entries: as a component it
@@ -52,6 +54,18 @@ pub(super) fn stand_out(block: BlockView<'_>, fraction: f64, contrast: f64) -> V
     let most = ((m as f64 * DENSE_COLUMN) as usize).max(2);
     found.retain(|e| counts[e.column.index()] <= most);
     found
+}
+
+/// The entries with the sparse ones set to 0; not copied where there are none.
+pub(super) fn without<'a>(entries: Cow<'a, [f32]>, sparse: &[SparseEntry], rows: usize) -> Cow<'a, [f32]> {
+    if sparse.is_empty() {
+        return entries;
+    }
+    let mut entries = entries.into_owned();
+    for entry in sparse {
+        entries[entry.column.index() * rows + entry.row as usize] = 0.0;
+    }
+    Cow::Owned(entries)
 }
 
 #[cfg(test)]

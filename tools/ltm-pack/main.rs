@@ -8,7 +8,7 @@ mod console;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Args, Parser};
+use clap::{Args, Parser, ValueEnum};
 use console::{Console, EXIT_CODES};
 use ltm::Result;
 use ltm::compress::{CompressSettings, Method, PriorChoice, Target};
@@ -54,12 +54,21 @@ struct Compression {
     /// Components of a block at most; the rank itself for the methods other than auto [default: the method's].
     #[arg(long)]
     rank: Option<usize>,
-    /// Plain least squares over all columns, instead of weighing errors by how people light.
+    /// What errors are weighed by: how people light, or flat for plain least squares over all columns.
+    #[arg(long, value_enum, default_value = "lighting")]
+    prior: Prior,
+    /// Follow the matrix to the target through its noise, instead of stopping where more bytes would only store noise.
     #[arg(long)]
-    flat_prior: bool,
+    keep_noise: bool,
     /// Seed of random choices.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Prior {
+    Lighting,
+    Flat,
 }
 
 impl Compression {
@@ -68,8 +77,12 @@ impl Compression {
         settings.target = self.target.unwrap_or(settings.target);
         settings.rank = self.rank.unwrap_or(settings.rank);
         settings.seed = self.seed;
-        if self.flat_prior {
-            settings.prior = PriorChoice::Flat;
+        settings.prior = match self.prior {
+            Prior::Lighting => PriorChoice::Lighting,
+            Prior::Flat => PriorChoice::Flat,
+        };
+        if self.keep_noise {
+            settings.noise_factor = 0.0;
         }
         settings
     }
