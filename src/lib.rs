@@ -32,6 +32,7 @@
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `view` | `error`, `matrix`, `image`, `light`, `relight`, `container` |
 //! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight` |
+//! | `study` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight`, `pipeline` |
 
 pub mod compress;
 pub mod container;
@@ -43,6 +44,7 @@ pub mod pipeline;
 pub mod relight;
 pub mod scene;
 pub mod store;
+pub mod study;
 pub mod trace;
 pub mod view;
 

@@ -11,6 +11,7 @@ mod maintain;
 mod picture;
 mod relight;
 mod render;
+mod study;
 mod verify;
 mod view;
 
@@ -68,6 +69,11 @@ enum Command {
     /// Join files that hold different blocks of the same job. Doing it again changes nothing.
     #[command(after_help = "Example: ltm merge -o whole.ltm part-*.ltm")]
     Merge(maintain::Merge),
+    /// Measure what the program reaches: each study writes CSV, a plot and a table.
+    #[command(after_help = "Examples:
+  ltm study fig9 --out study        PSNR against bytes on disk
+  ltm study all --quick             every study, tiny, in under a minute")]
+    Study(study::Study),
 }
 
 fn main() -> ExitCode {
@@ -87,5 +93,6 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Verify(options) => verify::run(&options),
         Command::Repair(options) => maintain::repair(&options, console),
         Command::Merge(options) => maintain::merge(&options),
+        Command::Study(options) => study::run(&options, console),
     }
 }

@@ -1,0 +1,124 @@
+//! The study: everything that is claimed of this program, measured by one command each (`ltm study NAME`).
+//!
+//! A study renders what it needs (cached in its folder, so that studies share matrices), measures, and writes a CSV
+//! file, a plot and a Markdown table. Every figure stands beside what it depends on: rows, columns, block, rank,
+//! precision, samples, and the metric ([`Measured`]). Nothing here is used by the product.
+
+mod bench;
+mod chart;
+mod curve;
+mod dct;
+mod factors;
+mod fig9;
+mod kernel_nystrom;
+mod machine;
+mod measured;
+mod rivals;
+mod svd;
+mod table;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::time::Instant;
+
+pub use measured::{Measured, Summary};
+
+use crate::error::{Error, Result};
+use crate::pipeline::Watch;
+use bench::Bench;
+
+/// The studies by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Study {
+    /// PSNR against bytes on disk (the paper, Fig. 9).
+    Fig9,
+}
+
+/// How to run studies.
+#[derive(Clone, Debug)]
+pub struct StudyOptions {
+    /// Folder for results and the cache of matrices.
+    pub out: PathBuf,
+    /// Tiny images and few samples: for continuous integration, not for conclusions.
+    pub quick: bool,
+}
+
+/// What a study wrote.
+#[derive(Clone, Debug, Default)]
+pub struct StudyReport {
+    /// Files, in the order of writing.
+    pub files: Vec<PathBuf>,
+    /// The tables as Markdown.
+    pub markdown: String,
+}
+
+impl Study {
+    /// Every study, in the order in which `all` runs them.
+    pub const ALL: [Self; 1] = [Self::Fig9];
+
+    /// Its name in arguments and file names.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fig9 => "fig9",
+        }
+    }
+}
+
+/// Runs studies one after the other.
+///
+/// Errors: those of rendering, packing and writing; [`Error::Interrupted`] when the watch says so.
+pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Result<StudyReport> {
+    let mut report = StudyReport::default();
+    for &study in studies {
+        let begun = Instant::now();
+        let bench = Bench::new(study.name(), options, watch)?;
+        let written = match study {
+            Study::Fig9 => fig9::run(&bench)?,
+        };
+        watch.note(&format!("{study}: {:.1} s", begun.elapsed().as_secs_f64()));
+        report.files.extend(written.files);
+        report.markdown += &written.markdown;
+    }
+    Ok(report)
+}
+
+impl StudyReport {
+    /// Writes a table as `STEM.csv` and `STEM.md`.
+    fn add_table(&mut self, folder: &Path, stem: &str, table: &table::Table) -> Result<()> {
+        let markdown = table.to_markdown();
+        for (extension, text) in [("csv", table.to_csv()), ("md", markdown.clone())] {
+            let path = folder.join(format!("{stem}.{extension}"));
+            std::fs::write(&path, text).map_err(Error::io(&path, "write"))?;
+            self.files.push(path);
+        }
+        self.markdown += &markdown;
+        self.markdown.push('\n');
+        Ok(())
+    }
+
+    /// Writes a chart as `STEM.png`.
+    fn add_chart(&mut self, folder: &Path, stem: &str, chart: &chart::Chart) -> Result<()> {
+        let path = folder.join(format!("{stem}.png"));
+        chart.write(&path)?;
+        self.files.push(path);
+        Ok(())
+    }
+}
+
+impl fmt::Display for Study {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Study {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|study| study.name() == text).ok_or_else(|| {
+            let names: Vec<_> = Self::ALL.iter().map(|study| study.name()).collect();
+            Error::input("study", format!("'{text}' is unknown"), format!("take one of all, {}", names.join(", ")))
+        })
+    }
+}
