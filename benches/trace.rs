@@ -5,9 +5,12 @@
 //!   `LTM_RAY_DUMP` naming a folder, meshes and rays are written there for `benches/trace/embree_rays.cpp`.
 //! * `tax`: time for many columns over time for one, same paths (the paper, §3.1).
 //! * `error`: relative error of an image relit from T against seconds, for more and more samples.
+//! * `conference`: the same for the Conference Room, all lamps on and each alone, where `LTM_SCENES` is set.
 //!
 //! `cargo bench --bench trace -- rays` runs one of them.
 
+#[path = "trace/conference.rs"]
+mod conference;
 #[path = "trace/meshes.rs"]
 mod meshes;
 #[expect(dead_code, reason = "the benchmarks use some of the tests' scenes")]
@@ -171,5 +174,8 @@ fn main() {
     }
     if runs("error") {
         error();
+    }
+    if runs("conference") {
+        conference::conference();
     }
 }

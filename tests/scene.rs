@@ -7,6 +7,8 @@ mod bad;
 mod files;
 #[path = "scene/real.rs"]
 mod real;
+#[path = "transport/z_test.rs"]
+mod z_test;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -12,6 +12,10 @@ mod references;
 mod scenes;
 #[path = "transport/statistics.rs"]
 mod statistics;
+#[path = "transport/textures.rs"]
+mod textures;
+#[path = "transport/z_test.rs"]
+mod z_test;
 
 use glam::Vec3;
 use ltm::light::LightKind;
@@ -61,25 +65,36 @@ fn blocks_are_the_same_bytes_on_any_thread_in_any_order() {
     assert_eq!(in_order, threads);
 }
 
-/// Under a sky of 1 in every direction, what neither absorbs nor emits cannot be seen.
+/// Under a sky of 1 in every direction, what neither absorbs nor emits cannot be seen: also not at the rims of a coarse
+/// mesh, where interpolated normals would mirror light to the wrong side of its triangles. Glass loses a little there:
+/// a normal that bends light in too steeply makes it run around inside by total reflection, as no true ball does.
 #[test]
-fn glass_and_thin_sheets_vanish_in_a_white_furnace() {
+fn mirrors_glass_and_thin_sheets_vanish_in_a_white_furnace() {
+    let mirror = Surface::Mirror { reflectance: Paint::Constant(Vec3::ONE) };
     let glass = Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE };
     let sheet = Surface::ThinDielectric { ior: 1.5, transmittance: Vec3::ONE };
-    for surface in [glass, sheet] {
+    for (surface, rings, loss) in [
+        (mirror, 5, 0.0),
+        (mirror, 32, 0.0),
+        (sheet, 5, 0.0),
+        (sheet, 32, 0.0),
+        // Measured: 6.4e-3 with 5 rings.
+        (glass, 5, 1e-2),
+        (glass, 32, 1e-3),
+    ] {
         let mut builder = Builder::new(camera(Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 45.0, 16));
-        builder.sphere(Vec3::ZERO, 1.0, 32, surface);
+        builder.sphere(Vec3::ZERO, 1.0, rings, surface);
         let sky = EnvironmentEmitter {
             mapping: EnvironmentMapping::Octahedral { side: 4 },
             world_from_environment: glam::Mat3::IDENTITY,
         };
         builder.bodiless("sky", LightKind::Octahedral { side: 4 }, Emitter::Environment(sky));
-        let pixels = all_on(&trace(builder.build(), settings(64, 64)));
-        // No variance: every path carries 1 exactly. What is lost are paths whose refracted direction the interpolated
-        // normal allows and the triangle does not, at the rim.
-        assert!((mean(&pixels) - 1.0).abs() < 2e-3, "{surface:?}: {}", mean(&pixels));
-        let middle: Vec<f32> = pixels.iter().copied().filter(|p| (p - 1.0).abs() > 1e-4).collect();
-        assert!(middle.len() < pixels.len() / 20, "{surface:?}: {} of {}", middle.len(), pixels.len());
+        let pixels = all_on(&trace(builder.build(), settings(64, 256)));
+        // No variance: every path carries 1, but for the rounding of up to 256 factors.
+        let lost = 1.0 - mean(&pixels);
+        assert!((-1e-5..=loss + 1e-5).contains(&lost), "{surface:?}, {rings} rings: {lost}");
+        let worst = pixels.iter().fold(0.0f32, |w, &p| w.max((p - 1.0).abs()));
+        assert!(loss > 0.0 || worst < 1e-4, "{surface:?}, {rings} rings: {worst}");
     }
 }
 

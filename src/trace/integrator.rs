@@ -7,7 +7,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::accumulator::Halves;
+use super::accumulator::PixelSums;
 use super::frame::Frame;
 use super::lights::EmitterHit;
 use super::sampler::{Sampler, Use};
@@ -40,8 +40,7 @@ struct Last {
 
 /// Where the contributions of one path go.
 struct Record<'a> {
-    halves: &'a mut Halves,
-    pixel: usize,
+    sums: &'a mut PixelSums,
     half: usize,
     cost: PathCost,
 }
@@ -49,25 +48,25 @@ struct Record<'a> {
 impl Record<'_> {
     fn add(&mut self, column: u32, value: Vec3) {
         if value.is_finite() {
-            self.halves.add(self.half, self.pixel, column, value);
+            self.sums.add(self.half, column, value);
         } else {
             self.cost.non_finite += 1;
         }
     }
 }
 
-/// Traces one sample of the pixel at image position (x, y) into `pixel` of `halves`.
+/// Traces one sample of the pixel at image position (x, y) into its half of `sums`.
 pub(super) fn trace_sample(
     world: &World,
     max_depth: u32,
     (x, y): (u32, u32),
     sampler: &Sampler,
-    halves: &mut Halves,
-    (pixel, half): (usize, usize),
+    sums: &mut PixelSums,
+    half: usize,
 ) -> PathCost {
     let camera = &world.scene.camera;
     let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Use::Pixel, 0));
-    let mut record = Record { halves, pixel, half, cost: PathCost::default() };
+    let mut record = Record { sums, half, cost: PathCost::default() };
     follow(world, max_depth, camera.eye, camera.direction(position), sampler, &mut record);
     record.cost
 }
@@ -103,9 +102,9 @@ fn follow(
             }
         }
         let front = point.normal.dot(direction) < 0.0;
-        let (normal, frame) = facing(&point, direction, front);
-        let wo = frame.to_local(-direction);
         let bsdf = world.bsdf(&point, front);
+        let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
+        let wo = frame.to_local(-direction);
         // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
         let at_end = vertex + 1 >= max_depth;
         if at_end && !bsdf.lets_pass() {
@@ -147,7 +146,16 @@ fn follow(
         let Some(next) = bsdf.sample(wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
         throughput *= next.weight;
         compression *= next.compression;
-        direction = if next.straight { direction } else { frame.to_world(next.wi).normalize() };
+        if !next.straight {
+            direction = frame.to_world(next.wi).normalize();
+            // A direction that the shading normal allows and the surface itself does not.
+            if (direction.dot(normal) > 0.0) != (next.wi.z > 0.0) {
+                if !next.singular {
+                    return;
+                }
+                direction = lifted(direction, normal * next.wi.z.signum());
+            }
+        }
         origin = point.start(direction);
         if next.straight {
             passes += 1;
@@ -157,10 +165,6 @@ fn follow(
             continue;
         }
         if at_end {
-            return;
-        }
-        // A direction that the shading normal allows and the surface itself does not.
-        if (direction.dot(normal) > 0.0) != (next.wi.z > 0.0) {
             return;
         }
         last = Last {
@@ -181,12 +185,31 @@ fn follow(
     }
 }
 
-/// The geometric normal on the viewer's side, and the shading frame there. Where the interpolated normal would have the
-/// viewer behind the surface, the geometric one serves.
-fn facing(point: &SurfacePoint, direction: Vec3, front: bool) -> (Vec3, Frame) {
+/// Height above the surface of a direction that would have gone below it, as a sine.
+const GRAZING: f32 = 1e-3;
+
+/// The geometric normal on the viewer's side, and the shading frame there.
+///
+/// At the rim of a coarse mesh an interpolated normal may turn away from the viewer, or mirror the view into the
+/// surface. Surfaces with a lobe about the mirror direction then get the nearest normal that mirrors it just above the
+/// surface (Keller et al. 2017, *The Iray light transport simulation and rendering system*, §A.3), so that nothing
+/// they reflect is lost; others the geometric normal, where theirs turns away.
+fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) -> (Vec3, Frame) {
     let side = if front { 1.0 } else { -1.0 };
     let (normal, shading) = (point.normal * side, point.shading_normal * side);
-    (normal, Frame::around(if shading.dot(direction) < -1e-4 { shading } else { normal }))
+    if !has_lobe {
+        return (normal, Frame::around(if shading.dot(direction) < -1e-4 { shading } else { normal }));
+    }
+    let mirrored = direction - 2.0 * shading.dot(direction) * shading;
+    if mirrored.dot(normal) >= GRAZING && shading.dot(direction) < 0.0 {
+        return (normal, Frame::around(shading));
+    }
+    (normal, Frame::around((lifted(mirrored, normal) - direction).try_normalize().unwrap_or(normal)))
+}
+
+/// The direction nearest to one below the surface that is just above it.
+fn lifted(direction: Vec3, normal: Vec3) -> Vec3 {
+    (direction + (GRAZING - direction.dot(normal)) * normal).try_normalize().unwrap_or(normal)
 }
 
 fn weight_of_found(last: &Last, light_pdf: f32) -> f32 {
@@ -215,5 +238,46 @@ fn filter_offset(camera: &Camera, pair: Vec2) -> Vec2 {
             let (sin, cos) = (std::f32::consts::TAU * pair.y).sin_cos();
             deviation * radius * Vec2::new(cos, sin)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::super::statistics::chi_square_p_value;
+    use super::*;
+
+    /// Bins of `draws` values from 0 to `end`, against the share of each below its upper edge.
+    fn holds(filter: PixelFilter, end: f32, value: impl Fn(Vec2) -> f32, below: impl Fn(f64) -> f64) {
+        let camera = Camera::looking(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0, (1, 1), filter).unwrap();
+        let (bins, draws) = (40usize, 200_000);
+        let mut random = Pcg64Mcg::seed_from_u64(6);
+        let mut counts = vec![0u32; bins];
+        for _ in 0..draws {
+            let offset = filter_offset(&camera, Vec2::new(random.random(), random.random()));
+            counts[((value(offset) / end * bins as f32) as usize).min(bins - 1)] += 1;
+        }
+        let edge = |bin: usize| below(f64::from(end) * bin as f64 / bins as f64);
+        let expected: Vec<f64> = (0..bins).map(|b| f64::from(draws) * (edge(b + 1) - edge(b))).collect();
+        let p = chi_square_p_value(&counts, &expected);
+        assert!(p > 1e-4, "{filter:?}: p = {p:.2e}");
+    }
+
+    #[test]
+    fn samples_fall_as_the_pixel_filter_says() {
+        let radius = 1.5;
+        let tent = |x: f64| 1.0 - (1.0 - x / f64::from(radius)).powi(2);
+        holds(PixelFilter::Tent { radius }, radius, |o| o.x.abs(), tent);
+        holds(PixelFilter::Tent { radius }, radius, |o| o.y.abs(), tent);
+        let (deviation, cut) = (0.5, 1.0 - (-4.5f64).exp());
+        let radial = |r: f64| (1.0 - (-0.5 * (r / f64::from(deviation)).powi(2)).exp()) / cut;
+        holds(PixelFilter::Gaussian { deviation }, 3.0 * deviation, |o| o.length(), radial);
+        // A quarter of the turn each.
+        let turn = |o: Vec2| o.y.atan2(o.x).rem_euclid(std::f32::consts::TAU);
+        let even = |angle: f64| angle / std::f64::consts::TAU;
+        holds(PixelFilter::Gaussian { deviation }, std::f32::consts::TAU, turn, even);
+        holds(PixelFilter::Box, 0.5, |o| o.x.abs(), |x| 2.0 * x);
     }
 }

@@ -13,6 +13,9 @@ mod frame;
 mod integrator;
 mod lights;
 mod sampler;
+#[cfg(test)]
+#[path = "../../tests/transport/statistics.rs"]
+mod statistics;
 mod tracer;
 mod world;
 

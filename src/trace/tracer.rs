@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::accumulator::{Halves, NoiseSums, Run, interleave};
+use super::accumulator::{NoiseSums, PixelSums, RUN, Run, Tile, interleave};
 use super::bvh::Bvh;
 use super::integrator::trace_sample;
 use super::sampler::Sampler;
@@ -67,16 +67,15 @@ impl Tracer {
             let camera = format!("the camera has {}×{} pixels", scene.camera.width, scene.camera.height);
             return refuse(&scene.name, format!("{camera}, the matrix {}×{}", shape.width(), shape.height()), "");
         }
-        if !(1..=Self::MAX_SAMPLES_PER_PIXEL).contains(&settings.samples_per_pixel) {
-            let problem =
-                format!("{} is not between 1 and {}", settings.samples_per_pixel, Self::MAX_SAMPLES_PER_PIXEL);
-            return refuse("samples per pixel", problem, "powers of two are best, 64 is a good start");
-        }
-        if settings.max_depth == 0 {
-            return refuse("greatest path depth", "0 sees nothing".into(), "give at least 1; 2 is direct light");
-        }
+        check(settings)?;
         let (probes_of_column, probes) = interleave(&probe_lightings(&scene.basis), columns);
         Ok(Self { world: World::new(scene)?, shape, settings, probes_of_column, probes })
+    }
+
+    /// The same scene with other settings. Errors: settings out of range.
+    pub fn with_settings(self, settings: TraceSettings) -> Result<Self> {
+        check(settings)?;
+        Ok(Self { settings, ..self })
     }
 
     /// The scene.
@@ -105,27 +104,40 @@ impl Tracer {
         let spp = self.settings.samples_per_pixel;
         let samples = [spp.div_ceil(2), spp / 2];
         let mut noise = (spp > 1).then(|| NoiseSums::new(rect.rows(), columns, &self.probes_of_column, self.probes));
-        let mut halves = Halves::new(columns);
+        let (mut sums, mut tile) = (PixelSums::new(columns), Tile::new(columns));
         let mut stats = BlockStats { paths: pixels as u64 * u64::from(spp), ..Default::default() };
-        for first in (0..pixels).step_by(halves.pixels()) {
-            let count = halves.pixels().min(pixels - first);
-            for pixel in 0..count {
+        for first in (0..pixels).step_by(RUN) {
+            let run = Run { first, count: RUN.min(pixels - first), pixels };
+            for pixel in 0..run.count {
                 let inside = (first + pixel) as u32;
                 let (x, y) = (rect.x + inside % rect.width, rect.y + inside / rect.width);
                 let key = u64::from(y) * u64::from(self.shape.width()) + u64::from(x);
                 for sample in 0..spp {
                     let sampler = Sampler::new(self.settings.seed, key, sample);
-                    let slot = (pixel, (sample & 1) as usize);
-                    let cost = trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, &mut halves, slot);
+                    let half = (sample & 1) as usize;
+                    let cost = trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, &mut sums, half);
                     stats.rays += cost.rays;
                     stats.non_finite += cost.non_finite;
                 }
+                tile.take(&mut sums, noise.as_mut(), run, pixel, samples);
             }
-            halves.flush(target, noise.as_mut(), Run { first, count, pixels }, samples);
+            tile.carry(target, run);
         }
         target.noise = noise.map(NoiseSums::finish);
         stats
     }
+}
+
+fn check(settings: TraceSettings) -> Result<()> {
+    let most = Tracer::MAX_SAMPLES_PER_PIXEL;
+    if !(1..=most).contains(&settings.samples_per_pixel) {
+        let problem = format!("{} is not between 1 and {most}", settings.samples_per_pixel);
+        return Err(Error::input("samples per pixel", problem, "powers of two are best, 64 is a good start"));
+    }
+    if settings.max_depth == 0 {
+        return Err(Error::input("greatest path depth", "0 sees nothing", "give at least 1; 2 is direct light"));
+    }
+    Ok(())
 }
 
 impl BlockSource for Tracer {

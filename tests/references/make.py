@@ -1,9 +1,11 @@
 """Makes the references that tests/transport/references.rs compares with: Mitsuba 3, scalar_rgb, its path integrator.
 
     pip install mitsuba numpy
-    python tests/references/make.py tests/references
+    python tests/references/make.py tests/references            # all scenes
+    python tests/references/make.py tests/references caustics   # only this one
 
-Each scene is a room lit by a panel of two texels. A file holds, as little-endian f32, the mean image of each texel
+Each scene is a room lit by a panel of two texels. Balls are facets, a mesh with smooth normals, or perfect spheres, as
+the scene's name says (facets where it says nothing). A file holds, as little-endian f32, the mean image of each texel
 lit alone, then the variance of that mean from independent renders: [mean, variance][texel][channel][y][x].
 """
 import math
@@ -39,7 +41,6 @@ def sphere(centre, radius, rings):
         t, p = math.pi * i / rings, math.pi * j / rings
         return (math.sin(t) * math.cos(p), math.cos(t), math.sin(t) * math.sin(p))
 
-    # Flat facets: how interpolated normals behave at a rim is each renderer's own convention.
     faces = []
     for i in range(rings):
         for j in range(2 * rings):
@@ -48,19 +49,37 @@ def sphere(centre, radius, rings):
     return faces
 
 
-def obj(folder, name, faces):
+class Ball:
+    """A ball as a mesh with smooth normals of so many rings, or perfect (no rings)."""
+
+    def __init__(self, centre, radius, rings=None):
+        self.centre, self.radius, self.rings = centre, radius, rings
+
+    def described(self, folder, name, bsdf):
+        if self.rings is None:
+            return {"type": "sphere", "center": list(self.centre), "radius": self.radius, "bsdf": bsdf}
+        faces = sphere(self.centre, self.radius, self.rings)
+        normal = lambda p: tuple((c - o) / self.radius for c, o in zip(p, self.centre))
+        path = obj(folder, name, faces, [[normal(p) for p in face] for face in faces])
+        return {"type": "obj", "filename": path, "bsdf": bsdf}
+
+
+def obj(folder, name, faces, normals=None):
     path = os.path.join(folder, name + ".obj")
     with open(path, "w") as f:
         for face in faces:
             for p in face:
                 f.write("v %.9g %.9g %.9g\n" % tuple(p))
+        for face in normals or []:
+            for n in face:
+                f.write("vn %.9g %.9g %.9g\n" % tuple(n))
         for k in range(len(faces)):
             for corner in [(1, 2, 3), (1, 3, 4)]:
                 ids = [4 * k + c for c in corner]
                 points = [np.array(faces[k][c - 1]) for c in corner]
                 if np.linalg.norm(np.cross(points[1] - points[0], points[2] - points[0])) < 1e-9:
                     continue
-                f.write("f " + " ".join(str(i) for i in ids) + "\n")
+                f.write("f " + " ".join(f"{i}//{i}" if normals else str(i) for i in ids) + "\n")
     return path
 
 
@@ -86,6 +105,15 @@ SCENES = {
         CEILING,
     ),
     "caustics": ([WALLS, (sphere((0.5, 0.35, 0.4), 0.25, 24), GLASS)], CEILING),
+    "smooth_mirror": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), MIRROR)], CEILING),
+    "smooth_glossy": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), GLOSSY)], CEILING),
+    "smooth_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 24), GLASS)], CEILING),
+    "coarse_mirror": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), MIRROR)], CEILING),
+    "coarse_glossy": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), GLOSSY)], CEILING),
+    "coarse_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25, 8), GLASS)], CEILING),
+    "perfect_mirror": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25), MIRROR)], CEILING),
+    "perfect_glossy": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25), GLOSSY)], CEILING),
+    "perfect_glass": ([WALLS, (Ball((0.5, 0.35, 0.4), 0.25), GLASS)], CEILING),
     "light_in_view": (
         [WALLS, (quad((0.1, 0.2, 0.3), (0.5, 0, 0), (0, 0.6, 0)), SHEET)],
         ((0.3, 0.3, 0.02), (0.2, 0, 0), (0, 0.4, 0)),
@@ -111,8 +139,11 @@ def scene(folder, parts, texel, panel):
         },
     }
     for k, (shape, bsdf) in enumerate(parts):
-        described[f"part{k}"] = {"type": "obj", "filename": obj(folder, f"part{k}", shape), "bsdf": bsdf,
-                                 "face_normals": True}
+        if isinstance(shape, Ball):
+            described[f"part{k}"] = shape.described(folder, f"part{k}", bsdf)
+        else:
+            described[f"part{k}"] = {"type": "obj", "filename": obj(folder, f"part{k}", shape), "bsdf": bsdf,
+                                     "face_normals": True}
     for k in range(2):
         place = origin if k == 0 else add(origin, u)
         black = {"type": "diffuse", "reflectance": grey(0.0)}
@@ -123,8 +154,10 @@ def scene(folder, parts, texel, panel):
     return mi.load_dict(described)
 
 
-def main(target):
+def main(target, names):
     for name, (parts, panel) in SCENES.items():
+        if names and name not in names:
+            continue
         means, variances = [], []
         for texel in range(2):
             with tempfile.TemporaryDirectory() as folder:
@@ -137,4 +170,4 @@ def main(target):
         print(name, data.shape, data[0].mean(), flush=True)
 
 
-main(sys.argv[1])
+main(sys.argv[1], sys.argv[2:])

@@ -1,14 +1,20 @@
 //! Real scenes: the committed scene files over the geometry in `LTM_SCENES`.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::Vec3;
 use ltm::light::LightKind;
+use ltm::matrix::{BlockId, MatrixShape, TracedBlock};
 use ltm::scene::{AreaLayout, Emitter, LoadedScene, Scene, Surface, load};
+use ltm::trace::{TraceSettings, Tracer};
+
+use super::z_test::{compare, reference, write_evidence};
 
 pub(super) const TESTS: &[(&str, fn())] = &[
     ("every_committed_scene_file_loads", every_committed_scene_file_loads),
     ("the_conference_room_has_its_luminaires_facing_down", the_conference_room),
+    ("the_conference_room_agrees_with_the_reference", the_conference_room_agrees),
     ("the_conference_rooms_panel_lies_where_its_luminaire_was", the_conference_rooms_panel),
     ("cornell_boxes_have_their_mirrors_and_water", cornell_boxes),
     ("the_erw5_scenes_have_the_lights_and_glass_that_their_readme_states", the_erw5_scenes),
@@ -62,6 +68,57 @@ fn the_conference_room() {
     let twenty = read("conference-20.toml");
     assert_eq!(twenty.scene.basis.column_count(), 20);
     assert_ne!(twenty.content, loaded.content);
+}
+
+/// `tests/references/conference.py`: all lamps, lum_05 alone, lum_17 alone; `[lighting][channel][y][x]`.
+fn the_conference_room_agrees() {
+    const WIDTH: u32 = 32;
+    const HEIGHT: u32 = 24;
+    const LAMPS: usize = 24;
+    let LoadedScene { mut scene, settings, .. } = read("conference-24.toml");
+    (scene.camera.width, scene.camera.height) = (WIDTH, HEIGHT);
+    let alone = ["lum_05", "lum_17"].map(|name| scene.basis.find(name).unwrap().first_column as usize);
+    let (scene, shape) = (Arc::new(scene), MatrixShape::new(WIDTH, HEIGHT, LAMPS as u32, 32).unwrap());
+    let pixels = (WIDTH * HEIGHT) as usize;
+    let one = |seed: u64| {
+        let settings = TraceSettings { samples_per_pixel: 64, seed, max_depth: settings.max_depth };
+        let tracer = Tracer::new(Arc::clone(&scene), shape, settings).unwrap();
+        let mut traced = TracedBlock::default();
+        tracer.trace_block(BlockId(0), &mut traced);
+        let view = traced.block.view();
+        let mut image = vec![0.0; 3 * 3 * pixels];
+        for row in 0..3 * pixels {
+            image[row] = (0..LAMPS).map(|column| f64::from(view.at(row, column))).sum();
+            for (lighting, &column) in alone.iter().enumerate() {
+                image[(lighting + 1) * 3 * pixels + row] = f64::from(view.at(row, column));
+            }
+        }
+        image
+    };
+    let renders: Vec<Vec<f64>> = (0..12).map(one).collect();
+    let (mean, variance) = reference("conference");
+    assert_eq!(mean.len(), renders[0].len());
+    let evidence = write_evidence("conference", &renders);
+    // One lamp's light reaches most pixels by rare paths, whose sums are far from normal after some thousand samples:
+    // single lamps are compared in squares of 16 pixels, all lamps pixel by pixel.
+    let coarse = |image: &[f64]| -> Vec<f64> {
+        let (all, alone) = image.split_at(3 * pixels);
+        let side = 4;
+        let squares = alone.chunks_exact(side * WIDTH as usize).flat_map(|rows| {
+            (0..WIDTH as usize / side).map(move |x| {
+                let row = |y: usize| &rows[y * WIDTH as usize + x * side..][..side];
+                (0..side).flat_map(row).sum::<f64>() / (side * side) as f64
+            })
+        });
+        all.iter().copied().chain(squares).collect()
+    };
+    let mut variance = coarse(&variance);
+    variance[3 * pixels..].iter_mut().for_each(|v| *v /= 16.0);
+    let renders: Vec<Vec<f64>> = renders.iter().map(|image| coarse(image)).collect();
+    let found = compare(&renders, (&coarse(&mean), &variance), |entry| entry / pixels == 1);
+    // 2,592 entries, 864 of them independent: the mean of z² has a deviation of 0.05, and 11 and 15 degrees of freedom
+    // bring it to about 1.12.
+    assert!(found.mean_square < 1.35 && found.far <= 8 && found.whole.abs() < 4.0, "{found}; {evidence}");
 }
 
 fn the_conference_rooms_panel() {

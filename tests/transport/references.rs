@@ -1,14 +1,19 @@
 //! Against another renderer: images of single columns by Mitsuba 3, with their variance (`tests/references/make.py`).
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use ltm::matrix::{CHANNELS, TracedBlock};
 use ltm::scene::{Paint, Scene, Surface};
 use ltm::trace::TraceSettings;
 
 use crate::scenes::{Builder, camera, lambert, settings, trace};
+use crate::z_test::{Comparison, compare, reference, write_evidence};
 
 const SIDE: usize = 16;
 const TEXELS: usize = 2;
+/// Rings of a ball that stands for a perfect sphere.
+const FINE: u32 = 128;
 const ENTRIES: usize = TEXELS * CHANNELS * SIDE * SIDE;
 
 /// The scene of this name, as the script builds it.
@@ -18,7 +23,12 @@ fn scene(name: &str) -> Scene {
     let ceiling = (Vec3::new(0.25, 0.98, 0.25), Vec3::X * 0.5, Vec3::Z * 0.5);
     let mirror = Surface::Mirror { reflectance: Paint::Constant(Vec3::splat(0.9)) };
     let glossy = Surface::RoughConductor { specular: Paint::Constant(Vec3::ONE), alpha: 0.2 };
-    let (origin, u, v) = match name {
+    let glass = Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE };
+    let ball = |builder: &mut Builder, rings, surface| {
+        builder.sphere(Vec3::new(0.5, 0.35, 0.4), 0.25, rings, surface);
+        ceiling
+    };
+    let (origin, u, v) = match name.trim_start_matches("smooth ") {
         "diffuse" => {
             builder.sphere(Vec3::new(0.4, 0.25, 0.4), 0.2, 12, lambert(0.8));
             ceiling
@@ -29,10 +39,18 @@ fn scene(name: &str) -> Scene {
             ceiling
         }
         "caustics" => {
-            let glass = Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE };
             builder.sphere(Vec3::new(0.5, 0.35, 0.4), 0.25, 24, glass);
             ceiling
         }
+        "smooth_mirror" => ball(&mut builder, 24, mirror),
+        "smooth_glossy" => ball(&mut builder, 24, glossy),
+        "smooth_glass" => ball(&mut builder, 24, glass),
+        "coarse_mirror" => ball(&mut builder, 8, mirror),
+        "coarse_glossy" => ball(&mut builder, 8, glossy),
+        "coarse_glass" => ball(&mut builder, 8, glass),
+        "perfect_mirror" => ball(&mut builder, FINE, mirror),
+        "perfect_glossy" => ball(&mut builder, FINE, glossy),
+        "perfect_glass" => ball(&mut builder, FINE, glass),
         "light_in_view" => {
             let sheet = Surface::ThinDielectric { ior: 1.5, transmittance: Vec3::ONE };
             builder.quad(Vec3::new(0.1, 0.2, 0.3), Vec3::X * 0.5, Vec3::Y * 0.6, sheet);
@@ -42,19 +60,10 @@ fn scene(name: &str) -> Scene {
     };
     builder.panel("panel", origin, u, v, (TEXELS as u32, 1));
     let mut scene = builder.build();
-    // Flat facets, as in the references: how interpolated normals behave at a rim is each renderer's own convention.
-    scene.mesh.normals.fill(Vec3::ZERO);
+    if !name.starts_with("smooth") && !name.starts_with("coarse") && !name.starts_with("perfect") {
+        scene.mesh.normals.fill(Vec3::ZERO);
+    }
     scene
-}
-
-/// Mean and variance of the mean, `[texel][channel][y][x]`, from the reference's file.
-fn reference(name: &str) -> (Vec<f64>, Vec<f64>) {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/references/{name}.f32"));
-    let bytes = std::fs::read(&path).unwrap();
-    let values: Vec<f64> =
-        bytes.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap()))).collect();
-    assert_eq!(values.len(), 2 * ENTRIES);
-    (values[..ENTRIES].to_vec(), values[ENTRIES..].to_vec())
 }
 
 /// One render in the reference's order.
@@ -73,37 +82,24 @@ fn image(blocks: &[(TracedBlock, ltm::trace::BlockStats)]) -> Vec<f64> {
     image
 }
 
-fn agrees(name: &str) {
+/// Compares `name` with the reference `with`, of which the order is `[texel][channel][y][x]`.
+fn compared(name: &str, with: &str) -> (Comparison, String) {
+    let scene = Arc::new(scene(name));
     let renders: Vec<Vec<f64>> =
-        (0..24).map(|seed| image(&trace(scene(name), TraceSettings { seed, ..settings(128, 24) }))).collect();
-    let n = renders.len() as f64;
-    let (expected, their_variance) = reference(name);
-    let (mut squares, mut far, mut counted) = (0.0, 0, 0);
-    let (mut difference, mut variance, mut total) = (0.0, 0.0, 0.0);
-    for entry in 0..ENTRIES {
-        let mean = renders.iter().map(|r| r[entry]).sum::<f64>() / n;
-        let ours = renders.iter().map(|r| (r[entry] - mean).powi(2)).sum::<f64>() / (n - 1.0) / n;
-        // Rounding of f32 sums, where neither side has noise (a light seen directly).
-        let both = ours + their_variance[entry] + (1e-5 * expected[entry]).powi(2) + 1e-12;
-        let z = (mean - expected[entry]) / both.sqrt();
-        squares += z * z;
-        far += usize::from(z.abs() > 4.5);
-        counted += 1;
-        // Channels are the same paths: one of them stands for all.
-        if (entry / (SIDE * SIDE)).is_multiple_of(CHANNELS) {
-            (difference, variance, total) =
-                (difference + mean - expected[entry], variance + both, total + expected[entry]);
-        }
-    }
-    let (mean_square, whole) = (squares / f64::from(counted), difference / variance.sqrt());
-    let relative = difference / total;
-    let found = format!(
-        "{name}: mean z² {mean_square:.3}, {far} of {counted} entries beyond 4.5 deviations; \
-         the images differ by {relative:.5}, {whole:.2} deviations"
-    );
+        (0..24).map(|seed| image(&trace(Arc::clone(&scene), TraceSettings { seed, ..settings(128, 24) }))).collect();
+    let (mean, variance) = reference(with);
+    assert_eq!(mean.len(), ENTRIES);
+    // Channels are the same paths: one of them stands for all.
+    let found = compare(&renders, (&mean, &variance), |entry| (entry / (SIDE * SIDE)).is_multiple_of(CHANNELS));
+    println!("{name} with {with}: {found}");
+    (found, write_evidence(name, &renders))
+}
+
+fn agrees(name: &str) {
+    let (found, evidence) = compared(name, name);
     // 1,536 entries, 512 of them independent: the mean of z² has a deviation of 0.07, and 23 and 15 degrees of freedom
     // bring it to 1.06. Both sides find the variance of rare bright paths too small: a few entries may lie far out.
-    assert!(mean_square < 1.35 && far <= 12 && whole.abs() < 4.0, "{found}");
+    assert!(found.mean_square < 1.35 && found.far <= 12 && found.whole.abs() < 4.0, "{name}: {found}; {evidence}");
 }
 
 #[test]
@@ -124,4 +120,45 @@ fn caustics_agree_with_the_reference() {
 #[test]
 fn a_light_seen_through_a_sheet_agrees_with_the_reference() {
     agrees("light_in_view");
+}
+
+/// Meshes of 24 rings with smooth normals, the same in both renderers.
+#[test]
+fn smooth_balls_agree_with_the_same_balls_of_the_reference() {
+    for name in ["smooth_mirror", "smooth_glossy", "smooth_glass"] {
+        agrees(name);
+    }
+}
+
+/// What smooth normals stand for: fine meshes against true spheres.
+#[test]
+fn smooth_balls_agree_with_perfect_spheres() {
+    for name in ["perfect_mirror", "perfect_glossy", "perfect_glass"] {
+        agrees(name);
+    }
+}
+
+/// Where the two renderers part: at the rim of coarse meshes, an interpolated normal mirrors or refracts rays to the wrong
+/// side of the triangle. The reference follows such rays into the ball; here they leave just along the surface. With the
+/// reference's rule in place of ours, these scenes had a mean z² of 1.27, 1.12 and 1.18 and no difference of the whole.
+#[test]
+fn coarse_smooth_balls_differ_from_the_reference_at_their_rims_alone() {
+    for (name, most) in [("coarse_mirror", 0.004), ("coarse_glossy", 0.008), ("coarse_glass", 0.015)] {
+        let (found, evidence) = compared(name, name);
+        // Measured: z² 1.40, 1.17, 1.34; differences of 0.01, 0.36 and −0.70 %. Losing such rays, as was done once,
+        // gave z² 1.75 and 1.73 with −0.75 % of a mirror and −1.7 % of glass.
+        assert!(
+            found.mean_square < 1.6 && found.far <= 12 && found.relative.abs() < most,
+            "{name}: {found}; {evidence}"
+        );
+    }
+}
+
+/// The comparison can fail: smooth balls are told from facets.
+#[test]
+fn smooth_balls_do_not_agree_with_facets() {
+    for name in ["reflections", "caustics"] {
+        let (found, _) = compared(&format!("smooth {name}"), name);
+        assert!(found.mean_square > 2.0 && found.far > 12, "{name}: {found}");
+    }
 }

@@ -1,5 +1,7 @@
 //! Small scenes put together by hand.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3};
 use ltm::light::{Light, LightBasis, LightKind, LightUnit};
 use ltm::matrix::{MatrixShape, TracedBlock};
@@ -160,7 +162,8 @@ pub(crate) fn settings(samples_per_pixel: u32, max_depth: u32) -> TraceSettings 
 }
 
 /// A tracer over blocks of eight pixels, of 32 for larger images.
-pub(crate) fn tracer(scene: Scene, settings: TraceSettings) -> Tracer {
+pub(crate) fn tracer(scene: impl Into<Arc<Scene>>, settings: TraceSettings) -> Tracer {
+    let scene = scene.into();
     let (width, height) = (scene.camera.width, scene.camera.height);
     let side = if width > 64 { 32 } else { 8 };
     let shape = MatrixShape::new(width, height, scene.basis.column_count() as u32, side).unwrap();
@@ -168,7 +171,7 @@ pub(crate) fn tracer(scene: Scene, settings: TraceSettings) -> Tracer {
 }
 
 /// All blocks of a scene.
-pub(crate) fn trace(scene: Scene, settings: TraceSettings) -> Vec<(TracedBlock, BlockStats)> {
+pub(crate) fn trace(scene: impl Into<Arc<Scene>>, settings: TraceSettings) -> Vec<(TracedBlock, BlockStats)> {
     let tracer = tracer(scene, settings);
     let shape = ltm::matrix::BlockSource::shape(&tracer);
     shape

@@ -29,6 +29,10 @@ pub(crate) struct Render {
     /// Only these blocks, FIRST..END.
     #[arg(long, value_parser = parse_range)]
     blocks: Option<std::ops::Range<u32>>,
+    /// First write a small, noisy image of the scene's own lighting beside the matrix (NAME-preview.png), within
+    /// seconds, then render on; with --preview=only, write nothing else.
+    #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, require_equals = true, default_missing_value = "first")]
+    preview: Option<Preview>,
     /// Replace a matrix that is there.
     #[arg(long)]
     force: bool,
@@ -44,12 +48,36 @@ enum PrecisionName {
     Bf16,
 }
 
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Preview {
+    /// Before the render.
+    First,
+    /// Instead of the render.
+    Only,
+}
+
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let loaded = with_overrides(ltm::scene::load(&options.scene)?, options.samples, options.size);
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));
     }
     let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltm"));
+    if let Some(when) = options.preview {
+        let name = format!("{}-preview.png", output.file_stem().unwrap_or_default().to_string_lossy());
+        let report = pipeline::preview(&loaded, &output.with_file_name(name), console)?;
+        println!(
+            "{}: {}×{} pixels, {} samples per pixel, {:.1} s (the first after {:.1} s)",
+            report.path.display(),
+            report.width,
+            report.height,
+            report.samples_per_pixel,
+            report.seconds,
+            report.first_secs,
+        );
+        if when == Preview::Only {
+            return Ok(());
+        }
+    }
     let store = ltm::store::StoreOptions {
         overwrite: options.force,
         precision: match options.precision {

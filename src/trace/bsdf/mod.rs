@@ -108,6 +108,11 @@ impl Bsdf {
         matches!(self, Self::Lambert { .. } | Self::RoughConductor { .. } | Self::Coated { .. })
     }
 
+    /// Whether light is reflected mainly about the mirror direction, or only there.
+    pub fn has_lobe(&self) -> bool {
+        !matches!(self, Self::Lambert { .. } | Self::Black)
+    }
+
     /// Whether rays may pass straight through.
     pub fn lets_pass(&self) -> bool {
         matches!(self, Self::ThinDielectric { .. })

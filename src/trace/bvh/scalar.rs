@@ -1,6 +1,6 @@
 //! The walk in plain loops: the twin of `avx2`, operation by operation.
 
-use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, STACK, WideNode, WideTree};
+use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, WideNode, WideTree};
 use super::{Hit, Occlusion, Ray};
 
 /// What a walk needs of a ray, computed once.
@@ -73,14 +73,42 @@ fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_max: f32) -> Option
     (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < t_max).then_some((t, u, v))
 }
 
+/// Entries of a stack that need no allocation. Zeroing the deepest stack there can be would cost as much as the walk.
+const IN_PLACE: usize = 48;
+
+/// Entries that wait, deepest first: a few in place, which is all that most rays ever need, the rest on the heap.
+struct Stack<T: Copy> {
+    first: [T; IN_PLACE],
+    rest: Vec<T>,
+    height: usize,
+}
+
+impl<T: Copy> Stack<T> {
+    fn of(empty: T) -> Self {
+        Self { first: [empty; IN_PLACE], rest: Vec::new(), height: 0 }
+    }
+
+    fn push(&mut self, entry: T) {
+        match self.first.get_mut(self.height) {
+            Some(slot) => *slot = entry,
+            None => self.rest.push(entry),
+        }
+        self.height += 1;
+    }
+
+    fn pop(&mut self) -> Option<T> {
+        self.height = self.height.checked_sub(1)?;
+        self.first.get(self.height).copied().or_else(|| self.rest.pop())
+    }
+}
 pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
     let prepared = Prepared::new(ray);
     let mut best = Hit { t: ray.t_max, triangle: u32::MAX, u: 0.0, v: 0.0 };
-    let mut stack = [(0u32, 0.0f32); STACK];
-    let mut height = usize::from(!tree.nodes.is_empty());
-    while height > 0 {
-        height -= 1;
-        let (code, distance) = stack[height];
+    let mut stack = Stack::of((0u32, 0.0f32));
+    if !tree.nodes.is_empty() {
+        stack.push((0, 0.0));
+    }
+    while let Some((code, distance)) = stack.pop() {
         if distance >= best.t {
             continue;
         }
@@ -95,35 +123,32 @@ pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
         }
         let node = &tree.nodes[code as usize];
         let (distances, mut mask) = enter(node, &prepared, best.t);
-        let base = height;
+        // The farthest first, so that the nearest is on top; of equals the later one.
+        let (mut sorted, mut count) = ([(0u32, 0.0f32); LANES], 0);
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize;
             mask &= mask - 1;
-            push_sorted(&mut stack, base, &mut height, (node.children[lane], distances[lane]));
+            let mut at = count;
+            while at > 0 && sorted[at - 1].1 < distances[lane] {
+                sorted[at] = sorted[at - 1];
+                at -= 1;
+            }
+            sorted[at] = (node.children[lane], distances[lane]);
+            count += 1;
         }
+        sorted[..count].iter().for_each(|&entry| stack.push(entry));
     }
     (best.triangle != u32::MAX).then_some(best)
-}
-
-/// Pushes an entry below those of the same node that are nearer, so that the nearest is on top.
-fn push_sorted(stack: &mut [(u32, f32); STACK], base: usize, height: &mut usize, entry: (u32, f32)) {
-    let mut at = *height;
-    while at > base && stack[at - 1].1 < entry.1 {
-        stack[at] = stack[at - 1];
-        at -= 1;
-    }
-    stack[at] = entry;
-    *height += 1;
 }
 
 pub(super) fn occlusion(tree: &WideTree, ray: &Ray) -> Occlusion {
     let prepared = Prepared::new(ray);
     let mut found = Occlusion::Clear;
-    let mut stack = [0u32; STACK];
-    let mut height = usize::from(!tree.nodes.is_empty());
-    while height > 0 {
-        height -= 1;
-        let code = stack[height];
+    let mut stack = Stack::of(0u32);
+    if !tree.nodes.is_empty() {
+        stack.push(0);
+    }
+    while let Some(code) = stack.pop() {
         if code & LEAF != 0 {
             let packet = &tree.packets[(code & !LEAF) as usize];
             for lane in 0..LANES {
@@ -139,9 +164,8 @@ pub(super) fn occlusion(tree: &WideTree, ray: &Ray) -> Occlusion {
         let node = &tree.nodes[code as usize];
         let (_, mut mask) = enter(node, &prepared, ray.t_max);
         while mask != 0 {
-            stack[height] = node.children[mask.trailing_zeros() as usize];
+            stack.push(node.children[mask.trailing_zeros() as usize]);
             mask &= mask - 1;
-            height += 1;
         }
     }
     found

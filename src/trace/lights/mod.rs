@@ -169,3 +169,174 @@ pub(super) struct EmitterHit {
 fn environment_column(light: &EnvironmentEmitter, towards: Vec3) -> u32 {
     light.mapping.texel_at(light.world_from_environment.transpose() * towards)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f32::consts::{PI, TAU};
+    use std::sync::Arc;
+
+    use glam::Mat3;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::super::statistics::chi_square_p_value;
+    use super::super::world::World;
+    use super::*;
+    use crate::light::{Light, LightBasis, LightKind, LightUnit};
+    use crate::scene::{
+        AreaEmitter, AreaLayout, Camera, EnvironmentMapping, Material, MaterialId, Mesh, PixelFilter, PointEmitter,
+        Surface, Triangle,
+    };
+
+    /// A scene of black triangles that are all one light, seen by nobody.
+    fn scene(triangles: &[[Vec3; 3]], kind: LightKind, emitter: Emitter) -> Arc<Scene> {
+        let mut mesh = Mesh::default();
+        for (index, corners) in triangles.iter().enumerate() {
+            let first = 3 * index as u32;
+            mesh.positions.extend(corners);
+            mesh.normals.extend([Vec3::ZERO; 3]);
+            mesh.uvs.extend([Vec2::ZERO; 3]);
+            mesh.triangles.push(Triangle {
+                vertices: [first, first + 1, first + 2],
+                material: MaterialId(0),
+                emitter: Some(0),
+            });
+        }
+        let (across, down) = kind.layout();
+        let columns = (across * down) as usize;
+        let mut basis = LightBasis::new();
+        let light = Light {
+            name: "light".into(),
+            kind,
+            unit: LightUnit::Radiance,
+            emission: [1.0; 3],
+            first_column: 0,
+            places: vec![[0.0; 3]; columns],
+            extents: vec![0.0; columns],
+        };
+        basis.push(light).unwrap();
+        let materials = vec![Material { name: "black".into(), surface: Surface::Black, cutout: None }];
+        let camera = Camera::looking(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0, (1, 1), PixelFilter::Box).unwrap();
+        let (textures, emitters, metres_per_unit) = (Vec::new(), vec![emitter], 1.0);
+        let name = "test".into();
+        Arc::new(Scene { name, mesh, materials, textures, camera, emitters, basis, metres_per_unit })
+    }
+
+    fn area(triangles: &[[Vec3; 3]], layout: AreaLayout, two_sided: bool) -> Arc<Scene> {
+        let kind = match layout {
+            AreaLayout::Whole => LightKind::Lamp,
+            AreaLayout::Texels { across, down, .. } => LightKind::AreaTexels { across, down },
+        };
+        let members = (0..triangles.len() as u32).collect();
+        let emitter = AreaEmitter { triangles: members, layout, two_sided, pattern: None };
+        scene(triangles, kind, Emitter::Area(emitter))
+    }
+
+    /// What a ray from `position` along `direction` finds: column, and the density with which sampling chooses it.
+    fn found(world: &World, position: Vec3, frame: &Frame, direction: Vec3) -> Option<Found> {
+        let lights = &world.lights;
+        let Some(point) = world.intersect(position, direction, &mut 0) else {
+            return lights.beyond(direction, frame.to_local(direction).z).next();
+        };
+        let (position_hit, normal, uv) = (point.position, point.normal, point.uv);
+        let distance = position.distance(position_hit);
+        lights.on_surface(&world.scene, 0, &EmitterHit { position: position_hit, normal, uv, direction, distance })
+    }
+
+    /// Samples of a light, binned by direction around `axis` within `reach` radians, against the density that a ray
+    /// along each direction is told; columns must be told alike.
+    fn holds(name: &str, scene: Arc<Scene>, axis: Vec3, reach: f32) {
+        const RINGS: usize = 16;
+        const TURNS: usize = 32;
+        const FINE: usize = 40;
+        let world = World::new(scene).unwrap();
+        let (position, shading) = (Vec3::new(0.1, 0.2, -0.3), Frame::around(Vec3::new(0.3, 0.9, -0.2).normalize()));
+        let around = Frame::around(axis.normalize());
+        let cap = 2.0 * (0.5 * reach).sin().powi(2);
+        let direction = |ring: f32, turn: f32| {
+            let drop = cap * ring / RINGS as f32;
+            let across = (drop * (2.0 - drop)).max(0.0).sqrt();
+            let (sin, cos) = (TAU * turn / TURNS as f32).sin_cos();
+            around.to_world(Vec3::new(across * cos, across * sin, 1.0 - drop))
+        };
+        let mut random = Pcg64Mcg::seed_from_u64(5);
+        let draws = 200_000u32;
+        let mut counts = vec![0u32; RINGS * TURNS + 1];
+        let mut strangers = 0;
+        for _ in 0..draws {
+            let pair = Vec2::new(random.random(), random.random());
+            let bin = match world.lights.sample(&world.scene, position, &shading, pair) {
+                Some(sample) => {
+                    let back = found(&world, position, &shading, sample.towards);
+                    // At a texel's or the light's own edge rounding may put the ray on the other side.
+                    let same =
+                        back.is_some_and(|f| f.column == sample.column && (f.pdf / sample.pdf - 1.0).abs() < 1e-2);
+                    strangers += u32::from(!same);
+                    let local = around.to_local(sample.towards);
+                    // 1 − z, which keeps its digits where z is nearly 1.
+                    let drop = (local.x * local.x + local.y * local.y) / (1.0 + local.z);
+                    let ring = (drop / cap * RINGS as f32) as usize;
+                    let turn = local.y.atan2(local.x).rem_euclid(TAU) / TAU * TURNS as f32;
+                    ring.min(RINGS - 1) * TURNS + (turn as usize).min(TURNS - 1)
+                }
+                None => RINGS * TURNS,
+            };
+            counts[bin] += 1;
+        }
+        assert!(strangers < draws / 500, "{name}: {strangers} samples are not what a ray finds there");
+        let bin_angle = f64::from(cap * TAU) / (RINGS * TURNS) as f64;
+        let mut expected: Vec<f64> = (0..RINGS * TURNS)
+            .map(|bin| {
+                let inside = |k: usize| (k as f32 + 0.5) / FINE as f32;
+                let sum: f64 = (0..FINE * FINE)
+                    .map(|k| {
+                        direction((bin / TURNS) as f32 + inside(k / FINE), (bin % TURNS) as f32 + inside(k % FINE))
+                    })
+                    .filter_map(|d| found(&world, position, &shading, d))
+                    .map(|f| f64::from(f.pdf))
+                    .sum();
+                sum / (FINE * FINE) as f64 * bin_angle * f64::from(draws)
+            })
+            .collect();
+        let inside: f64 = expected.iter().sum();
+        expected.push((f64::from(draws) - inside).max(0.0));
+        let p = chi_square_p_value(&counts, &expected);
+        assert!(p > 1e-4, "{name}: p = {p:.2e}, {inside} of {draws} inside");
+    }
+
+    fn rectangle(origin: Vec3, u: Vec3, v: Vec3) -> [[Vec3; 3]; 2] {
+        [[origin, origin + u, origin + u + v], [origin, origin + u + v, origin + v]]
+    }
+
+    #[test]
+    fn area_lights_are_sampled_with_the_density_that_rays_are_told() {
+        let (origin, u, v) = (Vec3::new(-0.6, 1.4, 0.5), Vec3::Z * -1.1, Vec3::X * 1.7);
+        let panel = rectangle(origin, u, v);
+        let normal = u.cross(v).normalize();
+        let layout = AreaLayout::Texels { origin, edge_u: u, edge_v: v, normal, across: 7, down: 5 };
+        holds("texels", area(&panel, layout, false), normal * -1.0, 1.2);
+        // A tent of four triangles of different sizes, of which some turn their backs, and the same lit on both sides.
+        let roof = rectangle(Vec3::new(-0.5, 1.5, -0.5), Vec3::new(1.0, 0.4, 0.0), Vec3::Z * 0.9);
+        let wall = rectangle(Vec3::new(0.8, 0.3, -1.0), Vec3::Y * 0.6, Vec3::Z * 1.4);
+        let tent = [roof[0], roof[1], wall[0], wall[1]];
+        holds("triangles", area(&tent, AreaLayout::Whole, false), Vec3::new(0.5, 1.0, 0.2), 1.9);
+        holds("triangles, both sides", area(&tent, AreaLayout::Whole, true), Vec3::new(0.5, 1.0, 0.2), 1.9);
+    }
+
+    #[test]
+    fn environments_and_suns_are_sampled_with_the_density_that_rays_are_told() {
+        let turned = Mat3::from_rotation_y(0.7) * Mat3::from_rotation_x(0.3);
+        for (mapping, kind) in [
+            (EnvironmentMapping::Octahedral { side: 6 }, LightKind::Octahedral { side: 6 }),
+            (EnvironmentMapping::LatLong { across: 9, down: 4 }, LightKind::LatLong { across: 9, down: 4 }),
+        ] {
+            let sky = EnvironmentEmitter { mapping, world_from_environment: turned };
+            holds("environment", scene(&[], kind, Emitter::Environment(sky)), Vec3::Y, PI);
+        }
+        for radius in [0.004_651, 0.4] {
+            let towards = Vec3::new(0.4, 0.8, 0.3).normalize();
+            let sun = PointEmitter::Sun { towards, angular_radius_radians: radius };
+            holds("sun", scene(&[], LightKind::Sun, Emitter::Point(sun)), towards, radius * 1.25);
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Textures as light meets them: colours, cut-outs, patterns of emission.
+
+use glam::Vec3;
+use ltm::light::LightKind;
+use ltm::scene::{
+    Emitter, EnvironmentEmitter, EnvironmentMapping, MaterialId, Paint, Scene, Surface, Texture, TextureId,
+};
+
+use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
+
+/// A texture of 2 × 1 texels, left and right.
+fn halves(left: [f32; 4], right: [f32; 4]) -> Texture {
+    Texture { name: "halves".into(), width: 2, height: 1, texels: vec![left, right] }
+}
+
+/// All columns of every pixel, `[channel][y][x]`, of an image of 8 × 8.
+fn image(scene: Scene, samples: u32, depth: u32) -> Vec<f32> {
+    all_on(&trace(scene, settings(samples, depth)))
+}
+
+fn sky(builder: &mut Builder) {
+    let mapping = EnvironmentMapping::Octahedral { side: 4 };
+    let sky = EnvironmentEmitter { mapping, world_from_environment: glam::Mat3::IDENTITY };
+    builder.bodiless("sky", LightKind::Octahedral { side: 4 }, Emitter::Environment(sky));
+}
+
+/// Looking along −z at the square from (−1, −1, 0) to (1, 1, 0), which overfills the view.
+fn before_a_square(surface: Surface) -> Builder {
+    let mut builder = Builder::new(camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 40.0, 8));
+    builder.quad(Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, surface);
+    builder
+}
+
+#[test]
+fn a_textured_wall_reflects_the_colours_of_its_texture() {
+    let mut builder =
+        before_a_square(Surface::Lambert { reflectance: Paint::Textured(TextureId(0), Vec3::splat(0.5)) });
+    sky(&mut builder);
+    let mut scene = builder.build();
+    scene.textures.push(halves([0.8, 0.2, 0.0, 1.0], [0.0, 0.4, 1.0, 1.0]));
+    let found = image(scene, 1024, 2);
+    // A flat wall under a sky of 1 is as bright as it is white. Bilinear: the left quarter of the square shows the left
+    // texel, the right quarter the right one, as the texture repeats only beyond them.
+    for (channel, (left, right)) in [(0.8, 0.0), (0.2, 0.4), (0.0, 1.0)].into_iter().enumerate() {
+        for row in 0..8 {
+            let at = |x: usize| found[channel * 64 + row * 8 + x];
+            // Pixel 1 has u between 0.23 and 0.32: a blend of at most 7 % of the other texel; noise about 1 %.
+            let (dark, bright) = (0.5 * left, 0.5 * right);
+            assert!(
+                (at(1) - dark).abs() < 0.04 && (at(6) - bright).abs() < 0.04,
+                "{channel} {row}: {} {}",
+                at(1),
+                at(6)
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_cut_out_is_not_there() {
+    // A square of cut-outs before a glowing wall, and above a floor between it and its light.
+    let with = |alpha: Option<(f32, f32)>| {
+        let mut builder = Builder::new(camera(Vec3::new(0.0, 0.7, 2.0), Vec3::new(0.0, 0.3, 0.0), 50.0, 8));
+        builder.quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, lambert(0.6));
+        builder.panel("panel", Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, (2, 2));
+        if alpha.is_some() {
+            builder.quad(Vec3::new(-1.5, 1.0, -1.5), Vec3::X * 3.0, Vec3::Z * 3.0, lambert(0.3));
+        }
+        let mut scene = builder.build();
+        if let Some((left, right)) = alpha {
+            scene.textures.push(halves([1.0, 1.0, 1.0, left], [1.0, 1.0, 1.0, right]));
+            scene.materials.last_mut().unwrap().cutout = Some(TextureId(0));
+            assert_eq!(scene.mesh.triangles.last().unwrap().material, MaterialId(scene.materials.len() as u32 - 1));
+        }
+        image(scene, 64, 3)
+    };
+    let (none, clear, opaque, half) =
+        (with(None), with(Some((0.0, 0.0))), with(Some((1.0, 1.0))), with(Some((1.0, 0.0))));
+    // The same paths, but for where rays start again behind a cut-out.
+    for (a, b) in none.iter().zip(&clear) {
+        assert!((a - b).abs() < 1e-3 * a.abs() + 1e-5, "{a} {b}");
+    }
+    // The floor sees the panel no more, only what passes beside the square: little.
+    assert!(mean(&opaque) < 0.25 * mean(&none), "{} of {}", mean(&opaque), mean(&none));
+    let of_all = mean(&half) / mean(&none);
+    assert!(of_all > 0.35 && of_all < 0.75, "{of_all}");
+}
+
+#[test]
+fn a_pattern_of_emission_is_seen_and_gives_light() {
+    let pattern = |left: [f32; 4], right: [f32; 4], texels: (u32, u32)| {
+        let mut builder = Builder::new(camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 40.0, 8));
+        builder.panel("panel", Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, texels);
+        // Behind the camera, lit by the panel; not in view.
+        let mut scene = builder.build();
+        scene.textures.push(halves(left, right));
+        let Emitter::Area(area) = &mut scene.emitters[0] else { unreachable!() };
+        area.pattern = Some(Paint::Textured(TextureId(0), Vec3::ONE));
+        scene
+    };
+    let found = image(pattern([3.0, 0.0, 0.5, 1.0], [0.0, 2.0, 0.5, 1.0], (1, 1)), 16, 1);
+    for row in 0..8 {
+        let at = |channel: usize, x: usize| found[channel * 64 + row * 8 + x];
+        assert!((at(0, 1) - 3.0).abs() < 0.25 && at(0, 6) < 0.25, "{row}: {} {}", at(0, 1), at(0, 6));
+        assert!(at(1, 1) < 0.17 && (at(1, 6) - 2.0).abs() < 0.17 && (at(2, 3) - 0.5).abs() < 1e-5);
+    }
+    // A floor before the panel receives what the pattern says, from both techniques: half the light of a full one.
+    let lit = |value: f32| {
+        let mut scene = pattern([value; 4], [value; 4], (2, 2));
+        scene.camera = camera(Vec3::new(0.0, -0.5, 0.6), Vec3::new(0.0, -1.2, 0.4), 30.0, 8);
+        let mut floor = Builder::new(scene.camera);
+        floor.quad(Vec3::new(-3.0, -1.2, 0.0), Vec3::Z * 3.0, Vec3::X * 6.0, lambert(0.7));
+        let floor = floor.build();
+        let (first, material) = (scene.mesh.positions.len() as u32, MaterialId(scene.materials.len() as u32));
+        scene.mesh.positions.extend(floor.mesh.positions);
+        scene.mesh.normals.extend(floor.mesh.normals);
+        scene.mesh.uvs.extend(floor.mesh.uvs);
+        scene.materials.extend(floor.materials);
+        scene.mesh.triangles.extend(floor.mesh.triangles.into_iter().map(|mut t| {
+            (t.vertices, t.material) = (t.vertices.map(|v| v + first), material);
+            t
+        }));
+        mean(&image(scene, 64, 3))
+    };
+    let (full, half) = (lit(1.0), lit(0.5));
+    assert!(full > 0.01 && (half / full - 0.5).abs() < 1e-4, "{half} of {full}");
+}
