@@ -197,3 +197,86 @@ fn unusable_arguments_exit_with_2_and_help_with_0() {
         assert!(succeed(folder.path(), program, &["--help"]).contains("Exit codes"));
     }
 }
+
+/// Images of two lights and of both together, as Blender names them.
+fn write_light_groups(path: &Path) {
+    let layers = ["ViewLayer.Combined", "ViewLayer.Combined_key", "ViewLayer.Combined_fill light"].map(String::from);
+    let value = |image: usize, c: usize, x: usize, y: usize| match image {
+        0 => 3.0 + (x + y) as f32 / 50.0 + c as f32,
+        1 => 1.0 + (x + y) as f32 / 50.0,
+        _ => 2.0 + c as f32,
+    };
+    let size = ltm::image::ImageSize { width: 50, height: 40 };
+    let mut fetch = |image: usize, c: usize, y: usize, row: &mut [f32]| {
+        row.iter_mut().enumerate().for_each(|(x, v)| *v = value(image, c, x, y));
+        Ok(())
+    };
+    ltm::image::write_exr_layers(path, &layers, size, &mut fetch).unwrap();
+}
+
+#[test]
+fn light_groups_become_a_container_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_light_groups(&at.join("groups.exr"));
+    let said = succeed(at, "ltm-pack", &["groups.exr", "--target", "80dB", "--verify"]);
+    for word in
+        ["light 'key'", "light 'fill light'", "all lights together", "the lights' sum is", "worst place", "relative L2"]
+    {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    fail(at, "ltm-pack", &["groups.exr"], 3, &["groups.ltc", "--force"]);
+    fail(at, "ltm-pack", &["groups.exr", "-o", "x.ltc", "--layers", "Nothing_(.+)"], 3, &["groups.exr", "--layers"]);
+    succeed(at, "ltm-pack", &["groups.exr", "-o", "key.ltc", "--layers", "Combined_(key)"]);
+    // What is unpacked packs again to the same lights.
+    succeed(at, "ltm-unpack", &["groups.ltc", "-o", "back.exr"]);
+    let again = succeed(at, "ltm-pack", &["back.exr", "-o", "again.ltc"]);
+    assert!(
+        again.contains("light 'key'") && again.contains("light 'fill light'") && again.contains("the lights' sum is")
+    );
+    succeed(at, "ltm-unpack", &["groups.ltc", "-o", "one_{light}.exr", "--memory", "200MiB"]);
+    let (relit, key) = ("relit.exr", "one_key.exr");
+    succeed(at, "ltm-unpack", &["groups.ltc", "-o", relit, "--on", "key"]);
+    let [relit, key] = [relit, key].map(|name| ltm::image::read_image(&at.join(name)).unwrap());
+    assert_eq!(relit, key);
+    // The target is 80 dB of the peak, which is about 6.
+    assert!((relit.pixels[50 * 30 + 20][1] - 2.0).abs() < 6e-3, "{:?}", relit.pixels[50 * 30 + 20]);
+    succeed(at, "ltm-unpack", &["groups.ltc", "-o", "crop.npy", "--crop", "20,30,7x5", "--lights", "k*"]);
+    let bytes = fs::read(at.join("crop.npy")).unwrap();
+    let array = npyz::NpyFile::new(&bytes[..]).unwrap();
+    assert_eq!(array.shape(), [1, 5, 7, 3]);
+    assert_eq!(array.into_vec::<f32>().unwrap()[1], relit.pixels[50 * 30 + 20][1]);
+    // A crop of the matrix, packed again, is the crop of the picture.
+    succeed(at, "ltm-unpack", &["groups.ltc", "-o", "crop.ltm", "--crop", "20,30,7x5", "--lights", "key"]);
+    succeed(at, "ltm", &["relight", "crop.ltm", "-o", "crop.exr"]);
+    let crop = ltm::image::read_image(&at.join("crop.exr")).unwrap();
+    // The same factors, multiplied in another order.
+    assert!((crop.pixels[0][1] - relit.pixels[50 * 30 + 20][1]).abs() < 1e-5);
+    succeed(at, "ltm-unpack", &["groups.ltc", "-o", "part.ltm", "--blocks", "1..3"]);
+    assert!(succeed(at, "ltm", &["info", "part.ltm"]).contains("committed    2 of 4 blocks"));
+    fail(at, "ltm-unpack", &["groups.ltc", "-o", "x.npy", "--crop", "20,30,70x5"], 3, &["50 × 40"]);
+    fail(at, "ltm-unpack", &["groups.ltc", "-o", "x.npy", "--lights", "sun"], 3, &["sun", "fill light"]);
+    fail(at, "ltm-unpack", &["groups.ltc", "-o", "x.npy", "--memory", "1KiB"], 6, &["--memory"]);
+    assert!(!names(at).iter().any(|name| name.contains(".part")), "{:?}", names(at));
+}
+
+#[test]
+fn info_says_what_a_container_is_to_people_and_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_light_groups(&at.join("groups.exr"));
+    succeed(at, "ltm-pack", &["groups.exr", "--target", "60dB"]);
+    let said = succeed(at, "ltm", &["info", "groups.ltc", "--rank-map", "ranks.png"]);
+    for word in
+        ["method auto", "60 dB PSNR", "prior lighting", "base layer", "worst", "rank map", "noise        not known"]
+    {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    let map = ltm::image::read_image(&at.join("ranks.png")).unwrap();
+    assert_eq!((map.width, map.height), (50, 40));
+    let json: serde_json::Value = serde_json::from_str(&succeed(at, "ltm", &["info", "groups.ltc", "--json"])).unwrap();
+    assert_eq!(json["packing"]["method"], "auto");
+    assert_eq!(json["lights"][1]["name"], "key");
+    assert_eq!(json["block_list"].as_array().unwrap().len(), 4);
+    assert!(json["relative_l2"].as_f64().unwrap() < 0.01 && json["noise_rms"].is_null());
+}

@@ -149,9 +149,9 @@ fn a_killed_pack_continues_where_it_stood() {
     let bytes = std::fs::read(&part).unwrap();
     std::fs::write(&part, &bytes[..bytes.len() - 7]).unwrap();
     let writer = ContainerWriter::create(&killed, &job, options()).unwrap();
-    assert_eq!(job.shape.blocks().filter(|&id| writer.is_written(id)).count(), 3);
+    assert_eq!(job.shape.blocks().filter(|&id| writer.written(id).is_some()).count(), 3);
     for id in job.shape.blocks() {
-        if !writer.is_written(id) {
+        if writer.written(id).is_none() {
             writer.write_block(id, &block(&job, id), &report(id)).unwrap();
         }
     }

@@ -23,4 +23,4 @@ pub use layout::{BlockLayout, LightLayout, LightPlane};
 pub use merge::merge;
 pub use reader::{ContainerReader, Fault, Verification, verify};
 pub use report::{BlockReport, ContainerReport};
-pub use writer::{ContainerOptions, ContainerSummary, ContainerWriter, EncodedBlock, EncodedSize};
+pub use writer::{ContainerOptions, ContainerSummary, ContainerWriter, EncodedBlock, EncodedSize, WrittenBlock};

@@ -39,6 +39,17 @@ pub struct EncodedBlock {
     sparse_entries: usize,
 }
 
+/// What is known of a written block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrittenBlock {
+    /// Components of all its layers.
+    pub rank: usize,
+    /// Sparse entries of all its layers.
+    pub sparse_entries: usize,
+    /// Its error and noise, as 32-bit floats keep them.
+    pub report: BlockReport,
+}
+
 /// Bytes of an encoded block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct EncodedSize {
@@ -77,7 +88,7 @@ pub struct ContainerSummary {
 /// Writes a container: blocks in any order, from any thread, and the same bytes whatever the order.
 ///
 /// Encoded blocks wait in `PATH.part`. A killed pack that is started again with the same job, options and report
-/// continues from there ([`is_written`](Self::is_written)); [`finish`](Self::finish) assembles the file under
+/// continues from there ([`written`](Self::written)); [`finish`](Self::finish) assembles the file under
 /// a temporary name, renames it, and removes `PATH.part`.
 #[derive(Debug)]
 pub struct ContainerWriter {
@@ -105,9 +116,13 @@ impl ContainerWriter {
         Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, spill: Mutex::new(spill) })
     }
 
-    /// Whether a block is there already, written by this run or by the one that it continues.
-    pub fn is_written(&self, id: BlockId) -> bool {
-        self.lock().blocks()[id.index()].is_some()
+    /// What is known of a block that is there already, written by this run or by the one that it continues.
+    pub fn written(&self, id: BlockId) -> Option<WrittenBlock> {
+        self.lock().blocks()[id.index()].as_ref().map(|block| WrittenBlock {
+            rank: usize::from(block.record.rank),
+            sparse_entries: block.record.sparse_entries as usize,
+            report: block.record.report,
+        })
     }
 
     /// Encodes a block without writing it, so that its real error can be measured first.

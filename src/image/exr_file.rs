@@ -1,8 +1,16 @@
 //! OpenEXR files.
 
+use std::fs::File;
+use std::io::BufWriter;
 use std::path::Path;
 
-use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage};
+use exr::block::writer::ChunksWriter;
+use exr::block::{self, UncompressedBlock};
+use exr::compression::Compression;
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType};
+use exr::meta::header::Header;
+use rayon::prelude::*;
 
 use super::LinearImage;
 use crate::error::{Error, Result};
@@ -17,30 +25,77 @@ pub fn write_exr(path: &Path, image: &LinearImage) -> Result<()> {
     .map_err(|e| Error::io(path, "write the image")(into_io(e)))
 }
 
-/// Writes one layer of 32-bit linear RGB for each named image: channels `NAME.R`, `NAME.G`, `NAME.B`, one part each, as
-/// Blender and Nuke read them. Panics if there are no images; all must have the same size.
-pub fn write_exr_layers(path: &Path, images: &[(&str, &LinearImage)]) -> Result<()> {
-    let layers: Vec<Layer<AnyChannels<FlatSamples>>> = images
-        .iter()
-        .map(|(name, image)| {
-            let channels = ["R", "G", "B"].iter().enumerate().map(|(c, channel)| {
-                let values = image.pixels.iter().map(|pixel| pixel[c]).collect();
-                AnyChannel::new(format!("{name}.{channel}").as_str(), FlatSamples::F32(values))
-            });
-            Layer::new(
-                (image.width as usize, image.height as usize),
-                LayerAttributes::named(*name),
-                Encoding::SMALL_LOSSLESS,
-                AnyChannels::sort(channels.collect()),
-            )
-        })
-        .collect();
-    let (width, height) = (images[0].1.width as usize, images[0].1.height as usize);
-    let attributes = exr::prelude::ImageAttributes::with_size((width, height));
-    Image::from_layers(attributes, layers)
-        .write()
-        .to_file(path)
-        .map_err(|e| Error::io(path, "write the image")(into_io(e)))
+/// Size of an image in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageSize {
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels down.
+    pub height: usize,
+}
+
+/// Gives row `y` of a channel of an image: `(image, channel, y, row)`.
+pub type FetchRow<'a> = dyn FnMut(usize, usize, usize, &mut [f32]) -> Result<()> + 'a;
+
+/// Chunks of more bytes than this are cut down to one line.
+const LARGE_CHUNK_BYTES: usize = 32 << 20;
+
+/// Writes 32-bit linear RGB images as the layers of one part, asking `fetch` for their rows as they are needed. A layer's
+/// channels are `NAME.R`, `NAME.G`, `NAME.B`, or `R`, `G`, `B` where its name is empty: what programs of all ages read.
+///
+/// Errors: no layers, two of one name; the system refuses to write; those of `fetch`.
+pub fn write_exr_layers(path: &Path, layers: &[String], size: ImageSize, fetch: &mut FetchRow<'_>) -> Result<()> {
+    let mut channels: Vec<(String, usize, usize)> = Vec::new();
+    for (image, layer) in layers.iter().enumerate() {
+        let dot = if layer.is_empty() { "" } else { "." };
+        channels.extend(["R", "G", "B"].iter().zip(0..).map(|(colour, c)| (format!("{layer}{dot}{colour}"), image, c)));
+    }
+    channels.sort();
+    if channels.is_empty() || channels.windows(2).any(|w| w[0].0 == w[1].0) {
+        return Err(Error::input(path.display().to_string(), "its layers have no names of their own", ""));
+    }
+    let described = channels.iter().map(|(name, ..)| ChannelDescription::named(name.as_str(), SampleType::F32));
+    let header = Header::new("".into(), (size.width, size.height), described.collect());
+    let lines_of_16 = 16 * size.width * 4 * channels.len();
+    let compression = if lines_of_16 > LARGE_CHUNK_BYTES { Compression::ZIP1 } else { Compression::ZIP16 };
+    let mut header = header.with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing);
+    // A single part has no name.
+    header.own_attributes.layer_name = None;
+    header.own_attributes.software_name = Some(concat!("ltm ", env!("CARGO_PKG_VERSION")).into());
+    let file = BufWriter::new(File::create(path).map_err(Error::io(path, "create"))?);
+    let mut refused = None;
+    let result = block::write(file, [header].into_iter().collect(), true, |meta, writer| {
+        let blocks: Vec<_> = block::enumerate_ordered_header_block_indices(&meta.headers).collect();
+        // As many chunks at a time as there are threads to compress them.
+        for batch in blocks.chunks(rayon::current_num_threads()) {
+            let mut raw = Vec::with_capacity(batch.len());
+            for &(index, place) in batch {
+                let mut row = vec![0.0; size.width];
+                let block = UncompressedBlock::from_lines(&meta.headers[0].channels, place, |line| {
+                    let (_, image, channel) = channels[line.location.channel];
+                    let fetched = fetch(image, channel, line.location.position.y(), &mut row);
+                    if let Err(error) = fetched {
+                        refused.get_or_insert(error);
+                    }
+                    line.write_samples_from_slice(&row).expect("a row fills its line");
+                });
+                raw.push((index, block));
+            }
+            if refused.is_some() {
+                return Err(exr::error::Error::Aborted);
+            }
+            let packed: Vec<_> =
+                raw.into_par_iter().map(|(index, block)| (index, block.compress_to_chunk(&meta.headers))).collect();
+            for (index, chunk) in packed {
+                writer.write_chunk(index, chunk?)?;
+            }
+        }
+        Ok(())
+    });
+    match refused {
+        Some(error) => Err(error),
+        None => result.map_err(|e| Error::io(path, "write the image")(into_io(e))),
+    }
 }
 
 fn into_io(error: exr::error::Error) -> std::io::Error {

@@ -2,18 +2,16 @@
 
 mod exr_file;
 mod kelvin;
-mod light_files;
-mod light_layers;
+mod lights;
 mod linear;
 mod measure;
 mod npy;
 mod read;
 mod tone;
 
-pub use exr_file::{write_exr, write_exr_layers};
+pub use exr_file::{FetchRow, ImageSize, write_exr, write_exr_layers};
 pub use kelvin::{KELVIN_RANGE, kelvin_to_linear};
-pub use light_files::{read_light_array, read_light_files, read_pfm};
-pub use light_layers::{LayerMatch, LayerRole, LightImage, LightImages, capture, read_light_layers};
+pub use lights::{LayerMatch, LayerRole, LightRow, LightSet, TakeRow};
 pub use linear::{LinearImage, luminance};
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;

@@ -6,22 +6,27 @@ use std::path::Path;
 
 use npyz::WriterBuilder;
 
-use super::LinearImage;
+use super::{FetchRow, ImageSize};
 use crate::error::{Error, Result};
 
-/// Writes images of one size as a little-endian f32 array `[images, height, width, 3]`. Panics if there are none.
-pub fn write_npy(path: &Path, images: &[LinearImage]) -> Result<()> {
-    let shape = [images.len() as u64, images[0].height.into(), images[0].width.into(), 3];
-    let write = || -> std::io::Result<()> {
-        let mut writer = npyz::WriteOptions::<f32>::new()
-            .default_dtype()
-            .shape(&shape)
-            .writer(BufWriter::new(File::create(path)?))
-            .begin_nd()?;
-        for image in images {
-            writer.extend(image.values().iter().copied())?;
+/// Writes `images` images as a little-endian f32 array `[images, height, width, 3]`, asking `fetch` for one row of one
+/// channel after the other. Errors: the system refuses to write; those of `fetch`.
+pub fn write_npy(path: &Path, images: usize, size: ImageSize, fetch: &mut FetchRow<'_>) -> Result<()> {
+    let failed = || Error::io(path, "write the array");
+    let shape = [images as u64, size.height as u64, size.width as u64, 3];
+    let file = BufWriter::new(File::create(path).map_err(failed())?);
+    let options = npyz::WriteOptions::<f32>::new().default_dtype().shape(&shape);
+    let mut writer = options.writer(file).begin_nd().map_err(failed())?;
+    let mut rows = [0, 1, 2].map(|_| vec![0.0; size.width]);
+    for image in 0..images {
+        for y in 0..size.height {
+            for (channel, row) in rows.iter_mut().enumerate() {
+                fetch(image, channel, y, row)?;
+            }
+            let [red, green, blue] = &rows;
+            let pixels = red.iter().zip(green).zip(blue).flat_map(|((&r, &g), &b)| [r, g, b]);
+            writer.extend(pixels).map_err(failed())?;
         }
-        writer.finish()
-    };
-    write().map_err(Error::io(path, "write the array"))
+    }
+    writer.finish().map_err(failed())
 }

@@ -4,76 +4,135 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
+use super::Watch;
+use super::budget::Need;
+use super::render::PROGRAM_BYTES;
+use super::rows::RowSpill;
 use crate::error::{Error, Result};
-use crate::image::{LightImage, LightImages, LinearImage, read_light_array, read_light_files, read_light_layers};
+use crate::image::{LayerMatch, LightSet};
 use crate::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
-use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
+use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 
 /// Name of the light that holds what the image under all lights has beyond the sum of the lights.
 const REST: &str = "Rest";
 /// Relative L2 difference between the sum of lights and the image under all lights that 16-bit files show.
 const SUM_TOLERANCE: f64 = 2e-3;
 
-/// Images of lights as a matrix: each light is a column. All images are held in memory.
-#[derive(Clone, Debug)]
+/// Images of lights as a matrix: each light is a column. The images wait in a temporary file, not in memory.
+#[derive(Debug)]
 pub struct ImportedMatrix {
     job: Job,
-    images: Vec<LinearImage>,
+    rows: RowSpill,
+    /// What each layer or file was taken for.
+    pub matches: Vec<LayerMatch>,
     /// What looks wrong or was added, one line each, for people.
     pub warnings: Vec<String>,
     /// Relative L2 difference between the sum of lights and the image under all lights, where there is one.
     pub sum_difference: Option<f64>,
 }
 
-/// Reads images of lights: a file name with `{light}` (a file for each light), an NPY or NPZ file, or an OpenEXR file with
-/// light groups, whose layers `layers` may name with `{light}`. Errors: those of the readers in `image`.
-pub fn read_lights(path: &Path, layers: Option<&str>) -> Result<LightImages> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    match extension.as_deref() {
-        _ if path.to_string_lossy().contains("{light}") => read_light_files(path),
-        Some("npy" | "npz") => read_light_array(path),
-        _ => read_light_layers(path, layers),
-    }
-}
-
 impl ImportedMatrix {
-    /// Makes a matrix of images, in blocks of `block_side` pixels. `source` is their name, for the provenance.
+    /// Makes a matrix of images, in blocks of `block_side` pixels. `source` is their name, for the provenance; the
+    /// temporary file is made beside `beside`.
     ///
     /// The sum of lights is held against the image under all lights, where there is one; what is missing becomes a light of
     /// its own, called `Rest`.
     ///
-    /// Errors: values that are not finite, naming the light; sizes beyond what a matrix can have.
-    pub fn new(found: LightImages, source: &str, block_side: u32) -> Result<Self> {
-        let LightImages { mut lights, sum, matches } = found;
-        let mut warnings = warnings(&lights);
-        if matches.iter().any(|m| m.layer.to_lowercase().contains("denois")) {
-            warnings.push("the file has denoising passes: denoised light groups no longer add up".into());
-        }
-        let mut sum_difference = None;
-        if let Some(sum) = sum {
-            let rest = rest(&lights, &sum);
-            let norm = |image: &LinearImage| image.values().iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
-            let difference = (norm(&rest) / norm(&sum).max(f64::MIN_POSITIVE)).sqrt();
-            sum_difference = Some(difference);
-            if difference > SUM_TOLERANCE && !lights.iter().any(|light| light.name == REST) {
-                let share = 100.0 * difference;
-                warnings.push(format!(
-                    "the lights lack {share:.2} % of the image under all lights; added as light '{REST}'"
-                ));
-                lights.push(LightImage { name: REST.into(), image: rest });
+    /// Errors: values that are not finite, naming the light; sizes beyond what a matrix can have; a budget that does not
+    /// hold one image as its decoder wants it; those of the readers in `image`.
+    pub fn read(
+        set: &LightSet,
+        source: &str,
+        beside: &Path,
+        block_side: u32,
+        memory_bytes: Option<u64>,
+        watch: &dyn Watch,
+    ) -> Result<Self> {
+        let need = Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), per_thread_bytes: 0 };
+        need.threads_within("reading the images", memory_bytes)?;
+        let (width, height) = (set.width as usize, set.height as usize);
+        let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;
+        let rows = RowSpill::create(beside, set.images(), width, height)?;
+        let mut looks = vec![Look::default(); set.images()];
+        watch.begin("reading images", (set.images() * height) as u64, "rows");
+        let result = set.read(&mut |row| {
+            if watch.interrupted() {
+                return Err(Error::Interrupted("nothing was written".into()));
             }
-        }
-        let mut basis = LightBasis::new();
-        let mut content = Sha256::new();
-        for light in &lights {
-            if let Some(at) = light.image.values().iter().position(|v| !v.is_finite()) {
-                let (x, y) = (at / 3 % light.image.width as usize, at / 3 / light.image.width as usize);
-                let problem = format!("the image of light '{}' is not finite at pixel {x}, {y}", light.name);
+            if let Some(at) = row.values.iter().position(|v| !v.is_finite()) {
+                let name =
+                    set.lights.get(row.image).map_or("under all lights".to_owned(), |l| format!("of light '{l}'"));
+                let problem = format!("the image {name} is not finite at pixel {}, {}", row.x + at, row.y);
                 return Err(Error::input(source, problem, "render it again, or replace the pixel"));
             }
-            light.image.values().iter().for_each(|v| content.update(v.to_le_bytes()));
-            basis.push(Light {
-                name: light.name.clone(),
+            looks[row.image].add(row.values);
+            let done = usize::from(row.channel + 1 == CHANNELS && row.x + row.values.len() == width);
+            watch.advance(done as u64, size_of_val(row.values) as u64, "B");
+            rows.write((row.image, row.channel, row.y), row.x, row.values)
+        });
+        watch.end();
+        result?;
+        let mut imported = Self {
+            job: Job { shape, basis: LightBasis::new(), provenance: Provenance::default() },
+            rows,
+            matches: set.matches.clone(),
+            warnings: set.lights.iter().zip(&looks).flat_map(|(light, look)| look.warnings(light)).collect(),
+            sum_difference: None,
+        };
+        let denoised = |m: &LayerMatch| ["denois", "noisy"].iter().any(|word| m.layer.to_lowercase().contains(word));
+        if set.matches.iter().any(denoised) {
+            imported.warnings.push("the file has denoising passes: denoised light groups no longer add up".into());
+        }
+        imported.add_up(set, source)?;
+        Ok(imported)
+    }
+
+    /// What the matrix is.
+    pub fn job(&self) -> &Job {
+        &self.job
+    }
+
+    /// Goes over all rows once more: holds the sum of lights against the image under all lights, which it replaces by
+    /// what is missing, and makes the job.
+    fn add_up(&mut self, set: &LightSet, source: &str) -> Result<()> {
+        let lights = set.lights.len();
+        let (mut content, mut squared_rest, mut squared_sum) = (Sha256::new(), 0.0, 0.0);
+        let squares = |row: &[f32]| row.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
+        let mut row = vec![0.0; set.width as usize];
+        let mut rest = row.clone();
+        for y in 0..set.height as usize {
+            for channel in 0..CHANNELS {
+                if set.has_sum {
+                    self.rows.read((lights, channel, y), 0, &mut rest)?;
+                    squared_sum += squares(&rest);
+                }
+                for light in 0..lights {
+                    self.rows.read((light, channel, y), 0, &mut row)?;
+                    content.update(bytemuck::cast_slice(&row));
+                    rest.iter_mut().zip(&row).for_each(|(rest, v)| *rest -= v);
+                }
+                if set.has_sum {
+                    squared_rest += squares(&rest);
+                    self.rows.write((lights, channel, y), 0, &rest)?;
+                }
+                rest.fill(0.0);
+            }
+        }
+        let mut names = set.lights.clone();
+        if set.has_sum {
+            let difference = (squared_rest / squared_sum.max(f64::MIN_POSITIVE)).sqrt();
+            self.sum_difference = Some(difference);
+            if difference > SUM_TOLERANCE && !names.iter().any(|name| name == REST) {
+                let share = 100.0 * difference;
+                self.warnings.push(format!(
+                    "the lights lack {share:.2} % of the image under all lights; added as light '{REST}'"
+                ));
+                names.push(REST.into());
+            }
+        }
+        for name in &names {
+            self.job.basis.push(Light {
+                name: name.clone(),
                 kind: LightKind::Image,
                 unit: LightUnit::Multiple,
                 emission: [1.0; 3],
@@ -82,23 +141,14 @@ impl ImportedMatrix {
                 extents: vec![0.0],
             })?;
         }
-        let Some(first) = lights.first() else {
-            return Err(Error::input(source, "there are no lights", "give at least one image"));
-        };
-        let shape = MatrixShape::new(first.image.width, first.image.height, lights.len() as u32, block_side)?;
-        let provenance = Provenance {
+        self.job.shape = MatrixShape::new(set.width, set.height, names.len() as u32, self.job.shape.block_side())?;
+        self.job.provenance = Provenance {
             source: source.to_owned(),
             content: content.finalize().into(),
             program: format!("ltm {}, imported images", env!("CARGO_PKG_VERSION")),
             ..Provenance::default()
         };
-        let images = lights.into_iter().map(|light| light.image).collect();
-        Ok(Self { job: Job { shape, basis, provenance }, images, warnings, sum_difference })
-    }
-
-    /// What the matrix is.
-    pub fn job(&self) -> &Job {
-        &self.job
+        Ok(())
     }
 }
 
@@ -109,50 +159,55 @@ impl BlockSource for ImportedMatrix {
 
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let rect = self.job.shape.rect(id);
-        let pixels = rect.pixels();
-        target.block.reset(rect.rows(), self.images.len());
+        target.block.reset(rect.rows(), self.job.shape.columns());
         target.noise = None;
-        for (image, column) in self.images.iter().zip(target.block.entries_mut().chunks_exact_mut(rect.rows())) {
-            for y in 0..rect.height as usize {
-                let start = (rect.y as usize + y) * image.width as usize + rect.x as usize;
-                for (x, pixel) in image.pixels[start..start + rect.width as usize].iter().enumerate() {
-                    let place = y * rect.width as usize + x;
-                    (0..3).for_each(|c| column[c * pixels + place] = pixel[c]);
-                }
+        let (width, height) = (rect.width as usize, rect.height as usize);
+        for (light, column) in target.block.entries_mut().chunks_exact_mut(rect.rows()).enumerate() {
+            for (row, piece) in column.chunks_exact_mut(width).enumerate() {
+                let (channel, y) = (row / height, rect.y as usize + row % height);
+                self.rows.read((light, channel, y), rect.x as usize, piece)?;
             }
         }
         Ok(())
     }
 }
 
-/// The image under all lights without the lights.
-fn rest(lights: &[LightImage], sum: &LinearImage) -> LinearImage {
-    let mut rest = sum.clone();
-    for light in lights {
-        for (rest, pixel) in rest.pixels.iter_mut().zip(&light.image.pixels) {
-            (0..3).for_each(|c| rest[c] -= pixel[c]);
-        }
-    }
-    rest
+/// What is noted of an image while it goes by.
+#[derive(Clone, Debug, Default)]
+struct Look {
+    values: usize,
+    negative: usize,
+    largest: f32,
+    /// Values that are exactly the largest.
+    at_largest: usize,
 }
 
-/// What looks wrong with images: many pixels at exactly the largest value, values below zero.
-fn warnings(lights: &[LightImage]) -> Vec<String> {
-    let mut warnings = Vec::new();
-    for light in lights {
-        let values = light.image.values();
-        let most = values.iter().copied().fold(0.0f32, f32::max);
-        let clamped = values.iter().filter(|&&v| v == most).count();
-        if most > 0.0 && clamped > values.len() / 500 + 3 {
-            warnings.push(format!(
-                "light '{}' looks clamped: {clamped} values are exactly {most}; render without clamping",
-                light.name
-            ));
-        }
-        let negative = values.iter().filter(|&&v| v < 0.0).count();
-        if negative > 0 {
-            warnings.push(format!("light '{}' has {negative} values below zero, as denoising leaves them", light.name));
+impl Look {
+    fn add(&mut self, values: &[f32]) {
+        self.values += values.len();
+        for &value in values {
+            if value > self.largest {
+                (self.largest, self.at_largest) = (value, 1);
+            } else if value == self.largest {
+                self.at_largest += 1;
+            }
+            self.negative += usize::from(value < 0.0);
         }
     }
-    warnings
+
+    /// What looks wrong: many values at exactly the largest, values below zero.
+    fn warnings(&self, light: &str) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.largest > 0.0 && self.at_largest > self.values / 500 + 3 {
+            warnings.push(format!(
+                "light '{light}' looks clamped: {} values are exactly {}; render without clamping",
+                self.at_largest, self.largest
+            ));
+        }
+        if self.negative > 0 {
+            let count = self.negative;
+            warnings.push(format!("light '{light}' has {count} values below zero, as denoising leaves them"));
+        }
+        warnings
+    }
 }

@@ -4,6 +4,7 @@
 //! [`Watch`] that the caller passes in.
 
 mod budget;
+mod compare;
 pub mod demo;
 mod import;
 mod maintain;
@@ -12,17 +13,21 @@ mod pack;
 mod preview;
 mod relight;
 mod render;
+mod rows;
+mod selection;
 mod spill;
 mod unpack;
 mod watch;
 
 pub use budget::{human_bytes, parse_bytes};
-pub use import::{ImportedMatrix, read_lights};
+pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
+pub use import::ImportedMatrix;
 pub use maintain::repair;
 pub use memory::PeakMemory;
 pub use pack::{PackOptions, PackReport, pack};
 pub use preview::{PreviewReport, preview};
 pub use relight::{Device, RelightOptions, Relighter, relight};
 pub use render::{RenderOptions, RenderReport, job_of, render};
-pub use unpack::{UnpackOptions, unpack_to_exr, unpack_to_npy, unpack_to_store};
+pub use selection::Selection;
+pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
 pub use watch::{Quiet, Watch};

@@ -13,11 +13,11 @@ use super::budget::{Need, on_threads};
 use super::render::PROGRAM_BYTES;
 use super::spill::{Place, Spill};
 use super::{PeakMemory, Watch, human_bytes};
-use crate::compress::{Candidate, CompressSettings, Compressor};
-use crate::container::{BlockReport, ContainerOptions, ContainerWriter};
+use crate::compress::{Candidate, CompressSettings, Compressor, Method, Target};
+use crate::container::{BlockReport, ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
 use crate::light::Job;
-use crate::matrix::{BlockId, BlockSource, FactoredBlock, TracedBlock};
+use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, FactoredBlock, TracedBlock};
 
 /// Choices of a pack.
 #[derive(Clone, Debug, Default)]
@@ -51,6 +51,9 @@ pub struct PackReport {
 
 /// Compresses `source`, the matrix of `job`, into a container at `path`.
 ///
+/// An interrupted pack of the same matrix with the same settings is continued: every block is analysed again, since one
+/// slope holds for all, but what is encoded is kept.
+///
 /// Errors: those of reading, compressing and writing; [`Error::Interrupted`] when the watch says so, with nothing left
 /// under the final name.
 pub fn pack(
@@ -62,7 +65,8 @@ pub fn pack(
 ) -> Result<PackReport> {
     let begun = Instant::now();
     let memory = PeakMemory::start();
-    let writer = ContainerWriter::create(path, job, options.container.clone())?;
+    let container = ContainerOptions { report: report_of(&options.compress), ..options.container.clone() };
+    let writer = ContainerWriter::create(path, job, container)?;
     let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
     let spill = Spill::create(path)?;
 
@@ -99,6 +103,10 @@ pub fn pack(
     watch.begin("packing", blocks.len() as u64, "blocks");
     let store = |block: &mut TracedBlock, (&id, place): (&BlockId, &Place)| {
         stop_if_interrupted(path, watch)?;
+        if let Some(written) = writer.written(id) {
+            watch.advance(1, 0, "B");
+            return Ok(written);
+        }
         let candidate = candidate(&spill, place)?;
         let factored = candidate.cut(&cut);
         source.read_block(id, block)?;
@@ -106,30 +114,24 @@ pub fn pack(
         let report = measure(block, &writer.decode(id, &encoded)?);
         writer.write_encoded(id, &encoded, &report)?;
         watch.advance(1, block_bytes(block), "B");
-        Ok(Stored { rank: factored.rank(), sparse: factored.sparse.len(), report })
+        Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
     };
-    let stored = on_threads(threads, || -> Result<Vec<Stored>> {
+    let stored = on_threads(threads, || -> Result<Vec<WrittenBlock>> {
         blocks.par_iter().zip(&places).map_init(TracedBlock::default, store).collect()
     });
     watch.end();
     let stored = stored??;
     let summary = writer.finish()?;
-    let sum = |part: fn(&Stored) -> f64| stored.iter().map(part).sum::<f64>();
+    let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
     Ok(PackReport {
         seconds: begun.elapsed().as_secs_f64(),
         raw_bytes: job.shape.raw_bytes(),
         packed_bytes: summary.file_bytes,
         mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
-        sparse_entries: stored.iter().map(|s| s.sparse as u64).sum(),
+        sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
         relative_l2: (sum(|s| s.report.squared_error) / sum(|s| s.report.squared_norm).max(f64::MIN_POSITIVE)).sqrt(),
         peak_memory_bytes: memory.stop(),
     })
-}
-
-struct Stored {
-    rank: usize,
-    sparse: usize,
-    report: BlockReport,
 }
 
 /// The error of stored factors against the block that they stand for.
@@ -140,8 +142,45 @@ fn measure(block: &TracedBlock, stored: &FactoredBlock) -> BlockReport {
         squared_error += f64::from(a - b).powi(2);
         squared_norm += f64::from(*a).powi(2);
     }
-    let noise_variance = block.noise.as_ref().map_or(0.0, crate::matrix::BlockNoise::mean_variance);
-    BlockReport { squared_error, squared_norm, noise_variance, ..Default::default() }
+    let noise_variance = block.noise.as_ref().map_or(f64::NAN, BlockNoise::mean_variance);
+    let (stored, packed) = (all_on(&block.block), all_on(&expanded));
+    let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
+    let difference = squares(&mut stored.iter().zip(&packed).map(|(a, b)| a - b));
+    let uniform_error = if difference == 0.0 { 0.0 } else { (difference / squares(&mut stored.into_iter())).sqrt() };
+    BlockReport { squared_error, squared_norm, noise_variance, uniform_error }
+}
+
+/// The rows' sums: the block's pixels with all lights on.
+fn all_on(block: &Block) -> Vec<f64> {
+    let mut sums = vec![0.0; block.rows()];
+    for column in block.entries().chunks_exact(block.rows()) {
+        sums.iter_mut().zip(column).for_each(|(sum, &v)| *sum += f64::from(v));
+    }
+    sums
+}
+
+/// What the container says of how it was made.
+fn report_of(settings: &CompressSettings) -> ContainerReport {
+    let target = match settings.target {
+        _ if settings.method != Method::Auto && settings.fixed_rank => format!("rank {}", settings.rank),
+        Target::PsnrDb(db) => format!("{db} dB PSNR of relit images"),
+        Target::RelativeL2(error) => format!("relative L2 {error} of relit images"),
+        Target::Bytes(bytes) => format!("{bytes} bytes of factors"),
+        Target::Slope(slope) => format!("slope {slope}"),
+    };
+    let provenance = [
+        ("squared error, squared norm", "measured against the stored matrix, after quantisation"),
+        ("uniform error", "measured with weight 1 on every column, after quantisation"),
+        ("noise variance", "from the two half-sample estimates of the source; NaN where it has none"),
+    ];
+    ContainerReport {
+        program: format!("ltm {}", env!("CARGO_PKG_VERSION")),
+        method: settings.method.to_string(),
+        target,
+        prior: format!("{:?}", settings.prior).to_lowercase(),
+        settings: format!("{settings:?}"),
+        provenance: provenance.map(|(figure, origin)| (figure.to_owned(), origin.to_owned())).to_vec(),
+    }
 }
 
 fn block_bytes(block: &TracedBlock) -> u64 {
@@ -150,7 +189,7 @@ fn block_bytes(block: &TracedBlock) -> u64 {
 
 fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
     if watch.interrupted() {
-        return Err(Error::Interrupted(format!("{} was not written", path.display())));
+        return Err(Error::Interrupted(format!("{} was not written; the same command continues", path.display())));
     }
     Ok(())
 }

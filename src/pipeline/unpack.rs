@@ -1,77 +1,247 @@
-//! `.ltc` → `.ltm`, images or arrays.
+//! `.ltc` → `.ltm`, images or arrays, block by block.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use super::Watch;
+use super::budget::{Need, on_threads};
+use super::render::PROGRAM_BYTES;
+use super::rows::RowSpill;
+use super::selection::{Selected, Selection, overlap};
+use crate::container::ContainerReader;
 use crate::error::{Error, Result};
-use crate::image::{self, LinearImage};
-use crate::light::{Job, Lighting};
-use crate::matrix::{BlockId, BlockSink, FactorSource, TracedBlock};
-use crate::relight::CpuRelighter;
-use crate::store::{StoreOptions, StoreWriter};
+use crate::image::{self, ImageSize};
+use crate::matrix::{BlockId, BlockSink, CHANNELS, FactorSource, FactoredBlock, PixelRect, TracedBlock};
+use crate::store::{self, StoreOptions, StoreWriter};
 
-/// Choices of unpacking into a store.
-pub type UnpackOptions = StoreOptions;
+/// Choices of unpacking.
+#[derive(Clone, Debug, Default)]
+pub struct UnpackOptions {
+    /// Which part.
+    pub selection: Selection,
+    /// Replace files that exist.
+    pub overwrite: bool,
+    /// Anonymous memory to stay within; none: what the system has.
+    pub memory_bytes: Option<u64>,
+}
 
-/// Multiplies every block out into a stored matrix at `path`.
+/// Multiplies blocks out into a stored matrix at `path`. Returns the number of blocks that it holds.
 ///
-/// Errors: those of reading the container and writing the store.
+/// Errors: those of the selection, of reading the container and of writing the store.
 pub fn unpack_to_store(
-    source: &dyn FactorSource,
-    job: &Job,
+    source: &ContainerReader,
     path: &Path,
-    options: &StoreOptions,
+    options: &UnpackOptions,
     watch: &dyn Watch,
-) -> Result<()> {
-    let writer = StoreWriter::create(path, job, *options)?;
-    let blocks: Vec<BlockId> = job.shape.blocks().collect();
+) -> Result<usize> {
+    refuse_existing(path, options.overwrite)?;
+    let selected = options.selection.of(source.job())?;
+    let job = selected.job(source.job())?;
+    let store = StoreOptions { overwrite: options.overwrite, ..Default::default() };
+    let requirements = store::requirements(&job, &store);
+    let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
+    let per_thread_bytes = block_bytes + requirements.memory_bytes + factor_bytes(source);
+    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes };
+    let threads = need.threads_within("unpacking", options.memory_bytes)?;
+    let writer = StoreWriter::create(path, &job, store)?;
+    let columns = selected.columns();
+    let blocks = selected.target_blocks(source.job(), &job);
     watch.begin("unpacking", blocks.len() as u64, "blocks");
-    let result = blocks.par_iter().try_for_each(|&id| {
-        let block = source.read_layers(id, 0..source.layer_count(id))?.expand();
-        let bytes = size_of_val(block.entries()) as u64;
-        writer.write_block(id, &TracedBlock { block, noise: None })?;
+    let unpack_one = |traced: &mut TracedBlock, &id: &BlockId| {
+        stop_if_interrupted(path, watch)?;
+        let rect = job.shape.rect(id);
+        traced.block.reset(rect.rows(), columns.len());
+        selected.fill(source, rect, &columns, traced.block.entries_mut())?;
+        let bytes = size_of_val(traced.block.entries()) as u64;
+        writer.write_block(id, traced)?;
         watch.advance(1, bytes, "B");
         Ok(())
-    });
+    };
+    let result = on_threads(threads, || blocks.par_iter().try_for_each_init(TracedBlock::default, unpack_one));
     watch.end();
-    result?;
+    result??;
     writer.finish()?;
+    Ok(blocks.len())
+}
+
+/// Writes one layer for each light, as the scene lights it, into one OpenEXR file at `path`, after a layer with all of
+/// them. The layers are named as Blender names light groups, so that other programs find them. A path with `{light}` asks
+/// for a file of plain RGB for each light instead. Returns the files written.
+///
+/// Errors: those of the selection, of reading the container and of writing the files.
+pub fn unpack_to_exr(
+    source: &ContainerReader,
+    path: &Path,
+    options: &UnpackOptions,
+    watch: &dyn Watch,
+) -> Result<Vec<PathBuf>> {
+    let selected = options.selection.of(source.job())?;
+    let names = safe_names(&selected);
+    let text = path.display().to_string();
+    if text.contains("{light}") {
+        let paths: Vec<PathBuf> = names.iter().map(|name| text.replace("{light}", name).into()).collect();
+        paths.iter().try_for_each(|path| refuse_existing(path, options.overwrite))?;
+        let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
+        let rows = relight_images(source, &selected, &images, path, options, watch)?;
+        for (image, path) in paths.iter().enumerate() {
+            let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+            in_place_of(path, |temporary| {
+                image::write_exr_layers(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
+            })?;
+        }
+        return Ok(paths);
+    }
+    refuse_existing(path, options.overwrite)?;
+    let mut layers = vec!["ViewLayer.Combined".to_owned()];
+    layers.extend(names.iter().map(|name| format!("ViewLayer.Combined_{name}")));
+    let mut images = vec![(0..selected.lights.len()).collect()];
+    images.extend((0..selected.lights.len()).map(|light| vec![light]));
+    let rows = relight_images(source, &selected, &images, path, options, watch)?;
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    in_place_of(path, |temporary| {
+        image::write_exr_layers(temporary, &layers, size_of_rect(selected.rect), &mut fetch)
+    })?;
+    Ok(vec![path.to_owned()])
+}
+
+/// Writes one image under all selected lights, as the scene lights them, as plain RGB to an OpenEXR file at `path`.
+///
+/// Errors: those of the selection, of reading the container and of writing the file.
+pub fn unpack_relit(source: &ContainerReader, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
+    refuse_existing(path, options.overwrite)?;
+    let selected = options.selection.of(source.job())?;
+    let images = [(0..selected.lights.len()).collect()];
+    let rows = relight_images(source, &selected, &images, path, options, watch)?;
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    in_place_of(path, |temporary| {
+        image::write_exr_layers(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
+    })
+}
+
+/// Writes an f32 array `[lights, height, width, 3]` of the lights' images, as the scene lights them, to `path`.
+///
+/// Errors: those of the selection, of reading the container and of writing the file.
+pub fn unpack_to_npy(source: &ContainerReader, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
+    refuse_existing(path, options.overwrite)?;
+    let selected = options.selection.of(source.job())?;
+    let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
+    let rows = relight_images(source, &selected, &images, path, options, watch)?;
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    in_place_of(path, |temporary| image::write_npy(temporary, images.len(), size_of_rect(selected.rect), &mut fetch))
+}
+
+/// Lights each block under groups of lights (indices into the selection) and leaves the images on disk.
+fn relight_images(
+    source: &ContainerReader,
+    selected: &Selected,
+    groups: &[Vec<usize>],
+    beside: &Path,
+    options: &UnpackOptions,
+    watch: &dyn Watch,
+) -> Result<RowSpill> {
+    let shape = source.shape();
+    let per_thread_bytes = factor_bytes(source) + 16 * shape.max_block_rows() as u64;
+    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes };
+    let threads = need.threads_within("unpacking", options.memory_bytes)?;
+    let size = size_of_rect(selected.rect);
+    let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;
+    watch.begin("relighting", selected.blocks.len() as u64, "blocks");
+    let relight_one = |&id: &BlockId| {
+        stop_if_interrupted(beside, watch)?;
+        let rect = shape.rect(id);
+        let part = overlap(rect, selected.rect).expect("only blocks inside the crop are selected");
+        let block = source.read_block(id)?;
+        for (image, lights) in groups.iter().enumerate() {
+            let weights = lights.iter().flat_map(|&light| {
+                let light = &selected.lights[light];
+                light.columns().map(|column| (column as usize, light.emission))
+            });
+            let lit = relight_block(&block, rect.pixels(), weights);
+            for channel in 0..CHANNELS {
+                for y in part.y..part.y + part.height {
+                    let from = (channel * rect.height as usize + (y - rect.y) as usize) * rect.width as usize;
+                    let from = from + (part.x - rect.x) as usize;
+                    let place = (image, channel, (y - selected.rect.y) as usize);
+                    rows.write(place, (part.x - selected.rect.x) as usize, &lit[from..from + part.width as usize])?;
+                }
+            }
+        }
+        watch.advance(1, groups.len() as u64, "images");
+        Ok(())
+    };
+    let result = on_threads(threads, || selected.blocks.par_iter().try_for_each(relight_one));
+    watch.end();
+    result??;
+    Ok(rows)
+}
+
+/// The rows of a block under some columns with their weights: `L (R ℓ) + S ℓ`.
+fn relight_block(
+    block: &FactoredBlock,
+    pixels: usize,
+    weights: impl Iterator<Item = (usize, [f32; CHANNELS])> + Clone,
+) -> Vec<f32> {
+    let mut lit = vec![0.0; pixels * CHANNELS];
+    for k in 0..block.rank() {
+        let right = block.right_component(k);
+        let mut sums = [0.0f64; CHANNELS];
+        for (column, weight) in weights.clone() {
+            (0..CHANNELS).for_each(|c| sums[c] += f64::from(right[column] * weight[c]));
+        }
+        for ((lit, left), sum) in
+            lit.chunks_exact_mut(pixels).zip(block.left_component(k).chunks_exact(pixels)).zip(sums)
+        {
+            lit.iter_mut().zip(left).for_each(|(lit, left)| *lit += left * sum as f32);
+        }
+    }
+    if !block.sparse.is_empty() {
+        for (column, weight) in weights {
+            let start = block.sparse.partition_point(|entry| entry.column.index() < column);
+            for entry in block.sparse[start..].iter().take_while(|entry| entry.column.index() == column) {
+                lit[entry.row as usize] += entry.value * weight[entry.row as usize / pixels];
+            }
+        }
+    }
+    lit
+}
+
+/// Memory of a block's factors while it is decoded and joined, at most.
+fn factor_bytes(source: &ContainerReader) -> u64 {
+    let shape = source.shape();
+    let largest = shape.blocks().map(|id| source.rank(id) * 4 + source.sparse_entries(id) / 64).max().unwrap_or(0);
+    3 * largest as u64 * (shape.max_block_rows() + shape.columns()) as u64
+}
+
+/// Names that every program can read as layers and files: letters, digits, spaces, and a few signs; each once.
+fn safe_names(selected: &Selected) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for light in &selected.lights {
+        let safe = |c: char| if c.is_ascii_alphanumeric() || " _-+#()[]".contains(c) { c } else { '_' };
+        let plain: String = light.name.chars().map(safe).take(200).collect();
+        let numbered = (2..).map(|n| format!("{plain}_{n}"));
+        let free = std::iter::once(plain.clone()).chain(numbered).find(|name| !names.contains(name));
+        names.push(free.expect("numbers do not end"));
+    }
+    names
+}
+
+fn size_of_rect(rect: PixelRect) -> ImageSize {
+    ImageSize { width: rect.width as usize, height: rect.height as usize }
+}
+
+fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
+    if path.exists() && !overwrite {
+        return Err(Error::input(path.display().to_string(), "is there already", "give --force to replace it"));
+    }
     Ok(())
 }
 
-/// Writes one layer for each light, lit as the scene lights it, into one EXR file at `path`.
-///
-/// Errors: those of reading the container and writing the file.
-pub fn unpack_to_exr(source: &dyn FactorSource, job: &Job, path: &Path, watch: &dyn Watch) -> Result<()> {
-    let images = light_images(source, job, watch)?;
-    let layers: Vec<_> = job.basis.lights().iter().map(|light| light.name.as_str()).zip(&images).collect();
-    in_place_of(path, |temporary| image::write_exr_layers(temporary, &layers))
-}
-
-/// Writes an f32 array `[lights, height, width, 3]` of the lights' images, lit as the scene lights them, to `path`.
-///
-/// Errors: those of reading the container and writing the file.
-pub fn unpack_to_npy(source: &dyn FactorSource, job: &Job, path: &Path, watch: &dyn Watch) -> Result<()> {
-    let images = light_images(source, job, watch)?;
-    in_place_of(path, |temporary| image::write_npy(temporary, &images))
-}
-
-/// One image for each light of the basis.
-fn light_images(source: &dyn FactorSource, job: &Job, watch: &dyn Watch) -> Result<Vec<LinearImage>> {
-    let relighter = CpuRelighter::load(source)?;
-    watch.begin("relighting", job.basis.lights().len() as u64, "lights");
-    let images = job.basis.lights().iter().map(|light| {
-        let mut weights = vec![[0.0; 3]; job.shape.columns()];
-        light.columns().for_each(|column| weights[column as usize] = light.emission);
-        let image = relighter.relight(&Lighting::new(weights)?)?;
-        watch.advance(1, 1, "lights");
-        Ok(image)
-    });
-    let images = images.collect();
-    watch.end();
-    images
+fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
+    if watch.interrupted() {
+        return Err(Error::Interrupted(format!("{} was not written", path.display())));
+    }
+    Ok(())
 }
 
 /// Lets `write` write to a temporary name beside `path` and moves the result there, so that nothing half-written ever

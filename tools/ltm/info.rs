@@ -5,16 +5,32 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use ltm::Result;
 use ltm::container::ContainerReader;
+use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::Job;
+use ltm::matrix::{BlockId, FactorSource, MatrixShape};
 use ltm::pipeline::human_bytes;
 use ltm::store::StoreReader;
+use serde_json::{Value, json};
 
 use crate::input::{Kind, kind_of};
+
+/// Lights that are listed for a person.
+const MOST_LIGHTS: usize = 40;
+/// Characters of a row of the rank map.
+const MAP_CHARACTERS: u32 = 76;
+/// Shades of the rank map, from none to the highest rank.
+const SHADES: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
 #[derive(Args)]
 pub(crate) struct Info {
     /// The file.
     file: PathBuf,
+    /// Print everything as JSON, for programs; figures that are not known are null.
+    #[arg(long)]
+    json: bool,
+    /// Write the rank of each block as an image in false colours, black for none, as large as the picture (.ltc).
+    #[arg(long, value_name = "FILE.png")]
+    rank_map: Option<PathBuf>,
 }
 
 pub(crate) fn run(options: &Info) -> Result<()> {
@@ -22,28 +38,90 @@ pub(crate) fn run(options: &Info) -> Result<()> {
     match kind_of(path)? {
         Kind::Container => {
             let container = ContainerReader::open(path)?;
-            print_job(path, container.job());
-            println!("size         {}", human_bytes(container.file_bytes()));
-            let ratio = container.job().shape.raw_bytes() as f64 / container.file_bytes() as f64;
-            println!("ratio        {ratio:.0}× of f32");
+            let figures = Figures::of(&container);
+            if let Some(map) = &options.rank_map {
+                write_rank_map(map, &container)?;
+            }
+            if options.json {
+                print_json(container_json(path, &container, &figures));
+            } else {
+                print_job(path, container.job());
+                print_container(&container, &figures);
+            }
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(path)?;
-            print_job(path, matrix.job());
             let shape = matrix.job().shape;
             let committed = shape.blocks().filter(|&id| matrix.is_committed(id)).count();
-            println!("committed    {committed} of {} blocks", shape.block_count());
-            println!("size         {} on disk", human_bytes(matrix.stored_bytes()?));
+            if options.json {
+                let mut json = job_json(path, matrix.job());
+                json["kind"] = "matrix".into();
+                json["precision"] = format!("{:?}", matrix.precision()).to_lowercase().into();
+                json["committed_blocks"] = committed.into();
+                json["file_bytes"] = matrix.stored_bytes()?.into();
+                print_json(json);
+            } else {
+                print_job(path, matrix.job());
+                println!("precision    {}", format!("{:?}", matrix.precision()).to_lowercase());
+                println!("committed    {committed} of {} blocks", shape.block_count());
+                println!("size         {} on disk", human_bytes(matrix.stored_bytes()?));
+            }
         }
     }
     Ok(())
+}
+
+/// What the index of a container says as a whole. Unknown figures are NaN.
+struct Figures {
+    present_blocks: usize,
+    mean_rank: f64,
+    largest_rank: usize,
+    sparse_entries: u64,
+    /// Of the matrix's entries.
+    relative_l2: f64,
+    /// Block of the largest relative error, and that error.
+    worst: Option<(BlockId, f64)>,
+    /// Largest relative error of a block's pixels with all lights on.
+    worst_uniform: f64,
+    /// Root mean square of a stored entry and of its noise.
+    signal_rms: f64,
+    noise_rms: f64,
+    base_bytes: u64,
+}
+
+impl Figures {
+    fn of(container: &ContainerReader) -> Self {
+        let shape = container.shape();
+        let blocks: Vec<BlockId> = shape.blocks().filter(|&id| container.has_block(id)).collect();
+        let sum = |part: &dyn Fn(BlockId) -> f64| blocks.iter().map(|&id| part(id)).sum::<f64>();
+        let entries = |id: BlockId| (shape.rect(id).rows() * shape.columns()) as f64;
+        let report = |id: BlockId| container.block_report(id);
+        let (squared_error, squared_norm) = (sum(&|id| report(id).squared_error), sum(&|id| report(id).squared_norm));
+        let known = blocks.iter().map(|&id| (id, report(id).relative_error())).filter(|(_, error)| error.is_finite());
+        let uniform = blocks.iter().map(|&id| report(id).uniform_error);
+        let count = sum(&entries).max(1.0);
+        Self {
+            present_blocks: blocks.len(),
+            mean_rank: sum(&|id| container.rank(id) as f64) / blocks.len().max(1) as f64,
+            largest_rank: blocks.iter().map(|&id| container.rank(id)).max().unwrap_or(0),
+            sparse_entries: blocks.iter().map(|&id| container.sparse_entries(id) as u64).sum(),
+            relative_l2: if squared_error == 0.0 { 0.0 } else { (squared_error / squared_norm).sqrt() },
+            worst: known.max_by(|a, b| a.1.total_cmp(&b.1)),
+            worst_uniform: uniform.filter(|e| e.is_finite()).reduce(f64::max).unwrap_or(f64::NAN),
+            signal_rms: (squared_norm / count).sqrt(),
+            noise_rms: (sum(&|id| report(id).noise_variance * entries(id)) / count).sqrt(),
+            base_bytes: container.base_bytes(),
+        }
+    }
 }
 
 fn print_job(path: &Path, job: &Job) {
     let shape = job.shape;
     println!("{}", path.display());
     println!("source       {} ({})", job.provenance.source, job.provenance.program);
-    println!("settings     {}", job.provenance.settings);
+    if !job.provenance.settings.is_empty() {
+        println!("settings     {}", job.provenance.settings);
+    }
     println!("job          {}", job.hash());
     println!("image        {} × {} pixels", shape.width(), shape.height());
     println!(
@@ -54,11 +132,158 @@ fn print_job(path: &Path, job: &Job) {
     );
     println!("blocks       {} of {side} × {side} pixels", shape.block_count(), side = shape.block_side());
     println!("lights       {}", job.basis.lights().len());
-    for light in job.basis.lights().iter().take(40) {
+    for light in job.basis.lights().iter().take(MOST_LIGHTS) {
         let (across, down) = light.layout();
         println!(
             "  {:<24} {across} × {down}  {:?}, emission {:?} {:?}",
             light.name, light.kind, light.emission, light.unit
         );
     }
+    if job.basis.lights().len() > MOST_LIGHTS {
+        println!("  … and {} more (all with --json)", job.basis.lights().len() - MOST_LIGHTS);
+    }
+}
+
+fn print_container(container: &ContainerReader, figures: &Figures) {
+    let (shape, report) = (container.shape(), container.report());
+    let said = |text: &str| if text.is_empty() { "not said".to_owned() } else { text.to_owned() };
+    let known = |figure: f64, text: String| if figure.is_nan() { "not known".to_owned() } else { text };
+    let (bytes, base) = (container.file_bytes(), figures.base_bytes);
+    println!(
+        "packed by    {}: method {}, for {}, prior {}",
+        said(&report.program),
+        said(&report.method),
+        said(&report.target),
+        said(&report.prior)
+    );
+    println!("size         {}, {:.0}× smaller than f32", human_bytes(bytes), shape.raw_bytes() as f64 / bytes as f64);
+    println!(
+        "base layer   {}, {:.1} % of the file, gives the first whole image",
+        human_bytes(base),
+        100.0 * base as f64 / bytes as f64
+    );
+    if figures.present_blocks < shape.block_count() as usize {
+        println!(
+            "holds        {} of {} blocks; ltm merge joins it with the others",
+            figures.present_blocks,
+            shape.block_count()
+        );
+    }
+    println!(
+        "rank         mean {:.2}, largest {}; {} sparse entries",
+        figures.mean_rank, figures.largest_rank, figures.sparse_entries
+    );
+    println!(
+        "error        {}",
+        known(figures.relative_l2, format!("{:.2e} relative L2 of the matrix, measured", figures.relative_l2))
+    );
+    if let Some((id, error)) = figures.worst {
+        let rect = shape.rect(id);
+        println!("  worst      {error:.2e} in {id} (pixels from {}, {})", rect.x, rect.y);
+    }
+    println!(
+        "  all on     {}",
+        known(figures.worst_uniform, format!("at most {:.2e} relative L2 of a block's pixels", figures.worst_uniform))
+    );
+    let noise = figures.noise_rms / figures.signal_rms;
+    println!("noise        {}", known(noise, format!("{noise:.2e} of the matrix's root mean square, before packing")));
+    println!("rank map     ' ' is 0, '█' is {}", figures.largest_rank);
+    rank_map(container, figures.largest_rank.max(1)).iter().for_each(|row| println!("  {row}"));
+}
+
+/// A character for each block, or for as many blocks as it takes to fit: their highest rank.
+fn rank_map(container: &ContainerReader, largest: usize) -> Vec<String> {
+    let shape = container.shape();
+    // Characters are about twice as high as wide: each block is two of them where there is room.
+    let (wide, step) = match shape.blocks_across() {
+        across if across * 2 <= MAP_CHARACTERS => (2, 1),
+        across => (1, across.div_ceil(MAP_CHARACTERS)),
+    };
+    let step_down = if wide == 2 { 1 } else { 2 * step };
+    let rank = |x: u32, y: u32| block_at(shape, x, y).map_or(0, |id| container.rank(id));
+    let row = |y: u32| {
+        let cells = (0..shape.blocks_across()).step_by(step as usize).map(|x| {
+            let ranks = (y..y + step_down).flat_map(|y| (x..x + step).map(move |x| (x, y))).map(|(x, y)| rank(x, y));
+            let highest = ranks.max().unwrap_or(0);
+            SHADES[(highest * (SHADES.len() - 1)).div_ceil(largest)].to_string().repeat(wide)
+        });
+        cells.collect::<String>()
+    };
+    (0..shape.blocks_down()).step_by(step_down as usize).map(row).collect()
+}
+
+fn block_at(shape: MatrixShape, x: u32, y: u32) -> Option<BlockId> {
+    (x < shape.blocks_across() && y < shape.blocks_down()).then(|| BlockId(y * shape.blocks_across() + x))
+}
+
+fn write_rank_map(path: &Path, container: &ContainerReader) -> Result<()> {
+    let shape = container.shape();
+    let mut map = LinearImage::black(shape.width(), shape.height());
+    for (i, pixel) in map.pixels.iter_mut().enumerate() {
+        let (x, y) = (i as u32 % shape.width(), i as u32 / shape.width());
+        let id = block_at(shape, x / shape.block_side(), y / shape.block_side());
+        *pixel = [id.map_or(0.0, |id| container.rank(id) as f32); 3];
+    }
+    let largest = map.values().iter().copied().fold(1.0, f32::max);
+    // Shades from half a rank up, so that rank 0 alone is black.
+    let coloured = false_colour(&map, 0.5, largest)?;
+    write_toned_png(path, &coloured, ToneMapping::default())
+}
+
+fn job_json(path: &Path, job: &Job) -> Value {
+    let (shape, provenance) = (job.shape, &job.provenance);
+    let lights = job.basis.lights().iter().map(|light| {
+        let (across, down) = light.layout();
+        json!({
+            "name": light.name, "kind": format!("{:?}", light.kind), "unit": format!("{:?}", light.unit),
+            "emission": light.emission, "first_column": light.first_column, "columns": light.places.len(),
+            "across": across, "down": down,
+        })
+    });
+    json!({
+        "file": path.display().to_string(),
+        "job": job.hash().0.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
+        "width": shape.width(), "height": shape.height(), "rows": shape.rows(), "columns": shape.columns(),
+        "block_side": shape.block_side(), "blocks_across": shape.blocks_across(), "blocks": shape.block_count(),
+        "raw_bytes": shape.raw_bytes(),
+        "provenance": {
+            "source": provenance.source, "program": provenance.program, "settings": provenance.settings,
+            "samples_per_pixel": provenance.samples_per_pixel, "seed": provenance.seed,
+            "metres_per_unit": provenance.metres_per_unit,
+        },
+        "lights": lights.collect::<Vec<_>>(),
+    })
+}
+
+fn container_json(path: &Path, container: &ContainerReader, figures: &Figures) -> Value {
+    let (shape, report) = (container.shape(), container.report());
+    let mut json = job_json(path, container.job());
+    json["kind"] = "container".into();
+    json["file_bytes"] = container.file_bytes().into();
+    json["base_layer_bytes"] = figures.base_bytes.into();
+    json["ratio"] = (shape.raw_bytes() as f64 / container.file_bytes() as f64).into();
+    json["mean_rank"] = figures.mean_rank.into();
+    json["sparse_entries"] = figures.sparse_entries.into();
+    json["relative_l2"] = figures.relative_l2.into();
+    json["signal_rms"] = figures.signal_rms.into();
+    json["noise_rms"] = figures.noise_rms.into();
+    json["packing"] = json!({
+        "program": report.program, "method": report.method, "target": report.target, "prior": report.prior,
+        "settings": report.settings, "provenance": report.provenance,
+    });
+    let blocks = shape.blocks().map(|id| {
+        let report = container.block_report(id);
+        json!({
+            "present": container.has_block(id), "rank": container.rank(id), "sparse_entries": container.sparse_entries(id),
+            "bytes": container.encoded_bytes(id, 0..container.layer_count(id)), "layers": container.layer_count(id),
+            "relative_l2": report.relative_error(), "all_on_relative_l2": report.uniform_error,
+            "noise_variance": report.noise_variance,
+        })
+    });
+    json["block_list"] = blocks.collect::<Vec<_>>().into();
+    json
+}
+
+fn print_json(json: Value) {
+    println!("{}", serde_json::to_string_pretty(&json).expect("values of ours can be written"));
 }

@@ -1,0 +1,143 @@
+//! Images of single lights as other programs write them: layers of an OpenEXR file, a file for each light, an array.
+//!
+//! [`LightSet::open`] looks at names and sizes only; [`LightSet::read`] then hands the values over row by row, so that
+//! a set may be larger than memory.
+
+mod array;
+mod files;
+mod layers;
+
+use std::path::Path;
+
+use regex::Regex;
+
+use crate::error::{Error, Result};
+
+/// What a layer, file or array was taken for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LayerRole {
+    /// The image of the light of this name.
+    Light(String),
+    /// The image under all lights.
+    Sum,
+    /// Nothing that is needed here.
+    Ignored,
+}
+
+/// One row of the table of matches.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LayerMatch {
+    /// Name of the layer or file.
+    pub layer: String,
+    /// What it was taken for.
+    pub role: LayerRole,
+}
+
+/// A piece of a row of one channel of one image.
+#[derive(Clone, Copy, Debug)]
+pub struct LightRow<'a> {
+    /// Index of the light; the number of lights for the image under all of them.
+    pub image: usize,
+    /// 0 red, 1 green, 2 blue.
+    pub channel: usize,
+    /// Column of the first value.
+    pub x: usize,
+    /// Row, counted from the top.
+    pub y: usize,
+    /// The values.
+    pub values: &'a [f32],
+}
+
+/// What takes the rows.
+pub type TakeRow<'a> = dyn FnMut(LightRow<'_>) -> Result<()> + 'a;
+
+/// A set of per-light images of one size.
+#[derive(Clone, Debug)]
+pub struct LightSet {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Names of the lights, in the order of the table of matches.
+    pub lights: Vec<String>,
+    /// Whether there is an image under all lights too.
+    pub has_sum: bool,
+    /// What each layer was taken for.
+    pub matches: Vec<LayerMatch>,
+    source: Source,
+}
+
+#[derive(Clone, Debug)]
+enum Source {
+    Files(Vec<std::path::PathBuf>),
+    Layers(layers::Layers),
+    Array(array::Array),
+}
+
+impl LightSet {
+    /// Looks at images of lights: a folder (each image file is a light), a file name with `{light}` in the light's place
+    /// and `*` for anything, an NPY or NPZ file, or an OpenEXR file with light groups.
+    ///
+    /// `layers` says which layers of an OpenEXR file are lights: the group `light` of the expression, else its first, else
+    /// all of the match is the light's name. Without it the conventions of Blender, Arnold, V-Ray and LuxCore are tried,
+    /// then any layer of three colours beside the one under all lights.
+    ///
+    /// Errors: what cannot be read, nothing that looks like a light, two lights of one name, images of different sizes.
+    pub fn open(path: &Path, layers: Option<&Regex>) -> Result<Self> {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let set = match extension.as_deref() {
+            _ if path.is_dir() => files::open(&path.join("{light}.*"))?,
+            _ if path.to_string_lossy().contains("{light}") => files::open(path)?,
+            Some("npy" | "npz") => array::open(path)?,
+            _ => layers::open(path, layers)?,
+        };
+        let refuse = |problem: String, hint: &str| Err(Error::input(path.display().to_string(), problem, hint));
+        if set.lights.is_empty() {
+            let hint =
+                "say which are with --layers 'RGBA_(.+)', or name the files by a pattern such as 'room_{light}.exr'";
+            return refuse("no layer looks like a light's".into(), hint);
+        }
+        for (i, light) in set.lights.iter().enumerate() {
+            if set.lights[..i].contains(light) {
+                return refuse(format!("two layers are of light '{light}'"), "name the layers by a narrower pattern");
+            }
+        }
+        Ok(set)
+    }
+
+    /// Number of images: the lights, and the one under all of them where there is one.
+    pub fn images(&self) -> usize {
+        self.lights.len() + usize::from(self.has_sum)
+    }
+
+    /// Bytes of memory that [`read`](Self::read) takes at most.
+    pub fn needs_bytes(&self) -> u64 {
+        let image = u64::from(self.width) * u64::from(self.height);
+        match &self.source {
+            // One image as its decoder gives it, in RGBA, and in RGB.
+            Source::Files(_) => image * (16 + 16 + 12),
+            Source::Layers(layers) => layers.chunk_bytes() * 2 * (rayon::current_num_threads() as u64 + 1),
+            Source::Array(_) => u64::from(self.width) * 64,
+        }
+    }
+
+    /// Hands over every value, in the order of the files. Errors: a file that cannot be read or has changed; those of
+    /// `take`.
+    pub fn read(&self, take: &mut TakeRow<'_>) -> Result<()> {
+        match &self.source {
+            Source::Files(paths) => files::read(paths, (self.width, self.height), take),
+            Source::Layers(layers) => layers.read(take),
+            Source::Array(array) => array.read((self.width as usize, self.height as usize), take),
+        }
+    }
+}
+
+/// Hands a row of RGB pixels over as three rows of one channel.
+fn take_pixels(take: &mut TakeRow<'_>, image: usize, y: usize, row: &[[f32; 3]], buffer: &mut Vec<f32>) -> Result<()> {
+    for channel in 0..3 {
+        buffer.clear();
+        buffer.extend(row.iter().map(|pixel| pixel[channel]));
+        take(LightRow { image, channel, x: 0, y, values: buffer })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,70 @@
+//! Images that wait on disk, between a stage that makes them piece by piece and one that wants them in another order.
+
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::matrix::CHANNELS;
+
+/// Images of one size in a file without a name, plane by plane, in 32-bit floats. Any thread may read and write; what was
+/// never written is 0.
+#[derive(Debug)]
+pub(super) struct RowSpill {
+    file: File,
+    folder: PathBuf,
+    width: usize,
+    height: usize,
+}
+
+impl RowSpill {
+    /// Room for images of `width × height`, in the folder of `beside`, where the disk is meant to hold results.
+    pub(super) fn create(beside: &Path, images: usize, width: usize, height: usize) -> Result<Self> {
+        let folder = beside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
+        let file = tempfile::tempfile_in(&folder);
+        let file = file.map_err(Error::io(&folder, "create a temporary file in the folder"))?;
+        let bytes = (images * CHANNELS * width * height * 4) as u64;
+        file.set_len(bytes).map_err(Error::io(&folder, "make room for a temporary file in the folder"))?;
+        Ok(Self { file, folder, width, height })
+    }
+
+    /// Writes a piece of a row, from column `x` on.
+    pub(super) fn write(&self, place: (usize, usize, usize), x: usize, values: &[f32]) -> Result<()> {
+        let bytes = bytemuck::cast_slice(values);
+        self.file
+            .write_all_at(bytes, self.offset(place, x))
+            .map_err(Error::io(&self.folder, "write a temporary file in the folder"))
+    }
+
+    /// Reads a piece of a row: image, channel and row as `place`, from column `x` on.
+    pub(super) fn read(&self, place: (usize, usize, usize), x: usize, values: &mut [f32]) -> Result<()> {
+        let bytes = bytemuck::cast_slice_mut(values);
+        self.file
+            .read_exact_at(bytes, self.offset(place, x))
+            .map_err(Error::io(&self.folder, "read a temporary file in the folder"))
+    }
+
+    fn offset(&self, (image, channel, y): (usize, usize, usize), x: usize) -> u64 {
+        debug_assert!(channel < CHANNELS && y < self.height && x <= self.width);
+        ((((image * CHANNELS + channel) * self.height + y) * self.width + x) * 4) as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pieces_come_back_as_rows() {
+        let folder = tempfile::tempdir().unwrap();
+        let spill = RowSpill::create(&folder.path().join("x"), 2, 5, 3).unwrap();
+        spill.write((1, 2, 2), 3, &[4.0, 5.0]).unwrap();
+        spill.write((1, 2, 2), 0, &[1.0, 2.0]).unwrap();
+        let mut row = [9.0; 5];
+        spill.read((1, 2, 2), 0, &mut row).unwrap();
+        assert_eq!(row, [1.0, 2.0, 0.0, 4.0, 5.0]);
+        spill.read((0, 0, 0), 0, &mut row).unwrap();
+        assert_eq!(row, [0.0; 5]);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "the file has no name");
+    }
+}
