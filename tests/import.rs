@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use libtest_mimic::{Arguments, Trial};
-use ltm::image::{ImageSize, LayerRole, LightSet, LinearImage, write_exr, write_exr_layers, write_npy};
+use ltm::image::{ImageSize, LayerRole, LightSet, LinearImage, write_exr, write_exr_rows, write_npy};
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
 use ltm::pipeline::{ImportedMatrix, Quiet};
 use ltm::{Error, Result};
@@ -77,7 +77,7 @@ fn fetch(images: &[LinearImage]) -> impl FnMut(usize, usize, usize, &mut [f32]) 
 
 fn write_layers(path: &Path, layers: &[&str], images: &[LinearImage]) {
     let layers: Vec<String> = layers.iter().map(ToString::to_string).collect();
-    write_exr_layers(path, &layers, size(&images[0]), &mut fetch(images)).unwrap();
+    write_exr_rows(path, &layers, size(&images[0]), &mut fetch(images)).unwrap();
 }
 
 fn import(path: &Path, layers: Option<&str>) -> Result<ImportedMatrix> {

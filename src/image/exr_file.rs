@@ -44,7 +44,7 @@ const LARGE_CHUNK_BYTES: usize = 32 << 20;
 /// channels are `NAME.R`, `NAME.G`, `NAME.B`, or `R`, `G`, `B` where its name is empty: what programs of all ages read.
 ///
 /// Errors: no layers, two of one name; the system refuses to write; those of `fetch`.
-pub fn write_exr_layers(path: &Path, layers: &[String], size: ImageSize, fetch: &mut FetchRow<'_>) -> Result<()> {
+pub fn write_exr_rows(path: &Path, layers: &[String], size: ImageSize, fetch: &mut FetchRow<'_>) -> Result<()> {
     let mut channels: Vec<(String, usize, usize)> = Vec::new();
     for (image, layer) in layers.iter().enumerate() {
         let dot = if layer.is_empty() { "" } else { "." };
@@ -96,6 +96,18 @@ pub fn write_exr_layers(path: &Path, layers: &[String], size: ImageSize, fetch: 
         Some(error) => Err(error),
         None => result.map_err(|e| Error::io(path, "write the image")(into_io(e))),
     }
+}
+
+/// Writes one layer for each named image, as [`write_exr_rows`] does. Panics if there are no images; all must have the same
+/// size.
+pub fn write_exr_layers(path: &Path, images: &[(&str, &LinearImage)]) -> Result<()> {
+    let layers: Vec<String> = images.iter().map(|(name, _)| (*name).to_owned()).collect();
+    let size = ImageSize { width: images[0].1.width as usize, height: images[0].1.height as usize };
+    write_exr_rows(path, &layers, size, &mut |image, channel, y, row| {
+        let pixels = images[image].1.pixels[y * size.width..].iter();
+        row.iter_mut().zip(pixels).for_each(|(value, pixel)| *value = pixel[channel]);
+        Ok(())
+    })
 }
 
 fn into_io(error: exr::error::Error) -> std::io::Error {

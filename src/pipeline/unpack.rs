@@ -87,7 +87,7 @@ pub fn unpack_to_exr(
         for (image, path) in paths.iter().enumerate() {
             let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
             in_place_of(path, |temporary| {
-                image::write_exr_layers(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
+                image::write_exr_rows(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
             })?;
         }
         return Ok(paths);
@@ -99,9 +99,7 @@ pub fn unpack_to_exr(
     images.extend((0..selected.lights.len()).map(|light| vec![light]));
     let rows = relight_images(source, &selected, &images, path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
-    in_place_of(path, |temporary| {
-        image::write_exr_layers(temporary, &layers, size_of_rect(selected.rect), &mut fetch)
-    })?;
+    in_place_of(path, |temporary| image::write_exr_rows(temporary, &layers, size_of_rect(selected.rect), &mut fetch))?;
     Ok(vec![path.to_owned()])
 }
 
@@ -115,7 +113,7 @@ pub fn unpack_relit(source: &ContainerReader, path: &Path, options: &UnpackOptio
     let rows = relight_images(source, &selected, &images, path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
     in_place_of(path, |temporary| {
-        image::write_exr_layers(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
+        image::write_exr_rows(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
     })
 }
 
