@@ -65,7 +65,7 @@ fn main() {
         eprintln!("  {name:<37} {raw:>12}   {rate:>8.2}      {:.2}", rate / best_plain);
     }
     for (write, rate) in WRITES.iter().zip(&rates[PLAIN.len()..]) {
-        let stored = open(&folder.path().join(write.name)).stored_bytes().unwrap();
+        let stored = open(&folder.path().join(write.name)).tally().unwrap().stored_bytes;
         eprintln!("  store, {:<30} {:>12}   {rate:>8.2}      {:.2}", write.name, stored, rate / best_plain);
     }
     eprintln!(
@@ -89,7 +89,7 @@ fn main() {
         let error = largest_error(&path, &traced);
         for threads in [1, 2] {
             for mapped in [false, true] {
-                let stored = open(&path).stored_bytes().unwrap();
+                let stored = open(&path).tally().unwrap().stored_bytes;
                 let read = |cold| {
                     let once = || {
                         let file = File::open(&path).unwrap();
@@ -151,7 +151,7 @@ fn stream(folder: &Path, job: &Job, traced: &mut TracedBlock, precision: Precisi
     evict(&path);
     report("read", &mut || {
         read_store(&open(&path), 2);
-        open(&path).stored_bytes().unwrap()
+        open(&path).tally().unwrap().stored_bytes
     });
 }
 

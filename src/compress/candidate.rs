@@ -1,7 +1,7 @@
 //! A block after analysis: over-ranked factors and sparse entries, each with what it brings, small enough to spill.
 
 use super::Replaced;
-use crate::matrix::{BlockId, ColumnIndex, SparseEntry};
+use crate::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry};
 
 /// First bytes of an encoded candidate, with the version of the layout. Spill files live as long as one run.
 const MAGIC: [u8; 4] = *b"cnd2";
@@ -82,6 +82,18 @@ impl Candidate {
     /// Components kept for the choice.
     pub fn rank(&self) -> usize {
         self.summary.gains.len()
+    }
+
+    /// All that it holds, before any cut: `L R + S`. What it lacks of its block is orthogonal to the components.
+    pub fn whole(&self) -> FactoredBlock {
+        FactoredBlock {
+            rows: self.summary.rows as usize,
+            columns: self.summary.columns as usize,
+            left: self.left.clone(),
+            right: self.right.clone(),
+            sparse: self.sparse.clone(),
+            ..Default::default()
+        }
     }
 
     /// Encodes it, little-endian, for a spill file that the same program reads back.

@@ -61,6 +61,16 @@ impl Compressor {
         4 * (m * n + 6 * (m + n) * q) + 16 * (m + n) * q + 4 * n * 256
     }
 
+    /// Bytes of an encoded candidate at most.
+    pub fn candidate_bytes(&self) -> u64 {
+        let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
+        let rank = (self.settings.rank as u64 + 1).min(m).min(n);
+        // A tenth of a row's entries may stand above its 90th percentile, and so many may carry their share of its sum.
+        let share = if self.settings.sparse_fraction > 0.0 { (1.0 / self.settings.sparse_fraction) as u64 } else { 0 };
+        let sparse = if self.settings.method == Method::Auto { m * share.min(n / 10 + 1) } else { 0 };
+        64 + 4 * rank * (m + n + 3) + 16 * sparse
+    }
+
     /// Analyses one block: replaces unusable entries, takes out what stands alone, finds the range, and notes what each
     /// part brings and how much of it is noise.
     ///

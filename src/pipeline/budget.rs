@@ -1,20 +1,64 @@
-//! Keeping a job's memory below what it was given: fewer threads, or a refusal before anything is begun.
+//! Keeping a job within the memory and the disk it was given: fewer threads, or a refusal before anything is begun.
 
 use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
 
+use super::Watch;
 use crate::error::{Error, Result};
+use crate::store::free_bytes;
 
-/// What a job takes in anonymous memory: a fixed part, and a part for each thread that works on a block.
-#[derive(Clone, Copy, Debug)]
+/// What a job takes at most: anonymous memory, as a fixed part and a part for each thread that works on a block, and
+/// disk.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Need {
     pub(super) fixed_bytes: u64,
     pub(super) per_thread_bytes: u64,
+    pub(super) disk_bytes: u64,
 }
 
 impl Need {
     /// Memory for a number of threads.
     pub(super) fn bytes(self, threads: usize) -> u64 {
         self.fixed_bytes + self.per_thread_bytes * threads as u64
+    }
+
+    /// Admits a job that writes `output`: the number of threads that stay within the memory, after one line on what is
+    /// needed. `there` names files of an earlier run whose space the job will use.
+    ///
+    /// Errors: the memory is too small for one thread, or the disk has no room.
+    pub(super) fn admit(
+        self,
+        job: &str,
+        output: &Path,
+        there: &[&Path],
+        budget_bytes: Option<u64>,
+        watch: &dyn Watch,
+    ) -> Result<usize> {
+        let threads = self.threads_within(job, budget_bytes)?;
+        let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let taken: u64 = there.iter().filter_map(|path| fs::metadata(path).ok()).map(|file| file.blocks() * 512).sum();
+        let more = self.disk_bytes.saturating_sub(taken);
+        if more > 0 {
+            let free = free_bytes(folder)?;
+            if more > free {
+                return Err(Error::Resources {
+                    what: format!("{job} {}", output.display()),
+                    needed: format!("{} of disk", human_bytes(more)),
+                    available: format!("only {} are free in {}", human_bytes(free), folder.display()),
+                    hint: "make room, or name an output on another disk".to_owned(),
+                });
+            }
+        }
+        let with = match (self.per_thread_bytes, threads) {
+            (0, _) => String::new(),
+            (_, 1) => " with 1 thread".to_owned(),
+            _ => format!(" with {threads} threads"),
+        };
+        let disk = if self.disk_bytes > 0 { format!(" and {} of disk", human_bytes(more)) } else { String::new() };
+        let memory = human_bytes(self.bytes(threads));
+        watch.note(&format!("{}: {job}{with}, needs up to {memory} of memory{disk}", output.display()));
+        Ok(threads)
     }
 
     /// The number of threads, at most those of the current pool, that stay within a budget; without one, within the
@@ -94,12 +138,29 @@ mod tests {
 
     #[test]
     fn threads_are_given_up_before_the_job_is() {
-        let need = Need { fixed_bytes: 100, per_thread_bytes: 50 };
+        let need = Need { fixed_bytes: 100, per_thread_bytes: 50, disk_bytes: 0 };
         let most = rayon::current_num_threads();
         assert_eq!(need.threads_within("a job", Some(need.bytes(most))).unwrap(), most);
         assert_eq!(need.threads_within("a job", Some(150)).unwrap(), 1);
         let error = need.threads_within("a job", Some(149)).unwrap_err().to_string();
         assert!(error.contains("150 B") && error.contains("149 B"), "{error}");
+    }
+
+    #[test]
+    fn a_disk_without_room_is_refused_and_space_that_is_taken_already_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let (output, partial) = (folder.path().join("x"), folder.path().join("x.part"));
+        let admit = |bytes| {
+            let need = Need { disk_bytes: bytes, ..Need::default() };
+            need.admit("writing", &output, &[&partial], None, &crate::pipeline::Quiet)
+        };
+        let free = free_bytes(folder.path()).unwrap();
+        assert!(admit(free / 2).is_ok());
+        let error = admit(u64::MAX).unwrap_err();
+        assert!(matches!(error, Error::Resources { .. }) && error.to_string().contains("of disk"), "{error}");
+        fs::write(&partial, vec![1; 1 << 22]).unwrap();
+        fs::File::open(&partial).unwrap().sync_all().unwrap();
+        assert!(fs::metadata(&partial).unwrap().blocks() * 512 >= 1 << 22);
     }
 
     #[test]

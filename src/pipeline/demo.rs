@@ -77,7 +77,7 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Watch) -> Result<Dem
     let stage = |name, seconds, peak_memory_bytes, bytes| Stage { name, seconds, peak_memory_bytes, bytes };
     Ok(DemoReport {
         stages: vec![
-            stage("render", render.seconds, render.peak_memory_bytes, matrix.stored_bytes()?),
+            stage("render", render.seconds, render.peak_memory_bytes, matrix.tally()?.stored_bytes),
             stage("pack", pack.seconds, pack.peak_memory_bytes, pack.packed_bytes),
             stage("relight", relight.0, relight.1, 0),
             stage("raw product", compare.0, compare.1, 0),

@@ -48,7 +48,7 @@ impl ImportedMatrix {
         memory_bytes: Option<u64>,
         watch: &dyn Watch,
     ) -> Result<Self> {
-        let need = Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), per_thread_bytes: 0 };
+        let need = Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), ..Need::default() };
         need.threads_within("reading the images", memory_bytes)?;
         let (width, height) = (set.width as usize, set.height as usize);
         let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;

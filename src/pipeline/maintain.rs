@@ -1,20 +1,63 @@
-//! Looking after stored matrices: rendering damaged blocks again.
+//! Looking after stored matrices: checking them, rendering damaged blocks again.
 
 use std::path::Path;
+use std::time::Instant;
 
-use super::Watch;
-use super::render::{job_of, settings_of};
+use super::budget::Need;
+use super::render::{PROGRAM_BYTES, job_of, settings_of, trace_into, tracing_need};
+use super::{PeakMemory, Watch};
 use crate::error::{Error, Result};
-use crate::matrix::{BlockId, BlockSink, TracedBlock};
+use crate::matrix::BlockId;
 use crate::scene::LoadedScene;
-use crate::store::{self, StoreOptions, StoreReader, StoreWriter};
+use crate::store::{self, StoreOptions, StoreReader, VerifyReport};
 use crate::trace::Tracer;
+
+/// What [`verify`] found and took.
+#[derive(Clone, Debug)]
+pub struct Verified {
+    /// What is there, missing, damaged.
+    pub found: VerifyReport,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// Peak resident anonymous memory, where the system tells.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// Checks every byte of a stored matrix.
+///
+/// Errors: those of [`store::verify`]; [`Error::Resources`] where the memory is too small.
+pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Verified> {
+    let begun = Instant::now();
+    let memory = PeakMemory::start();
+    let reader = StoreReader::open(path)?;
+    let blocks = reader.job().shape.block_count();
+    reading_need(&reader).admit("checking", path, &[], memory_bytes, watch)?;
+    watch.begin("checking", u64::from(blocks), "blocks");
+    let mut bytes = 0;
+    let found = store::verify_storage(&reader, |_, read| {
+        watch.advance(1, read - bytes, "B");
+        bytes = read;
+    });
+    watch.end();
+    Ok(Verified { found: found?, seconds: begun.elapsed().as_secs_f64(), peak_memory_bytes: memory.stop() })
+}
+
+fn reading_need(reader: &StoreReader) -> Need {
+    let options = StoreOptions {
+        precision: reader.precision(),
+        max_probes: reader.layout().max_probes(),
+        ..StoreOptions::default()
+    };
+    let reading = store::requirements(reader.job(), &options).memory_bytes;
+    Need { fixed_bytes: PROGRAM_BYTES + reading, ..Need::default() }
+}
 
 /// Renders the damaged and missing blocks of a finished matrix again, where it stands. Returns which ones.
 ///
 /// Errors: the matrix was made from another scene or with other settings; its header cannot be read; what tracing and
-/// writing refuse.
-pub fn repair(loaded: LoadedScene, path: &Path, watch: &dyn Watch) -> Result<Vec<BlockId>> {
+/// writing refuse; [`Error::Interrupted`]: then the file lacks the blocks that are still to be repaired, and the same
+/// command goes on.
+pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Vec<BlockId>> {
     let job = job_of(&loaded)?;
     let reader = StoreReader::open(path)?;
     if reader.job().hash() != job.hash() {
@@ -24,27 +67,22 @@ pub fn repair(loaded: LoadedScene, path: &Path, watch: &dyn Watch) -> Result<Vec
             "give the scene file, --samples and --size that it was rendered with",
         ));
     }
-    let max_probes = reader.layout().max_probes();
-    let options = StoreOptions { precision: reader.precision(), max_probes, ..StoreOptions::default() };
+    let (tracing, reading) = (tracing_need(&loaded, &job), reading_need(&reader));
     drop(reader);
-    let found = store::verify(path, |_, _| {})?;
-    let mut broken: Vec<BlockId> = found.damaged.iter().map(|damage| damage.block).chain(found.missing).collect();
+    let need = Need { per_thread_bytes: tracing.per_thread_bytes + reading.fixed_bytes - PROGRAM_BYTES, ..tracing };
+    let threads = need.admit("repairing", path, &[], memory_bytes, watch)?;
+    watch.begin("checking", u64::from(job.shape.block_count()), "blocks");
+    let mended = store::mend(path, |_, _| watch.advance(1, 1, "blocks"));
+    watch.end();
+    let (writer, mut broken, job) = mended?;
     broken.sort();
     if broken.is_empty() {
+        writer.finish()?;
         return Ok(broken);
     }
-    let writer = StoreWriter::reopen(path, &job, options)?;
     let settings = settings_of(&loaded);
     let tracer = Tracer::new(loaded.scene, job.shape, settings)?;
-    watch.begin("repairing", broken.len() as u64, "blocks");
-    let mut block = TracedBlock::default();
-    for &id in &broken {
-        let stats = tracer.trace_block(id, &mut block);
-        writer.discard(id)?;
-        writer.write_block(id, &block)?;
-        watch.advance(1, stats.rays, "rays");
-    }
-    watch.end();
+    trace_into(&writer, &tracer, &broken, threads, watch)?;
     writer.finish()?;
     Ok(broken)
 }

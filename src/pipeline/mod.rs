@@ -6,8 +6,10 @@
 mod budget;
 mod compare;
 pub mod demo;
+mod fused;
 mod import;
 mod maintain;
+mod measure;
 mod memory;
 mod pack;
 mod preview;
@@ -21,8 +23,9 @@ mod watch;
 
 pub use budget::{human_bytes, parse_bytes};
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
+pub use fused::render_packed;
 pub use import::ImportedMatrix;
-pub use maintain::repair;
+pub use maintain::{Verified, repair, verify};
 pub use memory::PeakMemory;
 pub use pack::{PackOptions, PackReport, pack};
 pub use preview::{PreviewReport, preview};

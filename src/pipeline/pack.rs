@@ -1,30 +1,36 @@
-//! `.ltm` → `.ltc`: two passes over the blocks, one to learn what each offers, one to keep what one slope allows.
+//! Blocks → `.ltc`: one pass over the blocks to learn what each offers, one over what was learnt to keep what one slope
+//! allows.
 //!
-//! The first pass analyses blocks in parallel and spills each candidate to a temporary file, so that memory does not
-//! grow with the matrix; the second cuts every candidate at the common slope, encodes it, and measures the error of
-//! what was really stored against the source block.
+//! The first pass analyses blocks in parallel, wherever they come from: read from a store ([`pack`]), or traced on the
+//! spot ([`render_packed`](super::render_packed)), so that the matrix never exists as a whole. Each candidate goes to a
+//! spill file with what it lacks of its block, so that memory does not grow with the matrix. The second pass cuts every
+//! candidate at the common slope, encodes it, and states the error of what was really stored (`measure`). It does not
+//! need the blocks again, so both ways give the same bytes.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 
 use super::budget::{Need, on_threads};
+use super::measure::Lacking;
 use super::render::PROGRAM_BYTES;
-use super::spill::{Place, Spill};
+use super::spill::Spill;
 use super::{PeakMemory, Watch, human_bytes};
-use crate::compress::{Candidate, CompressSettings, Compressor, Method, Target};
-use crate::container::{BlockReport, ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
+use crate::compress::{Candidate, CandidateSummary, CompressSettings, Compressor, Method, Target};
+use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
 use crate::light::Job;
-use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, FactoredBlock, TracedBlock};
+use crate::matrix::{BlockId, BlockSource, TracedBlock};
+use crate::store;
 
 /// Choices of a pack.
 #[derive(Clone, Debug, Default)]
 pub struct PackOptions {
     /// How blocks are compressed.
     pub compress: CompressSettings,
-    /// How factors are written.
+    /// How factors are written; the report is made here.
     pub container: ContainerOptions,
     /// Anonymous memory to stay within; none: what the system has.
     pub memory_bytes: Option<u64>,
@@ -45,17 +51,17 @@ pub struct PackReport {
     pub sparse_entries: u64,
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured.
     pub relative_l2: f64,
+    /// Blocks found analysed by an earlier, interrupted run.
+    pub blocks_kept: u64,
     /// Peak resident anonymous memory, where the system tells.
     pub peak_memory_bytes: Option<u64>,
 }
 
-/// Compresses `source`, the matrix of `job`, into a container at `path`.
+/// Compresses `source`, the matrix of `job`, into a container at `path`. Continues where an interrupted run of the same
+/// job and settings stopped.
 ///
-/// An interrupted pack of the same matrix with the same settings is continued: every block is analysed again, since one
-/// slope holds for all, but what is encoded is kept.
-///
-/// Errors: those of reading, compressing and writing; [`Error::Interrupted`] when the watch says so, with nothing left
-/// under the final name.
+/// Errors: those of reading, compressing and writing; [`Error::Interrupted`] when the watch says so, with every analysed
+/// block kept and nothing under the final name.
 pub fn pack(
     source: &dyn BlockSource,
     job: &Job,
@@ -63,100 +69,154 @@ pub fn pack(
     options: &PackOptions,
     watch: &dyn Watch,
 ) -> Result<PackReport> {
-    let begun = Instant::now();
-    let memory = PeakMemory::start();
-    let container = ContainerOptions { report: report_of(&options.compress), ..options.container.clone() };
-    let writer = ContainerWriter::create(path, job, container)?;
-    let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
-    let spill = Spill::create(path)?;
-
-    // Beside the analysis of a block: the block itself, its factors multiplied out, and what reading and encoding take.
-    let block_bytes_f32 = job.shape.max_block_rows() as u64 * job.shape.columns() as u64 * 4;
-    let need = Need {
-        fixed_bytes: PROGRAM_BYTES + 4096 * u64::from(job.shape.block_count()),
-        per_thread_bytes: compressor.needs_bytes() + 2 * block_bytes_f32,
-    };
-    let threads = need.threads_within("packing", options.memory_bytes)?;
-    watch.note(&format!(
-        "{}: packing with {threads} threads, needs {} of memory",
-        path.display(),
-        human_bytes(need.bytes(threads))
-    ));
-
-    let blocks: Vec<BlockId> = job.shape.blocks().collect();
-    watch.begin("analysing", blocks.len() as u64, "blocks");
-    let analyse = |block: &mut TracedBlock, &id: &BlockId| {
-        stop_if_interrupted(path, watch)?;
+    let reading = store::requirements(job, &store::StoreOptions::default()).memory_bytes;
+    let packing = Packing::begin(job, path, options, Need { per_thread_bytes: reading, ..Need::default() }, watch)?;
+    packing.run("analysing", "B", watch, |id, block| {
         source.read_block(id, block)?;
-        let candidate = compressor.analyse(id, block.block.view(), block.noise.as_ref());
-        let place = spill.append(&candidate.to_bytes())?;
-        watch.advance(1, block_bytes(block), "B");
-        Ok((candidate.summary().clone(), place))
-    };
-    let analysed = on_threads(threads, || -> Result<Vec<_>> {
-        blocks.par_iter().map_init(TracedBlock::default, analyse).collect()
-    });
-    watch.end();
-    let (summaries, places): (Vec<_>, Vec<_>) = analysed??.into_iter().unzip();
-    let cut = compressor.choose(summaries.iter());
-
-    watch.begin("packing", blocks.len() as u64, "blocks");
-    let store = |block: &mut TracedBlock, (&id, place): (&BlockId, &Place)| {
-        stop_if_interrupted(path, watch)?;
-        if let Some(written) = writer.written(id) {
-            watch.advance(1, 0, "B");
-            return Ok(written);
-        }
-        let candidate = candidate(&spill, place)?;
-        let factored = candidate.cut(&cut);
-        source.read_block(id, block)?;
-        let encoded = writer.encode(id, &factored)?;
-        let report = measure(block, &writer.decode(id, &encoded)?);
-        writer.write_encoded(id, &encoded, &report)?;
-        watch.advance(1, block_bytes(block), "B");
-        Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
-    };
-    let stored = on_threads(threads, || -> Result<Vec<WrittenBlock>> {
-        blocks.par_iter().zip(&places).map_init(TracedBlock::default, store).collect()
-    });
-    watch.end();
-    let stored = stored??;
-    let summary = writer.finish()?;
-    let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
-    Ok(PackReport {
-        seconds: begun.elapsed().as_secs_f64(),
-        raw_bytes: job.shape.raw_bytes(),
-        packed_bytes: summary.file_bytes,
-        mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
-        sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
-        relative_l2: (sum(|s| s.report.squared_error) / sum(|s| s.report.squared_norm).max(f64::MIN_POSITIVE)).sqrt(),
-        peak_memory_bytes: memory.stop(),
+        Ok(size_of_val(block.block.entries()) as u64)
     })
 }
 
-/// The error of stored factors against the block that they stand for.
-fn measure(block: &TracedBlock, stored: &FactoredBlock) -> BlockReport {
-    let expanded = stored.expand();
-    let (mut squared_error, mut squared_norm) = (0.0, 0.0);
-    for (a, b) in block.block.entries().iter().zip(expanded.entries()) {
-        squared_error += f64::from(a - b).powi(2);
-        squared_norm += f64::from(*a).powi(2);
-    }
-    let noise_variance = block.noise.as_ref().map_or(f64::NAN, BlockNoise::mean_variance);
-    let (stored, packed) = (all_on(&block.block), all_on(&expanded));
-    let squares = |values: &mut dyn Iterator<Item = f64>| values.map(|v| v * v).sum::<f64>();
-    let difference = squares(&mut stored.iter().zip(&packed).map(|(a, b)| a - b));
-    let uniform_error = if difference == 0.0 { 0.0 } else { (difference / squares(&mut stored.into_iter())).sqrt() };
-    BlockReport { squared_error, squared_norm, noise_variance, uniform_error }
+/// A pack that has been admitted and whose files are open.
+pub(super) struct Packing {
+    begun: Instant,
+    memory: PeakMemory,
+    path: PathBuf,
+    job: Job,
+    compressor: Compressor,
+    writer: ContainerWriter,
+    spill: Spill,
+    threads: usize,
 }
 
-/// The rows' sums: the block's pixels with all lights on.
-fn all_on(block: &Block) -> Vec<f64> {
-    let mut sums = vec![0.0; block.rows()];
-    for column in block.entries().chunks_exact(block.rows()) {
-        sums.iter_mut().zip(column).for_each(|(sum, &v)| *sum += f64::from(v));
+impl Packing {
+    /// Refuses what cannot be done and opens the files. `source` is what making the blocks takes.
+    pub(super) fn begin(
+        job: &Job,
+        path: &Path,
+        options: &PackOptions,
+        source: Need,
+        watch: &dyn Watch,
+    ) -> Result<Self> {
+        let (begun, memory) = (Instant::now(), PeakMemory::start());
+        let container = ContainerOptions { report: report_of(&options.compress), ..options.container.clone() };
+        let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
+        let (blocks, rows) = (u64::from(job.shape.block_count()), job.shape.max_block_rows() as u64);
+        let candidate = compressor.candidate_bytes() + Lacking::max_bytes(rows, compressor.candidate_bytes() / 16);
+        let block_bytes = rows * job.shape.columns() as u64 * 4;
+        let need = Need {
+            fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES) + 4096 * blocks,
+            // The block, its analysis, and its candidate: as it is, encoded, and multiplied out in strips.
+            per_thread_bytes: source.per_thread_bytes + block_bytes + compressor.needs_bytes() + 3 * candidate,
+            // The spill file; then the waiting blocks and the container, each half as large as a candidate at most.
+            disk_bytes: source.disk_bytes + 2 * blocks * candidate,
+        };
+        if path.exists() && !container.overwrite {
+            // Refuses, before anything is said of memory and disk.
+            ContainerWriter::create(path, job, container.clone())?;
+        }
+        let there = Spill::path_of(path);
+        let threads = need.admit("packing", path, &[&there], options.memory_bytes, watch)?;
+        let mut hash = Sha256::new();
+        hash.update(job.hash().0);
+        hash.update(format!("{} {:?}", env!("CARGO_PKG_VERSION"), options.compress));
+        let writer = ContainerWriter::create(path, job, container)?;
+        let spill = Spill::open(path, hash.finalize().into(), job.shape.block_count())?;
+        Ok(Self { begun, memory, path: path.to_owned(), job: job.clone(), compressor, writer, spill, threads })
     }
-    sums
+
+    /// Runs both passes. `make` puts a block into its target and says how much work that was, in `work_unit`.
+    pub(super) fn run(
+        self,
+        stage: &str,
+        work_unit: &str,
+        watch: &dyn Watch,
+        make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
+    ) -> Result<PackReport> {
+        let blocks: Vec<BlockId> = self.job.shape.blocks().collect();
+        let kept = blocks.iter().filter(|&&id| self.spill.has(id)).count() as u64;
+        if kept > 0 {
+            watch.note(&format!("{}: continuing, {kept} blocks are analysed", self.path.display()));
+        }
+        watch.begin(stage, blocks.len() as u64, "blocks");
+        watch.advance(kept, 0, work_unit);
+        let analyse = |block: &mut TracedBlock, &id: &BlockId| -> Result<CandidateSummary> {
+            if self.spill.has(id) {
+                return Ok(self.candidate(id)?.0.summary().clone());
+            }
+            self.stop_if_interrupted(watch)?;
+            let work = make(id, block)?;
+            let candidate = self.compressor.analyse(id, block.block.view(), block.noise.as_ref());
+            let mut bytes = candidate.to_bytes();
+            let candidate_bytes = bytes.len() as u64;
+            Lacking::measure(block, &candidate.whole()).append_to(&mut bytes);
+            bytes.extend(candidate_bytes.to_le_bytes());
+            self.spill.append(id, &bytes)?;
+            watch.advance(1, work, work_unit);
+            Ok(candidate.summary().clone())
+        };
+        let analysed = on_threads(self.threads, || -> Result<Vec<_>> {
+            blocks.par_iter().map_init(TracedBlock::default, analyse).collect()
+        });
+        watch.end();
+        let cut = self.compressor.choose(analysed??.iter());
+
+        watch.begin("packing", blocks.len() as u64, "blocks");
+        let store = |&id: &BlockId| -> Result<WrittenBlock> {
+            self.stop_if_interrupted(watch)?;
+            if let Some(written) = self.writer.written(id) {
+                watch.advance(1, 0, "B");
+                return Ok(written);
+            }
+            let (candidate, lacking) = self.candidate(id)?;
+            let factored = candidate.cut(&cut);
+            let encoded = self.writer.encode(id, &factored)?;
+            let report = lacking.report(&candidate.whole(), &self.writer.decode(id, &encoded)?);
+            let bytes = self.writer.write_encoded(id, &encoded, &report)?.bytes();
+            watch.advance(1, bytes as u64, "B");
+            Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
+        };
+        let stored =
+            on_threads(self.threads, || -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
+        watch.end();
+        let stored = stored??;
+        let summary = self.writer.finish()?;
+        self.spill.remove()?;
+        let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
+        let (error, norm) = (sum(|s| s.report.squared_error), sum(|s| s.report.squared_norm));
+        Ok(PackReport {
+            seconds: self.begun.elapsed().as_secs_f64(),
+            raw_bytes: self.job.shape.raw_bytes(),
+            packed_bytes: summary.file_bytes,
+            mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
+            sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
+            relative_l2: (error / norm.max(f64::MIN_POSITIVE)).sqrt(),
+            blocks_kept: kept,
+            peak_memory_bytes: self.memory.stop(),
+        })
+    }
+
+    /// A candidate and what it lacks, back from the spill file.
+    fn candidate(&self, id: BlockId) -> Result<(Candidate, Lacking)> {
+        let bytes = self.spill.read(id)?;
+        let parts = || -> Result<_, String> {
+            let short = || "it is cut short".to_owned();
+            let (bytes, length) = bytes.split_last_chunk::<8>().ok_or_else(short)?;
+            let (candidate, lacking) =
+                bytes.split_at_checked(u64::from_le_bytes(*length) as usize).ok_or_else(short)?;
+            Ok((Candidate::from_bytes(candidate)?, Lacking::from_bytes(lacking).ok_or_else(short)?))
+        };
+        parts().map_err(|problem| self.spill.damaged(id, &problem))
+    }
+
+    fn stop_if_interrupted(&self, watch: &dyn Watch) -> Result<()> {
+        if watch.interrupted() {
+            let kept = Spill::path_of(&self.path);
+            let text = format!("{} keeps the analysed blocks; the same command continues", kept.display());
+            return Err(Error::Interrupted(text));
+        }
+        Ok(())
+    }
 }
 
 /// What the container says of how it was made.
@@ -169,7 +229,12 @@ fn report_of(settings: &CompressSettings) -> ContainerReport {
         Target::Slope(slope) => format!("slope {slope}"),
     };
     let provenance = [
-        ("squared error, squared norm", "measured against the stored matrix, after quantisation"),
+        (
+            "squared error",
+            "measured against the f32 block, after quantisation, but for the product of the rounding of L and what the \
+             components lack, whose mean is 0",
+        ),
+        ("squared norm", "measured"),
         ("uniform error", "measured with weight 1 on every column, after quantisation"),
         ("noise variance", "from the two half-sample estimates of the source; NaN where it has none"),
     ];
@@ -183,19 +248,18 @@ fn report_of(settings: &CompressSettings) -> ContainerReport {
     }
 }
 
-fn block_bytes(block: &TracedBlock) -> u64 {
-    size_of_val(block.block.entries()) as u64
-}
-
-fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
-    if watch.interrupted() {
-        return Err(Error::Interrupted(format!("{} was not written; the same command continues", path.display())));
+/// One line on what a pack reached, for people.
+impl std::fmt::Display for PackReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ratio = self.raw_bytes as f64 / self.packed_bytes as f64;
+        write!(
+            f,
+            "{} from {}, ratio {ratio:.0}×, mean rank {:.2}, {} sparse entries, error {:.5} relative L2 of the matrix",
+            human_bytes(self.packed_bytes),
+            human_bytes(self.raw_bytes),
+            self.mean_rank,
+            self.sparse_entries,
+            self.relative_l2,
+        )
     }
-    Ok(())
-}
-
-/// A candidate read back from the spill file.
-fn candidate(spill: &Spill, place: &Place) -> Result<Candidate> {
-    let bytes = spill.read(place)?;
-    Candidate::from_bytes(&bytes).map_err(|problem| spill.damaged(&problem))
 }

@@ -8,12 +8,12 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::budget::{Need, on_threads};
-use super::{PeakMemory, Watch, human_bytes};
+use super::{PeakMemory, Watch};
 use crate::error::{Error, Result};
 use crate::light::{Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
 use crate::scene::{LoadedScene, Triangle};
-use crate::store::{self, StoreOptions, StoreWriter};
+use crate::store::{self, StoreOptions, StoreWriter, partial_path};
 use crate::trace::{TraceSettings, Tracer};
 
 /// The program itself, its threads and its tables.
@@ -79,39 +79,56 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     let begun = Instant::now();
     let memory = PeakMemory::start();
     let job = job_of(&loaded)?;
-    let shape = job.shape;
-    let settings = settings_of(&loaded);
-    let requirements = store::requirements(&job, &options.store);
-    let need =
-        Need { fixed_bytes: scene_bytes(&loaded), per_thread_bytes: block_need(&job) + requirements.memory_bytes };
-    let threads = need.threads_within("rendering", options.memory_bytes)?;
+    let wanted = options.blocks.clone().unwrap_or(0..job.shape.block_count());
+    let requirements = store::requirements_of(&job, &options.store, wanted.clone())?;
+    let mut need = tracing_need(&loaded, &job);
+    need.per_thread_bytes += requirements.memory_bytes;
+    need.disk_bytes = if options.store.reserve { requirements.disk_bytes } else { 0 };
     // A finished file that lacks blocks is filled in where it stands, part by part.
     let fill_in = options.blocks.is_some() && path.exists() && !options.store.overwrite;
+    let lazy = StoreOptions { reserve: false, ..options.store };
+    if path.exists() && !options.store.overwrite && !fill_in {
+        // Refuses, before anything is said of memory and disk.
+        StoreWriter::create(path, &job, lazy)?;
+    }
+    let there = if fill_in { path.to_owned() } else { partial_path(path) };
+    let threads = need.admit("rendering", path, &[&there], options.memory_bytes, watch)?;
     let writer = match fill_in {
-        true => StoreWriter::reopen(path, &job, options.store)?,
-        false => StoreWriter::create_or_resume(path, &job, options.store)?,
+        true => StoreWriter::reopen(path, &job, lazy)?,
+        false => StoreWriter::create_or_resume(path, &job, lazy)?,
     };
-    watch.note(&format!(
-        "{}: {} rows × {} columns, {} threads, needs {} of memory and {} of disk",
-        path.display(),
-        shape.rows(),
-        shape.columns(),
-        threads,
-        human_bytes(need.bytes(threads)),
-        human_bytes(requirements.disk_bytes),
-    ));
-    let wanted = wanted_blocks(shape, options.blocks.clone())?;
-    let todo: Vec<BlockId> = wanted.into_iter().filter(|&id| !writer.is_committed(id)).collect();
-    let blocks_kept = shape.blocks().filter(|&id| writer.is_committed(id)).count() as u64;
+    if options.store.reserve {
+        writer.reserve(wanted.clone())?;
+    }
+    let todo: Vec<BlockId> = wanted.map(BlockId).filter(|&id| !writer.is_committed(id)).collect();
+    let blocks_kept = u64::from(writer.committed_count());
     if blocks_kept > 0 {
         watch.note(&format!("{}: continuing, {blocks_kept} blocks are done", path.display()));
     }
-    let tracer = Tracer::new(loaded.scene, shape, settings)?;
+    let settings = settings_of(&loaded);
+    let tracer = Tracer::new(loaded.scene, job.shape, settings)?;
+    let mut report = trace_into(&writer, &tracer, &todo, threads, watch)?;
+    report.blocks_missing = writer.finish()?.missing.len() as u64;
+    report.blocks_kept = blocks_kept;
+    report.seconds = begun.elapsed().as_secs_f64();
+    report.peak_memory_bytes = memory.stop();
+    Ok(report)
+}
+
+/// Traces blocks in parallel and commits each when it is done.
+pub(super) fn trace_into(
+    writer: &StoreWriter,
+    tracer: &Tracer,
+    blocks: &[BlockId],
+    threads: usize,
+    watch: &dyn Watch,
+) -> Result<RenderReport> {
     let (rays, traced, non_finite) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU64::new(0));
-    watch.begin("tracing", todo.len() as u64, "blocks");
+    watch.begin("tracing", blocks.len() as u64, "blocks");
     let trace_one = |block: &mut TracedBlock, &id: &BlockId| {
         if watch.interrupted() {
-            return Err(interrupted(path));
+            let kept = writer.path().display();
+            return Err(Error::Interrupted(format!("{kept} keeps the finished blocks; the same command continues")));
         }
         let stats = tracer.trace_block(id, block);
         writer.write_block(id, block)?;
@@ -121,18 +138,14 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
         watch.advance(1, stats.rays, "rays");
         Ok(())
     };
-    let result = on_threads(threads, || todo.par_iter().try_for_each_init(TracedBlock::default, trace_one));
+    let result = on_threads(threads, || blocks.par_iter().try_for_each_init(TracedBlock::default, trace_one));
     watch.end();
     result??;
-    let missing = writer.finish()?.missing.len() as u64;
     Ok(RenderReport {
-        seconds: begun.elapsed().as_secs_f64(),
         rays: rays.into_inner(),
         blocks_traced: traced.into_inner(),
-        blocks_kept,
-        blocks_missing: missing,
         non_finite: non_finite.into_inner(),
-        peak_memory_bytes: memory.stop(),
+        ..RenderReport::default()
     })
 }
 
@@ -143,6 +156,11 @@ pub(super) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
         seed: loaded.settings.seed,
         max_depth: loaded.settings.max_depth,
     }
+}
+
+/// What tracing takes, wherever the blocks go: the scene, and for each thread a block.
+pub(super) fn tracing_need(loaded: &LoadedScene, job: &Job) -> Need {
+    Need { fixed_bytes: scene_bytes(loaded), per_thread_bytes: block_need(job), disk_bytes: 0 }
 }
 
 /// Memory of a scene while it is traced: its arrays, its textures, and the tree, whose nodes and building take about
@@ -160,21 +178,4 @@ fn block_need(job: &Job) -> u64 {
     let block = job.shape.max_block_rows() as u64 * columns * 4;
     let halves = 2 * 16 * CHANNELS as u64 * columns * 4;
     block + halves
-}
-
-fn wanted_blocks(shape: MatrixShape, range: Option<Range<u32>>) -> Result<Vec<BlockId>> {
-    let all = 0..shape.block_count();
-    let range = range.unwrap_or(all.clone());
-    if range.is_empty() || range.end > all.end {
-        return Err(Error::input(
-            format!("blocks {}..{}", range.start, range.end),
-            format!("the image has blocks 0..{}", all.end),
-            "give a range inside it",
-        ));
-    }
-    Ok(range.map(BlockId).collect())
-}
-
-fn interrupted(path: &Path) -> Error {
-    Error::Interrupted(format!("{} keeps the finished blocks; the same command continues", path.display()))
 }

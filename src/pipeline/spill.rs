@@ -1,67 +1,179 @@
-//! A temporary file for what does not fit in memory between two passes.
+//! A file for what does not fit in memory between two passes, and that a stopped job continues from.
 
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard};
+use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
+use crate::matrix::BlockId;
 
-/// Byte strings, appended from any thread and read back by place. The file has no name, so nothing is left behind
-/// however the process ends.
+const MAGIC: [u8; 8] = *b"LTMspil1";
+const HEADER_BYTES: u64 = 40;
+/// Block, CRC-32 of the bytes, their number, CRC-32 of these three.
+const RECORD_BYTES: usize = 20;
+/// What a loss of power may cost.
+const SYNC_PERIOD: Duration = Duration::from_secs(5);
+
+/// One byte string for each block, appended from any thread, in `NAME.spill` beside the result.
+///
+/// Every string is checked, so that whatever instant the process was stopped at, the whole ones are taken up again by a
+/// job of the same fingerprint. [`remove`](Self::remove) it when the result stands.
 pub(super) struct Spill {
+    path: PathBuf,
     file: File,
-    end: Mutex<u64>,
-    folder: PathBuf,
+    state: Mutex<State>,
 }
 
-/// Where an appended string lies.
+struct State {
+    end: u64,
+    places: Vec<Option<Place>>,
+    synced: Instant,
+}
+
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+struct Place {
     offset: u64,
-    length: usize,
+    bytes: u64,
+    checksum: u32,
 }
 
 impl Spill {
-    /// A spill file in the folder of `beside`, where the disk is meant to hold results.
-    pub(super) fn create(beside: &Path) -> Result<Self> {
-        let folder = match beside.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
-            _ => PathBuf::from("."),
-        };
-        let file =
-            tempfile::tempfile_in(&folder).map_err(Error::io(&folder, "create a temporary file in the folder"))?;
-        Ok(Self { file, end: Mutex::new(0), folder })
+    /// The file's name for a result.
+    pub(super) fn path_of(result: &Path) -> PathBuf {
+        let mut name = result.as_os_str().to_owned();
+        name.push(".spill");
+        name.into()
     }
 
-    /// Appends a string.
-    pub(super) fn append(&self, bytes: &[u8]) -> Result<Place> {
-        let offset = {
-            let mut end = self.end.lock().expect("no panic holds it");
-            let offset = *end;
-            *end += bytes.len() as u64;
-            offset
+    /// Opens the spill file of `result`, going on with an earlier one of the same `fingerprint`, else anew.
+    ///
+    /// Errors: the folder cannot be written, another process is using the file.
+    pub(super) fn open(result: &Path, fingerprint: [u8; 32], blocks: u32) -> Result<Self> {
+        let path = Self::path_of(result);
+        let file = File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&path)
+            .map_err(Error::io(&path, "create"))?;
+        file.try_lock().map_err(|_| {
+            Error::input(path.display().to_string(), "another process is packing with it", "wait for it or stop it")
+        })?;
+        let mut header = [0; HEADER_BYTES as usize];
+        header[..8].copy_from_slice(&MAGIC);
+        header[8..].copy_from_slice(&fingerprint);
+        let mut found = [0; HEADER_BYTES as usize];
+        let same = file.read_exact_at(&mut found, 0).is_ok() && found == header;
+        let mut state = State { end: HEADER_BYTES, places: vec![None; blocks as usize], synced: Instant::now() };
+        if same {
+            recover(&file, &mut state).map_err(Error::io(&path, "read"))?;
+        } else {
+            file.set_len(0).and_then(|()| file.write_all_at(&header, 0)).map_err(Error::io(&path, "write"))?;
+        }
+        Ok(Self { path, file, state: Mutex::new(state) })
+    }
+
+    /// Whether a block is there.
+    pub(super) fn has(&self, id: BlockId) -> bool {
+        self.lock().places[id.index()].is_some()
+    }
+
+    /// Appends a block's bytes.
+    pub(super) fn append(&self, id: BlockId, bytes: &[u8]) -> Result<()> {
+        let checksum = crc32fast::hash(bytes);
+        let mut record = [0; RECORD_BYTES];
+        record[..4].copy_from_slice(&id.0.to_le_bytes());
+        record[4..8].copy_from_slice(&checksum.to_le_bytes());
+        record[8..16].copy_from_slice(&(bytes.len() as u64).to_le_bytes());
+        let check = crc32fast::hash(&record[..16]);
+        record[16..].copy_from_slice(&check.to_le_bytes());
+        let failed = || Error::io(&self.path, "write");
+        let sync = {
+            // Written under the lock: a record that is not whole must be the last one.
+            let mut state = self.lock();
+            let offset = state.end + RECORD_BYTES as u64;
+            self.file
+                .write_all_at(&record, state.end)
+                .and_then(|()| self.file.write_all_at(bytes, offset))
+                .map_err(failed())?;
+            state.places[id.index()] = Some(Place { offset, bytes: bytes.len() as u64, checksum });
+            state.end = offset + bytes.len() as u64;
+            let due = state.synced.elapsed() > SYNC_PERIOD;
+            if due {
+                state.synced = Instant::now();
+            }
+            due
         };
-        self.file
-            .write_all_at(bytes, offset)
-            .map_err(Error::io(&self.folder, "write a temporary file in the folder"))?;
-        Ok(Place { offset, length: bytes.len() })
+        if sync { self.file.sync_data().map_err(failed()) } else { Ok(()) }
+    }
+
+    /// Reads a block's bytes back.
+    pub(super) fn read(&self, id: BlockId) -> Result<Vec<u8>> {
+        let place = self.lock().places[id.index()];
+        let place = place.ok_or_else(|| self.damaged(id, "it is not there"))?;
+        let mut bytes = vec![0; place.bytes as usize];
+        self.file.read_exact_at(&mut bytes, place.offset).map_err(Error::io(&self.path, format!("read {id}")))?;
+        if crc32fast::hash(&bytes) != place.checksum {
+            return Err(self.damaged(id, "its checksum does not hold"));
+        }
+        Ok(bytes)
     }
 
     /// The error for bytes that came back other than they were written.
-    pub(super) fn damaged(&self, problem: &str) -> Error {
-        let problem = format!("a temporary file in the folder came back damaged ({problem})");
-        Error::damaged(&self.folder, problem, "check the disk and run the same command again")
+    pub(super) fn damaged(&self, id: BlockId, problem: &str) -> Error {
+        Error::damaged(
+            &self.path,
+            format!("{id}: {problem}"),
+            "check the disk, remove the file and run the command again",
+        )
     }
 
-    /// Reads a string back.
-    pub(super) fn read(&self, place: &Place) -> Result<Vec<u8>> {
-        let mut bytes = vec![0; place.length];
-        self.file
-            .read_exact_at(&mut bytes, place.offset)
-            .map_err(Error::io(&self.folder, "read a temporary file in the folder"))?;
-        Ok(bytes)
+    /// Removes the file.
+    pub(super) fn remove(self) -> Result<()> {
+        std::fs::remove_file(&self.path).map_err(Error::io(&self.path, "remove"))
     }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // A panic while the lock was held leaves at worst an unfinished record at the end, which is overwritten.
+        self.state.lock().unwrap_or_else(|e| e.into_inner())
+    }
+}
+
+impl Drop for Spill {
+    fn drop(&mut self) {
+        // Nobody would continue from nothing.
+        if self.lock().places.iter().all(Option::is_none) {
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Takes up every whole record, up to the first that is not.
+fn recover(file: &File, state: &mut State) -> std::io::Result<()> {
+    let length = file.metadata()?.len();
+    let mut record = [0; RECORD_BYTES];
+    let mut bytes = Vec::new();
+    while state.end + RECORD_BYTES as u64 <= length {
+        file.read_exact_at(&mut record, state.end)?;
+        let word = |at: usize| u32::from_le_bytes(record[at..at + 4].try_into().expect("4 bytes"));
+        let (id, checksum, count) = (word(0) as usize, word(4), u64::from(word(8)) | u64::from(word(12)) << 32);
+        let offset = state.end + RECORD_BYTES as u64;
+        let plausible = crc32fast::hash(&record[..16]) == word(16) && id < state.places.len();
+        if !plausible || count > length - offset {
+            break;
+        }
+        bytes.resize(count as usize, 0);
+        file.read_exact_at(&mut bytes, offset)?;
+        if crc32fast::hash(&bytes) != checksum {
+            break;
+        }
+        state.places[id] = Some(Place { offset, bytes: count, checksum });
+        state.end = offset + count;
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -69,13 +181,36 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strings_come_back_by_their_places() {
+    fn what_was_whole_when_a_job_was_stopped_is_taken_up_again() {
         let folder = tempfile::tempdir().unwrap();
-        let spill = Spill::create(&folder.path().join("x")).unwrap();
-        let places: Vec<_> = (0..10u8).map(|i| spill.append(&vec![i; i as usize]).unwrap()).collect();
-        for (i, place) in places.iter().enumerate() {
-            assert_eq!(spill.read(place).unwrap(), vec![i as u8; i]);
+        let result = folder.path().join("x.ltc");
+        let open = |fingerprint: u8| Spill::open(&result, [fingerprint; 32], 12).unwrap();
+        let text = |i: u32| vec![i as u8; 3 * i as usize];
+        let spill = open(1);
+        (0..10).for_each(|i| spill.append(BlockId(i), &text(i)).unwrap());
+        assert!(Spill::open(&result, [1; 32], 12).is_err(), "another process");
+        drop(spill);
+        let whole = std::fs::read(Spill::path_of(&result)).unwrap();
+        for cut in HEADER_BYTES as usize..=whole.len() {
+            std::fs::write(Spill::path_of(&result), &whole[..cut]).unwrap();
+            let spill = open(1);
+            let kept = (0..12).take_while(|&i| spill.has(BlockId(i))).count() as u32;
+            assert!((0..kept).all(|i| spill.read(BlockId(i)).unwrap() == text(i)));
+            assert!((kept..12).all(|i| !spill.has(BlockId(i))), "cut at {cut}");
+            spill.append(BlockId(11), b"more").unwrap();
+            assert_eq!(spill.read(BlockId(11)).unwrap(), b"more");
+            assert_eq!(kept == 10, cut == whole.len());
         }
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "the file has no name");
+        assert!(!open(2).has(BlockId(0)), "another job begins anew");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn a_changed_byte_is_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let spill = Spill::open(&folder.path().join("x"), [0; 32], 1).unwrap();
+        spill.append(BlockId(0), &[7; 100]).unwrap();
+        spill.file.write_all_at(&[8], HEADER_BYTES + RECORD_BYTES as u64 + 50).unwrap();
+        assert!(spill.read(BlockId(0)).unwrap_err().to_string().contains("block 0"));
     }
 }

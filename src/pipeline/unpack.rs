@@ -42,7 +42,7 @@ pub fn unpack_to_store(
     let requirements = store::requirements(&job, &store);
     let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
     let per_thread_bytes = block_bytes + requirements.memory_bytes + factor_bytes(source);
-    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes };
+    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes, ..Need::default() };
     let threads = need.threads_within("unpacking", options.memory_bytes)?;
     let writer = StoreWriter::create(path, &job, store)?;
     let columns = selected.columns();
@@ -140,7 +140,7 @@ fn relight_images(
 ) -> Result<RowSpill> {
     let shape = source.shape();
     let per_thread_bytes = factor_bytes(source) + 16 * shape.max_block_rows() as u64;
-    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes };
+    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes, ..Need::default() };
     let threads = need.threads_within("unpacking", options.memory_bytes)?;
     let size = size_of_rect(selected.rect);
     let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;

@@ -1,5 +1,8 @@
 //! Where everything stands in the file: it follows from shape, precision, probes and the job description's length.
 
+use std::ops::Range;
+
+use crate::error::{Error, Result};
 use crate::light::{Job, encode_job};
 use crate::matrix::{BlockId, MatrixShape};
 
@@ -11,6 +14,8 @@ pub const PAGE_BYTES: u64 = 4096;
 pub const RECORD_BYTES: u64 = 64;
 /// Bytes that one thread encodes or decodes before it writes or reads on.
 pub(super) const STAGING_BYTES: usize = 1 << 20;
+/// Bytes that are read at a time to be checked: still in the second-level cache when they are.
+pub(super) const READING_BYTES: usize = 1 << 18;
 
 /// Offsets and sizes of a file's parts, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,14 +37,26 @@ pub struct Requirements {
 
 /// What storing `job` will need, known before anything is begun.
 pub fn requirements(job: &Job, options: &StoreOptions) -> Requirements {
+    requirements_of(job, options, 0..job.shape.block_count()).expect("all blocks are a range of them")
+}
+
+/// What storing a range of blocks will need.
+///
+/// Errors: there are no such blocks.
+pub fn requirements_of(job: &Job, options: &StoreOptions, blocks: Range<u32>) -> Result<Requirements> {
     let job_bytes = encode_job(job).len() as u64;
     let layout = Layout { shape: job.shape, precision: options.precision, max_probes: options.max_probes, job_bytes };
+    let slots = layout.slots_of(blocks)?;
     let rows = job.shape.max_block_rows() as u64;
     let columns = job.shape.columns() as u64;
-    let staging = layout.staging_bytes() as u64;
+    // Encoded entries lie in two buffers, one filled while the other is written.
+    let staging = 2 * layout.staging_bytes() as u64;
     let table = u64::from(job.shape.block_count());
     let side = layout.side_bytes(rows, columns, columns + u64::from(options.max_probes), true);
-    Requirements { memory_bytes: staging + 2 * side + table + 2 * job_bytes, disk_bytes: layout.file_bytes() }
+    Ok(Requirements {
+        memory_bytes: staging + 2 * side + table + 2 * job_bytes,
+        disk_bytes: layout.slots_offset() + (slots.end - slots.start),
+    })
 }
 
 fn aligned(bytes: u64) -> u64 {
@@ -88,6 +105,17 @@ impl Layout {
         };
         let above = if y == 0 { 0 } else { y * band(height(0)) };
         self.slots_offset() + above + x * self.slot_bytes_of(shape.block_side().min(shape.width()), height(y))
+    }
+
+    /// The bytes of the file that hold the slots of a range of blocks.
+    pub(super) fn slots_of(&self, blocks: Range<u32>) -> Result<Range<u64>> {
+        let count = self.shape.block_count();
+        if blocks.is_empty() || blocks.end > count {
+            let place = format!("blocks {}..{}", blocks.start, blocks.end);
+            return Err(Error::input(place, format!("the image has blocks 0..{count}"), "give a range inside it"));
+        }
+        let last = BlockId(blocks.end - 1);
+        Ok(self.slot_offset(BlockId(blocks.start))..self.slot_offset(last) + self.slot_bytes(last))
     }
 
     /// Bytes of a block's slot: what it takes with every column and all its noise.

@@ -64,7 +64,7 @@ impl Storage for MappedStorage {
         Ok(())
     }
 
-    fn reserve(&self, _length: u64) -> io::Result<()> {
+    fn reserve(&self, _offset: u64, _length: u64) -> io::Result<()> {
         Err(io::ErrorKind::ReadOnlyFilesystem.into())
     }
 

@@ -49,12 +49,12 @@ mod verify;
 mod writer;
 
 pub use header::{HEADER_FIELDS, MAGIC, VERSION};
-pub use layout::{Layout, PAGE_BYTES, RECORD_BYTES, Requirements, requirements};
+pub use layout::{Layout, PAGE_BYTES, RECORD_BYTES, Requirements, requirements, requirements_of};
 pub use mapped::MappedStorage;
 pub use merge::{MergeReport, merge};
 pub use place::partial_path;
 pub use precision::Precision;
-pub use reader::StoreReader;
+pub use reader::{StoreReader, Tally};
 pub use record::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, RECORD_FIELDS};
 pub use space::{check_free_space, free_bytes};
 pub use storage::{FileStorage, Storage};

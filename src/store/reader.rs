@@ -10,7 +10,7 @@ use crate::light::Job;
 use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, MatrixShape, TracedBlock};
 
 use super::header::Header;
-use super::layout::STAGING_BYTES;
+use super::layout::READING_BYTES;
 use super::mapped::MappedStorage;
 use super::record::{Record, UnverifiedRecord};
 use super::space::crowds_out;
@@ -25,6 +25,17 @@ pub struct StoreReader<S: Storage = FileStorage> {
     header: Header,
     /// Whether read pages leave the page cache.
     releases: bool,
+}
+
+/// What a file's commit records say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Blocks with a sound record.
+    pub committed: u32,
+    /// Blocks whose record is damaged.
+    pub damaged: u32,
+    /// Bytes of the committed tiles: what the matrix takes without its zero columns and blocks.
+    pub stored_bytes: u64,
 }
 
 const REPAIR: &str = "repair it, or render it again";
@@ -94,9 +105,24 @@ impl<S: Storage> StoreReader<S> {
         !matches!(self.record(id), Ok(None))
     }
 
-    /// Bytes of the committed tiles: what the matrix takes without its zero columns and blocks.
-    pub fn stored_bytes(&self) -> Result<u64> {
-        self.shape().blocks().map(|id| Ok(self.record(id)?.map_or(0, |record| record.length))).sum()
+    /// Counts the committed blocks and their bytes, by their commit records alone: a record that is damaged counts as
+    /// such, and the others all the same.
+    ///
+    /// Errors: the system refuses to read.
+    pub fn tally(&self) -> Result<Tally> {
+        let mut tally = Tally::default();
+        for id in self.shape().blocks() {
+            match self.record(id) {
+                Ok(None) => {}
+                Ok(Some(record)) => {
+                    tally.committed += 1;
+                    tally.stored_bytes += record.length;
+                }
+                Err(Error::Damaged { .. }) => tally.damaged += 1,
+                Err(other) => return Err(other),
+            }
+        }
+        Ok(tally)
     }
 
     /// The believed record of a block.
@@ -156,7 +182,7 @@ impl<S: Storage> StoreReader<S> {
         let rows = layout.shape.rect(id).rows();
         let precision = layout.precision;
         let column_bytes = rows * precision.entry_bytes();
-        let at_once = (STAGING_BYTES / column_bytes).max(1);
+        let at_once = (READING_BYTES / column_bytes).max(1);
         let mut staging = Vec::new();
         let mut first = stored.start;
         for target in target.chunks_mut(at_once * rows) {
@@ -220,7 +246,7 @@ impl<S: Storage> StoreReader<S> {
         let layout = &self.header.layout;
         let side = self.side_data(id, record)?;
         let column_bytes = layout.shape.rect(id).rows() * layout.precision.entry_bytes();
-        let at_once = (STAGING_BYTES / column_bytes).max(1);
+        let at_once = (READING_BYTES / column_bytes).max(1);
         let mut offset = layout.slot_offset(id);
         for (part, checksums) in side.checksums.chunks(at_once).enumerate() {
             scratch.resize(checksums.len() * column_bytes, 0);

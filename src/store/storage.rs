@@ -24,9 +24,9 @@ pub trait Storage: Send + Sync {
     /// Returns when everything written so far would survive a loss of power.
     fn sync(&self) -> io::Result<()>;
 
-    /// Reserves disk space for the first `length` bytes, so that writing them cannot fail for want of it. Where the
+    /// Reserves disk space for a range, so that writing it cannot fail for want of it; what is there stays. Where the
     /// file system cannot do that, does nothing: a write then fails with an error when the disk is full.
-    fn reserve(&self, length: u64) -> io::Result<()>;
+    fn reserve(&self, offset: u64, length: u64) -> io::Result<()>;
 
     /// Makes a range read as zero, giving its space back where the file system can.
     fn clear(&self, offset: u64, length: u64) -> io::Result<()>;
@@ -63,8 +63,8 @@ impl<S: Storage + ?Sized> Storage for &S {
         (**self).sync()
     }
 
-    fn reserve(&self, length: u64) -> io::Result<()> {
-        (**self).reserve(length)
+    fn reserve(&self, offset: u64, length: u64) -> io::Result<()> {
+        (**self).reserve(offset, length)
     }
 
     fn clear(&self, offset: u64, length: u64) -> io::Result<()> {
@@ -119,8 +119,8 @@ impl Storage for FileStorage {
         self.file.sync_data()
     }
 
-    fn reserve(&self, length: u64) -> io::Result<()> {
-        match rustix::fs::fallocate(&self.file, FallocateFlags::empty(), 0, length) {
+    fn reserve(&self, offset: u64, length: u64) -> io::Result<()> {
+        match rustix::fs::fallocate(&self.file, FallocateFlags::empty(), offset, length) {
             Ok(()) | Err(Errno::OPNOTSUPP | Errno::NOSYS) => Ok(()),
             Err(error) => Err(error.into()),
         }

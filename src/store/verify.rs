@@ -46,11 +46,11 @@ impl VerifyReport {
     }
 }
 
-/// Reads and checks every byte of a file. `progress` is told (blocks done, blocks).
+/// Reads and checks every byte of a file. `progress` is told (blocks done, bytes found good).
 ///
 /// Errors: the header or the job description is damaged, so that nothing can be read, or the system refuses. Damaged
 /// blocks are not an error but listed.
-pub fn verify(path: &Path, progress: impl FnMut(u32, u32)) -> Result<VerifyReport> {
+pub fn verify(path: &Path, progress: impl FnMut(u32, u64)) -> Result<VerifyReport> {
     verify_storage(&StoreReader::open(path)?, progress)
 }
 
@@ -59,7 +59,7 @@ pub fn verify(path: &Path, progress: impl FnMut(u32, u32)) -> Result<VerifyRepor
 ///
 /// The file is valid at every instant; stopped half way, it lacks blocks, and mending it again goes on. Errors: as
 /// [`verify`]; a file whose header or description is damaged cannot be mended.
-pub fn mend(path: &Path, progress: impl FnMut(u32, u32)) -> Result<(StoreWriter, Vec<BlockId>, Job)> {
+pub fn mend(path: &Path, progress: impl FnMut(u32, u64)) -> Result<(StoreWriter, Vec<BlockId>, Job)> {
     let reader = StoreReader::open(path)?;
     let report = verify_storage(&reader, progress)?;
     let max_probes = reader.layout().max_probes;
@@ -77,7 +77,7 @@ pub fn mend(path: &Path, progress: impl FnMut(u32, u32)) -> Result<(StoreWriter,
 }
 
 /// As [`verify`], over any storage.
-pub fn verify_storage<S: Storage>(reader: &StoreReader<S>, mut progress: impl FnMut(u32, u32)) -> Result<VerifyReport> {
+pub fn verify_storage<S: Storage>(reader: &StoreReader<S>, mut progress: impl FnMut(u32, u64)) -> Result<VerifyReport> {
     let layout = reader.layout();
     let blocks = reader.shape().block_count();
     let mut report = VerifyReport { blocks, ..VerifyReport::default() };
@@ -106,7 +106,7 @@ pub fn verify_storage<S: Storage>(reader: &StoreReader<S>, mut progress: impl Fn
             Err(Error::Damaged { problem, .. }) => report.damaged.push(BlockDamage { block: id, problem }),
             Err(other) => return Err(other),
         }
-        progress(id.0 + 1, blocks);
+        progress(id.0 + 1, report.verified_bytes);
     }
     Ok(report)
 }

@@ -1,6 +1,7 @@
 //! Writing: one slot per block, data first, then its commit record.
 
 use std::fs::{self, File};
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -26,7 +27,7 @@ pub struct StoreOptions {
     pub overwrite: bool,
     /// Most probe lightings that a block's noise may hold; room for them is kept in each slot.
     pub max_probes: u32,
-    /// Whether disk space is reserved up front. Without it a sparse matrix may grow on a disk that could not hold a
+    /// Whether disk space for every block is reserved up front. Without it a sparse matrix may grow on a disk that could not hold a
     /// full one, and may find the disk full later.
     pub reserve: bool,
 }
@@ -167,7 +168,7 @@ impl<S: Storage> StoreWriter<S> {
         let failed = |action: &str| Error::io(&place.grows, action.to_owned());
         storage.set_length(layout.file_bytes()).map_err(failed("set the length"))?;
         if options.reserve {
-            storage.reserve(layout.file_bytes()).map_err(failed("reserve disk space"))?;
+            storage.reserve(0, layout.file_bytes()).map_err(failed("reserve disk space"))?;
         }
         write_all(&storage, layout.job_offset(), &description).map_err(failed("write the job description"))?;
         storage.sync().map_err(failed("sync"))?;
@@ -234,6 +235,17 @@ impl<S: Storage> StoreWriter<S> {
             }
         }
         Ok(chosen)
+    }
+
+    /// Reserves disk space for a range of blocks: what a writer does that was opened without
+    /// [`reserve`](StoreOptions::reserve), or over a file that gave back what it did not use.
+    ///
+    /// Errors: the disk has no room for them, or there are no such blocks.
+    pub fn reserve(&self, blocks: Range<u32>) -> Result<()> {
+        let bytes = self.layout.slots_of(blocks)?;
+        self.storage
+            .reserve(bytes.start, bytes.end - bytes.start)
+            .map_err(Error::io(&self.place.grows, "reserve disk space"))
     }
 
     /// Shape of the matrix.
@@ -338,43 +350,90 @@ impl<S: Storage> StoreWriter<S> {
     /// Writes the stored columns, then the probes, and returns where they end.
     fn write_columns(
         &self,
-        mut offset: u64,
+        offset: u64,
         view: BlockView<'_>,
         noise: Option<&BlockNoise>,
         side: &mut SideData,
     ) -> std::io::Result<u64> {
-        let precision = self.layout.precision;
-        let column_bytes = view.rows() * precision.entry_bytes();
+        let column_bytes = view.rows() * self.layout.precision.entry_bytes();
         let at_once = (STAGING_BYTES / column_bytes).max(1);
-        let mut staging = Vec::new();
-        let mut write = |values: &[f32]| {
+        let columns = std::mem::take(&mut side.columns);
+        let runs = columns.chunk_by(|a, b| a + 1 == *b).flat_map(|run| run.chunks(at_once));
+        let parts = runs.map(|part| &view.entries()[part[0] as usize * view.rows()..][..part.len() * view.rows()]);
+        let probes = noise.map_or(&[][..], |noise| &noise.probes).chunks(at_once * view.rows());
+        let parts = parts.chain(probes);
+        let end = match self.layout.precision {
             // Where the entries are stored as they are, they are written from where they lie.
-            let bytes: &[u8] = if precision == Precision::F32 {
-                bytemuck::cast_slice(values)
-            } else {
-                staging.resize(values.len() * precision.entry_bytes(), 0);
-                for (column, bytes) in values.chunks_exact(view.rows()).zip(staging.chunks_exact_mut(column_bytes)) {
-                    let scale = precision.encode(column, bytes);
-                    if precision.has_scale() {
-                        side.scales.push(scale);
-                    }
+            Precision::F32 => {
+                let mut offset = offset;
+                for values in parts {
+                    let bytes: &[u8] = bytemuck::cast_slice(values);
+                    side.checksums.extend(bytes.chunks_exact(column_bytes).map(crc32fast::hash));
+                    write_all(&self.storage, offset, bytes)?;
+                    offset += bytes.len() as u64;
                 }
-                &staging
-            };
-            side.checksums.extend(bytes.chunks_exact(column_bytes).map(crc32fast::hash));
-            write_all(&self.storage, offset, bytes)?;
-            offset += bytes.len() as u64;
-            std::io::Result::Ok(())
-        };
-        for run in side.columns.chunk_by(|a, b| a + 1 == *b) {
-            for part in run.chunks(at_once) {
-                write(&view.entries()[part[0] as usize * view.rows()..][..part.len() * view.rows()])?;
+                offset
             }
-        }
-        for part in noise.map_or(&[][..], |noise| &noise.probes).chunks(at_once * view.rows()) {
-            write(part)?;
-        }
-        Ok(offset)
+            _ => self.write_encoded(offset, view.rows(), parts, side)?,
+        };
+        side.columns = columns;
+        Ok(end)
+    }
+
+    /// Encodes each part while the one before it is written, and returns where they end.
+    fn write_encoded<'a>(
+        &self,
+        offset: u64,
+        rows: usize,
+        mut parts: impl Iterator<Item = &'a [f32]>,
+        side: &mut SideData,
+    ) -> std::io::Result<u64> {
+        let precision = self.layout.precision;
+        let column_bytes = rows * precision.entry_bytes();
+        let mut encode = |values: &[f32], bytes: &mut Vec<u8>| {
+            bytes.resize(values.len() * precision.entry_bytes(), 0);
+            for (column, bytes) in values.chunks_exact(rows).zip(bytes.chunks_exact_mut(column_bytes)) {
+                let scale = precision.encode(column, bytes);
+                if precision.has_scale() {
+                    side.scales.push(scale);
+                }
+                side.checksums.push(crc32fast::hash(bytes));
+            }
+        };
+        let mut first = Vec::new();
+        encode(parts.next().unwrap_or_default(), &mut first);
+        let Some(second) = parts.next() else {
+            write_all(&self.storage, offset, &first)?;
+            return Ok(offset + first.len() as u64);
+        };
+        // A thread of its own, not one of the pool's: waiting in the pool, this one could take up another block.
+        std::thread::scope(|scope| {
+            let (full, to_write) = std::sync::mpsc::sync_channel::<Vec<u8>>(0);
+            let (written, empty) = std::sync::mpsc::channel();
+            let storage = &self.storage;
+            let writer = scope.spawn(move || {
+                let mut offset = offset;
+                for bytes in to_write {
+                    write_all(storage, offset, &bytes)?;
+                    offset += bytes.len() as u64;
+                    let _ = written.send(bytes);
+                }
+                Ok(offset)
+            });
+            // Fails where the writer has stopped for an error, which it returns.
+            let mut going = full.send(first).is_ok();
+            let mut spare = Vec::new();
+            for values in std::iter::once(second).chain(parts) {
+                if !going {
+                    break;
+                }
+                encode(values, &mut spare);
+                going = full.send(spare).is_ok();
+                spare = empty.recv().unwrap_or_default();
+            }
+            drop(full);
+            writer.join().expect("writing does not panic")
+        })
     }
 
     fn check_block(&self, id: BlockId, block: &TracedBlock) -> Result<()> {

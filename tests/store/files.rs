@@ -32,7 +32,7 @@ fn what_is_written_comes_back_bit_for_bit_in_f32() {
         let reader = StoreReader::open(&path).unwrap();
         let mapped = StoreReader::open_mapped(&path).unwrap();
         assert_eq!(*reader.job(), job);
-        assert_eq!(reader.stored_bytes().unwrap(), summary.stored_bytes);
+        assert_eq!(reader.tally().unwrap().stored_bytes, summary.stored_bytes);
         // One target for all: what an earlier block left in it must not show.
         let mut target = TracedBlock::default();
         for id in job.shape.blocks() {

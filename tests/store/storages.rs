@@ -80,7 +80,7 @@ impl Storage for Memory {
         Ok(())
     }
 
-    fn reserve(&self, _length: u64) -> io::Result<()> {
+    fn reserve(&self, _offset: u64, _length: u64) -> io::Result<()> {
         Ok(())
     }
 
@@ -165,8 +165,8 @@ impl Storage for Watched {
         self.inner.sync()
     }
 
-    fn reserve(&self, length: u64) -> io::Result<()> {
-        self.inner.reserve(length)
+    fn reserve(&self, offset: u64, length: u64) -> io::Result<()> {
+        self.inner.reserve(offset, length)
     }
 
     fn clear(&self, offset: u64, length: u64) -> io::Result<()> {

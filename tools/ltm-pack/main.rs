@@ -2,6 +2,8 @@
 
 #![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
+#[path = "../compression.rs"]
+mod compression;
 #[path = "../console.rs"]
 mod console;
 mod tables;
@@ -9,9 +11,9 @@ mod tables;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Args, Parser, ValueEnum};
+use clap::{Args, Parser};
+use compression::Compression;
 use console::{Console, EXIT_CODES};
-use ltm::compress::{CompressSettings, Method, PriorChoice, Target};
 use ltm::container::ContainerReader;
 use ltm::image::LightSet;
 use ltm::light::Job;
@@ -72,63 +74,6 @@ struct Images {
     block_side: u32,
 }
 
-#[derive(Args)]
-#[command(next_help_heading = "Compression")]
-struct Compression {
-    /// auto, algorithm1 … algorithm4, proposed (blocks, Algorithm 4, Nyström), pca or svd.
-    #[arg(long, default_value = "auto")]
-    method: Method,
-    /// What to reach over the image: 50dB (PSNR), 0.01 (relative L2) or 2MiB (bytes) [default: the method's].
-    #[arg(long, value_parser = parse_target)]
-    target: Option<Target>,
-    /// Components of a block at most; the rank itself for the methods other than auto [default: the method's].
-    #[arg(long)]
-    rank: Option<usize>,
-    /// What errors are weighed by: how people light, or flat for plain least squares over all columns.
-    #[arg(long, value_enum, default_value = "lighting")]
-    prior: Prior,
-    /// Follow the matrix to the target through its noise, instead of stopping where more bytes would only store noise.
-    #[arg(long)]
-    keep_noise: bool,
-    /// Seed of random choices.
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum Prior {
-    Lighting,
-    Flat,
-}
-
-impl Compression {
-    fn settings(&self) -> CompressSettings {
-        let mut settings = CompressSettings::of_method(self.method);
-        settings.target = self.target.unwrap_or(settings.target);
-        settings.rank = self.rank.unwrap_or(settings.rank);
-        settings.seed = self.seed;
-        settings.prior = match self.prior {
-            Prior::Lighting => PriorChoice::Lighting,
-            Prior::Flat => PriorChoice::Flat,
-        };
-        if self.keep_noise {
-            settings.noise_factor = 0.0;
-        }
-        settings
-    }
-}
-
-fn parse_target(text: &str) -> Result<Target, String> {
-    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("'{s}' is not a number"));
-    if let Some(decibels) = text.strip_suffix("dB").or_else(|| text.strip_suffix("db")) {
-        return number(decibels).map(Target::PsnrDb);
-    }
-    match text.parse::<f64>() {
-        Ok(error) if error < 1.0 => Ok(Target::RelativeL2(error)),
-        _ => parse_bytes(text).map(Target::Bytes).map_err(|e| format!("{e}; or a PSNR, 50dB, or an error, 0.01")),
-    }
-}
-
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let console = Console::new();
@@ -177,18 +122,9 @@ fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Argument
     };
     options.container.overwrite = arguments.force;
     let report = pipeline::pack(matrix, job, output, &options, console)?;
+    println!("{}: {report}", output.display());
     println!(
-        "{}: {} from {}, ratio {:.0}×, mean rank {:.2}, {} sparse entries",
-        output.display(),
-        human_bytes(report.packed_bytes),
-        human_bytes(report.raw_bytes),
-        report.raw_bytes as f64 / report.packed_bytes as f64,
-        report.mean_rank,
-        report.sparse_entries,
-    );
-    println!(
-        "error {:.5} relative L2 of the matrix, measured; {:.1} s, {}/s of raw input, peak memory {}",
-        report.relative_l2,
+        "{:.1} s, {}/s of raw input, peak memory {}",
         report.seconds,
         human_bytes((report.raw_bytes as f64 / report.seconds) as u64),
         report.peak_memory_bytes.map_or("unknown".into(), human_bytes),

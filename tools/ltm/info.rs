@@ -51,20 +51,23 @@ pub(crate) fn run(options: &Info) -> Result<()> {
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(path)?;
-            let shape = matrix.job().shape;
-            let committed = shape.blocks().filter(|&id| matrix.is_committed(id)).count();
+            let tally = matrix.tally()?;
             if options.json {
                 let mut json = job_json(path, matrix.job());
                 json["kind"] = "matrix".into();
                 json["precision"] = format!("{:?}", matrix.precision()).to_lowercase().into();
-                json["committed_blocks"] = committed.into();
-                json["file_bytes"] = matrix.stored_bytes()?.into();
+                json["committed_blocks"] = tally.committed.into();
+                json["damaged_records"] = tally.damaged.into();
+                json["file_bytes"] = tally.stored_bytes.into();
                 print_json(json);
             } else {
                 print_job(path, matrix.job());
                 println!("precision    {}", format!("{:?}", matrix.precision()).to_lowercase());
-                println!("committed    {committed} of {} blocks", shape.block_count());
-                println!("size         {} on disk", human_bytes(matrix.stored_bytes()?));
+                println!("committed    {} of {} blocks", tally.committed, matrix.job().shape.block_count());
+                if tally.damaged > 0 {
+                    println!("damaged      {} commit records; ltm verify names them", tally.damaged);
+                }
+                println!("size         {} in the committed blocks", human_bytes(tally.stored_bytes));
             }
         }
     }

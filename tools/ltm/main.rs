@@ -2,6 +2,8 @@
 
 #![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
+#[path = "../compression.rs"]
+mod compression;
 #[path = "../console.rs"]
 mod console;
 mod demo;
@@ -43,7 +45,8 @@ enum Command {
     #[command(after_help = "Examples:
   ltm render room.toml                       writes room.ltm
   ltm render room.toml -o t.ltm --samples 256 --size 1024x768
-  ltm render room.toml --blocks 0..100       one part of a farm's work")]
+  ltm render room.toml --blocks 0..100       one part of a farm's work
+  ltm render room.toml --pack --target 50dB  writes room.ltc, and no matrix")]
     Render(render::Render),
     /// Make an image from a container (.ltc) or a stored matrix (.ltm) under a lighting.
     #[command(after_help = "Examples:
@@ -90,7 +93,7 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Relight(options) => relight::run(&options, console),
         Command::View(options) => view::run(options),
         Command::Info(options) => info::run(&options),
-        Command::Verify(options) => verify::run(&options),
+        Command::Verify(options) => verify::run(&options, console),
         Command::Repair(options) => maintain::repair(&options, console),
         Command::Merge(options) => maintain::merge(&options),
         Command::Study(options) => study::run(&options, console),

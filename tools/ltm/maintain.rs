@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ltm::Result;
-use ltm::pipeline::{self, human_bytes};
+use ltm::pipeline::{self, human_bytes, parse_bytes};
 
 use crate::console::Console;
 use crate::input::{Kind, kind_of, parse_size, with_overrides};
@@ -21,6 +21,9 @@ pub(crate) struct Repair {
     /// Image size it was rendered with, WIDTHxHEIGHT [default: the scene file's].
     #[arg(long, value_parser = parse_size)]
     size: Option<(u32, u32)>,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
 }
 
 #[derive(Args)]
@@ -38,7 +41,7 @@ pub(crate) struct Merge {
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
     let loaded = with_overrides(ltm::scene::load(&options.scene)?, options.samples, options.size);
-    let repaired = pipeline::repair(loaded, &options.file, console)?;
+    let repaired = pipeline::repair(loaded, &options.file, options.memory, console)?;
     println!("{}: {} blocks rendered again", options.file.display(), repaired.len());
     Ok(())
 }

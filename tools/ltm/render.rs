@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use ltm::Result;
-use ltm::pipeline::{self, RenderOptions, Watch, human_bytes, parse_bytes};
+use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport, Watch, human_bytes, parse_bytes};
+use ltm::scene::LoadedScene;
 use ltm::store::Precision;
 
+use crate::compression::Compression;
 use crate::console::Console;
 use crate::input::{parse_size, with_overrides};
 
@@ -14,7 +16,7 @@ use crate::input::{parse_size, with_overrides};
 pub(crate) struct Render {
     /// The scene file.
     scene: PathBuf,
-    /// The matrix to write [default: the scene file's name with .ltm, in this folder].
+    /// The file to write [default: the scene file's name with .ltm, or .ltc with --pack, in this folder].
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Samples per pixel [default: the scene file's].
@@ -39,6 +41,12 @@ pub(crate) struct Render {
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
+    /// Compress each block as it is traced, into a container: the same bytes as ltm-pack makes of the f32 matrix, but
+    /// the matrix is never stored.
+    #[arg(long, conflicts_with_all = ["precision", "blocks"])]
+    pack: bool,
+    #[command(flatten)]
+    compression: Compression,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -60,6 +68,9 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let loaded = with_overrides(ltm::scene::load(&options.scene)?, options.samples, options.size);
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));
+    }
+    if options.pack {
+        return run_packed(options, loaded, console);
     }
     let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltm"));
     if let Some(when) = options.preview {
@@ -89,6 +100,27 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     };
     let render = RenderOptions { store, blocks: options.blocks.clone(), memory_bytes: options.memory };
     let report = pipeline::render(loaded, &output, &render, console)?;
+    print_report(&output, &report);
+    match report.blocks_missing {
+        0 => println!("next: ltm-pack {}", output.display()),
+        missing => println!("{missing} blocks are still missing: render them too, then ltm merge"),
+    }
+    Ok(())
+}
+
+fn run_packed(options: &Render, loaded: LoadedScene, console: &Console) -> Result<()> {
+    let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltc"));
+    let mut pack =
+        PackOptions { compress: options.compression.settings(), memory_bytes: options.memory, ..Default::default() };
+    pack.container.overwrite = options.force;
+    let (render, packed) = pipeline::render_packed(loaded, &output, &pack, console)?;
+    print_report(&output, &render);
+    println!("{packed}");
+    println!("next: ltm relight {} -o relit.png", output.display());
+    Ok(())
+}
+
+fn print_report(output: &Path, report: &RenderReport) {
     println!(
         "{}: {} blocks in {:.1} s, {:.2} M rays/s, peak memory {}",
         output.display(),
@@ -100,11 +132,6 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     if report.non_finite > 0 {
         println!("{} contributions were not finite and were dropped", report.non_finite);
     }
-    match report.blocks_missing {
-        0 => println!("next: ltm-pack {}", output.display()),
-        missing => println!("{missing} blocks are still missing: render them too, then ltm merge"),
-    }
-    Ok(())
 }
 
 fn parse_range(text: &str) -> Result<std::ops::Range<u32>, String> {

@@ -1,0 +1,47 @@
+//! Scene → `.ltc` without the matrix in between: each traced block is compressed while the next is traced.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use super::pack::Packing;
+use super::render::{job_of, settings_of, tracing_need};
+use super::{PackOptions, PackReport, RenderReport, Watch};
+use crate::error::Result;
+use crate::scene::LoadedScene;
+use crate::trace::Tracer;
+
+/// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render) in f32 and then
+/// [`pack`](super::pack) give, without the space for the matrix. Continues where an interrupted run stopped.
+///
+/// Errors: those of the tracer, the compressor and the container; [`crate::Error::Interrupted`] when the watch says so,
+/// with every analysed block kept.
+pub fn render_packed(
+    loaded: LoadedScene,
+    path: &Path,
+    options: &PackOptions,
+    watch: &dyn Watch,
+) -> Result<(RenderReport, PackReport)> {
+    let begun = Instant::now();
+    let job = job_of(&loaded)?;
+    let packing = Packing::begin(&job, path, options, tracing_need(&loaded, &job), watch)?;
+    let settings = settings_of(&loaded);
+    let tracer = Tracer::new(loaded.scene, job.shape, settings)?;
+    let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
+    let pack = packing.run("tracing and analysing", "rays", watch, |id, block| {
+        let stats = tracer.trace_block(id, block);
+        rays.fetch_add(stats.rays, Ordering::Relaxed);
+        non_finite.fetch_add(stats.non_finite, Ordering::Relaxed);
+        Ok(stats.rays)
+    })?;
+    let render = RenderReport {
+        seconds: begun.elapsed().as_secs_f64(),
+        rays: rays.into_inner(),
+        blocks_traced: u64::from(job.shape.block_count()) - pack.blocks_kept,
+        blocks_kept: pack.blocks_kept,
+        blocks_missing: 0,
+        non_finite: non_finite.into_inner(),
+        peak_memory_bytes: pack.peak_memory_bytes,
+    };
+    Ok((render, pack))
+}

@@ -1,0 +1,192 @@
+//! Packing: stored and fused give the same bytes, a stopped pack goes on, memory and disk are kept, and the stated error
+//! is the real one.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use ltm::Error;
+use ltm::compress::{CompressSettings, Method, Target};
+use ltm::container::ContainerReader;
+use ltm::matrix::{BlockSource, FactorSource, TracedBlock};
+use ltm::pipeline::{self, PackOptions, Quiet, RenderOptions, Watch};
+use ltm::scene::{BuiltIn, LoadedScene};
+use ltm::store::StoreReader;
+use tempfile::TempDir;
+
+/// A small room with blocks at both edges that are not full.
+fn room(name: &str) -> LoadedScene {
+    let mut loaded = BuiltIn { width: 72, height: 40, texels: 8 }.named(name).unwrap();
+    loaded.settings.samples_per_pixel = 4;
+    loaded
+}
+
+fn render(folder: &TempDir, name: &str) -> (PathBuf, StoreReader) {
+    let path = folder.path().join(format!("{name}.ltm"));
+    pipeline::render(room(name), &path, &RenderOptions::default(), &Quiet).unwrap();
+    (path.clone(), StoreReader::open(&path).unwrap())
+}
+
+fn pack(matrix: &StoreReader, path: &Path, options: &PackOptions) -> pipeline::PackReport {
+    pipeline::pack(matrix, matrix.job(), path, options, &Quiet).unwrap()
+}
+
+/// Asks to stop when so many steps of any stage are done.
+struct StopAfter(AtomicU64);
+
+impl Watch for StopAfter {
+    fn begin(&self, _: &str, _: u64, _: &str) {}
+    fn advance(&self, steps: u64, _: u64, _: &str) {
+        let _ = self.0.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| Some(left.saturating_sub(steps)));
+    }
+    fn end(&self) {}
+    fn note(&self, _: &str) {}
+    fn interrupted(&self) -> bool {
+        self.0.load(Ordering::SeqCst) == 0
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn the_fused_way_gives_the_bytes_of_the_stored_way() {
+    for name in ["mixed", "diffuse"] {
+        let folder = tempfile::tempdir().unwrap();
+        let (stored, fused) = (folder.path().join("stored.ltc"), folder.path().join("fused.ltc"));
+        let (_, matrix) = render(&folder, name);
+        pack(&matrix, &stored, &PackOptions::default());
+        let (render, _) = pipeline::render_packed(room(name), &fused, &PackOptions::default(), &Quiet).unwrap();
+        assert_eq!((render.blocks_traced, render.blocks_kept), (6, 0));
+        assert!(fs::read(&stored).unwrap() == fs::read(&fused).unwrap(), "{name}");
+        assert_eq!(
+            names(folder.path()),
+            if name < "fused" {
+                ["diffuse.ltm", "fused.ltc", "stored.ltc"]
+            } else {
+                ["fused.ltc", "mixed.ltm", "stored.ltc"]
+            }
+        );
+    }
+}
+
+#[test]
+fn a_pack_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("stopped.ltc"));
+    pipeline::render_packed(room("mixed"), &whole, &PackOptions::default(), &Quiet).unwrap();
+    // Six blocks in each of two stages.
+    for stop in 1..12 {
+        let watch = StopAfter(AtomicU64::new(stop));
+        let stopped = pipeline::render_packed(room("mixed"), &path, &PackOptions::default(), &watch);
+        if let Err(error) = stopped {
+            assert!(matches!(error, Error::Interrupted(_)), "{error}");
+            assert!(error.to_string().contains("stopped.ltc.spill keeps"), "{error}");
+            assert!(!path.exists(), "nothing half-written under the final name");
+            let (render, _) = pipeline::render_packed(room("mixed"), &path, &PackOptions::default(), &Quiet).unwrap();
+            assert!(render.blocks_kept >= stop.min(6), "{} kept after {stop}", render.blocks_kept);
+        }
+        assert!(fs::read(&path).unwrap() == fs::read(&whole).unwrap(), "stopped after {stop}");
+        assert_eq!(names(folder.path()), ["stopped.ltc", "whole.ltc"]);
+        fs::remove_file(&path).unwrap();
+    }
+}
+
+#[test]
+fn other_settings_do_not_take_up_what_was_analysed_for_these() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ltc");
+    let watch = StopAfter(AtomicU64::new(3));
+    assert!(pipeline::render_packed(room("mixed"), &path, &PackOptions::default(), &watch).is_err());
+    let compress = CompressSettings { seed: 5, ..CompressSettings::default() };
+    let options = PackOptions { compress, ..PackOptions::default() };
+    let (render, _) = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).unwrap();
+    assert_eq!(render.blocks_kept, 0);
+}
+
+/// `Σ (packed − stored)²` over a block, entry by entry.
+fn squared_error(stored: &TracedBlock, packed: &ltm::matrix::FactoredBlock) -> f64 {
+    let expanded = packed.expand();
+    let pairs = stored.block.entries().iter().zip(expanded.entries());
+    pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum()
+}
+
+#[test]
+fn the_stated_errors_are_those_of_the_stored_entries() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, matrix) = render(&folder, "mixed");
+    let of = |method, rank, target| CompressSettings { target, rank, ..CompressSettings::of_method(method) };
+    let cases = [
+        of(Method::Auto, 24, Target::PsnrDb(35.0)),
+        of(Method::Auto, 24, Target::PsnrDb(60.0)),
+        of(Method::Auto, 3, Target::PsnrDb(80.0)),
+        of(Method::BlockSvd, 6, Target::PsnrDb(50.0)),
+        of(Method::BlockPca, 6, Target::PsnrDb(50.0)),
+        of(Method::Proposed, 8, Target::PsnrDb(50.0)),
+    ];
+    for (i, compress) in cases.into_iter().enumerate() {
+        let path = folder.path().join(format!("{i}.ltc"));
+        let what = format!("{} {:?}", compress.method, compress.target);
+        let report = pack(&matrix, &path, &PackOptions { compress, ..PackOptions::default() });
+        let container = ContainerReader::open(&path).unwrap();
+        let (mut errors, mut norms) = (0.0, 0.0);
+        let mut block = TracedBlock::default();
+        for id in matrix.job().shape.blocks() {
+            matrix.read_block(id, &mut block).unwrap();
+            let packed = container.read_layers(id, 0..container.layer_count(id)).unwrap();
+            let error = squared_error(&block, &packed);
+            let stated = container.block_report(id);
+            let norm: f64 = block.block.entries().iter().map(|&v| f64::from(v).powi(2)).sum();
+            if norm == 0.0 {
+                assert_eq!((stated.squared_norm, stated.squared_error, error), (0.0, 0.0, 0.0), "{what}, {id}");
+                continue;
+            }
+            // Running sums of f32 squares, 192 in each.
+            assert!(
+                (stated.squared_norm - norm).abs() <= 1e-5 * norm,
+                "{what}, {id}: {} for {norm}",
+                stated.squared_norm
+            );
+            // The rounding of L against what the components lack: a standard deviation of at most 1/√rows, which is
+            // 7.2 % for the smallest block (8 × 8 pixels) and 1.8 % for a whole one. Three of them, and the rounding
+            // of f32 products.
+            let rows = block.block.rows() as f64;
+            let bound = 3.0 / rows.sqrt() * error + 1e-10 * norm;
+            assert!((stated.squared_error - error).abs() < bound, "{what}, {id}: {} for {error}", stated.squared_error);
+            let image = |block: &ltm::matrix::Block| -> Vec<f64> {
+                let mut image = vec![0.0; block.rows()];
+                for column in block.entries().chunks_exact(block.rows()) {
+                    image.iter_mut().zip(column).for_each(|(sum, &v)| *sum += f64::from(v));
+                }
+                image
+            };
+            let (a, b) = (image(&block.block), image(&packed.expand()));
+            let off: f64 = a.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum();
+            let uniform = (off / a.iter().map(|v| v * v).sum::<f64>()).sqrt();
+            // The image is kept in f32, 72 pixels' worth of rounding at most.
+            let off = (stated.uniform_error - uniform).abs();
+            assert!(off < 0.01 * uniform + 1e-5, "{what}, {id}: {} for {uniform}", stated.uniform_error);
+            errors += error;
+            norms += norm;
+        }
+        let relative = (errors / norms).sqrt();
+        assert!((report.relative_l2 / relative - 1.0).abs() < 0.01, "{what}: {} for {relative}", report.relative_l2);
+    }
+}
+
+#[test]
+fn memory_that_is_too_small_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ltc");
+    let options = PackOptions { memory_bytes: Some(1 << 20), ..PackOptions::default() };
+    let error = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).unwrap_err();
+    assert!(matches!(error, Error::Resources { .. }) && error.to_string().contains("1.0 MiB"), "{error}");
+    let options = RenderOptions { memory_bytes: Some(1 << 20), ..RenderOptions::default() };
+    let error = pipeline::render(room("mixed"), &folder.path().join("a.ltm"), &options, &Quiet).unwrap_err();
+    assert!(matches!(error, Error::Resources { .. }), "{error}");
+    assert_eq!(names(folder.path()), [""; 0]);
+}
