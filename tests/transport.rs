@@ -98,6 +98,29 @@ fn mirrors_glass_and_thin_sheets_vanish_in_a_white_furnace() {
     }
 }
 
+/// What stands out in caustics are single paths that meet the light itself, not the weights of the sampling: nothing that
+/// one path brings home is much brighter than the light.
+#[test]
+fn no_path_is_much_brighter_than_its_light() {
+    let mut builder = Builder::new(camera(Vec3::new(0.5, 0.5, 0.95), Vec3::new(0.5, 0.4, 0.0), 75.0, 16));
+    builder.room(Vec3::ZERO, Vec3::ONE, lambert(0.5));
+    builder.sphere(Vec3::new(0.3, 0.25, 0.4), 0.2, 24, Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE });
+    let gold = Surface::RoughConductor { specular: Paint::Constant(Vec3::new(0.9, 0.7, 0.3)), alpha: 0.02 };
+    builder.sphere(Vec3::new(0.72, 0.22, 0.4), 0.18, 24, gold);
+    let coated = Paint::Constant(Vec3::splat(0.5));
+    let coat = Surface::Coated { reflectance: coated, specular: Vec3::splat(0.04), alpha: 0.02 };
+    builder.quad(Vec3::new(0.05, 0.01, 0.05), Vec3::Z * 0.9, Vec3::X * 0.9, coat);
+    builder.panel("panel", Vec3::new(0.45, 0.98, 0.45), Vec3::X * 0.1, Vec3::Z * 0.1, (1, 1));
+    let scene = std::sync::Arc::new(builder.build());
+    let brightest = (0..400)
+        .flat_map(|seed| trace(std::sync::Arc::clone(&scene), TraceSettings { seed, ..settings(1, 12) }))
+        .flat_map(|(traced, _)| traced.block.entries().to_vec())
+        .fold(0.0f32, f32::max);
+    // Of emission 1: at every vertex a path may find the light by chance (at most 1) and by four samples (at most half
+    // of the albedo each, where both techniques are as good), and lives on with chance where it has become dark.
+    assert!(brightest > 0.9 && brightest < 2.5, "{brightest}");
+}
+
 fn glossy_room(texels: u32) -> ltm::scene::Scene {
     let mut builder = Builder::new(camera(Vec3::new(0.5, 0.5, 0.95), Vec3::new(0.5, 0.4, 0.0), 75.0, 16));
     builder.room(Vec3::ZERO, Vec3::ONE, lambert(0.6));
