@@ -5,11 +5,12 @@ mod relight_source;
 use std::sync::atomic::AtomicBool;
 
 use ltm::image::luminance;
-use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting};
+use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting, look};
 use ltm::matrix::BlockId;
 use ltm::relight::CpuRelighter;
 use ltm::view::groups::Groups;
 use ltm::view::history::History;
+use ltm::view::looks;
 use ltm::view::mixer::{Mix, Tint};
 use ltm::view::pattern::{Brush, Pattern};
 use ltm::view::reach::{Reach, per_light, pixel_rows};
@@ -131,4 +132,54 @@ fn a_drag_of_a_hundred_frames_is_undone_at_once_and_gives_the_scenes_picture_aga
     assert_eq!(lighting, Lighting::of_scene(&basis));
     let relighter = CpuRelighter::load(&source).unwrap();
     assert_eq!(relighter.relight(&lighting).unwrap(), relighter.relight(&Lighting::of_scene(&basis)).unwrap());
+}
+
+/// The formula of a weight takes a dozen roundings in each direction; 2⁻²⁴ each.
+fn same_lighting(a: &Lighting, b: &Lighting) {
+    let peak = a.weights().iter().flatten().copied().fold(0.0, f32::max);
+    for (column, (a, b)) in a.weights().iter().zip(b.weights()).enumerate() {
+        for channel in 0..3 {
+            let bound = 1e-5 * a[channel].abs() + 1e-7 * peak;
+            assert!((a[channel] - b[channel]).abs() <= bound, "column {column}: {a:?} against {b:?}");
+        }
+    }
+}
+
+#[test]
+fn a_saved_look_is_what_relight_reads_and_comes_back_as_a_mix() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("evening look.toml");
+    let basis = basis();
+    let groups = Groups::of(&basis);
+    let mut mix = mixed(&basis, &groups);
+    for _ in 0..2 {
+        let lighting = mix.lighting(&basis, &groups).unwrap();
+        looks::save(&path, &basis, &groups, &mix).unwrap();
+        same_lighting(&lighting, look::load(&path, &basis).unwrap().lighting());
+        let read = looks::load(&path, &basis, &groups).unwrap();
+        same_lighting(&lighting, &read.lighting(&basis, &groups).unwrap());
+        assert!(
+            matches!(read.lights[1].tint, Tint::Kelvin(kelvin) if (kelvin - 3200.0).abs() < 1.0),
+            "{:?}",
+            read.lights[1]
+        );
+        assert!((read.lights[0].stops - 0.8).abs() < 1e-5, "its own stops and its group's");
+        // Once more from what was read.
+        mix = read;
+    }
+}
+
+#[test]
+fn what_does_not_shine_is_off_in_the_look() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("solo.toml");
+    let basis = basis();
+    let groups = Groups::of(&basis);
+    let mut mix = Mix::of_scene(&basis, &groups);
+    mix.toggle_solo(2, false);
+    mix.lights[2].tint = Tint::Colour([0.2, 0.0, 0.9]);
+    looks::save(&path, &basis, &groups, &mix).unwrap();
+    let read = looks::load(&path, &basis, &groups).unwrap();
+    assert_eq!(read.lights.iter().map(|light| light.on).collect::<Vec<_>>(), [false, false, true, false]);
+    same_lighting(&mix.lighting(&basis, &groups).unwrap(), &read.lighting(&basis, &groups).unwrap());
 }

@@ -12,11 +12,16 @@ mod real;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use driver::Driver;
 use eframe::egui::{Key, Modifiers, vec2};
 use libtest_mimic::{Arguments, Trial};
+use ltm::light::Lighting;
+use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
+use ltm::view::display::Display;
+use ltm::view::worker::{Event, Picture, Progress, Request, Session};
 
 /// Ctrl as the system sends it.
 const CTRL: Modifiers = Modifiers::CTRL.plus(Modifiers::COMMAND);
@@ -120,6 +125,175 @@ fn painting_on_the_light_changes_the_room() {
     assert_ne!(painted, before);
 }
 
+/// A disc on the light is dragged and scaled, each a step of its own.
+fn a_shape_is_laid_dragged_and_scaled() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driver = Driver::open(&room(&folder));
+    driver.click(driver.find("Disc").center());
+    let texture = driver.find("texture");
+    let mut pictures = vec![driver.picture()];
+    let mut next = |driver: &mut Driver| {
+        driver.settle();
+        let picture = driver.picture();
+        assert!(!pictures.contains(&picture), "step {} shows something new", pictures.len());
+        pictures.push(picture);
+    };
+    let middle = texture.center();
+    driver.click(middle);
+    next(&mut driver);
+    driver.drag(middle, middle - vec2(texture.width() / 4.0, 0.0), 5);
+    next(&mut driver);
+    // The disc is half as wide as the light: its corner is a quarter away on each axis.
+    let corner = middle - vec2(texture.width() / 2.0, texture.height() / 4.0);
+    driver.drag(corner + vec2(1.0, 0.0), middle - vec2(texture.width() / 2.0, texture.height() / 2.5), 5);
+    next(&mut driver);
+    for picture in pictures[..3].iter().rev() {
+        driver.key(Key::Z, CTRL);
+        driver.settle();
+        assert!(driver.picture() == *picture, "one step back");
+    }
+}
+
+/// A lighting is saved and loaded through the list of files, and is what `ltm relight` reads.
+fn a_lighting_is_saved_and_loaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driver = Driver::open(&room(&folder));
+    let scene = driver.picture();
+    let fader = driver.find("ceiling, stops").center();
+    driver.drag(fader, fader - vec2(12.0, 0.0), 3);
+    driver.settle();
+    let dimmed = driver.picture();
+    let look = folder.path().join("dim.toml");
+    driver.key(Key::K, CTRL);
+    driver.settle();
+    driver.enter(look.to_str().unwrap());
+    driver.settle();
+    assert!(std::fs::read_to_string(&look).unwrap().contains("stops = -"));
+    driver.key(Key::R, Modifiers::SHIFT);
+    driver.settle();
+    assert!(driver.picture() == scene);
+    driver.key(Key::L, CTRL);
+    driver.settle();
+    driver.enter(look.to_str().unwrap());
+    driver.settle();
+    assert!(driver.picture() == dimmed);
+    driver.find_containing("Lit by");
+}
+
+/// The EXR's layers are named after the lights and add up to the radiance.
+fn layers_add_up_to_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stage.ltc");
+    container::write_stage(&path, 7);
+    let mut driver = Driver::open(&path);
+    let (layers, radiance) = (folder.path().join("layers.exr"), folder.path().join("all.exr"));
+    driver.click(driver.find("Layers…").center());
+    driver.settle();
+    driver.enter(layers.to_str().unwrap());
+    driver.key(Key::E, CTRL);
+    driver.settle();
+    driver.enter(radiance.to_str().unwrap());
+    driver.settle();
+    let found = ltm::image::read_light_layers(&layers, None).unwrap();
+    let whole = ltm::image::read_image(&radiance).unwrap();
+    assert_eq!(found.lights.len(), 7);
+    assert!(found.lights.iter().any(|light| light.name == "row 1/7"));
+    for (index, pixel) in whole.pixels.iter().enumerate() {
+        let sum: f32 = found.lights.iter().map(|light| light.image.pixels[index][1]).sum();
+        // Seven sums in f32 of values near a half.
+        assert!((sum - pixel[1]).abs() < 1e-5);
+    }
+}
+
+/// Among hundreds of lights, those searched for are shown; Alt-click hears one alone, a click on the picture selects.
+fn hundreds_of_lights_are_searched_soloed_and_picked() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stage.ltc");
+    container::write_stage(&path, 320);
+    let mut driver = Driver::open(&path);
+    driver.key(Key::P, CTRL);
+    driver.settle();
+    driver.enter("row 17/");
+    driver.settle();
+    assert!(driver.has("row 17/3, on") && !driver.has("row 18/3, on"));
+    let all = driver.picture();
+    driver.click_with(driver.find("row 17/3, on").center(), Modifiers::ALT);
+    driver.settle();
+    let lit = |picture: &[u8]| -> Vec<usize> {
+        let row = &picture[..container::STAGE[0] as usize * 4];
+        row.chunks_exact(4).enumerate().filter(|(_, pixel)| pixel[0] > 9).map(|(x, _)| x).collect()
+    };
+    assert_eq!(lit(&all).len(), 160);
+    // Two lamps to a pixel's width: lamp 163 of 320 has no pixel, or the whole of one.
+    assert!(lit(&driver.picture()).len() <= 1);
+    driver.click_with(driver.find("row 17/3, on").center(), Modifiers::ALT);
+    driver.settle();
+    assert!(driver.picture() == all);
+    let picture = driver.find("picture");
+    driver.click(picture.center() + vec2(5.0, 0.0));
+    driver.settle();
+    driver.key(Key::X, Modifiers::NONE);
+    driver.settle();
+    assert_eq!(lit(&driver.picture()).len(), 159, "the light that matters there was selected and switched off");
+}
+
+/// A snapshot is compared with, and recalled by its own button.
+fn a_snapshot_is_compared_with_and_recalled() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driver = Driver::open(&room(&folder));
+    let before = driver.picture();
+    driver.key(Key::K, Modifiers::NONE);
+    driver.settle();
+    driver.click(driver.find("ceiling, on").center());
+    driver.key(Key::C, Modifiers::NONE);
+    driver.settle();
+    assert!(driver.picture() != before && driver.texture("compared") == before);
+    driver.click(driver.find("Recall").center());
+    driver.settle();
+    assert!(driver.picture() == before);
+}
+
+/// Tab reaches the fader, arrows move it.
+fn the_keyboard_alone_moves_a_fader() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driver = Driver::open(&room(&folder));
+    let before = driver.picture();
+    for _ in 0..80 {
+        driver.key(Key::Tab, Modifiers::NONE);
+        driver.frame(Vec::new());
+        if driver.focused() == Some("ceiling, stops") {
+            break;
+        }
+    }
+    assert_eq!(driver.focused(), Some("ceiling, stops"));
+    driver.key(Key::ArrowLeft, Modifiers::NONE);
+    driver.settle();
+    assert!(driver.picture() != before);
+}
+
+/// The first picture is there before the whole container is, and the last is that of all its layers.
+fn a_picture_streams_in_and_ends_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stage.ltc");
+    container::write_stage(&path, 40);
+    let session = Session::open(&path, Arc::new(|| ())).unwrap();
+    let lighting = Arc::new(Lighting::of_scene(session.basis()));
+    let request = Request { generation: 1, lighting: lighting.clone(), display: Display::default(), compared: None };
+    session.worker.request(request);
+    let mut last = None;
+    while last.as_ref().is_none_or(|picture: &Picture| !picture.progress.is_complete()) {
+        for event in session.worker.events() {
+            if let Event::Picture(picture) = event {
+                let before = last.as_ref().map_or(Progress::default(), |last: &Picture| last.progress);
+                assert!(picture.progress.base >= before.base && picture.progress.whole >= before.whole);
+                last = Some(*picture);
+            }
+        }
+    }
+    let whole = CpuRelighter::load(&*session.container).unwrap().relight(&lighting).unwrap();
+    assert_eq!(*last.unwrap().image, whole);
+}
+
 /// What is no container is told in the window, in one line.
 fn a_file_that_is_no_container_is_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -135,7 +309,7 @@ fn main() -> ExitCode {
         return code;
     }
     let arguments = Arguments::from_args();
-    let tests: [(&str, fn()); 6] = [
+    let tests: [(&str, fn()); 13] = [
         ("a_fader_drag_relights_and_is_one_undo", a_fader_drag_relights_and_is_one_undo),
         ("a_switch_turns_the_light_off_and_on", a_switch_turns_the_light_off_and_on),
         (
@@ -144,6 +318,13 @@ fn main() -> ExitCode {
         ),
         ("keys_expose_and_help_lists_them", keys_expose_and_help_lists_them),
         ("painting_on_the_light_changes_the_room", painting_on_the_light_changes_the_room),
+        ("a_shape_is_laid_dragged_and_scaled", a_shape_is_laid_dragged_and_scaled),
+        ("a_lighting_is_saved_and_loaded", a_lighting_is_saved_and_loaded),
+        ("layers_add_up_to_the_picture", layers_add_up_to_the_picture),
+        ("hundreds_of_lights_are_searched_soloed_and_picked", hundreds_of_lights_are_searched_soloed_and_picked),
+        ("a_snapshot_is_compared_with_and_recalled", a_snapshot_is_compared_with_and_recalled),
+        ("the_keyboard_alone_moves_a_fader", the_keyboard_alone_moves_a_fader),
+        ("a_picture_streams_in_and_ends_whole", a_picture_streams_in_and_ends_whole),
         ("a_file_that_is_no_container_is_told", a_file_that_is_no_container_is_told),
     ];
     let trial = |name: &str, test: fn()| {

@@ -85,16 +85,27 @@ fn alone(mix: &Mix, light: usize) -> Mix {
     alone
 }
 
-/// The command that makes the picture from the container and a saved lighting file; `png` is written as it is shown,
-/// except for false colour.
-pub fn command_line(container: &Path, look: &Path, png: &Path, display: &Display) -> String {
+/// The command that makes the picture from the container and a saved lighting file. False colour is part of it where
+/// pixels have units, given by the lumens of a watt.
+pub fn command_line(
+    container: &Path,
+    look: &Path,
+    png: &Path,
+    display: &Display,
+    lumens_per_watt: Option<f32>,
+) -> String {
     let tone = display.tone;
     let mut words = vec!["ltm".to_owned(), "relight".into(), shell_word(container), "--lighting".into()];
     words.extend([shell_word(look), "-o".into(), shell_word(png)]);
+    if let (true, Some(gain)) = (display.false_colour, lumens_per_watt) {
+        let (low, high) = display.luminance_range();
+        words.extend(["--false-colour=luminance".into(), format!("--scale={:?}..{:?}", low * gain, high * gain)]);
+        return words.join(" ");
+    }
     words.push(format!("--exposure={:?}", tone.exposure_stops));
     let name = CURVES.iter().find(|(curve, _)| *curve == tone.curve).map_or("none", |(_, name)| *name);
     words.push(format!("--tone={}", if name == "sRGB" { "none".into() } else { name.to_lowercase() }));
-    words.extend(tone.white_kelvin.map(|kelvin| format!("--white={kelvin:?}")));
+    words.extend(tone.white_kelvin.map(|kelvin| format!("--white-balance={kelvin:?}")));
     words.join(" ")
 }
 
@@ -135,9 +146,13 @@ mod tests {
     fn the_command_is_one_that_a_shell_reads_as_meant() {
         let tone = ToneMapping { curve: ToneCurve::Agx, exposure_stops: 1.5, white_kelvin: Some(3200.0) };
         let display = Display { tone, false_colour: false };
-        let line = command_line(Path::new("/a b/it's.ltc"), Path::new("look.toml"), Path::new("x.png"), &display);
-        assert!(line.starts_with(r"ltm relight '/a b/it'\''s.ltc' --lighting look.toml -o x.png --exposure=1.5"));
-        assert!(line.ends_with("--tone=agx --white=3200.0"), "{line}");
+        let line = |display| {
+            command_line(Path::new("/a b/it's.ltc"), Path::new("l.toml"), Path::new("x.png"), display, Some(2.0))
+        };
+        let command = r"ltm relight '/a b/it'\''s.ltc' --lighting l.toml -o x.png";
+        assert_eq!(line(&display), format!("{command} --exposure=1.5 --tone=agx --white-balance=3200.0"));
+        let coloured = Display { tone: ToneMapping { exposure_stops: 0.0, ..tone }, false_colour: true };
+        assert_eq!(line(&coloured), format!("{command} --false-colour=luminance --scale=0.001953125..128.0"));
     }
 
     #[test]

@@ -26,10 +26,11 @@ pub fn load(path: &Path, basis: &LightBasis, groups: &Groups) -> Result<Mix> {
 pub fn save(path: &Path, basis: &LightBasis, groups: &Groups, mix: &Mix) -> Result<()> {
     let mut text = String::from("base = \"scene\"\n");
     let mut taken = BTreeSet::new();
+    let of_scene = Mix::of_scene(basis, groups);
     for (index, (light, own)) in basis.lights().iter().zip(&mix.lights).enumerate() {
         let stops = own.stops + groups.of_light(index).map_or(0.0, |group| mix.groups[group].stops);
         let shines = mix.shines(index, groups);
-        if stops == 0.0 && shines == own.on && own.is_of_scene(light) {
+        if stops == 0.0 && shines == own.on && own.is_like(&of_scene.lights[index]) {
             continue;
         }
         rule(&mut text, light, own, stops, shines);
@@ -45,17 +46,21 @@ pub fn save(path: &Path, basis: &LightBasis, groups: &Groups, mix: &Mix) -> Resu
     in_place_of(path, |path| std::fs::write(path, &text).map_err(Error::io(path, "write the lighting")))
 }
 
-/// What a rule says beside its image. The reader sets the colour at constant luminance, then multiplies by the stops.
+/// What a rule says beside its image. The reader sets the colour at constant luminance, then multiplies by the stops;
+/// a texelled light is given its luminance too, so that a map of the scene's own does not shine through.
 fn rule(text: &mut String, light: &Light, own: &LightMix, stops: f32, shines: bool) {
+    let colour = own.colour(light);
+    let is_black = luminance(colour) <= 0.0;
     line(text, format_args!("\n[[light]]\nname = {}", quoted(&light.name)));
-    let black = matches!(own.tint, Tint::Colour(colour) if luminance(colour) <= 0.0);
-    line(text, format_args!("on = {}", shines && !black));
-    if luminance(light.emission) == 0.0 {
-        line(text, format_args!("intensity = 1.0"));
+    line(text, format_args!("on = {}", shines && !is_black));
+    let texelled = light.layout() != (1, 1);
+    if texelled || luminance(light.emission) == 0.0 {
+        line(text, format_args!("intensity = {:?}", luminance(colour)));
     }
     match own.tint {
         Tint::Kelvin(kelvin) => line(text, format_args!("color = {{ kelvin = {kelvin:?} }}")),
-        Tint::Colour(colour) if !black => line(text, format_args!("color = {{ linear = {colour:?} }}")),
+        Tint::Colour(colour) if !is_black => line(text, format_args!("color = {{ linear = {colour:?} }}")),
+        Tint::Scene if texelled => line(text, format_args!("color = {{ linear = {colour:?} }}")),
         _ => {}
     }
     if stops != 0.0 {

@@ -64,7 +64,8 @@ pub struct Mix {
 }
 
 impl LightMix {
-    /// As the scene file lights it: off if it has no emission there.
+    /// As its emission in the scene file lights it: off if it has none. A map of its own is not in it: see
+    /// [`Mix::of_scene`].
     pub fn of_scene(light: &Light) -> Self {
         let on = luminance(light.emission) != 0.0;
         Self { on, solo: false, stops: 0.0, tint: Tint::Scene, pattern: None, shape: None, turn_radians: 0.0 }
@@ -120,9 +121,9 @@ impl LightMix {
         Self { pattern: Some(pattern), ..mix }
     }
 
-    /// Whether it is as the scene file has it, solo aside.
-    pub fn is_of_scene(&self, light: &Light) -> bool {
-        *self == Self { solo: self.solo, ..Self::of_scene(light) }
+    /// Whether both are the same, solo aside.
+    pub fn is_like(&self, other: &Self) -> bool {
+        *self == Self { solo: self.solo, ..other.clone() }
     }
 }
 
@@ -135,10 +136,7 @@ impl Default for GroupMix {
 impl Mix {
     /// The scene's own lighting.
     pub fn of_scene(basis: &LightBasis, groups: &Groups) -> Self {
-        Self {
-            lights: basis.lights().iter().map(LightMix::of_scene).collect(),
-            groups: vec![GroupMix::default(); groups.len()],
-        }
+        Self::of_lighting(basis, groups, &Lighting::of_scene(basis))
     }
 
     /// What gives this lighting: see [`LightMix::of_weights`].
@@ -147,7 +145,8 @@ impl Mix {
             let columns = light.columns();
             LightMix::of_weights(light, &lighting.weights()[columns.start as usize..columns.end as usize])
         };
-        Self { lights: basis.lights().iter().map(of_light).collect(), ..Self::of_scene(basis, groups) }
+        let groups = vec![GroupMix::default(); groups.len()];
+        Self { lights: basis.lights().iter().map(of_light).collect(), groups }
     }
 
     /// Whether any light is heard alone.

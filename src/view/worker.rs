@@ -22,7 +22,7 @@ use crate::relight::{CpuRelighter, Relit};
 /// gathered entry by entry, some ten times dearer than in a pass over all of it.
 const FEW_COLUMNS: usize = 10;
 
-/// Blocks that are read before the first picture, and how long later steps may take, in seconds.
+/// Blocks that are read before the first picture, and how long later steps take at least, in seconds.
 const FIRST_STEP: usize = 16;
 const STEP_SECS: f64 = 0.08;
 
@@ -299,11 +299,13 @@ fn work(source: &Arc<ContainerReader>, shared: &Arc<Shared>, outbox: &Outbox) ->
                 1 => progress.base = share,
                 _ => progress.whole = (all - ids.len() + at) as f32 / all as f32,
             }
-            // Larger steps where reading is quick: pictures in between cost time that reading could use.
-            step = if begun.elapsed().as_secs_f64() < STEP_SECS { step * 2 } else { step.div_ceil(2) };
+            let read_secs = begun.elapsed().as_secs_f64();
             if at < ids.len() {
                 desk.show_progress(&relighter, progress);
             }
+            // Pictures in between cost time that reading could use: it gets twice theirs.
+            let wanted_secs = STEP_SECS.max(2.0 * (begun.elapsed().as_secs_f64() - read_secs));
+            step = if read_secs < wanted_secs { step * 2 } else { step.div_ceil(2) };
         }
     }
     let whole = Arc::new(relighter);

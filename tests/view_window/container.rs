@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use ltm::container::{BlockReport, ContainerOptions, ContainerWriter};
-use ltm::light::{Job, Provenance};
-use ltm::matrix::{BlockId, FactoredBlock, MatrixShape, TracedBlock};
+use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::matrix::{Block, BlockId, FactoredBlock, MatrixShape, TracedBlock};
 use ltm::scene::LoadedScene;
 use ltm::trace::{TraceSettings, Tracer};
 
@@ -60,4 +60,40 @@ fn write_block(writer: &ContainerWriter, id: BlockId, traced: &TracedBlock, colu
     }
     let report = BlockReport { squared_error, squared_norm, ..Default::default() };
     writer.write_encoded(id, &encoded, &report).unwrap();
+}
+
+/// Width and height of the stage's picture.
+pub(crate) const STAGE: [u32; 2] = [160, 120];
+
+/// Writes a container of `count` lamps in groups of ten, each of which lights a vertical strip of a grey picture, the
+/// first at the left edge.
+pub(crate) fn write_stage(path: &Path, count: usize) {
+    let mut basis = LightBasis::new();
+    for lamp in 0..count {
+        let light = Light {
+            name: format!("row {}/{}", lamp / 10 + 1, lamp % 10 + 1),
+            kind: LightKind::Lamp,
+            unit: LightUnit::Radiance,
+            emission: [1.0; 3],
+            first_column: 0,
+            places: vec![[0.0; 3]],
+            extents: vec![1.0],
+        };
+        basis.push(light).unwrap();
+    }
+    let shape = MatrixShape::new(STAGE[0], STAGE[1], count as u32, 32).unwrap();
+    let job = Job { shape, basis, provenance: Provenance { source: "stage".into(), ..Default::default() } };
+    let writer =
+        ContainerWriter::create(path, &job, ContainerOptions { overwrite: true, ..Default::default() }).unwrap();
+    for id in shape.blocks() {
+        let rect = shape.rect(id);
+        let mut block = Block::zeros(rect.pixels() * 3, count);
+        for row in 0..block.rows() {
+            let x = rect.x as usize + row % rect.pixels() % rect.width as usize;
+            let lamp = x * count / STAGE[0] as usize;
+            block.entries_mut()[lamp * rect.pixels() * 3 + row] = 0.5;
+        }
+        write_block(&writer, id, &TracedBlock { block, noise: None }, count);
+    }
+    writer.finish().unwrap();
 }

@@ -1,5 +1,6 @@
 //! A window without a window: egui's input made by hand, its widgets found by their accessible names.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
@@ -18,8 +19,12 @@ pub(crate) struct Driver {
     modifiers: Modifiers,
     /// Widgets of the last frame: name, what it says of itself, place.
     widgets: Vec<(String, Rect)>,
-    /// The picture's texture, by its identity and its newest bytes.
-    picture: Vec<u8>,
+    /// Name of the widget that has the keyboard.
+    focused: Option<String>,
+    /// What was copied last.
+    copied: Option<String>,
+    /// The newest bytes of each texture, by its name.
+    textures: BTreeMap<String, Vec<u8>>,
 }
 
 impl Driver {
@@ -29,8 +34,16 @@ impl Driver {
         context.enable_accesskit();
         let options = WindowOptions { path: Some(path.to_owned()), ..Default::default() };
         let app = App::new(&context, options, Arc::new(Mutex::new(None)));
-        let (widgets, picture) = (Vec::new(), Vec::new());
-        let mut driver = Self { context, app, time_secs: 0.0, modifiers: Modifiers::NONE, widgets, picture };
+        let mut driver = Self {
+            context,
+            app,
+            time_secs: 0.0,
+            modifiers: Modifiers::NONE,
+            widgets: Vec::new(),
+            focused: None,
+            copied: None,
+            textures: BTreeMap::new(),
+        };
         driver.settle();
         driver
     }
@@ -47,13 +60,20 @@ impl Driver {
         };
         let mut output = self.context.run_ui(input, |ui| self.app.show(ui));
         if let Some(update) = output.platform_output.accesskit_update.take() {
+            let focused = update.nodes.iter().find(|(id, _)| *id == update.focus);
+            self.focused = focused.and_then(|(_, node)| widget(node)).map(|(name, _)| name);
             self.widgets = update.nodes.iter().filter_map(|(_, node)| widget(node)).collect();
         }
         for (id, delta) in output.textures_delta.set.iter().flat_map(|(id, all)| all.iter().map(move |one| (id, one))) {
             let egui::ImageData::Color(image) = &delta.image;
             let name = self.context.tex_manager().read().meta(*id).map(|meta| meta.name.clone());
-            if name.as_deref() == Some("picture") && delta.pos.is_none() {
-                self.picture = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+            if let (Some(name), None) = (name, delta.pos) {
+                self.textures.insert(name, image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect());
+            }
+        }
+        for command in &output.platform_output.commands {
+            if let egui::OutputCommand::CopyText(text) = command {
+                self.copied = Some(text.clone());
             }
         }
         output.drop_without_applying_deltas();
@@ -80,8 +100,27 @@ impl Driver {
 
     /// The picture's bytes, RGBA.
     pub(crate) fn picture(&self) -> Vec<u8> {
-        assert!(!self.picture.is_empty(), "no picture yet");
-        self.picture.clone()
+        self.texture("picture")
+    }
+
+    /// The bytes of a texture, RGBA.
+    pub(crate) fn texture(&self, name: &str) -> Vec<u8> {
+        self.textures.get(name).unwrap_or_else(|| panic!("there is no texture '{name}' yet")).clone()
+    }
+
+    /// Name of the widget that has the keyboard.
+    pub(crate) fn focused(&self) -> Option<&str> {
+        self.focused.as_deref()
+    }
+
+    /// What was copied last.
+    pub(crate) fn copied(&self) -> Option<&str> {
+        self.copied.as_deref()
+    }
+
+    /// Whether a widget has exactly this name.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.widgets.iter().any(|(label, _)| label == name)
     }
 
     /// Place of the widget with exactly this name.
@@ -137,6 +176,22 @@ impl Driver {
         self.frame(vec![Event::ModifiersChanged(modifiers), event(true)]);
         self.frame(vec![event(false), Event::ModifiersChanged(Modifiers::NONE)]);
         self.modifiers = Modifiers::NONE;
+    }
+
+    /// Clicks with keys held.
+    pub(crate) fn click_with(&mut self, at: Pos2, modifiers: Modifiers) {
+        self.modifiers = modifiers;
+        self.frame(vec![Event::ModifiersChanged(modifiers)]);
+        self.click(at);
+        self.modifiers = Modifiers::NONE;
+        self.frame(vec![Event::ModifiersChanged(Modifiers::NONE)]);
+    }
+
+    /// Replaces what stands in the field that has the keyboard, and presses Enter.
+    pub(crate) fn enter(&mut self, text: &str) {
+        self.key(Key::A, Modifiers::CTRL.plus(Modifiers::COMMAND));
+        self.frame(vec![Event::Text(text.to_owned())]);
+        self.key(Key::Enter, Modifiers::NONE);
     }
 
     fn button(&self, pos: Pos2, pressed: bool) -> Event {

@@ -163,7 +163,10 @@ impl Chooser {
                 let text = if *is_folder { format!("{name}/") } else { name.clone() };
                 let text = RichText::new(text).color(if *is_folder { WEAK } else { ui.visuals().text_color() });
                 let row = egui::Button::selectable(*name == self.name, text).truncate();
-                let response = ui.add_sized(vec2(ui.available_width(), 22.0), row);
+                let size = vec2(ui.available_width(), 22.0);
+                let layout = egui::Layout::left_to_right(egui::Align::Center).with_main_justify(true);
+                let layout = layout.with_main_align(egui::Align::Min);
+                let response = ui.allocate_ui_with_layout(size, layout, |ui| ui.add(row)).inner;
                 if response.double_clicked() && !is_folder {
                     picked = Some(Answer::Chosen(self.folder.join(name)));
                 } else if response.clicked() {

@@ -25,7 +25,7 @@ use crate::view::viewport::Viewport;
 use crate::view::worker::{Event, Picture, Progress, Request, Session};
 
 /// Lumens per watt of white light: what makes radiance of three channels a photometric luminance, as in RGBE files.
-pub(super) const LUMENS_PER_WATT: f32 = 179.0;
+const LUMENS_PER_WATT: f32 = 179.0;
 
 /// Pictures over which their rate is counted, and the longest pause between two of them that is no rest, in seconds.
 const RATE_PICTURES: usize = 24;
@@ -79,6 +79,8 @@ pub(super) struct Document {
     pub(super) session: Session,
     pub(super) groups: Groups,
     pub(super) mix: Mix,
+    /// The scene's own.
+    pub(super) scene_mix: Mix,
     pub(super) history: History<Mix>,
     pub(super) display: Display,
     pub(super) viewport: Viewport,
@@ -139,6 +141,7 @@ impl Document {
         let stem = path.file_stem().map_or("picture".into(), |stem| stem.to_string_lossy().into_owned());
         Ok(Self {
             history: History::new(mix.clone()),
+            scene_mix: mix.clone(),
             selected: (!mix.lights.is_empty()).then_some(0),
             folded: if session.basis().lights().len() > 60 { (0..groups.len()).collect() } else { BTreeSet::new() },
             session,
@@ -197,15 +200,16 @@ impl Document {
         [shape.width(), shape.height()]
     }
 
-    /// Whether a weight 1 on each light is a physical quantity, so that pixels are radiances.
-    pub(super) fn has_units(&self) -> bool {
+    /// What makes luminances cd/m², where a weight 1 on each light is a physical quantity and pixels are radiances.
+    pub(super) fn lumens_per_watt(&self) -> Option<f32> {
         let metres = self.session.container.job().provenance.metres_per_unit;
-        self.basis().lights().iter().all(|light| match light.unit {
+        let is_known = |unit| match unit {
             LightUnit::Radiance | LightUnit::Irradiance => true,
             // Intensity falls with the square of a distance, whose unit must be known.
             LightUnit::Intensity => metres > 0.0,
             LightUnit::Multiple => false,
-        })
+        };
+        self.basis().lights().iter().all(|light| is_known(light.unit)).then_some(LUMENS_PER_WATT)
     }
 
     /// Pictures a second over the last that came in a row; none after a rest.
@@ -342,7 +346,7 @@ impl Document {
 
     /// Back to the scene's own lighting.
     pub(super) fn reset(&mut self) {
-        self.mix = Mix::of_scene(self.session.basis(), &self.groups);
+        self.mix = self.scene_mix.clone();
     }
 
     /// Back to how the picture was first shown.

@@ -104,7 +104,7 @@ impl Document {
             path
         });
         let png = export::with_ending(&self.export_base, "png");
-        let line = export::command_line(&self.session.path, &look, &png, &self.display);
+        let line = export::command_line(&self.session.path, &look, &png, &self.display, self.lumens_per_watt());
         self.message = Some((format!("Copied: {line}"), false));
         line
     }

@@ -165,8 +165,11 @@ pub(super) fn pressed(context: &egui::Context) -> Vec<Action> {
                 .iter()
                 // A focused widget keeps the keys that move the focus or the widget.
                 .filter(|binding| !(focused && moves(binding.key)))
-                .filter(|binding| input.consume_key(binding.modifiers, binding.key))
-                .map(|binding| binding.action),
+                .flat_map(|binding| {
+                    // A slow frame may have seen a key more than once.
+                    let presses = input.count_and_consume_key(binding.modifiers, binding.key);
+                    std::iter::repeat_n(binding.action, presses)
+                }),
         );
         actions
     })
@@ -308,7 +311,7 @@ mod tests {
         for (i, a) in BINDINGS.iter().enumerate() {
             for b in &BINDINGS[i + 1..] {
                 assert!(a.key != b.key || a.modifiers != b.modifiers, "{:?} and {:?}", a.action, b.action);
-                // `consume_key` lets Shift pass where it is not asked for.
+                // A binding lets Shift pass where it is not asked for.
                 assert!(
                     a.key != b.key || !b.modifiers.shift || a.modifiers.command,
                     "{:?} hides {:?}",

@@ -19,10 +19,10 @@ pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {
         ui.label(RichText::new(&light.name).size(15.0).strong());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let touched = !document.mix.lights[index].is_of_scene(&light);
+            let touched = !document.mix.lights[index].is_like(&document.scene_mix.lights[index]);
             if ui.add_enabled(touched, egui::Button::new("Reset light")).clicked() {
                 let solo = document.mix.lights[index].solo;
-                document.mix.lights[index] = LightMix { solo, ..LightMix::of_scene(&light) };
+                document.mix.lights[index] = LightMix { solo, ..document.scene_mix.lights[index].clone() };
             }
         });
     });

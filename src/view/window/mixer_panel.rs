@@ -151,8 +151,8 @@ fn light_row(ui: &mut Ui, document: &mut Document, light: usize, indented: bool,
     }
     if let (Some(&contribution), true) = (document.contributions.get(light), strongest > 0.0) {
         let share = (contribution / strongest).clamp(0.0, 1.0).sqrt();
-        let bar = Rect::from_min_size(pos2(row.left(), row.bottom() - 2.0), vec2(row.width() * share, 1.5));
-        ui.painter().rect_filled(bar, 0.0, if shines { tint.gamma_multiply(0.7) } else { TROUGH });
+        let bar = Rect::from_min_size(pos2(row.left(), row.bottom() - 2.0), vec2(row.width() * share, 2.0));
+        ui.painter().rect_filled(bar, 0.0, if shines { tint.gamma_multiply(0.35) } else { TROUGH });
     }
 }
 

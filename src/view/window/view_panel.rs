@@ -3,7 +3,7 @@
 use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 
 use super::chooser::Purpose;
-use super::document::{Document, LUMENS_PER_WATT};
+use super::document::Document;
 use super::keys::{Action, act};
 use super::theme::{ACCENT, WEAK, section};
 use crate::image::{LinearImage, encode_srgb, false_colour, luminance};
@@ -109,8 +109,8 @@ fn scale(ui: &mut Ui, document: &Document) {
             ui.painter().rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
         }
     }
-    let has_units = document.has_units();
-    let gain = if has_units { LUMENS_PER_WATT } else { 1.0 };
+    let lumens_per_watt = document.lumens_per_watt();
+    let gain = lumens_per_watt.unwrap_or(1.0);
     for stops in (low as i32..=high as i32).step_by(4) {
         let x = bar.left() + bar.width() * (stops as f32 - low) / (high - low);
         let at = pos2(x.clamp(bar.left() + 14.0, bar.right() - 14.0), bar.bottom() + 9.0);
@@ -118,7 +118,7 @@ fn scale(ui: &mut Ui, document: &Document) {
         let font = egui::FontId::proportional(10.0);
         ui.painter().text(at, egui::Align2::CENTER_CENTER, text, font.clone(), WEAK);
         let luminance = (stops as f32 - document.display.tone.exposure_stops).exp2() * gain;
-        let text = short(luminance) + if stops == 0 && has_units { " cd/m²" } else { "" };
+        let text = short(luminance) + if stops == 0 && lumens_per_watt.is_some() { " cd/m²" } else { "" };
         ui.painter().text(at + vec2(0.0, 13.0), egui::Align2::CENTER_CENTER, text, font, WEAK);
     }
 }
@@ -183,13 +183,13 @@ fn probe(ui: &mut Ui, document: &mut Document) {
             let rgb = [r, g, b].map(|v| format!("{:>9}", short(v))).concat();
             let radiance = format!("{x:>5}, {y:<5}{rgb}\n");
             // A matt surface sends on at most what it gets: E ≥ π L.
-            match document.has_units() {
-                true => {
-                    let candela = bright * LUMENS_PER_WATT;
+            match document.lumens_per_watt() {
+                Some(gain) => {
+                    let candela = bright * gain;
                     let lux = short(candela * std::f32::consts::PI);
                     format!("{radiance}W/(sr·m²)   {stops}\n{} cd/m²   {lux} lx if matt white", short(candela))
                 }
-                false => format!("{radiance}times as rendered   {stops}\nY {}", short(bright)),
+                None => format!("{radiance}times as rendered   {stops}\nY {}", short(bright)),
             }
         }
         _ => "Point at the picture to read it;\nclick to ask which light matters there.\n".into(),
@@ -246,7 +246,7 @@ fn snapshots(ui: &mut Ui, document: &mut Document) {
                     if snapshot.mix.is_some() && ui.button("Recall").clicked() {
                         document.mix = snapshot.mix.clone().unwrap_or_else(|| document.mix.clone());
                     }
-                    if ui.button("✕").on_hover_text("Forget it").clicked() {
+                    if ui.button("×").on_hover_text("Forget it").clicked() {
                         removed = Some(index);
                     }
                 });

@@ -1,0 +1,134 @@
+//! Latency of the window: from a fader's movement to its picture, in frames and milliseconds, with the container's error
+//! beside it.
+//!
+//! `cargo bench --features view --bench view` measures rooms that it traces itself, kept without loss but for the
+//! container's rounding; `LTM_VIEW_CONTAINER=FILE.ltc` measures another. The window is laid out in full sixty times a
+//! second, as a display would ask for it; putting its triangles on the screen is not part of the time.
+
+#![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
+
+#[path = "../tests/view_window/container.rs"]
+#[expect(dead_code, reason = "the tests use more of it")]
+mod container;
+#[path = "../tests/view_window/driver.rs"]
+#[expect(dead_code, reason = "the tests use more of it")]
+mod driver;
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use driver::Driver;
+use eframe::egui::{Pos2, Rect, vec2};
+use ltm::container::ContainerReader;
+use ltm::matrix::FactorSource;
+use ltm::scene::BuiltIn;
+
+const FRAME: Duration = Duration::from_micros(16_667);
+/// Movements that are measured one by one, and frames of one long drag.
+const MOVES: usize = 60;
+const DRAG_FRAMES: usize = 120;
+
+fn main() {
+    if let Some(path) = std::env::var_os("LTM_VIEW_CONTAINER") {
+        return measure(Path::new(&path));
+    }
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, size, texels) in [("mixed", (320, 240), 8), ("mixed", (640, 480), 16), ("environment", (640, 480), 16)] {
+        let path: PathBuf = folder.path().join(format!("{name}-{}.ltc", size.0));
+        let built_in = BuiltIn { width: size.0, height: size.1, texels };
+        container::write(&path, built_in.named(name).expect("a built-in scene"), 4);
+        measure(&path);
+    }
+}
+
+fn measure(path: &Path) {
+    let reader = ContainerReader::open(path).expect("a container");
+    let (shape, light) = (reader.shape(), reader.job().basis.lights()[0].name.clone());
+    let ranks: usize = shape.blocks().map(|id| reader.rank(id)).sum();
+    let mut driver = Driver::open(path);
+    let fader = driver.find(&format!("{light}, stops"));
+    let (mut frames, mut millis) = (Vec::new(), Vec::new());
+    driver.press(at(fader, 0.0));
+    driver.settle();
+    for step in 0..MOVES {
+        let before = driver.picture();
+        let begun = Instant::now();
+        let mut tick = Tick::new();
+        driver.move_to(at(fader, 0.1 + 0.3 * (step % 7) as f32));
+        let mut count = 0;
+        while driver.picture() == before {
+            tick.wait();
+            driver.frame(Vec::new());
+            count += 1;
+        }
+        frames.push(count as f64);
+        millis.push(begun.elapsed().as_secs_f64() * 1e3);
+        driver.settle();
+    }
+    let mut pictures = 0;
+    let mut last = driver.picture();
+    let begun = Instant::now();
+    let mut tick = Tick::new();
+    for frame in 0..DRAG_FRAMES {
+        driver.move_to(at(fader, (frame as f32 * 0.05).sin()));
+        tick.wait();
+        let now = driver.picture();
+        pictures += usize::from(now != last);
+        last = now;
+    }
+    let rate = pictures as f64 / begun.elapsed().as_secs_f64();
+    driver.release(at(fader, 0.0));
+    let columns = shape.columns();
+    println!(
+        "{}: {} × {} pixels × 3 channels, {columns} columns, mean rank {:.1}, blocks of {}, one light of {} changed",
+        path.file_name().unwrap_or_default().to_string_lossy(),
+        shape.width(),
+        shape.height(),
+        ranks as f64 / f64::from(shape.block_count()),
+        shape.block_side(),
+        reader.job().basis.lights().len(),
+    );
+    println!(
+        "  movement to picture: {:.0} frames median, {:.0} at the 95th percentile; {:.1} ms median, {:.1} ms at the 95th",
+        percentile(&mut frames, 0.5),
+        percentile(&mut frames, 0.95),
+        percentile(&mut millis, 0.5),
+        percentile(&mut millis, 0.95),
+    );
+    println!(
+        "  during a drag of {DRAG_FRAMES} frames: {rate:.1} pictures a second; stated error {:.2e}",
+        error(&reader)
+    );
+}
+
+/// A place on the fader, in parts of its half from the middle.
+fn at(fader: Rect, part: f32) -> Pos2 {
+    fader.center() + vec2(part * fader.width() * 0.2, 0.0)
+}
+
+/// Relative error over all blocks, as the container states it.
+fn error(reader: &ContainerReader) -> f64 {
+    let reports = reader.shape().blocks().map(|id| reader.block_report(id));
+    let (error, norm) =
+        reports.fold((0.0, 0.0), |sum, report| (sum.0 + report.squared_error, sum.1 + report.squared_norm));
+    (error / norm).sqrt()
+}
+
+fn percentile(values: &mut [f64], part: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * part).round() as usize]
+}
+
+/// The beat of a display.
+struct Tick(Instant);
+
+impl Tick {
+    fn new() -> Self {
+        Self(Instant::now() + FRAME)
+    }
+
+    fn wait(&mut self) {
+        std::thread::sleep(self.0.saturating_duration_since(Instant::now()));
+        self.0 = (self.0 + FRAME).max(Instant::now());
+    }
+}
