@@ -180,6 +180,42 @@ fn a_lighting_is_saved_and_loaded() {
     driver.find_containing("Lit by");
 }
 
+/// The command that is copied writes the very picture that the window writes.
+fn the_copied_command_makes_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut driver = Driver::open(&room(&folder));
+    driver.click(driver.find("Disc").center());
+    driver.click(driver.find("texture").center());
+    driver.click(driver.find("AgX").center());
+    driver.settle();
+    let look = folder.path().join("a disc.toml");
+    driver.key(Key::K, CTRL);
+    driver.settle();
+    driver.enter(look.to_str().unwrap());
+    driver.settle();
+    let png = folder.path().join("window.png");
+    for way in ["AgX", "False colour"] {
+        driver.click(driver.find(way).center());
+        driver.key(Key::S, CTRL);
+        driver.settle();
+        driver.enter(png.to_str().unwrap());
+        driver.settle();
+        let window = std::fs::read(&png).unwrap();
+        std::fs::remove_file(&png).unwrap();
+        driver.click(driver.find("Command").center());
+        driver.settle();
+        let line = driver.copied().unwrap().strip_prefix("ltm ").unwrap().to_owned();
+        let line = format!("'{}' {line} --device=cpu", env!("CARGO_BIN_EXE_ltm"));
+        let output = std::process::Command::new("sh").args(["-c", &line]).output().unwrap();
+        assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+        let bytes = |png: &[u8]| image::load_from_memory(png).unwrap().to_rgb8().into_raw();
+        let pairs = bytes(&window).into_iter().zip(bytes(&std::fs::read(&png).unwrap()));
+        // Stops and textures take a few roundings on their way through the file.
+        let most = pairs.map(|(a, b)| a.abs_diff(b)).max().unwrap();
+        assert!(most <= 1, "{way}: {most}");
+    }
+}
+
 /// The EXR's layers are named after the lights and add up to the radiance.
 fn layers_add_up_to_the_picture() {
     let folder = tempfile::tempdir().unwrap();
@@ -276,7 +312,7 @@ fn a_picture_streams_in_and_ends_whole() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("stage.ltc");
     container::write_stage(&path, 40);
-    let session = Session::open(&path, Arc::new(|| ())).unwrap();
+    let session = Session::open(&path, None, Arc::new(|| ())).unwrap();
     let lighting = Arc::new(Lighting::of_scene(session.basis()));
     let request = Request { generation: 1, lighting: lighting.clone(), display: Display::default(), compared: None };
     session.worker.request(request);
@@ -309,7 +345,7 @@ fn main() -> ExitCode {
         return code;
     }
     let arguments = Arguments::from_args();
-    let tests: [(&str, fn()); 13] = [
+    let tests: [(&str, fn()); 14] = [
         ("a_fader_drag_relights_and_is_one_undo", a_fader_drag_relights_and_is_one_undo),
         ("a_switch_turns_the_light_off_and_on", a_switch_turns_the_light_off_and_on),
         (
@@ -320,6 +356,7 @@ fn main() -> ExitCode {
         ("painting_on_the_light_changes_the_room", painting_on_the_light_changes_the_room),
         ("a_shape_is_laid_dragged_and_scaled", a_shape_is_laid_dragged_and_scaled),
         ("a_lighting_is_saved_and_loaded", a_lighting_is_saved_and_loaded),
+        ("the_copied_command_makes_the_picture", the_copied_command_makes_the_picture),
         ("layers_add_up_to_the_picture", layers_add_up_to_the_picture),
         ("hundreds_of_lights_are_searched_soloed_and_picked", hundreds_of_lights_are_searched_soloed_and_picked),
         ("a_snapshot_is_compared_with_and_recalled", a_snapshot_is_compared_with_and_recalled),

@@ -25,6 +25,18 @@ use std::path::PathBuf;
 #[cfg(feature = "view")]
 pub use window::{App, run};
 
+/// Where the window relights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RelightOn {
+    /// On the device that draws the window, unless that is a processor in disguise, which our own code outruns.
+    #[default]
+    Auto,
+    /// On the CPU.
+    Cpu,
+    /// On the device that draws the window, whatever it is.
+    Gpu,
+}
+
 /// What the window begins with.
 #[derive(Clone, Debug, Default)]
 pub struct WindowOptions {
@@ -36,6 +48,8 @@ pub struct WindowOptions {
     pub frames: u32,
     /// Size of the window, in points.
     pub size: Option<[f32; 2]>,
+    /// Where to relight.
+    pub relight_on: RelightOn,
     /// Folder in which the list of recent files is kept; none: it is forgotten with the window.
     pub state_folder: Option<PathBuf>,
 }

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::{LightBasis, Lighting};
 use crate::matrix::{BlockId, CHANNELS, ColumnIndex, FactorSource, FactoredBlock, MatrixShape};
-use crate::relight::{CpuRelighter, Relit};
+use crate::relight::{CpuRelighter, GpuRelighter, GpuSettings, Relit};
 
 /// A changed lighting is applied column by column while fewer than one in this many columns change: a column of `R` is
 /// gathered entry by entry, some ten times dearer than in a pass over all of it.
@@ -25,6 +25,15 @@ const FEW_COLUMNS: usize = 10;
 /// Blocks that are read before the first picture, and how long later steps take at least, in seconds.
 const FIRST_STEP: usize = 16;
 const STEP_SECS: f64 = 0.08;
+
+/// The device that the window draws with, to relight on it too.
+#[derive(Clone, Debug)]
+pub struct SharedDevice {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+}
 
 /// What the window wants to see.
 #[derive(Clone, Debug)]
@@ -105,7 +114,12 @@ pub enum Event {
     /// A picture.
     Picture(Box<Picture>),
     /// All factors are resident.
-    Loaded(Arc<CpuRelighter>),
+    Loaded {
+        /// On the CPU, in any case.
+        relighter: Arc<CpuRelighter>,
+        /// The adapter that relights, where it is not the CPU, and the bytes that it takes there.
+        adapter: Option<(String, u64)>,
+    },
     /// What each column brings to the picture is known.
     Reach(Reach),
     /// What each light brings to a pixel, at the newest lighting: luminances.
@@ -216,15 +230,20 @@ impl Outbox {
 }
 
 impl Worker {
-    /// Begins to load the factors of an open container. `wake` is called after every event.
-    pub fn start(source: Arc<ContainerReader>, wake: Arc<dyn Fn() + Send + Sync>) -> Self {
+    /// Begins to load the factors of an open container, to relight them on `device` if there is one, else on the CPU.
+    /// `wake` is called after every event.
+    pub fn start(
+        source: Arc<ContainerReader>,
+        device: Option<SharedDevice>,
+        wake: Arc<dyn Fn() + Send + Sync>,
+    ) -> Self {
         let shared = Arc::new(Shared::default());
         let (sender, events) = channel();
         let outbox = Outbox { events: sender, wake };
         let thread = {
             let (shared, outbox) = (shared.clone(), outbox.clone());
             std::thread::spawn(move || {
-                if let Err(error) = work(&source, &shared, &outbox)
+                if let Err(error) = work(&source, device, &shared, &outbox)
                     && !shared.stopped()
                 {
                     outbox.send(Event::Failed(error.to_string()));
@@ -276,10 +295,21 @@ impl Drop for Worker {
 }
 
 /// Loads base layers, then everything, and serves wishes in between and after.
-fn work(source: &Arc<ContainerReader>, shared: &Arc<Shared>, outbox: &Outbox) -> Result<()> {
+fn work(
+    source: &Arc<ContainerReader>,
+    device: Option<SharedDevice>,
+    shared: &Arc<Shared>,
+    outbox: &Outbox,
+) -> Result<()> {
     let metered = |most_layers| Metered { source, meter: &shared.meter, most_layers, stop: &shared.stop };
-    let mut desk =
-        Desk { source: source.clone(), shared: shared.clone(), outbox: outbox.clone(), kept: None, last: None };
+    let mut desk = Desk {
+        source: source.clone(),
+        shared: shared.clone(),
+        outbox: outbox.clone(),
+        gpu: None,
+        kept: None,
+        last: None,
+    };
     // Without layers every block is black and nothing is read.
     let mut relighter = CpuRelighter::load(&metered(0))?;
     let mut ids: Vec<BlockId> = source.shape().blocks().filter(|&id| source.has_block(id)).collect();
@@ -309,7 +339,15 @@ fn work(source: &Arc<ContainerReader>, shared: &Arc<Shared>, outbox: &Outbox) ->
         }
     }
     let whole = Arc::new(relighter);
-    outbox.send(Event::Loaded(whole.clone()));
+    if let Some(SharedDevice { device, queue }) = device {
+        match GpuRelighter::on_device(device, queue, &metered(u32::MAX), GpuSettings::default()) {
+            Ok(gpu) => desk.gpu = Some(gpu),
+            Err(error @ Error::Interrupted(_)) => return Err(error),
+            Err(error) => outbox.send(Event::Failed(format!("{error}; relighting on the CPU"))),
+        }
+    }
+    let adapter = desk.gpu.as_ref().map(|gpu| (gpu.adapter(), gpu.resident_bytes()));
+    outbox.send(Event::Loaded { relighter: whole.clone(), adapter });
     desk.show_progress(&whole, Progress::COMPLETE);
     let reach = {
         let (source, shared, outbox) = (source.clone(), shared.clone(), outbox.clone());
@@ -339,6 +377,7 @@ struct Desk {
     source: Arc<ContainerReader>,
     shared: Arc<Shared>,
     outbox: Outbox,
+    gpu: Option<GpuRelighter>,
     kept: Option<Kept>,
     /// The request of the newest picture, to show it again when more has streamed in.
     last: Option<Request>,
@@ -346,7 +385,8 @@ struct Desk {
 
 struct Kept {
     lighting: Arc<Lighting>,
-    relit: Relit,
+    /// What the CPU keeps to change a few columns; none where the GPU relights.
+    relit: Option<Relit>,
     image: Arc<LinearImage>,
 }
 
@@ -419,16 +459,30 @@ impl Desk {
             if changes.is_empty() {
                 return Ok(false);
             }
-            if changes.len() == 1 || changes.len() * FEW_COLUMNS <= lighting.weights().len() {
-                relighter.change(&mut kept.relit, &changes)?;
+            let few = changes.len() == 1 || changes.len() * FEW_COLUMNS <= lighting.weights().len();
+            if let (true, Some(relit)) = (few, &mut kept.relit) {
+                relighter.change(relit, &changes)?;
                 kept.lighting = lighting.clone();
-                kept.image = Arc::new(kept.relit.image.clone());
+                kept.image = Arc::new(relit.image.clone());
                 return Ok(true);
             }
         }
-        let relit = relighter.relight_kept(lighting)?;
+        let lighting = lighting.clone();
+        if let Some(gpu) = &self.gpu {
+            match gpu.relight(&lighting) {
+                Ok(image) => {
+                    self.kept = Some(Kept { lighting, relit: None, image: Arc::new(image) });
+                    return Ok(true);
+                }
+                Err(error) => {
+                    self.gpu = None;
+                    self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU")));
+                }
+            }
+        }
+        let relit = relighter.relight_kept(&lighting)?;
         let image = Arc::new(relit.image.clone());
-        self.kept = Some(Kept { lighting: lighting.clone(), relit, image });
+        self.kept = Some(Kept { lighting, relit: Some(relit), image });
         Ok(true)
     }
 
@@ -452,12 +506,12 @@ pub struct Session {
 }
 
 impl Session {
-    /// Opens a container and begins to load it.
+    /// Opens a container and begins to load it, to relight it on `device` if there is one.
     ///
     /// Errors: those of [`ContainerReader::open`].
-    pub fn open(path: &Path, wake: Arc<dyn Fn() + Send + Sync>) -> Result<Self> {
+    pub fn open(path: &Path, device: Option<SharedDevice>, wake: Arc<dyn Fn() + Send + Sync>) -> Result<Self> {
         let container = Arc::new(ContainerReader::open(path)?);
-        let worker = Worker::start(container.clone(), wake);
+        let worker = Worker::start(container.clone(), device, wake);
         Ok(Self { path: path.to_owned(), container, worker })
     }
 

@@ -33,7 +33,7 @@ impl Driver {
         let context = egui::Context::default();
         context.enable_accesskit();
         let options = WindowOptions { path: Some(path.to_owned()), ..Default::default() };
-        let app = App::new(&context, options, Arc::new(Mutex::new(None)));
+        let app = App::new(&context, options, None, Arc::new(Mutex::new(None)));
         let mut driver = Self {
             context,
             app,

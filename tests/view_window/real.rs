@@ -3,18 +3,23 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
+use ltm::image::{LinearImage, read_image};
 use ltm::scene::BuiltIn;
-use ltm::view::{WindowOptions, run};
+use ltm::view::{RelightOn, WindowOptions, run};
 
 use super::container;
 
 /// Tests of this file.
-pub(crate) const TESTS: [(&str, fn()); 2] = [
+pub(crate) const TESTS: [(&str, fn()); 3] = [
+    (
+        "the_device_that_draws_the_window_relights_as_the_cpu_does",
+        the_device_that_draws_the_window_relights_as_the_cpu_does,
+    ),
     ("a_real_window_shows_the_room", a_real_window_shows_the_room),
     ("without_a_display_one_line_says_so", without_a_display_one_line_says_so),
 ];
 
-/// First argument with which this program is the viewer: container, screenshot.
+/// First argument with which this program is the viewer: container, screenshot, "gpu" to relight there.
 const AS_VIEWER: &str = "--act-as-viewer";
 /// First argument with which it writes a container: scene file or built-in name, samples per pixel, container.
 const AS_TRACER: &str = "--act-as-tracer";
@@ -33,6 +38,7 @@ pub(crate) fn act_as_program() -> Option<ExitCode> {
                 path: Some(path.into()),
                 screenshot: rest.first().map(PathBuf::from),
                 frames: 30,
+                relight_on: if rest.get(1).is_some_and(|on| on == "gpu") { RelightOn::Gpu } else { RelightOn::Cpu },
                 ..Default::default()
             };
             Some(match run(options) {
@@ -59,25 +65,51 @@ fn this_program() -> PathBuf {
     std::env::current_exe().unwrap()
 }
 
-fn a_real_window_shows_the_room() {
-    let folder = tempfile::tempdir().unwrap();
-    let container = folder.path().join("room.ltc");
-    let scene = BuiltIn { width: 192, height: 144, texels: 6 }.named("mixed").unwrap();
-    container::write(&container, scene, 16);
-    let kept = std::env::var_os("LTM_VIEW_PICTURES").map_or(folder.path().to_owned(), PathBuf::from);
-    let picture = kept.join("window.png");
+/// What a real window shows of a container, as a picture of the whole window.
+fn screenshot(container: &Path, name: &str, on: &str) -> LinearImage {
+    let folder = container.parent().unwrap().to_owned();
+    let picture = std::env::var_os("LTM_VIEW_PICTURES").map_or(folder, PathBuf::from).join(name);
     let output = Command::new("xvfb-run")
         .args(["-a", "-s", "-screen 0 1600x1000x24"])
         .arg(this_program())
-        .args([AS_VIEWER.as_ref(), container.as_os_str(), picture.as_os_str()])
+        .args([AS_VIEWER.as_ref(), container.as_os_str(), picture.as_os_str(), on.as_ref()])
         .env_remove("WAYLAND_DISPLAY")
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let seen = ltm::image::read_image(&picture).unwrap();
+    read_image(&picture).unwrap()
+}
+
+fn room(folder: &tempfile::TempDir) -> PathBuf {
+    let container = folder.path().join("room.ltc");
+    let scene = BuiltIn { width: 192, height: 144, texels: 6 }.named("mixed").unwrap();
+    container::write(&container, scene, 16);
+    container
+}
+
+fn a_real_window_shows_the_room() {
+    let folder = tempfile::tempdir().unwrap();
+    let seen = screenshot(&room(&folder), "window.png", "cpu");
     // A fitted room fills most of the middle: somewhere there it is bright, and the panels' grey is not all there is.
     let bright = seen.luminances().filter(|&v| v > 0.3).count();
     assert!(bright > seen.pixels.len() / 50, "{bright} bright pixels of {}", seen.pixels.len());
+}
+
+fn the_device_that_draws_the_window_relights_as_the_cpu_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let container = room(&folder);
+    let [cpu, gpu] = ["cpu", "gpu"].map(|on| screenshot(&container, &format!("{on}.png"), on));
+    assert_eq!((cpu.width, cpu.height), (gpu.width, gpu.height));
+    // The middle of the window, without the panels, whose figures differ.
+    let (width, height) = (cpu.width as usize, cpu.height as usize);
+    let middle = |image: &LinearImage| -> Vec<[f32; 3]> {
+        let rows = image.pixels.chunks_exact(width).skip(height / 5).take(height * 3 / 5);
+        rows.flat_map(|row| row[width * 2 / 5..width * 3 / 5].to_vec()).collect()
+    };
+    let pairs = middle(&cpu).into_iter().flatten().zip(middle(&gpu).into_iter().flatten());
+    // One step of 8 bits where sRGB is steepest, in linear values.
+    let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(most <= 0.01, "{most}");
 }
 
 fn without_a_display_one_line_says_so() {

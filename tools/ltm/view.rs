@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use ltm::Result;
-use ltm::view::WindowOptions;
+use ltm::view::{RelightOn, WindowOptions};
 
 #[derive(Args)]
 pub(crate) struct View {
@@ -13,6 +13,16 @@ pub(crate) struct View {
     /// Save a PNG of the window once its picture stands, and close it.
     #[arg(long, value_name = "PNG")]
     screenshot: Option<PathBuf>,
+    /// Where to relight: on the device that draws the window unless it is a software one, on the CPU, or there anyway.
+    #[arg(long, value_enum, default_value = "auto")]
+    device: DeviceName,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum DeviceName {
+    Auto,
+    Cpu,
+    Gpu,
 }
 
 pub(crate) fn run(options: View) -> Result<()> {
@@ -20,6 +30,11 @@ pub(crate) fn run(options: View) -> Result<()> {
         path: options.file,
         screenshot: options.screenshot,
         frames: 10,
+        relight_on: match options.device {
+            DeviceName::Auto => RelightOn::Auto,
+            DeviceName::Cpu => RelightOn::Cpu,
+            DeviceName::Gpu => RelightOn::Gpu,
+        },
         state_folder: state_folder(),
         ..Default::default()
     })

@@ -19,6 +19,7 @@ use crate::error::{Error, Result};
 use crate::view::WindowOptions;
 use crate::view::export::write_rgba;
 use crate::view::recent::{Recent, RecentKind};
+use crate::view::worker::SharedDevice;
 
 /// Frames that may pass without the picture before a screenshot is taken of what there is.
 const PATIENCE_FRAMES: u32 = 2000;
@@ -28,6 +29,7 @@ pub struct App {
     document: Option<Document>,
     message: Option<String>,
     recent: Recent,
+    device: Option<SharedDevice>,
     chooser: Option<Chooser>,
     panels: bool,
     help: bool,
@@ -44,14 +46,21 @@ struct Screenshot {
 }
 
 impl App {
-    /// Opens what the options name. A failed screenshot is put into `failure`.
-    pub fn new(context: &egui::Context, options: WindowOptions, failure: Arc<Mutex<Option<Error>>>) -> Self {
+    /// Opens what the options name, to relight it on `device` if there is one. A failed screenshot is put into
+    /// `failure`.
+    pub fn new(
+        context: &egui::Context,
+        options: WindowOptions,
+        device: Option<SharedDevice>,
+        failure: Arc<Mutex<Option<Error>>>,
+    ) -> Self {
         theme::apply(context);
         let screenshot =
             options.screenshot.map(|path| Screenshot { path, frames: options.frames.max(1), waited: 0, asked: false });
         let recent = Recent::load(options.state_folder);
         let (document, message, chooser) = (None, None, None);
-        let mut app = Self { document, message, recent, chooser, panels: true, help: false, screenshot, failure };
+        let mut app =
+            Self { document, message, recent, device, chooser, panels: true, help: false, screenshot, failure };
         if let Some(path) = options.path {
             app.open(context, &path);
         }
@@ -60,7 +69,7 @@ impl App {
 
     /// Opens a container in place of the one that is open.
     pub fn open(&mut self, context: &egui::Context, path: &Path) {
-        match Document::open(context, path) {
+        match Document::open(context, path, self.device.clone()) {
             Ok(document) => {
                 self.document = Some(document);
                 self.message = None;

@@ -22,7 +22,7 @@ use crate::view::pattern::{Brush, ShapeKind};
 use crate::view::reach::Reach;
 use crate::view::snapshots::{Snapshots, thumbnail};
 use crate::view::viewport::Viewport;
-use crate::view::worker::{Event, Picture, Progress, Request, Session};
+use crate::view::worker::{Event, Picture, Progress, Request, Session, SharedDevice};
 
 /// Lumens per watt of white light: what makes radiance of three channels a photometric luminance, as in RGBE files.
 const LUMENS_PER_WATT: f32 = 179.0;
@@ -104,6 +104,8 @@ pub(super) struct Document {
     pub(super) progress: Progress,
     /// All factors, once they are there.
     pub(super) relighter: Option<Arc<CpuRelighter>>,
+    /// The adapter that relights, where it is not the CPU, and the bytes that it takes there.
+    pub(super) adapter: Option<(String, u64)>,
     pub(super) latency: Latency,
     pub(super) message: Option<(String, bool)>,
     /// Works beside the worker that are not done yet.
@@ -129,12 +131,12 @@ pub(super) struct Document {
 }
 
 impl Document {
-    pub(super) fn open(context: &egui::Context, path: &Path) -> Result<Self> {
+    pub(super) fn open(context: &egui::Context, path: &Path, device: Option<SharedDevice>) -> Result<Self> {
         let wake = {
             let context = context.clone();
             Arc::new(move || context.request_repaint())
         };
-        let session = Session::open(path, wake)?;
+        let session = Session::open(path, device, wake)?;
         let groups = Groups::of(session.basis());
         let mix = Mix::of_scene(session.basis(), &groups);
         let lighting = Arc::new(mix.lighting(session.basis(), &groups)?);
@@ -172,6 +174,7 @@ impl Document {
             histogram: Vec::new(),
             progress: Progress::default(),
             relighter: None,
+            adapter: None,
             latency: Latency::default(),
             message: None,
             beside: 0,
@@ -229,13 +232,14 @@ impl Document {
         for event in events {
             match event {
                 Event::Picture(picture) => self.take_picture(context, *picture),
-                Event::Loaded(relighter) => {
+                Event::Loaded { relighter, adapter } => {
                     if let Some(first) = relighter.damage().first() {
                         let count = relighter.damage().len();
                         let blocks = if count == 1 { "block" } else { "blocks" };
                         self.message = Some((format!("{count} damaged {blocks}: {first}"), true));
                     }
                     self.relighter = Some(relighter);
+                    self.adapter = adapter;
                 }
                 Event::Brought(brought) => {
                     self.beside -= 1;

@@ -22,7 +22,8 @@ use eframe::egui;
 
 pub use app::App;
 
-use super::WindowOptions;
+use super::worker::SharedDevice;
+use super::{RelightOn, WindowOptions};
 use crate::error::{Error, Result};
 
 /// Opens the window and stays until it is closed.
@@ -44,7 +45,19 @@ pub fn run(options: WindowOptions) -> Result<()> {
             eframe::run_native(
                 "ltm",
                 native,
-                Box::new(move |context| Ok(Box::new(App::new(&context.egui_ctx, options, failure)))),
+                Box::new(move |context| {
+                    let device = context.wgpu_render_state.as_ref().and_then(|state| {
+                        let device = SharedDevice { device: state.device.clone(), queue: state.queue.clone() };
+                        let is_software = state.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+                        let wanted = match options.relight_on {
+                            RelightOn::Auto => !is_software,
+                            RelightOn::Cpu => false,
+                            RelightOn::Gpu => true,
+                        };
+                        wanted.then_some(device)
+                    });
+                    Ok(Box::new(App::new(&context.egui_ctx, options, device, failure)))
+                }),
             )
         })
     };

@@ -71,7 +71,15 @@ fn worth(ui: &mut Ui, document: &Document) {
     let file = format!("of a file of {}; layers that lean on others are read with them", bytes(container.file_bytes()));
     ui.label(weak(read)).on_hover_text(file);
     if let Some(relighter) = &document.relighter {
-        ui.label(weak(format!("{} resident", bytes(relighter.factor_bytes())))).on_hover_text("Factors in memory");
+        let on_cpu = bytes(relighter.factor_bytes());
+        let (resident, about) = match &document.adapter {
+            Some((adapter, taken)) => (
+                format!("{} + {} on the GPU", on_cpu, bytes(*taken)),
+                format!("Factors in memory, and with the pictures on {adapter}, which relights"),
+            ),
+            None => (on_cpu, "Factors in memory; the CPU relights".to_owned()),
+        };
+        ui.label(weak(format!("{resident} resident"))).on_hover_text(about);
     }
 }
 
