@@ -107,6 +107,28 @@ pub fn shared_components(bytes: &[u8]) -> usize {
 ///
 /// Errors, as plain text for the caller to place: anything that cannot be a layer of this layout.
 pub fn decode_layer(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> Result<FactoredBlock, String> {
+    pulp::Arch::new().dispatch(Decoding { layout, bytes, base })
+}
+
+/// A call of [`decode`]: a closure would not be inlined into the functions that are compiled for each vector unit.
+struct Decoding<'a> {
+    layout: &'a BlockLayout,
+    bytes: &'a [u8],
+    base: Option<&'a FactoredBlock>,
+}
+
+impl pulp::NullaryFnOnce for Decoding<'_> {
+    type Output = Result<FactoredBlock, String>;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        decode(self.layout, self.bytes, self.base)
+    }
+}
+
+/// Compiled for the vector units that the machine turns out to have.
+#[inline(always)]
+fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> Result<FactoredBlock, String> {
     let (rows, columns, pixels) = (layout.rows(), layout.columns(), layout.pixels());
     let Some((header, streams)) = bytes.split_at_checked(CHUNK_HEADER_BYTES) else {
         return Err("the chunk is cut short".into());
@@ -155,7 +177,8 @@ pub fn decode_layer(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBl
             };
             block.right_step.push(right_step);
             let rotation = Rotation(side.bits(0, ROTATION_BITS));
-            for (channel, plane) in left.chunks_exact_mut(pixels).enumerate() {
+            for channel in 0..CHANNELS {
+                let plane = &mut left[channel * pixels..][..pixels];
                 let classes = contexts.code(&mut side, PlaneKind::left(channel), [0; ZONES]);
                 check_classes(&classes)?;
                 read(decoder, &classes, left_shape, step_of(left_step), &mut scratch, plane);

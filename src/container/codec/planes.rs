@@ -53,6 +53,36 @@ impl PlaneShape {
 
 /// Transforms and quantises an image with the step of an index. `lambda` is the squared error, in squared steps, that a bit is worth.
 pub(super) fn plan(values: &[f32], shape: PlaneShape, step: i32, lambda: f32) -> PlanePlan {
+    let mut bands = pulp::Arch::new().dispatch(Bands { values, shape });
+    let mut plan = PlanePlan { classes: [0; ZONES], bands: Default::default(), cost: 0.0 };
+    let inverse_step = 1.0 / step_of(step);
+    for (zone, band) in bands.iter_mut().enumerate() {
+        band.iter_mut().for_each(|c| *c *= inverse_step);
+        let (class, quantised, cost) = quantise(band, lambda);
+        plan.classes[zone] = class;
+        plan.bands[zone] = quantised;
+        plan.cost += cost;
+    }
+    plan
+}
+
+/// The coefficients of an image by zone: a call that is compiled for each vector unit.
+struct Bands<'a> {
+    values: &'a [f32],
+    shape: PlaneShape,
+}
+
+impl pulp::NullaryFnOnce for Bands<'_> {
+    type Output = [Vec<f32>; ZONES];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        bands(self.values, self.shape)
+    }
+}
+
+#[inline(always)]
+fn bands(values: &[f32], shape: PlaneShape) -> [Vec<f32>; ZONES] {
     let mut bands: [Vec<f32>; ZONES] = Default::default();
     if shape.tile == 0 {
         bands[0].extend(values);
@@ -72,16 +102,7 @@ pub(super) fn plan(values: &[f32], shape: PlaneShape, step: i32, lambda: f32) ->
             }
         }
     }
-    let mut plan = PlanePlan { classes: [0; ZONES], bands: Default::default(), cost: 0.0 };
-    let inverse_step = 1.0 / step_of(step);
-    for (zone, band) in bands.iter_mut().enumerate() {
-        band.iter_mut().for_each(|c| *c *= inverse_step);
-        let (class, quantised, cost) = quantise(band, lambda);
-        plan.classes[zone] = class;
-        plan.bands[zone] = quantised;
-        plan.cost += cost;
-    }
-    plan
+    bands
 }
 
 /// Quantises a band: the class and values of least `error + λ · bits`.
@@ -151,6 +172,7 @@ pub(super) fn push(encoder: &mut RansEncoder, plan: &PlanePlan) {
 }
 
 /// Reads an image back into `out`.
+#[inline(always)]
 pub(super) fn read(
     decoder: &mut RansDecoder<'_>,
     classes: &[u32; ZONES],
@@ -164,7 +186,7 @@ pub(super) fn read(
     if classes[..zones].iter().all(|&class| class == 0) {
         return out.fill(0.0);
     }
-    let Scratch { integers, tiles } = scratch;
+    let Scratch { integers, tiles, scans } = scratch;
     if shape.tile == 0 {
         integers.resize(shape.values(), 0);
         decoder.read_band(classes[0], integers);
@@ -173,23 +195,21 @@ pub(super) fn read(
     }
     tiles.clear();
     tiles.resize(shape.values(), 0.0);
+    scans.clear();
+    scans.extend(shape.tiles().map(|tile| Scan::of(tile.width, tile.height)));
     for (zone, &class) in classes.iter().enumerate().filter(|(_, class)| **class != 0) {
-        let band = |tile: &Tile| {
-            let scan = Scan::of(tile.width, tile.height);
-            &scan.order[if zone == 0 { 0 } else { scan.ends[zone - 1] }..scan.ends[zone]]
-        };
-        let count = shape.tiles().map(|tile| band(&tile).len()).sum();
-        integers.resize(count, 0);
+        integers.resize(scans.iter().map(|scan| scan.zone(zone).len()).sum(), 0);
         decoder.read_band(class, integers);
-        let (mut at, mut start) = (0, 0);
-        for tile in shape.tiles() {
-            let places = band(&tile);
-            let buffer = &mut tiles[start..start + tile.width * tile.height];
-            for (&place, &q) in places.iter().zip(&integers[at..]) {
-                buffer[usize::from(place)] = q as f32 * step;
+        let (mut values, mut buffer) = (integers.as_slice(), tiles.as_mut_slice());
+        for scan in scans.iter() {
+            let tile;
+            (tile, buffer) = buffer.split_at_mut(scan.order.len());
+            let places = scan.zone(zone);
+            let here;
+            (here, values) = values.split_at(places.len());
+            for (&place, &q) in places.iter().zip(here) {
+                tile[usize::from(place)] = q as f32 * step;
             }
-            at += places.len();
-            start += buffer.len();
         }
     }
     let mut start = 0;
@@ -208,4 +228,5 @@ pub(super) fn read(
 pub(super) struct Scratch {
     integers: Vec<i32>,
     tiles: Vec<f32>,
+    scans: Vec<&'static Scan>,
 }

@@ -1,7 +1,7 @@
 //! A range coder with asymmetric numeral systems (Duda, *Asymmetric numeral systems*, 2013, §3): four interleaved
 //! 32-bit states, 16-bit words.
 
-use super::classes::{ESCAPE, LARGEST, MAX_MAGNITUDE, PROBABILITY_BITS, TOTAL, coding_of, symbol_of};
+use super::classes::{ESCAPE, LARGEST, MAX_MAGNITUDE, PROBABILITY_BITS, TOTAL, Table, coding_of, symbol_of};
 
 /// Interleaved states; value `i` of a band uses state `i mod STATES`.
 const STATES: usize = 4;
@@ -86,26 +86,68 @@ impl<'a> RansDecoder<'a> {
     }
 
     /// Reads the values of a band that was coded with `class` (not 0).
+    #[inline(always)]
     pub(super) fn read_band(&mut self, class: u32, values: &mut [i32]) {
         let (table, shift) = coding_of(class);
-        let mut states = self.states;
-        for chunk in values.chunks_mut(STATES) {
-            for (value, x) in chunk.iter_mut().zip(&mut states) {
+        match shift {
+            0 => self.read_coded::<false>(table, 0, values),
+            _ => self.read_coded::<true>(table, shift, values),
+        }
+    }
+
+    #[inline(always)]
+    fn read_coded<const SHIFTED: bool>(&mut self, table: &Table, shift: u32, values: &mut [i32]) {
+        let (groups, rest) = values.as_chunks_mut::<STATES>();
+        for group in groups {
+            // A group takes at most two words a value, unless it has an escape or many low bits.
+            let words = self.words.get(self.next..self.next + 2 * STATES).filter(|_| shift <= 8);
+            let Some(words) = words.and_then(|words| <&[[u8; 2]; 2 * STATES]>::try_from(words).ok()) else {
+                self.read_slowly(table, shift, group);
+                continue;
+            };
+            let (mut states, mut taken, mut escapes) = (self.states, 0usize, 0u32);
+            let mut renormalise = |x: u32| {
+                let word = u32::from(u16::from_le_bytes(words[taken % (2 * STATES)]));
+                let low = x < LOWEST;
+                taken += usize::from(low);
+                if low { x << 16 | word } else { x }
+            };
+            for (value, x) in group.iter_mut().zip(&mut states) {
                 let slot = table.slots[(*x & (TOTAL - 1)) as usize];
-                *x = (slot >> 16) * (*x >> PROBABILITY_BITS) + ((slot & 0xffff) >> 4);
-                if *x < LOWEST {
-                    *x = *x << 16 | self.word();
+                *x = renormalise((slot >> 16) * (*x >> PROBABILITY_BITS) + ((slot & 0xffff) >> 4));
+                let symbol = slot & 15;
+                escapes |= u32::from(symbol == ESCAPE as u32);
+                *value = symbol as i32 - LARGEST;
+                if SHIFTED {
+                    let room = PROBABILITY_BITS - shift;
+                    let slot = *x & (TOTAL - 1);
+                    *value = *value << shift | (slot >> room) as i32;
+                    *x = renormalise((*x >> PROBABILITY_BITS << room) + (slot & ((1 << room) - 1)));
                 }
-                let symbol = (slot & 15) as usize;
-                let mut high = symbol as i32 - LARGEST;
-                if symbol == ESCAPE {
-                    high = self.read_escape(x);
-                }
-                if shift > 0 {
-                    high = high << shift | self.read_bits(x, shift) as i32;
-                }
-                *value = high;
             }
+            if escapes != 0 {
+                self.read_slowly(table, shift, group);
+                continue;
+            }
+            self.next += taken;
+            self.states = states;
+        }
+        self.read_slowly(table, shift, rest);
+    }
+
+    /// Any values, one by one.
+    #[inline(never)]
+    fn read_slowly(&mut self, table: &Table, shift: u32, values: &mut [i32]) {
+        let mut states = self.states;
+        for (value, x) in values.iter_mut().zip(&mut states) {
+            let slot = table.slots[(*x & (TOTAL - 1)) as usize];
+            *x = (slot >> 16) * (*x >> PROBABILITY_BITS) + ((slot & 0xffff) >> 4);
+            if *x < LOWEST {
+                *x = *x << 16 | self.word();
+            }
+            let symbol = (slot & 15) as usize;
+            let high = if symbol == ESCAPE { self.read_escape(x) } else { symbol as i32 - LARGEST };
+            *value = if shift > 0 { high << shift | self.read_bits(x, shift) as i32 } else { high };
         }
         self.states = states;
     }

@@ -76,6 +76,7 @@ impl Rotation {
 }
 
 /// Applies a matrix to the three planes of `values`: plane `i` becomes `Σⱼ matrix[i][j] · plane j`.
+#[inline(always)]
 pub(super) fn rotate(values: &mut [f32], matrix: [[f32; 3]; 3]) {
     let third = values.len() / 3;
     let (a, rest) = values.split_at_mut(third);

@@ -33,6 +33,11 @@ impl Scan {
         Self { order, ends }
     }
 
+    /// The places of a zone.
+    pub(super) fn zone(&self, zone: usize) -> &[u16] {
+        &self.order[if zone == 0 { 0 } else { self.ends[zone - 1] }..self.ends[zone]]
+    }
+
     /// The scan of a tile of `width × height`, at most [`MAX_TILE`] each.
     pub(super) fn of(width: usize, height: usize) -> &'static Self {
         static SCANS: [OnceLock<Scan>; MAX_TILE * MAX_TILE] = [const { OnceLock::new() }; MAX_TILE * MAX_TILE];
@@ -56,47 +61,129 @@ fn cosines(n: usize) -> &'static [f32] {
     })
 }
 
-/// Transforms a tile of `width × height` values, row by row, in place.
+/// Transforms a tile of `width × height` values, row by row, in place. To be inlined, as [`inverse`].
+#[inline(always)]
 pub(super) fn forward(tile: &mut [f32], width: usize, height: usize) {
     let (across, down) = (cosines(width), cosines(height));
     let mut rows = [0.0f32; MAX_TILE * MAX_TILE];
-    for (row, out) in tile.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
-        for (u, out) in out.iter_mut().enumerate() {
-            *out = row.iter().zip(&across[u * width..]).map(|(a, b)| a * b).sum();
-        }
-    }
-    tile.fill(0.0);
-    for (v, out) in tile.chunks_exact_mut(width).enumerate() {
-        for (y, row) in rows.chunks_exact(width).take(height).enumerate() {
+    for (v, out) in rows.chunks_exact_mut(width).take(height).enumerate() {
+        for (y, row) in tile.chunks_exact(width).enumerate() {
             add_scaled(out, row, down[v * height + y]);
         }
     }
+    for (row, out) in rows.chunks_exact(width).zip(tile.chunks_exact_mut(width)) {
+        for (cosine, out) in across.chunks_exact(width).zip(out) {
+            *out = dot(row, cosine);
+        }
+    }
+}
+
+/// Eight sums side by side, so that it runs on vector units and gives the same bits on all of them.
+#[inline(always)]
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let mut sums = [0.0f32; 8];
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..8 {
+            sums[i] += a[i] * b[i];
+        }
+    }
+    sums.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
 }
 
 /// Transforms back in place. Rows and columns of coefficients that are all zero at the high end cost nothing.
+///
+/// Sums run in one fixed order, so that the bits do not depend on the vector units; to be inlined into a function that is
+/// compiled for them.
+#[inline(always)]
 pub(super) fn inverse(tile: &mut [f32], width: usize, height: usize) {
-    let (across, down) = (cosines(width), cosines(height));
     let used_rows = tile.chunks_exact(width).rposition(|row| row.iter().any(|&c| c != 0.0)).map_or(0, |last| last + 1);
-    let used_columns = tile
-        .chunks_exact(width)
-        .take(used_rows)
-        .filter_map(|row| row.iter().rposition(|&c| c != 0.0))
-        .max()
-        .map_or(0, |last| last + 1);
+    let used = &tile[..used_rows * width];
+    let used_columns =
+        used.chunks_exact(width).filter_map(|row| row.iter().rposition(|&c| c != 0.0)).max().map_or(0, |last| last + 1);
     let mut rows = [0.0f32; MAX_TILE * MAX_TILE];
-    for (v, row) in tile.chunks_exact(width).take(used_rows).enumerate() {
-        for (out, &c) in rows.chunks_exact_mut(width).zip(&down[v * height..(v + 1) * height]) {
-            add_scaled(&mut out[..used_columns], &row[..used_columns], c);
-        }
+    match used_columns {
+        0 => return tile.fill(0.0),
+        1..=4 if width >= 4 => inverse_down::<4>(tile, width, height, used_rows, &mut rows),
+        5..=8 if width >= 8 => inverse_down::<8>(tile, width, height, used_rows, &mut rows),
+        9..=16 if width >= 16 => inverse_down::<16>(tile, width, height, used_rows, &mut rows),
+        17..=32 if width >= 32 => inverse_down::<32>(tile, width, height, used_rows, &mut rows),
+        _ => inverse_down::<1>(tile, width, height, used_rows, &mut rows),
     }
-    for (out, row) in tile.chunks_exact_mut(width).zip(rows.chunks_exact(width)) {
-        out.fill(0.0);
-        for (&c, cosine) in row[..used_columns].iter().zip(across.chunks_exact(width)) {
-            add_scaled(out, cosine, c);
+    match width {
+        4 => inverse_across::<4>(tile, used_columns, &rows),
+        8 => inverse_across::<8>(tile, used_columns, &rows),
+        16 => inverse_across::<16>(tile, used_columns, &rows),
+        32 => inverse_across::<32>(tile, used_columns, &rows),
+        _ => {
+            let across = cosines(width);
+            for (out, row) in tile.chunks_exact_mut(width).zip(rows.chunks_exact(width)) {
+                out.fill(0.0);
+                for (&c, cosine) in row[..used_columns].iter().zip(across.chunks_exact(width)) {
+                    add_scaled(out, cosine, c);
+                }
+            }
         }
     }
 }
 
+/// The transform of columns, as many at a time as `LANES`, from the first `used_rows` rows of coefficients. Cosines of
+/// even index are symmetric about the middle and those of odd index antisymmetric, so two rows share their sums.
+#[inline(always)]
+fn inverse_down<const LANES: usize>(
+    tile: &[f32],
+    width: usize,
+    height: usize,
+    used_rows: usize,
+    rows: &mut [f32; MAX_TILE * MAX_TILE],
+) {
+    let down = cosines(height);
+    // One lane: as many as there are, one by one.
+    let lanes_end = if LANES == 1 { width } else { LANES };
+    for x in (0..lanes_end).step_by(LANES) {
+        for y in 0..height.div_ceil(2) {
+            let sum_from = |first: usize| {
+                let mut sum = [0.0f32; LANES];
+                for v in (first..used_rows).step_by(2) {
+                    let values: &[f32; LANES] = tile[v * width + x..][..LANES].try_into().expect("LANES values");
+                    let cosine = down[v * height + y];
+                    for i in 0..LANES {
+                        sum[i] += values[i] * cosine;
+                    }
+                }
+                sum
+            };
+            let (even, odd) = (sum_from(0), sum_from(1));
+            let out: &mut [f32; LANES] = (&mut rows[y * width + x..][..LANES]).try_into().expect("LANES values");
+            for i in 0..LANES {
+                out[i] = even[i] + odd[i];
+            }
+            let out: &mut [f32; LANES] =
+                (&mut rows[(height - 1 - y) * width + x..][..LANES]).try_into().expect("LANES values");
+            // The middle row of an odd number is its own mirror image, and has no odd part.
+            for i in 0..LANES {
+                out[i] = even[i] - odd[i];
+            }
+        }
+    }
+}
+
+/// The transform of rows of `WIDTH`, from their first `used_columns` coefficients.
+#[inline(always)]
+fn inverse_across<const WIDTH: usize>(tile: &mut [f32], used_columns: usize, rows: &[f32; MAX_TILE * MAX_TILE]) {
+    let across = cosines(WIDTH).as_chunks::<WIDTH>().0;
+    for (out, row) in tile.as_chunks_mut::<WIDTH>().0.iter_mut().zip(rows.as_chunks::<WIDTH>().0) {
+        let mut sum = [0.0f32; WIDTH];
+        for (&c, cosine) in row[..used_columns].iter().zip(across) {
+            for i in 0..WIDTH {
+                sum[i] += cosine[i] * c;
+            }
+        }
+        *out = sum;
+    }
+}
+
+#[inline(always)]
 fn add_scaled(out: &mut [f32], row: &[f32], scale: f32) {
     for (out, value) in out.iter_mut().zip(row) {
         *out += value * scale;
