@@ -382,3 +382,162 @@ fn layers_add_up_to_the_block_and_the_base_layers_come_first() {
     assert!(split >= 2, "the test's blocks are too small to be split");
     assert!(reader.base_bytes() < reader.file_bytes() * 2 / 3);
 }
+
+/// The fields of a table of `formats/ltc.md` under `### heading`, with their types.
+fn document_fields(heading: &str) -> Vec<(String, String)> {
+    let text = std::fs::read_to_string(formats("ltc.md")).unwrap();
+    let section = text.split(&format!("\n### {heading}\n")).nth(1).unwrap().split("\n#").next().unwrap();
+    let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let rows = section.lines().filter(|line| line.starts_with("| ")).skip(1).map(cells);
+    rows.map(|cells| (cells[1].clone(), cells[2].clone())).collect()
+}
+
+/// A value as the document's types write it.
+enum Value {
+    Integer(u64),
+    Text(&'static str),
+    Floats(Vec<f32>),
+    List(usize, Vec<u8>),
+    Raw(Vec<u8>),
+}
+
+fn integer(value: u64) -> Vec<u8> {
+    match value {
+        0..251 => vec![value as u8],
+        251..0x1_0000 => [&[251], &(value as u16).to_le_bytes()[..]].concat(),
+        0x1_0000..0x1_0000_0000 => [&[252], &(value as u32).to_le_bytes()[..]].concat(),
+        _ => [&[253], &value.to_le_bytes()[..]].concat(),
+    }
+}
+
+/// Bytes of a table's fields in its order, each checked to have the stated type.
+fn written_as_documented(heading: &str, values: &[(&str, Value)]) -> Vec<u8> {
+    let fields = document_fields(heading);
+    assert_eq!(fields.len(), values.len(), "{heading}");
+    let bytes = fields.iter().zip(values).map(|((field, kind), (name, value))| {
+        assert_eq!(field, name, "{heading}");
+        let (word, bytes) = match value {
+            Value::Integer(value) => ("integer", integer(*value)),
+            Value::Text(text) => ("text", [integer(text.len() as u64), text.as_bytes().to_vec()].concat()),
+            Value::Floats(floats) => ("float", floats.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Value::List(length, items) => ("list", [integer(*length as u64), items.clone()].concat()),
+            Value::Raw(bytes) => ("", bytes.clone()),
+        };
+        assert!(kind.contains(word), "{heading}, {field}: {kind} is no {word}");
+        bytes
+    });
+    bytes.collect::<Vec<_>>().concat()
+}
+
+#[test]
+fn the_metadata_is_written_as_the_document_says() {
+    let mut basis = LightBasis::new();
+    let mut panel = light("panel", LightKind::AreaTexels { across: 20, down: 15 });
+    panel.unit = LightUnit::Irradiance;
+    panel.emission = [1.0, 2.0, 3.0];
+    basis.push(panel.clone()).unwrap();
+    let provenance = Provenance {
+        source: "room".into(),
+        content: [9; 32],
+        program: "p".into(),
+        samples_per_pixel: 70_000,
+        seed: 1 << 40,
+        settings: "s".into(),
+        metres_per_unit: 0.5,
+    };
+    let job = Job { shape: MatrixShape::new(300, 200, 300, 256).unwrap(), basis, provenance };
+    let report = ltm::container::ContainerReport {
+        program: "a".into(),
+        method: "b".into(),
+        target: "c".into(),
+        prior: "d".into(),
+        settings: "e".into(),
+        provenance: vec![("f".into(), "g".into())],
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ltc");
+    let options = ContainerOptions { report, partial: true, ..options() };
+    ContainerWriter::create(&path, &job, options).unwrap().finish().unwrap();
+    let file = std::fs::read(&path).unwrap();
+    let number = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
+    let (metadata, end) = (number(file.len() - 40), file.len() - 64);
+    let (job_bytes, report_bytes) = (number(metadata), number(metadata + 4));
+    let frame = &file[metadata + 12..metadata + number(end + 20)];
+    let plain = match number(metadata + 8) {
+        1 => zstd::bulk::decompress(frame, job_bytes + report_bytes).unwrap(),
+        _ => frame.to_vec(),
+    };
+    let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let light = written_as_documented(
+        "Light",
+        &[
+            ("name", Value::Text("panel")),
+            ("kind", Value::Raw(vec![1, 20, 15])),
+            ("unit", Value::Raw(vec![2])),
+            ("emission", Value::Floats(vec![1.0, 2.0, 3.0])),
+            ("first column", Value::Integer(0)),
+            ("places", Value::List(300, floats(panel.places.as_flattened()))),
+            ("extents", Value::List(300, floats(&panel.extents))),
+        ],
+    );
+    let job = written_as_documented(
+        "Job",
+        &[
+            ("width", Value::Integer(300)),
+            ("height", Value::Integer(200)),
+            ("columns", Value::Integer(300)),
+            ("block side", Value::Integer(256)),
+            ("lights", Value::List(1, light)),
+            ("source", Value::Text("room")),
+            ("content", Value::Raw(vec![9; 32])),
+            ("program", Value::Text("p")),
+            ("samples per pixel", Value::Integer(70_000)),
+            ("seed", Value::Integer(1 << 40)),
+            ("settings", Value::Text("s")),
+            ("metres per unit", Value::Floats(vec![0.5])),
+        ],
+    );
+    assert_eq!(plain[..job_bytes], job);
+    let report = written_as_documented(
+        "Report",
+        &[
+            ("program", Value::Text("a")),
+            ("method", Value::Text("b")),
+            ("target", Value::Text("c")),
+            ("prior", Value::Text("d")),
+            ("settings", Value::Text("e")),
+            ("provenance", Value::List(1, vec![1, b'f', 1, b'g'])),
+        ],
+    );
+    assert_eq!(plain[job_bytes..], report);
+    // Every kind and unit has its name in the document, in order.
+    let kinds = &document_fields("Light")[1].1;
+    assert_eq!(kinds.split(", ").filter(|part| !part.starts_with("down)")).count(), 9, "{kinds}");
+}
+
+/// The fixed start of a chunk, as the document's table has it.
+#[test]
+fn a_chunk_begins_as_the_document_says() {
+    let text = std::fs::read_to_string(formats("ltc.md")).unwrap();
+    let section = text.split("\n## Chunk\n").nth(1).unwrap().split("\n## ").next().unwrap();
+    let rows = section.lines().filter(|line| line.starts_with("| ") && line.as_bytes()[2].is_ascii_digit());
+    let rows: Vec<Vec<&str>> = rows.map(|line| line.split('|').map(str::trim).collect()).collect();
+    let layout = BlockLayout::of(&small_job(), BlockId(0));
+    let factors = FactoredBlock {
+        sparse: (0..20).map(|i| SparseEntry { column: ColumnIndex(i), row: i, value: i as f32 + 1.0 }).collect(),
+        ..block(&job(), BlockId(3))
+    };
+    let part = LayerPart { shared: 2, sparse_step: None };
+    let bytes = encode_layer(&layout, &factors, part, &CodecSettings::default()).unwrap();
+    let side = u32::from_le_bytes(bytes[8..12].try_into().unwrap());
+    let stated = [("coding", 1), ("shared", 2), ("rank", 4), ("sparse entries", 20), ("side bytes", side)];
+    let mut end = 0;
+    assert_eq!(rows.len(), stated.len());
+    for (row, (name, value)) in rows.iter().zip(stated) {
+        let (offset, size): (usize, usize) = (row[1].parse().unwrap(), row[2].parse().unwrap());
+        assert_eq!((row[3], offset), (name, end));
+        assert_eq!(bytes[offset..offset + size], value.to_le_bytes()[..size], "{name}");
+        end = offset + size;
+    }
+    assert!(side > 0 && end + side as usize + 16 <= bytes.len());
+}

@@ -8,7 +8,7 @@ use exr::block::writer::ChunksWriter;
 use exr::block::{self, UncompressedBlock};
 use exr::compression::Compression;
 use exr::meta::BlockDescription;
-use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType};
+use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
 use rayon::prelude::*;
 
@@ -54,8 +54,13 @@ pub fn write_exr_rows(path: &Path, layers: &[String], size: ImageSize, fetch: &m
     if channels.is_empty() || channels.windows(2).any(|w| w[0].0 == w[1].0) {
         return Err(Error::input(path.display().to_string(), "its layers have no names of their own", ""));
     }
-    let described = channels.iter().map(|(name, ..)| ChannelDescription::named(name.as_str(), SampleType::F32));
-    let header = Header::new("".into(), (size.width, size.height), described.collect());
+    let described = channels.iter().map(|(name, ..)| {
+        let text = Text::new_or_none(name).filter(|_| name.is_ascii());
+        let hint = "name it with letters, digits and signs of ASCII";
+        let text = text.ok_or_else(|| Error::input(format!("layer '{name}'"), "OpenEXR cannot name it so", hint))?;
+        Ok(ChannelDescription::named(text, SampleType::F32))
+    });
+    let header = Header::new("".into(), (size.width, size.height), described.collect::<Result<_>>()?);
     let lines_of_16 = 16 * size.width * 4 * channels.len();
     let compression = if lines_of_16 > LARGE_CHUNK_BYTES { Compression::ZIP1 } else { Compression::ZIP16 };
     let mut header = header.with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing);

@@ -200,7 +200,8 @@ impl Look {
         let mut warnings = Vec::new();
         if self.largest > 0.0 && self.at_largest > self.values / 500 + 3 {
             warnings.push(format!(
-                "light '{light}' looks clamped: {} values are exactly {}; render without clamping",
+                "light '{light}' looks clamped: {} values are exactly its largest, {}; render without clamping, unless it \
+                 shows a light of one colour",
                 self.at_largest, self.largest
             ));
         }
