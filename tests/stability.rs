@@ -228,8 +228,8 @@ fn a_light_that_fills_the_block_is_counted_once() {
             let entries = (0..m * n).map(|i| if i / m == lit { value } else { 0.0 }).collect();
             let block = Block::from_entries(m, n, entries);
             let error = relative_error(&block, &pack(shape, &block, CompressSettings::default()));
-            // 50 dB of the peak is asked for; here the peak is everywhere.
-            assert!(error < 4e-3, "{side}² pixels, column {lit} of {columns} at {value}: {error}");
+            // 45 dB of white is asked for; here white is everywhere.
+            assert!(error < 6e-3, "{side}² pixels, column {lit} of {columns} at {value}: {error}");
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Replaced;
 use crate::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry};
 
 /// First bytes of an encoded candidate, with the version of the layout. Spill files live as long as one run.
-const MAGIC: [u8; 4] = *b"cnd2";
+const MAGIC: [u8; 4] = *b"cnd3";
 
 /// Bins of [`CandidateSummary::sparse_gains`]: powers of two of the gain, from `2^-80`.
 pub(super) const GAIN_BINS: usize = 160;
@@ -41,6 +41,8 @@ pub struct CandidateSummary {
     pub noise: Vec<f32>,
     /// What of each gain is noise that the component was fitted to; 0 where unknown.
     pub fitted_noise: Vec<f32>,
+    /// The noise of a row that three in four do not pass, over the mean noise of rows, at most 1.
+    pub calm: f32,
     /// Mean square of each component's row of `R`.
     pub right_mean_square: Vec<f32>,
     /// Weighted energy outside all components.
@@ -49,8 +51,8 @@ pub struct CandidateSummary {
     pub sparse_gains: Vec<(f32, u32)>,
     /// Root mean square of the all-on image.
     pub brightness: f32,
-    /// Largest value of the all-on image.
-    pub peak: f32,
+    /// Values of the all-on image, counted by half powers of two from `2^-40`; the first bin holds all that is smaller.
+    pub histogram: Vec<u32>,
     /// Entries that were replaced because they could not be computed with.
     pub replaced: Replaced,
 }
@@ -102,12 +104,14 @@ impl Candidate {
         let mut out = Vec::with_capacity(64 + 4 * (self.left.len() + self.right.len()) + 16 * self.sparse.len());
         out.extend(MAGIC);
         let first = s.replaced.first.map_or([u32::MAX; 2], |(c, r)| [c.0, r]);
-        let counts = [self.rank() as u32, self.sparse.len() as u32, u32::from(s.fixed)];
+        let bins = s.histogram.len() as u32;
+        let counts = [self.rank() as u32, self.sparse.len() as u32, u32::from(s.fixed), bins];
         for v in [self.id.0, s.rows, s.columns, s.replaced.nan, s.replaced.huge].into_iter().chain(first).chain(counts)
         {
             out.extend(v.to_le_bytes());
         }
-        let scalars = [s.tail, s.brightness, s.peak];
+        s.histogram.iter().for_each(|count| out.extend(count.to_le_bytes()));
+        let scalars = [s.tail, s.brightness, s.calm];
         let lists =
             [&s.gains, &s.noise, &s.fitted_noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain];
         for v in scalars.iter().chain(lists.into_iter().flatten()) {
@@ -133,11 +137,13 @@ impl Candidate {
             words = left;
             Ok(taken)
         };
-        let &[id, rows, columns, nan, huge, first_column, first_row, rank, sparse_count, fixed] = take(10)? else {
+        let &[id, rows, columns, nan, huge, first_column, first_row, rank, sparse_count, fixed, bins] = take(11)?
+        else {
             return Err(short());
         };
         let floats = |words: &[u32]| words.iter().map(|&w| f32::from_bits(w)).collect::<Vec<f32>>();
         let size = |a: u32, b: u32| (a as usize).checked_mul(b as usize).ok_or_else(short);
+        let histogram = take(bins as usize)?.to_vec();
         let scalars = floats(take(3)?);
         let gains = floats(take(rank as usize)?);
         let noise = floats(take(rank as usize)?);
@@ -163,17 +169,46 @@ impl Candidate {
             fitted_noise,
             right_mean_square,
             tail: scalars[0],
-            sparse_gains: bins(&sparse_gain),
+            sparse_gains: gain_bins(&sparse_gain),
             brightness: scalars[1],
-            peak: scalars[2],
+            calm: scalars[2],
+            histogram,
             replaced: Replaced { nan, huge, first },
         };
         Ok(Self { id: BlockId(id), summary, left, right, sparse, sparse_gain })
     }
 }
 
+/// Bins of [`CandidateSummary::histogram`]: half powers of two from `2^-40`.
+const VALUE_BINS: usize = 160;
+
+/// Counts of values by half powers of two, up to the last bin in use.
+pub(super) fn histogram(values: &[f32]) -> Vec<u32> {
+    let mut counts = vec![0u32; VALUE_BINS];
+    for value in values {
+        let bin = (value.abs().max(f32::MIN_POSITIVE).log2() * 2.0).floor() as i32 + 80;
+        counts[bin.clamp(0, VALUE_BINS as i32 - 1) as usize] += 1;
+    }
+    counts.truncate(counts.iter().rposition(|&c| c > 0).map_or(0, |last| last + 1));
+    counts
+}
+
+/// The value below which a share `p` of counted values lies, interpolated inside its bin; 0 where that is the first bin.
+pub(super) fn percentile(counts: &[u64], p: f64) -> f64 {
+    let total: u64 = counts.iter().sum();
+    let mut left = total as f64 * p;
+    for (bin, &count) in counts.iter().enumerate() {
+        if left <= count as f64 && count > 0 {
+            let exponent = (bin as f64 - 80.0 + left / count as f64) / 2.0;
+            return if bin == 0 { 0.0 } else { exponent.exp2() };
+        }
+        left -= count as f64;
+    }
+    0.0
+}
+
 /// Sums and counts of gains by powers of two, up to the last bin in use.
-pub(super) fn bins(gains: &[f32]) -> Vec<(f32, u32)> {
+pub(super) fn gain_bins(gains: &[f32]) -> Vec<(f32, u32)> {
     let mut bins = vec![(0.0f32, 0u32); GAIN_BINS];
     for &gain in gains {
         let bin = &mut bins[CandidateSummary::sparse_bin(gain)];

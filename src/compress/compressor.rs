@@ -4,7 +4,7 @@ use faer::{Mat, MatRef};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use super::candidate::{Candidate, CandidateSummary, bins};
+use super::candidate::{Candidate, CandidateSummary, gain_bins, histogram};
 use super::cur::{decompose, select};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
 use super::noise::NoiseModel;
@@ -80,28 +80,28 @@ impl Compressor {
         let (m, n) = (block.rows(), block.columns());
         let (entries, replaced) = sanitise(block);
         let usable = BlockView::new(m, n, &entries);
-        let (brightness, peak) = all_on(usable);
+        let lit = all_on(usable);
         let automatic = self.settings.method == Method::Auto;
         let (fraction, contrast) = (self.settings.sparse_fraction, self.settings.sparse_contrast);
         let standing = if automatic { stand_out(usable, fraction, contrast) } else { Vec::new() };
         let heeded = self.settings.noise_factor > 0.0;
-        let noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, (m, n)));
+        let mut noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, (m, n)));
         let smooth = without(entries, &standing, m);
-        let (sparse, noisy) = match &noise {
+        let (sparse, stray) = match &mut noise {
             Some(noise) => noise.split(standing),
             None => (standing, Vec::new()),
         };
         let a = MatRef::from_column_major_slice(&smooth, m, n);
         let range = match self.settings.method {
-            _ if peak == 0.0 && smooth.iter().all(|&v| v == 0.0) => {
+            _ if lit.iter().all(|&v| v == 0.0) && smooth.iter().all(|&v| v == 0.0) => {
                 Range { left: Vec::new(), right: Vec::new(), gains: Vec::new(), tail: 0.0 }
             }
             Method::Auto => {
-                find_range(a, &noisy, &self.weights, self.settings.rank.min(m).min(n), self.settings.power_iterations)
+                find_range(a, &stray, &self.weights, self.settings.rank.min(m).min(n), self.settings.power_iterations)
             }
             _ => self.by_rank(a, id),
         };
-        self.candidate(id, (m, n), range, sparse, noise, (brightness, peak, replaced))
+        self.candidate(id, (m, n), range, sparse, noise, (&lit, replaced))
     }
 
     /// Chooses the slope for all blocks from their summaries, in any order.
@@ -159,7 +159,7 @@ impl Compressor {
         range: Range,
         sparse: Vec<SparseEntry>,
         noise: Option<NoiseModel<'_>>,
-        (brightness, peak, replaced): (f32, f32, Replaced),
+        (lit, replaced): (&[f32], Replaced),
     ) -> Candidate {
         let sparse_gain: Vec<f32> =
             sparse.iter().map(|e| e.value * e.value * self.variances[e.column.index()]).collect();
@@ -174,28 +174,32 @@ impl Compressor {
             columns: n as u32,
             fixed: self.settings.method != Method::Auto && self.settings.fixed_rank,
             noise: noise.as_ref().map_or(unknown(), |noise| noise.fallen(&range.left, rank)),
+            calm: noise.as_ref().map_or(1.0, NoiseModel::calm),
             fitted_noise: noise.map_or(unknown(), |noise| noise.fitted(&self.weights, &range.right, &range.gains)),
             right_mean_square: (0..rank).map(mean_square).collect(),
             gains: range.gains.iter().map(|&g| g as f32).collect(),
             tail: range.tail as f32,
-            sparse_gains: bins(&sparse_gain),
-            brightness,
-            peak,
+            sparse_gains: gain_bins(&sparse_gain),
+            brightness: root_mean_square(lit),
+            histogram: histogram(lit),
             replaced,
         };
         Candidate { id, summary, left: range.left, right: range.right, sparse, sparse_gain }
     }
 }
 
-/// Root mean square and largest value of the all-on image of a block.
-fn all_on(block: BlockView<'_>) -> (f32, f32) {
+/// The all-on image of a block.
+fn all_on(block: BlockView<'_>) -> Vec<f32> {
     let mut image = vec![0.0f32; block.rows()];
     for column in block.entries().chunks_exact(block.rows()) {
         image.iter_mut().zip(column).for_each(|(s, v)| *s += v);
     }
-    let squares: f64 = image.iter().map(|&v| f64::from(v).powi(2)).sum();
-    let peak = image.iter().fold(0.0f32, |p, v| p.max(v.abs()));
-    ((squares / block.rows() as f64).sqrt() as f32, peak)
+    image
+}
+
+fn root_mean_square(values: &[f32]) -> f32 {
+    let squares: f64 = values.iter().map(|&v| f64::from(v).powi(2)).sum();
+    (squares / values.len() as f64).sqrt() as f32
 }
 
 /// The best approximation of rank `rank` (Eckart and Young 1936), by an f64 SVD.

@@ -9,7 +9,7 @@
 //!   an entry of `L` (its row of `R` is what the error is multiplied by), the mean of diag `K` for an entry of `R`;
 //! - a sparse entry is kept if what it saves is above `λ` times its bits.
 
-use super::candidate::{Candidate, CandidateSummary};
+use super::candidate::{Candidate, CandidateSummary, percentile};
 use super::{CompressSettings, Target};
 use crate::matrix::FactoredBlock;
 
@@ -17,10 +17,11 @@ use crate::matrix::FactoredBlock;
 const SPARSE_BITS: f64 = 24.0;
 /// Bits that a component costs beside its entries: steps, lengths.
 const COMPONENT_BITS: f64 = 96.0;
-/// Error variance of a quantiser over the noise of what it quantises, for entries of `L` and of `R`. The codec transforms
-/// `L` as a little image: where a step is a few times the noise, most of the noise falls below it and the image stays.
-/// Measured at 16 samples per pixel on four built-in scenes (96 × 64 pixels, 256 columns) against 2,048 samples: 2.5
-/// brings diffuse 8.0 and caustics 5.1 dB nearer to the truth than the raw matrix, 0.1 brings 4.6 and 3.3.
+/// Error variance of a quantiser over the usual noise of what it quantises, for entries of `L` and of `R`. The codec
+/// transforms `L` as a little image: where a step is a few times the noise, most of the noise falls below it and the
+/// image stays. Measured at 16 samples per pixel on built-in scenes (96 × 64 pixels, 256 columns) against 2,048 samples:
+/// 2.5 brings diffuse 7.7 and caustics 3.3 dB nearer to the truth than the raw matrix. With the mean noise for the usual
+/// one caustics gain 5.1, but at many samples the few rows below a caustic then blur all others of their block.
 const LEFT_NOISE_SHARE: f64 = 2.5;
 const RIGHT_NOISE_SHARE: f64 = 0.1;
 /// Steps of at least this fraction of an entry's root mean square: what 16-bit floats would keep.
@@ -31,15 +32,16 @@ const FINEST_STEP: f64 = 1.0 / 2048.0;
 pub struct Cut {
     /// The slope: squared radiance, weighted, per bit.
     pub slope: f64,
-    /// Root mean square of the all-on image: what block brightness is compared with.
-    pub brightness: f64,
+    /// White: the 95th percentile of the values of the all-on image, or their root mean square where that is 0. What block
+    /// brightness is compared with, and the peak of `expected_psnr_db`.
+    pub white: f64,
     /// See [`CompressSettings::exposure_exponent`].
     pub exposure_exponent: f64,
     /// See [`CompressSettings::noise_factor`].
     pub noise_factor: f64,
     /// Error that is expected: of images under the prior, over their norm.
     pub expected_relative_l2: f64,
-    /// PSNR that is expected in dB, peak = the largest value of the all-on image.
+    /// PSNR that is expected in dB, peak = white; see [`Target::PsnrDb`].
     pub expected_psnr_db: f64,
     /// Bytes that are expected: an estimate from entropy, without the files' own overhead.
     pub expected_bytes: u64,
@@ -48,17 +50,25 @@ pub struct Cut {
 #[derive(Clone, Copy, Debug, Default)]
 struct Spent {
     distortion: f64,
+    /// Of the distortion, what an exposed image shows; of whole images only.
+    shown: f64,
     bits: f64,
 }
 
 impl Cut {
-    /// Weight of a block's squared error: 1 at mean brightness, more where it is darker.
+    /// Weight of a block's squared error in the choice of what to keep: 1 where it is as bright as white, more where it
+    /// is darker, and less where it is brighter, as an image exposed for white shows it.
     fn weight(&self, brightness: f32) -> f64 {
-        let reference = self.brightness.powi(2);
-        if reference <= 0.0 {
+        let white = self.white.powi(2);
+        if white <= 0.0 {
             return 1.0;
         }
-        (reference / (f64::from(brightness).powi(2) + 0.01 * reference)).powf(self.exposure_exponent)
+        (white / (f64::from(brightness).powi(2) + 0.01 * white)).powf(self.exposure_exponent)
+    }
+
+    /// Share of a block's squared error that an image exposed for white shows: what is brighter is clipped.
+    fn shown(&self, brightness: f32) -> f64 {
+        if self.white <= 0.0 { 1.0 } else { (self.white / f64::from(brightness).max(self.white)).powi(2) }
     }
 
     fn slope_of(&self, s: &CandidateSummary) -> f64 {
@@ -78,7 +88,7 @@ impl Cut {
         // The noise of an entry of R is what falls on the component, spread over the columns.
         let fallen = heeded * RIGHT_NOISE_SHARE * f64::from(s.noise[k]) / f64::from(s.columns);
         // That of an entry of L, what its component was fitted to, spread over the rows.
-        let fitted = heeded * LEFT_NOISE_SHARE * f64::from(s.fitted_noise[k]) / f64::from(s.rows);
+        let fitted = heeded * LEFT_NOISE_SHARE * f64::from(s.calm * s.fitted_noise[k]) / f64::from(s.rows);
         let left = (allowed.max(fitted) / gain.max(1e-300)).sqrt();
         let right = allowed.max(fallen).sqrt();
         (left.max(FINEST_STEP / f64::from(s.rows).sqrt()), right.max(FINEST_STEP * rms))
@@ -95,7 +105,7 @@ impl Cut {
         let lost = (m + n) * self.allowed(s) / 12.0;
         let worth = !noisy && gain - lost > self.slope_of(s) * bits;
         let distortion = (m * gain * left * left + n * right * right) / 12.0;
-        (s.fixed || worth).then_some(Spent { distortion, bits })
+        (s.fixed || worth).then_some(Spent { distortion, bits, ..Default::default() })
     }
 
     fn keeps_entry(&self, s: &CandidateSummary, gain: f64) -> bool {
@@ -103,7 +113,7 @@ impl Cut {
     }
 
     fn spent_on(&self, s: &CandidateSummary) -> Spent {
-        let mut spent = Spent { distortion: f64::from(s.tail), bits: 64.0 };
+        let mut spent = Spent { distortion: f64::from(s.tail), bits: 64.0, ..Default::default() };
         for (k, &gain) in s.gains.iter().enumerate() {
             match self.keeps(s, k) {
                 Some(part) => {
@@ -131,34 +141,55 @@ fn entropy(v: f64, step: f64) -> f64 {
     0.5 * (1.0 + 17.08 * v / (step * step)).log2()
 }
 
+/// The 95th percentile of the values of the all-on image: what a picture is exposed for, whatever lamps are in view.
+fn white_of<'a>(summaries: impl Iterator<Item = &'a CandidateSummary> + Clone) -> f64 {
+    let mut counts: Vec<u64> = Vec::new();
+    let (mut rows, mut squares) = (0.0, 0.0);
+    for s in summaries {
+        counts.resize(counts.len().max(s.histogram.len()), 0);
+        counts.iter_mut().zip(&s.histogram).for_each(|(sum, &count)| *sum += u64::from(count));
+        rows += f64::from(s.rows);
+        squares += f64::from(s.rows) * f64::from(s.brightness).powi(2);
+    }
+    let white = percentile(&counts, 0.95);
+    if white > 0.0 || rows == 0.0 { white } else { (squares / rows).sqrt() }
+}
+
 /// Chooses the slope by bisection so that the target is just met.
 pub(super) fn choose<'a>(
     settings: &CompressSettings,
     summaries: impl Iterator<Item = &'a CandidateSummary> + Clone,
 ) -> Cut {
     let rows: f64 = summaries.clone().map(|s| f64::from(s.rows)).sum::<f64>().max(1.0);
-    let squares: f64 = summaries.clone().map(|s| f64::from(s.rows) * f64::from(s.brightness).powi(2)).sum();
+    let square = |s: &CandidateSummary| f64::from(s.rows) * f64::from(s.brightness).powi(2);
     let energy: f64 = summaries.clone().map(CandidateSummary::energy).sum();
-    let peak = summaries.clone().map(|s| f64::from(s.peak)).fold(0.0, f64::max);
-    // Peak of a typical lighting: that of all-on, scaled by the ratio of their energies.
-    let peak_square = if squares > 0.0 { peak * peak * energy / squares } else { 0.0 };
     let mut cut = Cut {
         slope: 0.0,
-        brightness: (squares / rows).sqrt(),
+        white: white_of(summaries.clone()),
         exposure_exponent: settings.exposure_exponent,
         noise_factor: settings.noise_factor,
         expected_relative_l2: 0.0,
         expected_psnr_db: f64::INFINITY,
         expected_bytes: 0,
     };
+    // White of a typical lighting: that of all-on, scaled by the ratio of what they show of the image.
+    let sum = |part: &dyn Fn(&CandidateSummary) -> f64| -> f64 {
+        summaries.clone().map(|s| cut.shown(s.brightness) * part(s)).sum()
+    };
+    let squares = sum(&square);
+    let white_square = if squares > 0.0 { cut.white.powi(2) * sum(&CandidateSummary::energy) / squares } else { 0.0 };
     let total = |cut: &Cut| {
-        summaries
-            .clone()
-            .map(|s| cut.spent_on(s))
-            .fold(Spent::default(), |a, b| Spent { distortion: a.distortion + b.distortion, bits: a.bits + b.bits })
+        summaries.clone().fold(Spent::default(), |sum, s| {
+            let spent = cut.spent_on(s);
+            Spent {
+                distortion: sum.distortion + spent.distortion,
+                shown: sum.shown + cut.shown(s.brightness) * spent.distortion,
+                bits: sum.bits + spent.bits,
+            }
+        })
     };
     let fits = |spent: Spent| match settings.target {
-        Target::PsnrDb(db) => spent.distortion / rows <= peak_square * 10f64.powf(-db / 10.0),
+        Target::PsnrDb(db) => spent.shown / rows <= white_square * 10f64.powf(-db / 10.0),
         Target::RelativeL2(error) => spent.distortion <= error * error * energy,
         Target::Bytes(bytes) => spent.bits / 8.0 > bytes as f64,
         Target::Slope(_) => true,
@@ -180,7 +211,7 @@ pub(super) fn choose<'a>(
     let spent = total(&cut);
     if energy > 0.0 {
         cut.expected_relative_l2 = (spent.distortion / energy).sqrt();
-        cut.expected_psnr_db = 10.0 * (peak_square * rows / spent.distortion).log10();
+        cut.expected_psnr_db = 10.0 * (white_square * rows / spent.shown).log10();
     }
     cut.expected_bytes = (spent.bits / 8.0).ceil() as u64;
     cut

@@ -20,50 +20,87 @@ const SEEN_OVER_NOISE: f64 = 1.3;
 /// `‖N w‖²` for any lighting `w`, from the noise of single columns and what the probes show of noise that they share.
 pub(super) struct NoiseModel<'a> {
     noise: &'a BlockNoise,
-    rows: usize,
-    probe_count: usize,
+    probes: &'a [f32],
+    /// Squared norm of the noise of each row and of each column.
+    rows: Vec<f64>,
+    columns: Vec<f64>,
     /// Weight of `(Σ wⱼ σⱼ)²`, noise that all columns share; negative where columns take samples from each other.
     shared: f64,
 }
 
 impl<'a> NoiseModel<'a> {
-    /// Fits the shared part to the probes (columns × probes, column-major, the first all-on). None if the noise is not
-    /// of this block.
-    pub(super) fn new(noise: &'a BlockNoise, probes: &[f32], (rows, columns): (usize, usize)) -> Option<Self> {
-        let probe_count = probes.len() / columns;
-        let fits = noise.row_variance.len() == rows
-            && noise.column_variance.len() == columns
-            && noise.probes.len() == rows * probe_count
-            && probe_count > 1;
-        if !fits {
-            return None;
+    /// The model of a block of (rows, columns) under `probes` (columns × probes, column-major, the first all-on). None if
+    /// the noise is not of this block.
+    pub(super) fn new(
+        noise: &'a BlockNoise,
+        probes: &'a [f32],
+        (row_count, column_count): (usize, usize),
+    ) -> Option<Self> {
+        let fits = noise.row_variance.len() == row_count
+            && noise.column_variance.len() == column_count
+            && noise.probes.len() == row_count * (probes.len() / column_count)
+            && noise.probes.len() > row_count;
+        let norms = |variances: &[f32], of: usize| variances.iter().map(|&v| f64::from(v) * of as f64).collect();
+        fits.then(|| Self {
+            noise,
+            probes,
+            rows: norms(&noise.row_variance, column_count),
+            columns: norms(&noise.column_variance, row_count),
+            shared: 0.0,
+        })
+    }
+
+    /// Splits entries that stand out into those that samples agree on and those that are noise, takes the latter out of
+    /// the model, and fits what columns share to what the probes show beside them.
+    pub(super) fn split(&mut self, entries: Vec<SparseEntry>) -> (Vec<SparseEntry>, Vec<SparseEntry>) {
+        let square = |e: &SparseEntry| f64::from(e.value).powi(2);
+        let mut seen = vec![0.0f64; self.rows.len()];
+        entries.iter().for_each(|e| seen[e.row as usize] += square(e));
+        let (agreed, stray): (Vec<_>, Vec<_>) =
+            entries.into_iter().partition(|e| seen[e.row as usize] > SEEN_OVER_NOISE * self.rows[e.row as usize]);
+        // A stray path that one of the two estimates lacks is as large in their half difference as in their mean. It has
+        // its place already and must not stand for the noise of all others; some of it may be signal.
+        for entry in &stray {
+            for (norms, at) in [(&mut self.rows, entry.row as usize), (&mut self.columns, entry.column.index())] {
+                norms[at] = (norms[at] - square(entry)).max(0.02 * norms[at]);
+            }
         }
-        let mut model = Self { noise, rows, probe_count, shared: 0.0 };
         let (mut fit, mut norm) = (0.0, 0.0);
-        for (lighting, seen) in probes.chunks_exact(columns).zip(noise.probes.chunks_exact(rows)) {
+        let probes = self.probes.chunks_exact(self.columns.len());
+        for (lighting, seen) in probes.zip(self.noise.probes.chunks_exact(self.rows.len())) {
+            let strays: f64 = stray.iter().map(|e| square(e) * f64::from(lighting[e.column.index()]).powi(2)).sum();
             let energy: f64 = seen.iter().map(|&v| f64::from(v).powi(2)).sum();
-            let (own, sum) = model.parts(lighting);
-            fit += (energy - own) * sum * sum;
+            let (own, sum) = self.parts(lighting);
+            fit += ((energy - strays).max(0.0) - own) * sum * sum;
             norm += sum.powi(4);
         }
         if norm > 0.0 && fit.is_finite() {
-            model.shared = fit / norm;
+            self.shared = fit / norm;
         }
-        Some(model)
+        (agreed, stray)
     }
 
     /// `‖N w‖²` of independent columns, and `Σ wⱼ σⱼ` with `σⱼ` the norm of a column's noise.
     fn parts(&self, lighting: &[f32]) -> (f64, f64) {
-        let rows = self.rows as f64;
-        lighting.iter().zip(&self.noise.column_variance).fold((0.0, 0.0), |(own, sum), (&w, &v)| {
-            let (w, v) = (f64::from(w), rows * f64::from(v));
+        lighting.iter().zip(&self.columns).fold((0.0, 0.0), |(own, sum), (&w, &v)| {
+            let w = f64::from(w);
             (own + w * w * v, sum + w * v.sqrt())
         })
     }
 
+    /// The noise of a row that most do not pass, over the mean: small where few rows have nearly all of it, as below
+    /// caustics, and no measure for the others.
+    pub(super) fn calm(&self) -> f32 {
+        let mut rows = self.rows.clone();
+        let mean = rows.iter().sum::<f64>() / rows.len() as f64;
+        let at = (rows.len() - 1) * 3 / 4;
+        let usual = *rows.select_nth_unstable_by(at, f64::total_cmp).1;
+        if mean > 0.0 { (usual / mean).min(1.0) as f32 } else { 1.0 }
+    }
+
     /// Of each gain, what the left side was fitted to.
     pub(super) fn fitted(&self, weights: &Weights, right: &[f32], gains: &[f64]) -> Vec<f32> {
-        let columns = self.noise.column_variance.len();
+        let columns = self.columns.len();
         let right = MatRef::from_row_major_slice(right, gains.len(), columns);
         let lightings = weights.weigh(right);
         let fitted = |(k, &gain): (usize, &f64)| {
@@ -81,21 +118,12 @@ impl<'a> NoiseModel<'a> {
 
     /// What falls on each component from outside: the mean of `(uᵀ N ω)²` over the probes.
     pub(super) fn fallen(&self, left: &[f32], rank: usize) -> Vec<f32> {
-        let count = self.probe_count - 1;
-        let probes = MatRef::from_column_major_slice(&self.noise.probes[self.rows..], self.rows, count);
-        let seen = product(MatRef::from_column_major_slice(left, self.rows, rank).transpose(), probes);
+        let rows = self.rows.len();
+        let probes = &self.noise.probes[rows..];
+        let count = probes.len() / rows;
+        let probes = MatRef::from_column_major_slice(probes, rows, count);
+        let seen = product(MatRef::from_column_major_slice(left, rows, rank).transpose(), probes);
         let mean = |k: usize| seen.row(k).squared_norm_l2() / count as f32;
         (0..rank).map(mean).map(|v| if v.is_finite() { v } else { 0.0 }).collect()
-    }
-
-    /// Splits entries that stand out into those that samples agree on and those that are noise.
-    pub(super) fn split(&self, entries: Vec<SparseEntry>) -> (Vec<SparseEntry>, Vec<SparseEntry>) {
-        let mut seen = vec![0.0f64; self.rows];
-        entries.iter().for_each(|e| seen[e.row as usize] += f64::from(e.value).powi(2));
-        let columns = self.noise.column_variance.len() as f64;
-        entries.into_iter().partition(|entry| {
-            let row = entry.row as usize;
-            seen[row] > SEEN_OVER_NOISE * columns * f64::from(self.noise.row_variance[row])
-        })
     }
 }

@@ -72,17 +72,18 @@ impl Weights {
 }
 
 /// Finds the weighted range of `a` (rows × columns), at most `rank` wide, with the all-on image inside it exactly. The
-/// entries of `noisy` are to be added to `a`: they count in the all-on image and in `Uᵀ A`, but do not draw the range.
+/// entries of `stray`, in any order, are to be added to `a`: they count in the all-on image and in `Uᵀ A`, but do not draw
+/// the range.
 pub(super) fn find_range(
     a: MatRef<'_, f32>,
-    noisy: &[SparseEntry],
+    stray: &[SparseEntry],
     weights: &Weights,
     rank: usize,
     power_iterations: usize,
 ) -> Range {
     let m = a.nrows();
     let mut y = product(a, weights.sketch.as_ref());
-    noisy.iter().for_each(|e| y[(e.row as usize, 0)] += e.value);
+    stray.iter().for_each(|e| y[(e.row as usize, 0)] += e.value);
     let sketched = y.clone();
     let all_on = orthonormal(y.as_ref().subcols(0, 1));
     let mut q = orthonormal_beside(all_on.as_ref(), &mut y);
@@ -100,8 +101,8 @@ pub(super) fn find_range(
     }
     // The all-on direction stays as it is; the others turn to the axes of the weighted energy.
     let first = all_on.ncols();
-    let fixed = projected(all_on.as_ref(), a, noisy);
-    let turned = projected(q.as_ref(), a, noisy);
+    let fixed = projected(all_on.as_ref(), a, stray);
+    let turned = projected(q.as_ref(), a, stray);
     let (values, vectors) = eigen(weights.gram(turned.as_ref()).as_ref());
     let largest = values.first().copied().unwrap_or(0.0);
     let kept = values.iter().take_while(|&&v| v > 1e-14 * largest && v > 0.0).count();

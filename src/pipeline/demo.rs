@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::{Device, PackOptions, PackReport, PeakMemory, RenderOptions, Watch, human_bytes};
-use crate::compress::Target;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::{self, ImageError, LinearImage};
@@ -14,10 +13,6 @@ use crate::matrix::MatrixShape;
 use crate::relight::relight_raw;
 use crate::scene::LoadedScene;
 use crate::store::StoreReader;
-
-/// PSNR that the demonstration asks for, in dB over the peak of the all-on image, which is the lamp itself: high, so
-/// that what the lamp lights looks right too.
-const TARGET_DB: f64 = 57.0;
 
 /// Positions of the moving spot.
 const SPOT_FRAMES: usize = 4;
@@ -56,7 +51,6 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Watch) -> Result<Dem
     let matrix = StoreReader::open(&matrix_path)?;
     let mut pack_options = PackOptions::default();
     pack_options.container.overwrite = true;
-    pack_options.compress.target = Target::PsnrDb(TARGET_DB);
     let pack = super::pack(&matrix, matrix.job(), &container_path, &pack_options, watch)?;
 
     let begun = Instant::now();

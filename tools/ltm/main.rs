@@ -46,7 +46,7 @@ enum Command {
   ltm render room.toml                       writes room.ltm
   ltm render room.toml -o t.ltm --samples 256 --size 1024x768
   ltm render room.toml --blocks 0..100       one part of a farm's work
-  ltm render room.toml --pack --target 50dB  writes room.ltc, and no matrix")]
+  ltm render room.toml --pack --target 45dB  writes room.ltc, and no matrix")]
     Render(render::Render),
     /// Make an image from a container (.ltc) or a stored matrix (.ltm) under a lighting.
     #[command(after_help = "Examples:
