@@ -8,9 +8,9 @@ use super::candidate::{Candidate, CandidateSummary, gain_bins, histogram};
 use super::cur::{decompose, select};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
 use super::noise::NoiseModel;
-use super::range::{Range, Weights, find_range};
+use super::range::{Range, Weights, exact_range, find_range};
 use super::remainder::{stand_out, without};
-use super::sanitise::sanitise;
+use super::sanitise::{Survey, sanitise};
 use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, cut};
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
@@ -78,12 +78,11 @@ impl Compressor {
     pub fn analyse(&self, id: BlockId, block: BlockView<'_>, noise: Option<&BlockNoise>) -> Candidate {
         assert_eq!(block.columns(), self.shape.columns(), "{id}");
         let (m, n) = (block.rows(), block.columns());
-        let (entries, replaced) = sanitise(block);
+        let (entries, Survey { lit, sums, .. }, replaced) = sanitise(block);
         let usable = BlockView::new(m, n, &entries);
-        let lit = all_on(usable);
         let automatic = self.settings.method == Method::Auto;
         let (fraction, contrast) = (self.settings.sparse_fraction, self.settings.sparse_contrast);
-        let standing = if automatic { stand_out(usable, fraction, contrast) } else { Vec::new() };
+        let standing = if automatic { stand_out(usable, &sums, fraction, contrast) } else { Vec::new() };
         let heeded = self.settings.noise_factor > 0.0;
         let mut noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, (m, n)));
         let smooth = without(entries, &standing, m);
@@ -95,6 +94,9 @@ impl Compressor {
         let range = match self.settings.method {
             _ if lit.iter().all(|&v| v == 0.0) && smooth.iter().all(|&v| v == 0.0) => {
                 Range { left: Vec::new(), right: Vec::new(), gains: Vec::new(), tail: 0.0 }
+            }
+            Method::Auto if self.weights.holds_all_columns() => {
+                exact_range(a, &stray, &self.weights, self.settings.rank.min(m).min(n))
             }
             Method::Auto => {
                 find_range(a, &stray, &self.weights, self.settings.rank.min(m).min(n), self.settings.power_iterations)
@@ -186,15 +188,6 @@ impl Compressor {
         };
         Candidate { id, summary, left: range.left, right: range.right, sparse, sparse_gain }
     }
-}
-
-/// The all-on image of a block.
-fn all_on(block: BlockView<'_>) -> Vec<f32> {
-    let mut image = vec![0.0f32; block.rows()];
-    for column in block.entries().chunks_exact(block.rows()) {
-        image.iter_mut().zip(column).for_each(|(s, v)| *s += v);
-    }
-    image
 }
 
 fn root_mean_square(values: &[f32]) -> f32 {

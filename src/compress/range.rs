@@ -28,7 +28,7 @@ pub(super) struct Weights {
     factor: Mat<f32>,
     /// `d`.
     independent: Vec<f32>,
-    /// The sketch's lightings: all-on, then draws.
+    /// The sketch's lightings: all-on, then draws; all-on alone where there are no more columns than draws.
     sketch: Mat<f32>,
 }
 
@@ -37,18 +37,20 @@ impl Weights {
         let n = prior.columns();
         let view = |values: &[f32], width| MatRef::from_column_major_slice(values, n, width).to_owned();
         let mut sketch = vec![1.0f32; n];
-        if sketch_columns >= n {
-            // As many lightings as columns: the columns themselves lose nothing.
-            sketch.extend((0..n * n).map(|i| if i / n == i % n { 1.0 } else { 0.0 }));
-        } else {
-            sketch.extend(prior.draws(sketch_columns, seed));
-        }
+        // As many lightings as columns: the columns themselves lose nothing.
+        let draws = if sketch_columns >= n { 0 } else { sketch_columns };
+        sketch.extend(prior.draws(draws, seed));
         let width = sketch.len() / n;
         Self {
             factor: view(prior.factor(), prior.width()),
             independent: prior.independent().to_vec(),
             sketch: view(&sketch, width),
         }
+    }
+
+    /// Whether columns are so few that a sketch of them saves nothing.
+    pub(super) fn holds_all_columns(&self) -> bool {
+        self.sketch.ncols() == 1
     }
 
     /// `K bᵀ` for `b` (k × columns).
@@ -117,6 +119,54 @@ pub(super) fn find_range(
     let tail = values[kept..].iter().sum::<f64>() + unseen(&sketched, all_on.as_ref(), q.as_ref());
     debug_assert_eq!(left.len(), m * gains.len());
     Range { left, right, gains, tail }
+}
+
+/// [`find_range`] for blocks of few columns, without a sketch: with the eigenvectors `V Λ Vᵀ` of `AᵀA`, `A = Q B` where
+/// `Q = A V Λ^−½` is orthonormal and `B = Λ^½ Vᵀ` is as small as the columns are few, so that all is done on `B`.
+pub(super) fn exact_range(a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &Weights, rank: usize) -> Range {
+    let n = a.ncols();
+    let mut whole = to_f64(a);
+    stray.iter().for_each(|e| whole[(e.row as usize, e.column.index())] += f64::from(e.value));
+    let (values, v) = eigen(product_f64(whole.transpose(), whole.as_ref()).as_ref());
+    // Below this lies the rounding of the f32 entries.
+    let rank_of_all = values.iter().take_while(|&&x| x > 1e-13 * values[0] && x > 0.0).count();
+    let b = Mat::from_fn(rank_of_all, n, |k, j| v[(j, k)] * values[k].sqrt());
+    let lit = Mat::from_fn(rank_of_all, 1, |k, _| (0..n).map(|j| b[(k, j)]).sum::<f64>());
+    let mut energy = weights.gram(to_f32(b.as_ref()).as_ref());
+    let length = lit.norm_l2();
+    let mut turn = Mat::<f64>::zeros(rank_of_all, 0);
+    let mut gains = Vec::new();
+    if length > 0.0 {
+        // All-on first, as it is; the rest beside it.
+        let first = Mat::from_fn(rank_of_all, 1, |k, _| lit[(k, 0)] / length);
+        let through = product_f64(energy.as_ref(), first.as_ref());
+        let gain = product_f64(first.transpose(), through.as_ref())[(0, 0)];
+        gains.push(gain);
+        energy = Mat::from_fn(rank_of_all, rank_of_all, |i, j| {
+            let (x, y) = (first[(i, 0)], first[(j, 0)]);
+            energy[(i, j)] - x * through[(j, 0)] - through[(i, 0)] * y + gain * x * y
+        });
+        turn = first;
+    }
+    let (rest, vectors) = eigen(energy.as_ref());
+    let largest = rest.first().copied().unwrap_or(0.0);
+    let room = rank.min(rank_of_all) - gains.len().min(rank).min(rank_of_all);
+    let kept = rest.iter().take_while(|&&g| g > 1e-14 * largest && g > 0.0).count().min(room);
+    gains.extend(&rest[..kept]);
+    let first = turn.ncols();
+    let turn =
+        Mat::from_fn(rank_of_all, first + kept, |i, k| if k < first { turn[(i, k)] } else { vectors[(i, k - first)] });
+    let mix = Mat::from_fn(n, turn.ncols(), |j, k| {
+        (0..rank_of_all).map(|i| v[(j, i)] * turn[(i, k)] / values[i].sqrt()).sum::<f64>()
+    });
+    let left = to_f32(product_f64(whole.as_ref(), mix.as_ref()).as_ref());
+    let right = to_f32(product_f64(b.transpose(), turn.as_ref()).as_ref());
+    Range {
+        left: to_vec(left.as_ref()),
+        right: to_vec(right.as_ref()),
+        gains,
+        tail: rest[kept..].iter().sum::<f64>().max(0.0),
+    }
 }
 
 /// `Qᵀ (A + E)` with the few entries of `E`.

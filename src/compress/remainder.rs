@@ -11,49 +11,85 @@ use crate::matrix::{BlockView, ColumnIndex, SparseEntry};
 /// costs a value a row, as entries about three times that each.
 const DENSE_COLUMN: f64 = 0.3;
 
-/// Entries that carry more than `fraction` of their row's absolute sum and stand more than `contrast` times above the
-/// row's 90th percentile, by column, then row.
-pub(super) fn stand_out(block: BlockView<'_>, fraction: f64, contrast: f64) -> Vec<SparseEntry> {
+/// Entries that carry more than `fraction` of their row's absolute sum (`sums`, one a row) and stand more than `contrast`
+/// times above the row's 90th percentile, by column, then row.
+pub(super) fn stand_out(block: BlockView<'_>, sums: &[f32], fraction: f64, contrast: f64) -> Vec<SparseEntry> {
     let (m, n) = (block.rows(), block.columns());
     if fraction <= 0.0 || n < 4 {
         return Vec::new();
     }
-    let mut sums = vec![0.0f32; m];
-    for column in block.entries().chunks_exact(m) {
-        sums.iter_mut().zip(column).for_each(|(s, v)| *s += v.abs());
-    }
     // A row of equal entries carries 1/n in each: with few columns the fraction must stay above that.
     let fraction = fraction.max(2.0 / n as f64) as f32;
     let thresholds: Vec<f32> = sums.iter().map(|s| (s * fraction).max(f32::MIN_POSITIVE)).collect();
-    let mut found: Vec<SparseEntry> = Vec::new();
-    for (j, column) in block.entries().chunks_exact(m).enumerate() {
-        for (group, (values, limits)) in column.chunks(256).zip(thresholds.chunks(256)).enumerate() {
-            if values.iter().zip(limits).fold(false, |any, (v, t)| any | (v.abs() > *t)) {
-                let above = values.iter().zip(limits).enumerate().filter(|(_, (v, t))| v.abs() > **t);
-                found.extend(above.map(|(i, (v, _))| SparseEntry {
-                    column: ColumnIndex(j as u32),
-                    row: (group * 256 + i) as u32,
-                    value: *v,
-                }));
-            }
+    let mut found = above(block, &thresholds);
+    if found.is_empty() {
+        return found;
+    }
+    // The 90th percentile is below the row's least candidate over the contrast wherever at most a tenth of the row is
+    // above that: counting is one pass, and few rows are left to look at in full.
+    let contrast = contrast as f32;
+    let mut limits = vec![f32::INFINITY; m];
+    for entry in &found {
+        let limit = &mut limits[entry.row as usize];
+        *limit = limit.min(entry.value.abs() / contrast);
+    }
+    let counts = counts_above(block, &limits);
+    let at = ((n - 1) as f64 * 0.9) as usize;
+    let mut row = vec![0.0f32; n];
+    for (i, limit) in limits.iter_mut().enumerate().filter(|(_, limit)| limit.is_finite()) {
+        if counts[i] as usize + at < n {
+            *limit = 0.0;
+        } else {
+            row.iter_mut().enumerate().for_each(|(j, v)| *v = block.at(i, j).abs());
+            *limit = *row.select_nth_unstable_by(at, f32::total_cmp).1 * contrast;
         }
     }
-    let mut limits = vec![f32::NAN; m];
-    let mut row = vec![0.0f32; n];
-    found.retain(|entry| {
-        let i = entry.row as usize;
-        if limits[i].is_nan() {
-            row.iter_mut().enumerate().for_each(|(j, v)| *v = block.at(i, j).abs());
-            let at = ((n - 1) as f64 * 0.9) as usize;
-            limits[i] = *row.select_nth_unstable_by(at, f32::total_cmp).1 * contrast as f32;
-        }
-        entry.value.abs() > limits[i]
-    });
+    found.retain(|entry| entry.value.abs() > limits[entry.row as usize]);
     let mut counts = vec![0usize; n];
     found.iter().for_each(|e| counts[e.column.index()] += 1);
     let most = ((m as f64 * DENSE_COLUMN) as usize).max(2);
     found.retain(|e| counts[e.column.index()] <= most);
     found
+}
+
+/// Entries of a larger magnitude than the threshold of their row, by column, then row.
+fn above(block: BlockView<'_>, thresholds: &[f32]) -> Vec<SparseEntry> {
+    let mut found: Vec<SparseEntry> = Vec::new();
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (j, column) in block.entries().chunks_exact(block.rows()).enumerate() {
+                for (group, (values, limits)) in column.chunks(256).zip(thresholds.chunks(256)).enumerate() {
+                    if !values.iter().zip(limits).fold(false, |any, (v, t)| any | (v.abs() > *t)) {
+                        continue;
+                    }
+                    let above = values.iter().zip(limits).enumerate().filter(|(_, (v, t))| v.abs() > **t);
+                    found.extend(above.map(|(i, (v, _))| SparseEntry {
+                        column: ColumnIndex(j as u32),
+                        row: (group * 256 + i) as u32,
+                        value: *v,
+                    }));
+                }
+            }
+        },
+    );
+    found
+}
+
+/// For each row, how many of its entries have a larger magnitude than its limit.
+fn counts_above(block: BlockView<'_>, limits: &[f32]) -> Vec<u32> {
+    let mut counts = vec![0u32; block.rows()];
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for column in block.entries().chunks_exact(block.rows()) {
+                for ((count, value), limit) in counts.iter_mut().zip(column).zip(limits) {
+                    *count += u32::from(value.abs() > *limit);
+                }
+            }
+        },
+    );
+    counts
 }
 
 /// The entries with the sparse ones set to 0; not copied where there are none.
@@ -72,13 +108,21 @@ pub(super) fn without<'a>(entries: Cow<'a, [f32]>, sparse: &[SparseEntry], rows:
 mod tests {
     use super::*;
 
+    fn found(block: BlockView<'_>) -> Vec<SparseEntry> {
+        let sum = |i: usize| (0..block.columns()).map(|j| block.at(i, j).abs()).sum();
+        let sums: Vec<f32> = (0..block.rows()).map(sum).collect();
+        stand_out(block, &sums, 0.02, 16.0)
+    }
+
     #[test]
     fn a_seen_light_is_found_and_smooth_light_is_not() {
         let (m, n) = (12, 64);
         let mut entries: Vec<f32> = (0..m * n).map(|i| 1.0 + 0.3 * ((i % 7) as f32)).collect();
-        assert!(stand_out(BlockView::new(m, n, &entries), 0.02, 16.0).is_empty());
+        assert!(found(BlockView::new(m, n, &entries)).is_empty());
         entries[5 * m + 3] = 100.0;
-        let found = stand_out(BlockView::new(m, n, &entries), 0.02, 16.0);
-        assert_eq!(found, [SparseEntry { column: ColumnIndex(5), row: 3, value: 100.0 }]);
+        // Above the threshold of its row's sum, but not above the row's other entries by enough.
+        entries[9 * m + 3] = 10.0;
+        let one = [SparseEntry { column: ColumnIndex(5), row: 3, value: 100.0 }];
+        assert_eq!(found(BlockView::new(m, n, &entries)), one);
     }
 }

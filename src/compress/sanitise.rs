@@ -25,13 +25,42 @@ impl Replaced {
     }
 }
 
-/// The entries of a block with every unusable one replaced; borrowed where there is none.
-pub(super) fn sanitise(block: BlockView<'_>) -> (Cow<'_, [f32]>, Replaced) {
-    let usable = |v: f32| v.abs() <= LARGEST;
+/// What one pass over a block tells.
+pub(super) struct Survey {
+    /// Sum of each row: the all-on image.
+    pub(super) lit: Vec<f32>,
+    /// Sum of the magnitudes of each row.
+    pub(super) sums: Vec<f32>,
+    usable: bool,
+}
+
+/// Sums the rows of a block and looks for entries that cannot be computed with.
+fn survey(block: BlockView<'_>) -> Survey {
+    let mut survey = Survey { lit: vec![0.0; block.rows()], sums: vec![0.0; block.rows()], usable: true };
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            let Survey { lit, sums, usable } = &mut survey;
+            for column in block.entries().chunks_exact(block.rows()) {
+                for ((values, lit), sums) in column.chunks(512).zip(lit.chunks_mut(512)).zip(sums.chunks_mut(512)) {
+                    lit.iter_mut().zip(values).for_each(|(sum, v)| *sum += v);
+                    sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += v.abs());
+                    *usable &= values.iter().fold(true, |all, v| all & (v.abs() <= LARGEST));
+                }
+            }
+        },
+    );
+    survey
+}
+
+/// The entries of a block with every unusable one replaced, borrowed where there is none, and their sums.
+pub(super) fn sanitise(block: BlockView<'_>) -> (Cow<'_, [f32]>, Survey, Replaced) {
+    let found = survey(block);
     let mut replaced = Replaced::default();
-    if block.entries().chunks(4096).all(|chunk| chunk.iter().fold(true, |all, &v| all & usable(v))) {
-        return (Cow::Borrowed(block.entries()), replaced);
+    if found.usable {
+        return (Cow::Borrowed(block.entries()), found, replaced);
     }
+    let usable = |v: f32| v.abs() <= LARGEST;
     let largest = block.entries().iter().map(|v| v.abs()).filter(|&v| usable(v)).fold(0.0f32, f32::max);
     let mut entries = block.entries().to_vec();
     for (i, v) in entries.iter_mut().enumerate().filter(|(_, v)| !usable(**v)) {
@@ -44,5 +73,6 @@ pub(super) fn sanitise(block: BlockView<'_>) -> (Cow<'_, [f32]>, Replaced) {
             *v = largest.copysign(*v);
         }
     }
-    (Cow::Owned(entries), replaced)
+    let found = survey(BlockView::new(block.rows(), block.columns(), &entries));
+    (Cow::Owned(entries), found, replaced)
 }
