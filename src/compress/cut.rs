@@ -14,7 +14,10 @@ use super::{CompressSettings, Target};
 use crate::matrix::FactoredBlock;
 
 /// Bits that a sparse entry costs: its place (a dozen) and its value.
-const SPARSE_BITS: f64 = 24.0;
+const SPARSE_BITS: f64 = 14.0;
+/// Bits that the codec's transforms take over the bits of independent entries. Measured on five built-in scenes of 192 ×
+/// 128 pixels at ratios of 250 to 1,500: between 0.28 and 0.6.
+const CODING_GAIN: f64 = 0.45;
 /// Bits that a component costs beside its entries: steps, lengths.
 const COMPONENT_BITS: f64 = 96.0;
 /// Error variance of a quantiser over the usual noise of what it quantises, for entries of `L` and of `R`. The codec
@@ -98,7 +101,8 @@ impl Cut {
         let gain = f64::from(s.gains[k]);
         let (left, right) = self.steps(s, k);
         let (m, n) = (f64::from(s.rows), f64::from(s.columns));
-        let bits = m * entropy(1.0 / m, left) + n * entropy(f64::from(s.right_mean_square[k]), right) + COMPONENT_BITS;
+        let independent = m * entropy(1.0 / m, left) + n * entropy(f64::from(s.right_mean_square[k]), right);
+        let bits = CODING_GAIN * independent + COMPONENT_BITS;
         let noise = f64::from(s.fitted_noise[k] + s.noise[k]);
         let noisy = self.noise_factor > 0.0 && k > 0 && gain < self.noise_factor * noise;
         // Steps that only pass over noise cost nothing of what the component is kept for.
