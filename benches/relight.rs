@@ -3,6 +3,9 @@
 //! The matrix: 1024×768 pixels, 1,024 columns, blocks of 32×32 pixels. Each block is a sum of smooth products of falling
 //! size in full precision; what is relit is its first 8 components in 8 bits, and the error is that of the relit image
 //! against the direct product with all 24 components.
+//!
+//! `LTM_BENCH_MATRIX=path/without/extension` adds a matrix of one's own: its `.ltc` relit in every way, against the direct
+//! product with its `.ltm` from disk.
 
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
 
@@ -11,14 +14,19 @@ mod relight_source;
 
 use std::hint::black_box;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::time::Instant;
 
-use criterion::{Criterion, Throughput};
+use criterion::{BenchmarkGroup, Criterion, Throughput, measurement::WallTime};
+use ltm::container::ContainerReader;
 use ltm::error::Result;
 use ltm::image::{LinearImage, compare};
 use ltm::light::Lighting;
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, TracedBlock};
-use ltm::relight::{CpuRelighter, GpuRelighter, relight_raw, relight_streaming};
+use ltm::relight::{
+    CpuRelighter, GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter, relight_raw, relight_streaming,
+};
+use ltm::store::StoreReader;
 use rayon::prelude::*;
 
 const FULL_RANK: usize = 24;
@@ -112,67 +120,137 @@ fn mean_secs(mut call: impl FnMut()) -> f64 {
     start.elapsed().as_secs_f64() / f64::from(calls)
 }
 
-fn main() {
-    let mut criterion = Criterion::default().sample_size(10).configure_from_args();
-    let source = Smooth::new(KEPT_RANK);
-    let shape = source.shape;
-    let lightings: Vec<Lighting> = (1..=2).map(|seed| relight_source::random_lighting(1024, seed)).collect();
-    let relighter = CpuRelighter::load(&source).unwrap();
-    let relit = relighter.relight(&lightings[0]).unwrap();
-    let start = Instant::now();
-    let reference = relight_raw(&source, &lightings[..1]).unwrap().remove(0);
-    let raw_secs = start.elapsed().as_secs_f64();
-    let error = compare(&relit, &reference);
-    let rank = relighter.mean_rank();
-    println!(
-        "{} rows × {} columns, rank {rank}, blocks of 32 × 32, 8 bits: {:.1} dB (peak {:.1}), relative L2 {:.1e}",
-        shape.rows(),
-        shape.columns(),
-        error.psnr_linear,
-        error.peak,
-        error.relative_l2,
-    );
-    let image_bytes = shape.rows() * 4;
-    let moved = relighter.factor_bytes() + image_bytes;
-    let bandwidth = read_bandwidth();
-    let mut target = LinearImage::black(shape.width(), shape.height());
-    let report = |name: &str, secs: f64, bytes: u64| {
+/// The rates of this machine in this run, and the error that every figure is printed with.
+struct Ruler {
+    bandwidth: f64,
+    reference: LinearImage,
+}
+
+impl Ruler {
+    fn decibels(&self, image: &LinearImage) -> f64 {
+        compare(image, &self.reference).psnr_linear
+    }
+
+    fn report(&self, name: &str, secs: f64, bytes: u64, decibels: f64) {
         let rate = bytes as f64 / secs;
         println!(
-            "{name}: {:.3} ms, {:.0} per second, {:.1} MB moved, {:.1} GB/s = {:.2} of the {:.1} GB/s read here, {:.1} dB",
+            "  {name}: {:.3} ms, {:.1} per second, {:.1} MB moved, {:.2} GB/s = {:.2} of the {:.1} GB/s read here, \
+             {decibels:.1} dB",
             1e3 * secs,
             1.0 / secs,
             bytes as f64 / 1e6,
             rate / 1e9,
-            rate / bandwidth,
-            bandwidth / 1e9,
-            error.psnr_linear,
+            rate / self.bandwidth,
+            self.bandwidth / 1e9,
         );
-    };
-    report("full relight", mean_secs(|| relighter.relight_into(&lightings[0], &mut target).unwrap()), moved);
-    let mut kept = relighter.relight_kept(&lightings[0]).unwrap();
+    }
+}
+
+/// Every way to relight a source, first as a table with errors, then for criterion.
+fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &Ruler, group: &mut BenchmarkGroup<WallTime>) {
+    let shape = source.shape();
+    let relighter = CpuRelighter::load(source).unwrap();
+    let mut target = relighter.relight(lighting).unwrap();
+    let error = compare(&target, &ruler.reference);
+    let (columns, side, rank) = (shape.columns(), shape.block_side(), relighter.mean_rank());
+    println!(
+        "{} rows × {columns} columns, mean rank {rank:.2}, blocks of {side} × {side}, 8 and 16 bits, {:.1} MB of factors: \
+         {:.1} dB (peak {:.3}), clip {:.1} dB, relative L2 {:.1e}",
+        shape.rows(),
+        relighter.factor_bytes() as f64 / 1e6,
+        error.psnr_linear,
+        error.peak,
+        error.psnr_clipped,
+        error.relative_l2,
+    );
+    let moved = relighter.factor_bytes() + shape.rows() * 4;
+    group.throughput(Throughput::Bytes(moved));
+    let full = mean_secs(|| relighter.relight_into(lighting, &mut target).unwrap());
+    ruler.report("cpu, full", full, moved, ruler.decibels(&target));
+    let mut kept = relighter.relight_kept(lighting).unwrap();
     let mut i = 0;
     let mut change = || {
         i += 1;
-        relighter.change(&mut kept, &[(ColumnIndex(i % 1024), [i as f32 % 3.0; 3])]).unwrap();
+        let column = i % columns as u32;
+        relighter.change(&mut kept, &[(ColumnIndex(column), [i as f32 % 3.0; 3])]).unwrap();
     };
-    report("one light changed", mean_secs(&mut change), moved);
-    println!("direct product with blocks multiplied out in memory: {raw_secs:.2} s (making them included)");
-    println!("streaming: {:.3} s", mean_secs(|| drop(relight_streaming(&source, &lightings[0]).unwrap())));
-
-    let mut group = criterion.benchmark_group("relight 1024x768, 1024 columns, rank 8, 8 bits");
-    group.throughput(Throughput::Bytes(moved));
-    group.bench_function("cpu, full", |b| b.iter(|| relighter.relight_into(&lightings[0], &mut target).unwrap()));
+    ruler.report("cpu, one light changed", mean_secs(&mut change), moved, ruler.decibels(&target));
+    group.bench_function("cpu, full", |b| b.iter(|| relighter.relight_into(lighting, &mut target).unwrap()));
     group.bench_function("cpu, one light changed", |b| b.iter(&mut change));
-    match GpuRelighter::new(&source) {
+
+    let read = |paged: &PagedRelighter| paged.reads().bytes;
+    let paged = PagedRelighter::new(source, relighter.factor_bytes() / 10);
+    let image = paged.relight(lighting).unwrap();
+    let before = read(&paged);
+    let secs = mean_secs(|| drop(paged.relight(lighting).unwrap()));
+    ruler.report("cpu, a tenth of the factors in memory", secs, before, ruler.decibels(&image));
+    let secs = mean_secs(|| drop(relight_streaming(source, lighting).unwrap()));
+    ruler.report("cpu, nothing in memory", secs, before, ruler.decibels(&image));
+
+    match GpuRelighter::new(source) {
         Ok(gpu) => {
-            let error = compare(&gpu.relight(&lightings[0]).unwrap(), &reference);
-            println!("{}: {:.1} dB", gpu.adapter(), error.psnr_linear);
-            group.bench_function("gpu, resident", |b| b.iter(|| gpu.relight_resident(&lightings[0]).unwrap()));
-            group.bench_function("gpu, read back", |b| b.iter(|| gpu.relight(&lightings[0]).unwrap()));
+            let decibels = ruler.decibels(&gpu.relight(lighting).unwrap());
+            let name = gpu.adapter();
+            ruler.report(
+                &format!("{name}, resident"),
+                mean_secs(|| gpu.relight_resident(lighting).unwrap()),
+                moved,
+                decibels,
+            );
+            ruler.report(
+                &format!("{name}, read back"),
+                mean_secs(|| drop(gpu.relight(lighting).unwrap())),
+                moved,
+                decibels,
+            );
+            group.bench_function("gpu, resident", |b| b.iter(|| gpu.relight_resident(lighting).unwrap()));
+            let host = PagedRelighter::new(source, u64::MAX);
+            let budget = gpu.resident_bytes() / 10;
+            drop(gpu);
+            match PagedGpuRelighter::new(host, budget, GpuSettings::default()) {
+                Ok(paged) => {
+                    let decibels = ruler.decibels(&paged.relight(lighting).unwrap());
+                    let secs = mean_secs(|| drop(paged.relight(lighting).unwrap()));
+                    ruler.report(&format!("{name}, a tenth of the factors in its memory"), secs, moved, decibels);
+                }
+                Err(error) => println!("  {error}"),
+            }
         }
-        Err(error) => println!("{error}"),
+        Err(error) => println!("  {error}"),
     }
+}
+
+fn main() {
+    let mut criterion = Criterion::default().sample_size(10).configure_from_args();
+    let bandwidth = read_bandwidth();
+    let source = Smooth::new(KEPT_RANK);
+    let lighting = relight_source::random_lighting(1024, 1);
+    let start = Instant::now();
+    let reference = relight_raw(&source, std::slice::from_ref(&lighting)).unwrap().remove(0);
+    println!("direct product with blocks multiplied out in memory: {:.2} s", start.elapsed().as_secs_f64());
+    let mut group = criterion.benchmark_group("relight 1024x768, 1024 columns, rank 8, 8 bits");
+    measure(&source, &lighting, &Ruler { bandwidth, reference }, &mut group);
     group.finish();
+
+    if let Some(stem) = std::env::var_os("LTM_BENCH_MATRIX").map(PathBuf::from) {
+        let container = ContainerReader::open(&stem.with_extension("ltc")).unwrap();
+        let matrix = StoreReader::open(&stem.with_extension("ltm")).unwrap();
+        let lighting = Lighting::of_scene(&container.job().basis);
+        let start = Instant::now();
+        let reference = relight_raw(&matrix, std::slice::from_ref(&lighting)).unwrap().remove(0);
+        let bytes = matrix.stored_bytes().unwrap() as f64;
+        let secs = start.elapsed().as_secs_f64();
+        println!(
+            "{}: direct product with the stored matrix, as far as it is not in the page cache from disk: {secs:.2} s, \
+             {:.2} GB, {:.2} GB/s; the container is {:.2} MB",
+            stem.display(),
+            bytes / 1e9,
+            bytes / secs / 1e9,
+            container.file_bytes() as f64 / 1e6,
+        );
+        let mut group = criterion.benchmark_group("relight a matrix of one's own");
+        measure(&container, &lighting, &Ruler { bandwidth, reference }, &mut group);
+        group.finish();
+    }
     criterion.final_summary();
 }

@@ -1,36 +1,12 @@
 // c = L y; twin of src/relight/reconstruct.rs.
 // One thread for four neighbouring pixels of a block, all channels: planes of L are padded to whole words.
 
-struct Sizes {
-    columns: u32,
-    components: u32,
-    blocks: u32,
-    sparse_rows: u32,
-}
-
-struct Component {
-    right_word: u32,
-    left_word: u32,
-    narrow: u32,
-    scale: f32,
-}
-
-struct Block {
-    first_component: u32,
-    component_count: u32,
-    pixels: u32,
-    // First pixel of the block in `image`, whose pixels stand block after block.
-    first_pixel: u32,
-}
-
 @group(0) @binding(0) var<uniform> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> blocks: array<Block>;
 @group(0) @binding(2) var<storage, read> components: array<Component>;
 @group(0) @binding(3) var<storage, read> factors: array<u32>;
 @group(0) @binding(4) var<storage, read> projected: array<f32>;
 @group(0) @binding(5) var<storage, read_write> image: array<f32>;
-
-const THREADS: u32 = 64u;
 
 fn signed_bytes(word: u32) -> vec4<f32> {
     let shifted = vec4<u32>(word << 24u, word << 16u, word << 8u, word);

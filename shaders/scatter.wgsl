@@ -1,32 +1,11 @@
 // c += S l; twin of src/relight/scatter.rs.
 // One thread for each row that has sparse entries, so that no two write to the same place.
 
-struct Sizes {
-    columns: u32,
-    components: u32,
-    blocks: u32,
-    sparse_rows: u32,
-}
-
-struct SparseRow {
-    // Place in `image`: three times the pixel, plus the channel.
-    target_index: u32,
-    first: u32,
-    end: u32,
-}
-
-struct SparseEntry {
-    column: u32,
-    value: f32,
-}
-
 @group(0) @binding(0) var<uniform> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> lighting: array<f32>;
 @group(0) @binding(2) var<storage, read> rows: array<SparseRow>;
 @group(0) @binding(3) var<storage, read> entries: array<SparseEntry>;
 @group(0) @binding(4) var<storage, read_write> image: array<f32>;
-
-const THREADS: u32 = 64u;
 
 @compute @workgroup_size(THREADS)
 fn scatter(

@@ -6,7 +6,7 @@ use ltm::error::Error;
 use ltm::light::Lighting;
 use ltm::matrix::{ColumnIndex, FactorSource};
 use ltm::relight::{CpuRelighter, relight_raw, relight_streaming};
-use relight_source::{MemoryFactors, Recipe, largest_difference, random_lighting};
+use relight_source::{MemoryFactors, Recipe, hard_shapes, largest_difference, random_lighting};
 
 /// 16-bit floats round each value of each factor by 2⁻¹² of itself at most, which over two factors and a few dozen
 /// components of random sign stays well below 2⁻¹⁰ of the largest pixel.
@@ -15,21 +15,6 @@ const WIDE_TOLERANCE: f32 = 1.0 / 1024.0;
 /// 8 bits round each value by half a step at most, and the sources of these tests have steps of a hundredth of the
 /// largest value, half of the components being multiples of them, which lose nothing. Sums over columns average it.
 const NARROW_TOLERANCE: f32 = 1.0 / 50.0;
-
-fn hard_shapes() -> Vec<(&'static str, Recipe)> {
-    vec![
-        ("rank 0", Recipe::new((40, 20), 16, 5, &[0])),
-        ("no layers", Recipe::new((40, 20), 16, 5, &[])),
-        ("rank 1", Recipe::new((40, 20), 16, 5, &[1])),
-        ("ragged edges", Recipe::new((37, 53), 16, 70, &[5, 3]).sparse(40)),
-        ("one pixel", Recipe::new((1, 1), 32, 9, &[2]).sparse(5)),
-        ("one column", Recipe::new((33, 31), 32, 1, &[1]).sparse(9)),
-        ("4,096 columns", Recipe::new((32, 16), 16, 4096, &[7]).sparse(500)),
-        ("largest rank", Recipe::new((8, 8), 8, 192, &[192])),
-        ("sparse only", Recipe::new((20, 20), 8, 33, &[0]).sparse(100)),
-        ("largest blocks", Recipe::new((300, 260), 256, 12, &[3])),
-    ]
-}
 
 fn direct(source: &MemoryFactors, lighting: &Lighting) -> ltm::image::LinearImage {
     relight_raw(source, std::slice::from_ref(lighting)).unwrap().remove(0)

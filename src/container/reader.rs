@@ -204,6 +204,19 @@ impl FactorSource for ContainerReader {
         join_layers(&layout, chunks.iter().map(|chunk| Ok(chunk.as_slice())), base.as_ref())
             .map_err(|problem: String| self.bad_block(id, layers.start as usize, &problem))
     }
+
+    fn stored_layer(&self, id: BlockId, layer: u32) -> Result<Vec<u8>> {
+        self.read_chunk(id, layer as usize)
+    }
+
+    fn decode_layers(&self, id: BlockId, stored: &[Vec<u8>]) -> Result<FactoredBlock> {
+        if !self.has_block(id) {
+            return self.read_layers(id, 0..0);
+        }
+        let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
+        join_layers(&layout, stored.iter().map(|chunk| Ok(chunk.as_slice())), None)
+            .map_err(|problem: String| self.bad_block(id, stored.len().saturating_sub(1), &problem))
+    }
 }
 
 /// What the end of a file says.

@@ -52,7 +52,13 @@ impl ToneMapping {
         white.map(|white| gain / white)
     }
 
-    /// Displayed (sRGB-encoded) values of a linear pixel, in [0, 1]; values that are not finite count as 0.
+    /// 8 bits of each channel of every pixel, as they are displayed.
+    pub fn bytes(self, image: &LinearImage) -> Vec<[u8; 3]> {
+        image.pixels.iter().map(|&pixel| self.display(pixel).map(|v| (v * 255.0 + 0.5) as u8)).collect()
+    }
+
+    /// Displayed (sRGB-encoded) values of a linear pixel, in [0, 1]; values that are not finite count as 0. Twin of
+    /// `shaders/tone.wgsl`.
     pub fn display(self, pixel: [f32; 3]) -> [f32; 3] {
         let gains = self.gains();
         self.curve.encode([0, 1, 2].map(|ch: usize| pixel[ch] * gains[ch]))
@@ -151,8 +157,7 @@ pub fn false_colour_scale(low: f32, high: f32) -> [(&'static str, f32); 7] {
 
 /// Writes an 8-bit sRGB PNG through `tone`.
 pub fn write_toned_png(path: &Path, image: &LinearImage, tone: ToneMapping) -> Result<()> {
-    let pixels = image.pixels.iter().flat_map(|&pixel| tone.display(pixel).map(|v| (v * 255.0 + 0.5) as u8));
-    save_png(path, image, pixels.collect())
+    save_png(path, image, tone.bytes(image).into_flattened())
 }
 
 /// Writes an 8-bit sRGB PNG, exposed so that the 95th luminance percentile maps to `white`.

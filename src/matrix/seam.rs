@@ -35,4 +35,16 @@ pub trait FactorSource: Send + Sync {
 
     /// The factors of a range of layers alone: their components and sparse entries.
     fn read_layers(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock>;
+
+    /// One layer as it is stored, to be decoded by [`decode_layers`](Self::decode_layers) with those before it: so that
+    /// a block can be read layer by layer and no layer twice. A source without stored bytes gives none, and reads when
+    /// it decodes.
+    fn stored_layer(&self, _id: BlockId, _layer: u32) -> Result<Vec<u8>> {
+        Ok(Vec::new())
+    }
+
+    /// The factors of the first layers of a block, from their stored bytes.
+    fn decode_layers(&self, id: BlockId, stored: &[Vec<u8>]) -> Result<FactoredBlock> {
+        self.read_layers(id, 0..stored.len() as u32)
+    }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::{Device, PackOptions, PackReport, PeakMemory, RenderOptions, Watch, human_bytes};
+use super::{PackOptions, PackReport, PeakMemory, RelightOptions, RenderOptions, Watch, human_bytes};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::{self, ImageError, LinearImage};
@@ -57,7 +57,7 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Watch) -> Result<Dem
     let memory = PeakMemory::start();
     let (names, lightings) = demo_lightings(&matrix.job().basis)?;
     let container = ContainerReader::open(&container_path)?;
-    let (images, relit_by) = super::relight(&container, &lightings, Device::Auto, watch)?;
+    let (images, relit_by) = super::relight(&container, &lightings, RelightOptions::default(), watch)?;
     for (name, image) in names.iter().zip(&images) {
         write_images(folder, name, image)?;
     }

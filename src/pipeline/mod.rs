@@ -29,7 +29,7 @@ pub use maintain::{Verified, repair, verify};
 pub use memory::PeakMemory;
 pub use pack::{PackOptions, PackReport, pack};
 pub use preview::{PreviewReport, preview};
-pub use relight::{Device, RelightOptions, Relighter, relight};
+pub use relight::{Device, RelightOptions, Relighter, relight, relight_matrix};
 pub use render::{RenderOptions, RenderReport, job_of, render};
 pub use selection::Selection;
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};

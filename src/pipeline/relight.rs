@@ -1,12 +1,15 @@
 //! `.ltc` + lighting → image.
 
+use super::budget::{Need, on_threads};
+use super::render::PROGRAM_BYTES;
+use super::{Watch, human_bytes};
+use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
-use crate::matrix::FactorSource;
-use crate::relight::{CpuRelighter, GpuRelighter};
-
-use super::Watch;
+use crate::matrix::{BlockSource, FactorSource, MatrixShape};
+use crate::relight::{CpuRelighter, GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter, relight_raw};
+use crate::store::StoreReader;
 
 /// Where to relight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,71 +28,122 @@ pub enum Device {
 pub struct RelightOptions {
     /// Where.
     pub device: Device,
+    /// Anonymous memory to stay within; none: as much as all factors take.
+    pub memory_bytes: Option<u64>,
+    /// Memory of the GPU to stay within; none: as much as all factors take.
+    pub gpu_memory_bytes: Option<u64>,
 }
 
 /// A container that is ready to be relit any number of times.
-pub struct Relighter {
-    kind: Kind,
+pub struct Relighter<'a> {
+    kind: Kind<'a>,
+    threads: usize,
 }
 
-enum Kind {
-    Cpu(CpuRelighter),
+enum Kind<'a> {
+    Cpu(Box<CpuRelighter>),
+    Paged(Box<PagedRelighter<'a>>),
     Gpu(Box<GpuRelighter>),
+    PagedGpu(Box<PagedGpuRelighter<'a>>),
 }
 
-impl Relighter {
-    /// Reads a container's factors to where they will be used. Damaged blocks are noted to `watch` and shown by what
-    /// stands of them.
+impl<'a> Relighter<'a> {
+    /// Makes a container ready: reads its factors to where they will be used or, where a budget is given, leaves that
+    /// to the relighting.
     ///
-    /// Errors: those of reading the container; [`Error::NoGpu`] if a GPU is demanded and there is none.
-    pub fn open(source: &dyn FactorSource, options: RelightOptions, watch: &dyn Watch) -> Result<Self> {
-        let kind = match gpu(source, options.device, watch)? {
-            Some(gpu) => Kind::Gpu(Box::new(gpu)),
-            None => Kind::Cpu(CpuRelighter::load(source)?),
+    /// Errors: those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
+    /// decoded; [`Error::NoGpu`] if a GPU is demanded and there is none.
+    pub fn open(container: &'a ContainerReader, options: RelightOptions, watch: &dyn Watch) -> Result<Self> {
+        let need = need_of(container);
+        let threads = match options.memory_bytes {
+            Some(_) => need.threads_within("relighting", options.memory_bytes)?,
+            None => rayon::current_num_threads(),
         };
-        let relighter = Self { kind };
-        relighter.damage().iter().for_each(|line| watch.note(line));
-        Ok(relighter)
+        let paged = || {
+            let budget_bytes = options.memory_bytes.map_or(u64::MAX, |bytes| bytes - need.bytes(threads));
+            PagedRelighter::new(container, budget_bytes)
+        };
+        let kind = match gpu(container, &options, &paged, watch)? {
+            Some(gpu) => gpu,
+            None if options.memory_bytes.is_some() => Kind::Paged(Box::new(paged())),
+            None => Kind::Cpu(Box::new(CpuRelighter::load(container)?)),
+        };
+        Ok(Self { kind, threads })
     }
 
     /// The image under a lighting. Errors: those of the relighters.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
-        match &self.kind {
+        on_threads(self.threads, || match &self.kind {
             Kind::Cpu(cpu) => cpu.relight(lighting),
+            Kind::Paged(paged) => paged.relight(lighting),
             Kind::Gpu(gpu) => gpu.relight(lighting),
-        }
+            Kind::PagedGpu(paged) => paged.relight(lighting),
+        })?
     }
 
-    /// One line for each block that is shown with fewer layers than it has, or as a hole.
-    pub fn damage(&self) -> &[String] {
+    /// One line for each block that is shown with fewer layers than it has, or as a hole; where budgets are given, of
+    /// the blocks that were looked at.
+    pub fn damage(&self) -> Vec<String> {
         match &self.kind {
-            Kind::Cpu(cpu) => cpu.damage(),
-            Kind::Gpu(gpu) => gpu.damage(),
+            Kind::Cpu(cpu) => cpu.damage().to_vec(),
+            Kind::Paged(paged) => paged.damage(),
+            Kind::Gpu(gpu) => gpu.damage().to_vec(),
+            Kind::PagedGpu(paged) => paged.host().damage(),
         }
     }
 
-    /// What does the work, for people.
+    /// What did the work, for people.
     pub fn description(&self) -> String {
+        let cpu = match self.threads {
+            1 => "CPU (1 thread)".to_owned(),
+            threads => format!("CPU ({threads} threads)"),
+        };
+        let of_pages = |paged: &PagedRelighter| {
+            let (reads, kept) = (paged.reads(), paged.resident_bytes());
+            format!("{} chunks ({}) read, {} kept", reads.chunks, human_bytes(reads.bytes), human_bytes(kept))
+        };
         match &self.kind {
-            Kind::Cpu(_) => format!("CPU ({} threads)", rayon::current_num_threads()),
+            Kind::Cpu(_) => cpu,
+            Kind::Paged(paged) => format!("{cpu}, {}", of_pages(paged)),
             Kind::Gpu(gpu) => format!("GPU ({})", gpu.adapter()),
+            Kind::PagedGpu(paged) => {
+                let peak = human_bytes(paged.peak_bytes());
+                format!("GPU ({}, at most {peak} of its memory), {}", paged.adapter(), of_pages(paged.host()))
+            }
         }
     }
 }
 
 /// The GPU if it is wanted and there is one that is faster than the CPU.
-fn gpu(source: &dyn FactorSource, device: Device, watch: &dyn Watch) -> Result<Option<GpuRelighter>> {
-    if device == Device::Cpu {
+fn gpu<'a>(
+    container: &'a ContainerReader,
+    options: &RelightOptions,
+    paged: &dyn Fn() -> PagedRelighter<'a>,
+    watch: &dyn Watch,
+) -> Result<Option<Kind<'a>>> {
+    if options.device == Device::Cpu {
         return Ok(None);
     }
-    match GpuRelighter::new(source) {
+    let opened = match (options.gpu_memory_bytes, options.memory_bytes) {
+        (None, None) => GpuRelighter::new(container).map(|gpu| Kind::Gpu(Box::new(gpu))),
+        (bytes, _) => PagedGpuRelighter::new(paged(), bytes.unwrap_or(u64::MAX), GpuSettings::default())
+            .map(|gpu| Kind::PagedGpu(Box::new(gpu))),
+    };
+    let software = |kind: &Kind| match kind {
+        Kind::Gpu(gpu) => gpu.is_software().then(|| gpu.adapter()),
+        Kind::PagedGpu(gpu) => gpu.is_software().then(|| gpu.adapter()),
+        _ => None,
+    };
+    match opened {
         // A driver that computes on the CPU is slower than our own code there.
-        Ok(gpu) if device == Device::Auto && gpu.is_software() => {
-            watch.note(&format!("the only adapter is a software one ({}); relighting on the CPU", gpu.adapter()));
-            Ok(None)
-        }
-        Ok(gpu) => Ok(Some(gpu)),
-        Err(Error::NoGpu(reason)) if device == Device::Auto => {
+        Ok(kind) => match software(&kind).filter(|_| options.device == Device::Auto) {
+            Some(adapter) => {
+                watch.note(&format!("the only adapter is a software one ({adapter}); relighting on the CPU"));
+                Ok(None)
+            }
+            None => Ok(Some(kind)),
+        },
+        Err(Error::NoGpu(reason)) if options.device == Device::Auto => {
             watch.note(&format!("no GPU ({reason}); relighting on the CPU"));
             Ok(None)
         }
@@ -97,16 +151,46 @@ fn gpu(source: &dyn FactorSource, device: Device, watch: &dyn Watch) -> Result<O
     }
 }
 
-/// Relights a container under each lighting. Also says, as text, what did it.
+/// Memory beside the factors that are kept: images on their way to a file, and a block for each thread while it is
+/// decoded (values in f32 twice, and in compact form).
+fn need_of(container: &ContainerReader) -> Need {
+    let shape = container.job().shape;
+    let block = |id| {
+        let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());
+        (values * 12 + container.sparse_entries(id) * 40) as u64
+            + container.encoded_bytes(id, 0..container.layer_count(id))
+    };
+    let per_thread_bytes = shape.blocks().map(block).max().unwrap_or(0);
+    Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes }
+}
+
+/// The image, and what an encoder makes of it.
+fn image_bytes(shape: MatrixShape) -> u64 {
+    3 * shape.rows() as u64 * 4
+}
+
+/// Relights a container under each lighting. Also says, as text, what did it. Damage is noted to `watch`.
 ///
 /// Errors: as [`Relighter::open`] and [`Relighter::relight`].
 pub fn relight(
-    source: &dyn FactorSource,
+    container: &ContainerReader,
     lightings: &[Lighting],
-    device: Device,
+    options: RelightOptions,
     watch: &dyn Watch,
 ) -> Result<(Vec<LinearImage>, String)> {
-    let relighter = Relighter::open(source, RelightOptions { device }, watch)?;
+    let relighter = Relighter::open(container, options, watch)?;
     let images = lightings.iter().map(|lighting| relighter.relight(lighting)).collect::<Result<_>>()?;
+    relighter.damage().iter().for_each(|line| watch.note(line));
     Ok((images, relighter.description()))
+}
+
+/// The direct product with a stored matrix, on as many threads as hold a block each within the memory given.
+///
+/// Errors: those of reading the matrix; [`Error::Resources`] where not even one block fits.
+pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, memory_bytes: Option<u64>) -> Result<LinearImage> {
+    let shape = BlockSource::shape(matrix);
+    let per_thread_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
+    let need = Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes };
+    let threads = need.threads_within("relighting", memory_bytes)?;
+    on_threads(threads, || Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))?
 }

@@ -5,12 +5,15 @@
 //! and once in `shaders/` under the same name: `project` makes `y = R ℓ` for the three channels in one pass over `R`,
 //! `reconstruct` makes `L y`, and `scatter` adds the sparse entries.
 //!
-//! Factors stay in the compact form of [`CompactBlock`], 8 or 16 bits a value, wherever they are kept.
+//! Factors stay in the compact form of [`CompactBlock`], 8 or 16 bits a value, wherever they are kept. What does not fit
+//! into a budget passes through: [`Pager`] decides what stays.
 
 mod compact;
 mod cpu;
 mod damage;
 mod gpu;
+mod paged;
+mod pager;
 mod project;
 mod raw;
 mod reconstruct;
@@ -19,5 +22,7 @@ mod tiles;
 
 pub use compact::CompactBlock;
 pub use cpu::{CpuRelighter, Relit, relight_streaming};
-pub use gpu::{GpuRelighter, GpuSettings};
+pub use gpu::{GpuRelighter, GpuSettings, PagedGpuRelighter};
+pub use paged::{PagedRelighter, Reads};
+pub use pager::{Admission, Detail, Pager};
 pub use raw::relight_raw;

@@ -50,23 +50,46 @@ fn project_part<Q: Quantum>(
 #[inline(always)]
 fn dot_three<'a, Q: Quantum>(values: &[Q], lighting: &'a PlanarLighting) -> [f32; CHANNELS] {
     let [red, green, blue] = &lighting.channels;
-    let mut sums = [[0.0f32; LANES]; CHANNELS];
+    let (mut reds, mut greens, mut blues) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
     let (chunks, tail) = values.as_chunks::<LANES>();
     let whole = |weights: &'a Vec<f32>| weights.as_chunks::<LANES>().0.iter();
     let weights = whole(red).zip(whole(green)).zip(whole(blue));
     for (chunk, ((red, green), blue)) in chunks.iter().zip(weights) {
+        // Each a loop of its own, which the compiler turns into whole vectors.
+        let mut values = [0.0f32; LANES];
         for i in 0..LANES {
-            let value = chunk[i].to_f32();
-            sums[0][i] += value * red[i];
-            sums[1][i] += value * green[i];
-            sums[2][i] += value * blue[i];
+            values[i] = chunk[i].to_f32();
         }
+        add_products(&mut reds, &values, red);
+        add_products(&mut greens, &values, green);
+        add_products(&mut blues, &values, blue);
     }
     let start = chunks.len() * LANES;
     for (i, value) in tail.iter().enumerate() {
-        for (sums, weights) in sums.iter_mut().zip(&lighting.channels) {
-            sums[i] += value.to_f32() * weights[start + i];
-        }
+        let value = value.to_f32();
+        reds[i] += value * red[start + i];
+        greens[i] += value * green[start + i];
+        blues[i] += value * blue[start + i];
     }
-    sums.map(|lanes| lanes.iter().map(|&lane| f64::from(lane)).sum::<f64>() as f32)
+    [total(reds), total(greens), total(blues)]
+}
+
+#[inline(always)]
+fn add_products(sums: &mut [f32; LANES], values: &[f32; LANES], weights: &[f32; LANES]) {
+    for i in 0..LANES {
+        sums[i] += values[i] * weights[i];
+    }
+}
+
+/// The sum of all lanes, by halves: short chains of additions, and the same order on every machine.
+#[inline(always)]
+fn total(mut lanes: [f32; LANES]) -> f32 {
+    let mut half = LANES / 2;
+    while half > 0 {
+        for i in 0..half {
+            lanes[i] += lanes[half + i];
+        }
+        half /= 2;
+    }
+    lanes[0]
 }

@@ -87,79 +87,77 @@ impl Picture {
         if self.false_colour.is_some() { self.scale.is_none() } else { self.exposure.is_none() }
     }
 
-    /// Decides how to write, exposing for `brightest` where nothing else is asked for; says what it chose.
-    pub(crate) fn writer(
-        &self,
-        output: &Path,
-        job: &Job,
-        brightest: &LinearImage,
-        say: &mut dyn FnMut(String),
-    ) -> Result<Writer> {
-        if format_of(output)? == Format::Exr {
-            let shown = self.tone.is_some() || self.exposure.is_some() || self.white_balance.is_some();
-            if shown || self.false_colour.is_some() {
-                let problem = "an EXR holds linear radiance as it is";
-                return Err(Error::input(output.display().to_string(), problem, "write a .png to show it"));
-            }
-            return Ok(Writer::Exr);
+    /// Refuses what does not go together, before anything is computed.
+    pub(crate) fn check(&self, format: Format, output: &Path, job: &Job) -> Result<()> {
+        let shown = self.tone.is_some() || self.exposure.is_some() || self.white_balance.is_some();
+        if format == Format::Exr && (shown || self.false_colour.is_some()) {
+            let problem = "an EXR holds linear radiance as it is";
+            return Err(Error::input(output.display().to_string(), problem, "write a .png to show it"));
         }
-        match self.false_colour {
-            Some(quantity) => self.false_colour_writer(quantity, job, brightest, say),
-            None => self.toned_writer(brightest, say),
-        }
-    }
-
-    fn toned_writer(&self, brightest: &LinearImage, say: &mut dyn FnMut(String)) -> Result<Writer> {
         if let Some(kelvin) = self.white_balance.filter(|kelvin| !(1000.0..=40_000.0).contains(kelvin)) {
             return Err(Error::input("--white-balance", format!("{kelvin} K is out of range"), "give 1000 to 40000"));
         }
         if let Some(stops) = self.exposure.filter(|stops| !(-60.0..=60.0).contains(stops)) {
             return Err(Error::input("--exposure", format!("{stops} stops are out of range"), "give −60 to 60"));
         }
+        let Some(quantity) = self.false_colour else { return Ok(()) };
+        if shown {
+            let problem = "false colours stand for values, not for what is seen";
+            return Err(Error::input("--false-colour", problem, "leave out --tone, --exposure and --white-balance"));
+        }
+        if let Some(light) = job.basis.lights().iter().find(|light| light.unit == LightUnit::Multiple) {
+            let problem = "is known only as an image, without unit";
+            return Err(Error::input(format!("light '{}'", light.name), problem, "show it with --tone"));
+        }
+        let hint = "give the surfaces' --reflectance, above 0 and up to 1";
+        match (quantity, self.reflectance) {
+            (Quantity::Luminance, Some(_)) => {
+                let problem = "luminance is that of the picture, whatever reflects it";
+                Err(Error::input("--reflectance", problem, "leave it out, or show the illuminance"))
+            }
+            (Quantity::Illuminance, None) => {
+                let problem = "a picture shows what surfaces reflect, not what they receive";
+                Err(Error::input("illuminance", problem, hint))
+            }
+            (Quantity::Illuminance, Some(reflectance)) if !(reflectance > 0.0 && reflectance <= 1.0) => {
+                Err(Error::input("--reflectance", format!("{reflectance} is no reflectance"), hint))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Decides how to write, exposing for `brightest` where nothing else is asked for; says what it chose.
+    pub(crate) fn writer(&self, format: Format, brightest: &LinearImage, say: &mut dyn FnMut(String)) -> Writer {
+        match (format, self.false_colour) {
+            (Format::Exr, _) => Writer::Exr,
+            (Format::Png, None) => self.toned(brightest, say),
+            (Format::Png, Some(quantity)) => self.in_false_colours(quantity, brightest, say),
+        }
+    }
+
+    fn toned(&self, brightest: &LinearImage, say: &mut dyn FnMut(String)) -> Writer {
         let curve = match self.tone {
             None | Some(ToneName::None) => ToneCurve::None,
             Some(ToneName::Agx) => ToneCurve::Agx,
             Some(ToneName::Filmic) => ToneCurve::Filmic,
             Some(ToneName::Neutral) => ToneCurve::Neutral,
         };
-        let tone = ToneMapping { curve, exposure_stops: 0.0, white_kelvin: self.white_balance };
-        Ok(Writer::Toned(match self.exposure {
-            Some(exposure_stops) => ToneMapping { exposure_stops, ..tone },
-            None => {
-                let tone = tone.auto_exposed(brightest, WHITE);
-                say(format!("exposed by {:.2} stops", tone.exposure_stops));
-                tone
-            }
-        }))
+        let exposure_stops = self.exposure.unwrap_or(0.0);
+        let tone = ToneMapping { curve, exposure_stops, white_kelvin: self.white_balance };
+        if self.exposure.is_some() {
+            return Writer::Toned(tone);
+        }
+        let tone = tone.auto_exposed(brightest, WHITE);
+        say(format!("exposed by {:.2} stops", tone.exposure_stops));
+        Writer::Toned(tone)
     }
 
-    fn false_colour_writer(
-        &self,
-        quantity: Quantity,
-        job: &Job,
-        brightest: &LinearImage,
-        say: &mut dyn FnMut(String),
-    ) -> Result<Writer> {
-        if let Some(light) = job.basis.lights().iter().find(|light| light.unit == LightUnit::Multiple) {
-            let problem = "is known only as an image, without unit";
-            return Err(Error::input(format!("light '{}'", light.name), problem, "show it with --tone"));
-        }
-        let (factor, unit) = match (quantity, self.reflectance) {
-            (Quantity::Luminance, None) => (LUMENS_PER_WATT, "cd/m²"),
-            (Quantity::Luminance, Some(_)) => {
-                let problem = "luminance is that of the picture, whatever reflects it";
-                return Err(Error::input("--reflectance", problem, "leave it out, or show the illuminance"));
-            }
+    fn in_false_colours(&self, quantity: Quantity, brightest: &LinearImage, say: &mut dyn FnMut(String)) -> Writer {
+        let (factor, unit) = match quantity {
+            Quantity::Luminance => (LUMENS_PER_WATT, "cd/m²"),
             // A matte surface of reflectance ρ under illuminance E has the luminance ρ E / π.
-            (Quantity::Illuminance, Some(reflectance)) if reflectance > 0.0 && reflectance <= 1.0 => {
-                (LUMENS_PER_WATT * std::f32::consts::PI / reflectance, "lx")
-            }
-            (Quantity::Illuminance, given) => {
-                let problem = match given {
-                    Some(reflectance) => format!("{reflectance} is no reflectance"),
-                    None => "a picture shows what surfaces reflect, not what they receive".to_owned(),
-                };
-                return Err(Error::input("illuminance", problem, "give the surfaces' --reflectance, 0 to 1"));
+            Quantity::Illuminance => {
+                (LUMENS_PER_WATT * std::f32::consts::PI / self.reflectance.unwrap_or(1.0), "lx on matte surfaces")
             }
         };
         let (low, high) = self.scale.unwrap_or_else(|| {
@@ -167,10 +165,17 @@ impl Picture {
             let high = if peak > 0.0 { 10f32.powf(peak.log10().ceil()) } else { 1.0 };
             (high / 1000.0, high)
         });
-        let steps = image::false_colour_scale(low, high).map(|(name, value)| format!("{name} {value:.3}"));
-        say(format!("{}: {unit}", steps.join(", ")));
-        Ok(Writer::FalseColour { factor, low, high })
+        let steps = image::false_colour_scale(low, high).map(|(name, value)| format!("{name} {}", short(value)));
+        say(format!("{} {unit}", steps.join(", ")));
+        Writer::FalseColour { factor, low, high }
     }
+}
+
+/// A value with three digits that count.
+fn short(value: f32) -> String {
+    let digits = 2 - value.abs().log10().floor() as i32;
+    let unit = 10f32.powi(-digits);
+    format!("{:.*}", digits.max(0) as usize, (value / unit).round() * unit)
 }
 
 impl Writer {

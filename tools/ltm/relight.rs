@@ -8,8 +8,7 @@ use ltm::image::LinearImage;
 use ltm::light::look::{self, Look};
 use ltm::light::names::{fits, suggest};
 use ltm::light::{Job, Light, Lighting};
-use ltm::pipeline::{Device, RelightOptions, Relighter, Watch};
-use ltm::relight::relight_raw;
+use ltm::pipeline::{Device, RelightOptions, Relighter, Watch, parse_bytes, relight_matrix};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
@@ -47,6 +46,12 @@ pub(crate) struct Relight {
     /// Where to compute.
     #[arg(long, value_enum, default_value = "auto")]
     device: DeviceName,
+    /// Memory to stay within, for example 64MiB: factors are read as they are needed [default: all are kept].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
+    /// Memory of the GPU to stay within [default: all factors are kept there].
+    #[arg(long, value_parser = parse_bytes)]
+    gpu_memory: Option<u64>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -73,15 +78,17 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
                 DeviceName::Cpu => Device::Cpu,
                 DeviceName::Gpu => Device::Gpu,
             };
-            let relighter = Relighter::open(&container, RelightOptions { device }, console)?;
+            let (memory_bytes, gpu_memory_bytes) = (options.memory, options.gpu_memory);
+            let settings = RelightOptions { device, memory_bytes, gpu_memory_bytes };
+            let relighter = Relighter::open(&container, settings, console)?;
             task.run(&|lighting| relighter.relight(lighting), console)?;
+            relighter.damage().iter().for_each(|line| console.note(line));
             println!("{}: relit by {}", options.output.display(), relighter.description());
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(&options.input)?;
             let task = Task::new(options, matrix.job(), format)?;
-            let relight = |lighting: &Lighting| Ok(relight_raw(&matrix, std::slice::from_ref(lighting))?.remove(0));
-            task.run(&relight, console)?;
+            task.run(&|lighting| relight_matrix(&matrix, lighting, options.memory), console)?;
             println!("{}: relit by the raw matrix", options.output.display());
         }
     }
@@ -128,6 +135,7 @@ impl<'a> Task<'a> {
         if options.layers.is_some() && (format != Format::Exr || !frames.is_empty()) {
             return Err(Error::input(place, "layers go into one EXR", "name the image x.exr"));
         }
+        options.picture.check(format, &options.output, job)?;
         Ok(Self { options, job, lighting: restrict(lighting), look, frames })
     }
 
@@ -140,10 +148,10 @@ impl<'a> Task<'a> {
         let picture = &self.options.picture;
         if self.frames.is_empty() {
             let image = relight(&self.lighting)?;
-            return picture.writer(output, self.job, &image, &mut say)?.write(output, &image);
+            return picture.writer(format_of(output)?, &image, &mut say).write(output, &image);
         }
         let brightest = self.brightest_key(relight)?;
-        let writer = picture.writer(output, self.job, &brightest, &mut say)?;
+        let writer = picture.writer(format_of(output)?, &brightest, &mut say);
         let range = self.options.frames.clone().unwrap_or(0..self.frames.len());
         console.begin("frames", range.len() as u64, "frames");
         let written = range.clone().try_for_each(|frame| {

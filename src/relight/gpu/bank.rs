@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::matrix::{BlockId, CHANNELS};
 use crate::relight::compact::{CompactBlock, Factor};
 
-/// One component of a block, as in `shaders/project.wgsl` and `shaders/reconstruct.wgsl`.
+/// One component of a block, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Component {
@@ -15,7 +15,7 @@ pub(super) struct Component {
     scale: f32,
 }
 
-/// One block, as in `shaders/reconstruct.wgsl`.
+/// One block, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Block {
@@ -25,7 +25,7 @@ pub(super) struct Block {
     first_pixel: u32,
 }
 
-/// One row with sparse entries, as in `shaders/scatter.wgsl`.
+/// One row with sparse entries, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct SparseRow {
@@ -34,7 +34,7 @@ pub(super) struct SparseRow {
     end: u32,
 }
 
-/// One sparse entry, as in `shaders/scatter.wgsl`.
+/// One sparse entry, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct SparseEntry {
@@ -42,7 +42,7 @@ pub(super) struct SparseEntry {
     value: f32,
 }
 
-/// Numbers of things in a bank, as in every shader.
+/// Numbers of things in a bank, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct Sizes {
@@ -81,6 +81,24 @@ impl Bank {
             4 * CHANNELS * (self.pixels as usize + block.pixels()),
         ];
         sizes.into_iter().max().unwrap_or(0) as u64
+    }
+
+    /// Bytes of GPU memory that the bank would take with `block` in it, what it makes included.
+    pub(super) fn bytes_with(&self, block: &CompactBlock) -> u64 {
+        let plane_words = |values: usize| 2 * values.div_ceil(4);
+        let words = block.rank() * (plane_words(block.right.length) + CHANNELS * plane_words(block.pixels()));
+        let components = self.components.len() + block.rank();
+        let entries = self.sparse_entries.len() + block.sparse.rows.len();
+        // Each pixel has its radiance, the copy that is read back, and what is shown.
+        let pixel_bytes = 2 * size_of::<[f32; CHANNELS]>() + size_of::<u32>();
+        let bytes = 4 * (self.factors.len() + words)
+            + components * (size_of::<Component>() + size_of::<[f32; CHANNELS]>())
+            + size_of::<Block>() * (self.blocks.len() + 1)
+            + size_of::<SparseRow>() * (self.sparse_rows.len() + block.sparse.rows.len())
+            + size_of::<SparseEntry>() * entries
+            + pixel_bytes * (self.pixels as usize + block.pixels());
+        // Small arrays are made larger than they need.
+        bytes as u64 + 16 * 10
     }
 
     /// Appends a block.
@@ -165,10 +183,15 @@ impl Bank {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernels::{KERNELS, THREADS};
+    use super::super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS, THREADS};
+    use super::super::resident::Tone;
     use super::*;
     use std::mem::offset_of;
     use wgpu::naga;
+
+    fn all_kernels() -> impl Iterator<Item = Kernel> {
+        KERNELS.into_iter().chain([PROJECT_SUBGROUPS])
+    }
 
     /// Offsets of the members of a struct in a shader, and its size.
     fn members(source: &str, name: &str) -> Option<(Vec<(String, u32)>, u32)> {
@@ -195,20 +218,23 @@ mod tests {
             layout!(Block: first_component, component_count, pixels, first_pixel),
             layout!(SparseRow: target_index, first, end),
             layout!(SparseEntry: column, value),
+            layout!(Tone: gain, curve),
         ];
         for (name, fields, size) in ours {
-            let found: Vec<_> = KERNELS.iter().filter_map(|kernel| members(kernel.source, name)).collect();
-            assert!(!found.is_empty(), "no shader has {name}");
+            let found: Vec<_> = all_kernels().filter_map(|kernel| members(kernel.source, name)).collect();
+            assert_eq!(found.len(), all_kernels().count(), "all shaders know {name}");
             found.iter().for_each(|found| assert_eq!(found, &(fields.clone(), size), "{name}"));
         }
     }
 
     #[test]
     fn shaders_are_valid_and_have_the_entry_points_and_bindings_that_are_made_for_them() {
-        for kernel in KERNELS {
+        for kernel in all_kernels() {
             let module = naga::front::wgsl::parse_str(kernel.source).unwrap();
-            // Nothing beyond plain WebGPU, of which `unpack2x16float` is a part.
-            let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+            // Nothing beyond plain WebGPU, of which `unpack2x16float` is a part, and subgroups where they are offered.
+            let subgroups = kernel.source == PROJECT_SUBGROUPS.source;
+            let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32
+                | if subgroups { naga::valid::Capabilities::SUBGROUP } else { naga::valid::Capabilities::empty() };
             let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
             validator.validate(&module).unwrap_or_else(|e| panic!("{}: {e:?}", kernel.name));
             assert_eq!(module.entry_points.len(), 1);

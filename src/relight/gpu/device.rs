@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::kernels::{KERNELS, Kernel};
+use super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS};
 use crate::error::{Error, Result};
 
 /// A GPU ready to run the kernels.
@@ -11,13 +11,16 @@ pub(super) struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub pipelines: Vec<wgpu::ComputePipeline>,
+    /// Whether the kernels add up within subgroups.
+    pub subgroups: bool,
     /// What the driver reported outside any call of ours.
     complaint: Arc<Mutex<Option<String>>>,
 }
 
 impl Gpu {
-    /// Opens the most powerful adapter with the default limits of WebGPU, which every adapter has.
-    pub(super) fn open() -> Result<Self> {
+    /// Opens the most powerful adapter with the default limits of WebGPU, which every adapter has, and with subgroups if
+    /// they are wanted and offered.
+    pub(super) fn open(subgroups: bool) -> Result<Self> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::PRIMARY;
         let instance = wgpu::Instance::new(descriptor);
@@ -30,6 +33,7 @@ impl Gpu {
         let info = adapter.get_info();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("relight"),
+            required_features: adapter.features() & wgpu::Features::SUBGROUP,
             required_limits: wgpu::Limits::default(),
             memory_hints: wgpu::MemoryHints::Performance,
             ..Default::default()
@@ -41,19 +45,39 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             sink.lock().expect("no thread panics with it").get_or_insert(line(&error));
         }));
-        Self::with(device, queue, complaint)
+        Self::with(device, queue, subgroups, complaint)
     }
 
     /// Uses a device that others use too, whose errors go where they have set.
-    pub(super) fn on_device(device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
-        Self::with(device, queue, Arc::default())
+    pub(super) fn on_device(device: wgpu::Device, queue: wgpu::Queue, subgroups: bool) -> Result<Self> {
+        Self::with(device, queue, subgroups, Arc::default())
     }
 
-    fn with(device: wgpu::Device, queue: wgpu::Queue, complaint: Arc<Mutex<Option<String>>>) -> Result<Self> {
-        let pipelines = KERNELS.iter().map(|kernel| compile(&device, kernel)).collect();
-        let gpu = Self { adapter: device.adapter_info(), device, queue, pipelines, complaint };
+    fn with(
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        subgroups: bool,
+        complaint: Arc<Mutex<Option<String>>>,
+    ) -> Result<Self> {
+        let subgroups = subgroups && device.features().contains(wgpu::Features::SUBGROUP);
+        let mut kernels = KERNELS;
+        if subgroups {
+            kernels[0] = PROJECT_SUBGROUPS;
+        }
+        let pipelines = kernels.iter().map(|kernel| compile(&device, kernel)).collect();
+        let gpu = Self { adapter: device.adapter_info(), device, queue, pipelines, subgroups, complaint };
         gpu.check()?;
         Ok(gpu)
+    }
+
+    /// Name of the adapter and its driver's interface.
+    pub(super) fn name(&self) -> String {
+        format!("{} ({})", self.adapter.name, self.adapter.backend)
+    }
+
+    /// Whether the adapter computes on the processor.
+    pub(super) fn is_software(&self) -> bool {
+        self.adapter.device_type == wgpu::DeviceType::Cpu
     }
 
     /// Errors if the driver has complained since the last call.

@@ -1,9 +1,10 @@
 //! The compute shaders: their sources, entry points and the arrays bound to them, in order.
 
-/// Threads of a workgroup in every kernel.
+/// Threads of a workgroup in every kernel; a test compares it with the shaders'.
 pub(super) const THREADS: u32 = 64;
 
 /// A shader with one entry point of its own name.
+#[derive(Clone, Copy)]
 pub(super) struct Kernel {
     pub name: &'static str,
     pub source: &'static str,
@@ -11,21 +12,36 @@ pub(super) struct Kernel {
     pub bindings: &'static [&'static str],
 }
 
+/// The sources of a kernel, one after the other, behind the declarations that all share.
+macro_rules! wgsl {
+    ($($file:literal),+) => {
+        concat!(include_str!("../../../shaders/layout.wgsl"), $(include_str!(concat!("../../../shaders/", $file))),+)
+    };
+}
+
 /// All kernels, in the order in which they run.
-pub(super) const KERNELS: &[Kernel] = &[
+pub(super) const KERNELS: [Kernel; 4] = [
     Kernel {
         name: "project",
-        source: include_str!("../../../shaders/project.wgsl"),
+        source: wgsl!("dot.wgsl", "project.wgsl"),
         bindings: &["sizes", "lighting", "components", "factors", "projected"],
     },
     Kernel {
         name: "reconstruct",
-        source: include_str!("../../../shaders/reconstruct.wgsl"),
+        source: wgsl!("reconstruct.wgsl"),
         bindings: &["sizes", "blocks", "components", "factors", "projected", "image"],
     },
     Kernel {
         name: "scatter",
-        source: include_str!("../../../shaders/scatter.wgsl"),
+        source: wgsl!("scatter.wgsl"),
         bindings: &["sizes", "lighting", "rows", "entries", "image"],
     },
+    Kernel { name: "tone", source: wgsl!("tone.wgsl"), bindings: &["tone_mapping", "image", "shown"] },
 ];
+
+/// Place of the kernel that runs only where an image is shown.
+pub(super) const TONE: usize = 3;
+
+/// Takes the place of the first kernel where the device has subgroups.
+pub(super) const PROJECT_SUBGROUPS: Kernel =
+    Kernel { source: wgsl!("dot.wgsl", "project_subgroups.wgsl"), ..KERNELS[0] };

@@ -1,0 +1,46 @@
+// What all kernels share: the structs of their arrays, and the size of a workgroup. Stands in front of each of them.
+
+const THREADS: u32 = 64u;
+
+// Numbers of things in a bank of blocks.
+struct Sizes {
+    columns: u32,
+    components: u32,
+    blocks: u32,
+    sparse_rows: u32,
+}
+
+struct Component {
+    right_word: u32,
+    left_word: u32,
+    // Bit 0: R in 8 bits, bit 1: L in 8 bits; else 16-bit floats.
+    narrow: u32,
+    scale: f32,
+}
+
+struct Block {
+    first_component: u32,
+    component_count: u32,
+    pixels: u32,
+    // First pixel of the block in `image`, whose pixels stand block after block.
+    first_pixel: u32,
+}
+
+struct SparseRow {
+    // Place in `image`: three times the pixel, plus the channel.
+    target_index: u32,
+    first: u32,
+    end: u32,
+}
+
+struct SparseEntry {
+    column: u32,
+    value: f32,
+}
+
+struct Tone {
+    // What each channel is multiplied by: exposure and white balance.
+    gain: vec3<f32>,
+    // 0 none, 1 AgX, 2 filmic, 3 neutral.
+    curve: u32,
+}

@@ -1,0 +1,37 @@
+// y = s (R l), as shaders/project.wgsl, where threads add up within their subgroups first; twin of src/relight/project.rs.
+
+@group(0) @binding(0) var<uniform> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> lighting: array<f32>;
+@group(0) @binding(2) var<storage, read> components: array<Component>;
+@group(0) @binding(3) var<storage, read> factors: array<u32>;
+@group(0) @binding(4) var<storage, read_write> projected: array<f32>;
+
+// One sum for each subgroup: a subgroup may be as small as one thread.
+var<workgroup> sums: array<vec3<f32>, THREADS>;
+
+@compute @workgroup_size(THREADS)
+fn project(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) thread: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+    @builtin(subgroup_id) subgroup: u32,
+    @builtin(num_subgroups) subgroups: u32,
+) {
+    let index = group.x + group.y * groups.x;
+    let sum = subgroupAdd(partial_product(index, thread));
+    if lane == 0u {
+        sums[subgroup] = sum;
+    }
+    workgroupBarrier();
+    if thread == 0u && index < sizes.components {
+        var total = vec3<f32>(0.0);
+        for (var i = 0u; i < subgroups; i++) {
+            total += sums[i];
+        }
+        total *= components[index].scale;
+        projected[3u * index] = total.x;
+        projected[3u * index + 1u] = total.y;
+        projected[3u * index + 2u] = total.z;
+    }
+}

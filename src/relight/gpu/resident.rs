@@ -1,0 +1,204 @@
+//! A bank of blocks in GPU memory, with what is needed to run the kernels over it.
+
+use wgpu::util::DeviceExt;
+
+use super::bank::{Bank, Sizes};
+use super::device::Gpu;
+use super::kernels::{KERNELS, THREADS, TONE};
+use crate::error::{Error, Result};
+use crate::image::ToneMapping;
+use crate::light::Lighting;
+use crate::matrix::{BlockId, CHANNELS};
+
+/// Arrays that all banks of a matrix share.
+pub(super) struct SharedArrays {
+    lighting: wgpu::Buffer,
+    tone: wgpu::Buffer,
+}
+
+/// The uniform of `shaders/tone.wgsl`.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct Tone {
+    pub(super) gain: [f32; 3],
+    pub(super) curve: u32,
+}
+
+impl SharedArrays {
+    pub(super) fn new(gpu: &Gpu, columns: usize) -> Self {
+        let make = |label, size, usage| {
+            let usage = usage | wgpu::BufferUsages::COPY_DST;
+            let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+            gpu.device.create_buffer(&descriptor)
+        };
+        Self {
+            lighting: make("lighting", Self::lighting_bytes(columns), wgpu::BufferUsages::STORAGE),
+            tone: make("tone_mapping", size_of::<Tone>() as u64, wgpu::BufferUsages::UNIFORM),
+        }
+    }
+
+    pub(super) fn lighting_bytes(columns: usize) -> u64 {
+        (columns * CHANNELS * size_of::<f32>()) as u64
+    }
+
+    /// Sets what the next submission uses.
+    pub(super) fn set(&self, gpu: &Gpu, lighting: &Lighting, tone: Option<ToneMapping>) {
+        let planes: Vec<f32> = (0..CHANNELS).flat_map(|channel| lighting.channel(channel)).collect();
+        gpu.queue.write_buffer(&self.lighting, 0, bytemuck::cast_slice(&planes));
+        if let Some(tone) = tone {
+            let tone = Tone { gain: tone.gains(), curve: tone.curve as u32 };
+            gpu.queue.write_buffer(&self.tone, 0, bytemuck::bytes_of(&tone));
+        }
+    }
+}
+
+/// A bank on the device.
+pub(super) struct ResidentBank {
+    image: wgpu::Buffer,
+    shown: wgpu::Buffer,
+    readback: wgpu::Buffer,
+    /// For each kernel its bindings and number of workgroups; none where it has nothing to do.
+    passes: Vec<Option<(wgpu::BindGroup, [u32; 3])>>,
+    /// Its blocks, each with its first pixel.
+    pub(super) places: Vec<(BlockId, u32)>,
+    /// Bytes of its buffers.
+    pub(super) bytes: u64,
+}
+
+impl ResidentBank {
+    /// Puts a bank that has blocks into GPU memory.
+    pub(super) fn upload(gpu: &Gpu, shared: &SharedArrays, columns: usize, bank: &Bank) -> Result<Self> {
+        let device = &gpu.device;
+        let sizes = Sizes {
+            columns: columns as u32,
+            components: bank.components.len() as u32,
+            blocks: bank.blocks.len() as u32,
+            sparse_rows: bank.sparse_rows.len() as u32,
+        };
+        let make = |label, contents: &[u8], usage| {
+            // A binding may not be empty: nothing reads these bytes.
+            let contents = if contents.is_empty() { &[0; 16][..] } else { contents };
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
+        };
+        let storage = wgpu::BufferUsages::STORAGE;
+        let uniform = make("sizes", bytemuck::bytes_of(&sizes), wgpu::BufferUsages::UNIFORM);
+        let components = make("components", bytemuck::cast_slice(&bank.components), storage);
+        let blocks = make("blocks", bytemuck::cast_slice(&bank.blocks), storage);
+        let factors = make("factors", bytemuck::cast_slice(&bank.factors), storage);
+        let rows = make("rows", bytemuck::cast_slice(&bank.sparse_rows), storage);
+        let entries = make("entries", bytemuck::cast_slice(&bank.sparse_entries), storage);
+        let pixels = u64::from(bank.pixels);
+        let scratch = |label, size: u64, usage| {
+            device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+        };
+        let out = storage | wgpu::BufferUsages::COPY_SRC;
+        let projected = scratch("projected", (4 * CHANNELS as u64 * u64::from(sizes.components)).max(16), storage);
+        let image = scratch("image", 4 * CHANNELS as u64 * pixels, out);
+        let shown = scratch("shown", 4 * pixels, out);
+        let back = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let readback = scratch("readback", 4 * CHANNELS as u64 * pixels, back);
+        let buffer = |name: &str| match name {
+            "sizes" => &uniform,
+            "lighting" => &shared.lighting,
+            "components" => &components,
+            "blocks" => &blocks,
+            "factors" => &factors,
+            "rows" => &rows,
+            "entries" => &entries,
+            "projected" => &projected,
+            "image" => &image,
+            "tone_mapping" => &shared.tone,
+            "shown" => &shown,
+            other => unreachable!("a test holds the kernels to these names, not {other}"),
+        };
+        let most = device.limits().max_compute_workgroups_per_dimension;
+        // A row of workgroups as long as the device takes, and as many rows as needed.
+        let spread = |count: u32| [count.min(most), count.div_ceil(most), 1];
+        let passes = KERNELS.iter().zip(&gpu.pipelines).map(|(kernel, pipeline)| {
+            let groups = match kernel.name {
+                "project" => spread(sizes.components),
+                "scatter" => spread(sizes.sparse_rows.div_ceil(THREADS)),
+                "tone" => spread(bank.pixels.div_ceil(THREADS)),
+                _ => {
+                    let [down, deep, _] = spread(sizes.blocks);
+                    [bank.max_pixels.div_ceil(4).div_ceil(THREADS), down, deep]
+                }
+            };
+            let entries: Vec<_> = (0..)
+                .zip(kernel.bindings)
+                .map(|(binding, name)| wgpu::BindGroupEntry { binding, resource: buffer(name).as_entire_binding() })
+                .collect();
+            let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some(kernel.name),
+                layout: &pipeline.get_bind_group_layout(0),
+                entries: &entries,
+            });
+            (!groups.contains(&0)).then_some((bindings, groups))
+        });
+        let passes = passes.collect();
+        let buffers =
+            [&uniform, &components, &blocks, &factors, &rows, &entries, &projected, &image, &shown, &readback];
+        let bytes = buffers.iter().map(|buffer| buffer.size()).sum();
+        gpu.check()?;
+        Ok(Self { image, shown, readback, passes, places: bank.ids.clone(), bytes })
+    }
+
+    fn dispatch(&self, pass: &mut wgpu::ComputePass, kernel: usize) {
+        if let Some((bindings, [x, y, z])) = &self.passes[kernel] {
+            pass.set_bind_group(0, bindings, &[]);
+            pass.dispatch_workgroups(*x, *y, *z);
+        }
+    }
+}
+
+/// What to do with the images of banks.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Output {
+    /// Leave them where they are.
+    Stay,
+    /// Read the radiance back.
+    Radiance,
+    /// Map tones and read the shown bytes back.
+    Shown,
+}
+
+/// Runs all kernels over banks, with what [`SharedArrays::set`] set, and waits.
+pub(super) fn run(gpu: &Gpu, banks: &[&ResidentBank], output: Output) -> Result<()> {
+    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        for (kernel, pipeline) in gpu.pipelines.iter().enumerate() {
+            if kernel == TONE && output != Output::Shown {
+                continue;
+            }
+            pass.set_pipeline(pipeline);
+            banks.iter().for_each(|bank| bank.dispatch(&mut pass, kernel));
+        }
+    }
+    for bank in banks {
+        match output {
+            Output::Stay => {}
+            Output::Radiance => encoder.copy_buffer_to_buffer(&bank.image, 0, &bank.readback, 0, None),
+            Output::Shown => encoder.copy_buffer_to_buffer(&bank.shown, 0, &bank.readback, 0, None),
+        }
+    }
+    gpu.queue.submit([encoder.finish()]);
+    if output != Output::Stay {
+        banks.iter().for_each(|bank| bank.readback.map_async(wgpu::MapMode::Read, .., |_| ()));
+    }
+    gpu.wait()
+}
+
+/// Hands what [`run`] read back to `take`, bank by bank.
+pub(super) fn read_back(gpu: &Gpu, banks: &[&ResidentBank], take: &mut dyn FnMut(&ResidentBank, &[u8])) -> Result<()> {
+    for bank in banks {
+        {
+            let mapped = bank.readback.get_mapped_range(..);
+            let mapped =
+                mapped.map_err(|e| Error::NoGpu(format!("{}: the image cannot be read ({e})", gpu.adapter.name)))?;
+            take(bank, &mapped);
+        }
+        bank.readback.unmap();
+    }
+    Ok(())
+}

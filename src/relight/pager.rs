@@ -1,0 +1,152 @@
+//! What stays in memory when not everything fits: decisions only, no bytes and no input or output.
+//!
+//! A page is a block, or a bank of blocks, in one of two [`Detail`]s. Pages of the current view stay: a picture needs
+//! each of them once, so that exchanging one for another would only read more. What the view has left goes first, the
+//! least recently used before the others. A page that does not fit is used and not kept.
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::hash::Hash;
+
+/// How much of a page is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Detail {
+    /// Its base layer.
+    Base,
+    /// All its layers, or all of them that can be read.
+    Whole,
+}
+
+/// What became of a page that was offered.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Admission<K> {
+    /// Whether it stays.
+    pub kept: bool,
+    /// Pages that had to go, the least recently used first.
+    pub evicted: Vec<K>,
+}
+
+/// The pages within a budget of bytes.
+#[derive(Clone, Debug)]
+pub struct Pager<K> {
+    budget_bytes: u64,
+    used_bytes: u64,
+    /// Counts uses; no two pages share one.
+    clock: u64,
+    pages: HashMap<K, Page>,
+    by_use: BTreeMap<u64, K>,
+    view: HashSet<K>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Page {
+    detail: Detail,
+    bytes: u64,
+    last_use: u64,
+}
+
+impl<K: Copy + Eq + Hash> Pager<K> {
+    /// No pages yet.
+    pub fn new(budget_bytes: u64) -> Self {
+        Self {
+            budget_bytes,
+            used_bytes: 0,
+            clock: 0,
+            pages: HashMap::new(),
+            by_use: BTreeMap::new(),
+            view: HashSet::new(),
+        }
+    }
+
+    /// Says which pages are seen from now on: these are not evicted.
+    pub fn set_view(&mut self, pages: impl IntoIterator<Item = K>) {
+        self.view = pages.into_iter().collect();
+    }
+
+    /// Uses a page: what is there of it.
+    pub fn touch(&mut self, key: K) -> Option<Detail> {
+        let page = self.pages.get_mut(&key)?;
+        self.clock += 1;
+        self.by_use.remove(&page.last_use);
+        page.last_use = self.clock;
+        self.by_use.insert(self.clock, key);
+        Some(page.detail)
+    }
+
+    /// What is there of a page, without using it.
+    pub fn detail(&self, key: K) -> Option<Detail> {
+        self.pages.get(&key).map(|page| page.detail)
+    }
+
+    /// What to read, in this order: base layers of the pages in view, then the rest of them, then base layers and the
+    /// rest of those nearby.
+    pub fn plan(&self, view: &[K], nearby: &[K]) -> Vec<(K, Detail)> {
+        let missing = |pages: &[K], wanted: Detail| {
+            let lacks = move |key: &&K| self.detail(**key).is_none_or(|detail| detail < wanted);
+            pages.iter().filter(lacks).map(|key| (*key, wanted)).collect::<Vec<_>>()
+        };
+        [(view, Detail::Base), (view, Detail::Whole), (nearby, Detail::Base), (nearby, Detail::Whole)]
+            .into_iter()
+            .flat_map(|(pages, wanted)| missing(pages, wanted))
+            .collect()
+    }
+
+    /// Offers a page that was read: whether it stays, and what goes for it. A page that is there in as much detail
+    /// stays as it is; a base layer that cannot grow stays too.
+    pub fn admit(&mut self, key: K, detail: Detail, bytes: u64) -> Admission<K> {
+        let old = self.touch(key);
+        if old.is_some_and(|old| old >= detail) {
+            return Admission { kept: true, evicted: Vec::new() };
+        }
+        let old_bytes = self.pages.get(&key).map_or(0, |page| page.bytes);
+        let others = self.used_bytes - old_bytes;
+        let Some(allowed) = self.budget_bytes.checked_sub(bytes) else {
+            return Admission { kept: false, evicted: Vec::new() };
+        };
+        let mut evicted = Vec::new();
+        let mut freed = 0;
+        for other in self.by_use.values().filter(|other| **other != key && !self.view.contains(other)) {
+            if others - freed <= allowed {
+                break;
+            }
+            freed += self.pages[other].bytes;
+            evicted.push(*other);
+        }
+        if others - freed > allowed {
+            return Admission { kept: false, evicted: Vec::new() };
+        }
+        evicted.iter().for_each(|other| self.remove(*other));
+        self.remove(key);
+        self.clock += 1;
+        self.pages.insert(key, Page { detail, bytes, last_use: self.clock });
+        self.by_use.insert(self.clock, key);
+        self.used_bytes += bytes;
+        Admission { kept: true, evicted }
+    }
+
+    fn remove(&mut self, key: K) {
+        if let Some(page) = self.pages.remove(&key) {
+            self.by_use.remove(&page.last_use);
+            self.used_bytes -= page.bytes;
+        }
+    }
+
+    /// Bytes of all pages that are there; never above the budget.
+    pub fn used_bytes(&self) -> u64 {
+        self.used_bytes
+    }
+
+    /// The budget.
+    pub fn budget_bytes(&self) -> u64 {
+        self.budget_bytes
+    }
+
+    /// Number of pages that are there.
+    pub fn len(&self) -> usize {
+        self.pages.len()
+    }
+
+    /// Whether no page is there.
+    pub fn is_empty(&self) -> bool {
+        self.pages.is_empty()
+    }
+}
