@@ -127,10 +127,7 @@ impl CpuRelighter {
             .par_iter()
             .map_init(Vec::new, |scratch, block| {
                 let Some(block) = block else { return Vec::new() };
-                pulp::Arch::new().dispatch(
-                    #[inline(always)]
-                    || project(block, &planar, scratch),
-                );
+                pulp::Arch::new().dispatch(Project { block, lighting: &planar, projected: scratch });
                 scratch.iter().map(|sums| sums.map(f64::from)).collect()
             })
             .collect();
@@ -261,28 +258,50 @@ pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &PlanarLight
     match block {
         None => tile.mark_as_hole(),
         Some(block) if block.is_empty() => tile.clear(),
-        Some(block) => pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                let mut projected = Vec::new();
-                project(block, lighting, &mut projected);
-                let mut planes = Vec::new();
-                reconstruct(block, &projected, &mut planes);
-                scatter(block, lighting, &mut planes);
-                tile.set(&planes);
-            },
-        ),
+        Some(block) => {
+            let mut projected = Vec::new();
+            pulp::Arch::new().dispatch(Project { block, lighting, projected: &mut projected });
+            finish_block(block, &projected, lighting, tile);
+        }
     }
 }
 
 fn finish_block(block: &CompactBlock, projected: &[[f32; CHANNELS]], lighting: &PlanarLighting, tile: &mut Tile) {
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            let mut planes = Vec::new();
-            reconstruct(block, projected, &mut planes);
-            scatter(block, lighting, &mut planes);
-            tile.set(&planes);
-        },
-    );
+    pulp::Arch::new().dispatch(Finish { block, projected, lighting, tile });
+}
+
+/// `y = R ℓ`, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without them.
+struct Project<'a> {
+    block: &'a CompactBlock,
+    lighting: &'a PlanarLighting,
+    projected: &'a mut Vec<[f32; CHANNELS]>,
+}
+
+impl pulp::NullaryFnOnce for Project<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        project(self.block, self.lighting, self.projected);
+    }
+}
+
+/// `L y + S ℓ` and the block's pixels, compiled as [`Project`].
+struct Finish<'a, 'b> {
+    block: &'a CompactBlock,
+    projected: &'a [[f32; CHANNELS]],
+    lighting: &'a PlanarLighting,
+    tile: &'a mut Tile<'b>,
+}
+
+impl pulp::NullaryFnOnce for Finish<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let mut planes = Vec::new();
+        reconstruct(self.block, self.projected, &mut planes);
+        scatter(self.block, self.lighting, &mut planes);
+        self.tile.set(&planes);
+    }
 }

@@ -50,46 +50,38 @@ fn project_part<Q: Quantum>(
 #[inline(always)]
 fn dot_three<'a, Q: Quantum>(values: &[Q], lighting: &'a PlanarLighting) -> [f32; CHANNELS] {
     let [red, green, blue] = &lighting.channels;
-    let (mut reds, mut greens, mut blues) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+    let mut sums = [[0.0f32; LANES]; CHANNELS];
     let (chunks, tail) = values.as_chunks::<LANES>();
     let whole = |weights: &'a Vec<f32>| weights.as_chunks::<LANES>().0.iter();
     let weights = whole(red).zip(whole(green)).zip(whole(blue));
     for (chunk, ((red, green), blue)) in chunks.iter().zip(weights) {
-        // Each a loop of its own, which the compiler turns into whole vectors.
-        let mut values = [0.0f32; LANES];
         for i in 0..LANES {
-            values[i] = chunk[i].to_f32();
+            let value = chunk[i].to_f32();
+            sums[0][i] += value * red[i];
+            sums[1][i] += value * green[i];
+            sums[2][i] += value * blue[i];
         }
-        add_products(&mut reds, &values, red);
-        add_products(&mut greens, &values, green);
-        add_products(&mut blues, &values, blue);
     }
     let start = chunks.len() * LANES;
     for (i, value) in tail.iter().enumerate() {
-        let value = value.to_f32();
-        reds[i] += value * red[start + i];
-        greens[i] += value * green[start + i];
-        blues[i] += value * blue[start + i];
-    }
-    [total(reds), total(greens), total(blues)]
-}
-
-#[inline(always)]
-fn add_products(sums: &mut [f32; LANES], values: &[f32; LANES], weights: &[f32; LANES]) {
-    for i in 0..LANES {
-        sums[i] += values[i] * weights[i];
-    }
-}
-
-/// The sum of all lanes, by halves: short chains of additions, and the same order on every machine.
-#[inline(always)]
-fn total(mut lanes: [f32; LANES]) -> f32 {
-    let mut half = LANES / 2;
-    while half > 0 {
-        for i in 0..half {
-            lanes[i] += lanes[half + i];
+        for (sums, weights) in sums.iter_mut().zip(&lighting.channels) {
+            sums[i] += value.to_f32() * weights[start + i];
         }
-        half /= 2;
     }
-    lanes[0]
+    sums.map(total)
+}
+
+/// The sum of all lanes: short chains of additions, in the same order on every machine.
+#[inline(always)]
+fn total(lanes: [f32; LANES]) -> f32 {
+    const WIDTH: usize = 8;
+    let mut sum = 0.0;
+    for i in 0..WIDTH {
+        let mut of_lane = 0.0;
+        for j in 0..LANES / WIDTH {
+            of_lane += lanes[i + WIDTH * j];
+        }
+        sum += of_lane;
+    }
+    sum
 }

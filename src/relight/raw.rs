@@ -36,23 +36,34 @@ pub fn relight_raw(source: &dyn BlockSource, lightings: &[Lighting]) -> Result<V
 
 /// For each lighting, the rows of the block under it.
 fn multiply(block: BlockView, lightings: &[Lighting]) -> Vec<Vec<f32>> {
-    let pixels = block.rows() / CHANNELS;
     let mut sums = vec![vec![0.0f64; block.rows()]; lightings.len()];
-    pulp::Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for j in 0..block.columns() {
-                let column = block.column(ColumnIndex(j as u32));
-                for (sums, lighting) in sums.iter_mut().zip(lightings) {
-                    let planes = sums.chunks_exact_mut(pixels).zip(column.chunks_exact(pixels));
-                    for ((sums, entries), weight) in planes.zip(lighting.weights()[j]) {
-                        for (sum, entry) in sums.iter_mut().zip(entries) {
-                            *sum += f64::from(*entry) * f64::from(weight);
-                        }
+    pulp::Arch::new().dispatch(Multiply { block, lightings, sums: &mut sums });
+    sums.into_iter().map(|rows| rows.into_iter().map(|sum| sum as f32).collect()).collect()
+}
+
+/// The products, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without them.
+struct Multiply<'a> {
+    block: BlockView<'a>,
+    lightings: &'a [Lighting],
+    sums: &'a mut [Vec<f64>],
+}
+
+impl pulp::NullaryFnOnce for Multiply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let pixels = self.block.rows() / CHANNELS;
+        for j in 0..self.block.columns() {
+            let column = self.block.column(ColumnIndex(j as u32));
+            for (sums, lighting) in self.sums.iter_mut().zip(self.lightings) {
+                let planes = sums.chunks_exact_mut(pixels).zip(column.chunks_exact(pixels));
+                for ((sums, entries), weight) in planes.zip(lighting.weights()[j]) {
+                    for (sum, entry) in sums.iter_mut().zip(entries) {
+                        *sum += f64::from(*entry) * f64::from(weight);
                     }
                 }
             }
-        },
-    );
-    sums.into_iter().map(|rows| rows.into_iter().map(|sum| sum as f32).collect()).collect()
+        }
+    }
 }
