@@ -238,7 +238,7 @@ fn main() {
         let lighting = Lighting::of_scene(&container.job().basis);
         let start = Instant::now();
         let reference = relight_raw(&matrix, std::slice::from_ref(&lighting)).unwrap().remove(0);
-        let bytes = matrix.stored_bytes().unwrap() as f64;
+        let bytes = matrix.tally().unwrap().stored_bytes as f64;
         let secs = start.elapsed().as_secs_f64();
         println!(
             "{}: direct product with the stored matrix, as far as it is not in the page cache from disk: {secs:.2} s, \

@@ -161,12 +161,12 @@ fn need_of(container: &ContainerReader) -> Need {
             + container.encoded_bytes(id, 0..container.layer_count(id))
     };
     let per_thread_bytes = shape.blocks().map(block).max().unwrap_or(0);
-    Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes }
+    Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes, disk_bytes: 0 }
 }
 
 /// The image, and what an encoder makes of it.
 fn image_bytes(shape: MatrixShape) -> u64 {
-    3 * shape.rows() as u64 * 4
+    3 * shape.rows() * 4
 }
 
 /// Relights a container under each lighting. Also says, as text, what did it. Damage is noted to `watch`.
@@ -190,7 +190,7 @@ pub fn relight(
 pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, memory_bytes: Option<u64>) -> Result<LinearImage> {
     let shape = BlockSource::shape(matrix);
     let per_thread_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
-    let need = Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes };
+    let need = Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes, disk_bytes: 0 };
     let threads = need.threads_within("relighting", memory_bytes)?;
     on_threads(threads, || Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))?
 }

@@ -106,10 +106,10 @@ impl Tile {
         let scale = 1.0 / (samples[0] + samples[1]) as f32;
         let scales = [0.5 / samples[0] as f32, 0.5 / samples[1].max(1) as f32];
         let PixelSums { records, touched } = sums;
-        let mut differences = noise.map(|noise| {
+        let mut differences = noise;
+        if let Some(noise) = &mut differences {
             noise.differences.clear();
-            noise
-        });
+        }
         let mut squares = [0.0f32; 4];
         for (at, word) in touched.iter_mut().enumerate() {
             self.dirty[at] |= *word;

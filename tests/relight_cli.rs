@@ -1,0 +1,226 @@
+//! `ltm relight` from outside: looks, layers, sequences, tone mapping, false colours, budgets, and what it refuses.
+
+use std::fs;
+use std::path::Path;
+use std::process::Output;
+
+use assert_cmd::Command;
+use exr::prelude::read_all_flat_layers_from_file;
+use ltm::image::{LinearImage, read_image};
+use tempfile::TempDir;
+
+const OBJ: &str = "mtllib room.mtl
+v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1
+v -0.5 2 -0.5\nv 0.5 2 -0.5\nv 0.5 2 0.5\nv -0.5 2 0.5
+vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1
+usemtl floor\nf 4 3 2 1
+usemtl lamp\nf 5/1 6/2 7/3 8/4
+";
+const MTL: &str = "newmtl floor\nKd 0.5 0.5 0.5\nnewmtl lamp\nKd 0 0 0\nKe 3 3 3\n";
+const SCENE: &str = r#"
+geometry = ["room.obj"]
+[camera]
+eye = [0.0, 1.0, 3.0]
+look_at = [0.0, 0.5, 0.0]
+vertical_fov_degrees = 50.0
+width = 40
+height = 24
+[render]
+samples_per_pixel = 4
+block_side = 8
+[[light]]
+material = "lamp"
+texels = [4, 4]
+[[light]]
+kind = "environment"
+texels = [8, 4]
+map = "sky.exr"
+"#;
+const LOOK: &str = r#"
+[groups]
+room = ["lamp"]
+[[look]]
+name = "lamp"
+[[look.light]]
+name = "environment"
+on = false
+[[look]]
+name = "dark"
+[[look.light]]
+name = "*"
+on = false
+[[key]]
+time_secs = 0
+look = "dark"
+[[key]]
+time_secs = 1
+look = "lamp"
+"#;
+
+fn run(folder: &Path, program: &str, arguments: &[&str]) -> Output {
+    let path = if program == "ltm" { env!("CARGO_BIN_EXE_ltm") } else { env!("CARGO_BIN_EXE_ltm-pack") };
+    Command::new(path).current_dir(folder).args(arguments).output().unwrap()
+}
+
+fn relight(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, "ltm", &[&["relight", "--device", "cpu"], arguments].concat());
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn refused(folder: &Path, arguments: &[&str], words: &[&str]) {
+    let output = run(folder, "ltm", &[&["relight", "--device", "cpu"], arguments].concat());
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success() && !error.contains("panicked"), "{arguments:?}: {error}");
+    assert!(words.iter().all(|word| error.contains(word)), "{words:?} are not in: {error}");
+}
+
+/// A folder with a rendered and packed room.
+fn room() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for (name, text) in [("room.obj", OBJ), ("room.mtl", MTL), ("room.toml", SCENE), ("look.toml", LOOK)] {
+        fs::write(at.join(name), text).unwrap();
+    }
+    // A sky that is bright on one side only.
+    let sky = LinearImage { width: 8, height: 4, pixels: (0..32).map(|i| [(i % 8) as f32; 3]).collect() };
+    ltm::image::write_exr(&at.join("sky.exr"), &sky).unwrap();
+    assert!(run(at, "ltm", &["render", "room.toml"]).status.success());
+    assert!(run(at, "ltm-pack", &["room.ltm"]).status.success());
+    folder
+}
+
+fn largest_difference(a: &LinearImage, b: &LinearImage) -> f32 {
+    a.values().iter().zip(b.values()).fold(0.0, |most, (a, b)| most.max((a - b).abs()))
+}
+
+#[test]
+fn a_container_is_relit_as_its_matrix_is_under_the_scenes_own_map_and_any_look() {
+    let folder = room();
+    let at = folder.path();
+    for look in [&[][..], &["-l", "look.toml"], &["-l", "look.toml", "--look", "lamp"], &["--on", "env*"]] {
+        let pixels = |input: &str| {
+            relight(at, &[&[input, "-o", "a.exr"], look].concat());
+            read_image(&at.join("a.exr")).unwrap()
+        };
+        let (packed, raw) = (pixels("room.ltc"), pixels("room.ltm"));
+        let peak = raw.values().iter().fold(0.0f32, |peak, v| peak.max(*v));
+        assert!(peak > 0.0);
+        // The default quality of packing; a wrong lighting would be off by the whole peak.
+        assert!(largest_difference(&packed, &raw) < 0.2 * peak, "{look:?}");
+    }
+}
+
+#[test]
+fn layers_add_up_to_the_picture() {
+    let folder = room();
+    let at = folder.path();
+    relight(at, &["room.ltc", "-o", "whole.exr"]);
+    let whole = read_image(&at.join("whole.exr")).unwrap();
+    for layers in [&["--layers", "lights"][..], &["--layers", "groups", "-l", "look.toml"]] {
+        relight(at, &[&["room.ltc", "-o", "layers.exr"], layers].concat());
+        let file = read_all_flat_layers_from_file(at.join("layers.exr")).unwrap();
+        assert_eq!(file.layer_data.len(), 2);
+        let mut sum = LinearImage::black(whole.width, whole.height);
+        for channel in file.layer_data.iter().flat_map(|layer| &layer.channel_data.list) {
+            let ch = ["R", "G", "B"].iter().position(|name| channel.name.to_string().ends_with(name)).unwrap();
+            for (pixel, value) in sum.pixels.iter_mut().zip(channel.sample_data.values_as_f32()) {
+                pixel[ch] += value;
+            }
+        }
+        // Each is a sum of the same f32 products.
+        assert!(largest_difference(&sum, &whole) < 1e-4, "{layers:?}");
+    }
+}
+
+#[test]
+fn a_sequence_goes_from_key_to_key() {
+    let folder = room();
+    let at = folder.path();
+    let said = relight(at, &["room.ltc", "-l", "look.toml", "-o", "f-###.png", "--fps", "2"]);
+    assert!(said.contains("3 frames"), "{said}");
+    let brightness = |frame: &str| read_image(&at.join(frame)).unwrap().luminances().map(f64::from).sum::<f64>();
+    let frames = ["f-000.png", "f-001.png", "f-002.png"].map(brightness);
+    assert!(frames[0] < 1e-6 && frames[0] < frames[1] && frames[1] < frames[2], "{frames:?}");
+    assert!(!at.join("f-003.png").exists());
+    relight(at, &["room.ltc", "-l", "look.toml", "-o", "g-#.exr", "--fps", "2", "--frames", "2..3"]);
+    assert!(at.join("g-2.exr").exists() && !at.join("g-1.exr").exists());
+}
+
+#[test]
+fn pictures_are_exposed_balanced_and_shown_in_false_colours() {
+    let folder = room();
+    let at = folder.path();
+    let png = |arguments: &[&str]| {
+        let said = relight(at, &[&["room.ltc", "-o", "a.png"], arguments].concat());
+        (fs::read(at.join("a.png")).unwrap(), said)
+    };
+    let (automatic, said) = png(&[]);
+    let stops = said.split("exposed by ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
+    assert!(stops.parse::<f32>().is_ok(), "{said}");
+    let mut seen = vec![automatic];
+    for arguments in [
+        &["--tone", "agx"][..],
+        &["--tone", "filmic"],
+        &["--tone", "neutral"],
+        &["--exposure", "-2"],
+        &["--white-balance", "3000"],
+        &["--false-colour", "luminance"],
+        &["--false-colour", "illuminance", "--reflectance", "0.5", "--scale", "1..100"],
+    ] {
+        let (bytes, _) = png(arguments);
+        assert!(!seen.contains(&bytes), "{arguments:?} changes the picture");
+        seen.push(bytes);
+    }
+}
+
+#[test]
+fn a_budget_gives_the_same_picture_and_one_that_is_too_small_is_refused() {
+    let folder = room();
+    let at = folder.path();
+    relight(at, &["room.ltc", "-o", "a.exr"]);
+    let said = relight(at, &["room.ltc", "-o", "b.exr", "--memory", "64MiB"]);
+    assert!(said.contains("chunks") && said.contains("read"), "{said}");
+    assert_eq!(fs::read(at.join("a.exr")).unwrap(), fs::read(at.join("b.exr")).unwrap());
+    relight(at, &["room.ltm", "-o", "c.exr", "--memory", "64MiB"]);
+    for input in ["room.ltc", "room.ltm"] {
+        refused(at, &[input, "-o", "d.exr", "--memory", "1MiB"], &["1.0 MiB", "memory"]);
+    }
+}
+
+#[test]
+fn damage_is_reported_and_the_rest_is_shown() {
+    let folder = room();
+    let at = folder.path();
+    relight(at, &["room.ltc", "-o", "a.exr"]);
+    let mut bytes = fs::read(at.join("room.ltc")).unwrap();
+    // The first chunk stands behind the header.
+    bytes[70] ^= 0xff;
+    fs::write(at.join("bad.ltc"), bytes).unwrap();
+    for budget in [&[][..], &["--memory", "64MiB"]] {
+        let output = run(at, "ltm", &[&["relight", "--device", "cpu", "bad.ltc", "-o", "b.exr"], budget].concat());
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success() && error.contains("block 0"), "{error}");
+        let (whole, hurt) = (read_image(&at.join("a.exr")).unwrap(), read_image(&at.join("b.exr")).unwrap());
+        let differ = whole.pixels.iter().zip(&hurt.pixels).filter(|(a, b)| a != b).count();
+        assert!((1..=64).contains(&differ), "{differ} pixels differ, of a block of 8 × 8");
+    }
+}
+
+#[test]
+fn what_does_not_go_together_is_refused_in_one_line() {
+    let folder = room();
+    let at = folder.path();
+    let look = ["-l", "look.toml"];
+    refused(at, &["room.ltc", "-o", "a.png", "--on", "lmap"], &["'lmap'", "'lamp'"]);
+    refused(at, &[&["room.ltc", "-o", "a.png", "--look", "lmap"][..], &look].concat(), &["'lmap'", "'lamp'"]);
+    refused(at, &["room.ltc", "-o", "a.jpg"], &["a.jpg", ".exr", ".png"]);
+    refused(at, &["room.ltc", "-o", "a.exr", "--tone", "agx"], &["EXR"]);
+    refused(at, &["room.ltc", "-o", "a.png", "--layers", "lights"], &["EXR"]);
+    refused(at, &["room.ltc", "-o", "a.exr", "--layers", "groups"], &["[groups]"]);
+    refused(at, &["room.ltc", "-o", "a-##.png"], &["[[key]]"]);
+    refused(at, &[&["room.ltc", "-o", "a-##.png", "--frames", "20..40"][..], &look].concat(), &["20..40", "0..26"]);
+    refused(at, &["room.ltc", "-o", "a.png", "--false-colour", "illuminance"], &["--reflectance"]);
+    refused(at, &["room.ltc", "-o", "a.png", "--white-balance", "3"], &["3 K"]);
+    assert!(!at.join("a.png").exists() && !at.join("a.exr").exists());
+}
