@@ -8,7 +8,6 @@ use crate::error::{Error, Result};
 use crate::image::{LinearImage, write_png};
 use crate::light::Lighting;
 use crate::matrix::MatrixShape;
-use crate::relight::relight_raw;
 use crate::scene::{LoadedScene, Scene};
 use crate::trace::{TraceSettings, Tracer};
 
@@ -23,9 +22,6 @@ const MOST_SAMPLES: u32 = 256;
 
 /// Time for the second, better image, which is left out where it would take longer.
 const PATIENCE_SECS: f64 = 3.0;
-
-/// Most memory of one thread's block.
-const BLOCK_BYTES: u64 = 32 << 20;
 
 /// What a preview is.
 #[derive(Clone, Debug)]
@@ -47,13 +43,13 @@ pub struct PreviewReport {
 /// Writes a small, noisy image of a scene under its own lighting (all lights at 1 where it gives none) to `path`: first
 /// with four samples per pixel, then once more with as many as a few seconds allow.
 ///
-/// Errors: those of the tracer, and of writing the image.
+/// Errors: those of the tracer, and of writing the image; [`Error::Interrupted`] when the watch says so.
 pub fn preview(loaded: &LoadedScene, path: &Path, watch: &dyn Watch) -> Result<PreviewReport> {
     let begun = Instant::now();
     let scene = reduced(&loaded.scene);
     let (width, height) = (scene.camera.width, scene.camera.height);
     let columns = u32::try_from(scene.basis.column_count()).unwrap_or(u32::MAX);
-    let shape = MatrixShape::new(width, height, columns, block_side(u64::from(columns)))?;
+    let shape = MatrixShape::new(width, height, columns, 1)?;
     let lighting = match loaded.lighting.weights().iter().all(|weight| *weight == [0.0; 3]) {
         true => Lighting::uniform(columns as usize, [1.0; 3])?,
         false => loaded.lighting.clone(),
@@ -66,8 +62,9 @@ pub fn preview(loaded: &LoadedScene, path: &Path, watch: &dyn Watch) -> Result<P
     let tracer = Tracer::new(scene, shape, settings(FIRST_SAMPLES))?;
     let traced = Instant::now();
     let image = |tracer: &Tracer| -> Result<LinearImage> {
-        let mut images = relight_raw(tracer, std::slice::from_ref(&lighting))?;
-        images.pop().ok_or_else(|| Error::input("the preview", "has no image", ""))
+        let pixels = tracer.trace_image(lighting.weights(), || watch.interrupted());
+        let pixels = pixels.ok_or_else(|| Error::Interrupted("no preview was written".into()))?;
+        Ok(LinearImage { width, height, pixels })
     };
     write_png(path, &image(&tracer)?, 0.9)?;
     let (first_secs, pass_secs) = (begun.elapsed().as_secs_f64(), traced.elapsed().as_secs_f64());
@@ -95,11 +92,6 @@ fn reduced(scene: &Scene) -> Scene {
     scene
 }
 
-/// Small blocks, so that all threads have some until the end, and smaller ones where there are very many columns.
-fn block_side(columns: u64) -> u32 {
-    (1..=16u32).rev().find(|&side| u64::from(side * side) * 12 * columns <= BLOCK_BYTES).unwrap_or(1)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -120,8 +112,24 @@ mod tests {
         assert!(lit > 256 * 192 / 2, "{lit}");
     }
 
+    struct Stopped;
+
+    impl Watch for Stopped {
+        fn begin(&self, _: &str, _: u64, _: &str) {}
+        fn advance(&self, _: u64, _: u64, _: &str) {}
+        fn end(&self) {}
+        fn note(&self, _: &str) {}
+        fn interrupted(&self) -> bool {
+            true
+        }
+    }
+
     #[test]
-    fn blocks_shrink_with_the_columns() {
-        assert_eq!((block_side(1), block_side(20_000), block_side(u64::from(u32::MAX))), (16, 11, 1));
+    fn a_preview_can_be_stopped() {
+        let loaded = BuiltIn { width: 64, height: 48, texels: 4 }.named("diffuse").unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        assert!(matches!(preview(&loaded, &path, &Stopped), Err(Error::Interrupted(_))));
+        assert!(!path.exists());
     }
 }

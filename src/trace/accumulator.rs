@@ -9,8 +9,9 @@ use glam::Vec3;
 
 use crate::matrix::{BlockNoise, CHANNELS, TracedBlock};
 
-/// Pixels in a full run: as many as f32 fit a cache line.
-pub(super) const RUN: usize = 16;
+/// Pixels in a full run: a row of a block of the usual size. As many as f32 fit a cache line would do, but a block's
+/// columns lie pages apart, and each visit to a page costs more than the line that is written there.
+pub(super) const RUN: usize = 32;
 
 /// Probes that are worked on at once: as many as registers hold for three channels.
 const PROBE_LANES: usize = 16;
@@ -83,6 +84,18 @@ impl PixelSums {
             *g += value.y;
             *b += value.z;
             *word |= 1 << (at % WORD);
+        }
+    }
+
+    /// Empties the sums into `each`: columns, and the sums of both halves together.
+    pub(super) fn drain(&mut self, mut each: impl FnMut(usize, Vec3)) {
+        for (at, word) in self.touched.iter_mut().enumerate() {
+            while *word != 0 {
+                let column = at * WORD + word.trailing_zeros() as usize;
+                *word &= *word - 1;
+                let Record([[r, g, b, _], [s, h, c, _]]) = std::mem::take(&mut self.records[column]);
+                each(column, Vec3::new(r + s, g + h, b + c));
+            }
         }
     }
 }

@@ -2,6 +2,9 @@
 
 use std::sync::Arc;
 
+use glam::Vec3;
+use rayon::prelude::*;
+
 use super::accumulator::{NoiseSums, PixelSums, RUN, Run, Tile, interleave};
 use super::bvh::Bvh;
 use super::integrator::trace_sample;
@@ -111,20 +114,43 @@ impl Tracer {
             for pixel in 0..run.count {
                 let inside = (first + pixel) as u32;
                 let (x, y) = (rect.x + inside % rect.width, rect.y + inside / rect.width);
-                let key = u64::from(y) * u64::from(self.shape.width()) + u64::from(x);
-                for sample in 0..spp {
-                    let sampler = Sampler::new(self.settings.seed, key, sample);
-                    let half = (sample & 1) as usize;
-                    let cost = trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, &mut sums, half);
-                    stats.rays += cost.rays;
-                    stats.non_finite += cost.non_finite;
-                }
+                self.trace_pixel((x, y), &mut sums, &mut stats);
                 tile.take(&mut sums, noise.as_mut(), run, pixel, samples);
             }
             tile.carry(target, run);
         }
         target.noise = noise.map(NoiseSums::finish);
         stats
+    }
+
+    /// The image under a lighting, one weight for each column, without its matrix: pixels row by row, in linear RGB. By
+    /// all threads; none where `stop` says so. Panics if there are fewer weights than columns.
+    pub fn trace_image(&self, weights: &[[f32; 3]], stop: impl Fn() -> bool + Sync) -> Option<Vec<[f32; 3]>> {
+        let (width, height) = (self.shape.width(), self.shape.height());
+        let scale = 1.0 / self.settings.samples_per_pixel as f32;
+        let row = |sums: &mut PixelSums, y: u32| {
+            let pixel = |x: u32| {
+                self.trace_pixel((x, y), sums, &mut BlockStats::default());
+                let mut lit = Vec3::ZERO;
+                sums.drain(|column, sum| lit += sum * scale * Vec3::from(weights[column]));
+                lit.to_array()
+            };
+            (!stop()).then(|| (0..width).map(pixel).collect::<Vec<_>>())
+        };
+        let rows = (0..height).into_par_iter().with_min_len(8);
+        let rows: Option<Vec<_>> = rows.map_init(|| PixelSums::new(self.shape.columns()), row).collect();
+        rows.map(|rows| rows.concat())
+    }
+
+    fn trace_pixel(&self, (x, y): (u32, u32), sums: &mut PixelSums, stats: &mut BlockStats) {
+        let key = u64::from(y) * u64::from(self.shape.width()) + u64::from(x);
+        for sample in 0..self.settings.samples_per_pixel {
+            let sampler = Sampler::new(self.settings.seed, key, sample);
+            let half = (sample & 1) as usize;
+            let cost = trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, sums, half);
+            stats.rays += cost.rays;
+            stats.non_finite += cost.non_finite;
+        }
     }
 }
 
