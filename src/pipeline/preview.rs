@@ -17,7 +17,7 @@ const MOST_PIXELS: u64 = 256 * 192;
 /// Samples per pixel of the first image.
 const FIRST_SAMPLES: u32 = 4;
 
-/// Most samples per pixel.
+/// Most samples per pixel, where the scene does not ask for fewer.
 const MOST_SAMPLES: u32 = 256;
 
 /// Time for the second, better image, which is left out where it would take longer.
@@ -69,7 +69,8 @@ pub fn preview(loaded: &LoadedScene, path: &Path, watch: &dyn Watch) -> Result<P
     write_png(path, &image(&tracer)?, 0.9)?;
     let (first_secs, pass_secs) = (begun.elapsed().as_secs_f64(), traced.elapsed().as_secs_f64());
     let affordable = f64::from(FIRST_SAMPLES) * PATIENCE_SECS / pass_secs.max(1e-6);
-    let samples = 1 << (affordable.clamp(1.0, f64::from(MOST_SAMPLES)) as u32).ilog2();
+    let most = MOST_SAMPLES.min(loaded.settings.samples_per_pixel.max(1));
+    let samples = 1 << (affordable.clamp(1.0, f64::from(most)) as u32).ilog2();
     let mut samples_per_pixel = FIRST_SAMPLES;
     if samples > FIRST_SAMPLES && !watch.interrupted() {
         write_png(path, &image(&tracer.with_settings(settings(samples))?)?, 0.9)?;
