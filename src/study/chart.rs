@@ -32,6 +32,15 @@ const LEGEND_LINE: u32 = 24;
 const LEGEND_ENTRY: u32 = 270;
 const CAPTION: u32 = 24;
 
+/// Makes the typeface known under the name that all text asks for.
+pub(super) fn use_font() {
+    static FONT: Once = Once::new();
+    FONT.call_once(|| {
+        // The crate's own bytes of a valid font: nothing to be done about a refusal, and drawing reports it.
+        let _ = register_font("sans-serif", FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
+    });
+}
+
 /// Panels side by side with common axes' names and one legend.
 #[derive(Clone, Debug)]
 pub(super) struct Chart {
@@ -70,11 +79,7 @@ type Area<'a> = DrawingArea<BitMapBackend<'a>, Shift>;
 impl Chart {
     /// Draws the chart. Points that an axis cannot show are left out.
     pub(super) fn write(&self, path: &Path) -> Result<()> {
-        static FONT: Once = Once::new();
-        FONT.call_once(|| {
-            // The crate's own bytes of a valid font: nothing to be done about a refusal, and drawing reports it.
-            let _ = register_font("sans-serif", FontStyle::Normal, epaint_default_fonts::UBUNTU_LIGHT);
-        });
+        use_font();
         let names = self.names();
         let across = if self.panels.len() > 4 { 3 } else { self.panels.len().clamp(1, 2) } as u32;
         let down = (self.panels.len() as u32).div_ceil(across).max(1);

@@ -4,6 +4,9 @@ use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, BlockView, CHANNELS, FactoredBlock, MatrixShape};
 
+/// Rows under lightings, for each block: block, lighting, row.
+pub(super) type Relit = Vec<Vec<Vec<f64>>>;
+
 /// For each lighting, the rows of `L R ℓ + S ℓ` (channel-planar).
 pub(super) fn relit_factors(block: &FactoredBlock, lightings: &[Lighting]) -> Vec<Vec<f64>> {
     let pixels = block.rows / CHANNELS;

@@ -9,11 +9,19 @@ mod chart;
 mod curve;
 mod dct;
 mod factors;
+mod fig5;
+mod fig6;
+mod fig7;
 mod fig9;
 mod kernel_nystrom;
 mod machine;
 mod measured;
+mod mosaic;
+mod noise;
+mod rank;
 mod rivals;
+mod scaling;
+mod speed;
 mod svd;
 mod table;
 
@@ -31,8 +39,22 @@ use bench::Bench;
 /// The studies by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Study {
-    /// PSNR against bytes on disk (the paper, Fig. 9).
+    /// The nonlinear map beside linear methods, as pictures (the paper, Fig. 5).
+    Fig5,
+    /// PSNR against columns kept (Fig. 6).
+    Fig6,
+    /// The full matrix and the packed one, as pictures (Figs. 7 and 8).
+    Fig7,
+    /// PSNR against bytes on disk (Fig. 9).
     Fig9,
+    /// Rank against the resolution of the light, signal and noise apart (§4).
+    Rank,
+    /// Error against a converged reference before and after compression.
+    Noise,
+    /// Seconds from a scene to relit images.
+    Speed,
+    /// Time and memory against sizes.
+    Scaling,
 }
 
 /// How to run studies.
@@ -55,12 +77,20 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 1] = [Self::Fig9];
+    pub const ALL: [Self; 8] =
+        [Self::Fig6, Self::Fig9, Self::Fig5, Self::Fig7, Self::Rank, Self::Noise, Self::Speed, Self::Scaling];
 
     /// Its name in arguments and file names.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Fig5 => "fig5",
+            Self::Fig6 => "fig6",
+            Self::Fig7 => "fig7",
             Self::Fig9 => "fig9",
+            Self::Rank => "rank",
+            Self::Noise => "noise",
+            Self::Speed => "speed",
+            Self::Scaling => "scaling",
         }
     }
 }
@@ -74,7 +104,14 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
         let begun = Instant::now();
         let bench = Bench::new(study.name(), options, watch)?;
         let written = match study {
+            Study::Fig5 => fig5::run(&bench)?,
+            Study::Fig6 => fig6::run(&bench)?,
+            Study::Fig7 => fig7::run(&bench)?,
             Study::Fig9 => fig9::run(&bench)?,
+            Study::Rank => rank::run(&bench)?,
+            Study::Noise => noise::run(&bench)?,
+            Study::Speed => speed::run(&bench)?,
+            Study::Scaling => scaling::run(&bench)?,
         };
         watch.note(&format!("{study}: {:.1} s", begun.elapsed().as_secs_f64()));
         report.files.extend(written.files);
@@ -101,6 +138,14 @@ impl StudyReport {
     fn add_chart(&mut self, folder: &Path, stem: &str, chart: &chart::Chart) -> Result<()> {
         let path = folder.join(format!("{stem}.png"));
         chart.write(&path)?;
+        self.files.push(path);
+        Ok(())
+    }
+
+    /// Writes rows of pictures as `STEM.png`.
+    fn add_pictures(&mut self, folder: &Path, stem: &str, rows: &[Vec<mosaic::Picture>], scale: u32) -> Result<()> {
+        let path = folder.join(format!("{stem}.png"));
+        mosaic::write(&path, rows, scale)?;
         self.files.push(path);
         Ok(())
     }
