@@ -187,5 +187,5 @@ fn large_file(criterion: &mut Criterion, block: &FactoredBlock, job: &Job, folde
     });
 }
 
-criterion_group!(benches, codec);
+criterion_group! { name = benches; config = Criterion::default().without_plots(); targets = codec }
 criterion_main!(benches);

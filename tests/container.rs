@@ -330,6 +330,42 @@ fn make_golden_and_bad_files() {
     write("gap", &gap);
 }
 
+/// A base layer is about a tenth of its file, and already near the whole.
+#[test]
+fn the_first_tenth_of_a_file_is_a_whole_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ltc");
+    let mut basis = LightBasis::new();
+    basis.push(light("panel", LightKind::AreaTexels { across: 32, down: 32 })).unwrap();
+    let job = Job { shape: MatrixShape::new(64, 64, 1024, 32).unwrap(), basis, provenance: Provenance::default() };
+    let writer = ContainerWriter::create(&path, &job, ContainerOptions::default()).unwrap();
+    for id in job.shape.blocks() {
+        let mut factors = FactoredBlock { rows: 3072, columns: 1024, ..Default::default() };
+        for k in 0..4 {
+            let size = 0.3f32.powi(k);
+            let wave = |i: usize, a: f32| (a * (i % 32) as f32 + 0.17 * ((i / 32) % 32) as f32 + id.0 as f32).sin();
+            let noise = |i: usize| ((i * 7919 + k as usize * 104_729) % 1000) as f32 / 1000.0 - 0.5;
+            factors.left.extend((0..3072).map(|i| size * (wave(i, 0.1 + 0.1 * k as f32) + 0.05 * noise(i))));
+            factors.right.extend((0..1024).map(|i| wave(i, 0.2 - 0.03 * k as f32) + 0.05 * noise(i)));
+            factors.left_step.push(0.02);
+            factors.right_step.push(0.02);
+        }
+        writer.write_block(id, &factors, &report(id)).unwrap();
+    }
+    let summary = writer.finish().unwrap();
+    assert!(summary.base_bytes * 7 < summary.file_bytes, "{} of {}", summary.base_bytes, summary.file_bytes);
+    let reader = ContainerReader::open(&path).unwrap();
+    for id in job.shape.blocks() {
+        assert_eq!(reader.rank(id), 4, "refining adds no components");
+        let (base, whole) = (reader.read_layers(id, 0..1).unwrap().expand(), reader.read_block(id).unwrap().expand());
+        let squares = |values: &mut dyn Iterator<Item = f32>| values.map(|v| f64::from(v).powi(2)).sum::<f64>();
+        let pairs = base.entries().iter().zip(whole.entries());
+        let relative = squares(&mut pairs.map(|(a, b)| a - b)) / squares(&mut whole.entries().iter().copied());
+        // A tenth has room for one component of four; the next one is 0.3 as large.
+        assert!(relative.sqrt() < 0.35, "{id}: {}", relative.sqrt());
+    }
+}
+
 #[test]
 fn a_bad_block_is_named_and_the_rest_stays_readable() {
     let folder = tempfile::tempdir().unwrap();
@@ -527,7 +563,7 @@ fn a_chunk_begins_as_the_document_says() {
         sparse: (0..20).map(|i| SparseEntry { column: ColumnIndex(i), row: i, value: i as f32 + 1.0 }).collect(),
         ..block(&job(), BlockId(3))
     };
-    let part = LayerPart { shared: 2, sparse_step: None };
+    let part = LayerPart { shared: 2, ..Default::default() };
     let bytes = encode_layer(&layout, &factors, part, &CodecSettings::default()).unwrap();
     let side = u32::from_le_bytes(bytes[8..12].try_into().unwrap());
     let stated = [("coding", 1), ("shared", 2), ("rank", 4), ("sparse entries", 20), ("side bytes", side)];

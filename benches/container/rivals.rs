@@ -8,14 +8,14 @@ use std::sync::OnceLock;
 use ltm::matrix::FactoredBlock;
 
 /// Side of the little images.
-pub const SIDE: usize = 32;
+pub(crate) const SIDE: usize = 32;
 const AREA: usize = SIDE * SIDE;
 /// Levels of the wavelet.
 const LEVELS: usize = 4;
 
 /// How values are changed before they are quantised.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Transform {
+pub(crate) enum Transform {
     None,
     /// Orthonormal DCT-II of whole images.
     Cosine,
@@ -27,7 +27,7 @@ pub enum Transform {
 
 /// How quantised values become bytes.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Packing {
+pub(crate) enum Packing {
     /// 16-bit numbers as they are.
     Plain,
     /// Low bytes, then high bytes.
@@ -37,7 +37,7 @@ pub enum Packing {
 }
 
 /// A block as bytes, with what decoding needs to know of it.
-pub struct Packed {
+pub(crate) struct Packed {
     bytes: Vec<u8>,
     steps: Vec<f32>,
     transform: Transform,
@@ -51,7 +51,7 @@ pub struct Packed {
 
 impl Packed {
     /// Bytes with steps, scales and coefficients of prediction, four each.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         self.bytes.len() + 4 * self.steps.len() + self.side_bytes
     }
 }
@@ -63,7 +63,12 @@ fn images(block: &FactoredBlock) -> Vec<f32> {
 }
 
 /// Encodes with the block's own steps.
-pub fn encode(block: &FactoredBlock, neighbour: &FactoredBlock, transform: Transform, packing: Packing) -> Packed {
+pub(crate) fn encode(
+    block: &FactoredBlock,
+    neighbour: &FactoredBlock,
+    transform: Transform,
+    packing: Packing,
+) -> Packed {
     let (rows, columns) = (block.rows, block.columns);
     let mut values = images(block);
     let steps: Vec<f32> = block.left_step.iter().zip(&block.right_step).flat_map(|(&l, &r)| [l, r]).collect();
@@ -87,7 +92,7 @@ pub fn encode(block: &FactoredBlock, neighbour: &FactoredBlock, transform: Trans
 }
 
 /// Decodes to a block.
-pub fn decode(packed: &Packed) -> FactoredBlock {
+pub(crate) fn decode(packed: &Packed) -> FactoredBlock {
     let (rows, columns) = (packed.rows, packed.columns);
     let rank = packed.steps.len() / 2;
     let count = rank * (rows + columns);
@@ -110,7 +115,7 @@ pub fn decode(packed: &Packed) -> FactoredBlock {
 }
 
 /// Factors as signed numbers of 8 or 16 bits with a scale for each side of each component.
-pub fn scaled(block: &FactoredBlock, bits: u32, packing: Packing) -> (usize, FactoredBlock) {
+pub(crate) fn scaled(block: &FactoredBlock, bits: u32, packing: Packing) -> (usize, FactoredBlock) {
     let mut decoded = block.clone();
     let limit = ((1 << (bits - 1)) - 1) as f32;
     let (rows, columns) = (block.rows, block.columns);
@@ -212,7 +217,7 @@ fn forward(transform: Transform, image: &mut [f32]) {
         Transform::Cosine | Transform::NeighbourCosine => both_ways(image, |line| cosine(line, false)),
         Transform::Wavelet => {
             for level in 0..LEVELS {
-                wavelet_level(image, SIDE >> level, lift);
+                wavelet_level(image, SIDE >> level, [true, false], lift);
             }
         }
     }
@@ -224,7 +229,7 @@ fn inverse(transform: Transform, image: &mut [f32]) {
         Transform::Cosine | Transform::NeighbourCosine => both_ways(image, |line| cosine(line, true)),
         Transform::Wavelet => {
             for level in (0..LEVELS).rev() {
-                wavelet_level(image, SIDE >> level, unlift);
+                wavelet_level(image, SIDE >> level, [false, true], unlift);
             }
         }
     }
@@ -261,12 +266,12 @@ fn cosine(line: &mut [f32; SIDE], inverse: bool) {
     *line = out;
 }
 
-/// One level on the upper left `size × size` values: rows, then columns.
-fn wavelet_level(image: &mut [f32], size: usize, line: fn(&mut [f32])) {
+/// One level on the upper left `size × size` values: rows (`true`) and columns in the order given.
+fn wavelet_level(image: &mut [f32], size: usize, order: [bool; 2], line: fn(&mut [f32])) {
     let mut buffer = vec![0.0; size];
-    for rows_first in if line as usize == lift as usize { [true, false] } else { [false, true] } {
+    for along_rows in order {
         for i in 0..size {
-            let at = |j: usize| if rows_first { i * SIDE + j } else { j * SIDE + i };
+            let at = |j: usize| if along_rows { i * SIDE + j } else { j * SIDE + i };
             (0..size).for_each(|j| buffer[j] = image[at(j)]);
             line(&mut buffer);
             (0..size).for_each(|j| image[at(j)] = buffer[j]);

@@ -27,8 +27,11 @@ impl Default for CodecSettings {
     }
 }
 
-/// The coding that this module writes; the first byte of a chunk.
-pub(super) const CODING: u8 = 1;
+/// The codings that this module writes, as the first byte of a chunk has them: right sides of shared components are those
+/// of the base layer.
+pub(super) const CODING_SHARED: u8 = 1;
+/// … or are stored as what the base layer's lack.
+pub(super) const CODING_REFINED: u8 = 2;
 /// Bytes of a chunk before its streams: coding, reserved, rank, sparse entries, bytes of the adaptive stream.
 pub(super) const CHUNK_HEADER_BYTES: usize = 12;
 /// Sides of tiles that a block's pixels may be cut into, by stored index.
@@ -39,8 +42,10 @@ const LEAST_COMPONENT_BYTES: usize = 6;
 /// What the encoding of a layer takes from the block that it is part of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LayerPart {
-    /// The right sides of this many first components are those of the base layer's and are not stored again.
+    /// This many first components are differences from the base layer's first ones, on the left …
     pub shared: usize,
+    /// … and on the right too; otherwise their right sides are the base layer's and are not stored again.
+    pub refines_right: bool,
     /// Step for sparse values; `None`: found from the layer's own factors and values.
     pub sparse_step: Option<f32>,
 }
@@ -70,9 +75,10 @@ pub fn encode_layer(
     side.bits(tile as u32, 2);
     let mut contexts = ClassContexts::default();
     for (k, component) in components.iter().enumerate() {
-        let stored_planes = if k < shared { CHANNELS } else { usize::MAX };
+        let is_right_stored = k >= shared || part.refines_right;
+        let stored_planes = if is_right_stored { usize::MAX } else { CHANNELS };
         side.bits((component.left_step + STEP_LIMIT) as u32, STEP_BITS);
-        if k >= shared {
+        if is_right_stored {
             side.bits((component.right_step + STEP_LIMIT) as u32, STEP_BITS);
         }
         side.bits(component.rotation.0, ROTATION_BITS);
@@ -87,7 +93,7 @@ pub fn encode_layer(
         sparse::write(&mut side, &block.sparse, layout.pixels(), step_of(step));
     }
     let side = side.finish();
-    let mut bytes = vec![CODING, shared as u8];
+    let mut bytes = vec![if part.refines_right { CODING_REFINED } else { CODING_SHARED }, shared as u8];
     bytes.extend((block.rank() as u16).to_le_bytes());
     bytes.extend((block.sparse.len() as u32).to_le_bytes());
     bytes.extend((side.len() as u32).to_le_bytes());
@@ -98,12 +104,21 @@ pub fn encode_layer(
     Ok(bytes)
 }
 
-/// Number of components whose right sides a layer takes from the base layer; 0 where the bytes are no layer.
+/// Number of components of the base layer that a layer refines; 0 where the bytes are no layer.
 pub fn shared_components(bytes: &[u8]) -> usize {
     bytes.get(1).map_or(0, |&shared| usize::from(shared))
 }
 
-/// Decodes a layer. `base` is the base layer where this is not it.
+/// Number of components at the end of a decoded layer that only stand for what the refined right sides bring with the
+/// base layer's left sides: who puts the layers together, rather than adding them, leaves them out.
+pub fn correcting_components(bytes: &[u8]) -> usize {
+    if bytes.first() == Some(&CODING_REFINED) { shared_components(bytes) } else { 0 }
+}
+
+/// Decodes a layer, so that it adds to the base layer. `base` is the base layer where this is not it.
+///
+/// With `L + ΔL` and `R + ΔR` for the base layer's `L R`, the layer is `ΔL (R + ΔR) + L ΔR`: its first components are the
+/// first product, its last ones the second.
 ///
 /// Errors, as plain text for the caller to place: anything that cannot be a layer of this layout.
 pub fn decode_layer(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> Result<FactoredBlock, String> {
@@ -133,7 +148,7 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
     let Some((header, streams)) = bytes.split_at_checked(CHUNK_HEADER_BYTES) else {
         return Err("the chunk is cut short".into());
     };
-    if header[0] != CODING {
+    if ![CODING_SHARED, CODING_REFINED].contains(&header[0]) {
         return Err(format!("the chunk is coded in an unknown way ({})", header[0]));
     }
     let shared = shared_components(bytes);
@@ -164,6 +179,7 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
     };
     let mut contexts = ClassContexts::default();
     let mut scratch = Scratch::default();
+    let mut corrections: Vec<(usize, Vec<f32>)> = Vec::new();
     let left_shape = PlaneShape { width: layout.width, height: layout.height, tile };
     if let Some(decoder) = &mut decoder {
         let components = block.left.chunks_exact_mut(rows).zip(block.right.chunks_exact_mut(columns));
@@ -171,7 +187,8 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
             let left_step = side.bits(0, STEP_BITS) as i32 - STEP_LIMIT;
             block.left_step.push(step_of(left_step));
             let base = base.filter(|_| k < shared);
-            let right_step = match base {
+            let copied = base.filter(|_| header[0] == CODING_SHARED);
+            let right_step = match copied {
                 Some(base) => base.right_step[k],
                 None => step_of(side.bits(0, STEP_BITS) as i32 - STEP_LIMIT),
             };
@@ -184,19 +201,20 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
                 read(decoder, &classes, left_shape, step_of(left_step), &mut scratch, plane);
             }
             rotate(left, transposed(rotation.matrix()));
-            let mut rest = match base {
-                Some(base) => {
-                    right.copy_from_slice(base.right_component(k));
-                    &mut []
-                }
-                None => right,
-            };
-            for shape in right_shapes(layout).filter(|_| base.is_none()) {
+            if let Some(base) = copied {
+                right.copy_from_slice(base.right_component(k));
+            }
+            let mut rest = &mut *right;
+            for shape in right_shapes(layout).filter(|_| copied.is_none()) {
                 let plane;
                 (plane, rest) = rest.split_at_mut(shape.width * shape.height);
                 let classes = contexts.code(&mut side, PlaneKind::Right, [0; ZONES]);
                 check_classes(&classes)?;
                 read(decoder, &classes, shape, right_step, &mut scratch, plane);
+            }
+            if let Some(base) = base.filter(|_| copied.is_none()) {
+                corrections.push((k, right.to_vec()));
+                right.iter_mut().zip(base.right_component(k)).for_each(|(right, base)| *right += base);
             }
             if side.is_exhausted() {
                 return Err("the chunk's steps and classes are cut short".into());
@@ -204,6 +222,13 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
         }
     }
     decoder.map_or(Ok(()), RansDecoder::finish)?;
+    for (k, right) in corrections {
+        let base = base.expect("only the base layer's components are refined");
+        block.left.extend_from_slice(base.left_component(k));
+        block.left_step.push(base.left_step[k]);
+        block.right_step.push(block.right_step[k]);
+        block.right.extend(right);
+    }
     if sparse_count > 0 {
         let step = step_of(side.bits(0, STEP_BITS) as i32 - STEP_LIMIT);
         block.sparse = sparse::read(&mut side, sparse_count, pixels, columns, step)?;

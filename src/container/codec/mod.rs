@@ -10,4 +10,6 @@ mod sparse;
 mod step;
 mod transform;
 
-pub use layer::{CodecSettings, LayerPart, decode_layer, encode_layer, shared_components, sparse_step};
+pub use layer::{
+    CodecSettings, LayerPart, correcting_components, decode_layer, encode_layer, shared_components, sparse_step,
+};
