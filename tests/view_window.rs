@@ -10,9 +10,9 @@ mod driver;
 #[path = "view_window/real.rs"]
 mod real;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use driver::Driver;
 use eframe::egui::{Key, Modifiers, vec2};
@@ -26,17 +26,20 @@ use ltm::view::worker::{Event, Picture, Progress, Request, Session};
 /// Ctrl as the system sends it.
 const CTRL: Modifiers = Modifiers::CTRL.plus(Modifiers::COMMAND);
 
-fn room(folder: &tempfile::TempDir) -> PathBuf {
-    let path = folder.path().join("room.ltc");
-    let scene = BuiltIn { width: 96, height: 72, texels: 6 }.named("mixed").unwrap();
-    container::write(&path, scene, 16);
-    path
+/// A room with one texelled light, traced once for all tests.
+fn room() -> &'static Path {
+    static ROOM: OnceLock<PathBuf> = OnceLock::new();
+    ROOM.get_or_init(|| {
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("view-room.ltc");
+        let scene = BuiltIn { width: 96, height: 72, texels: 6 }.named("mixed").unwrap();
+        container::write(&path, scene, 16);
+        path
+    })
 }
 
 /// A drag on a fader changes the picture within a few frames, and one undo takes all of it back.
 fn a_fader_drag_relights_and_is_one_undo() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     let before = driver.picture();
     let fader = driver.find("ceiling, stops");
     driver.drag(fader.center(), fader.center() + vec2(20.0, 0.0), 12);
@@ -53,8 +56,7 @@ fn a_fader_drag_relights_and_is_one_undo() {
 
 /// A light that is switched off leaves a black room; on again it is as before.
 fn a_switch_turns_the_light_off_and_on() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     let before = driver.picture();
     let switch = driver.find("ceiling, on");
     driver.click(switch.center());
@@ -67,8 +69,7 @@ fn a_switch_turns_the_light_off_and_on() {
 
 /// The picture follows while the fader is still held, and the last one is that of the last position.
 fn pictures_come_during_a_drag_and_the_last_is_that_of_its_end() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     let before = driver.picture();
     let start = driver.find("ceiling, stops").center();
     let end = start + vec2(30.0, 0.0);
@@ -92,8 +93,7 @@ fn pictures_come_during_a_drag_and_the_last_is_that_of_its_end() {
 
 /// Keys act on the picture, and `?` lists them.
 fn keys_expose_and_help_lists_them() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     let before = driver.picture();
     driver.key(Key::E, Modifiers::NONE);
     driver.settle();
@@ -110,8 +110,7 @@ fn keys_expose_and_help_lists_them() {
 
 /// Painting on the light's texture darkens or colours the room.
 fn painting_on_the_light_changes_the_room() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     let before = driver.picture();
     let dark = driver.find("Dark");
     driver.click(dark.center());
@@ -127,8 +126,7 @@ fn painting_on_the_light_changes_the_room() {
 
 /// A disc on the light is dragged and scaled, each a step of its own.
 fn a_shape_is_laid_dragged_and_scaled() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     driver.click(driver.find("Disc").center());
     let texture = driver.find("texture");
     let mut pictures = vec![driver.picture()];
@@ -157,7 +155,7 @@ fn a_shape_is_laid_dragged_and_scaled() {
 /// A lighting is saved and loaded through the list of files, and is what `ltm relight` reads.
 fn a_lighting_is_saved_and_loaded() {
     let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     let scene = driver.picture();
     let fader = driver.find("ceiling, stops").center();
     driver.drag(fader, fader - vec2(12.0, 0.0), 3);
@@ -183,7 +181,7 @@ fn a_lighting_is_saved_and_loaded() {
 /// The command that is copied writes the very picture that the window writes.
 fn the_copied_command_makes_the_picture() {
     let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     driver.click(driver.find("Disc").center());
     driver.click(driver.find("texture").center());
     driver.click(driver.find("AgX").center());
@@ -275,8 +273,7 @@ fn hundreds_of_lights_are_searched_soloed_and_picked() {
 
 /// A snapshot is compared with, and recalled by its own button.
 fn a_snapshot_is_compared_with_and_recalled() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     let before = driver.picture();
     driver.key(Key::K, Modifiers::NONE);
     driver.settle();
@@ -291,8 +288,7 @@ fn a_snapshot_is_compared_with_and_recalled() {
 
 /// Tab reaches the fader, arrows move it.
 fn the_keyboard_alone_moves_a_fader() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::open(&room(&folder));
+    let mut driver = Driver::open(room());
     let before = driver.picture();
     for _ in 0..80 {
         driver.key(Key::Tab, Modifiers::NONE);

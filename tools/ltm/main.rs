@@ -81,7 +81,9 @@ enum Command {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let console = Console::new();
+    // A window has no block at hand to finish: Ctrl-C ends it as it ends any program.
+    let is_window = matches!(arguments.command, Some(Command::View(_)));
+    let console = if is_window { Console::default() } else { Console::new() };
     console::finish("ltm", run(arguments, &console))
 }
 

@@ -386,7 +386,8 @@ impl Document {
 }
 
 pub(super) fn colour_image(shown: &Shown) -> ColorImage {
-    ColorImage::from_rgba_unmultiplied(shown.size, &shown.rgba)
+    // Opaque, so that nothing is to be multiplied.
+    ColorImage::from_rgba_premultiplied(shown.size, &shown.rgba)
 }
 
 fn set_texture(context: &egui::Context, texture: &mut Option<TextureHandle>, name: &str, shown: &Shown) {

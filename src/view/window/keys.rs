@@ -142,7 +142,7 @@ const OTHERS: [(&str, &str); 13] = [
     ("Shift-drag a fader", "Ten times finer"),
     ("Double-click a fader", "Back to 0"),
     ("Scroll on a light's shape", "Larger or smaller"),
-    ("Drop a file", "Open a container, load a lighting, lay an image on a light, add a reference"),
+    ("Drop a file", "Open it, load it, lay it on a light or compare"),
 ];
 
 /// The keys of an action, as menus show them.
@@ -285,16 +285,14 @@ pub(super) fn help(context: &egui::Context, open: &mut bool) {
     window.anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).open(open).show(context, |ui| {
         let listed = BINDINGS.iter().filter(|binding| !binding.keys.is_empty());
         let rows: Vec<_> = listed.map(|b| (b.keys, b.meaning)).chain(OTHERS).collect();
-        ui.horizontal_top(|ui| {
-            for (column, rows) in rows.chunks(rows.len().div_ceil(2)).enumerate() {
-                egui::Grid::new(("keys", column)).num_columns(2).spacing([20.0, 5.0]).show(ui, |ui| {
-                    for (keys, meaning) in rows {
-                        ui.label(RichText::new(*keys).color(ACCENT));
-                        ui.label(*meaning);
-                        ui.end_row();
-                    }
-                });
-                ui.add_space(24.0);
+        let (left, right) = rows.split_at(rows.len().div_ceil(2));
+        egui::Grid::new("keys").num_columns(4).spacing([24.0, 5.0]).show(ui, |ui| {
+            for (index, first) in left.iter().enumerate() {
+                for (keys, meaning) in std::iter::once(first).chain(right.get(index)) {
+                    ui.label(RichText::new(*keys).color(ACCENT));
+                    ui.label(*meaning);
+                }
+                ui.end_row();
             }
         });
         ui.add_space(6.0);

@@ -67,6 +67,8 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
 /// The row of tools and the settings of the one in use.
 fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_environment: bool) {
     ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 3.0;
+        ui.spacing_mut().button_padding.x = 6.0;
         for (tool, name) in [
             (Tool::Brush, "Brush"),
             (Tool::Shape(ShapeKind::Disc), "Disc"),
