@@ -1,6 +1,8 @@
 //! The store against the disk: writing and reading, against plain `pwrite` and `pread` of the same bytes in the same
 //! run, with the error of each precision.
 //!
+//! `LTM_BENCH_RENDER=16` (samples per pixel) renders the built-in room with and without a store instead, in turns.
+//!
 //! `LTM_BENCH_STREAM=f32` (or `f16`, `bf16`) does one file alone instead, as large as asked for: written, verified and
 //! read by two threads, with the peak of resident memory. `LTM_BENCH_DENSITY` is the share of columns that are not zero.
 //!
@@ -16,9 +18,12 @@ use std::time::Instant;
 
 use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
 use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
+use ltm::pipeline::{Quiet, RenderOptions};
 use ltm::store::{
     FileStorage, MappedStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify,
 };
+use ltm::trace::{TraceSettings, Tracer};
+use rayon::prelude::*;
 
 const ROUNDS: usize = 3;
 
@@ -31,6 +36,9 @@ fn main() {
     let mut traced = block(&job);
     if let Ok(precision) = std::env::var("LTM_BENCH_STREAM") {
         return stream(folder.path(), &job, &mut traced, precision.parse().unwrap());
+    }
+    if let Some(samples) = std::env::var("LTM_BENCH_RENDER").ok().and_then(|n| n.parse().ok()) {
+        return render(folder.path(), samples);
     }
     let (rows, columns) = (traced.block.rows(), traced.block.columns());
     let raw = job.shape.raw_bytes();
@@ -153,6 +161,35 @@ fn stream(folder: &Path, job: &Job, traced: &mut TracedBlock, precision: Precisi
         read_store(&open(&path), 2);
         open(&path).tally().unwrap().stored_bytes
     });
+}
+
+/// The built-in room traced into memory only, and into a store: what the store adds.
+fn render(folder: &Path, samples_per_pixel: u32) {
+    let mut loaded = ltm::scene::built_in();
+    loaded.settings.samples_per_pixel = samples_per_pixel;
+    let job = ltm::pipeline::job_of(&loaded).unwrap();
+    let settings =
+        TraceSettings { samples_per_pixel, seed: loaded.settings.seed, max_depth: loaded.settings.max_depth };
+    let (rows, columns) = (job.shape.rows(), job.shape.columns());
+    eprintln!("{rows} rows × {columns} columns, {samples_per_pixel} samples per pixel");
+    eprintln!("into memory only   into a store (f32)   overhead");
+    let path = folder.join("render.ltm");
+    let mut best = [f64::INFINITY; 2];
+    for _ in 0..ROUNDS {
+        let begun = Instant::now();
+        let tracer = Tracer::new(loaded.scene.clone(), job.shape, settings).unwrap();
+        let blocks: Vec<_> = job.shape.blocks().collect();
+        blocks.par_iter().for_each_init(TracedBlock::default, |block, &id| {
+            tracer.trace_block(id, block);
+        });
+        let memory = begun.elapsed().as_secs_f64();
+        let options =
+            RenderOptions { store: StoreOptions { overwrite: true, ..Default::default() }, ..Default::default() };
+        let stored = ltm::pipeline::render(loaded.clone(), &path, &options, &Quiet).unwrap().seconds;
+        best = [best[0].min(memory), best[1].min(stored)];
+        eprintln!("{memory:>14.2} s {stored:>18.2} s {:>9.1} %", 100.0 * (stored / memory - 1.0));
+    }
+    eprintln!("best of each: {:.1} %", 100.0 * (best[1] / best[0] - 1.0));
 }
 
 fn peak_memory() -> String {

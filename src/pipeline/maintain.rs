@@ -69,7 +69,9 @@ pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch
     }
     let (tracing, reading) = (tracing_need(&loaded, &job), reading_need(&reader));
     drop(reader);
-    let need = Need { per_thread_bytes: tracing.per_thread_bytes + reading.fixed_bytes - PROGRAM_BYTES, ..tracing };
+    // One block more waits to be committed.
+    let fixed_bytes = tracing.fixed_bytes + tracing.per_thread_bytes + reading.fixed_bytes - PROGRAM_BYTES;
+    let need = Need { fixed_bytes, ..tracing };
     let threads = need.admit("repairing", path, &[], memory_bytes, watch)?;
     watch.begin("checking", u64::from(job.shape.block_count()), "blocks");
     let mended = store::mend(path, |_, _| watch.advance(1, 1, "blocks"));

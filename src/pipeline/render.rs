@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::Mutex;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ use crate::light::{Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
 use crate::scene::{LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
-use crate::trace::{TraceSettings, Tracer};
+use crate::trace::{BlockStats, TraceSettings, Tracer};
 
 /// The program itself, its threads and its tables.
 pub(super) const PROGRAM_BYTES: u64 = 24 << 20;
@@ -82,7 +82,7 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     let wanted = options.blocks.clone().unwrap_or(0..job.shape.block_count());
     let requirements = store::requirements_of(&job, &options.store, wanted.clone())?;
     let mut need = tracing_need(&loaded, &job);
-    need.per_thread_bytes += requirements.memory_bytes;
+    need.fixed_bytes += need.per_thread_bytes + requirements.memory_bytes;
     need.disk_bytes = if options.store.reserve { requirements.disk_bytes } else { 0 };
     // A finished file that lacks blocks is filled in where it stands, part by part.
     let fill_in = options.blocks.is_some() && path.exists() && !options.store.overwrite;
@@ -115,7 +115,8 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     Ok(report)
 }
 
-/// Traces blocks in parallel and commits each when it is done.
+/// Traces blocks in parallel; one thread more commits them, so that no core waits for the disk. At most one block more
+/// than there are threads is in memory.
 pub(super) fn trace_into(
     writer: &StoreWriter,
     tracer: &Tracer,
@@ -123,30 +124,43 @@ pub(super) fn trace_into(
     threads: usize,
     watch: &dyn Watch,
 ) -> Result<RenderReport> {
-    let (rays, traced, non_finite) = (AtomicU64::new(0), AtomicU64::new(0), AtomicU64::new(0));
+    let mut report = RenderReport::default();
+    let spare = Mutex::new(Vec::new());
     watch.begin("tracing", blocks.len() as u64, "blocks");
-    let trace_one = |block: &mut TracedBlock, &id: &BlockId| {
-        if watch.interrupted() {
+    let result = std::thread::scope(|scope| {
+        let (to_commit, traced) = std::sync::mpsc::sync_channel::<(BlockId, TracedBlock, BlockStats)>(0);
+        let (report, spare) = (&mut report, &spare);
+        let committer = scope.spawn(move || -> Result<()> {
+            for (id, block, stats) in traced {
+                writer.write_block(id, &block)?;
+                spare.lock().expect("no panic holds it").push(block);
+                report.rays += stats.rays;
+                report.non_finite += stats.non_finite;
+                report.blocks_traced += 1;
+                watch.advance(1, stats.rays, "rays");
+            }
+            Ok(())
+        });
+        let stopped = || {
             let kept = writer.path().display();
-            return Err(Error::Interrupted(format!("{kept} keeps the finished blocks; the same command continues")));
-        }
-        let stats = tracer.trace_block(id, block);
-        writer.write_block(id, block)?;
-        rays.fetch_add(stats.rays, Ordering::Relaxed);
-        non_finite.fetch_add(stats.non_finite, Ordering::Relaxed);
-        traced.fetch_add(1, Ordering::Relaxed);
-        watch.advance(1, stats.rays, "rays");
-        Ok(())
-    };
-    let result = on_threads(threads, || blocks.par_iter().try_for_each_init(TracedBlock::default, trace_one));
+            Error::Interrupted(format!("{kept} keeps the finished blocks; the same command continues"))
+        };
+        let trace_one = |&id: &BlockId| {
+            if watch.interrupted() {
+                return Err(stopped());
+            }
+            let mut block = spare.lock().expect("no panic holds it").pop().unwrap_or_default();
+            let stats = tracer.trace_block(id, &mut block);
+            // Fails where the committer has stopped for an error, which it returns.
+            to_commit.send((id, block, stats)).map_err(|_| stopped())
+        };
+        let tracing = on_threads(threads, || blocks.par_iter().try_for_each(trace_one));
+        drop(to_commit);
+        committer.join().expect("committing does not panic")?;
+        tracing?
+    });
     watch.end();
-    result??;
-    Ok(RenderReport {
-        rays: rays.into_inner(),
-        blocks_traced: traced.into_inner(),
-        non_finite: non_finite.into_inner(),
-        ..RenderReport::default()
-    })
+    result.map(|()| report)
 }
 
 /// How a loaded scene asks to be traced.

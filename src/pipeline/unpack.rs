@@ -42,8 +42,8 @@ pub fn unpack_to_store(
     let requirements = store::requirements(&job, &store);
     let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
     let per_thread_bytes = block_bytes + requirements.memory_bytes + factor_bytes(source);
-    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes, ..Need::default() };
-    let threads = need.threads_within("unpacking", options.memory_bytes)?;
+    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes, disk_bytes: requirements.disk_bytes };
+    let threads = need.admit("unpacking", path, &[], options.memory_bytes, watch)?;
     let writer = StoreWriter::create(path, &job, store)?;
     let columns = selected.columns();
     let blocks = selected.target_blocks(source.job(), &job);

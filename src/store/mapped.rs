@@ -76,6 +76,12 @@ impl Storage for MappedStorage {
         self.file.next_data(offset)
     }
 
+    fn expect(&self, offset: u64, length: u64) {
+        if let Some((start, length)) = self.pages(offset, length) {
+            let _ = self.map.advise_range(Advice::WillNeed, start, length);
+        }
+    }
+
     fn release(&self, offset: u64, length: u64) {
         if let Some((start, length)) = self.pages(offset, length) {
             #[expect(unsafe_code, reason = "dropping pages is unsafe for maps that may have been written to")]

@@ -74,38 +74,54 @@ impl Precision {
 
     /// Encodes a column into `bytes` (as many as its entries take) and returns its scale, 1 where there is none.
     pub(super) fn encode(self, column: &[f32], bytes: &mut [u8]) -> f32 {
-        // Compiled for the vector units at hand: scalar, the conversion takes three times as long as the disk.
-        match self {
-            Self::F32 => {
-                bytes.copy_from_slice(bytemuck::cast_slice(column));
-                1.0
-            }
-            Self::F16 => pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || encode_f16(column, bytes),
-            ),
-            Self::Bf16 => {
-                pulp::Arch::new().dispatch(
-                    #[inline(always)]
-                    || encode_bf16(column, bytes),
-                );
-                1.0
-            }
-        }
+        pulp::Arch::new().dispatch(Encode { precision: self, column, bytes })
     }
 
     /// Decodes a column.
     pub(super) fn decode(self, bytes: &[u8], scale: f32, column: &mut [f32]) {
-        match self {
-            Self::F32 => bytemuck::cast_slice_mut(column).copy_from_slice(bytes),
-            Self::F16 => pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || decode_f16(bytes, scale, column),
-            ),
-            Self::Bf16 => pulp::Arch::new().dispatch(
-                #[inline(always)]
-                || decode_bf16(bytes, column),
-            ),
+        pulp::Arch::new().dispatch(Decode { precision: self, bytes, scale, column });
+    }
+}
+
+/// [`Precision::encode`], compiled for the vectors that the machine has. Not a closure: what wraps one is compiled
+/// without them.
+struct Encode<'a> {
+    precision: Precision,
+    column: &'a [f32],
+    bytes: &'a mut [u8],
+}
+
+impl pulp::NullaryFnOnce for Encode<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn call(self) -> f32 {
+        match self.precision {
+            Precision::F32 => self.bytes.copy_from_slice(bytemuck::cast_slice(self.column)),
+            Precision::F16 => return encode_f16(self.column, self.bytes),
+            Precision::Bf16 => encode_bf16(self.column, self.bytes),
+        }
+        1.0
+    }
+}
+
+/// [`Precision::decode`], as [`Encode`].
+struct Decode<'a> {
+    precision: Precision,
+    bytes: &'a [u8],
+    scale: f32,
+    column: &'a mut [f32],
+}
+
+impl pulp::NullaryFnOnce for Decode<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        match self.precision {
+            Precision::F32 => bytemuck::cast_slice_mut(self.column).copy_from_slice(self.bytes),
+            Precision::F16 => decode_f16(self.bytes, self.scale, self.column),
+            Precision::Bf16 => decode_bf16(self.bytes, self.column),
         }
     }
 }
@@ -181,8 +197,16 @@ fn bf16_bits(bits: u32) -> u16 {
 /// The power of two that brings the column's largest finite magnitude into [2¹⁴, 2¹⁵), inside what f16 can hold.
 #[inline(always)]
 fn f16_scale(column: &[f32]) -> f32 {
-    let magnitude = |value: &f32| if value.is_finite() { value.to_bits() & 0x7fff_ffff } else { 0 };
-    let largest = f32::from_bits(column.iter().fold(0, |largest, value| magnitude(value).max(largest)));
+    // Sixteen running maxima, of bits as signed integers: one alone is a chain that takes as long as the disk.
+    let mut largest = [0i32; 16];
+    for part in column.chunks(largest.len()) {
+        for (largest, value) in largest.iter_mut().zip(part) {
+            let magnitude = (value.to_bits() & 0x7fff_ffff) as i32;
+            let finite = if magnitude < 0x7f80_0000 { magnitude } else { 0 };
+            *largest = finite.max(*largest);
+        }
+    }
+    let largest = f32::from_bits(largest.into_iter().fold(0, i32::max) as u32);
     let exponent = (largest.to_bits() >> 23) as i32 - 127;
     // Below 2⁻¹²⁶ the scale itself would be subnormal.
     let scale_exponent = (exponent - 14).max(-126);

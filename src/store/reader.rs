@@ -244,6 +244,7 @@ impl<S: Storage> StoreReader<S> {
             return Ok(());
         }
         let layout = &self.header.layout;
+        self.storage.expect(layout.slot_offset(id), record.length);
         let side = self.side_data(id, record)?;
         let column_bytes = layout.shape.rect(id).rows() * layout.precision.entry_bytes();
         let at_once = (READING_BYTES / column_bytes).max(1);
@@ -275,6 +276,7 @@ impl<S: Storage> BlockSource for StoreReader<S> {
             target.noise = zero_noise(&record, rows, columns);
             return Ok(());
         }
+        self.storage.expect(self.header.layout.slot_offset(id), record.length);
         let side = self.side_data(id, &record)?;
         if (target.block.rows(), target.block.columns()) != (rows, columns) {
             target.block.reset(rows, columns);

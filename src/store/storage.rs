@@ -36,6 +36,11 @@ pub trait Storage: Send + Sync {
         Ok((offset < self.length()?).then_some(offset))
     }
 
+    /// Says that a range will be read now, so that reading ahead may begin with all of it.
+    fn expect(&self, offset: u64, length: u64) {
+        let _ = (offset, length);
+    }
+
     /// Says that a range will not be read again soon, so that its pages need not crowd out others.
     fn release(&self, offset: u64, length: u64) {
         let _ = (offset, length);
@@ -73,6 +78,10 @@ impl<S: Storage + ?Sized> Storage for &S {
 
     fn next_data(&self, offset: u64) -> io::Result<Option<u64>> {
         (**self).next_data(offset)
+    }
+
+    fn expect(&self, offset: u64, length: u64) {
+        (**self).expect(offset, length);
     }
 
     fn release(&self, offset: u64, length: u64) {
@@ -144,6 +153,10 @@ impl Storage for FileStorage {
             Err(Errno::NXIO) => Ok(None),
             Err(_) => Ok((offset < self.length()?).then_some(offset)),
         }
+    }
+
+    fn expect(&self, offset: u64, length: u64) {
+        let _ = rustix::fs::fadvise(&self.file, offset, std::num::NonZeroU64::new(length), Advice::WillNeed);
     }
 
     fn release(&self, offset: u64, length: u64) {

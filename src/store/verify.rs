@@ -91,6 +91,11 @@ pub fn verify_storage<S: Storage>(reader: &StoreReader<S>, mut progress: impl Fn
     let table_end = layout.record_offset(BlockId(blocks - 1)) + super::RECORD_BYTES;
     check_blank(reader, table_end..layout.slots_offset(), "after the commit table", &mut scratch, &mut report)?;
     for id in reader.shape().blocks() {
+        // The next block comes from the disk while this one is checked.
+        if id.0 + 1 < blocks {
+            let next = BlockId(id.0 + 1);
+            reader.storage().expect(layout.slot_offset(next), layout.slot_bytes(next));
+        }
         match reader.record(id).and_then(|record| match record {
             None => Ok(None),
             Some(record) => reader.check_block(id, &record, &mut scratch).map(|()| Some(record)),

@@ -13,7 +13,7 @@ use clap::Parser;
 use console::{Console, EXIT_CODES};
 use ltm::container::ContainerReader;
 use ltm::matrix::PixelRect;
-use ltm::pipeline::{self, Selection, UnpackOptions, parse_bytes};
+use ltm::pipeline::{self, PeakMemory, Selection, UnpackOptions, human_bytes, parse_bytes};
 use ltm::{Error, Result};
 
 /// Multiply a container (.ltc) out: into a stored matrix, one image for each light, an array, or one relit image.
@@ -98,8 +98,10 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
             return Ok(());
         }
         Some("ltm") => {
+            let memory = PeakMemory::start();
             let blocks = pipeline::unpack_to_store(&container, output, &options, console)?;
-            println!("{}: {blocks} blocks written", output.display());
+            let peak = memory.stop().map_or("unknown".into(), human_bytes);
+            println!("{}: {blocks} blocks written, peak memory {peak}", output.display());
             return Ok(());
         }
         Some("npy") => pipeline::unpack_to_npy(&container, output, &options, console)?,
