@@ -18,10 +18,10 @@ use crate::light::Job;
 use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
 
 /// The first read takes this share of the file (between the two bounds), which covers the index of any container
-/// whose blocks are not tiny; where it does not, a second read follows.
-const TAIL_SHARE: u64 = 128;
+/// whose blocks have 2 KiB and more in two layers; where it does not, a second read follows.
+const TAIL_SHARE: u64 = 32;
 const TAIL_LEAST: u64 = 1 << 16;
-const TAIL_MOST: u64 = 1 << 24;
+const TAIL_MOST: u64 = 1 << 26;
 
 const CUT_SHORT: &str = "make it again, or fetch it again if it was copied";
 
