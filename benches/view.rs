@@ -33,9 +33,10 @@ fn main() {
         return measure(Path::new(&path));
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    for (name, size, texels) in [("mixed", (320, 240), 8), ("mixed", (640, 480), 16), ("environment", (640, 480), 16)] {
-        let path: PathBuf = folder.path().join(format!("{name}-{}.ltc", size.0));
-        let built_in = BuiltIn { width: size.0, height: size.1, texels };
+    // As many components as columns: a packed container of this size has a tenth of them.
+    for (name, texels) in [("mixed", 4), ("mixed", 8), ("environment", 8)] {
+        let path: PathBuf = folder.path().join(format!("{name}-{texels}.ltc"));
+        let built_in = BuiltIn { width: 320, height: 240, texels };
         container::write(&path, built_in.named(name).expect("a built-in scene"), 4);
         measure(&path);
     }
