@@ -23,7 +23,10 @@ use ltm::store::{StoreOptions, StoreReader, StoreWriter, partial_path};
 const DISK: &str = "LTM_TEST_FULL_DISK";
 const DISK_BYTES: u64 = 20 << 20;
 
-const TESTS: [(&str, fn(&Path)); 3] = [
+/// A test, given the folder at which the small disk is mounted.
+type OnDisk = fn(&Path);
+
+const TESTS: [(&str, OnDisk); 3] = [
     ("a_full_disk_is_an_error_that_keeps_the_committed_blocks", sparse_file),
     ("reserved_space_is_there_when_the_disk_is_full", reserved_file),
     ("a_pack_without_room_is_refused_and_leaves_nothing", packing),
