@@ -313,11 +313,7 @@ fn show_document(ui: &mut Ui, document: &mut Document, panels: bool, recent: &Re
         let side = frame(PANEL, Margin::symmetric(10, 0));
         let left =
             egui::Panel::left("mixer").frame(side).default_size(400.0).size_range(360.0..=640.0).show(ui, |ui| {
-                // In a low window the mixer keeps some room.
-                let most = ui.available_height() * 0.62;
-                egui::Panel::bottom("light").frame(egui::Frame::new()).show(ui, |ui| {
-                    egui::ScrollArea::vertical().max_height(most).show(ui, |ui| light_panel(ui, document));
-                });
+                egui::Panel::bottom("light").frame(egui::Frame::new()).show(ui, |ui| light_panel(ui, document));
                 mixer(ui, document);
             });
         document.mixer_rect = left.response.rect;
