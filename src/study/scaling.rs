@@ -163,7 +163,8 @@ the packed matrix against the stored one, relative L2. Pack at rank: all compone
         }
         panels.push(Panel { title: format!("against {varied}"), lines });
     }
-    let peaks: [(&str, Read<Option<u64>>); 2] = [("render, peak", |t| t.render_peak), ("pack, peak", |t| t.pack_peak)];
+    let peaks: [(&str, Read<Option<u64>>); 2] =
+        [("render (peak)", |t| t.render_peak), ("pack (peak)", |t| t.pack_peak)];
     let mut memory = Vec::new();
     for (name, peak) in peaks {
         let of = all.iter().filter(|t| t.varied == "pixels");
