@@ -228,20 +228,37 @@ fn formats(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("formats").join(name)
 }
 
+/// The golden files, with the coding of their refinements.
+const GOLDEN: [(&str, u8); 2] = [("v1", 1), ("v1-coding-2", 2)];
+
 #[test]
-fn the_golden_file_of_each_version_is_read_as_it_was_written() {
-    let path = formats("golden/v1.ltc");
-    assert_eq!(verify(&path).unwrap().faults, []);
-    let reader = ContainerReader::open(&path).unwrap();
-    let job = job();
-    assert_eq!(reader.job(), &job);
-    for id in job.shape.blocks() {
-        let (read, wrote) = (reader.read_block(id).unwrap().expand(), block(&job, id).expand());
-        let error: f32 = read.entries().iter().zip(wrote.entries()).map(|(a, b)| (a - b).powi(2)).sum();
-        let norm: f32 = wrote.entries().iter().map(|b| b * b).sum();
-        // The file keeps what a 16-bit float keeps.
-        assert!(error.sqrt() <= 2e-3 * norm.sqrt(), "{id}");
-        assert_eq!(reader.block_report(id), report(id));
+fn the_golden_file_of_each_version_and_coding_is_read_as_it_was_written() {
+    for (name, coding) in GOLDEN {
+        let path = formats(&format!("golden/{name}.ltc"));
+        assert_eq!(verify(&path).unwrap().faults, [], "{name}");
+        let reader = ContainerReader::open(&path).unwrap();
+        let job = job();
+        assert_eq!(reader.job(), &job, "{name}");
+        let mut refined = 0;
+        for id in job.shape.blocks() {
+            let (read, wrote) = (reader.read_block(id).unwrap().expand(), block(&job, id).expand());
+            let error: f32 = read.entries().iter().zip(wrote.entries()).map(|(a, b)| (a - b).powi(2)).sum();
+            let norm: f32 = wrote.entries().iter().map(|b| b * b).sum();
+            // The file keeps what a 16-bit float keeps.
+            assert!(error.sqrt() <= 2e-3 * norm.sqrt(), "{name}, {id}");
+            assert_eq!(reader.block_report(id), report(id), "{name}");
+            for layer in 0..reader.layer_count(id) {
+                let wanted = if layer == 0 { 1 } else { coding };
+                assert_eq!(reader.stored_layer(id, layer).unwrap()[0], wanted, "{name}, {id}, layer {layer}");
+                refined += usize::from(layer > 0);
+            }
+        }
+        assert!(refined >= 2, "{name}");
+    }
+    let documented = std::fs::read_to_string(formats("ltc.md")).unwrap();
+    for (name, coding) in GOLDEN {
+        let row = documented.lines().find(|line| line.contains(&format!("`golden/{name}.ltc`")));
+        assert!(row.is_some_and(|row| row.starts_with(&format!("| 1 | {coding} |"))), "{name}: {row:?}");
     }
 }
 
@@ -258,6 +275,7 @@ fn every_bad_file_is_refused_for_what_is_wrong_with_it() {
         ("bad-chunk", "block 0"),
         ("rank-lies", "claims rank"),
         ("gap", "one after the other"),
+        ("newer-coding", "coded in an unknown way (3)"),
     ];
     for (name, wanted) in cases {
         let path = formats(&format!("bad/ltc-{name}.ltc"));
@@ -276,7 +294,7 @@ fn every_bad_file_is_refused_for_what_is_wrong_with_it() {
 #[test]
 #[ignore = "makes files that are never rewritten"]
 fn make_golden_and_bad_files() {
-    let golden = formats("golden/v1.ltc");
+    let golden = formats("golden/v1-coding-2.ltc");
     if !golden.exists() {
         let job = job();
         pack(&golden, &job, job.shape.blocks(), false);
@@ -318,13 +336,15 @@ fn make_golden_and_bad_files() {
     write("metadata-bomb", &bomb);
     write("bad-header", &changed(20, &[1]));
     write("bad-chunk", &changed(90, &[0x55, 0xaa]));
-    let mut rank = changed(64 + 2, &[255]);
     let layer = records + 32;
-    let bytes = u32::from_le_bytes(good[layer + 8..layer + 12].try_into().unwrap()) as usize;
-    let crc = crc32fast::hash(&rank[64..64 + bytes]);
-    rank[layer + 12..layer + 16].copy_from_slice(&crc.to_le_bytes());
-    seal(&mut rank);
-    write("rank-lies", &rank);
+    for (name, at, value) in [("rank-lies", 64 + 2, 255), ("newer-coding", 64, 3)] {
+        let mut chunk = changed(at, &[value]);
+        let bytes = u32::from_le_bytes(good[layer + 8..layer + 12].try_into().unwrap()) as usize;
+        let crc = crc32fast::hash(&chunk[64..64 + bytes]);
+        chunk[layer + 12..layer + 16].copy_from_slice(&crc.to_le_bytes());
+        seal(&mut chunk);
+        write(name, &chunk);
+    }
     let mut gap = changed(layer, &[65]);
     seal(&mut gap);
     write("gap", &gap);
