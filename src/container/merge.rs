@@ -34,7 +34,7 @@ pub fn merge(parts: &[&Path], target: &Path, overwrite: bool) -> Result<Containe
         }
     }
     let holder = |id: BlockId| readers.iter().find(|reader| reader.has_block(id));
-    let records = first.job().shape.blocks().map(|id| holder(id).unwrap_or(first).records()[id.index()]).collect();
+    let records = first.job().shape.blocks().map(|id| holder(id).unwrap_or(first).record(id)).collect();
     let chunk =
         |id: BlockId, layer: usize| holder(id).expect("only present blocks are asked for").read_chunk(id, layer);
     assemble(target, first.job(), first.report(), records, chunk)

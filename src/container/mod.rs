@@ -9,6 +9,7 @@
 
 pub mod codec;
 mod format;
+mod index;
 mod layers;
 mod layout;
 mod merge;

@@ -5,10 +5,10 @@ use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
-use super::format::{
-    BLOCK_RECORD_BYTES, BlockRecord, HEADER_BYTES, HEADER_MAGIC, Header, LAYER_RECORD_BYTES, LayerRecord,
-    TRAILER_BYTES, Trailer,
-};
+use rayon::prelude::*;
+
+use super::format::{BlockRecord, HEADER_BYTES, HEADER_MAGIC, Header, TRAILER_BYTES, Trailer};
+use super::index::{Index, PIECE_BYTES};
 use super::layers::join_layers;
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
@@ -33,8 +33,7 @@ pub struct ContainerReader {
     job: Job,
     report: ContainerReport,
     lights: LightLayout,
-    blocks: Vec<BlockRecord>,
-    layers: Vec<LayerRecord>,
+    index: Index,
     header_crc: u32,
     file_bytes: u64,
 }
@@ -48,8 +47,15 @@ impl ContainerReader {
         let file_bytes = file.metadata().map_err(Error::io(path, "read"))?.len();
         let read = |offset: u64, bytes: usize| {
             let mut buffer = vec![0; bytes];
-            file.read_exact_at(&mut buffer, offset)
-                .map_err(Error::io(path, format!("read {bytes} bytes at {offset}")))?;
+            let failed = || Error::io(path, format!("read {bytes} bytes at {offset}"));
+            if bytes <= PIECE_BYTES {
+                file.read_exact_at(&mut buffer, offset).map_err(failed())?;
+            } else {
+                // Most of the time goes into giving the memory out, which two threads do twice as fast.
+                let places = (offset..).step_by(PIECE_BYTES);
+                let pieces: Vec<_> = buffer.chunks_mut(PIECE_BYTES).zip(places).collect();
+                pieces.into_par_iter().try_for_each(|(piece, at)| file.read_exact_at(piece, at)).map_err(failed())?;
+            }
             Ok(buffer)
         };
         if file_bytes < (HEADER_BYTES + TRAILER_BYTES) as u64 {
@@ -76,16 +82,15 @@ impl ContainerReader {
         if tail_bytes > end.len() {
             end = read(trailer.metadata_offset, tail_bytes)?;
         }
-        let tail = &end[end.len() - tail_bytes..end.len() - TRAILER_BYTES];
-        let parts = decode_tail(tail, &trailer).map_err(|problem| Error::damaged(path, problem, CUT_SHORT))?;
+        let (index, job, report) =
+            decode_tail(end, &trailer).map_err(|problem| Error::damaged(path, problem, CUT_SHORT))?;
         Ok(Self {
             path: path.to_owned(),
             file,
-            lights: LightLayout::of(&parts.job.basis),
-            job: parts.job,
-            report: parts.report,
-            blocks: parts.blocks,
-            layers: parts.layers,
+            lights: LightLayout::of(&job.basis),
+            job,
+            report,
+            index,
             header_crc: trailer.header_crc,
             file_bytes,
         })
@@ -103,22 +108,22 @@ impl ContainerReader {
 
     /// Error and noise of a block, as measured when it was packed.
     pub fn block_report(&self, id: BlockId) -> BlockReport {
-        self.blocks[id.index()].report
+        self.record(id).report
     }
 
     /// Components of a block, over all layers.
     pub fn rank(&self, id: BlockId) -> usize {
-        usize::from(self.blocks[id.index()].rank)
+        usize::from(self.record(id).rank)
     }
 
     /// Sparse entries of a block, over all layers.
     pub fn sparse_entries(&self, id: BlockId) -> usize {
-        self.blocks[id.index()].sparse_entries as usize
+        self.record(id).sparse_entries as usize
     }
 
     /// Whether the container holds the block; one of a block range does not hold all.
     pub fn has_block(&self, id: BlockId) -> bool {
-        self.blocks[id.index()].present
+        self.record(id).present
     }
 
     /// Bytes of the whole file.
@@ -128,8 +133,12 @@ impl ContainerReader {
 
     /// Bytes from the start of the file to the end of the base layers of all blocks.
     pub fn base_bytes(&self) -> u64 {
-        let base = self.blocks.iter().filter(|b| b.layers > 0).map(|b| &self.layers[b.first_layer as usize]);
-        base.map(|layer| layer.offset + u64::from(layer.bytes)).max().unwrap_or(HEADER_BYTES as u64)
+        self.index.base_end()
+    }
+
+    /// Memory that the open index takes.
+    pub fn index_bytes(&self) -> u64 {
+        self.index.bytes()
     }
 
     /// The whole of a block: all its layers.
@@ -139,7 +148,7 @@ impl ContainerReader {
 
     /// The bytes of one layer, checked against their checksum.
     pub(super) fn read_chunk(&self, id: BlockId, layer: usize) -> Result<Vec<u8>> {
-        let record = self.layers[self.blocks[id.index()].first_layer as usize + layer];
+        let record = self.index.layer(self.record(id).first_layer as usize + layer);
         let mut bytes = vec![0; record.bytes as usize];
         self.file
             .read_exact_at(&mut bytes, record.offset)
@@ -150,8 +159,8 @@ impl ContainerReader {
         Ok(bytes)
     }
 
-    pub(super) fn records(&self) -> &[BlockRecord] {
-        &self.blocks
+    pub(super) fn record(&self, id: BlockId) -> BlockRecord {
+        self.index.block(id.index())
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -164,12 +173,39 @@ impl ContainerReader {
         Error::damaged(&self.path, place, "the other blocks can still be read; make the container again")
     }
 
+    /// Reads and decodes every byte. `goes_on` hears of each block how many bytes it has, and whether to go on is its answer.
+    pub fn verify(&self, mut goes_on: impl FnMut(u64) -> bool) -> Verification {
+        let mut found = Verification::default();
+        if let Err(problem) = self.check_header() {
+            found.faults.push(Fault { block: None, problem });
+        }
+        for id in self.shape().blocks().filter(|&id| self.has_block(id)) {
+            found.blocks += 1;
+            found.chunks += u64::from(self.layer_count(id));
+            let record = self.record(id);
+            let problem = match self.read_block(id) {
+                Ok(block) if block.rank() != usize::from(record.rank) => Some("its rank is not the index's".to_owned()),
+                Ok(block) if block.sparse.len() != record.sparse_entries as usize => {
+                    Some("its number of sparse entries is not the index's".to_owned())
+                }
+                Ok(block) if !block.is_consistent() => Some("its sparse entries overlap".to_owned()),
+                Ok(_) => None,
+                Err(error) => Some(error.to_string()),
+            };
+            found.faults.extend(problem.map(|problem| Fault { block: Some(id), problem }));
+            if !goes_on(self.encoded_bytes(id, 0..self.layer_count(id))) {
+                break;
+            }
+        }
+        found
+    }
+
     /// Reads and checks the header against the trailer.
     fn check_header(&self) -> Result<(), String> {
         let mut bytes = [0; HEADER_BYTES];
         self.file.read_exact_at(&mut bytes, 0).map_err(|e| e.to_string())?;
         let header = Header::decode(&bytes)?;
-        let fits = header.block_count as usize == self.blocks.len()
+        let fits = header.block_count == self.job.shape.block_count()
             && header.job_hash == self.job.hash().0
             && bytes[60..] == self.header_crc.to_le_bytes();
         if fits { Ok(()) } else { Err("header and index are not of the same container".into()) }
@@ -182,13 +218,12 @@ impl FactorSource for ContainerReader {
     }
 
     fn layer_count(&self, id: BlockId) -> u32 {
-        u32::from(self.blocks[id.index()].layers)
+        u32::from(self.record(id).layers)
     }
 
     fn encoded_bytes(&self, id: BlockId, layers: Range<u32>) -> u64 {
-        let first = self.blocks[id.index()].first_layer;
-        let records = &self.layers[(first + layers.start) as usize..(first + layers.end) as usize];
-        records.iter().map(|layer| u64::from(layer.bytes)).sum()
+        let first = self.record(id).first_layer;
+        layers.map(|layer| u64::from(self.index.layer((first + layer) as usize).bytes)).sum()
     }
 
     fn read_layers(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock> {
@@ -219,55 +254,14 @@ impl FactorSource for ContainerReader {
     }
 }
 
-/// What the end of a file says.
-struct Parts {
-    job: Job,
-    report: ContainerReport,
-    blocks: Vec<BlockRecord>,
-    layers: Vec<LayerRecord>,
-}
-
-/// Decodes metadata and index, and holds the index to the one order that chunks may have.
-fn decode_tail(tail: &[u8], trailer: &Trailer) -> Result<Parts, String> {
-    if crc32fast::hash(tail) != trailer.tail_crc {
-        return Err("the checksum of metadata and index does not fit".into());
-    }
-    let (metadata, index) = tail.split_at(trailer.metadata_bytes as usize);
-    let (job, report) = metadata::decode(metadata)?;
+/// What the end of a file says: index, job, report.
+fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Job, ContainerReport), String> {
+    let (index, metadata) = Index::of(end, trailer)?;
+    let (job, report) = metadata::decode(&metadata)?;
     if trailer.block_count != job.shape.block_count() {
         return Err(format!("the index has {} blocks, the job {}", trailer.block_count, job.shape.block_count()));
     }
-    let (blocks, layers) = index.split_at(trailer.block_count as usize * BLOCK_RECORD_BYTES);
-    let blocks: Vec<BlockRecord> = blocks
-        .chunks_exact(BLOCK_RECORD_BYTES)
-        .map(BlockRecord::decode)
-        .collect::<Option<_>>()
-        .ok_or("a block's record in the index has bytes without a meaning")?;
-    let layers: Vec<LayerRecord> = layers.chunks_exact(LAYER_RECORD_BYTES).map(LayerRecord::decode).collect();
-    let mut next_layer = 0u64;
-    for record in &blocks {
-        if u64::from(record.first_layer) != next_layer || (record.layers > 0 && !record.present) {
-            return Err("the index does not number its layers in order".into());
-        }
-        next_layer += u64::from(record.layers);
-    }
-    if next_layer != layers.len() as u64 {
-        return Err(format!("the index has {} layers but its blocks {next_layer}", layers.len()));
-    }
-    let mut offset = HEADER_BYTES as u64;
-    for layer in 0..blocks.iter().map(|block| block.layers).max().unwrap_or(0) {
-        for block in blocks.iter().filter(|block| layer < block.layers) {
-            let record = layers[block.first_layer as usize + usize::from(layer)];
-            if record.offset != offset {
-                return Err("the index does not place its chunks one after the other".into());
-            }
-            offset += u64::from(record.bytes);
-        }
-    }
-    if offset != trailer.metadata_offset {
-        return Err("the chunks do not reach to the metadata".into());
-    }
-    Ok(Parts { job, report, blocks, layers })
+    Ok((index, job, report))
 }
 
 fn not_ours(path: &Path) -> Error {
@@ -283,7 +277,7 @@ pub struct Fault {
     pub problem: String,
 }
 
-/// What [`verify`] found.
+/// What [`ContainerReader::verify`] found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Verification {
     /// Blocks looked at.
@@ -294,27 +288,8 @@ pub struct Verification {
     pub faults: Vec<Fault>,
 }
 
-/// Reads and decodes every byte of a container. Errors: it cannot even be opened; bad blocks are listed, not errors.
+/// Opens a container, then reads and decodes every byte of it. Errors: it cannot even be opened; bad blocks are listed,
+/// not errors.
 pub fn verify(path: &Path) -> Result<Verification> {
-    let reader = ContainerReader::open(path)?;
-    let mut found = Verification::default();
-    if let Err(problem) = reader.check_header() {
-        found.faults.push(Fault { block: None, problem });
-    }
-    for id in reader.shape().blocks().filter(|&id| reader.has_block(id)) {
-        found.blocks += 1;
-        found.chunks += u64::from(reader.layer_count(id));
-        let record = reader.blocks[id.index()];
-        let problem = match reader.read_block(id) {
-            Ok(block) if block.rank() != usize::from(record.rank) => Some("its rank is not the index's".to_owned()),
-            Ok(block) if block.sparse.len() != record.sparse_entries as usize => {
-                Some("its number of sparse entries is not the index's".to_owned())
-            }
-            Ok(block) if !block.is_consistent() => Some("its sparse entries overlap".to_owned()),
-            Ok(_) => None,
-            Err(error) => Some(error.to_string()),
-        };
-        found.faults.extend(problem.map(|problem| Fault { block: Some(id), problem }));
-    }
-    Ok(found)
+    Ok(ContainerReader::open(path)?.verify(|_| true))
 }
