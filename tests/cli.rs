@@ -262,6 +262,63 @@ fn light_groups_become_a_container_and_come_back() {
     assert!(!names(at).iter().any(|name| name.contains(".part")), "{:?}", names(at));
 }
 
+/// The line on what a job needs, and the memory that it names, in MiB.
+fn stated_need(folder: &Path, program: &str, arguments: &[&str]) -> (String, f64, String) {
+    let output = run(folder, program, arguments);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{program} {arguments:?}: {said}");
+    let line = said.lines().find(|line| line.contains(", needs up to ")).unwrap_or_else(|| panic!("{said}")).to_owned();
+    let need = mebibytes(line.split(", needs up to ").nth(1).unwrap());
+    (line, need, String::from_utf8(output.stdout).unwrap())
+}
+
+fn mebibytes(text: &str) -> f64 {
+    let mut words = text.split_whitespace();
+    let number: f64 = words.next().unwrap().parse().unwrap();
+    let unit = words.next().unwrap();
+    number
+        * if unit.starts_with("KiB") {
+            1.0 / 1024.0
+        } else if unit.starts_with("MiB") {
+            1.0
+        } else {
+            f64::MAX
+        }
+}
+
+#[test]
+fn what_jobs_on_containers_need_is_said_and_kept_and_too_little_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    write_light_groups(&at.join("groups.exr"));
+    let (line, ..) = stated_need(at, "ltm-pack", &["groups.exr", "--target", "60dB"]);
+    // Three images of 50 × 40 pixels in f32 wait on disk.
+    assert!(line.contains("reading the images") && line.contains("and 70.3 KiB of disk"), "{line}");
+    let before = names(at);
+    let jobs: [(&str, &[&str], &str); 6] = [
+        ("ltm-unpack", &["groups.ltc", "-o", "layers.exr"], "140.6 KiB of disk"),
+        ("ltm-unpack", &["groups.ltc", "-o", "one_{light}.exr"], "93.8 KiB of disk"),
+        ("ltm-unpack", &["groups.ltc", "-o", "relit.exr", "--relit"], "46.9 KiB of disk"),
+        ("ltm-unpack", &["groups.ltc", "-o", "lights.npy"], "93.8 KiB of disk"),
+        ("ltm", &["verify", "groups.ltc"], "of memory"),
+        ("ltm-pack", &["groups.exr", "-o", "again.ltc"], "70.3 KiB of disk"),
+    ];
+    for (program, arguments, _) in jobs {
+        // More than the program itself, so that the images have been looked at when it is refused.
+        for memory in ["1KiB", "24MiB"] {
+            fail(at, program, &[arguments, &["--memory", memory]].concat(), 6, &["--memory allows", "of memory"]);
+            assert_eq!(names(at), before, "{program} {arguments:?}");
+        }
+    }
+    for (program, arguments, disk) in jobs {
+        let (line, need, said) = stated_need(at, program, &[arguments, &["--memory", "300MiB"]].concat());
+        assert!(line.contains(disk), "{line}");
+        let peak = mebibytes(said.split("peak memory ").nth(1).unwrap_or_else(|| panic!("{said}")));
+        let limit = if program == "ltm-pack" { 300.0 } else { need };
+        assert!(peak <= limit, "{program} {arguments:?}: {peak} MiB of {limit} MiB");
+    }
+}
+
 #[test]
 fn info_says_what_a_container_is_to_people_and_programs() {
     let folder = tempfile::tempdir().unwrap();

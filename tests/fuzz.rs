@@ -2,16 +2,21 @@
 //! what the bytes have not earned. Needs no fuzzer and no nightly compiler.
 
 use ltm::container::codec::{CodecSettings, LayerPart, encode_layer};
+use ltm::container::verify;
 use ltm::matrix::{ColumnIndex, FactoredBlock, SparseEntry};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 #[path = "../tools/fuzz/inputs/ltc.rs"]
 mod ltc;
+#[path = "../tools/fuzz/inputs/ltc_file.rs"]
+mod ltc_file;
 #[path = "../tools/fuzz/inputs/ltm.rs"]
 mod ltm_file;
 
 const INPUTS: usize = 20_000;
+/// Whole containers take longer than single chunks.
+const CONTAINERS: usize = 2_000;
 
 /// Bytes that fields do not like.
 const BYTES: [u8; 8] = [0, 1, 2, 3, 0x7f, 0x80, 0xfe, 0xff];
@@ -86,4 +91,49 @@ fn no_changed_chunk_makes_its_decoder_panic() {
         decoded += usize::from(ltc::look(&input));
     }
     assert!(decoded > INPUTS / 100 && decoded < INPUTS, "{decoded} of {INPUTS} decoded");
+}
+
+#[test]
+fn no_changed_container_makes_its_reader_panic() {
+    let mut random = Pcg64Mcg::seed_from_u64(3);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("input.ltc");
+    let (mut opened, mut input) = (0, Vec::new());
+    for (sound, file) in ltc_file::SOUND.iter().enumerate() {
+        assert!(ltc_file::look(&[2 * sound as u8], &path));
+        assert!(verify(&path).unwrap().faults.is_empty());
+        assert!(file.len() < usize::from(u16::MAX));
+    }
+    for _ in 0..CONTAINERS {
+        input.clear();
+        let sound = random.random_range(0..ltc_file::SOUND.len());
+        let file = &ltc_file::SOUND[sound];
+        if random.random_range(0..8) == 0 {
+            // The file itself, cut, or with bytes put in or left out.
+            input.push(1);
+            input.extend_from_slice(file);
+            let at = random.random_range(1..input.len());
+            match random.random_range(0..3) {
+                0 => input.truncate(at),
+                1 => drop(input.splice(at..at, [0; 64])),
+                _ => drop(input.drain(at..(at + 64).min(input.len()))),
+            }
+        } else {
+            input.push(2 * sound as u8);
+            let [metadata, blocks, layers] = ltc_file::parts(file);
+            let trailer = file.len() - ltc_file::ENDS;
+            for _ in 0..random.random_range(1..4) {
+                // Chunks, metadata, both kinds of records, trailer.
+                let places =
+                    [ltc_file::ENDS..metadata, metadata..blocks, blocks..layers, layers..trailer, trailer..file.len()];
+                let weighed = [0, 0, 0, 1, 1, 2, 2, 3, 4][random.random_range(0..9)];
+                let at = random.random_range(places[weighed].clone()) as u16;
+                input.extend(at.to_le_bytes());
+                input.push(some_byte(&mut random));
+            }
+        }
+        opened += usize::from(ltc_file::look(&input, &path));
+    }
+    // Neither past every check nor stopped by the first.
+    assert!((CONTAINERS / 10..CONTAINERS * 9 / 10).contains(&opened), "{opened} of {CONTAINERS} opened");
 }

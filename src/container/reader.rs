@@ -18,8 +18,8 @@ use crate::light::Job;
 use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
 
 /// The first read takes this share of the file (between the two bounds), which covers the index of any container
-/// whose blocks have 2 KiB and more in two layers; where it does not, a second read follows.
-const TAIL_SHARE: u64 = 32;
+/// whose blocks have 4 KiB and more in two layers; where it does not, a second read follows.
+const TAIL_SHARE: u64 = 64;
 const TAIL_LEAST: u64 = 1 << 16;
 const TAIL_MOST: u64 = 1 << 26;
 

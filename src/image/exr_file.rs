@@ -34,6 +34,23 @@ pub struct ImageSize {
     pub height: usize,
 }
 
+/// Bytes of memory that [`write_exr_rows`] takes at most: for each thread a chunk as it is read, and as its encoder turns it
+/// over.
+pub fn exr_rows_need_bytes(layers: usize, size: ImageSize) -> u64 {
+    let (lines, _) = chunking(layers * 3, size);
+    (lines * line_bytes(layers * 3, size) * 6 * rayon::current_num_threads()) as u64
+}
+
+fn line_bytes(channels: usize, size: ImageSize) -> usize {
+    size.width * 4 * channels
+}
+
+/// Lines of a chunk, and its encoding.
+fn chunking(channels: usize, size: ImageSize) -> (usize, Compression) {
+    let is_large = 16 * line_bytes(channels, size) > LARGE_CHUNK_BYTES;
+    if is_large { (1, Compression::ZIP1) } else { (16, Compression::ZIP16) }
+}
+
 /// Gives row `y` of a channel of an image: `(image, channel, y, row)`.
 pub type FetchRow<'a> = dyn FnMut(usize, usize, usize, &mut [f32]) -> Result<()> + 'a;
 
@@ -61,8 +78,7 @@ pub fn write_exr_rows(path: &Path, layers: &[String], size: ImageSize, fetch: &m
         Ok(ChannelDescription::named(text, SampleType::F32))
     });
     let header = Header::new("".into(), (size.width, size.height), described.collect::<Result<_>>()?);
-    let lines_of_16 = 16 * size.width * 4 * channels.len();
-    let compression = if lines_of_16 > LARGE_CHUNK_BYTES { Compression::ZIP1 } else { Compression::ZIP16 };
+    let (_, compression) = chunking(channels.len(), size);
     let mut header = header.with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing);
     // A single part has no name.
     header.own_attributes.layer_name = None;

@@ -9,7 +9,7 @@ mod npy;
 mod read;
 mod tone;
 
-pub use exr_file::{FetchRow, ImageSize, write_exr, write_exr_layers, write_exr_rows};
+pub use exr_file::{FetchRow, ImageSize, exr_rows_need_bytes, write_exr, write_exr_layers, write_exr_rows};
 pub use kelvin::{KELVIN_RANGE, kelvin_to_linear};
 pub use lights::{LayerMatch, LayerRole, LightRow, LightSet, TakeRow};
 pub use linear::{LinearImage, luminance};

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use super::Watch;
 use super::budget::Need;
 use super::render::PROGRAM_BYTES;
 use super::rows::RowSpill;
+use super::{PackOptions, Watch, pack};
+use crate::compress::Compressor;
 use crate::error::{Error, Result};
 use crate::image::{LayerMatch, LightSet};
 use crate::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
@@ -48,8 +49,7 @@ impl ImportedMatrix {
         memory_bytes: Option<u64>,
         watch: &dyn Watch,
     ) -> Result<Self> {
-        let need = Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), ..Need::default() };
-        need.threads_within("reading the images", memory_bytes)?;
+        reading_need(set).admit("reading the images", beside, &[], memory_bytes, watch)?;
         let (width, height) = (set.width as usize, set.height as usize);
         let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;
         let rows = RowSpill::create(beside, set.images(), width, height)?;
@@ -130,17 +130,7 @@ impl ImportedMatrix {
                 names.push(REST.into());
             }
         }
-        for name in &names {
-            self.job.basis.push(Light {
-                name: name.clone(),
-                kind: LightKind::Image,
-                unit: LightUnit::Multiple,
-                emission: [1.0; 3],
-                first_column: 0,
-                places: vec![[0.0; 3]],
-                extents: vec![0.0],
-            })?;
-        }
+        self.job.basis = basis_of(&names)?;
         self.job.shape = MatrixShape::new(set.width, set.height, names.len() as u32, self.job.shape.block_side())?;
         self.job.provenance = Provenance {
             source: source.to_owned(),
@@ -150,6 +140,43 @@ impl ImportedMatrix {
         };
         Ok(())
     }
+}
+
+/// What reading images takes; they wait on disk.
+fn reading_need(set: &LightSet) -> Need {
+    let disk_bytes = RowSpill::bytes(set.images(), set.width as usize, set.height as usize);
+    Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), per_thread_bytes: 0, disk_bytes }
+}
+
+/// Refuses images that could be read but then not packed, before they are read.
+///
+/// Errors: the memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
+pub fn refuse_images(set: &LightSet, block_side: u32, options: &PackOptions) -> Result<()> {
+    let mut names = set.lights.clone();
+    if set.has_sum && !names.iter().any(|name| name == REST) {
+        names.push(REST.into());
+    }
+    let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
+    let compressor = Compressor::new(&basis_of(&names)?, shape, options.compress.clone())?;
+    pack::need_of(&compressor, shape, Need::default()).threads_within("packing", options.memory_bytes)?;
+    Ok(())
+}
+
+/// A light of one column for each image.
+fn basis_of(names: &[String]) -> Result<LightBasis> {
+    let mut basis = LightBasis::new();
+    for name in names {
+        basis.push(Light {
+            name: name.clone(),
+            kind: LightKind::Image,
+            unit: LightUnit::Multiple,
+            emission: [1.0; 3],
+            first_column: 0,
+            places: vec![[0.0; 3]],
+            extents: vec![0.0],
+        })?;
+    }
+    Ok(basis)
 }
 
 impl BlockSource for ImportedMatrix {

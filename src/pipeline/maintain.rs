@@ -1,11 +1,13 @@
-//! Looking after stored matrices: checking them, rendering damaged blocks again.
+//! Looking after stored matrices and containers: checking them, rendering damaged blocks again.
 
 use std::path::Path;
 use std::time::Instant;
 
 use super::budget::Need;
+use super::relight::decoding_bytes;
 use super::render::{PROGRAM_BYTES, job_of, settings_of, trace_into, tracing_need};
 use super::{PeakMemory, Watch};
+use crate::container::{ContainerReader, Verification};
 use crate::error::{Error, Result};
 use crate::matrix::BlockId;
 use crate::scene::LoadedScene;
@@ -40,6 +42,42 @@ pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Resu
     });
     watch.end();
     Ok(Verified { found: found?, seconds: begun.elapsed().as_secs_f64(), peak_memory_bytes: memory.stop() })
+}
+
+/// What [`verify_container`] found and took.
+#[derive(Clone, Debug)]
+pub struct VerifiedContainer {
+    /// What is there and damaged.
+    pub found: Verification,
+    /// Bytes of the file, all of them read.
+    pub file_bytes: u64,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// Peak resident anonymous memory, where the system tells.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// Reads and decodes every byte of a container, block by block.
+///
+/// Errors: those of [`ContainerReader::open`]; [`Error::Resources`] where the memory is too small; [`Error::Interrupted`].
+pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<VerifiedContainer> {
+    let begun = Instant::now();
+    let memory = PeakMemory::start();
+    let reader = ContainerReader::open(path)?;
+    let fixed_bytes = PROGRAM_BYTES + reader.index_bytes() + decoding_bytes(&reader);
+    Need { fixed_bytes, ..Need::default() }.admit("checking", path, &[], memory_bytes, watch)?;
+    let blocks = reader.job().shape.blocks().filter(|&id| reader.has_block(id)).count();
+    watch.begin("checking", blocks as u64, "blocks");
+    let found = reader.verify(|bytes| {
+        watch.advance(1, bytes, "B");
+        !watch.interrupted()
+    });
+    watch.end();
+    if watch.interrupted() {
+        return Err(Error::Interrupted(format!("{} blocks were checked", found.blocks)));
+    }
+    let (seconds, peak_memory_bytes) = (begun.elapsed().as_secs_f64(), memory.stop());
+    Ok(VerifiedContainer { found, file_bytes: reader.file_bytes(), seconds, peak_memory_bytes })
 }
 
 fn reading_need(reader: &StoreReader) -> Need {

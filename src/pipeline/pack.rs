@@ -22,7 +22,7 @@ use crate::compress::{Candidate, CandidateSummary, CompressSettings, Compressor,
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
 use crate::light::Job;
-use crate::matrix::{BlockId, BlockSource, TracedBlock};
+use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
 use crate::store;
 
 /// Choices of a pack.
@@ -101,16 +101,7 @@ impl Packing {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
         let container = ContainerOptions { report: report_of(&options.compress), ..options.container.clone() };
         let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
-        let (blocks, rows) = (u64::from(job.shape.block_count()), job.shape.max_block_rows() as u64);
-        let candidate = compressor.candidate_bytes() + Lacking::max_bytes(rows, compressor.candidate_bytes() / 16);
-        let block_bytes = rows * job.shape.columns() as u64 * 4;
-        let need = Need {
-            fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES) + 4096 * blocks,
-            // The block, its analysis, and its candidate: as it is, encoded, and multiplied out in strips.
-            per_thread_bytes: source.per_thread_bytes + block_bytes + compressor.needs_bytes() + 3 * candidate,
-            // The spill file; then the waiting blocks and the container, each half as large as a candidate at most.
-            disk_bytes: source.disk_bytes + 2 * blocks * candidate,
-        };
+        let need = need_of(&compressor, job.shape, source);
         if path.exists() && !container.overwrite {
             // Refuses, before anything is said of memory and disk.
             ContainerWriter::create(path, job, container.clone())?;
@@ -216,6 +207,20 @@ impl Packing {
             return Err(Error::Interrupted(text));
         }
         Ok(())
+    }
+}
+
+/// What packing a matrix of this shape takes. `source` is what making its blocks takes.
+pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need) -> Need {
+    let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
+    let candidate = compressor.candidate_bytes() + Lacking::max_bytes(rows, compressor.candidate_bytes() / 16);
+    let block_bytes = rows * shape.columns() as u64 * 4;
+    Need {
+        fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES) + 4096 * blocks,
+        // The block, its analysis, and its candidate: as it is, encoded, and multiplied out in strips.
+        per_thread_bytes: source.per_thread_bytes + block_bytes + compressor.needs_bytes() + 3 * candidate,
+        // The spill file; then the waiting blocks and the container, each half as large as a candidate at most.
+        disk_bytes: source.disk_bytes + 2 * blocks * candidate,
     }
 }
 

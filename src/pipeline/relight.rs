@@ -154,14 +154,19 @@ fn gpu<'a>(
 /// Memory beside the factors that are kept: images on their way to a file, and a block for each thread while it is
 /// decoded (values in f32 twice, and in compact form).
 fn need_of(container: &ContainerReader) -> Need {
+    let fixed_bytes = PROGRAM_BYTES + container.index_bytes() + image_bytes(container.job().shape);
+    Need { fixed_bytes, per_thread_bytes: decoding_bytes(container), disk_bytes: 0 }
+}
+
+/// Memory of the largest block while it is decoded.
+pub(super) fn decoding_bytes(container: &ContainerReader) -> u64 {
     let shape = container.job().shape;
     let block = |id| {
         let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());
         (values * 12 + container.sparse_entries(id) * 40) as u64
             + container.encoded_bytes(id, 0..container.layer_count(id))
     };
-    let per_thread_bytes = shape.blocks().map(block).max().unwrap_or(0);
-    Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes, disk_bytes: 0 }
+    shape.blocks().map(block).max().unwrap_or(0)
 }
 
 /// The image, and what an encoder makes of it.

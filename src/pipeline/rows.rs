@@ -23,9 +23,14 @@ impl RowSpill {
         let folder = beside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
         let file = tempfile::tempfile_in(&folder);
         let file = file.map_err(Error::io(&folder, "create a temporary file in the folder"))?;
-        let bytes = (images * CHANNELS * width * height * 4) as u64;
-        file.set_len(bytes).map_err(Error::io(&folder, "make room for a temporary file in the folder"))?;
+        file.set_len(Self::bytes(images, width, height))
+            .map_err(Error::io(&folder, "make room for a temporary file in the folder"))?;
         Ok(Self { file, folder, width, height })
+    }
+
+    /// Disk that so many images take.
+    pub(super) fn bytes(images: usize, width: usize, height: usize) -> u64 {
+        (images * CHANNELS * width * height * 4) as u64
     }
 
     /// Writes a piece of a row, from column `x` on.

@@ -42,7 +42,8 @@ pub fn unpack_to_store(
     let requirements = store::requirements(&job, &store);
     let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
     let per_thread_bytes = block_bytes + requirements.memory_bytes + factor_bytes(source);
-    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes, disk_bytes: requirements.disk_bytes };
+    let fixed_bytes = PROGRAM_BYTES + source.index_bytes();
+    let need = Need { fixed_bytes, per_thread_bytes, disk_bytes: requirements.disk_bytes };
     let threads = need.admit("unpacking", path, &[], options.memory_bytes, watch)?;
     let writer = StoreWriter::create(path, &job, store)?;
     let columns = selected.columns();
@@ -83,7 +84,7 @@ pub fn unpack_to_exr(
         let paths: Vec<PathBuf> = names.iter().map(|name| text.replace("{light}", name).into()).collect();
         paths.iter().try_for_each(|path| refuse_existing(path, options.overwrite))?;
         let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
-        let rows = relight_images(source, &selected, &images, path, options, watch)?;
+        let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
         for (image, path) in paths.iter().enumerate() {
             let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
             in_place_of(path, |temporary| {
@@ -97,7 +98,7 @@ pub fn unpack_to_exr(
     layers.extend(names.iter().map(|name| format!("ViewLayer.Combined_{name}")));
     let mut images = vec![(0..selected.lights.len()).collect()];
     images.extend((0..selected.lights.len()).map(|light| vec![light]));
-    let rows = relight_images(source, &selected, &images, path, options, watch)?;
+    let rows = relight_images(source, &selected, (&images, images.len()), path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
     in_place_of(path, |temporary| image::write_exr_rows(temporary, &layers, size_of_rect(selected.rect), &mut fetch))?;
     Ok(vec![path.to_owned()])
@@ -110,7 +111,7 @@ pub fn unpack_relit(source: &ContainerReader, path: &Path, options: &UnpackOptio
     refuse_existing(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images = [(0..selected.lights.len()).collect()];
-    let rows = relight_images(source, &selected, &images, path, options, watch)?;
+    let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
     in_place_of(path, |temporary| {
         image::write_exr_rows(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
@@ -124,25 +125,29 @@ pub fn unpack_to_npy(source: &ContainerReader, path: &Path, options: &UnpackOpti
     refuse_existing(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
-    let rows = relight_images(source, &selected, &images, path, options, watch)?;
+    let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
     in_place_of(path, |temporary| image::write_npy(temporary, images.len(), size_of_rect(selected.rect), &mut fetch))
 }
 
-/// Lights each block under groups of lights (indices into the selection) and leaves the images on disk.
+/// Lights each block under groups of lights (indices into the selection) and leaves the images on disk, once there is
+/// room for them, and for files of `layers` of them each.
 fn relight_images(
     source: &ContainerReader,
     selected: &Selected,
-    groups: &[Vec<usize>],
+    (groups, layers): (&[Vec<usize>], usize),
     beside: &Path,
     options: &UnpackOptions,
     watch: &dyn Watch,
 ) -> Result<RowSpill> {
     let shape = source.shape();
     let per_thread_bytes = factor_bytes(source) + 16 * shape.max_block_rows() as u64;
-    let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes, ..Need::default() };
-    let threads = need.threads_within("unpacking", options.memory_bytes)?;
     let size = size_of_rect(selected.rect);
+    let fixed_bytes = PROGRAM_BYTES + source.index_bytes() + image::exr_rows_need_bytes(layers, size);
+    // The images in between, and the files, which are not larger.
+    let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
+    let need = Need { fixed_bytes, per_thread_bytes, disk_bytes };
+    let threads = need.admit("unpacking", beside, &[], options.memory_bytes, watch)?;
     let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;
     watch.begin("relighting", selected.blocks.len() as u64, "blocks");
     let relight_one = |&id: &BlockId| {

@@ -97,6 +97,7 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     refuse_existing()?;
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
     let side = arguments.images.block_side;
+    pipeline::refuse_images(&set, side, &pack_options(arguments))?;
     let matrix = ImportedMatrix::read(&set, &name, &output, side, arguments.memory, console)?;
     tables::print_matches(&matrix);
     pack(&matrix, matrix.job(), &output, arguments, console)
@@ -114,14 +115,15 @@ fn default_output(input: &Path) -> PathBuf {
     }
 }
 
-fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
-    let mut options = PackOptions {
-        compress: arguments.compression.settings(),
-        memory_bytes: arguments.memory,
-        ..Default::default()
-    };
+fn pack_options(arguments: &Arguments) -> PackOptions {
+    let compress = arguments.compression.settings();
+    let mut options = PackOptions { compress, memory_bytes: arguments.memory, ..Default::default() };
     options.container.overwrite = arguments.force;
-    let report = pipeline::pack(matrix, job, output, &options, console)?;
+    options
+}
+
+fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
+    let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
     println!("{}: {report}", output.display());
     println!(
         "{:.1} s, {}/s of raw input, peak memory {}",

@@ -88,25 +88,28 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let lights = if arguments.on.is_empty() { arguments.lights.clone() } else { arguments.on.clone() };
     let selection = Selection { blocks: arguments.blocks.clone(), crop: arguments.crop, lights };
     let options = UnpackOptions { selection, overwrite: arguments.force, memory_bytes: arguments.memory };
+    let memory = PeakMemory::start();
     let refuse = |problem: &str, hint: &str| Err(Error::input(output.display().to_string(), problem, hint));
     match output.extension().and_then(|e| e.to_str()) {
-        Some("exr") if relit => pipeline::unpack_relit(&container, output, &options, console)?,
+        Some("exr") if relit => {
+            pipeline::unpack_relit(&container, output, &options, console)?;
+            println!("{}: written", output.display());
+        }
         _ if relit => return refuse("one relit image is an OpenEXR file", "name it x.exr, or use ltm relight"),
         Some("exr") => {
             let written = pipeline::unpack_to_exr(&container, output, &options, console)?;
             written.iter().for_each(|path| println!("{}: written", path.display()));
-            return Ok(());
         }
         Some("ltm") => {
-            let memory = PeakMemory::start();
             let blocks = pipeline::unpack_to_store(&container, output, &options, console)?;
-            let peak = memory.stop().map_or("unknown".into(), human_bytes);
-            println!("{}: {blocks} blocks written, peak memory {peak}", output.display());
-            return Ok(());
+            println!("{}: {blocks} blocks written", output.display());
         }
-        Some("npy") => pipeline::unpack_to_npy(&container, output, &options, console)?,
+        Some("npy") => {
+            pipeline::unpack_to_npy(&container, output, &options, console)?;
+            println!("{}: written", output.display());
+        }
         _ => return refuse("the name ends in none of .ltm, .exr, .npy", "choose the output by its extension"),
     }
-    println!("{}: written", output.display());
+    println!("peak memory {}", memory.stop().map_or("unknown".into(), human_bytes));
     Ok(())
 }

@@ -13,7 +13,7 @@ use crate::input::{Kind, kind_of};
 pub(crate) struct Verify {
     /// The file.
     file: PathBuf,
-    /// Memory to stay within, for example 1GiB, for a matrix [default: what the system has].
+    /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
 }
@@ -22,8 +22,18 @@ pub(crate) fn run(options: &Verify, console: &Console) -> Result<()> {
     let path = &*options.file;
     let (faults, missing) = match kind_of(path)? {
         Kind::Container => {
-            let found = ltm::container::verify(path)?;
-            println!("{}: {} blocks, {} chunks read", path.display(), found.blocks, found.chunks);
+            let verified = pipeline::verify_container(path, options.memory, console)?;
+            let found = verified.found;
+            println!(
+                "{}: {} blocks, {} chunks, {} read in {:.1} s, {}/s, peak memory {}",
+                path.display(),
+                found.blocks,
+                found.chunks,
+                human_bytes(verified.file_bytes),
+                verified.seconds,
+                human_bytes((verified.file_bytes as f64 / verified.seconds) as u64),
+                verified.peak_memory_bytes.map_or("unknown".into(), human_bytes),
+            );
             let place = |block: Option<_>| block.map_or("header".to_owned(), |id| format!("{id}"));
             (found.faults.iter().map(|fault| format!("{}: {}", place(fault.block), fault.problem)).collect(), 0)
         }
