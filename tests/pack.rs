@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ltm::Error;
-use ltm::compress::{CompressSettings, Method, Target};
+use ltm::compress::{CompressSettings, Method, Scope, Target};
 use ltm::container::ContainerReader;
 use ltm::matrix::{BlockSource, FactorSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions, Quiet, RenderOptions, Watch};
@@ -189,4 +189,34 @@ fn memory_that_is_too_small_is_refused_before_anything_is_written() {
     let error = pipeline::render(room("mixed"), &folder.path().join("a.ltm"), &options, &Quiet).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }), "{error}");
     assert_eq!(names(folder.path()), [""; 0]);
+}
+
+#[test]
+fn rows_and_columns_of_the_whole_matrix_give_the_same_bytes_whenever_it_was_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, matrix) = render(&folder, "diffuse");
+    let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("stopped.ltc"));
+    let compress =
+        CompressSettings { scope: Scope::Global, rank: 12, ..CompressSettings::of_method(Method::Algorithm4) };
+    let options = PackOptions { compress, ..PackOptions::default() };
+    let report = pack(&matrix, &whole, &options);
+    let compress = CompressSettings { scope: Scope::Block, ..options.compress.clone() };
+    let blocks = pack(&matrix, &path, &PackOptions { compress, ..options.clone() });
+    // A lamp in view has as many directions as texels, which twelve columns miss either way; the same choice for all
+    // blocks fits each of them less or, with more rows to choose from, better: seen between 0.76 and 1.17 times.
+    assert!(report.relative_l2 < 1.5 * blocks.relative_l2 && report.mean_rank <= 12.0, "{report}; {blocks}");
+    fs::remove_file(&path).unwrap();
+    // Six blocks, read twice before they are analysed.
+    for stop in [1, 8, 15, 20] {
+        let watch = StopAfter(AtomicU64::new(stop));
+        if let Err(error) = pipeline::pack(&matrix, matrix.job(), &path, &options, &watch) {
+            assert!(matches!(error, Error::Interrupted(_)), "{error}");
+            pack(&matrix, &path, &options);
+        }
+        assert!(fs::read(&path).unwrap() == fs::read(&whole).unwrap(), "stopped after {stop}");
+        fs::remove_file(&path).unwrap();
+    }
+    let error = pipeline::render_packed(room("diffuse"), &path, &options, &Quiet).unwrap_err().to_string();
+    assert!(error.contains("never stored") && error.contains("pack the stored matrix"), "{error}");
+    assert_eq!(names(folder.path()), ["diffuse.ltm", "whole.ltc"]);
 }

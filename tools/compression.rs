@@ -1,7 +1,7 @@
 //! How to compress, as arguments: of `ltm-pack`, and of `ltm render --pack`.
 
 use clap::{Args, ValueEnum};
-use ltm::compress::{CompressSettings, Method, PriorChoice, Target};
+use ltm::compress::{CompressSettings, Method, PriorChoice, Scope, Target};
 use ltm::pipeline::parse_bytes;
 
 #[derive(Args)]
@@ -17,6 +17,10 @@ pub(crate) struct Compression {
     /// Components of a block at most; the rank itself for the methods other than auto [default: the method's].
     #[arg(long)]
     rank: Option<usize>,
+    /// Whether algorithm1 … algorithm4 choose rows and columns for each block, or once for the whole matrix, which is then
+    /// read up to five times and must be stored.
+    #[arg(long, value_enum, default_value = "block")]
+    scope: ScopeName,
     /// What errors are weighed by: how people light, or flat for plain least squares over all columns.
     #[arg(long, value_enum, default_value = "lighting")]
     prior: Prior,
@@ -34,12 +38,22 @@ pub(crate) enum Prior {
     Flat,
 }
 
+#[derive(Clone, Copy, ValueEnum)]
+pub(crate) enum ScopeName {
+    Block,
+    Global,
+}
+
 impl Compression {
     pub(crate) fn settings(&self) -> CompressSettings {
         let mut settings = CompressSettings::of_method(self.method);
         settings.target = self.target.unwrap_or(settings.target);
         settings.rank = self.rank.unwrap_or(settings.rank);
         settings.seed = self.seed;
+        settings.scope = match self.scope {
+            ScopeName::Block => Scope::Block,
+            ScopeName::Global => Scope::Global,
+        };
         settings.prior = match self.prior {
             Prior::Lighting => PriorChoice::Lighting,
             Prior::Flat => PriorChoice::Flat,

@@ -7,14 +7,15 @@ use rand_pcg::Pcg64Mcg;
 use super::candidate::{Candidate, CandidateSummary, gain_bins, histogram};
 use super::cur::{decompose, select};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
+use super::global::{self, GlobalCur};
 use super::noise::NoiseModel;
 use super::range::{Range, Weights, exact_range, find_range};
 use super::remainder::{stand_out, without};
 use super::sanitise::{Survey, sanitise};
-use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, cut};
+use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut};
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
-use crate::matrix::{BlockId, BlockNoise, BlockView, MatrixShape, SparseEntry};
+use crate::matrix::{BlockId, BlockNoise, BlockSource, BlockView, MatrixShape, SparseEntry};
 
 /// Compresses the blocks of one matrix. Shared by threads: analysing changes nothing in it.
 pub struct Compressor {
@@ -25,6 +26,7 @@ pub struct Compressor {
     variances: Vec<f32>,
     /// The probe lightings that noise is kept under: columns × probes, column-major.
     probes: Vec<f32>,
+    global: Option<GlobalCur>,
 }
 
 impl Compressor {
@@ -45,7 +47,43 @@ impl Compressor {
         let sketch_columns = (settings.rank + settings.oversampling).min(n);
         let weights = Weights::new(&prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
         let probes = probe_lightings(basis);
-        Ok(Self { shape, weights, variances: prior.variances(), probes, settings })
+        Ok(Self { shape, weights, variances: prior.variances(), probes, global: None, settings })
+    }
+
+    /// For [`Scope::Global`]: chooses rows and columns of the whole matrix, before any block is analysed; at most three
+    /// passes over the blocks and one over those that hold chosen rows, on the current thread pool. The same for any
+    /// number of threads. Does nothing for [`Scope::Block`].
+    ///
+    /// Errors: those of reading, and a source of another shape.
+    pub fn choose_globally(&mut self, source: &dyn BlockSource) -> Result<()> {
+        if self.settings.scope == Scope::Global {
+            if source.shape() != self.shape {
+                return Err(Error::input("matrix", "has another shape than its blocks", "take the matrix of this job"));
+            }
+            self.global = Some(global::choose(source, &self.settings)?);
+        }
+        Ok(())
+    }
+
+    /// Times that [`choose_globally`](Self::choose_globally) reads a block at most; 0 for [`Scope::Block`].
+    pub fn global_passes(&self) -> u32 {
+        match (self.settings.scope, self.settings.method) {
+            (Scope::Block, _) => 0,
+            (_, Method::Algorithm3) => 1,
+            (_, Method::Algorithm1) => 2,
+            _ if self.shape.rows() <= self.settings.sample_rows as u64 => 2,
+            _ => 4,
+        }
+    }
+
+    /// What [`choose_globally`](Self::choose_globally) chose.
+    pub fn chosen_globally(&self) -> Option<&Selection> {
+        self.global.as_ref().map(|global| &global.chosen)
+    }
+
+    /// Bytes that [`choose_globally`](Self::choose_globally) holds at most beside the blocks at hand, and what it keeps.
+    pub fn global_needs_bytes(&self) -> u64 {
+        if self.settings.scope == Scope::Global { global::needs_bytes(self.shape, &self.settings) } else { 0 }
     }
 
     /// The settings it was made with.
@@ -74,7 +112,8 @@ impl Compressor {
     /// Analyses one block: replaces unusable entries, takes out what stands alone, finds the range, and notes what each
     /// part brings and how much of it is noise.
     ///
-    /// Panics if the block has another number of columns than the matrix.
+    /// Panics if the block has another number of columns than the matrix, or the scope is global and
+    /// [`choose_globally`](Self::choose_globally) has not been called.
     pub fn analyse(&self, id: BlockId, block: BlockView<'_>, noise: Option<&BlockNoise>) -> Candidate {
         assert_eq!(block.columns(), self.shape.columns(), "{id}");
         let (m, n) = (block.rows(), block.columns());
@@ -126,12 +165,16 @@ impl Compressor {
                 let over = |k: usize, j| if k == 0 { mean[(0, j)] } else { right[(k - 1, j)] };
                 (Mat::from_fn(m, left.ncols() + 1, ones), Mat::from_fn(right.nrows() + 1, n, over))
             }
+            _ if self.settings.scope == Scope::Global => {
+                let global = self.global.as_ref().expect("`choose_globally` comes before `analyse`");
+                return self.ordered(global.left(a).as_ref(), global.right.as_ref());
+            }
             method => {
                 let mut settings = self.settings.clone();
                 if method == Method::Proposed && settings.core == Core::Textbook {
                     settings.core = Core::LeastSquares;
                 }
-                let mut random = Pcg64Mcg::seed_from_u64(settings.seed ^ (u64::from(id.0) << 20) ^ 0x0063_7572);
+                let mut random = Pcg64Mcg::seed_from_u64(settings.seed ^ (u64::from(id.0) << 20) ^ super::cur::SEED);
                 let chosen = select(a, &settings, &mut random);
                 decompose(a, &chosen, settings.core, settings.truncation)
             }

@@ -1,5 +1,7 @@
 //! The paper's column and row selection (§3.2) and the CUR decompositions over it.
 
+use std::collections::HashMap;
+
 use faer::{Mat, MatRef};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -18,61 +20,91 @@ pub struct Selection {
     pub rows: Vec<usize>,
 }
 
-/// `count` of `0..of` at random, rising.
-fn at_random(of: usize, count: usize, random: &mut Pcg64Mcg) -> Vec<usize> {
-    let count = count.min(of);
-    let mut all: Vec<usize> = (0..of).collect();
-    for i in 0..count {
-        all.swap(i, random.random_range(i..of));
-    }
-    all.truncate(count);
-    all.sort_unstable();
-    all
+/// Mixed into the seed of the selections.
+pub(super) const SEED: u64 = 0x0063_7572;
+
+/// What of a selection is drawn at random, and what k-means is to find.
+pub(super) enum Plan {
+    /// Algorithm 1: so many columns by k-means, as these rows show them.
+    ByRows { rows: Vec<usize>, columns: usize },
+    /// Algorithms 2 and 4: each round's columns, and how many rows k-means is to find as these columns show them.
+    ByColumns { rounds: Vec<(Vec<usize>, usize)> },
+    /// Algorithm 3: nothing is left to find.
+    Both(Selection),
 }
 
-/// Chooses rows and columns of `a` (rows × columns) by Algorithm 1, 2, 3 or 4 of the paper.
-pub(super) fn select(a: MatRef<'_, f32>, settings: &CompressSettings, random: &mut Pcg64Mcg) -> Selection {
-    let (m, n) = a.shape();
+/// `count` of `0..of` at random, rising; in memory for `count` alone.
+pub(super) fn at_random(of: usize, count: usize, random: &mut Pcg64Mcg) -> Vec<usize> {
+    let count = count.min(of);
+    // A shuffle that keeps only the places that were swapped.
+    let mut swapped = HashMap::new();
+    let mut drawn: Vec<usize> = (0..count)
+        .map(|i| {
+            let at = random.random_range(i..of);
+            let here = swapped.get(&i).copied().unwrap_or(i);
+            swapped.insert(at, here).unwrap_or(at)
+        })
+        .collect();
+    drawn.sort_unstable();
+    drawn
+}
+
+/// Draws what Algorithm 1, 2, 3 or 4 draws for a matrix of `m` rows and `n` columns.
+pub(super) fn plan(m: usize, n: usize, settings: &CompressSettings, random: &mut Pcg64Mcg) -> Plan {
     let k = settings.rank.min(n).min(m);
     let wanted_rows = match settings.core {
         Core::Textbook => k,
         Core::LeastSquares | Core::Projection => ((k as f64 * settings.rows_per_column).ceil() as usize).min(m),
     };
-    let columns_of = |columns: &[usize]| Mat::from_fn(m, columns.len(), |i, c| a[(i, columns[c])]);
-    let rows_by_kmeans = |columns: &[usize], count: usize, random: &mut Pcg64Mcg| {
-        // Rows are the points: transposed, so that a point is contiguous.
-        let points = columns_of(columns).transpose().to_owned();
-        nearest_to_centres(points.as_ref(), count, settings.kmeans_iterations, random)
-    };
     match settings.method {
-        Method::Algorithm1 => {
-            let rows = at_random(m, wanted_rows, random);
-            let points = Mat::from_fn(rows.len(), n, |r, j| a[(rows[r], j)]);
-            Selection { columns: nearest_to_centres(points.as_ref(), k, settings.kmeans_iterations, random), rows }
-        }
-        Method::Algorithm2 => {
+        Method::Algorithm1 => Plan::ByRows { rows: at_random(m, wanted_rows, random), columns: k },
+        Method::Algorithm2 => Plan::ByColumns { rounds: vec![(at_random(n, k, random), wanted_rows)] },
+        Method::Algorithm3 => {
             let columns = at_random(n, k, random);
-            Selection { rows: rows_by_kmeans(&columns, wanted_rows, random), columns }
+            Plan::Both(Selection { columns, rows: at_random(m, wanted_rows, random) })
         }
-        Method::Algorithm3 => Selection { columns: at_random(n, k, random), rows: at_random(m, wanted_rows, random) },
         // Algorithm 4 and the proposed method.
         _ => {
             let rounds = settings.rounds.clamp(1, k.max(1));
             let each = if settings.columns == 0 { k.div_ceil(rounds) } else { settings.columns };
-            let fresh = at_random(n, n, random);
-            let mut order = fresh;
+            let mut order = at_random(n, n, random);
             // A random order, so that each round's columns are *other* columns.
             for i in (1..n).rev() {
                 order.swap(i, random.random_range(0..=i));
             }
-            let mut chosen = Selection::default();
+            let (mut planned, mut taken) = (Vec::new(), 0);
             for columns in order.chunks(each).take(rounds) {
-                let columns = &columns[..columns.len().min(k.saturating_sub(chosen.columns.len()))];
+                let columns = &columns[..columns.len().min(k - taken)];
                 if columns.is_empty() {
                     break;
                 }
-                let share = (wanted_rows * columns.len()).div_ceil(k);
-                chosen.rows.extend(rows_by_kmeans(columns, share, random));
+                taken += columns.len();
+                planned.push((columns.to_vec(), (wanted_rows * columns.len()).div_ceil(k)));
+            }
+            Plan::ByColumns { rounds: planned }
+        }
+    }
+}
+
+/// Chooses rows and columns of `a` (rows × columns) by Algorithm 1, 2, 3 or 4 of the paper.
+pub(super) fn select(a: MatRef<'_, f32>, settings: &CompressSettings, random: &mut Pcg64Mcg) -> Selection {
+    let (m, n) = a.shape();
+    match plan(m, n, settings, random) {
+        Plan::ByRows { rows, columns } => {
+            let points = Mat::from_fn(rows.len(), n, |r, j| a[(rows[r], j)]);
+            Selection {
+                columns: nearest_to_centres(points.as_ref(), columns, settings.kmeans_iterations, random),
+                rows,
+            }
+        }
+        Plan::Both(chosen) => chosen,
+        Plan::ByColumns { rounds } => {
+            let mut chosen = Selection::default();
+            for (columns, count) in rounds {
+                // Rows are the points: transposed, so that a point is contiguous.
+                let points = Mat::from_fn(columns.len(), m, |c, i| a[(i, columns[c])]);
+                let rows = nearest_to_centres(points.as_ref(), count, settings.kmeans_iterations, random);
+                chosen.rows.extend(rows);
                 chosen.columns.extend(columns);
             }
             chosen.columns.sort_unstable();
@@ -98,18 +130,22 @@ pub(super) fn decompose(a: MatRef<'_, f32>, chosen: &Selection, core: Core, trun
         Core::LeastSquares | Core::Textbook => {
             let rows = &chosen.rows;
             let w = Mat::from_fn(rows.len(), chosen.columns.len(), |i, k| f64::from(a[(rows[i], chosen.columns[k])]));
-            let r = Mat::from_fn(rows.len(), n, |i, j| f64::from(a[(rows[i], j)]));
-            if core == Core::LeastSquares {
-                solve_least_squares(w.as_ref(), r.as_ref(), truncation)
-            } else {
-                // The inverse is formed and multiplied in the precision of the data, as the formula reads.
-                let unit = Mat::<f64>::identity(rows.len(), rows.len());
-                let inverse = to_f32(solve_least_squares(w.as_ref(), unit.as_ref(), 0.0).as_ref());
-                to_f64(product(inverse.as_ref(), to_f32(r.as_ref()).as_ref()).as_ref())
-            }
+            let r = Mat::from_fn(rows.len(), n, |i, j| a[(rows[i], j)]);
+            return (c, through_core(w.as_ref(), r.as_ref(), core, truncation));
         }
     };
     (c, to_f32(right.as_ref()))
+}
+
+/// `U R` of the crossing `W` (rows × k) and the chosen rows `R` (rows × columns).
+pub(super) fn through_core(w: MatRef<'_, f64>, r: MatRef<'_, f32>, core: Core, truncation: f64) -> Mat<f32> {
+    if core == Core::Textbook {
+        // The inverse is formed and multiplied in the precision of the data, as the formula reads.
+        let unit = Mat::<f64>::identity(w.nrows(), w.nrows());
+        let inverse = to_f32(solve_least_squares(w, unit.as_ref(), 0.0).as_ref());
+        return product(inverse.as_ref(), r);
+    }
+    to_f32(solve_least_squares(w, to_f64(r).as_ref(), truncation).as_ref())
 }
 
 /// A block's CUR decomposition by one of the paper's algorithms exactly as it comes: `C` (rows × k, column-major),

@@ -21,27 +21,93 @@ pub(super) fn nearest_to_centres(
     if k >= count {
         return (0..count).collect();
     }
-    let norms: Vec<f32> = (0..count).map(|j| points.col(j).squared_norm_l2()).collect();
-    let mut centres = seed(points, &norms, k, random);
-    let mut distances = vec![f32::INFINITY; count];
-    let mut owners = vec![0usize; count];
-    for iteration in 0..=iterations {
-        assign(points, &norms, &centres, &mut owners, &mut distances);
-        if iteration < iterations {
-            centres = means(points, &owners, &centres);
-        }
-    }
-    let mut nearest = vec![(f32::INFINITY, usize::MAX); centres.ncols()];
-    for j in 0..count {
-        let best = &mut nearest[owners[j]];
-        if distances[j] < best.0 {
-            *best = (distances[j], j);
-        }
-    }
+    let clusters = Clusters::new(points, k, iterations, random);
+    let nearest = clusters.nearest(points);
     let mut chosen: Vec<usize> = nearest.into_iter().map(|(_, j)| j).filter(|&j| j != usize::MAX).collect();
     chosen.sort_unstable();
     chosen.dedup();
     chosen
+}
+
+/// Centres of clusters, with how many points each has seen.
+pub(super) struct Clusters {
+    /// Dimension × clusters.
+    centres: Mat<f32>,
+    seen: Vec<f64>,
+}
+
+/// What some points add to each cluster: their sums (dimension × clusters) and numbers.
+pub(super) struct Sums {
+    sums: Mat<f64>,
+    counts: Vec<f64>,
+}
+
+impl Clusters {
+    /// k-means++ and Lloyd's iteration over `points`; fewer than `k` clusters where points coincide.
+    pub(super) fn new(points: MatRef<'_, f32>, k: usize, iterations: usize, random: &mut Pcg64Mcg) -> Self {
+        let mut centres = seed(points, &squared_norms(points), k, random);
+        let mut owners = Vec::new();
+        for iteration in 0..=iterations {
+            owners = assign(points, &centres).0;
+            if iteration < iterations {
+                centres = means(points, &owners, &centres);
+            }
+        }
+        let mut seen = vec![0.0; centres.ncols()];
+        owners.into_iter().for_each(|owner| seen[owner] += 1.0);
+        Self { centres, seen }
+    }
+
+    /// Number of clusters.
+    pub(super) fn count(&self) -> usize {
+        self.seen.len()
+    }
+
+    /// For each cluster, the squared distance and index of its member nearest to the centre; infinite where none of
+    /// `points` is a member.
+    pub(super) fn nearest(&self, points: MatRef<'_, f32>) -> Vec<(f32, usize)> {
+        let (owners, distances) = assign(points, &self.centres);
+        let mut nearest = vec![(f32::INFINITY, usize::MAX); self.count()];
+        for (j, (owner, distance)) in owners.into_iter().zip(distances).enumerate() {
+            let best = &mut nearest[owner];
+            if distance < best.0 {
+                *best = (distance, j);
+            }
+        }
+        nearest
+    }
+
+    /// What `points` add to the clusters they belong to.
+    pub(super) fn sums(&self, points: MatRef<'_, f32>) -> Sums {
+        let (mut sums, mut counts) = (Mat::zeros(points.nrows(), self.count()), vec![0.0; self.count()]);
+        for (j, owner) in assign(points, &self.centres).0.into_iter().enumerate() {
+            counts[owner] += 1.0;
+            for i in 0..points.nrows() {
+                sums[(i, owner)] += f64::from(points[(i, j)]);
+            }
+        }
+        Sums { sums, counts }
+    }
+
+    /// Moves each centre to the mean of all points it has seen, those of a mini-batch now among them (Sculley 2010).
+    pub(super) fn follow<'a>(&mut self, batch: impl Iterator<Item = &'a Sums> + Clone) {
+        for c in 0..self.count() {
+            let more: f64 = batch.clone().map(|part| part.counts[c]).sum();
+            if more == 0.0 {
+                continue;
+            }
+            let before = self.seen[c];
+            self.seen[c] += more;
+            for i in 0..self.centres.nrows() {
+                let added: f64 = batch.clone().map(|part| part.sums[(i, c)]).sum();
+                self.centres[(i, c)] = ((f64::from(self.centres[(i, c)]) * before + added) / self.seen[c]) as f32;
+            }
+        }
+    }
+}
+
+fn squared_norms(points: MatRef<'_, f32>) -> Vec<f32> {
+    (0..points.ncols()).map(|j| points.col(j).squared_norm_l2()).collect()
 }
 
 fn seed(points: MatRef<'_, f32>, norms: &[f32], k: usize, random: &mut Pcg64Mcg) -> Mat<f32> {
@@ -71,10 +137,11 @@ fn seed(points: MatRef<'_, f32>, norms: &[f32], k: usize, random: &mut Pcg64Mcg)
     Mat::from_fn(points.nrows(), chosen.len(), |i, c| points[(i, chosen[c])])
 }
 
-fn assign(points: MatRef<'_, f32>, norms: &[f32], centres: &Mat<f32>, owners: &mut [usize], distances: &mut [f32]) {
-    let centre_norms: Vec<f32> = (0..centres.ncols()).map(|c| centres.col(c).squared_norm_l2()).collect();
+/// The cluster that each point belongs to, and its squared distance to the centre.
+fn assign(points: MatRef<'_, f32>, centres: &Mat<f32>) -> (Vec<usize>, Vec<f32>) {
+    let (norms, centre_norms) = (squared_norms(points), squared_norms(centres.as_ref()));
     let dots = product(centres.transpose(), points);
-    for j in 0..points.ncols() {
+    let nearest = |j: usize| {
         let dots = dots.col(j);
         let mut best = (f32::INFINITY, 0);
         for (c, norm) in centre_norms.iter().enumerate() {
@@ -83,9 +150,9 @@ fn assign(points: MatRef<'_, f32>, norms: &[f32], centres: &Mat<f32>, owners: &m
                 best = (d, c);
             }
         }
-        owners[j] = best.1;
-        distances[j] = (norms[j] + best.0).max(0.0);
-    }
+        (best.1, (norms[j] + best.0).max(0.0))
+    };
+    (0..points.ncols()).map(nearest).unzip()
 }
 
 fn means(points: MatRef<'_, f32>, owners: &[usize], old: &Mat<f32>) -> Mat<f32> {

@@ -13,6 +13,8 @@
 //! `‖(A − L R − S) K^½‖²`. Every method ends in the same shape: `L` with orthonormal columns, `R = Lᵀ A`, and the
 //! components in the order of what they bring, so that leaving out a component costs exactly its gain.
 //!
+//! Algorithms 1–4 may choose their rows and columns once for all blocks ([`Scope::Global`]), in passes before the first.
+//!
 //! One block is worked on by one thread, without parallelism inside: the bytes do not depend on the number of threads.
 
 mod candidate;
@@ -20,6 +22,7 @@ mod compressor;
 mod cur;
 mod cut;
 mod dense;
+mod global;
 mod kmeans;
 mod noise;
 mod range;
@@ -31,5 +34,6 @@ pub use candidate::{Candidate, CandidateSummary};
 pub use compressor::Compressor;
 pub use cur::{Selection, cur};
 pub use cut::Cut;
+pub use global::GlobalCur;
 pub use sanitise::Replaced;
-pub use settings::{CompressSettings, Core, Method, PriorChoice, Target};
+pub use settings::{CompressSettings, Core, Method, PriorChoice, Scope, Target};

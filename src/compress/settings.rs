@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use super::global;
 use crate::error::{Error, Result};
 
 /// How a block is turned into factors.
@@ -35,6 +36,17 @@ pub enum Core {
     LeastSquares,
     /// `C (C⁺ A)`: projection with the whole block at hand.
     Projection,
+}
+
+/// What rows and columns are chosen for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Scope {
+    /// Each block on its own (the paper, §3.3).
+    #[default]
+    Block,
+    /// The whole matrix, by [`Compressor::choose_globally`](super::Compressor::choose_globally) (the paper, §3.2);
+    /// Algorithms 1–4 only. Every block still stores its own right factor: `U R` turned to the block's components.
+    Global,
 }
 
 /// What the result is to reach.
@@ -86,6 +98,11 @@ pub struct CompressSettings {
     pub rounds: usize,
     /// Iterations of k-means.
     pub kmeans_iterations: usize,
+    /// Algorithms 1–4: whether rows and columns are chosen for each block or once for all.
+    pub scope: Scope,
+    /// Global scope: rows looked at together when k-means begins, at least as many as rows are chosen; a matrix of no
+    /// more rows is clustered in memory.
+    pub sample_rows: usize,
     /// Algorithms 1–4: the core.
     pub core: Core,
     /// Singular values of the core below this fraction of its largest are dropped.
@@ -117,6 +134,8 @@ impl Default for CompressSettings {
             rows_per_column: 2.0,
             rounds: 4,
             kmeans_iterations: 8,
+            scope: Scope::Block,
+            sample_rows: 1 << 16,
             core: Core::LeastSquares,
             truncation: 1e-2,
             sparse_fraction: 0.02,
@@ -146,6 +165,12 @@ impl CompressSettings {
         }
         if self.rounds == 0 {
             return refuse("Algorithm 4 needs at least one round", "");
+        }
+        if self.scope == Scope::Global {
+            global::check(self)?;
+            if (self.sample_rows as f64) < self.rank as f64 * self.rows_per_column {
+                return refuse("the sample of rows is smaller than the rows to choose", "65536 is usual");
+            }
         }
         if !(0.0..1.0).contains(&self.truncation) {
             return refuse("the truncation is not between 0 and 1", "0.01 is usual");

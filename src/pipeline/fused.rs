@@ -7,14 +7,15 @@ use std::time::Instant;
 use super::pack::Packing;
 use super::render::{job_of, settings_of, tracing_need};
 use super::{PackOptions, PackReport, RenderReport, Watch};
-use crate::error::Result;
+use crate::compress::Scope;
+use crate::error::{Error, Result};
 use crate::scene::LoadedScene;
 use crate::trace::Tracer;
 
 /// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render) in f32 and then
 /// [`pack`](super::pack) give, without the space for the matrix. Continues where an interrupted run stopped.
 ///
-/// Errors: those of the tracer, the compressor and the container; [`crate::Error::Interrupted`] when the watch says so,
+/// Errors: those of the tracer, the compressor and the container; a global scope, which needs the matrix more than once; [`crate::Error::Interrupted`] when the watch says so,
 /// with every analysed block kept.
 pub fn render_packed(
     loaded: LoadedScene,
@@ -23,6 +24,10 @@ pub fn render_packed(
     watch: &dyn Watch,
 ) -> Result<(RenderReport, PackReport)> {
     let begun = Instant::now();
+    if options.compress.scope == Scope::Global {
+        let hint = "render without packing, then pack the stored matrix";
+        return Err(Error::input("global scope", "the matrix is read several times, here it is never stored", hint));
+    }
     let job = job_of(&loaded)?;
     let packing = Packing::begin(&job, path, options, tracing_need(&loaded, &job), watch)?;
     let settings = settings_of(&loaded);

@@ -5,7 +5,8 @@
 //! spot ([`render_packed`](super::render_packed)), so that the matrix never exists as a whole. Each candidate goes to a
 //! spill file with what it lacks of its block, so that memory does not grow with the matrix. The second pass cuts every
 //! candidate at the common slope, encodes it, and states the error of what was really stored (`measure`). It does not
-//! need the blocks again, so both ways give the same bytes.
+//! need the blocks again, so both ways give the same bytes. Choosing rows and columns for the whole matrix
+//! ([`Scope::Global`](crate::compress::Scope::Global)) takes passes of its own before these, over a stored matrix only.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -70,7 +71,8 @@ pub fn pack(
     watch: &dyn Watch,
 ) -> Result<PackReport> {
     let reading = store::requirements(job, &store::StoreOptions::default()).memory_bytes;
-    let packing = Packing::begin(job, path, options, Need { per_thread_bytes: reading, ..Need::default() }, watch)?;
+    let mut packing = Packing::begin(job, path, options, Need { per_thread_bytes: reading, ..Need::default() }, watch)?;
+    packing.choose_globally(source, watch)?;
     packing.run("analysing", "B", watch, |id, block| {
         source.read_block(id, block)?;
         Ok(size_of_val(block.block.entries()) as u64)
@@ -116,6 +118,19 @@ impl Packing {
         Ok(Self { begun, memory, path: path.to_owned(), job: job.clone(), compressor, writer, spill, threads })
     }
 
+    /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
+    fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
+        let passes = u64::from(self.compressor.global_passes());
+        if passes == 0 || self.job.shape.blocks().all(|id| self.spill.has(id)) {
+            return Ok(());
+        }
+        watch.begin("choosing rows and columns", passes * u64::from(self.job.shape.block_count()), "blocks");
+        let source = Watched { source, watch, path: &self.path };
+        let done = on_threads(self.threads, || self.compressor.choose_globally(&source));
+        watch.end();
+        done?
+    }
+
     /// Runs both passes. `make` puts a block into its target and says how much work that was, in `work_unit`.
     pub(super) fn run(
         self,
@@ -135,7 +150,7 @@ impl Packing {
             if self.spill.has(id) {
                 return Ok(self.candidate(id)?.0.summary().clone());
             }
-            self.stop_if_interrupted(watch)?;
+            stop_if_interrupted(&self.path, watch)?;
             let work = make(id, block)?;
             let candidate = self.compressor.analyse(id, block.block.view(), block.noise.as_ref());
             let mut bytes = candidate.to_bytes();
@@ -154,7 +169,7 @@ impl Packing {
 
         watch.begin("packing", blocks.len() as u64, "blocks");
         let store = |&id: &BlockId| -> Result<WrittenBlock> {
-            self.stop_if_interrupted(watch)?;
+            stop_if_interrupted(&self.path, watch)?;
             if let Some(written) = self.writer.written(id) {
                 watch.advance(1, 0, "B");
                 return Ok(written);
@@ -199,13 +214,34 @@ impl Packing {
         };
         parts().map_err(|problem| self.spill.damaged(id, &problem))
     }
+}
 
-    fn stop_if_interrupted(&self, watch: &dyn Watch) -> Result<()> {
-        if watch.interrupted() {
-            let kept = Spill::path_of(&self.path);
-            let text = format!("{} keeps the analysed blocks; the same command continues", kept.display());
-            return Err(Error::Interrupted(text));
-        }
+/// Errors: the watch says to stop.
+fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
+    if watch.interrupted() {
+        let kept = Spill::path_of(path);
+        let text = format!("{} keeps the analysed blocks; the same command continues", kept.display());
+        return Err(Error::Interrupted(text));
+    }
+    Ok(())
+}
+
+/// A source whose reads are counted and can be stopped.
+struct Watched<'a> {
+    source: &'a dyn BlockSource,
+    watch: &'a dyn Watch,
+    path: &'a Path,
+}
+
+impl BlockSource for Watched<'_> {
+    fn shape(&self) -> MatrixShape {
+        self.source.shape()
+    }
+
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        stop_if_interrupted(self.path, self.watch)?;
+        self.source.read_block(id, target)?;
+        self.watch.advance(1, size_of_val(target.block.entries()) as u64, "B");
         Ok(())
     }
 }
@@ -216,7 +252,7 @@ pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need)
     let candidate = compressor.candidate_bytes() + Lacking::max_bytes(rows, compressor.candidate_bytes() / 16);
     let block_bytes = rows * shape.columns() as u64 * 4;
     Need {
-        fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES) + 4096 * blocks,
+        fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES) + 4096 * blocks + compressor.global_needs_bytes(),
         // The block, its analysis, and its candidate: as it is, encoded, and multiplied out in strips.
         per_thread_bytes: source.per_thread_bytes + block_bytes + compressor.needs_bytes() + 3 * candidate,
         // The spill file; then the waiting blocks and the container, each half as large as a candidate at most.

@@ -30,6 +30,7 @@ use regex::Regex;
   ltm-pack room.ltm                      writes room.ltc
   ltm-pack room.ltm -o small.ltc --target 1MiB --force
   ltm-pack room.ltm -o paper.ltc --method proposed --rank 32
+  ltm-pack room.ltm -o global.ltc --method algorithm4 --scope global --rank 64
   ltm-pack room.ltm --verify             compares every entry with the matrix afterwards
   ltm-pack blender.exr -o room.ltc       light groups of Blender, Arnold, V-Ray, LuxCore
   ltm-pack any.exr -o room.ltc --layers '^beauty_(.+)$'
