@@ -112,3 +112,19 @@ pub(super) fn parse_json(place: &str, text: &str) -> Result<LookFile> {
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_documented_example_is_read_word_for_word() {
+        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/formats/look.md")).unwrap();
+        let example = text.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
+        let file = parse_toml("formats/look.md", example).unwrap();
+        assert_eq!((file.light.len(), file.look.len(), file.key.len()), (3, 2, 2));
+        for key in ["name", "on", "color", "intensity", "stops", "shape", "image", "environment", "sun"] {
+            assert!(text.contains(&format!("| `{key}` |")), "`{key}` is not in the table");
+        }
+    }
+}
