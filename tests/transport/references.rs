@@ -91,7 +91,7 @@ fn compared(name: &str, with: &str) -> (Comparison, String) {
     assert_eq!(mean.len(), ENTRIES);
     // Channels are the same paths: one of them stands for all.
     let found = compare(&renders, (&mean, &variance), |entry| (entry / (SIDE * SIDE)).is_multiple_of(CHANNELS));
-    println!("{name} with {with}: {found}");
+    eprintln!("{name} with {with}: {found}");
     (found, write_evidence(name, &renders))
 }
 
