@@ -51,7 +51,7 @@ pub(super) fn check(settings: &CompressSettings) -> Result<()> {
 pub(super) fn needs_bytes(shape: MatrixShape, settings: &CompressSettings) -> u64 {
     let (n, k) = (shape.columns() as u64, (settings.rank as u64).min(shape.columns() as u64));
     let rows = (k as f64 * settings.rows_per_column).ceil() as u64 + settings.rounds as u64;
-    let sample = settings.sample_rows.max(1) as u64;
+    let sample = (settings.sample_rows as u64).min(shape.rows());
     // The sample twice, by all columns and by a round's; its distances; sums of a batch; R and its solution in f64.
     let kmeans = 4 * sample * (2 * k + rows) + BATCH_BLOCKS as u64 * rows * (8 * k + 32);
     kmeans + rows * (20 * n + 16 * k) + k * 24 * n + 24 * u64::from(shape.block_count())
