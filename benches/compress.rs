@@ -98,5 +98,5 @@ fn analyse(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, analyse);
+criterion_group! { name = benches; config = Criterion::default().without_plots(); targets = analyse }
 criterion_main!(benches);

@@ -221,7 +221,7 @@ fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &Ruler, group:
 }
 
 fn main() {
-    let mut criterion = Criterion::default().sample_size(10).configure_from_args();
+    let mut criterion = Criterion::default().without_plots().sample_size(10).configure_from_args();
     let bandwidth = read_bandwidth();
     let source = Smooth::new(KEPT_RANK);
     let lighting = relight_source::random_lighting(1024, 1);

@@ -165,7 +165,7 @@ fn main() {
         return;
     }
     if runs("rays") {
-        let mut criterion = Criterion::default();
+        let mut criterion = Criterion::default().without_plots();
         rays(&mut criterion);
         criterion.final_summary();
     }

@@ -77,7 +77,8 @@ impl Need {
                     Some(budget) => format!("--memory allows {}", human_bytes(budget)),
                     None => format!("only {} are available", human_bytes(limit)),
                 },
-                hint: "give it more, or take smaller blocks (block_side in the scene file)".to_owned(),
+                hint: "give it more, or take smaller blocks (block_side in a scene file, --block-side for images)"
+                    .to_owned(),
             }),
         }
     }
