@@ -12,8 +12,8 @@ use crate::error::{Error, Result};
 use crate::scene::LoadedScene;
 use crate::trace::Tracer;
 
-/// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render) in f32 and then
-/// [`pack`](super::pack) give, without the space for the matrix. Continues where an interrupted run stopped.
+/// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render()) in f32 and then
+/// [`pack`](super::pack()) give, without the space for the matrix. Continues where an interrupted run stopped.
 ///
 /// Errors: those of the tracer, the compressor and the container; a global scope, which needs the matrix more than once; [`crate::Error::Interrupted`] when the watch says so,
 /// with every analysed block kept.
