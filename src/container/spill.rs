@@ -10,7 +10,8 @@ use crate::error::{Error, Result};
 use crate::matrix::BlockId;
 
 const MAGIC: [u8; 8] = *b"LTCpart1";
-const HEADER_BYTES: u64 = 40;
+/// What stands before the records of a file of [`open_marked`].
+pub(crate) const MARK_BYTES: u64 = 40;
 /// Block id, lengths of the layers, the block's record, CRC-32 of the layers, CRC-32 of all this.
 const RECORD_BYTES: usize = 4 + 4 * MAX_LAYERS + BLOCK_RECORD_BYTES + 4 + 4;
 
@@ -40,25 +41,10 @@ impl Spill {
         let mut name = path.as_os_str().to_owned();
         name.push(".part");
         let path = PathBuf::from(name);
-        let file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(&path)
-            .map_err(Error::io(&path, "create"))?;
-        file.try_lock().map_err(|_| {
-            Error::input(path.display().to_string(), "another process is packing into it", "wait for it or stop it")
-        })?;
-        let mut spill = Self { path, file, end: HEADER_BYTES, blocks: vec![None; block_count] };
-        let mut header = [0; HEADER_BYTES as usize];
-        header[..8].copy_from_slice(&MAGIC);
-        header[8..].copy_from_slice(&fingerprint);
-        let mut found = [0; HEADER_BYTES as usize];
-        if spill.file.read_exact_at(&mut found, 0).is_ok() && found == header {
+        let (file, continued) = open_marked(&path, MAGIC, fingerprint, "another process is packing into it")?;
+        let mut spill = Self { path, file, end: MARK_BYTES, blocks: vec![None; block_count] };
+        if continued {
             spill.recover()?;
-        } else {
-            spill.file.set_len(0).and_then(|()| spill.file.write_all_at(&header, 0)).map_err(spill.failed("write"))?;
         }
         Ok(spill)
     }
@@ -127,6 +113,30 @@ impl Spill {
     fn failed(&self, action: &str) -> impl FnOnce(std::io::Error) -> Error + use<> {
         Error::io(self.path.clone(), action.to_owned())
     }
+}
+
+/// Opens a file that a stopped job continues from, locked for this process: as it is, and `true`, if it begins with this
+/// mark and fingerprint, else emptied and begun with them.
+///
+/// Errors: the folder cannot be written; another process holds the file (`held` says so).
+pub(crate) fn open_marked(path: &Path, mark: [u8; 8], fingerprint: [u8; 32], held: &str) -> Result<(File, bool)> {
+    let file = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(path)
+        .map_err(Error::io(path, "create"))?;
+    file.try_lock().map_err(|_| Error::input(path.display().to_string(), held, "wait for it or stop it"))?;
+    let mut header = [0; MARK_BYTES as usize];
+    header[..8].copy_from_slice(&mark);
+    header[8..].copy_from_slice(&fingerprint);
+    let mut found = [0; MARK_BYTES as usize];
+    let continued = file.read_exact_at(&mut found, 0).is_ok() && found == header;
+    if !continued {
+        file.set_len(0).and_then(|()| file.write_all_at(&header, 0)).map_err(Error::io(path, "write"))?;
+    }
+    Ok((file, continued))
 }
 
 fn decode_record(bytes: &[u8; RECORD_BYTES], at: u64) -> Option<(BlockId, Spilled, u32)> {

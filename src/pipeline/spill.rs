@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
+use crate::container::{MARK_BYTES, open_marked};
 use crate::error::{Error, Result};
 use crate::matrix::BlockId;
 
 const MAGIC: [u8; 8] = *b"LTMspil1";
-const HEADER_BYTES: u64 = 40;
 /// Block, CRC-32 of the bytes, their number, CRC-32 of these three.
 const RECORD_BYTES: usize = 20;
 /// What a loss of power may cost.
@@ -52,26 +52,10 @@ impl Spill {
     /// Errors: the folder cannot be written, another process is using the file.
     pub(super) fn open(result: &Path, fingerprint: [u8; 32], blocks: u32) -> Result<Self> {
         let path = Self::path_of(result);
-        let file = File::options()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(&path)
-            .map_err(Error::io(&path, "create"))?;
-        file.try_lock().map_err(|_| {
-            Error::input(path.display().to_string(), "another process is packing with it", "wait for it or stop it")
-        })?;
-        let mut header = [0; HEADER_BYTES as usize];
-        header[..8].copy_from_slice(&MAGIC);
-        header[8..].copy_from_slice(&fingerprint);
-        let mut found = [0; HEADER_BYTES as usize];
-        let same = file.read_exact_at(&mut found, 0).is_ok() && found == header;
-        let mut state = State { end: HEADER_BYTES, places: vec![None; blocks as usize], synced: Instant::now() };
-        if same {
+        let (file, continued) = open_marked(&path, MAGIC, fingerprint, "another process is packing with it")?;
+        let mut state = State { end: MARK_BYTES, places: vec![None; blocks as usize], synced: Instant::now() };
+        if continued {
             recover(&file, &mut state).map_err(Error::io(&path, "read"))?;
-        } else {
-            file.set_len(0).and_then(|()| file.write_all_at(&header, 0)).map_err(Error::io(&path, "write"))?;
         }
         Ok(Self { path, file, state: Mutex::new(state) })
     }
@@ -191,7 +175,7 @@ mod tests {
         assert!(Spill::open(&result, [1; 32], 12).is_err(), "another process");
         drop(spill);
         let whole = std::fs::read(Spill::path_of(&result)).unwrap();
-        for cut in HEADER_BYTES as usize..=whole.len() {
+        for cut in MARK_BYTES as usize..=whole.len() {
             std::fs::write(Spill::path_of(&result), &whole[..cut]).unwrap();
             let spill = open(1);
             let kept = (0..12).take_while(|&i| spill.has(BlockId(i))).count() as u32;
@@ -210,7 +194,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let spill = Spill::open(&folder.path().join("x"), [0; 32], 1).unwrap();
         spill.append(BlockId(0), &[7; 100]).unwrap();
-        spill.file.write_all_at(&[8], HEADER_BYTES + RECORD_BYTES as u64 + 50).unwrap();
+        spill.file.write_all_at(&[8], MARK_BYTES + RECORD_BYTES as u64 + 50).unwrap();
         assert!(spill.read(BlockId(0)).unwrap_err().to_string().contains("block 0"));
     }
 }

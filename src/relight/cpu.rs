@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::compact::CompactBlock;
-use super::damage::read_what_stands;
+use super::damage::read_compact;
 use super::project::{PlanarLighting, project};
 use super::reconstruct::reconstruct;
 use super::scatter::scatter;
@@ -41,11 +41,7 @@ impl CpuRelighter {
         let shape = source.shape();
         let read: Vec<_> = (0..shape.block_count())
             .into_par_iter()
-            .map(|id| {
-                let readable = read_what_stands(source, BlockId(id))?;
-                let block = readable.block.map(|block| CompactBlock::new(shape, BlockId(id), &block)).transpose()?;
-                Ok((block, readable.damage.map(|damage| damage.to_string())))
-            })
+            .map(|id| read_compact(source, shape, BlockId(id)))
             .collect::<Result<_>>()?;
         let (blocks, damage): (Vec<_>, Vec<_>) = read.into_iter().unzip();
         Ok(Self { shape, blocks, damage: damage.into_iter().flatten().collect() })
@@ -58,15 +54,9 @@ impl CpuRelighter {
     pub fn refine(&mut self, source: &dyn FactorSource, ids: &[BlockId]) -> Result<()> {
         let shape = self.shape;
         assert_eq!(source.shape(), shape);
-        let read: Vec<_> = ids
-            .par_iter()
-            .map(|&id| {
-                let readable = read_what_stands(source, id)?;
-                let block = readable.block.map(|block| CompactBlock::new(shape, id, &block)).transpose()?;
-                Ok((id, block, readable.damage.map(|damage| damage.to_string())))
-            })
-            .collect::<Result<_>>()?;
-        for (id, block, damage) in read {
+        let read: Vec<_> =
+            ids.par_iter().map(|&id| Ok((id, read_compact(source, shape, id)?))).collect::<Result<_>>()?;
+        for (id, (block, damage)) in read {
             self.blocks[id.index()] = block;
             self.damage.extend(damage.filter(|line| !self.damage.contains(line)));
         }
@@ -231,11 +221,10 @@ pub fn relight_streaming(source: &dyn FactorSource, lighting: &Lighting) -> Resu
     let mut image = LinearImage::black(shape.width(), shape.height());
     let damage = std::sync::Mutex::new(Vec::new());
     for_each_tile(&mut image, shape, |mut tile| {
-        let readable = read_what_stands(source, tile.id)?;
-        let block = readable.block.map(|block| CompactBlock::new(shape, tile.id, &block)).transpose()?;
+        let (block, damaged) = read_compact(source, shape, tile.id)?;
         relight_block(block.as_ref(), &lighting, &mut tile);
-        if let Some(error) = readable.damage {
-            damage.lock().expect("no thread panics with it").push((tile.id, error.to_string()));
+        if let Some(line) = damaged {
+            damage.lock().expect("no thread panics with it").push((tile.id, line));
         }
         Ok::<_, Error>(())
     })?;

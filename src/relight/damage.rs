@@ -1,20 +1,21 @@
 //! Reading factors from a source that may be damaged in places.
 
+use super::compact::CompactBlock;
 use crate::error::{Error, Result};
-use crate::matrix::{BlockId, FactorSource, FactoredBlock};
+use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
 
 /// What could be read of a block.
-pub(crate) struct Readable {
+struct Readable {
     /// The factors of the layers that stand, none if not even the base layer does.
-    pub block: Option<FactoredBlock>,
+    block: Option<FactoredBlock>,
     /// What is wrong with the rest.
-    pub damage: Option<Error>,
+    damage: Option<Error>,
 }
 
 /// Reads all layers of a block or, where one is damaged, those before it.
 ///
 /// Errors: everything that is not damage of this block.
-pub(crate) fn read_what_stands(source: &dyn FactorSource, id: BlockId) -> Result<Readable> {
+fn read_what_stands(source: &dyn FactorSource, id: BlockId) -> Result<Readable> {
     let mut layers = source.layer_count(id);
     let mut damage = None;
     loop {
@@ -30,4 +31,17 @@ pub(crate) fn read_what_stands(source: &dyn FactorSource, id: BlockId) -> Result
             Err(other) => return Err(other),
         }
     }
+}
+
+/// What stands of a block, in compact form, and what was damaged of it, in words.
+///
+/// Errors: as [`read_what_stands`], and factors that do not fit the shape or are not finite.
+pub(crate) fn read_compact(
+    source: &dyn FactorSource,
+    shape: MatrixShape,
+    id: BlockId,
+) -> Result<(Option<CompactBlock>, Option<String>)> {
+    let readable = read_what_stands(source, id)?;
+    let block = readable.block.map(|block| CompactBlock::new(shape, id, &block)).transpose()?;
+    Ok((block, readable.damage.map(|damage| damage.to_string())))
 }

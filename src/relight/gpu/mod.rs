@@ -11,9 +11,8 @@ mod resident;
 
 use rayon::prelude::*;
 
-use super::compact::CompactBlock;
 use super::cpu::check_columns;
-use super::damage::read_what_stands;
+use super::damage::read_compact;
 use super::tiles::{for_each_tile, for_each_tile_of};
 use crate::error::{Error, Result};
 use crate::image::{LinearImage, ToneMapping};
@@ -99,15 +98,9 @@ impl GpuRelighter {
         let ids: Vec<BlockId> = shape.blocks().collect();
         let mut bank = Bank::default();
         for batch in ids.chunks(BATCH) {
-            let read: Vec<_> = batch
-                .par_iter()
-                .map(|&id| {
-                    let readable = read_what_stands(source, id)?;
-                    let block = readable.block.map(|block| CompactBlock::new(shape, id, &block)).transpose()?;
-                    Ok((id, block, readable.damage.map(|damage| damage.to_string())))
-                })
-                .collect::<Result<_>>()?;
-            for (id, block, damage) in read {
+            let read: Vec<_> =
+                batch.par_iter().map(|&id| Ok((id, read_compact(source, shape, id)?))).collect::<Result<_>>()?;
+            for (id, (block, damage)) in read {
                 self.damage.extend(damage);
                 let Some(block) = block else { continue };
                 if bank.largest_with(&block) > limit {
