@@ -4,6 +4,7 @@ use std::fs::File;
 use std::ops::Range;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 
@@ -168,36 +169,57 @@ impl ContainerReader {
     }
 
     fn bad_block(&self, id: BlockId, layer: usize, problem: &str) -> Error {
-        let rect = self.job.shape.rect(id);
-        let place = format!("{id} (pixels from {}, {}), layer {layer}: {problem}", rect.x, rect.y);
-        Error::damaged(&self.path, place, "the other blocks can still be read; make the container again")
+        let problem = format!("{}, layer {layer}: {problem}", self.place(id));
+        Error::damaged(&self.path, problem, "the other blocks can still be read; make the container again")
     }
 
-    /// Reads and decodes every byte. `goes_on` hears of each block how many bytes it has, and whether to go on is its answer.
-    pub fn verify(&self, mut goes_on: impl FnMut(u64) -> bool) -> Verification {
-        let mut found = Verification::default();
-        if let Err(problem) = self.check_header() {
-            found.faults.push(Fault { block: None, problem });
-        }
-        for id in self.shape().blocks().filter(|&id| self.has_block(id)) {
-            found.blocks += 1;
-            found.chunks += u64::from(self.layer_count(id));
-            let record = self.record(id);
-            let problem = match self.read_block(id) {
-                Ok(block) if block.rank() != usize::from(record.rank) => Some("its rank is not the index's".to_owned()),
-                Ok(block) if block.sparse.len() != record.sparse_entries as usize => {
-                    Some("its number of sparse entries is not the index's".to_owned())
-                }
-                Ok(block) if !block.is_consistent() => Some("its sparse entries overlap".to_owned()),
-                Ok(_) => None,
-                Err(error) => Some(error.to_string()),
-            };
-            found.faults.extend(problem.map(|problem| Fault { block: Some(id), problem }));
-            if !goes_on(self.encoded_bytes(id, 0..self.layer_count(id))) {
-                break;
+    /// A block, for people.
+    fn place(&self, id: BlockId) -> String {
+        let rect = self.job.shape.rect(id);
+        format!("{id} (pixels from {}, {})", rect.x, rect.y)
+    }
+
+    /// Reads and decodes every byte, on the threads of the current pool. `goes_on` hears of each block how many bytes it
+    /// has, and whether to go on is its answer.
+    pub fn verify(&self, goes_on: impl Fn(u64) -> bool + Sync) -> Verification {
+        let stopped = AtomicBool::new(false);
+        let looked_at = |id: &BlockId| {
+            if stopped.load(Ordering::Relaxed) {
+                return None;
             }
+            let layers = self.layer_count(*id);
+            if !goes_on(self.encoded_bytes(*id, 0..layers)) {
+                stopped.store(true, Ordering::Relaxed);
+            }
+            Some((layers, self.check_block(*id).err().map(|problem| Fault { block: Some(*id), problem })))
+        };
+        let blocks: Vec<_> = self.shape().blocks().filter(|&id| self.has_block(id)).collect();
+        let looks: Vec<_> = blocks.par_iter().filter_map(looked_at).collect();
+        let header = self.check_header().err().map(|problem| Fault { block: None, problem });
+        Verification {
+            blocks: looks.len() as u32,
+            chunks: looks.iter().map(|(layers, _)| u64::from(*layers)).sum(),
+            faults: header.into_iter().chain(looks.into_iter().filter_map(|(_, fault)| fault)).collect(),
         }
-        found
+    }
+
+    /// Reads and decodes a block and holds it to its record.
+    fn check_block(&self, id: BlockId) -> Result<(), String> {
+        let record = self.record(id);
+        let block = self.read_block(id).map_err(|error| match error {
+            Error::Damaged { problem, .. } => problem,
+            other => other.to_string(),
+        })?;
+        let contradiction = if block.rank() != usize::from(record.rank) {
+            "its rank is not the index's"
+        } else if block.sparse.len() != record.sparse_entries as usize {
+            "its number of sparse entries is not the index's"
+        } else if !block.is_consistent() {
+            "its sparse entries overlap"
+        } else {
+            return Ok(());
+        };
+        Err(format!("{}: {contradiction}", self.place(id)))
     }
 
     /// Reads and checks the header against the trailer.
@@ -273,7 +295,7 @@ fn not_ours(path: &Path) -> Error {
 pub struct Fault {
     /// The block; `None` for the header.
     pub block: Option<BlockId>,
-    /// What does not hold.
+    /// What does not hold, naming the block or the header.
     pub problem: String,
 }
 

@@ -1,31 +1,52 @@
 //! Looking after stored matrices and containers: checking them, rendering damaged blocks again.
 
+use std::fmt;
 use std::path::Path;
 use std::time::Instant;
 
-use super::budget::Need;
+use super::budget::{Need, on_threads};
 use super::relight::decoding_bytes;
 use super::render::{PROGRAM_BYTES, job_of, settings_of, trace_into, tracing_need};
-use super::{PeakMemory, Watch};
-use crate::container::{ContainerReader, Verification};
+use super::{PeakMemory, Watch, human_bytes};
+use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::matrix::BlockId;
 use crate::scene::LoadedScene;
-use crate::store::{self, StoreOptions, StoreReader, VerifyReport};
+use crate::store::{self, StoreOptions, StoreReader};
 use crate::trace::Tracer;
 
-/// What [`verify`] found and took.
+/// What checking a matrix or a container found and took. Displayed as one line, without what is wrong.
 #[derive(Clone, Debug)]
 pub struct Verified {
-    /// What is there, missing, damaged.
-    pub found: VerifyReport,
+    /// Blocks that were looked at.
+    pub blocks: u32,
+    /// What is damaged, each naming its place; empty for a sound file.
+    pub faults: Vec<String>,
+    /// Blocks of a matrix that were never written.
+    pub missing: usize,
+    /// Bytes that were read: of a matrix those found good, of a container all.
+    pub verified_bytes: u64,
     /// Wall-clock seconds.
     pub seconds: f64,
     /// Peak resident anonymous memory, where the system tells.
     pub peak_memory_bytes: Option<u64>,
 }
 
-/// Checks every byte of a stored matrix.
+impl fmt::Display for Verified {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} blocks, {} read in {:.1} s, {}/s, peak memory {}",
+            self.blocks,
+            human_bytes(self.verified_bytes),
+            self.seconds,
+            human_bytes((self.verified_bytes as f64 / self.seconds.max(1e-9)) as u64),
+            self.peak_memory_bytes.map_or("unknown".into(), human_bytes),
+        )
+    }
+}
+
+/// Checks every byte of a stored matrix, block by block: the disk is slower than one thread.
 ///
 /// Errors: those of [`store::verify`]; [`Error::Resources`] where the memory is too small.
 pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Verified> {
@@ -41,43 +62,47 @@ pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Resu
         bytes = read;
     });
     watch.end();
-    Ok(Verified { found: found?, seconds: begun.elapsed().as_secs_f64(), peak_memory_bytes: memory.stop() })
+    let found = found?;
+    Ok(Verified {
+        blocks: found.blocks,
+        faults: found.damaged.into_iter().map(|damage| damage.problem).chain(found.stray).collect(),
+        missing: found.missing.len(),
+        verified_bytes: found.verified_bytes,
+        seconds: begun.elapsed().as_secs_f64(),
+        peak_memory_bytes: memory.stop(),
+    })
 }
 
-/// What [`verify_container`] found and took.
-#[derive(Clone, Debug)]
-pub struct VerifiedContainer {
-    /// What is there and damaged.
-    pub found: Verification,
-    /// Bytes of the file, all of them read.
-    pub file_bytes: u64,
-    /// Wall-clock seconds.
-    pub seconds: f64,
-    /// Peak resident anonymous memory, where the system tells.
-    pub peak_memory_bytes: Option<u64>,
-}
-
-/// Reads and decodes every byte of a container, block by block.
+/// Reads and decodes every byte of a container, blocks side by side on all threads that the memory allows.
 ///
 /// Errors: those of [`ContainerReader::open`]; [`Error::Resources`] where the memory is too small; [`Error::Interrupted`].
-pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<VerifiedContainer> {
+pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Verified> {
     let begun = Instant::now();
     let memory = PeakMemory::start();
     let reader = ContainerReader::open(path)?;
-    let fixed_bytes = PROGRAM_BYTES + reader.index_bytes() + decoding_bytes(&reader);
-    Need { fixed_bytes, ..Need::default() }.admit("checking", path, &[], memory_bytes, watch)?;
+    let fixed_bytes = PROGRAM_BYTES + reader.index_bytes();
+    let need = Need { fixed_bytes, per_thread_bytes: decoding_bytes(&reader), ..Need::default() };
+    let threads = need.admit("checking", path, &[], memory_bytes, watch)?;
     let blocks = reader.job().shape.blocks().filter(|&id| reader.has_block(id)).count();
     watch.begin("checking", blocks as u64, "blocks");
-    let found = reader.verify(|bytes| {
+    let look = |bytes| {
         watch.advance(1, bytes, "B");
         !watch.interrupted()
-    });
+    };
+    let found = on_threads(threads, || reader.verify(look));
     watch.end();
+    let found = found?;
     if watch.interrupted() {
         return Err(Error::Interrupted(format!("{} blocks were checked", found.blocks)));
     }
-    let (seconds, peak_memory_bytes) = (begun.elapsed().as_secs_f64(), memory.stop());
-    Ok(VerifiedContainer { found, file_bytes: reader.file_bytes(), seconds, peak_memory_bytes })
+    Ok(Verified {
+        blocks: found.blocks,
+        faults: found.faults.into_iter().map(|fault| fault.problem).collect(),
+        missing: 0,
+        verified_bytes: reader.file_bytes(),
+        seconds: begun.elapsed().as_secs_f64(),
+        peak_memory_bytes: memory.stop(),
+    })
 }
 
 fn reading_need(reader: &StoreReader) -> Need {

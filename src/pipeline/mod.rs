@@ -25,7 +25,7 @@ pub use budget::{human_bytes, parse_bytes};
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
 pub use fused::render_packed;
 pub use import::{ImportedMatrix, refuse_images};
-pub use maintain::{Verified, VerifiedContainer, repair, verify, verify_container};
+pub use maintain::{Verified, repair, verify, verify_container};
 pub use memory::PeakMemory;
 pub use pack::{PackOptions, PackReport, pack};
 pub use preview::{PreviewReport, preview};

@@ -22,6 +22,7 @@ pub(crate) fn with_overrides(mut loaded: LoadedScene, samples: Option<u32>, size
 }
 
 /// What a file is, by its name.
+#[derive(Clone, Copy)]
 pub(crate) enum Kind {
     Container,
     Matrix,

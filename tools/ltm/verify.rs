@@ -1,9 +1,9 @@
 //! `ltm verify`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use ltm::pipeline::{self, human_bytes, parse_bytes};
+use ltm::pipeline::{self, parse_bytes};
 use ltm::{Error, Result};
 
 use crate::console::Console;
@@ -20,50 +20,27 @@ pub(crate) struct Verify {
 
 pub(crate) fn run(options: &Verify, console: &Console) -> Result<()> {
     let path = &*options.file;
-    let (faults, missing) = match kind_of(path)? {
-        Kind::Container => {
-            let verified = pipeline::verify_container(path, options.memory, console)?;
-            let found = verified.found;
-            println!(
-                "{}: {} blocks, {} chunks, {} read in {:.1} s, {}/s, peak memory {}",
-                path.display(),
-                found.blocks,
-                found.chunks,
-                human_bytes(verified.file_bytes),
-                verified.seconds,
-                human_bytes((verified.file_bytes as f64 / verified.seconds) as u64),
-                verified.peak_memory_bytes.map_or("unknown".into(), human_bytes),
-            );
-            let place = |block: Option<_>| block.map_or("header".to_owned(), |id| format!("{id}"));
-            (found.faults.iter().map(|fault| format!("{}: {}", place(fault.block), fault.problem)).collect(), 0)
-        }
-        Kind::Matrix => matrix(path, options.memory, console)?,
+    let kind = kind_of(path)?;
+    let verified = match kind {
+        Kind::Container => pipeline::verify_container(path, options.memory, console)?,
+        Kind::Matrix => pipeline::verify(path, options.memory, console)?,
     };
-    faults.iter().for_each(|fault| println!("damaged: {fault}"));
-    if missing > 0 {
-        println!("{missing} blocks were never written");
+    println!("{}: {verified}", path.display());
+    verified.faults.iter().for_each(|fault| println!("damaged: {fault}"));
+    if verified.missing > 0 {
+        println!("{} blocks were never written", verified.missing);
     }
-    if faults.is_empty() {
-        println!("sound");
-        return Ok(());
-    }
-    let hint = "the other blocks can be read; repair it with ltm repair, or make it again";
-    Err(Error::damaged(path, format!("{} places are damaged", faults.len()), hint))
-}
-
-/// What is damaged, and how many blocks are missing.
-fn matrix(path: &Path, memory_bytes: Option<u64>, console: &Console) -> Result<(Vec<String>, usize)> {
-    let verified = pipeline::verify(path, memory_bytes, console)?;
-    let found = verified.found;
-    println!(
-        "{}: {} blocks, {} read in {:.1} s, {}/s, peak memory {}",
-        path.display(),
-        found.blocks,
-        human_bytes(found.verified_bytes),
-        verified.seconds,
-        human_bytes((found.verified_bytes as f64 / verified.seconds) as u64),
-        verified.peak_memory_bytes.map_or("unknown".into(), human_bytes),
-    );
-    let damaged = found.damaged.iter().map(|damage| format!("{}: {}", damage.block, damage.problem));
-    Ok((damaged.chain(found.stray).collect(), found.missing.len()))
+    let places = match verified.faults.len() {
+        0 => {
+            println!("sound");
+            return Ok(());
+        }
+        1 => "1 place is damaged".to_owned(),
+        places => format!("{places} places are damaged"),
+    };
+    let hint = match kind {
+        Kind::Container => "the other blocks can be read; pack it again",
+        Kind::Matrix => "the other blocks can be read; repair it with ltm repair, or render it again",
+    };
+    Err(Error::damaged(path, places, hint))
 }
