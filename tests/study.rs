@@ -78,6 +78,17 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
         }
     }
 
+    // The stored way and the fused one end in the same container, and the memory that was allowed was enough.
+    let large = read_csv(&out.join("large.csv"));
+    assert_eq!(
+        large.iter().map(|r| r["stage"].as_str()).collect::<Vec<_>>(),
+        ["render", "verify", "pack", "unpack", "render --pack"]
+    );
+    assert_eq!(large[2]["file_bytes"], large[4]["file_bytes"]);
+    for row in large.iter().filter(|row| !row["peak_bytes"].is_empty()) {
+        assert!(number(row, "peak_bytes") < f64::from(256 << 20), "{row:?}");
+    }
+
     for row in &read_csv(&out.join("rank.csv")) {
         assert!(number(row, "rank_of_signal") <= number(row, "rank_of_matrix"), "{row:?}");
     }

@@ -46,6 +46,13 @@ impl LoadedScene {
         let lighting = Lighting::of_scene(&scene.basis);
         Self { scene, settings, lighting, warnings, content }
     }
+
+    /// The same scene in an image of so many pixels.
+    pub fn sized(mut self, width: u32, height: u32) -> Self {
+        (self.scene.camera.width, self.scene.camera.height) = (width, height);
+        self.content = content_hash(&self.scene, self.settings.max_depth);
+        self
+    }
 }
 
 /// SHA-256 over everything that decides the entries of `T` apart from the samples: geometry, materials, textures,

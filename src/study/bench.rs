@@ -6,8 +6,17 @@ use std::path::{Path, PathBuf};
 use super::{StudyOptions, machine};
 use crate::error::{Error, Result};
 use crate::pipeline::{self, RenderOptions, Watch, job_of};
-use crate::scene::{BuiltIn, LoadedScene};
+use crate::scene::{self, BuiltIn, LoadedScene};
 use crate::store::StoreReader;
+
+/// The Conference Room with a panel: a scene that is not built in, but is measured where its files are.
+pub(super) const CONFERENCE: &str = "conference";
+
+/// Its scene files, by texels along a side of the panel.
+const CONFERENCE_FILES: [(u32, &str); 2] = [
+    (32, include_str!("../../formats/scenes/conference-panel-32.toml")),
+    (64, include_str!("../../formats/scenes/conference-panel-64.toml")),
+];
 
 /// The place of one study.
 pub(super) struct Bench<'a> {
@@ -17,7 +26,7 @@ pub(super) struct Bench<'a> {
     study: &'static str,
 }
 
-/// A matrix of a built-in scene.
+/// A matrix of a built-in scene or of the Conference Room.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted {
     pub(super) scene: &'static str,
@@ -59,7 +68,7 @@ impl<'a> Bench<'a> {
     pub(super) fn matrix(&self, wanted: Wanted) -> Result<StoreReader> {
         self.stop_if_interrupted()?;
         let path = self.cached(&wanted.file_name());
-        let loaded = wanted.loaded()?;
+        let loaded = self.loaded(wanted)?;
         if let Ok(matrix) = StoreReader::open(&path)
             && *matrix.job() == job_of(&loaded)?
         {
@@ -77,6 +86,38 @@ impl<'a> Bench<'a> {
             true => Err(Error::Interrupted(format!("the study {} is not finished; its matrices are kept", self.study))),
             false => Ok(()),
         }
+    }
+
+    /// The scene of a matrix.
+    pub(super) fn loaded(&self, wanted: Wanted) -> Result<LoadedScene> {
+        let (width, height) = wanted.size;
+        let mut loaded = match wanted.scene {
+            CONFERENCE => self.conference(wanted.texels)?.sized(width, height),
+            name => BuiltIn { width, height, texels: wanted.texels }.named(name)?,
+        };
+        loaded.settings.samples_per_pixel = wanted.samples;
+        loaded.settings.seed = wanted.seed;
+        loaded.settings.block_side = wanted.block_side;
+        Ok(loaded)
+    }
+
+    /// Some scenes and, where its files are and in earnest, the Conference Room.
+    pub(super) fn with_conference(&self, scenes: &[&'static str]) -> Vec<&'static str> {
+        let there = !self.quick && self.conference(32).is_ok();
+        scenes.iter().copied().chain(there.then_some(CONFERENCE)).collect()
+    }
+
+    fn conference(&self, texels: u32) -> Result<LoadedScene> {
+        let Some((_, text)) = CONFERENCE_FILES.iter().find(|file| file.0 == texels) else {
+            return Err(Error::input(
+                CONFERENCE,
+                format!("has no panel of {texels} × {texels} texels"),
+                "take 32 or 64",
+            ));
+        };
+        let path = self.cached(&format!("conference-panel-{texels}.toml"));
+        fs::write(&path, text).map_err(Error::io(&path, "write"))?;
+        scene::load(&path)
     }
 
     /// A watch for jobs inside the study: their notes would drown its own.
@@ -110,15 +151,6 @@ fn program_mark() -> String {
 }
 
 impl Wanted {
-    pub(super) fn loaded(self) -> Result<LoadedScene> {
-        let (width, height) = self.size;
-        let mut loaded = BuiltIn { width, height, texels: self.texels }.named(self.scene)?;
-        loaded.settings.samples_per_pixel = self.samples;
-        loaded.settings.seed = self.seed;
-        loaded.settings.block_side = self.block_side;
-        Ok(loaded)
-    }
-
     fn file_name(self) -> String {
         let Self { scene, size: (width, height), texels, samples, seed, block_side } = self;
         format!("{scene}-{width}x{height}-{texels}t-{samples}s-{seed}-{block_side}b.ltm")

@@ -66,6 +66,7 @@ const FULL: Plan = Plan {
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
+    let scenes = bench.with_conference(plan.scenes);
     let lights = bench.out.join("fig6-lights.toml");
     fs::write(&lights, LIGHTS).map_err(Error::io(&lights, "write"))?;
     let note = "Images of the factors, not quantised, against those of the raw matrix; mean and worst over the light set \
@@ -92,12 +93,12 @@ where there are no sparse entries. Algorithms 1 to 4 read twice as many rows as 
             ("psnr_clip_worst_db", 2),
         ],
     );
-    let steps = plan.scopes.len() * plan.scenes.len() * plan.counts.len() * (METHODS.len() + 1);
+    let steps = plan.scopes.len() * scenes.len() * plan.counts.len() * (METHODS.len() + 1);
     bench.watch.begin("fig6", steps as u64, "points");
     let mut report = StudyReport::default();
     for &(scope, block_side) in plan.scopes {
         let (mut mean, mut worst) = (Vec::new(), Vec::new());
-        for &scene in plan.scenes {
+        for &scene in &scenes {
             let Plan { size, texels, samples, .. } = *plan;
             let matrix = bench.matrix(Wanted { scene, size, texels, samples, seed: 0, block_side })?;
             let set = look::load(&lights, &matrix.job().basis)?;

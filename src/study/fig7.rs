@@ -21,6 +21,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         true => (&["diffuse"], (48, 36), 8, 64, 4),
         false => (&["diffuse", "reflections", "caustics", "mixed"], (192, 144), 32, 512, 2),
     };
+    let scenes = bench.with_conference(scenes);
     let mut table = Table::new(
         "The full matrix and the packed one, side by side",
         bench.notes(&[METRIC_NOTE, "Packed as `ltm-pack` does it by itself; errors for single lightings."]),

@@ -14,8 +14,10 @@ mod fig6;
 mod fig7;
 mod fig9;
 mod kernel_nystrom;
+mod large;
 mod machine;
 mod measured;
+mod mitsuba;
 mod mosaic;
 mod noise;
 mod rank;
@@ -55,6 +57,8 @@ pub enum Study {
     Speed,
     /// Time and memory against sizes.
     Scaling,
+    /// Matrices of 9 and 36 GiB, from the scene to a container and back, within 1 GiB of memory.
+    Large,
 }
 
 /// How to run studies.
@@ -77,8 +81,18 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 8] =
-        [Self::Fig6, Self::Fig9, Self::Fig5, Self::Fig7, Self::Rank, Self::Noise, Self::Speed, Self::Scaling];
+    pub const ALL: [Self; 9] = [
+        // First, while the process holds no memory that could be taken for these jobs'.
+        Self::Large,
+        Self::Fig6,
+        Self::Fig9,
+        Self::Fig5,
+        Self::Fig7,
+        Self::Rank,
+        Self::Noise,
+        Self::Speed,
+        Self::Scaling,
+    ];
 
     /// Its name in arguments and file names.
     pub fn name(self) -> &'static str {
@@ -91,6 +105,7 @@ impl Study {
             Self::Noise => "noise",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
+            Self::Large => "large",
         }
     }
 }
@@ -112,6 +127,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
             Study::Noise => noise::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,
+            Study::Large => large::run(&bench)?,
         };
         watch.note(&format!("{study}: {:.1} s", begun.elapsed().as_secs_f64()));
         report.files.extend(written.files);

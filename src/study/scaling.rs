@@ -68,7 +68,9 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let steps = plan.sizes.len() + plan.texels.len() + plan.levels.len() + plan.ranks.len();
     bench.watch.begin("scaling", steps as u64, "jobs");
     let standard = CompressSettings::default();
-    let scene = |size, texels| Wanted { scene: "mixed", size, texels, samples: plan.samples, seed: 0, block_side: 32 };
+    let scene = |size, texels| {
+        bench.loaded(Wanted { scene: "mixed", size, texels, samples: plan.samples, seed: 0, block_side: 32 })
+    };
     let small = plan.sizes[1];
     let mut all = Vec::new();
     let mut take = |varied, value: f64, loaded: LoadedScene, settings: &CompressSettings| -> Result<()> {
@@ -78,13 +80,13 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         Ok(())
     };
     for &size in plan.sizes {
-        take("pixels", f64::from(size.0 * size.1), scene(size, 16).loaded()?, &standard)?;
+        take("pixels", f64::from(size.0 * size.1), scene(size, 16)?, &standard)?;
     }
     for &texels in plan.texels {
-        take("columns", f64::from(texels * texels), scene(small, texels).loaded()?, &standard)?;
+        take("columns", f64::from(texels * texels), scene(small, texels)?, &standard)?;
     }
     for &level in plan.levels {
-        let mut loaded = scene(plan.sizes[0], 16).loaded()?;
+        let mut loaded = scene(plan.sizes[0], 16)?;
         (0..level).for_each(|_| subdivide(&mut loaded.scene.mesh));
         loaded.content = content_hash(&loaded.scene, loaded.settings.max_depth);
         take("triangles", loaded.scene.mesh.triangles.len() as f64, loaded, &standard)?;
@@ -93,7 +95,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         // All components are kept, so that relighting has so many too.
         let settings =
             CompressSettings { rank, target: Target::Slope(0.0), noise_factor: 0.0, ..CompressSettings::default() };
-        take("rank", rank as f64, scene(small, 32).loaded()?, &settings)?;
+        take("rank", rank as f64, scene(small, 32)?, &settings)?;
     }
     bench.watch.end();
     write(bench, plan, &all)

@@ -1,14 +1,13 @@
 //! Speed against error, end to end: from a scene to its first relit image, and from then on image by image.
 
-use std::process::Command;
 use std::time::Instant;
 
-use super::StudyReport;
 use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
 use super::fig9::LIGHTINGS_SEED;
 use super::measured::{Measured, Summary};
 use super::table::{Cell, Table};
+use super::{StudyReport, mitsuba};
 use crate::container::ContainerReader;
 use crate::error::Result;
 use crate::image::LinearImage;
@@ -17,6 +16,9 @@ use crate::matrix::{BlockSource, MatrixShape};
 use crate::pipeline::{self, PackOptions, RenderOptions};
 use crate::relight::{CpuRelighter, relight_raw};
 use crate::store::StoreReader;
+
+const MITSUBA_NOTE: &str = "Mitsuba 3: the same scene and lighting by its path integrator, on all cores; loading and \
+compiling are not counted.";
 
 struct Plan {
     scene: &'static str,
@@ -46,23 +48,31 @@ struct Way {
     all_on: Measured,
 }
 
+impl Way {
+    /// Rendering for one lighting, without any preparation.
+    fn again(name: &'static str, seconds: f64, image: &LinearImage, all_on: &LinearImage) -> Self {
+        let all_on = Measured::of(image, all_on);
+        Self { name, prepare_secs: 0.0, relight_secs: seconds, bytes: 0, summary: None, all_on }
+    }
+}
+
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
     let Plan { scene, size, texels, converged, .. } = *plan;
-    let mitsuba = if has_mitsuba() {
-        "A Python with Mitsuba is there, but its renders are not driven by this study yet."
-    } else {
-        "Mitsuba was not compared: no `python3` with it on this machine."
-    };
     let note = format!(
         "Errors against a matrix of {converged} samples per pixel and another seed. Prepare: from the scene to when relighting can \
 begin. Relight: mean of 12 lightings, CPU. {AGAIN}: the same tracer with the light as one column, all on, without storing \
 anything; each of the columns by itself would take columns times as long. Pays off: relights from which on preparing has been \
-worth it against rendering again at the same samples. {mitsuba}"
+worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     );
+    bench.watch.begin("speed", plan.samples.len() as u64, "sample counts");
+    let wanted = Wanted { scene, size, texels, samples: converged, seed: 1, block_side: 32 };
+    let (again_there, left_out) = rendered_again(bench, wanted, plan.samples)?;
+    let mut notes = bench.notes(&[&note]);
+    notes.extend(left_out);
     let mut table = Table::new(
         "Seconds from the scene to relit images",
-        bench.notes(&[&note]),
+        notes,
         &[
             ("scene", 0),
             ("way", 0),
@@ -81,8 +91,6 @@ worth it against rendering again at the same samples. {mitsuba}"
             ("all_on_clip_db", 2),
         ],
     );
-    bench.watch.begin("speed", plan.samples.len() as u64, "sample counts");
-    let wanted = Wanted { scene, size, texels, samples: converged, seed: 1, block_side: 32 };
     let reference = bench.matrix(wanted)?;
     let shape = reference.shape();
     let lightings: Vec<Lighting> =
@@ -92,7 +100,9 @@ worth it against rendering again at the same samples. {mitsuba}"
     let mut error_lines: Vec<Line> = Vec::new();
     for &samples in plan.samples {
         bench.stop_if_interrupted()?;
-        let ways = ways(bench, Wanted { samples, seed: 0, ..wanted }, &lightings, &references)?;
+        let mut ways = ways(bench, Wanted { samples, seed: 0, ..wanted }, &lightings, &references)?;
+        let there = again_there.iter().filter(|(_, image)| image.samples == samples);
+        ways.extend(there.map(|(name, image)| Way::again(name, image.seconds, &image.image, &references[0])));
         let again = ways.iter().find(|way| way.name == AGAIN).map_or(f64::NAN, |way| way.relight_secs);
         for way in &ways {
             table.push(row(scene, samples, shape, way, again));
@@ -161,7 +171,7 @@ fn ways(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &
     let (matrix_path, container_path) = (bench.cached("speed.ltm"), bench.cached("speed.ltc"));
     let mut render_options = RenderOptions::default();
     render_options.store.overwrite = true;
-    let loaded = wanted.loaded()?;
+    let loaded = bench.loaded(wanted)?;
     let begun = Instant::now();
     pipeline::render(loaded, &matrix_path, &render_options, &bench.silent())?;
     let render_secs = begun.elapsed().as_secs_f64();
@@ -196,33 +206,44 @@ fn ways(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &
     // Packed while it is traced: the raw matrix never exists.
     let fused_path = bench.cached("speed-fused.ltc");
     let begun = Instant::now();
-    let (_, fused) = pipeline::render_packed(wanted.loaded()?, &fused_path, &pack_options, &bench.silent())?;
+    let (_, fused) = pipeline::render_packed(bench.loaded(wanted)?, &fused_path, &pack_options, &bench.silent())?;
     let relighter = CpuRelighter::load(&ContainerReader::open(&fused_path)?)?;
     let fused_secs = begun.elapsed().as_secs_f64();
     ways.push(way(FUSED, fused_secs, fused.packed_bytes, relit(&|lighting| relighter.relight(lighting))?));
 
     // The light as one column: what rendering the scene under this one lighting costs.
-    let single = Wanted { texels: 1, ..wanted }.loaded()?;
+    let single = bench.loaded(Wanted { texels: 1, ..wanted })?;
     let path = bench.cached("speed-one.ltm");
     let begun = Instant::now();
     pipeline::render(single, &path, &render_options, &bench.silent())?;
     let again_secs = begun.elapsed().as_secs_f64();
     let one = StoreReader::open(&path)?;
     let image = &relight_raw(&one, &[Lighting::uniform(one.shape().columns(), [1.0; 3])?])?[0];
-    ways.push(Way {
-        name: AGAIN,
-        prepare_secs: 0.0,
-        relight_secs: again_secs,
-        bytes: 0,
-        summary: None,
-        all_on: Measured::of(image, &references[0]),
-    });
+    ways.push(Way::again(AGAIN, again_secs, image, &references[0]));
     Ok(ways)
 }
 
-/// Whether a `python3` on the path can import Mitsuba.
-fn has_mitsuba() -> bool {
-    let quiet = std::process::Stdio::null;
-    let asked = Command::new("python3").args(["-c", "import mitsuba"]).stdout(quiet()).stderr(quiet()).status();
-    asked.is_ok_and(|status| status.success())
+/// The scene with everything on, rendered by each variant of Mitsuba with each number of samples, with its name; and a
+/// line for each that is left out.
+fn rendered_again(
+    bench: &Bench<'_>,
+    wanted: Wanted,
+    samples: &[u32],
+) -> Result<(Vec<(&'static str, mitsuba::Rendered)>, Vec<String>)> {
+    if !mitsuba::is_there() {
+        let how = "Mitsuba was not compared: no Python with it (`LTM_MITSUBA` names one, else `python3`).";
+        return Ok((Vec::new(), vec![how.to_owned()]));
+    }
+    // One texel: its lighting has one weight, and the light is one shape.
+    let mut loaded = bench.loaded(Wanted { texels: 1, ..wanted })?;
+    loaded.lighting = Lighting::uniform(loaded.scene.basis.column_count(), [1.0; 3])?;
+    let (mut images, mut left_out) = (Vec::new(), Vec::new());
+    for (variant, name) in mitsuba::VARIANTS {
+        bench.stop_if_interrupted()?;
+        match mitsuba::render(&loaded, &bench.cached("mitsuba"), variant, samples) {
+            Ok(rendered) => images.extend(rendered.into_iter().map(|image| (name, image))),
+            Err(problem) => left_out.push(format!("{name} left out: {problem}.")),
+        }
+    }
+    Ok((images, left_out))
 }

@@ -11,14 +11,13 @@ pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     Ok((side(width)?, side(height)?))
 }
 
-/// A scene with the samples and size that the command line asks for, and the identity that goes with them.
+/// A scene with the samples and size that the command line asks for.
 pub(crate) fn with_overrides(mut loaded: LoadedScene, samples: Option<u32>, size: Option<(u32, u32)>) -> LoadedScene {
     loaded.settings.samples_per_pixel = samples.unwrap_or(loaded.settings.samples_per_pixel);
-    if let Some((width, height)) = size {
-        (loaded.scene.camera.width, loaded.scene.camera.height) = (width, height);
+    match size {
+        Some((width, height)) => loaded.sized(width, height),
+        None => loaded,
     }
-    loaded.content = ltm::scene::content_hash(&loaded.scene, loaded.settings.max_depth);
-    loaded
 }
 
 /// What a file is, by its name.
