@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use ltm::relight::{Admission, Detail, Pager};
+use ltm::relight::{Admission, Detail, Pager, plan};
 use proptest::prelude::*;
 
 /// The same decisions from a list in the order of use, the least recently used first.
@@ -45,11 +45,26 @@ impl Model {
     }
 }
 
+impl Model {
+    /// One page after the other: the first out of view or, where all are seen, the first.
+    fn shrink_to(&mut self, bytes: u64) -> Vec<u8> {
+        let mut evicted = Vec::new();
+        while self.used_bytes() > bytes {
+            let at = self.pages.iter().position(|page| !self.view.contains(&page.0)).unwrap_or(0);
+            evicted.push(self.pages.remove(at).0);
+        }
+        evicted
+    }
+}
+
 #[derive(Clone, Debug)]
 enum Act {
     View(Vec<u8>),
+    See(u8),
     Touch(u8),
     Admit(u8, Detail, u64),
+    ShrinkTo(u64),
+    Remove(u8),
 }
 
 fn act() -> impl Strategy<Value = Act> {
@@ -57,7 +72,10 @@ fn act() -> impl Strategy<Value = Act> {
     let detail = prop_oneof![Just(Detail::Base), Just(Detail::Whole)];
     prop_oneof![
         1 => proptest::collection::vec(key.clone(), 0..6).prop_map(Act::View),
+        1 => key.clone().prop_map(Act::See),
         3 => key.clone().prop_map(Act::Touch),
+        1 => (0..200u64).prop_map(Act::ShrinkTo),
+        1 => key.clone().prop_map(Act::Remove),
         6 => (key, detail, 0..60u64).prop_map(|(key, detail, bytes)| Act::Admit(key, detail, bytes)),
     ]
 }
@@ -76,7 +94,17 @@ proptest! {
                     model.view = view.iter().copied().collect();
                     pager.set_view(view);
                 }
+                Act::See(key) => {
+                    model.view.insert(key);
+                    pager.see(key);
+                }
                 Act::Touch(key) => prop_assert_eq!(pager.touch(key), model.touch(key)),
+                Act::ShrinkTo(bytes) => prop_assert_eq!(pager.shrink_to(bytes), model.shrink_to(bytes)),
+                Act::Remove(key) => {
+                    model.pages.retain(|page| page.0 != key);
+                    pager.remove(key);
+                    prop_assert_eq!(pager.detail(key), None);
+                }
                 Act::Admit(key, detail, bytes) => {
                     let seen: Vec<u8> = model.pages.iter().map(|p| p.0).filter(|k| model.view.contains(k)).collect();
                     let admission = pager.admit(key, detail, bytes);
@@ -103,13 +131,13 @@ proptest! {
         for (key, whole) in there {
             pager.admit(key, if whole { Detail::Whole } else { Detail::Base }, 1);
         }
-        let plan = pager.plan(&view, &nearby);
+        let steps = plan(&view, &nearby, |key| pager.detail(key));
         let rank = |(key, detail): &(u8, Detail)| (*key >= 6, *detail == Detail::Whole);
-        prop_assert!(plan.is_sorted_by_key(rank), "{:?}", plan);
+        prop_assert!(steps.is_sorted_by_key(rank), "{:?}", steps);
         for key in view.iter().chain(&nearby) {
             for wanted in [Detail::Base, Detail::Whole] {
                 let missing = pager.detail(*key).is_none_or(|has| has < wanted);
-                prop_assert_eq!(plan.contains(&(*key, wanted)), missing);
+                prop_assert_eq!(steps.contains(&(*key, wanted)), missing);
             }
         }
     }

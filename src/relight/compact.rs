@@ -1,6 +1,6 @@
 //! Blocks of factors as they are held for relighting: 8 or 16 bits a value.
 
-use half::f16;
+use std::ops::Range;
 
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, CHANNELS, FactoredBlock, MatrixShape};
@@ -81,9 +81,24 @@ pub struct CompactBlock {
     pub(crate) sparse: SparseEntries,
 }
 
-impl<Q> Part<Q> {
+impl<Q: Copy> Part<Q> {
     fn new() -> Self {
         Self { components: Vec::new(), values: Vec::new() }
+    }
+
+    /// Where some components stand. They stand in rising order.
+    fn places(&self, components: &Range<u32>) -> Range<usize> {
+        let place_of = |component| self.components.partition_point(|&k| k < component);
+        place_of(components.start)..place_of(components.end)
+    }
+
+    /// Those of some components, which are counted from the first of them on.
+    fn piece(&self, length: usize, components: &Range<u32>) -> Self {
+        let places = self.places(components);
+        Self {
+            components: self.components[places.clone()].iter().map(|k| k - components.start).collect(),
+            values: self.values[places.start * length..places.end * length].to_vec(),
+        }
     }
 
     fn bytes(&self) -> usize {
@@ -96,25 +111,41 @@ impl Factor {
         Self { length, narrow: Part::new(), wide: Part::new() }
     }
 
-    /// Stores component `index` and returns its scale, 0 for a component of zeros, which takes no room.
-    fn push(&mut self, index: u32, values: &[f32], step: Option<f32>) -> f64 {
-        let peak = f64::from(values.iter().fold(0.0f32, |peak, v| peak.max(v.abs())));
+    /// Stores component `index` and returns its scale, 0 for a component of zeros, which takes no room; none if a value
+    /// is not finite.
+    #[inline(always)]
+    fn push(&mut self, index: u32, values: &[f32], step: Option<f32>) -> Option<f64> {
+        let peak = peak(values);
         if peak == 0.0 {
-            return 0.0;
+            return Some(0.0);
         }
-        match step.and_then(|step| narrow_scale(values, peak, f64::from(step))) {
+        if !peak.is_finite() {
+            return None;
+        }
+        let peak = f64::from(peak);
+        Some(match step.and_then(|step| narrow_scale(values, peak, f64::from(step))) {
             Some(scale) => {
                 self.narrow.components.push(index);
-                self.narrow.values.extend(values.iter().map(|&v| (f64::from(v) / scale).round() as i8));
+                self.narrow.values.extend(values.iter().map(|&v| narrow(v, scale.recip())));
                 scale
             }
             None => {
-                let scale = peak / WIDE_PEAK;
                 self.wide.components.push(index);
-                self.wide.values.extend(values.iter().map(|&v| wide(f64::from(v) / scale)));
+                let scale = peak / WIDE_PEAK;
+                self.wide.values.extend(values.iter().map(|&v| wide(v, scale.recip())));
                 scale
             }
-        }
+        })
+    }
+
+    /// How many of some components are held in 8 bits, and how many in 16.
+    pub(crate) fn count(&self, components: &Range<u32>) -> (usize, usize) {
+        (self.narrow.places(components).len(), self.wide.places(components).len())
+    }
+
+    fn piece(&self, components: &Range<u32>) -> Self {
+        let (narrow, wide) = (self.narrow.piece(self.length, components), self.wide.piece(self.length, components));
+        Self { length: self.length, narrow, wide }
     }
 
     fn bytes(&self) -> usize {
@@ -122,8 +153,16 @@ impl Factor {
     }
 }
 
+/// The largest size of a value; not finite if one of them is not. By their bits, which order as sizes do and of which many
+/// are compared at once.
+#[inline(always)]
+fn peak(values: &[f32]) -> f32 {
+    f32::from_bits(values.iter().fold(0, |peak, v| peak.max(v.to_bits() & 0x7fff_ffff)))
+}
+
 /// The scale with which values fit 8 bits without losing more than rounding to `step` would, if there is one: `step`
 /// itself where the values are multiples of it (then nothing is lost), else the finest scale that fits.
+#[inline(always)]
 fn narrow_scale(values: &[f32], peak: f64, step: f64) -> Option<f64> {
     if step <= 0.0 || peak / NARROW_PEAK > step * (1.0 + 1e-6) {
         return None;
@@ -136,9 +175,21 @@ fn narrow_scale(values: &[f32], peak: f64, step: f64) -> Option<f64> {
     Some(if values.iter().all(|&v| multiple(v)) { step } else { peak / NARROW_PEAK })
 }
 
-fn wide(value: f64) -> Wide {
-    let rounded = f16::from_f64(value);
-    Wide(if rounded.is_normal() { rounded.to_bits() } else { 0 })
+/// `value · inverse_scale` rounded. Added to 1.5 · 2²³ it stands in the lowest bits: that takes many values at once.
+#[inline(always)]
+fn narrow(value: f32, inverse_scale: f64) -> i8 {
+    ((f64::from(value) * inverse_scale) as f32 + 12_582_912.0).to_bits() as i8
+}
+
+/// `value · inverse_scale`, at most 2¹⁵, as a 16-bit float rounded to even: without cases, so that it takes many values at
+/// once.
+#[inline(always)]
+fn wide(value: f32, inverse_scale: f64) -> Wide {
+    let bits = ((f64::from(value) * inverse_scale) as f32).to_bits();
+    let size = bits & 0x7fff_ffff;
+    let rounded = size + 0xfff + (size >> 13 & 1);
+    let half = (rounded >> 13).wrapping_sub(112 << 10) | bits >> 16 & 0x8000;
+    Wide(if rounded < 113 << 23 { 0 } else { half as u16 })
 }
 
 impl CompactBlock {
@@ -156,10 +207,6 @@ impl CompactBlock {
         if !empty && !block.is_consistent() {
             return refuse("has factors that do not fit each other".into());
         }
-        let mut values = block.left.iter().chain(&block.right).copied().chain(block.sparse.iter().map(|e| e.value));
-        if !values.all(f32::is_finite) {
-            return refuse("has factors that are not finite".into());
-        }
         let rank = if empty { 0 } else { block.rank() };
         let mut compact = Self {
             scales: Vec::with_capacity(rank),
@@ -167,10 +214,9 @@ impl CompactBlock {
             right: Factor::new(shape.columns()),
             sparse: SparseEntries::default(),
         };
-        for k in 0..rank {
-            let left_scale = compact.left.push(k as u32, block.left_component(k), block.left_step.get(k).copied());
-            let right_scale = compact.right.push(k as u32, block.right_component(k), block.right_step.get(k).copied());
-            compact.scales.push((left_scale * right_scale) as f32);
+        let is_finite = pulp::Arch::new().dispatch(PushFactors { block, rank, compact: &mut compact });
+        if !is_finite || !block.sparse.iter().all(|e| e.value.is_finite()) {
+            return refuse("has factors that are not finite".into());
         }
         for entry in &block.sparse {
             match compact.sparse.ends.last_mut() {
@@ -205,6 +251,14 @@ impl CompactBlock {
         self.left.bytes() + self.right.bytes() + self.scales.len() * size_of::<f32>() + sparse
     }
 
+    /// Some of its components as a block of their own, with the sparse entries in the piece that begins at the first: the
+    /// pieces of a block add up to it.
+    pub(crate) fn piece(&self, components: Range<u32>) -> Self {
+        let sparse = if components.start == 0 { self.sparse.clone() } else { SparseEntries::default() };
+        let scales = self.scales[components.start as usize..components.end as usize].to_vec();
+        Self { scales, left: self.left.piece(&components), right: self.right.piece(&components), sparse }
+    }
+
     /// Whether any relit pixel can be other than black.
     pub(crate) fn is_empty(&self) -> bool {
         self.scales.is_empty() && self.sparse.rows.is_empty()
@@ -213,6 +267,30 @@ impl CompactBlock {
     /// Rows of one colour channel.
     pub(crate) fn pixels(&self) -> usize {
         self.left.length / CHANNELS
+    }
+}
+
+/// Takes in all components and says whether they are finite; compiled for the vectors that the machine has. Not a closure:
+/// what wraps one is compiled without them.
+struct PushFactors<'a> {
+    block: &'a FactoredBlock,
+    rank: usize,
+    compact: &'a mut CompactBlock,
+}
+
+impl pulp::NullaryFnOnce for PushFactors<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        let Self { block, rank, compact } = self;
+        for k in 0..rank {
+            let left = compact.left.push(k as u32, block.left_component(k), block.left_step.get(k).copied());
+            let right = compact.right.push(k as u32, block.right_component(k), block.right_step.get(k).copied());
+            let (Some(left), Some(right)) = (left, right) else { return false };
+            compact.scales.push((left * right) as f32);
+        }
+        true
     }
 }
 
@@ -228,6 +306,7 @@ impl SparseEntries {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use half::f16;
 
     #[test]
     fn every_normal_16_bit_float_is_read_exactly() {
@@ -240,11 +319,36 @@ mod tests {
     }
 
     #[test]
+    fn values_are_rounded_to_16_bits_as_the_half_crate_does_it_and_subnormals_to_zero() {
+        for bits in (0..0x7000_0000u32).step_by(997) {
+            for value in [f32::from_bits(bits), -f32::from_bits(bits)] {
+                if value.abs() <= WIDE_PEAK as f32 {
+                    let (found, expected) = (f16::from_bits(wide(value, 1.0).0), f16::from_f32(value));
+                    // Between the least normal number and zero there is nothing.
+                    let flushed = found.to_bits() == 0 && value.abs() < f16::MIN_POSITIVE.to_f32();
+                    assert!(found.to_bits() == expected.to_bits() && expected.is_normal() || flushed, "{value:e}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn values_that_are_not_finite_are_refused_wherever_they_stand() {
+        for bad in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for at in 0..70 {
+                let mut values = vec![1.0; 70];
+                values[at] = bad;
+                assert!(Factor::new(70).push(0, &values, Some(1.0)).is_none());
+            }
+        }
+    }
+
+    #[test]
     fn multiples_of_their_step_lose_nothing_in_8_bits() {
         let step = 0.037f32;
         let values: Vec<f32> = (-127..=127).map(|q| q as f32 * step).collect();
         let mut factor = Factor::new(values.len());
-        let scale = factor.push(0, &values, Some(step));
+        let scale = factor.push(0, &values, Some(step)).unwrap();
         assert!(factor.wide.components.is_empty());
         for (q, v) in factor.narrow.values.iter().zip(&values) {
             assert!((f64::from(*q) * scale - f64::from(*v)).abs() <= 1e-6 * f64::from(v.abs()));
@@ -255,7 +359,7 @@ mod tests {
     fn a_step_too_fine_for_8_bits_takes_16() {
         let values: Vec<f32> = (0..300).map(|q| q as f32).collect();
         let mut factor = Factor::new(values.len());
-        let scale = factor.push(0, &values, Some(1.0));
+        let scale = factor.push(0, &values, Some(1.0)).unwrap();
         assert!(factor.narrow.components.is_empty());
         for (q, v) in factor.wide.values.iter().zip(&values) {
             // A 16-bit float keeps 11 bits: half a unit of the last place is 2⁻¹¹ of the value at most.

@@ -98,7 +98,7 @@ impl CpuRelighter {
     /// Errors: a lighting with another number of columns than the matrix, or an image of another size.
     pub fn relight_into(&self, lighting: &Lighting, image: &mut LinearImage) -> Result<()> {
         check_columns(self.shape, lighting)?;
-        self.check_size(image)?;
+        check_size(self.shape, image)?;
         let lighting = PlanarLighting::new(lighting);
         for_each_tile(image, self.shape, |mut tile| {
             relight_block(self.blocks[tile.id.index()].as_ref(), &lighting, &mut tile);
@@ -130,7 +130,7 @@ impl CpuRelighter {
     /// Errors: a column that the matrix does not have, a weight that is not finite, or an image that was not relit
     /// with a matrix of this shape; nothing is changed then.
     pub fn change(&self, relit: &mut Relit, changes: &[(ColumnIndex, [f32; CHANNELS])]) -> Result<()> {
-        self.check_size(&relit.image)?;
+        check_size(self.shape, &relit.image)?;
         if relit.projected.len() != self.blocks.len() || relit.weights.len() != self.shape.columns() {
             return Err(Error::input("kept image", "belongs to another matrix", "relight it anew"));
         }
@@ -170,15 +170,6 @@ impl CpuRelighter {
         })?;
         relit.weights.copy_from_slice(lighting.weights());
         Ok(())
-    }
-
-    fn check_size(&self, image: &LinearImage) -> Result<()> {
-        let (width, height) = (self.shape.width(), self.shape.height());
-        if (image.width, image.height) == (width, height) {
-            return Ok(());
-        }
-        let problem = format!("is {} × {} pixels, the matrix {width} × {height}", image.width, image.height);
-        Err(Error::input("target image", problem, ""))
     }
 }
 
@@ -240,6 +231,16 @@ pub(crate) fn check_columns(shape: MatrixShape, lighting: &Lighting) -> Result<(
         return Ok(());
     }
     Err(Error::input("lighting", format!("has {has} columns, the matrix {needs}"), "make it over the matrix's lights"))
+}
+
+/// Refuses an image of another size than the matrix.
+pub(crate) fn check_size(shape: MatrixShape, image: &LinearImage) -> Result<()> {
+    let (width, height) = (shape.width(), shape.height());
+    if (image.width, image.height) == (width, height) {
+        return Ok(());
+    }
+    let problem = format!("is {} × {} pixels, the matrix {width} × {height}", image.width, image.height);
+    Err(Error::input("target image", problem, ""))
 }
 
 /// Sets the pixels of one block; a missing block becomes a marked hole.

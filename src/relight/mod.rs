@@ -24,5 +24,5 @@ pub use compact::CompactBlock;
 pub use cpu::{CpuRelighter, Relit, relight_streaming};
 pub use gpu::{GpuRelighter, GpuSettings, PagedGpuRelighter};
 pub use paged::{PagedRelighter, Reads};
-pub use pager::{Admission, Detail, Pager};
+pub use pager::{Admission, Detail, Pager, plan};
 pub use raw::relight_raw;

@@ -1,4 +1,7 @@
 //! Relighting a matrix whose factors do not fit into memory, with the same bits as if they did.
+//!
+//! The budget is spent on stored chunks first: they are a tenth of the factors that they hold and spare the disk. What is
+//! left holds factors, which spares the decoding.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard};
@@ -6,8 +9,8 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use rayon::prelude::*;
 
 use super::compact::CompactBlock;
-use super::cpu::{check_columns, relight_block};
-use super::pager::{Detail, Pager};
+use super::cpu::{check_columns, check_size, relight_block};
+use super::pager::{Detail, Pager, plan};
 use super::project::PlanarLighting;
 use super::tiles::for_each_tile;
 use crate::error::{Error, Result};
@@ -15,13 +18,18 @@ use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, FactorSource, MatrixShape};
 
-/// What was read of a source.
+/// Memory that a chunk takes beside its bytes: its entries in the maps of pages, chunks and uses.
+const CHUNK_OVERHEAD_BYTES: u64 = 192;
+
+/// What was read of a source, and what became of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reads {
     /// Layers of blocks.
     pub chunks: u64,
     /// Their bytes in the source.
     pub bytes: u64,
+    /// Blocks that were decoded, each time counted.
+    pub decodes: u64,
 }
 
 /// Relights from a source that is read as it is needed; the blocks used last stay within a budget.
@@ -34,6 +42,10 @@ pub struct PagedRelighter<'a> {
 }
 
 struct State {
+    /// Stored layers of blocks.
+    stored: Pager<(BlockId, u32)>,
+    chunks: HashMap<(BlockId, u32), Arc<Vec<u8>>>,
+    /// Blocks of factors.
     pager: Pager<BlockId>,
     held: HashMap<BlockId, Arc<Held>>,
     damage: BTreeMap<BlockId, String>,
@@ -44,27 +56,48 @@ struct State {
 pub(super) struct Held {
     /// None where nothing of it could be read.
     pub(super) block: Option<CompactBlock>,
-    detail: Detail,
-    /// The stored bytes of its base layer, which its other layers are decoded with; none once it is whole.
-    base: Vec<u8>,
+    pub(super) detail: Detail,
 }
 
 impl Held {
     fn bytes(&self) -> u64 {
-        (size_of::<Self>() + self.base.len() + self.block.as_ref().map_or(0, CompactBlock::bytes)) as u64
+        (size_of::<Self>() + self.block.as_ref().map_or(0, CompactBlock::bytes)) as u64
     }
 }
 
+/// A block that was asked for, and whether it stays in memory.
+struct Fetched {
+    held: Arc<Held>,
+    is_kept: bool,
+}
+
+/// The stored layers of a block.
+struct Chunks {
+    chunks: Vec<Arc<Vec<u8>>>,
+    /// What ended them before the last that was wanted.
+    damage: Option<Error>,
+    /// Whether all of them stay in memory.
+    is_kept: bool,
+}
+
 impl<'a> PagedRelighter<'a> {
-    /// A relighter that holds at most `budget_bytes` of factors. Reads nothing yet.
+    /// A relighter that holds at most `budget_bytes` of chunks and factors. Reads nothing yet.
     pub fn new(source: &'a dyn FactorSource, budget_bytes: u64) -> Self {
+        let shape = source.shape();
+        let stored_bytes = |id: BlockId| {
+            let layers = source.layer_count(id);
+            source.encoded_bytes(id, 0..layers) + u64::from(layers) * CHUNK_OVERHEAD_BYTES
+        };
+        let stored_budget = shape.blocks().map(stored_bytes).sum::<u64>().min(budget_bytes);
         let state = State {
-            pager: Pager::new(budget_bytes),
+            stored: Pager::new(stored_budget),
+            chunks: HashMap::new(),
+            pager: Pager::new(budget_bytes - stored_budget),
             held: HashMap::new(),
             damage: BTreeMap::new(),
             reads: Reads::default(),
         };
-        Self { source, shape: source.shape(), state: Mutex::new(state) }
+        Self { source, shape, state: Mutex::new(state) }
     }
 
     /// Shape of the matrix.
@@ -96,15 +129,12 @@ impl<'a> PagedRelighter<'a> {
         image: &mut LinearImage,
     ) -> Result<()> {
         check_columns(self.shape, lighting)?;
-        if (image.width, image.height) != (self.shape.width(), self.shape.height()) {
-            let problem = format!("is {} × {} pixels, not the matrix's size", image.width, image.height);
-            return Err(Error::input("target image", problem, ""));
-        }
-        let view: HashSet<BlockId> = view.iter().copied().collect();
-        self.lock().pager.set_view(view.iter().copied());
+        check_size(self.shape, image)?;
+        let seen: HashSet<BlockId> = view.iter().copied().collect();
+        self.set_view(view);
         let lighting = PlanarLighting::new(lighting);
         for_each_tile(image, self.shape, |mut tile| {
-            if view.contains(&tile.id) {
+            if seen.contains(&tile.id) {
                 let held = self.fetch(tile.id, detail)?;
                 relight_block(held.block.as_ref(), &lighting, &mut tile);
             }
@@ -112,40 +142,62 @@ impl<'a> PagedRelighter<'a> {
         })
     }
 
-    /// Reads what the view lacks and then what lies nearby, until the budget is full; evicts nothing that is in view.
+    /// Says which blocks are seen from now on: they and their chunks are not evicted.
+    pub(super) fn set_view(&self, view: &[BlockId]) {
+        let layers = view.iter().flat_map(|&id| (0..self.source.layer_count(id)).map(move |layer| (id, layer)));
+        let mut state = self.lock();
+        state.stored.set_view(layers);
+        state.pager.set_view(view.iter().copied());
+    }
+
+    /// Decodes what the view lacks and then what lies nearby, base layers before the rest, until the budget is full;
+    /// then reads of what is left the chunks for which there is room. Evicts nothing that is in view.
     ///
     /// Errors: as [`relight`](Self::relight).
     pub fn prefetch(&self, view: &[BlockId], nearby: &[BlockId]) -> Result<()> {
-        let plan = {
-            let mut state = self.lock();
-            state.pager.set_view(view.iter().copied());
-            state.pager.plan(view, nearby)
+        // What lies nearby must not drive out what else lies there, but gives way to what will be seen.
+        self.set_view(&[view, nearby].concat());
+        let read = self.fill(view, nearby);
+        self.set_view(view);
+        read
+    }
+
+    fn fill(&self, view: &[BlockId], nearby: &[BlockId]) -> Result<()> {
+        let steps = {
+            let state = self.lock();
+            plan(view, nearby, |id| state.pager.detail(id))
         };
-        // Step by step in the order of the plan, in batches that keep all threads busy.
-        for batch in plan.chunks(2 * rayon::current_num_threads()) {
-            let full = {
-                let state = self.lock();
-                state.pager.used_bytes() >= state.pager.budget_bytes()
-            };
-            if full {
+        // In the order of the plan, in batches that keep all threads busy.
+        let mut batches = steps.chunks(2 * rayon::current_num_threads());
+        for batch in batches.by_ref() {
+            let fetched: Vec<Fetched> =
+                batch.par_iter().map(|&(id, detail)| self.fetch_kept(id, detail)).collect::<Result<_>>()?;
+            if fetched.iter().any(|fetched| !fetched.is_kept) {
                 break;
             }
-            batch.par_iter().try_for_each(|&(id, detail)| self.fetch(id, detail).map(drop))?;
+        }
+        for &(id, detail) in batches.flatten() {
+            if !self.chunks(id, detail)?.is_kept {
+                break;
+            }
         }
         Ok(())
     }
 
     /// The block in at least this detail, from memory or from the source.
     pub(super) fn fetch(&self, id: BlockId, wanted: Detail) -> Result<Arc<Held>> {
+        self.fetch_kept(id, wanted).map(|fetched| fetched.held)
+    }
+
+    fn fetch_kept(&self, id: BlockId, wanted: Detail) -> Result<Fetched> {
         let before = {
             let mut state = self.lock();
             state.pager.touch(id).and_then(|_| state.held.get(&id).cloned())
         };
-        if let Some(held) = before.as_ref().filter(|held| held.detail >= wanted) {
-            return Ok(Arc::clone(held));
+        if let Some(held) = before.filter(|held| held.detail >= wanted) {
+            return Ok(Fetched { held, is_kept: true });
         }
-        let base = before.map(|held| held.base.clone());
-        let held = Arc::new(self.read(id, wanted, base)?);
+        let held = Arc::new(self.read(id, wanted)?);
         let mut state = self.lock();
         let admission = state.pager.admit(id, held.detail, held.bytes());
         for evicted in admission.evicted {
@@ -155,40 +207,23 @@ impl<'a> PagedRelighter<'a> {
         if admission.kept && state.held.get(&id).is_none_or(|other| other.detail < held.detail) {
             state.held.insert(id, Arc::clone(&held));
         }
-        Ok(held)
+        Ok(Fetched { held, is_kept: admission.kept })
     }
 
-    /// Reads the layers that are missing. A damaged layer ends the block where it stands.
-    fn read(&self, id: BlockId, wanted: Detail, base: Option<Vec<u8>>) -> Result<Held> {
+    /// Reads and decodes a block. A damaged layer ends it where it stands.
+    fn read(&self, id: BlockId, wanted: Detail) -> Result<Held> {
         let all = self.source.layer_count(id) as usize;
-        let count = if wanted == Detail::Base { all.min(1) } else { all };
-        let mut chunks: Vec<Vec<u8>> = base.into_iter().collect();
-        let mut damaged = false;
-        let mut note = |error: Error| {
-            damaged = true;
-            self.lock().damage.entry(id).or_insert_with(|| error.to_string());
-        };
-        while chunks.len() < count {
-            let layer = chunks.len() as u32;
-            match self.source.stored_layer(id, layer) {
-                Ok(bytes) => chunks.push(bytes),
-                Err(error @ Error::Damaged { .. }) => {
-                    note(error);
-                    break;
-                }
-                Err(other) => return Err(other),
-            }
-            let mut state = self.lock();
-            state.reads.chunks += 1;
-            state.reads.bytes += self.source.encoded_bytes(id, layer..layer + 1);
-        }
+        let Chunks { chunks, mut damage, .. } = self.chunks(id, wanted)?;
+        let mut chunks: Vec<Vec<u8>> = chunks.iter().map(|chunk| chunk.to_vec()).collect();
+        let is_whole = chunks.len() == all;
         let block = loop {
             if chunks.is_empty() && all > 0 {
                 break None;
             }
+            self.lock().reads.decodes += 1;
             match self.source.decode_layers(id, &chunks) {
                 Ok(block) => break Some(block),
-                Err(error @ Error::Damaged { .. }) => note(error),
+                Err(error @ Error::Damaged { .. }) => damage = damage.or(Some(error)),
                 Err(other) => return Err(other),
             }
             if chunks.pop().is_none() {
@@ -196,9 +231,51 @@ impl<'a> PagedRelighter<'a> {
             }
         };
         let block = block.map(|block| CompactBlock::new(self.shape, id, &block)).transpose()?;
-        let whole = damaged || chunks.len() == all;
-        let base = if whole { Vec::new() } else { chunks.into_iter().next().unwrap_or_default() };
-        Ok(Held { block, detail: if whole { Detail::Whole } else { Detail::Base }, base })
+        // Of a damaged block there is no more than this.
+        let detail = if is_whole || damage.is_some() { Detail::Whole } else { Detail::Base };
+        if let Some(error) = damage {
+            self.lock().damage.entry(id).or_insert_with(|| error.to_string());
+        }
+        Ok(Held { block, detail })
+    }
+
+    /// The stored layers of a block, from memory or from the source, up to the first that is damaged.
+    fn chunks(&self, id: BlockId, wanted: Detail) -> Result<Chunks> {
+        let all = self.source.layer_count(id);
+        let count = if wanted == Detail::Base { all.min(1) } else { all };
+        let mut found = Chunks { chunks: Vec::with_capacity(count as usize), damage: None, is_kept: true };
+        for layer in 0..count {
+            let key = (id, layer);
+            let at_hand = {
+                let mut state = self.lock();
+                state.stored.touch(key).and_then(|_| state.chunks.get(&key).cloned())
+            };
+            if let Some(chunk) = at_hand {
+                found.chunks.push(chunk);
+                continue;
+            }
+            let chunk = match self.source.stored_layer(id, layer) {
+                Ok(bytes) => Arc::new(bytes),
+                Err(error @ Error::Damaged { .. }) => {
+                    found.damage = Some(error);
+                    break;
+                }
+                Err(other) => return Err(other),
+            };
+            let mut state = self.lock();
+            state.reads.chunks += 1;
+            state.reads.bytes += self.source.encoded_bytes(id, layer..layer + 1);
+            let admission = state.stored.admit(key, Detail::Whole, chunk.len() as u64 + CHUNK_OVERHEAD_BYTES);
+            for evicted in admission.evicted {
+                state.chunks.remove(&evicted);
+            }
+            if admission.kept {
+                state.chunks.insert(key, Arc::clone(&chunk));
+            }
+            found.is_kept &= admission.kept;
+            found.chunks.push(chunk);
+        }
+        Ok(found)
     }
 
     /// One line for each block found so far that is shown with fewer layers than it has, or as a hole.
@@ -206,9 +283,10 @@ impl<'a> PagedRelighter<'a> {
         self.lock().damage.values().cloned().collect()
     }
 
-    /// Bytes of factors in memory.
+    /// Bytes of chunks and factors in memory.
     pub fn resident_bytes(&self) -> u64 {
-        self.lock().pager.used_bytes()
+        let state = self.lock();
+        state.stored.used_bytes() + state.pager.used_bytes()
     }
 
     /// What was read so far.

@@ -1,8 +1,9 @@
 //! What stays in memory when not everything fits: decisions only, no bytes and no input or output.
 //!
-//! A page is a block, or a bank of blocks, in one of two [`Detail`]s. Pages of the current view stay: a picture needs
-//! each of them once, so that exchanging one for another would only read more. What the view has left goes first, the
-//! least recently used before the others. A page that does not fit is used and not kept.
+//! The same decisions serve stored chunks and blocks in the memory of the host, and banks of blocks in that of the GPU. A
+//! page has one of two [`Detail`]s. Pages of the current view stay: a picture needs each of them once, so that exchanging
+//! one for another would only read more. What the view has left goes first, the least recently used before the others. A
+//! page that does not fit is used and not kept.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::hash::Hash;
@@ -14,6 +15,17 @@ pub enum Detail {
     Base,
     /// All its layers, or all of them that can be read.
     Whole,
+}
+
+/// What to read, in this order: base layers of what is in view, then the rest of it, then base layers and the rest of what
+/// is nearby. `at_hand` says what is there already.
+pub fn plan<K: Copy>(view: &[K], nearby: &[K], at_hand: impl Fn(K) -> Option<Detail>) -> Vec<(K, Detail)> {
+    let steps = [(view, Detail::Base), (view, Detail::Whole), (nearby, Detail::Base), (nearby, Detail::Whole)];
+    let lacks = |key, wanted| at_hand(key).is_none_or(|detail| detail < wanted);
+    let missing = |(keys, wanted): (&[K], Detail)| {
+        keys.iter().filter(|key| lacks(**key, wanted)).map(|key| (*key, wanted)).collect::<Vec<_>>()
+    };
+    steps.into_iter().flat_map(missing).collect()
 }
 
 /// What became of a page that was offered.
@@ -62,6 +74,11 @@ impl<K: Copy + Eq + Hash> Pager<K> {
         self.view = pages.into_iter().collect();
     }
 
+    /// Says that a page is seen too.
+    pub fn see(&mut self, key: K) {
+        self.view.insert(key);
+    }
+
     /// Uses a page: what is there of it.
     pub fn touch(&mut self, key: K) -> Option<Detail> {
         let page = self.pages.get_mut(&key)?;
@@ -75,19 +92,6 @@ impl<K: Copy + Eq + Hash> Pager<K> {
     /// What is there of a page, without using it.
     pub fn detail(&self, key: K) -> Option<Detail> {
         self.pages.get(&key).map(|page| page.detail)
-    }
-
-    /// What to read, in this order: base layers of the pages in view, then the rest of them, then base layers and the
-    /// rest of those nearby.
-    pub fn plan(&self, view: &[K], nearby: &[K]) -> Vec<(K, Detail)> {
-        let missing = |pages: &[K], wanted: Detail| {
-            let lacks = move |key: &&K| self.detail(**key).is_none_or(|detail| detail < wanted);
-            pages.iter().filter(lacks).map(|key| (*key, wanted)).collect::<Vec<_>>()
-        };
-        [(view, Detail::Base), (view, Detail::Whole), (nearby, Detail::Base), (nearby, Detail::Whole)]
-            .into_iter()
-            .flat_map(|(pages, wanted)| missing(pages, wanted))
-            .collect()
     }
 
     /// Offers a page that was read: whether it stays, and what goes for it. A page that is there in as much detail
@@ -123,7 +127,24 @@ impl<K: Copy + Eq + Hash> Pager<K> {
         Admission { kept: true, evicted }
     }
 
-    fn remove(&mut self, key: K) {
+    /// Evicts until at most `bytes` are used: room for what passes through. What is out of view goes first, and of that
+    /// and the rest what was used least recently. Gives what went.
+    pub fn shrink_to(&mut self, bytes: u64) -> Vec<K> {
+        let is_seen = |key: &K| self.view.contains(key);
+        let (seen, unseen): (Vec<K>, Vec<K>) = self.by_use.values().copied().partition(is_seen);
+        let mut evicted = Vec::new();
+        for key in unseen.into_iter().chain(seen) {
+            if self.used_bytes <= bytes {
+                break;
+            }
+            self.remove(key);
+            evicted.push(key);
+        }
+        evicted
+    }
+
+    /// Takes out a page that is of no more use.
+    pub fn remove(&mut self, key: K) {
         if let Some(page) = self.pages.remove(&key) {
             self.by_use.remove(&page.last_use);
             self.used_bytes -= page.bytes;

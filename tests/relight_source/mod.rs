@@ -138,6 +138,31 @@ impl MemoryFactors {
         block
     }
 
+    /// Each (block, layer) read since the last call, in the order of blocks.
+    pub(crate) fn take_log(&self) -> Vec<(u32, u32)> {
+        let mut log = std::mem::take(&mut *self.log.lock().unwrap());
+        log.sort_unstable();
+        log
+    }
+
+    /// Every (block, layer) there is, of some layers.
+    pub(crate) fn chunks(&self, blocks: Range<u32>, layers: Range<u32>) -> Vec<(u32, u32)> {
+        blocks.flat_map(|block| layers.clone().map(move |layer| (block, layer))).collect()
+    }
+
+    /// A copy whose log is empty and of which nothing is damaged, with only the first layers.
+    pub(crate) fn first_layers(&self, count: usize) -> Self {
+        let layers = self.layers.iter().map(|layers| layers[..layers.len().min(count)].to_vec()).collect();
+        Self {
+            shape: self.shape,
+            layers,
+            damaged: BTreeSet::new(),
+            reads: AtomicU64::new(0),
+            bytes: AtomicU64::new(0),
+            log: Mutex::default(),
+        }
+    }
+
     pub(crate) fn total_bytes(&self) -> u64 {
         self.shape.blocks().map(|id| self.encoded_bytes(id, 0..self.layer_count(id))).sum()
     }
@@ -160,7 +185,7 @@ impl FactorSource for MemoryFactors {
 
     fn stored_layer(&self, id: BlockId, layer: u32) -> Result<Vec<u8>> {
         self.read_layers(id, layer..layer + 1)?;
-        Ok(vec![layer as u8; 8])
+        Ok(vec![layer as u8; self.encoded_bytes(id, layer..layer + 1).max(1) as usize])
     }
 
     /// Counts nothing: what it needs was read.

@@ -1,5 +1,7 @@
 //! Blocks packed into the arrays that the kernels read. Knows the layout of `shaders/`, not the GPU.
 
+use std::ops::Range;
+
 use bytemuck::{Pod, Zeroable};
 
 use crate::matrix::{BlockId, CHANNELS};
@@ -67,38 +69,90 @@ pub(super) struct Bank {
     pub max_pixels: u32,
 }
 
-impl Bank {
-    /// Bytes of the largest array that the bank would have with `block` in it.
-    pub(super) fn largest_with(&self, block: &CompactBlock) -> u64 {
-        let plane_words = |values: usize| 2 * values.div_ceil(4);
-        let words = block.rank() * (plane_words(block.right.length) + CHANNELS * plane_words(block.pixels()));
+/// Lengths of the arrays of a bank, or the most that a block adds to them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lengths {
+    factor_words: usize,
+    components: usize,
+    blocks: usize,
+    sparse_rows: usize,
+    sparse_entries: usize,
+    pixels: usize,
+}
+
+impl Lengths {
+    pub(super) fn of(block: &CompactBlock) -> Self {
+        Self::of_piece(block, &(0..block.rank() as u32))
+    }
+
+    /// Those of [`CompactBlock::piece`].
+    pub(super) fn of_piece(block: &CompactBlock, components: &Range<u32>) -> Self {
+        let rank = components.len();
+        let words = |factor: &Factor, plane: usize| {
+            let (narrow, wide) = factor.count(components);
+            factor.length / plane.max(1) * plane.div_ceil(4) * (narrow + 2 * wide)
+        };
+        let factor_words = words(&block.right, block.right.length) + words(&block.left, block.pixels());
+        let entries = if components.start == 0 { block.sparse.rows.len() } else { 0 };
+        Self {
+            factor_words,
+            components: rank,
+            blocks: 1,
+            sparse_rows: entries,
+            sparse_entries: entries,
+            pixels: block.pixels(),
+        }
+    }
+
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self {
+            factor_words: self.factor_words + other.factor_words,
+            components: self.components + other.components,
+            blocks: self.blocks + other.blocks,
+            sparse_rows: self.sparse_rows + other.sparse_rows,
+            sparse_entries: self.sparse_entries + other.sparse_entries,
+            pixels: self.pixels + other.pixels,
+        }
+    }
+
+    /// Bytes of the largest array.
+    pub(super) fn largest_bytes(self) -> u64 {
         let sizes = [
-            4 * (self.factors.len() + words),
-            size_of::<Component>() * (self.components.len() + block.rank()),
-            size_of::<Block>() * (self.blocks.len() + 1),
-            size_of::<SparseRow>() * (self.sparse_rows.len() + block.sparse.rows.len()),
-            size_of::<SparseEntry>() * (self.sparse_entries.len() + block.sparse.rows.len()),
-            4 * CHANNELS * (self.pixels as usize + block.pixels()),
+            size_of::<u32>() * self.factor_words,
+            size_of::<Component>() * self.components,
+            size_of::<Block>() * self.blocks,
+            size_of::<SparseRow>() * self.sparse_rows,
+            size_of::<SparseEntry>() * self.sparse_entries,
+            size_of::<[f32; CHANNELS]>() * self.pixels,
         ];
         sizes.into_iter().max().unwrap_or(0) as u64
     }
 
-    /// Bytes of GPU memory that the bank would take with `block` in it, what it makes included.
-    pub(super) fn bytes_with(&self, block: &CompactBlock) -> u64 {
-        let plane_words = |values: usize| 2 * values.div_ceil(4);
-        let words = block.rank() * (plane_words(block.right.length) + CHANNELS * plane_words(block.pixels()));
-        let components = self.components.len() + block.rank();
-        let entries = self.sparse_entries.len() + block.sparse.rows.len();
+    /// Bytes of GPU memory at most, what the kernels make included.
+    pub(super) fn bytes(self) -> u64 {
         // Each pixel has its radiance, the copy that is read back, and what is shown.
         let pixel_bytes = 2 * size_of::<[f32; CHANNELS]>() + size_of::<u32>();
-        let bytes = 4 * (self.factors.len() + words)
-            + components * (size_of::<Component>() + size_of::<[f32; CHANNELS]>())
-            + size_of::<Block>() * (self.blocks.len() + 1)
-            + size_of::<SparseRow>() * (self.sparse_rows.len() + block.sparse.rows.len())
-            + size_of::<SparseEntry>() * entries
-            + pixel_bytes * (self.pixels as usize + block.pixels());
+        let bytes = size_of::<u32>() * self.factor_words
+            + self.components * (size_of::<Component>() + size_of::<[f32; CHANNELS]>())
+            + size_of::<Block>() * self.blocks
+            + size_of::<SparseRow>() * self.sparse_rows
+            + size_of::<SparseEntry>() * self.sparse_entries
+            + pixel_bytes * self.pixels;
         // Small arrays are made larger than they need.
         bytes as u64 + 16 * 10
+    }
+}
+
+impl Bank {
+    pub(super) fn lengths(&self) -> Lengths {
+        Lengths {
+            factor_words: self.factors.len(),
+            components: self.components.len(),
+            blocks: self.blocks.len(),
+            sparse_rows: self.sparse_rows.len(),
+            sparse_entries: self.sparse_entries.len(),
+            pixels: self.pixels as usize,
+        }
     }
 
     /// Appends a block.

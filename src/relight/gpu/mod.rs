@@ -5,6 +5,7 @@
 
 mod bank;
 mod device;
+mod gather;
 mod kernels;
 mod paged;
 mod resident;
@@ -18,7 +19,7 @@ use crate::error::{Error, Result};
 use crate::image::{LinearImage, ToneMapping};
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape};
-use bank::Bank;
+use bank::{Bank, Lengths};
 use device::Gpu;
 use resident::{Output, ResidentBank, SharedArrays, read_back, run};
 
@@ -103,12 +104,12 @@ impl GpuRelighter {
             for (id, (block, damage)) in read {
                 self.damage.extend(damage);
                 let Some(block) = block else { continue };
-                if bank.largest_with(&block) > limit {
+                let added = Lengths::of(&block);
+                if bank.lengths().plus(added).largest_bytes() > limit {
                     self.upload(std::mem::take(&mut bank))?;
                 }
-                let largest = bank.largest_with(&block);
-                if largest > limit {
-                    return Err(too_large(&id.to_string(), largest, limit));
+                if added.largest_bytes() > limit {
+                    return Err(too_large(&id.to_string(), added.largest_bytes(), limit));
                 }
                 bank.push(id, &block);
             }

@@ -1,22 +1,19 @@
 //! Relighting on the GPU a matrix whose factors do not fit into its memory.
 
-use std::collections::HashMap;
-use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
+use std::collections::{HashMap, HashSet};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use rayon::prelude::*;
-
-use super::bank::Bank;
 use super::device::Gpu;
-use super::resident::{Output, ResidentBank, SharedArrays, read_back, run};
+use super::gather::{Arrived, Gather, Gathered, Limits};
+use super::resident::{Output, ResidentBank, SharedArrays, read_back, submit};
 use super::{GpuSettings, binding_limit, too_large};
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
-use crate::matrix::{BlockId, CHANNELS};
-use crate::relight::cpu::check_columns;
+use crate::matrix::{BlockId, CHANNELS, MatrixShape};
+use crate::relight::cpu::{check_columns, check_size};
 use crate::relight::paged::PagedRelighter;
-use crate::relight::pager::{Detail, Pager};
+use crate::relight::pager::{Admission, Detail, Pager, plan};
 use crate::relight::tiles::for_each_tile;
 
 /// Of the budget, the share of one bank: so much passes through while the rest stays.
@@ -24,23 +21,56 @@ const BANK_SHARE: u64 = 4;
 
 /// Relights on the GPU within a budget of its memory: banks of blocks stay there as far as the budget goes, the others
 /// pass through, bank by bank. Blocks come through a [`PagedRelighter`], so that host memory has its own budget.
+///
+/// A block that is larger than a bank may be passes through in pieces, which are added up on the host.
 pub struct PagedGpuRelighter<'a> {
     gpu: Gpu,
     host: PagedRelighter<'a>,
     shared: SharedArrays,
-    /// Bytes of one array, and of all of a bank.
-    binding_bytes: u64,
-    bank_bytes: u64,
+    limits: Limits,
     state: Mutex<State>,
 }
 
+/// A bank in GPU memory, by the order in which banks came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct BankId(u64);
+
+/// Where a block stands in GPU memory.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    detail: Detail,
+    /// None for a block of which nothing can be read.
+    bank: Option<BankId>,
+}
+
+/// A bank that stays.
+struct KeptBank {
+    bank: ResidentBank,
+    /// How many of its blocks have not come anew in another bank.
+    standing: usize,
+}
+
 struct State {
-    /// Blocks of each bank, as far as blocks have been seen.
-    banks: Vec<Range<u32>>,
-    pager: Pager<usize>,
-    resident: HashMap<usize, ResidentBank>,
+    pager: Pager<BankId>,
+    banks: HashMap<BankId, KeptBank>,
+    places: HashMap<BlockId, Place>,
     uploads: u64,
+    uploaded_bytes: u64,
     peak_bytes: u64,
+}
+
+/// A bank that was put into GPU memory.
+enum Uploaded {
+    /// It stays.
+    Kept(BankId),
+    /// It goes when it was used.
+    Passing(ResidentBank),
+}
+
+/// The image as far as it has come back, block by block.
+struct Canvas {
+    shape: MatrixShape,
+    blocks: HashMap<BlockId, Vec<[f32; CHANNELS]>>,
 }
 
 impl<'a> PagedGpuRelighter<'a> {
@@ -49,114 +79,180 @@ impl<'a> PagedGpuRelighter<'a> {
     /// Errors: [`Error::NoGpu`] without a loader or an adapter; a lighting that does not fit.
     pub fn new(host: PagedRelighter<'a>, budget_bytes: u64, settings: GpuSettings) -> Result<Self> {
         let gpu = Gpu::open(settings.subgroups)?;
-        let shape = host.shape();
-        let binding_bytes = binding_limit(&gpu, shape, settings)?;
-        let lighting_bytes = SharedArrays::lighting_bytes(shape.columns());
-        let Some(budget_bytes) = budget_bytes.checked_sub(lighting_bytes) else {
+        let columns = host.shape().columns();
+        let binding_bytes = binding_limit(&gpu, host.shape(), settings)?;
+        let lighting_bytes = SharedArrays::lighting_bytes(columns);
+        let Some(most_bytes) = budget_bytes.checked_sub(lighting_bytes) else {
             return Err(too_large("the lighting", lighting_bytes, budget_bytes));
         };
-        let bank_bytes = budget_bytes / BANK_SHARE;
+        let bank_bytes = most_bytes / BANK_SHARE;
         let state = State {
-            banks: Vec::new(),
-            pager: Pager::new(budget_bytes - bank_bytes),
-            resident: HashMap::new(),
+            pager: Pager::new(most_bytes - bank_bytes),
+            banks: HashMap::new(),
+            places: HashMap::new(),
             uploads: 0,
+            uploaded_bytes: 0,
             peak_bytes: lighting_bytes,
         };
-        let shared = SharedArrays::new(&gpu, shape.columns());
-        Ok(Self { gpu, host, shared, binding_bytes, bank_bytes, state: Mutex::new(state) })
+        let shared = SharedArrays::new(&gpu, columns);
+        let limits = Limits { binding_bytes, bank_bytes, most_bytes };
+        Ok(Self { gpu, host, shared, limits, state: Mutex::new(state) })
     }
 
-    /// The image under `lighting`. One call at a time runs; others wait.
+    /// The image under `lighting`: every block with all its layers.
     ///
-    /// Errors: a lighting with another number of columns than the matrix; what the source reports other than damage; a
-    /// block that is larger than a quarter of the budget or than one binding; [`Error::NoGpu`] where the device fails.
+    /// Errors: as [`relight_view`](Self::relight_view).
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
         let shape = self.host.shape();
-        check_columns(shape, lighting)?;
-        let mut guard = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let state = &mut *guard;
-        self.shared.set(&self.gpu, lighting, None);
-        let mut pixels: Vec<Option<Vec<[f32; CHANNELS]>>> = vec![None; shape.block_count() as usize];
-        let mut take = |bank: &ResidentBank, bytes: &[u8]| {
-            let image: &[[f32; CHANNELS]] = bytemuck::cast_slice(bytes);
-            for &(id, first) in &bank.places {
-                let count = shape.rect(id).rows() / CHANNELS;
-                pixels[id.index()] = Some(image[first as usize..][..count].to_vec());
-            }
-        };
-        // Every bank is seen in every picture.
-        state.pager.set_view(0..shape.block_count() as usize);
-        let resident: Vec<&ResidentBank> = state.resident.values().collect();
-        if !resident.is_empty() {
-            run(&self.gpu, &resident, Output::Radiance)?;
-            read_back(&self.gpu, &resident, &mut take)?;
-        }
-        let mut next_block = 0;
-        for index in 0.. {
-            if next_block == shape.block_count() {
-                break;
-            }
-            if state.pager.touch(index).is_none() {
-                let known = state.banks.get(index).cloned();
-                let (bank, blocks) = self.gather(next_block, known)?;
-                if index == state.banks.len() {
-                    state.banks.push(blocks);
-                }
-                if !bank.blocks.is_empty() {
-                    let bank = ResidentBank::upload(&self.gpu, &self.shared, shape.columns(), &bank)?;
-                    state.uploads += 1;
-                    let lighting_bytes = SharedArrays::lighting_bytes(shape.columns());
-                    let bytes = state.pager.used_bytes() + bank.bytes + lighting_bytes;
-                    state.peak_bytes = state.peak_bytes.max(bytes);
-                    run(&self.gpu, &[&bank], Output::Radiance)?;
-                    read_back(&self.gpu, &[&bank], &mut take)?;
-                    if state.pager.admit(index, Detail::Whole, bank.bytes).kept {
-                        state.resident.insert(index, bank);
-                    }
-                }
-            }
-            next_block = state.banks[index].end;
-        }
         let mut image = LinearImage::black(shape.width(), shape.height());
-        for_each_tile(&mut image, shape, |mut tile| {
-            match &pixels[tile.id.index()] {
-                Some(pixels) => tile.copy(pixels),
-                None => tile.mark_as_hole(),
-            }
-            Ok::<_, Error>(())
-        })?;
+        let all: Vec<BlockId> = shape.blocks().collect();
+        self.relight_view(lighting, &all, Detail::Whole, &mut image)?;
         Ok(image)
     }
 
-    /// Packs the blocks of a bank: those of `known`, or as many from `first` on as fit.
-    fn gather(&self, first: u32, known: Option<Range<u32>>) -> Result<(Bank, Range<u32>)> {
-        let end = known.as_ref().map_or(self.host.shape().block_count(), |blocks| blocks.end);
-        let mut bank = Bank::default();
-        let mut next = first;
-        while next < end {
-            // So few that little is read twice where the bank ends.
-            let batch = next..(next + rayon::current_num_threads() as u32).min(end);
-            let read: Vec<_> = batch
-                .into_par_iter()
-                .map(|id| Ok((BlockId(id), self.host.fetch(BlockId(id), Detail::Whole)?)))
-                .collect::<Result<_>>()?;
-            for (id, held) in read {
-                if let Some(block) = &held.block {
-                    let (largest, whole) = (bank.largest_with(block), bank.bytes_with(block));
-                    if largest > self.binding_bytes || whole > self.bank_bytes {
-                        if bank.blocks.is_empty() {
-                            let limit = self.binding_bytes.min(self.bank_bytes);
-                            return Err(too_large(&id.to_string(), largest.max(whole), limit));
-                        }
-                        return Ok((bank, first..next));
-                    }
-                    bank.push(id, block);
+    /// Sets the pixels of the blocks in view, which are read in this order where they are not at hand; those blocks stay
+    /// in memory as far as the budgets go. `detail` as in [`PagedRelighter::relight_view`]. One call at a time runs;
+    /// others wait.
+    ///
+    /// Errors: a lighting with another number of columns than the matrix, an image of another size; what the source
+    /// reports other than damage; a block one component of which does not fit the budget or one binding;
+    /// [`Error::NoGpu`] where the device fails.
+    pub fn relight_view(
+        &self,
+        lighting: &Lighting,
+        view: &[BlockId],
+        detail: Detail,
+        image: &mut LinearImage,
+    ) -> Result<()> {
+        let shape = self.host.shape();
+        check_columns(shape, lighting)?;
+        check_size(shape, image)?;
+        let mut state = self.lock();
+        self.shared.set(&self.gpu, lighting, None);
+        let mut seen = HashSet::new();
+        let missing: Vec<BlockId> = view
+            .iter()
+            .copied()
+            .filter(|&id| seen.insert(id) && state.detail(id).is_none_or(|at_hand| at_hand < detail))
+            .collect();
+        // What comes anew in more detail makes room first.
+        missing.iter().for_each(|id| state.forget(*id));
+        self.look_at(&mut state, &seen, view);
+        let mut canvas = Canvas { shape, blocks: HashMap::new() };
+        let shown: Vec<BankId> = state.banks_of(&seen).collect();
+        submit(&self.gpu, &shown.iter().map(|bank| &state.banks[bank].bank).collect::<Vec<_>>(), Output::Radiance);
+        let mut gather = Gather::new(&self.host, missing.into_iter().map(|id| (id, detail)), self.limits);
+        // While the GPU computes, the next bank is read and packed.
+        let mut next = gather.next();
+        self.gpu.wait()?;
+        for id in shown {
+            // A bank may hold blocks that have come anew in another.
+            let stands = |block| state.places.get(&block).is_some_and(|place| place.bank == Some(id));
+            read_back(&self.gpu, &[&state.banks[&id].bank], &mut |bank, bytes| canvas.take(bank, bytes, &stands))?;
+        }
+        while let Some(gathered) = next? {
+            let Some(uploaded) = self.upload(&mut state, &gathered)? else {
+                next = gather.next();
+                continue;
+            };
+            let bank = match &uploaded {
+                Uploaded::Kept(id) => &state.banks[id].bank,
+                Uploaded::Passing(bank) => bank,
+            };
+            submit(&self.gpu, &[bank], Output::Radiance);
+            next = gather.next();
+            self.gpu.wait()?;
+            read_back(&self.gpu, &[bank], &mut |bank, bytes| canvas.take(bank, bytes, &|_| true))?;
+        }
+        for_each_tile(image, shape, |mut tile| {
+            if seen.contains(&tile.id) {
+                match canvas.blocks.get(&tile.id) {
+                    Some(pixels) => tile.copy(pixels),
+                    None => tile.mark_as_hole(),
                 }
-                next = id.0 + 1;
+            }
+            Ok::<_, Error>(())
+        })
+    }
+
+    /// Uploads what the view lacks and then what lies nearby, base layers before the rest, until the budget is full.
+    /// Evicts nothing that is in view.
+    ///
+    /// Errors: as [`relight_view`](Self::relight_view).
+    pub fn prefetch(&self, view: &[BlockId], nearby: &[BlockId]) -> Result<()> {
+        let mut state = self.lock();
+        let seen = view.iter().copied().collect();
+        self.look_at(&mut state, &seen, view);
+        let mut steps = plan(view, nearby, |id| state.detail(id)).into_iter().peekable();
+        while let Some(&(_, detail)) = steps.peek() {
+            // Banks of one detail, so that the order of the plan is kept.
+            let step = std::iter::from_fn(|| steps.next_if(|(_, next)| *next == detail));
+            let mut gather = Gather::new(&self.host, step, self.limits);
+            while let Some(gathered) = gather.next()? {
+                // What comes in pieces never stays.
+                if !gathered.is_piece && matches!(self.upload(&mut state, &gathered)?, Some(Uploaded::Passing(_))) {
+                    return Ok(());
+                }
             }
         }
-        Ok((bank, first..next))
+        // What lies nearby gives way to what will be seen.
+        self.look_at(&mut state, &seen, view);
+        Ok(())
+    }
+
+    /// Says to both pagers what is in view.
+    fn look_at(&self, state: &mut State, seen: &HashSet<BlockId>, view: &[BlockId]) {
+        self.host.set_view(view);
+        let banks: Vec<BankId> = state.banks_of(seen).collect();
+        for bank in &banks {
+            state.pager.touch(*bank);
+        }
+        state.pager.set_view(banks);
+    }
+
+    /// Makes room for a bank and puts it into GPU memory; none where it has no blocks.
+    fn upload(&self, state: &mut State, gathered: &Gathered) -> Result<Option<Uploaded>> {
+        let Gathered { bank, blocks, is_piece } = gathered;
+        for Arrived { id, detail, .. } in blocks.iter().filter(|block| block.is_hole) {
+            state.place(*id, Place { detail: *detail, bank: None });
+        }
+        if bank.blocks.is_empty() {
+            return Ok(None);
+        }
+        let bytes = bank.lengths().bytes();
+        let id = BankId(state.uploads);
+        let least = blocks.iter().map(|block| block.detail).min().unwrap_or(Detail::Whole);
+        let admission = match is_piece {
+            true => Admission { kept: false, evicted: Vec::new() },
+            false => state.pager.admit(id, least, bytes),
+        };
+        let mut evicted = admission.evicted;
+        if !admission.kept {
+            evicted.extend(state.pager.shrink_to(self.limits.most_bytes - bytes));
+        }
+        evicted.iter().for_each(|bank| state.drop_bank(*bank));
+        let columns = self.host.shape().columns();
+        let resident = match ResidentBank::upload(&self.gpu, &self.shared, columns, bank) {
+            Ok(resident) => resident,
+            Err(error) => {
+                state.pager.remove(id);
+                return Err(error);
+            }
+        };
+        state.uploads += 1;
+        state.uploaded_bytes += resident.bytes;
+        let passing = if admission.kept { 0 } else { resident.bytes };
+        let used = state.pager.used_bytes() + passing + SharedArrays::lighting_bytes(columns);
+        state.peak_bytes = state.peak_bytes.max(used);
+        if !admission.kept {
+            return Ok(Some(Uploaded::Passing(resident)));
+        }
+        state.pager.see(id);
+        state.banks.insert(id, KeptBank { standing: resident.places.len(), bank: resident });
+        for Arrived { id: block, detail, .. } in blocks.iter().filter(|block| !block.is_hole) {
+            state.place(*block, Place { detail: *detail, bank: Some(id) });
+        }
+        Ok(Some(Uploaded::Kept(id)))
     }
 
     /// Name of the adapter and its driver's interface.
@@ -176,11 +272,78 @@ impl<'a> PagedGpuRelighter<'a> {
 
     /// Banks uploaded so far.
     pub fn uploads(&self) -> u64 {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).uploads
+        self.lock().uploads
+    }
+
+    /// Bytes of the banks uploaded so far.
+    pub fn uploaded_bytes(&self) -> u64 {
+        self.lock().uploaded_bytes
     }
 
     /// Most bytes of GPU memory that buffers took at once.
     pub fn peak_bytes(&self) -> u64 {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner).peak_bytes
+        self.lock().peak_bytes
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// What is at hand of a block.
+    fn detail(&self, id: BlockId) -> Option<Detail> {
+        self.places.get(&id).map(|place| place.detail)
+    }
+
+    /// The banks that hold blocks of a view, in the order in which they came.
+    fn banks_of(&self, seen: &HashSet<BlockId>) -> impl Iterator<Item = BankId> + use<> {
+        let banks = seen.iter().filter_map(|id| self.places.get(id)?.bank);
+        let mut banks: Vec<BankId> = banks.collect::<HashSet<_>>().into_iter().collect();
+        banks.sort_unstable_by_key(|bank| bank.0);
+        banks.into_iter()
+    }
+
+    fn place(&mut self, id: BlockId, place: Place) {
+        self.forget(id);
+        self.places.insert(id, place);
+    }
+
+    /// Takes a block out of what is at hand, and its bank too where no other block needs it.
+    fn forget(&mut self, id: BlockId) {
+        let Some(Place { bank: Some(bank), .. }) = self.places.remove(&id) else { return };
+        let Some(kept) = self.banks.get_mut(&bank) else { return };
+        kept.standing -= 1;
+        if kept.standing == 0 {
+            self.pager.remove(bank);
+            self.banks.remove(&bank);
+        }
+    }
+
+    /// Takes a bank out that the pager has evicted.
+    fn drop_bank(&mut self, id: BankId) {
+        for (block, _) in self.banks.remove(&id).iter().flat_map(|kept| &kept.bank.places) {
+            if self.places.get(block).is_some_and(|place| place.bank == Some(id)) {
+                self.places.remove(block);
+            }
+        }
+    }
+}
+
+impl Canvas {
+    /// Takes the image of the blocks of a bank that count. What comes a second time is another piece of the same block.
+    fn take(&mut self, bank: &ResidentBank, bytes: &[u8], counts: &dyn Fn(BlockId) -> bool) {
+        let image: &[[f32; CHANNELS]] = bytemuck::cast_slice(bytes);
+        for &(id, first) in bank.places.iter().filter(|(id, _)| counts(*id)) {
+            let pixels = &image[first as usize..][..self.shape.rect(id).rows() / CHANNELS];
+            match self.blocks.get_mut(&id) {
+                None => drop(self.blocks.insert(id, pixels.to_vec())),
+                Some(sums) => {
+                    for (sum, part) in sums.iter_mut().flatten().zip(pixels.iter().flatten()) {
+                        *sum += part;
+                    }
+                }
+            }
+        }
     }
 }

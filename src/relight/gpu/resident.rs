@@ -164,6 +164,12 @@ pub(super) enum Output {
 
 /// Runs all kernels over banks, with what [`SharedArrays::set`] set, and waits.
 pub(super) fn run(gpu: &Gpu, banks: &[&ResidentBank], output: Output) -> Result<()> {
+    submit(gpu, banks, output);
+    gpu.wait()
+}
+
+/// Begins what [`run`] waits for.
+pub(super) fn submit(gpu: &Gpu, banks: &[&ResidentBank], output: Output) {
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -186,7 +192,6 @@ pub(super) fn run(gpu: &Gpu, banks: &[&ResidentBank], output: Output) -> Result<
     if output != Output::Stay {
         banks.iter().for_each(|bank| bank.readback.map_async(wgpu::MapMode::Read, .., |_| ()));
     }
-    gpu.wait()
 }
 
 /// Hands what [`run`] read back to `take`, bank by bank.

@@ -1,0 +1,144 @@
+//! Blocks on their way from the host into banks: read in parallel, split where they are too large, none read twice.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::bank::{Bank, Lengths};
+use super::too_large;
+use crate::error::Result;
+use crate::matrix::BlockId;
+use crate::relight::compact::CompactBlock;
+use crate::relight::paged::{Held, PagedRelighter};
+use crate::relight::pager::Detail;
+
+/// What a bank may take.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// Bytes of one array.
+    pub binding_bytes: u64,
+    /// Bytes of all arrays of a bank; what cannot be made smaller may take …
+    pub bank_bytes: u64,
+    /// … as much as this.
+    pub most_bytes: u64,
+}
+
+/// Blocks packed for the GPU.
+pub(super) struct Gathered {
+    pub bank: Bank,
+    pub blocks: Vec<Arrived>,
+    /// Whether it holds one piece of a block that did not fit as a whole: pieces add up to the block.
+    pub is_piece: bool,
+}
+
+/// A block that has come.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrived {
+    pub id: BlockId,
+    pub detail: Detail,
+    /// Whether nothing of it could be read.
+    pub is_hole: bool,
+}
+
+/// Packs blocks bank by bank in the order in which they are wanted.
+pub(super) struct Gather<'a, 's> {
+    host: &'a PagedRelighter<'s>,
+    wanted: VecDeque<(BlockId, Detail)>,
+    /// Read and not yet packed.
+    waiting: VecDeque<(BlockId, Arc<Held>)>,
+    pieces: VecDeque<(BlockId, Detail, CompactBlock)>,
+    limits: Limits,
+}
+
+impl<'a, 's> Gather<'a, 's> {
+    pub(super) fn new(
+        host: &'a PagedRelighter<'s>,
+        wanted: impl IntoIterator<Item = (BlockId, Detail)>,
+        limits: Limits,
+    ) -> Self {
+        let wanted = wanted.into_iter().collect();
+        Self { host, wanted, waiting: VecDeque::new(), pieces: VecDeque::new(), limits }
+    }
+
+    /// The next bank; none when all have come.
+    ///
+    /// Errors: what the source reports other than damage, and a block one component of which does not fit.
+    pub(super) fn next(&mut self) -> Result<Option<Gathered>> {
+        if let Some((id, detail, piece)) = self.pieces.pop_front() {
+            return Ok(Some(Self::piece(id, detail, &piece)));
+        }
+        let mut gathered = Gathered { bank: Bank::default(), blocks: Vec::new(), is_piece: false };
+        loop {
+            if self.waiting.is_empty() {
+                self.read()?;
+            }
+            let Some((id, held)) = self.waiting.front().cloned() else { break };
+            let arrived = Arrived { id, detail: held.detail, is_hole: held.block.is_none() };
+            if let Some(block) = &held.block {
+                let sum = gathered.bank.lengths().plus(Lengths::of(block));
+                if !self.fits(sum, self.limits.bank_bytes) {
+                    if !gathered.blocks.is_empty() {
+                        break;
+                    }
+                    self.waiting.pop_front();
+                    self.split(id, held.detail, block)?;
+                    let (id, detail, piece) = self.pieces.pop_front().expect("a block has a piece");
+                    return Ok(Some(Self::piece(id, detail, &piece)));
+                }
+                gathered.bank.push(id, block);
+            }
+            self.waiting.pop_front();
+            gathered.blocks.push(arrived);
+        }
+        Ok((!gathered.blocks.is_empty()).then_some(gathered))
+    }
+
+    /// Reads as many as there are threads, of one detail.
+    fn read(&mut self) -> Result<()> {
+        let count = rayon::current_num_threads().min(self.wanted.len());
+        let batch: Vec<(BlockId, Detail)> = self.wanted.drain(..count).collect();
+        let read = batch.into_par_iter().map(|(id, detail)| Ok((id, self.host.fetch(id, detail)?)));
+        self.waiting.extend(read.collect::<Result<Vec<_>>>()?);
+        Ok(())
+    }
+
+    fn fits(&self, lengths: Lengths, bank_bytes: u64) -> bool {
+        lengths.largest_bytes() <= self.limits.binding_bytes && lengths.bytes() <= bank_bytes
+    }
+
+    /// Splits a block by components into as few pieces as fit a bank each. Where not even one component does, a piece may
+    /// take all of the memory.
+    fn split(&mut self, id: BlockId, detail: Detail, block: &CompactBlock) -> Result<()> {
+        let rank = block.rank() as u32;
+        let lengths = |components: Range<u32>| Lengths::of_piece(block, &components);
+        let mut first = 0;
+        loop {
+            let mut end = rank.min(first + 1);
+            while end < rank && self.fits(lengths(first..end + 1), self.limits.bank_bytes) {
+                end += 1;
+            }
+            let needed = lengths(first..end);
+            if !self.fits(needed, self.limits.most_bytes) {
+                let (largest, binding_bytes) = (needed.largest_bytes(), self.limits.binding_bytes);
+                return Err(match largest > binding_bytes {
+                    true => too_large(&id.to_string(), largest, binding_bytes),
+                    false => too_large(&id.to_string(), needed.bytes(), self.limits.most_bytes),
+                });
+            }
+            self.pieces.push_back((id, detail, block.piece(first..end)));
+            first = end;
+            if first == rank {
+                return Ok(());
+            }
+        }
+    }
+
+    fn piece(id: BlockId, detail: Detail, piece: &CompactBlock) -> Gathered {
+        let mut bank = Bank::default();
+        bank.push(id, piece);
+        let blocks = vec![Arrived { id, detail, is_hole: false }];
+        Gathered { bank, blocks, is_piece: true }
+    }
+}
