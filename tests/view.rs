@@ -2,8 +2,6 @@
 
 mod relight_source;
 
-use std::sync::atomic::AtomicBool;
-
 use ltm::image::luminance;
 use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting, look};
 use ltm::matrix::BlockId;
@@ -72,7 +70,7 @@ fn contributions_are_the_mean_luminances_of_the_lights_own_pictures() {
     let groups = Groups::of(&basis);
     let mix = mixed(&basis, &groups);
     let relighter = CpuRelighter::load(&source).unwrap();
-    let reach = Reach::measure(&source, &AtomicBool::new(false)).unwrap();
+    let reach = Reach::measure(&source);
     let contributions = reach.contributions(&basis, &mix.lighting(&basis, &groups).unwrap());
     for (light, &contribution) in contributions.iter().enumerate() {
         let mut alone = mix.clone();
@@ -83,11 +81,6 @@ fn contributions_are_the_mean_luminances_of_the_lights_own_pictures() {
         let scale = image.luminances().map(f32::abs).sum::<f32>() / count;
         assert!(near(contribution, mean, scale), "light {light}: {contribution} against {mean}");
     }
-}
-
-#[test]
-fn a_stopped_measurement_gives_nothing() {
-    assert_eq!(Reach::measure(&factors(), &AtomicBool::new(true)), None);
 }
 
 #[test]
@@ -163,23 +156,46 @@ fn a_saved_look_is_what_relight_reads_and_comes_back_as_a_mix() {
             "{:?}",
             read.lights[1]
         );
-        assert!((read.lights[0].stops - 0.8).abs() < 1e-5, "its own stops and its group's");
+        assert!(read == mix, "stops of the group, solo, and the turn of the sky are kept");
         // Once more from what was read.
         mix = read;
+        mix.toggle_solo(1, true);
+        mix.lights[0].on = false;
     }
 }
 
 #[test]
-fn what_does_not_shine_is_off_in_the_look() {
+fn a_look_that_was_edited_is_read_by_its_rules() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("edited.toml");
+    let basis = basis();
+    let groups = Groups::of(&basis);
+    looks::save(&path, &basis, &groups, &mixed(&basis, &groups)).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.contains("[[mixer.group]]") && text.contains("turn_radians = 0.9"), "{text}");
+    // The lamp's own stops and its group's, as the rule has them.
+    std::fs::write(&path, text.replacen("stops = 0.79", "stops = 1.79", 1)).unwrap();
+    let read = looks::load(&path, &basis, &groups).unwrap();
+    assert!((read.lights[0].stops - 1.8).abs() < 1e-2 && read.groups[0].stops == 0.0, "{:?}", read.lights[0]);
+    same_lighting(look::load(&path, &basis).unwrap().lighting(), &read.lighting(&basis, &groups).unwrap());
+}
+
+#[test]
+fn what_is_not_heard_is_off_in_the_rules_and_comes_back_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("solo.toml");
     let basis = basis();
     let groups = Groups::of(&basis);
-    let mut mix = Mix::of_scene(&basis, &groups);
+    let mut mix = mixed(&basis, &groups);
     mix.toggle_solo(2, false);
     mix.lights[2].tint = Tint::Colour([0.2, 0.0, 0.9]);
     looks::save(&path, &basis, &groups, &mix).unwrap();
-    let read = looks::load(&path, &basis, &groups).unwrap();
-    assert_eq!(read.lights.iter().map(|light| light.on).collect::<Vec<_>>(), [false, false, true, false]);
-    same_lighting(&mix.lighting(&basis, &groups).unwrap(), &read.lighting(&basis, &groups).unwrap());
+    let lighting = look::load(&path, &basis).unwrap().lighting().clone();
+    same_lighting(&mix.lighting(&basis, &groups).unwrap(), &lighting);
+    let lit: Vec<usize> = (0..16).filter(|&column| lighting.weights()[column] != [0.0; 3]).collect();
+    assert!(lit.iter().all(|column| (2..8).contains(column)), "{lit:?}");
+    let mut read = looks::load(&path, &basis, &groups).unwrap();
+    assert!(read == mix);
+    read.toggle_solo(2, false);
+    assert!(read.shines(0, &groups) && read.lights[1].tint == Tint::Kelvin(3200.0), "what was silent is kept too");
 }

@@ -12,17 +12,20 @@ mod real;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use driver::Driver;
 use eframe::egui::{Key, Modifiers, vec2};
 use libtest_mimic::{Arguments, Trial};
+use ltm::container::ContainerReader;
 use ltm::image::LightSet;
 use ltm::light::Lighting;
 use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
 use ltm::view::display::Display;
-use ltm::view::worker::{Event, Picture, Progress, Request, Session};
+use ltm::view::worker::{Event, Means, Picture, Request, Session};
 
 /// Ctrl as the system sends it.
 const CTRL: Modifiers = Modifiers::CTRL.plus(Modifiers::COMMAND);
@@ -319,22 +322,63 @@ fn a_picture_streams_in_and_ends_whole() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("stage.ltc");
     container::write_stage(&path, 40);
-    let session = Session::open(&path, None, Arc::new(|| ())).unwrap();
+    let session = Session::open(&path, Means { device: None, budget_bytes: u64::MAX }, Arc::new(|| ())).unwrap();
     let lighting = Arc::new(Lighting::of_scene(session.basis()));
-    let request = Request { generation: 1, lighting: lighting.clone(), display: Display::default(), compared: None };
-    session.worker.request(request);
-    let mut last = None;
-    while last.as_ref().is_none_or(|picture: &Picture| !picture.progress.is_complete()) {
+    session.worker.request(request(1, &lighting));
+    let picture = whole_picture(&session);
+    let whole = CpuRelighter::load(&*session.container).unwrap().relight(&lighting).unwrap();
+    assert_eq!(*picture.image, whole);
+}
+
+fn request(generation: u64, lighting: &Arc<Lighting>) -> Request {
+    let (display, looked_at) = (Display::default(), [0.0; 2]);
+    Request { generation, lighting: lighting.clone(), display, compared: None, looked_at }
+}
+
+/// The picture in which all layers are; those before it have ever more of them.
+fn whole_picture(session: &Session) -> Picture {
+    let mut last: Option<Picture> = None;
+    loop {
         for event in session.worker.events() {
             if let Event::Picture(picture) = event {
-                let before = last.as_ref().map_or(Progress::default(), |last: &Picture| last.progress);
-                assert!(picture.progress.base >= before.base && picture.progress.whole >= before.whole);
+                if let Some(before) = last.as_ref().filter(|before| before.generation == picture.generation) {
+                    let (before, now) = (before.progress, picture.progress);
+                    assert!(now.base >= before.base && now.whole >= before.whole, "{before:?}, {now:?}");
+                }
+                if picture.progress.is_complete() {
+                    return *picture;
+                }
                 last = Some(*picture);
             }
         }
+        std::thread::sleep(Duration::from_millis(1));
     }
-    let whole = CpuRelighter::load(&*session.container).unwrap().relight(&lighting).unwrap();
-    assert_eq!(*last.unwrap().image, whole);
+}
+
+/// A container larger than its budget is shown all the same: with the same values, and within the budget. What is held is
+/// read once, the rest again for each lighting.
+fn a_container_larger_than_its_budget_is_shown_within_it() {
+    let reader = ContainerReader::open(room()).unwrap();
+    let whole = CpuRelighter::load(&reader).unwrap();
+    let budget_bytes = whole.factor_bytes() / 2;
+    let session = Session::open(room(), Means { device: None, budget_bytes }, Arc::new(|| ())).unwrap();
+    let scene = Lighting::of_scene(session.basis());
+    let half = Lighting::new(scene.weights().iter().map(|weight| weight.map(|v| v / 2.0)).collect()).unwrap();
+    let read = || session.worker.meter().bytes_read.load(Ordering::Relaxed);
+    let mut bytes = Vec::new();
+    for (generation, lighting) in [(1, &scene), (2, &half), (3, &scene)] {
+        let lighting = Arc::new(lighting.clone());
+        session.worker.request(request(generation, &lighting));
+        let picture = whole_picture(&session);
+        assert_eq!(picture.generation, generation);
+        assert_eq!(*picture.image, whole.relight(&lighting).unwrap());
+        let resident = session.worker.meter().resident_bytes.load(Ordering::Relaxed);
+        assert!(resident <= budget_bytes && resident > budget_bytes / 3, "{resident} of {budget_bytes}");
+        bytes.push(read());
+    }
+    let file: u64 = session.container.file_bytes();
+    assert!(bytes[0] >= file / 2 && bytes[1] - bytes[0] < bytes[0], "{bytes:?} of {file}");
+    assert_eq!(bytes[2] - bytes[1], bytes[1] - bytes[0], "the same blocks pass through for each lighting");
 }
 
 /// What is no container is told in the window, in one line.
@@ -352,7 +396,7 @@ fn main() -> ExitCode {
         return code;
     }
     let arguments = Arguments::from_args();
-    let tests: [(&str, fn()); 14] = [
+    let tests: [(&str, fn()); 15] = [
         ("a_fader_drag_relights_and_is_one_undo", a_fader_drag_relights_and_is_one_undo),
         ("a_switch_turns_the_light_off_and_on", a_switch_turns_the_light_off_and_on),
         (
@@ -369,6 +413,10 @@ fn main() -> ExitCode {
         ("a_snapshot_is_compared_with_and_recalled", a_snapshot_is_compared_with_and_recalled),
         ("the_keyboard_alone_moves_a_fader", the_keyboard_alone_moves_a_fader),
         ("a_picture_streams_in_and_ends_whole", a_picture_streams_in_and_ends_whole),
+        (
+            "a_container_larger_than_its_budget_is_shown_within_it",
+            a_container_larger_than_its_budget_is_shown_within_it,
+        ),
         ("a_file_that_is_no_container_is_told", a_file_that_is_no_container_is_told),
     ];
     let trial = |name: &str, test: fn()| {

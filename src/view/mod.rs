@@ -4,12 +4,15 @@
 //! [`snapshots`], [`looks`], [`recent`], [`export`], [`viewport`] and [`reach`] are plain state with tests of their own
 //! and are always built; the window over them needs the feature `view`.
 
+mod desk;
 pub mod display;
 pub mod export;
 pub mod groups;
 pub mod history;
 pub mod looks;
+mod metered;
 pub mod mixer;
+mod paged_desk;
 pub mod pattern;
 pub mod reach;
 pub mod recent;
@@ -21,6 +24,8 @@ pub mod worker;
 mod window;
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 #[cfg(feature = "view")]
 pub use window::{App, run};
@@ -50,6 +55,12 @@ pub struct WindowOptions {
     pub size: Option<[f32; 2]>,
     /// Where to relight.
     pub relight_on: RelightOn,
+    /// Memory for factors, in bytes; none: half of what the machine has. A container that needs more is read as it is
+    /// shown.
+    pub budget_bytes: Option<u64>,
+    /// Set once the window and its device are there: until then a display that does not answer can keep
+    /// [`run`] waiting for as long as it likes.
+    pub opened: Arc<AtomicBool>,
     /// Folder in which the list of recent files is kept; none: it is forgotten with the window.
     pub state_folder: Option<PathBuf>,
 }

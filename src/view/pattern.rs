@@ -4,6 +4,8 @@ use std::borrow::Cow;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::image::LinearImage;
 use crate::light::LightKind;
 
@@ -31,7 +33,7 @@ pub struct Brush {
 }
 
 /// A shape that is laid over a light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shape {
     /// Which one.
     pub kind: ShapeKind,
@@ -46,7 +48,8 @@ pub struct Shape {
 }
 
 /// The shapes there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum ShapeKind {
     /// An ellipse.
     Disc,

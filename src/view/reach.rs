@@ -1,12 +1,40 @@
 //! What each light brings: to the whole picture, and to one pixel.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use crate::error::Result;
 use crate::image::luminance;
 use crate::light::LightBasis;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS, FactorSource, FactoredBlock, MatrixShape};
+
+/// What is summed block by block to measure [`Reach`].
+pub(super) struct ReachSums {
+    shape: MatrixShape,
+    sums: Vec<[f64; CHANNELS]>,
+}
+
+impl ReachSums {
+    pub(super) fn new(shape: MatrixShape) -> Self {
+        Self { shape, sums: vec![[0.0; CHANNELS]; shape.columns()] }
+    }
+
+    /// The sums of one block: `(1ᵀ L) R + 1ᵀ S`, so the rows are summed before the columns are made.
+    pub(super) fn of_block(block: &FactoredBlock, pixels: usize) -> Vec<[f64; CHANNELS]> {
+        let mut sums = vec![[0.0; CHANNELS]; block.columns];
+        add_block(block, pixels, &mut sums);
+        sums
+    }
+
+    pub(super) fn add(&mut self, of_block: &[[f64; CHANNELS]]) {
+        for (sum, added) in self.sums.as_flattened_mut().iter_mut().zip(of_block.as_flattened()) {
+            *sum += added;
+        }
+    }
+
+    pub(super) fn reach(&self) -> Reach {
+        let pixels = f64::from(self.shape.width()) * f64::from(self.shape.height());
+        Reach { per_column: self.sums.iter().map(|sum| sum.map(|v| (v / pixels) as f32)).collect() }
+    }
+}
 
 /// The mean over all pixels of what a weight 1 on each column brings, per channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,22 +43,17 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// Measures all columns in one pass over the factors: `(1ᵀ L) R + 1ᵀ S` of each block, so the rows are summed
-    /// before the columns are made. Blocks that cannot be read count as black. `None` once `stop` is set.
+    /// Measures all columns in one pass over the factors. Blocks that cannot be read count as black.
     ///
     /// Cost of a block: rows × rank + 3 × rank × columns products.
-    pub fn measure(source: &dyn FactorSource, stop: &AtomicBool) -> Option<Self> {
+    pub fn measure(source: &dyn FactorSource) -> Self {
         let shape = source.shape();
-        let mut sums = vec![[0.0f64; CHANNELS]; shape.columns()];
+        let mut sums = ReachSums::new(shape);
         for id in shape.blocks() {
-            if stop.load(Ordering::Relaxed) {
-                return None;
-            }
             let Ok(block) = source.read_layers(id, 0..source.layer_count(id)) else { continue };
-            add_block(&block, shape.rect(id).pixels(), &mut sums);
+            sums.add(&ReachSums::of_block(&block, shape.rect(id).pixels()));
         }
-        let pixels = f64::from(shape.width()) * f64::from(shape.height());
-        Some(Self { per_column: sums.into_iter().map(|sum| sum.map(|v| (v / pixels) as f32)).collect() })
+        sums.reach()
     }
 
     /// What each light brings under `lighting`: the mean luminance of the picture that it makes alone.

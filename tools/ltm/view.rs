@@ -1,10 +1,14 @@
 //! `ltm view`.
 
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use ltm::Result;
+use ltm::pipeline::parse_bytes;
 use ltm::view::{RelightOn, WindowOptions};
+use ltm::{Error, Result};
 
 #[derive(Args)]
 pub(crate) struct View {
@@ -16,6 +20,10 @@ pub(crate) struct View {
     /// Where to relight: on the device that draws the window unless it is a software one, on the CPU, or there anyway.
     #[arg(long, value_enum, default_value = "auto")]
     device: DeviceName,
+    /// Memory for the container's factors; of a larger one, what is shown is read as it is needed [default: half of
+    /// the machine's].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -25,11 +33,18 @@ enum DeviceName {
     Gpu,
 }
 
+/// Longest time in which a display that works opens a window, on a machine that does other things as well.
+const PATIENCE: Duration = Duration::from_secs(60);
+
 pub(crate) fn run(options: View) -> Result<()> {
+    let opened = Arc::new(AtomicBool::new(false));
+    give_up_unless(opened.clone());
     ltm::view::run(WindowOptions {
         path: options.file,
         screenshot: options.screenshot,
         frames: 10,
+        budget_bytes: options.memory,
+        opened,
         relight_on: match options.device {
             DeviceName::Auto => RelightOn::Auto,
             DeviceName::Cpu => RelightOn::Cpu,
@@ -38,6 +53,23 @@ pub(crate) fn run(options: View) -> Result<()> {
         state_folder: state_folder(),
         ..Default::default()
     })
+}
+
+/// Ends the program, as any error does, where the window does not open: nothing else can, since the system's libraries
+/// wait for a display or a driver that does not answer without end.
+fn give_up_unless(opened: Arc<AtomicBool>) {
+    std::thread::spawn(move || {
+        std::thread::sleep(PATIENCE);
+        if !opened.load(Ordering::Relaxed) {
+            let display = std::env::var("DISPLAY").unwrap_or_default();
+            let error = Error::NoGpu(format!(
+                "the display (DISPLAY={display}) or its driver does not answer; apt-get install mesa-vulkan-drivers \
+                 gives a driver in software, `xvfb-run` (apt-get install xvfb) a display"
+            ));
+            eprintln!("ltm: {error}");
+            std::process::exit(i32::from(error.exit_code()));
+        }
+    });
 }
 
 /// Where programs keep what a user would not miss: the XDG base directories' state folder.

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::error::{Error, Result};
 
@@ -19,6 +20,9 @@ pub(super) struct LookFile {
     pub look: Vec<NamedLook>,
     #[serde(default)]
     pub key: Vec<Key>,
+    /// What the window keeps for itself.
+    #[serde(default, rename = "mixer")]
+    pub _mixer: IgnoredAny,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq)]

@@ -1,25 +1,22 @@
 //! The whole window: where the panels stand, files dropped on it, messages.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 
-use eframe::egui::{self, Align2, Color32, FontId, Margin, RichText, Ui};
+use eframe::egui::{self, Align2, Color32, FontId, RichText, Ui};
 
 use super::chooser::{Answer, Chooser, Purpose};
 use super::document::Document;
 use super::keys::{Action, act, help, pressed};
-use super::light_panel::light_panel;
-use super::mixer_panel::mixer;
-use super::picture_panel::picture;
-use super::status::status;
-use super::theme::{self, ALARM, LINE, PANEL, SURROUND, TEXT, WEAK};
-use super::top_bar::{Choice, recent_files, top_bar};
-use super::view_panel::view_panel;
+use super::layout::{Tab, show_document};
+use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
+use super::top_bar::{Choice, recent_files};
 use crate::error::{Error, Result};
 use crate::view::WindowOptions;
 use crate::view::export::write_rgba;
 use crate::view::recent::{Recent, RecentKind};
-use crate::view::worker::SharedDevice;
+use crate::view::worker::{Means, SharedDevice};
 
 /// Frames that may pass without the picture before a screenshot is taken of what there is.
 const PATIENCE_FRAMES: u32 = 2000;
@@ -29,9 +26,10 @@ pub struct App {
     document: Option<Document>,
     message: Option<String>,
     recent: Recent,
-    device: Option<SharedDevice>,
+    means: Means,
     chooser: Option<Chooser>,
     panels: bool,
+    tab: Tab,
     help: bool,
     screenshot: Option<Screenshot>,
     failure: Arc<Mutex<Option<Error>>>,
@@ -55,12 +53,14 @@ impl App {
         failure: Arc<Mutex<Option<Error>>>,
     ) -> Self {
         theme::apply(context);
+        options.opened.store(true, Ordering::Relaxed);
         let screenshot =
             options.screenshot.map(|path| Screenshot { path, frames: options.frames.max(1), waited: 0, asked: false });
+        let means = Means { device, budget_bytes: options.budget_bytes.unwrap_or_else(half_the_memory) };
         let recent = Recent::load(options.state_folder);
         let (document, message, chooser) = (None, None, None);
-        let mut app =
-            Self { document, message, recent, device, chooser, panels: true, help: false, screenshot, failure };
+        let (panels, tab, help) = (true, Tab::default(), false);
+        let mut app = Self { document, message, recent, means, chooser, panels, tab, help, screenshot, failure };
         if let Some(path) = options.path {
             app.open(context, &path);
         }
@@ -69,7 +69,7 @@ impl App {
 
     /// Opens a container in place of the one that is open.
     pub fn open(&mut self, context: &egui::Context, path: &Path) {
-        match Document::open(context, path, self.device.clone()) {
+        match Document::open(context, path, self.means.clone()) {
             Ok(document) => {
                 self.document = Some(document);
                 self.message = None;
@@ -108,7 +108,7 @@ impl App {
             None => self.welcome(ui),
             Some(document) => {
                 document.receive(&context);
-                let choice = show_document(ui, document, self.panels, &self.recent);
+                let choice = show_document(ui, document, self.panels, &mut self.tab, &self.recent);
                 let held = context.input(|input| input.pointer.any_down());
                 document.ask(&context, held);
                 if let Some(purpose) = document.wanted.take() {
@@ -304,25 +304,11 @@ impl eframe::App for App {
     }
 }
 
-fn show_document(ui: &mut Ui, document: &mut Document, panels: bool, recent: &Recent) -> Option<Choice> {
-    let frame = |fill: Color32, margin: Margin| egui::Frame::new().fill(fill).inner_margin(margin);
-    let bar = frame(PANEL, Margin::symmetric(10, 4)).stroke((1.0, LINE));
-    let choice = egui::Panel::top("bar").frame(bar).show(ui, |ui| top_bar(ui, document, recent)).inner;
-    egui::Panel::bottom("status").frame(bar).show(ui, |ui| status(ui, document));
-    if panels {
-        let side = frame(PANEL, Margin::symmetric(10, 0));
-        let left =
-            egui::Panel::left("mixer").frame(side).default_size(400.0).size_range(360.0..=640.0).show(ui, |ui| {
-                egui::Panel::bottom("light").frame(egui::Frame::new()).show(ui, |ui| light_panel(ui, document));
-                mixer(ui, document);
-            });
-        document.mixer_rect = left.response.rect;
-        egui::Panel::right("view").frame(side).default_size(296.0).size_range(260.0..=460.0).show(ui, |ui| {
-            view_panel(ui, document);
-        });
-    }
-    egui::CentralPanel::default().frame(frame(SURROUND, Margin::ZERO)).show(ui, |ui| picture(ui, document));
-    choice
+/// Half of the machine's memory, in bytes.
+fn half_the_memory() -> u64 {
+    let system = rustix::system::sysinfo();
+    // Machines differ in the width of both.
+    (system.totalram as u64).saturating_mul(u64::from(system.mem_unit)) / 2
 }
 
 /// What a file that is dropped now would do.

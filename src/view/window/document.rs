@@ -22,7 +22,7 @@ use crate::view::pattern::{Brush, ShapeKind};
 use crate::view::reach::Reach;
 use crate::view::snapshots::{Snapshots, thumbnail};
 use crate::view::viewport::Viewport;
-use crate::view::worker::{Event, Picture, Progress, Request, Session, SharedDevice};
+use crate::view::worker::{Event, Means, Picture, Progress, Request, Session};
 
 /// Lumens per watt of white light: what makes radiance of three channels a photometric luminance, as in RGBE files.
 const LUMENS_PER_WATT: f32 = 179.0;
@@ -104,6 +104,8 @@ pub(super) struct Document {
     pub(super) progress: Progress,
     /// All factors, once they are there.
     pub(super) relighter: Option<Arc<CpuRelighter>>,
+    /// Whether the container is larger than its budget.
+    pub(super) is_paged: bool,
     /// The adapter that relights, where it is not the CPU, and the bytes that it takes there.
     pub(super) adapter: Option<(String, u64)>,
     pub(super) latency: Latency,
@@ -131,12 +133,12 @@ pub(super) struct Document {
 }
 
 impl Document {
-    pub(super) fn open(context: &egui::Context, path: &Path, device: Option<SharedDevice>) -> Result<Self> {
+    pub(super) fn open(context: &egui::Context, path: &Path, means: Means) -> Result<Self> {
         let wake = {
             let context = context.clone();
             Arc::new(move || context.request_repaint())
         };
-        let session = Session::open(path, device, wake)?;
+        let session = Session::open(path, means, wake)?;
         let groups = Groups::of(session.basis());
         let mix = Mix::of_scene(session.basis(), &groups);
         let lighting = Arc::new(mix.lighting(session.basis(), &groups)?);
@@ -174,6 +176,7 @@ impl Document {
             histogram: Vec::new(),
             progress: Progress::default(),
             relighter: None,
+            is_paged: false,
             adapter: None,
             latency: Latency::default(),
             message: None,
@@ -226,6 +229,11 @@ impl Document {
         self.session.worker.meter().bytes_read.load(Ordering::Relaxed)
     }
 
+    /// Bytes of factors in the memory of the CPU.
+    pub(super) fn resident_bytes(&self) -> u64 {
+        self.session.worker.meter().resident_bytes.load(Ordering::Relaxed)
+    }
+
     /// Takes what the worker has done; before the panels are drawn.
     pub(super) fn receive(&mut self, context: &egui::Context) {
         let events: Vec<Event> = self.session.worker.events().collect();
@@ -233,13 +241,14 @@ impl Document {
             match event {
                 Event::Picture(picture) => self.take_picture(context, *picture),
                 Event::Loaded { relighter, adapter } => {
-                    if let Some(first) = relighter.damage().first() {
-                        let count = relighter.damage().len();
-                        let blocks = if count == 1 { "block" } else { "blocks" };
-                        self.message = Some((format!("{count} damaged {blocks}: {first}"), true));
-                    }
-                    self.relighter = Some(relighter);
+                    self.is_paged = relighter.is_none();
+                    self.relighter = relighter;
                     self.adapter = adapter;
+                }
+                Event::Damage(lines) => {
+                    let blocks = if lines.len() == 1 { "block" } else { "blocks" };
+                    let first = lines.first().map_or("", String::as_str);
+                    self.message = Some((format!("{} damaged {blocks}: {first}", lines.len()), true));
                 }
                 Event::Brought(brought) => {
                     self.beside -= 1;
@@ -331,6 +340,7 @@ impl Document {
             generation: self.generation,
             lighting: self.lighting.clone(),
             display: self.display,
+            looked_at: self.viewport.centre,
             compared: self.snapshots.compared().map(|index| self.snapshots.list()[index].image.clone()),
         });
     }

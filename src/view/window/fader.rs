@@ -5,6 +5,9 @@ use eframe::egui::{self, Color32, Key, Rect, Response, Sense, Ui, WidgetInfo, ve
 use super::theme::{ACCENT, TROUGH, WEAK};
 use crate::view::mixer::STOPS_RANGE;
 
+/// Width of stops as a number, in points.
+pub(super) const NUMBER: f32 = 46.0;
+
 /// A drag this near to no change, in stops, is no change.
 const CATCH: f32 = 0.12;
 
@@ -68,10 +71,21 @@ fn paint(ui: &Ui, response: &Response, inner: Rect, stops: f32, colour: Color32)
 
 /// Stops as a number that can be typed or dragged.
 pub(super) fn stops_number(ui: &mut Ui, stops: &mut f32) -> Response {
+    let untouched = *stops == 0.0;
     let number = egui::DragValue::new(stops)
         .range(STOPS_RANGE)
         .speed(0.02)
         .update_while_editing(false)
         .custom_formatter(|value, _| if value.abs() < 0.005 { "0".into() } else { format!("{value:+.2}") });
-    ui.add_sized(vec2(46.0, ui.spacing().interact_size.y), number)
+    let size = vec2(NUMBER, ui.spacing().interact_size.y);
+    ui.scope(|ui| {
+        // A column of boxes would be louder than what is in them.
+        let inactive = &mut ui.visuals_mut().widgets.inactive;
+        inactive.weak_bg_fill = Color32::TRANSPARENT;
+        if untouched {
+            inactive.fg_stroke.color = WEAK;
+        }
+        ui.add_sized(size, number)
+    })
+    .inner
 }

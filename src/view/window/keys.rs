@@ -281,19 +281,23 @@ fn select(document: &mut Document, action: Action) {
 
 /// The list of keys.
 pub(super) fn help(context: &egui::Context, open: &mut bool) {
+    let room = context.content_rect().size();
     let window = egui::Window::new("Keys").collapsible(false).resizable(false);
     window.anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).open(open).show(context, |ui| {
         let listed = BINDINGS.iter().filter(|binding| !binding.keys.is_empty());
         let rows: Vec<_> = listed.map(|b| (b.keys, b.meaning)).chain(OTHERS).collect();
-        let (left, right) = rows.split_at(rows.len().div_ceil(2));
-        egui::Grid::new("keys").num_columns(4).spacing([24.0, 5.0]).show(ui, |ui| {
-            for (index, first) in left.iter().enumerate() {
-                for (keys, meaning) in std::iter::once(first).chain(right.get(index)) {
-                    ui.label(RichText::new(*keys).color(ACCENT));
-                    ui.label(*meaning);
+        let columns = if room.x >= 960.0 { 2 } else { 1 };
+        egui::ScrollArea::vertical().max_height(room.y - 110.0).show(ui, |ui| {
+            let down = rows.len().div_ceil(columns);
+            egui::Grid::new("keys").num_columns(2 * columns).spacing([24.0, 5.0]).show(ui, |ui| {
+                for index in 0..down {
+                    for (keys, meaning) in (0..columns).filter_map(|column| rows.get(column * down + index)) {
+                        ui.label(RichText::new(*keys).color(ACCENT));
+                        ui.label(*meaning);
+                    }
+                    ui.end_row();
                 }
-                ui.end_row();
-            }
+            });
         });
         ui.add_space(6.0);
         ui.label(RichText::new("Esc closes this list.").size(11.0).color(WEAK));

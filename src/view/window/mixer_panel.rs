@@ -3,29 +3,29 @@
 use eframe::egui::{self, Color32, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
 
 use super::document::Document;
-use super::fader::{fader, stops_number};
+use super::fader::{NUMBER, fader, stops_number};
 use super::theme::{ACCENT, LINE, TEXT, TROUGH, WEAK, swatch};
 use crate::view::groups::{Order, Row};
 
 /// Height of a row, in points.
 const ROW: f32 = 28.0;
-/// Width of a fader and of what stands beside it, in points.
-const FADER: f32 = 124.0;
+/// Between the parts of a row, in points.
+const GAP: f32 = 6.0;
 
 /// Colour of a group's faders.
 const NEUTRAL: Color32 = Color32::from_gray(150);
 
-pub(super) fn mixer(ui: &mut Ui, document: &mut Document) {
-    head(ui, document);
+/// The whole mixer; `titled` where no tab says already what it is.
+pub(super) fn mixer(ui: &mut Ui, document: &mut Document, titled: bool) {
+    head(ui, document, titled);
     let rows = document.rows();
     if rows.is_empty() {
         ui.label(RichText::new("No light has this name.").color(WEAK));
         return;
     }
     let strongest = document.contributions.iter().copied().fold(0.0, f32::max);
-    let spacing = ui.spacing().item_spacing;
     ui.spacing_mut().item_spacing.y = 0.0;
-    let mut area = egui::ScrollArea::vertical().auto_shrink([false, false]);
+    let mut area = egui::ScrollArea::vertical().id_salt("mixer rows").auto_shrink([false, false]);
     if std::mem::take(&mut document.scroll_to_selected) {
         let is_selected = |row: &Row| matches!(row, Row::Light { light, .. } if Some(*light) == document.selected);
         if let Some(at) = rows.iter().position(is_selected) {
@@ -33,7 +33,7 @@ pub(super) fn mixer(ui: &mut Ui, document: &mut Document) {
         }
     }
     area.show_rows(ui, ROW, rows.len(), |ui, range| {
-        ui.spacing_mut().item_spacing = vec2(spacing.x, 0.0);
+        ui.spacing_mut().item_spacing = vec2(GAP, 0.0);
         for row in &rows[range] {
             match *row {
                 Row::Group(group) => group_row(ui, document, group),
@@ -44,10 +44,12 @@ pub(super) fn mixer(ui: &mut Ui, document: &mut Document) {
 }
 
 /// Title, solo and reset, search and order.
-fn head(ui: &mut Ui, document: &mut Document) {
+fn head(ui: &mut Ui, document: &mut Document, titled: bool) {
     ui.add_space(8.0);
     ui.horizontal(|ui| {
-        ui.label(RichText::new("Lights").size(15.0).strong());
+        if titled {
+            ui.label(RichText::new("Lights").size(15.0).strong());
+        }
         let count = document.session.basis().lights().len();
         let shining = (0..count).filter(|&light| document.mix.shines(light, &document.groups)).count();
         ui.label(RichText::new(format!("{shining} of {count} on")).color(WEAK));
@@ -62,7 +64,7 @@ fn head(ui: &mut Ui, document: &mut Document) {
         });
     });
     ui.horizontal(|ui| {
-        let width = ui.available_width() - 118.0;
+        let width = ui.available_width() - 108.0;
         let search =
             egui::TextEdit::singleline(&mut document.search).hint_text("Search  (Ctrl+P)").desired_width(width);
         ui.add(search.id(search_id()));
@@ -71,7 +73,7 @@ fn head(ui: &mut Ui, document: &mut Document) {
             Order::Name => "by name",
             Order::Contribution => "by effect",
         };
-        egui::ComboBox::from_id_salt("order").width(100.0).selected_text(name(document.order)).show_ui(ui, |ui| {
+        egui::ComboBox::from_id_salt("order").width(92.0).selected_text(name(document.order)).show_ui(ui, |ui| {
             for order in [Order::File, Order::Name, Order::Contribution] {
                 ui.selectable_value(&mut document.order, order, name(order));
             }
@@ -107,7 +109,7 @@ fn group_row(ui: &mut Ui, document: &mut Document, group: usize) {
             document.folded.insert(group);
         }
     }
-    fader(ui, &mut mix.stops, FADER, &name, NEUTRAL);
+    fader(ui, &mut mix.stops, fader_width(row), &name, NEUTRAL);
     stops_number(ui, &mut mix.stops);
 }
 
@@ -125,7 +127,8 @@ fn light_row(ui: &mut Ui, document: &mut Document, light: usize, indented: bool,
     });
     ui.add_space(if indented { 22.0 } else { 0.0 });
     let solo = document.mix.lights[light].solo;
-    let response = switch(ui, &mut document.mix.lights[light].on, solo, colour, &name);
+    let lamp = if shines { colour } else { colour.gamma_multiply(0.35) };
+    let response = switch(ui, &mut document.mix.lights[light].on, solo, lamp, &name);
     let response = response.on_hover_text("Click: on or off.  Alt-click: solo.  Alt-Shift-click: add to the solo.");
     let modifiers = ui.input(|input| input.modifiers);
     if response.clicked() && modifiers.alt {
@@ -145,14 +148,14 @@ fn light_row(ui: &mut Ui, document: &mut Document, light: usize, indented: bool,
         }
     }
     let tint = if shines { colour } else { Color32::from_gray(84) };
-    let changed = fader(ui, &mut document.mix.lights[light].stops, FADER, &name, tint).changed();
+    let changed = fader(ui, &mut document.mix.lights[light].stops, fader_width(row), &name, tint).changed();
     if stops_number(ui, &mut document.mix.lights[light].stops).changed() || changed {
         document.selected = Some(light);
     }
     if let (Some(&contribution), true) = (document.contributions.get(light), strongest > 0.0) {
         let share = (contribution / strongest).clamp(0.0, 1.0).sqrt();
-        let bar = Rect::from_min_size(pos2(row.left(), row.bottom() - 2.0), vec2(row.width() * share, 2.0));
-        ui.painter().rect_filled(bar, 0.0, if shines { tint.gamma_multiply(0.35) } else { TROUGH });
+        let bar = Rect::from_min_size(pos2(row.left(), row.bottom() - 1.5), vec2(row.width() * share, 1.5));
+        ui.painter().rect_filled(bar, 0.0, if shines { tint.gamma_multiply(0.28) } else { TROUGH });
     }
 }
 
@@ -168,6 +171,11 @@ fn begin_row(ui: &mut Ui, selected: bool) -> (Rect, Ui) {
     let layout = egui::Layout::left_to_right(egui::Align::Center);
     let inside = row.shrink2(vec2(4.0, 0.0));
     (row, ui.new_child(egui::UiBuilder::new().max_rect(inside).layout(layout)))
+}
+
+/// A fader takes what names can spare.
+fn fader_width(row: Rect) -> f32 {
+    (row.width() * 0.38).clamp(90.0, 220.0)
 }
 
 /// A light's switch: filled with its colour when on, ringed when solo.
@@ -206,7 +214,7 @@ fn solo_button(ui: &mut Ui, solo: bool, name: &str) -> egui::Response {
 /// The name, cut to the space that the fader leaves.
 fn label(ui: &mut Ui, row: Rect, text: &str, colour: Color32, strong: bool) -> egui::Response {
     let left = ui.cursor().left();
-    let width = (row.right() - left - FADER - 46.0 - 24.0).max(30.0);
+    let width = (row.right() - left - fader_width(row) - NUMBER - 3.0 * GAP).max(30.0);
     let mut text = RichText::new(text).color(colour);
     if strong {
         text = text.strong();

@@ -6,6 +6,7 @@ mod document;
 mod errands;
 mod fader;
 mod keys;
+mod layout;
 mod light_panel;
 mod mixer_panel;
 mod pattern_editor;
@@ -35,7 +36,7 @@ pub fn run(options: WindowOptions) -> Result<()> {
         .with_title("ltm")
         .with_app_id("ltm")
         .with_inner_size(options.size.unwrap_or([1440.0, 900.0]))
-        .with_min_inner_size([640.0, 420.0])
+        .with_min_inner_size([560.0, 360.0])
         .with_drag_and_drop(true);
     let native = eframe::NativeOptions { viewport, centered: true, ..Default::default() };
     let failure = Arc::new(Mutex::new(None));
@@ -96,30 +97,45 @@ fn quietly<T>(run: impl FnOnce() -> T) -> Result<T, String> {
     outcome.map_err(|_| message.lock().map(|message| message.clone()).unwrap_or_default())
 }
 
-/// What is wrong with the system, with the Debian package that mends it.
+/// What is wrong with the system, with the Debian packages that mend it.
 fn unusable(message: &str) -> Error {
-    const PACKAGES: [(&str, &str); 8] = [
+    const LOADED_BY_NAME: [(&str, &str); 4] = [
         ("xkbcommon-x11", "libxkbcommon-x11-0"),
         ("xkbcommon", "libxkbcommon0"),
-        ("xcursor", "libxcursor1"),
-        ("libxi", "libxi6"),
-        ("x11-xcb", "libx11-xcb1"),
-        ("libx11", "libx11-6"),
         ("wayland-client", "libwayland-client0"),
         ("libvulkan", "libvulkan1 mesa-vulkan-drivers"),
     ];
     let text = message.lines().map(str::trim).collect::<Vec<_>>().join(" ");
     let lower = text.to_lowercase();
-    if lower.contains("wayland_display") || lower.contains("xopendisplay") || lower.contains("open display") {
-        let hint = "start it in a graphical session, or over `ssh -X`, or in `xvfb-run` (apt-get install xvfb)";
-        return Error::input("ltm view", "there is no display to open a window on", hint);
+    let says = |words: &[&str]| words.iter().any(|word| lower.contains(word));
+    let variable = |name: &str| format!("{name}={}", std::env::var(name).unwrap_or_default());
+    if says(&["xlib's shared libraries"]) {
+        let hint = "apt-get install libx11-6 libx11-xcb1 libxcursor1 libxi6";
+        return Error::input("ltm view", "one of the libraries of X11 is missing", hint);
     }
-    if let Some((_, package)) = PACKAGES.iter().find(|(library, _)| lower.contains(library)) {
+    if says(&["wayland compositor"]) {
+        let problem = format!("no compositor answers at {}", variable("WAYLAND_DISPLAY"));
+        return Error::input("ltm view", problem, "unset WAYLAND_DISPLAY to open the window on DISPLAY");
+    }
+    if says(&["wayland_display", "open display", "connection to x server"]) {
+        let problem = match std::env::var("DISPLAY") {
+            Ok(display) if !display.is_empty() => format!("there is no display at DISPLAY={display}"),
+            _ => "there is no display to open a window on".into(),
+        };
+        let hint = "start it in a graphical session, or over `ssh -X`, or in `xvfb-run` (apt-get install xvfb)";
+        return Error::input("ltm view", problem, hint);
+    }
+    if let Some((_, package)) = LOADED_BY_NAME.iter().find(|(library, _)| lower.contains(library)) {
         return Error::input("ltm view", "a library is missing", format!("apt-get install {package}"));
     }
-    if lower.contains("adapter") || lower.contains("wgpu") || lower.contains("surface") {
-        return Error::NoGpu(format!("{text}; apt-get install mesa-vulkan-drivers gives one in software"));
+    if says(&["adapter", "wgpu", "surface"]) {
+        let problem = "no driver of Vulkan or OpenGL can draw a window on this display";
+        return Error::NoGpu(format!("{problem}; apt-get install mesa-vulkan-drivers gives one in software"));
     }
+    // Where in a dependency it was noticed helps nobody who reads this.
+    let text = text
+        .rsplit_once(".rs:")
+        .map_or(text.as_str(), |(_, rest)| rest.trim_start_matches(|c: char| !c.is_alphabetic()));
     Error::input("ltm view", format!("the window cannot be opened ({text})"), "")
 }
 
@@ -132,9 +148,18 @@ mod tests {
         let outcome = quietly(|| panic!("Library libxkbcommon-x11.so could not be loaded."));
         let error = unusable(&outcome.unwrap_err()).to_string();
         assert_eq!(error, "ltm view: a library is missing; apt-get install libxkbcommon-x11-0");
-        assert!(unusable("neither WAYLAND_DISPLAY nor DISPLAY is set").to_string().contains("no display"));
-        let adapter = unusable("WGPU error: No suitable `wgpu::Adapter` found.\nmore").to_string();
-        assert!(adapter.contains("mesa-vulkan-drivers") && !adapter.contains('\n'));
+        for (message, named) in [
+            ("neither WAYLAND_DISPLAY nor DISPLAY is set", "no display"),
+            ("os error at /x/linux/mod.rs:788: Failed to open connection to X server", "no display"),
+            ("os error at /x/mod.rs:89: Could not find wayland compositor", "WAYLAND_DISPLAY"),
+            ("os error at /x/mod.rs:788: Failed to load one of xlib's shared libraries", "libxcursor1"),
+            ("WGPU error: No suitable `wgpu::Adapter` found.\nmore", "mesa-vulkan-drivers"),
+            ("WGPU error: Failed to create surface for any enabled backend: {}", "mesa-vulkan-drivers"),
+            ("os error at /x/mod.rs:7: Something new", "opened (Something new)"),
+        ] {
+            let error = unusable(message).to_string();
+            assert!(error.contains(named) && !error.contains('\n') && !error.contains("/x/"), "{error}");
+        }
         assert_eq!(quietly(|| 7), Ok(7));
     }
 }

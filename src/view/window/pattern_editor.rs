@@ -6,13 +6,13 @@ use eframe::egui::{self, Color32, ColorImage, Rect, Sense, TextureOptions, Ui, p
 
 use super::chooser::Purpose;
 use super::document::{Document, Easel, Hold, Tool};
-use super::theme::{ACCENT, LINE, section};
+use super::theme::{ACCENT, LINE, WEAK};
 use crate::image::encode_srgb;
 use crate::light::{Light, LightKind};
 use crate::view::pattern::{Brush, Pattern, Shape, ShapeKind};
 
 pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
-    section(ui, "TEXTURE");
+    head(ui, document, index, light);
     let is_environment = light.kind.is_environment();
     tools(ui, document, index, light, is_environment);
     let (across, down) = light.layout();
@@ -21,7 +21,8 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     let size = vec2(across as f32, down as f32) * scale;
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     let to_texels = |at: egui::Pos2| [(at.x - rect.left()) / scale, (at.y - rect.top()) / scale];
-    let pressed = response.is_pointer_button_down_on();
+    // A quick click may go down and up between two frames.
+    let pressed = response.is_pointer_button_down_on() || response.clicked();
     match (pressed, response.interact_pointer_pos()) {
         (true, Some(pointer)) => {
             let moved = response.drag_delta().x / size.x * TAU;
@@ -64,11 +65,39 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     response.on_hover_cursor(egui::CursorIcon::Crosshair);
 }
 
+/// The heading with what is done at once, at its right.
+fn head(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
+    let is_environment = light.kind.is_environment();
+    ui.add_space(8.0);
+    ui.horizontal(|ui| {
+        ui.label(egui::RichText::new("TEXTURE").size(11.0).color(WEAK).strong());
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            ui.spacing_mut().item_spacing.x = 4.0;
+            let (name, about) = match is_environment {
+                true => ("Map…", "A lat-long map, its zenith at the top, as what the environment sends"),
+                false => ("Image…", "A picture in front of the light"),
+            };
+            if ui.button(name).on_hover_text(about).clicked() {
+                document.wanted = Some(Purpose::LightImage(index));
+            }
+            if ui.button("Dark").on_hover_text("Black, to paint light into").clicked() {
+                put(document, index, Pattern::filled(light.layout(), [0.0; 3]));
+            }
+            if ui.button("Even").on_hover_text("The same everywhere").clicked() {
+                let mix = &mut document.mix.lights[index];
+                (mix.pattern, mix.shape, mix.turn_radians) = (None, None, 0.0);
+            }
+        });
+    });
+}
+
 /// The row of tools and the settings of the one in use.
 fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_environment: bool) {
-    ui.horizontal_wrapped(|ui| {
-        ui.spacing_mut().item_spacing.x = 3.0;
-        ui.spacing_mut().button_padding.x = 6.0;
+    if !is_environment && document.easel.tool == Tool::Turn {
+        document.easel.tool = Tool::Brush;
+    }
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 2.0;
         for (tool, name) in [
             (Tool::Brush, "Brush"),
             (Tool::Shape(ShapeKind::Disc), "Disc"),
@@ -80,39 +109,41 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
                 ui.selectable_value(&mut document.easel.tool, tool, name);
             }
         }
-        if !is_environment && document.easel.tool == Tool::Turn {
-            document.easel.tool = Tool::Brush;
-        }
-        ui.separator();
-        if ui.button("Even").on_hover_text("The same everywhere").clicked() {
-            let mix = &mut document.mix.lights[index];
-            (mix.pattern, mix.shape, mix.turn_radians) = (None, None, 0.0);
-        }
-        if ui.button("Dark").on_hover_text("Black, to paint light into").clicked() {
-            put(document, index, Pattern::filled(light.layout(), [0.0; 3]));
-        }
-        let (name, about) = match is_environment {
-            true => ("Map…", "A lat-long map, its zenith at the top, as what the environment sends"),
-            false => ("Image…", "A picture in front of the light"),
-        };
-        if ui.button(name).on_hover_text(about).clicked() {
-            document.wanted = Some(Purpose::LightImage(index));
-        }
     });
+    ui.spacing_mut().item_spacing.x = 4.0;
+    ui.spacing_mut().button_padding.x = 6.0;
     ui.horizontal_wrapped(|ui| match document.easel.tool {
         Tool::Brush => {
             let easel = &mut document.easel;
             let largest = (light.layout().0.max(light.layout().1) as f32 * 0.5).max(2.0);
             ui.add(
-                egui::DragValue::new(&mut easel.brush.radius_texels).range(0.5..=largest).speed(0.05).prefix("size "),
+                egui::DragValue::new(&mut easel.brush.radius_texels)
+                    .range(0.5..=largest)
+                    .speed(0.05)
+                    .max_decimals(1)
+                    .prefix("size "),
             );
-            ui.add(egui::DragValue::new(&mut easel.brush.hardness).range(0.0..=1.0).speed(0.01).prefix("hard "));
-            ui.add(egui::DragValue::new(&mut easel.brush.flow).range(0.01..=1.0).speed(0.01).prefix("flow "));
+            ui.add(
+                egui::DragValue::new(&mut easel.brush.hardness)
+                    .range(0.0..=1.0)
+                    .speed(0.01)
+                    .max_decimals(2)
+                    .prefix("hard "),
+            );
+            ui.add(
+                egui::DragValue::new(&mut easel.brush.flow)
+                    .range(0.01..=1.0)
+                    .speed(0.01)
+                    .max_decimals(2)
+                    .prefix("flow "),
+            );
             paint(ui, &mut easel.brush.colour, &mut easel.paint_stops);
         }
         Tool::Shape(_) => {
             let easel = &mut document.easel;
-            let slider = egui::Slider::new(&mut easel.shape_size, 0.02..=2.0).logarithmic(true).text("size");
+            ui.label("size");
+            ui.spacing_mut().slider_width = (ui.available_width() - 170.0).clamp(50.0, 160.0);
+            let slider = egui::Slider::new(&mut easel.shape_size, 0.02..=2.0).logarithmic(true);
             let resized = ui.add(slider.max_decimals(2)).changed();
             let (colour, stops) = (easel.brush.colour, easel.paint_stops);
             paint(ui, &mut easel.brush.colour, &mut easel.paint_stops);
@@ -133,7 +164,7 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
 
 fn paint(ui: &mut Ui, colour: &mut [f32; 3], stops: &mut f32) {
     ui.color_edit_button_rgb(colour).on_hover_text("Colour of the paint");
-    let number = egui::DragValue::new(stops).range(-8.0..=8.0).speed(0.05).prefix("paint ").suffix(" EV");
+    let number = egui::DragValue::new(stops).range(-8.0..=8.0).speed(0.05).max_decimals(1).suffix(" EV");
     ui.add(number).on_hover_text("Brightness of the paint against the light as it was");
 }
 

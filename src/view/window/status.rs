@@ -33,8 +33,10 @@ fn message(ui: &mut Ui, document: &mut Document) {
     } else {
         let [width, height] = document.size();
         let columns = document.session.container.job().shape.columns();
-        let rank = document.relighter.as_ref().map_or(String::new(), |r| format!(", mean rank {:.1}", r.mean_rank()));
-        ui.add(egui::Label::new(weak(format!("{width} × {height}, {columns} columns{rank}"))).truncate());
+        let rank = document.session.mean_rank();
+        ui.add(
+            egui::Label::new(weak(format!("{width} × {height}, {columns} columns, mean rank {rank:.1}"))).truncate(),
+        );
     }
 }
 
@@ -70,17 +72,19 @@ fn worth(ui: &mut Ui, document: &Document) {
     let read = format!("{} read", bytes(document.bytes_read()));
     let file = format!("of a file of {}; layers that lean on others are read with them", bytes(container.file_bytes()));
     ui.label(weak(read)).on_hover_text(file);
-    if let Some(relighter) = &document.relighter {
-        let on_cpu = bytes(relighter.factor_bytes());
-        let (resident, about) = match &document.adapter {
-            Some((adapter, taken)) => (
-                format!("{} + {} on the GPU", on_cpu, bytes(*taken)),
-                format!("Factors in memory, and with the pictures on {adapter}, which relights"),
-            ),
-            None => (on_cpu, "Factors in memory; the CPU relights".to_owned()),
-        };
-        ui.label(weak(format!("{resident} resident"))).on_hover_text(about);
-    }
+    let on_cpu = bytes(document.resident_bytes());
+    let (resident, about) = match &document.adapter {
+        Some((adapter, taken)) => (
+            format!("{on_cpu} + {} on the GPU", bytes(*taken)),
+            format!("Factors in memory, and with the pictures on {adapter}, which relights"),
+        ),
+        None if document.is_paged => {
+            let about = "Factors in memory, which are more than --memory allows: the rest is read for each picture";
+            (on_cpu, about.to_owned())
+        }
+        None => (on_cpu, "Factors in memory; the CPU relights".to_owned()),
+    };
+    ui.label(weak(format!("{resident} resident"))).on_hover_text(about);
 }
 
 /// A number of bytes for people.

@@ -9,30 +9,47 @@ use super::theme::{ACCENT, WEAK, section};
 use crate::image::{LinearImage, encode_srgb, false_colour, luminance};
 use crate::view::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
 
+/// Red, green and blue in graphs, of about one lightness.
+const CHANNEL_SHADES: [Color32; 3] =
+    [Color32::from_rgb(206, 84, 74), Color32::from_rgb(88, 170, 92), Color32::from_rgb(92, 122, 224)];
+
 pub(super) fn view_panel(ui: &mut Ui, document: &mut Document) {
-    egui::ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+    egui::ScrollArea::vertical().id_salt("view panel").auto_shrink([false, false]).show(ui, |ui| {
         display(ui, document);
         section(ui, "HISTOGRAM");
         histogram(ui, document);
         section(ui, "PROBE");
         probe(ui, document);
-        snapshots(ui, document);
         section(ui, "EXPORT");
-        ui.horizontal_wrapped(|ui| {
-            for (name, about, action) in [
-                ("PNG…", "The picture as it is shown (Ctrl+S)", Action::Png),
-                ("EXR…", "Linear radiance, 32 bits (Ctrl+E)", Action::Exr),
-                ("Layers…", "An EXR with a layer for each light that shines", Action::Layers),
-                ("Lighting…", "A file for `ltm relight --lighting` (Ctrl+K)", Action::SaveLook),
-                ("Command", "Copy the command line that makes this picture (Ctrl+Shift+C)", Action::CopyCommand),
-            ] {
-                if ui.button(name).on_hover_text(about).clicked() {
+        export(ui, document);
+        // What grows stands last, so that nothing moves away from under the pointer.
+        snapshots(ui, document);
+        lights_here(ui, document);
+        ui.add_space(8.0);
+    });
+}
+
+/// What can be written, in a grid.
+fn export(ui: &mut Ui, document: &mut Document) {
+    let ways = [
+        ("PNG…", "The picture as it is shown (Ctrl+S)", Action::Png),
+        ("EXR…", "Linear radiance, 32 bits (Ctrl+E)", Action::Exr),
+        ("Layers…", "An EXR with a layer for each light that shines", Action::Layers),
+        ("Lighting…", "A file for `ltm relight --lighting` (Ctrl+K)", Action::SaveLook),
+        ("Command", "Copy the command line that makes this picture (Ctrl+Shift+C)", Action::CopyCommand),
+    ];
+    const ACROSS: usize = 3;
+    ui.spacing_mut().item_spacing = vec2(4.0, 4.0);
+    let width = (ui.available_width() - (ACROSS - 1) as f32 * 4.0) / ACROSS as f32;
+    for row in ways.chunks(ACROSS) {
+        ui.horizontal(|ui| {
+            for &(name, about, action) in row {
+                if ui.add_sized(vec2(width, 24.0), egui::Button::new(name)).on_hover_text(about).clicked() {
                     act(ui.ctx(), document, action);
                 }
             }
         });
-        ui.add_space(8.0);
-    });
+    }
 }
 
 fn display(ui: &mut Ui, document: &mut Document) {
@@ -50,7 +67,7 @@ fn display(ui: &mut Ui, document: &mut Document) {
     });
     let number = 58.0;
     ui.horizontal(|ui| {
-        ui.add_sized(vec2(62.0, 20.0), egui::Label::new("Exposure").selectable(false));
+        name(ui, "Exposure");
         ui.spacing_mut().slider_width = (ui.available_width() - number - 58.0).max(40.0);
         let slider = egui::Slider::new(&mut document.display.tone.exposure_stops, -12.0..=12.0);
         ui.add(slider.clamping(egui::SliderClamping::Never).suffix(" EV").fixed_decimals(1))
@@ -61,7 +78,7 @@ fn display(ui: &mut Ui, document: &mut Document) {
     });
     let tone = &mut document.display.tone;
     ui.horizontal(|ui| {
-        ui.add_sized(vec2(62.0, 20.0), egui::Label::new("White").selectable(false));
+        name(ui, "White");
         ui.spacing_mut().slider_width = (ui.available_width() - number - 58.0).max(40.0);
         let mut kelvin = tone.white_kelvin.unwrap_or(NEUTRAL_KELVIN);
         let slider = egui::Slider::new(&mut kelvin, 2000.0..=12_000.0).logarithmic(true);
@@ -73,8 +90,9 @@ fn display(ui: &mut Ui, document: &mut Document) {
             tone.white_kelvin = None;
         }
     });
-    ui.horizontal(|ui| {
+    ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
+        ui.spacing_mut().button_padding.x = 6.0;
         let display = &mut document.display;
         for (curve, name) in CURVES {
             let is_shown = !display.false_colour && display.tone.curve == curve;
@@ -90,6 +108,15 @@ fn display(ui: &mut Ui, document: &mut Document) {
     if document.display.false_colour {
         scale(ui, document);
     }
+}
+
+/// The name of a setting, in a column of its own.
+fn name(ui: &mut Ui, text: &str) {
+    let layout = egui::Layout::left_to_right(egui::Align::Center);
+    ui.allocate_ui_with_layout(vec2(60.0, 20.0), layout, |ui| {
+        ui.set_min_width(60.0);
+        ui.add(egui::Label::new(text).selectable(false));
+    });
 }
 
 /// The colours of false colour with what they stand for.
@@ -146,8 +173,7 @@ fn histogram(ui: &mut Ui, document: &Document) {
     // The first bin holds all that is black: it would flatten the rest.
     let inner = document.histogram.get(1..).unwrap_or_default();
     let peak = inner.iter().flatten().copied().fold(1e-6, f32::max);
-    let shades = [Color32::from_rgb(200, 70, 60), Color32::from_rgb(80, 170, 80), Color32::from_rgb(80, 110, 220)];
-    for (channel, shade) in shades.into_iter().enumerate() {
+    for (channel, shade) in CHANNEL_SHADES.into_iter().enumerate() {
         let points: Vec<_> = inner
             .iter()
             .enumerate()
@@ -170,37 +196,68 @@ fn histogram(ui: &mut Ui, document: &Document) {
     response.on_hover_text("Stops after exposure; the line is white.");
 }
 
-fn probe(ui: &mut Ui, document: &mut Document) {
+/// What stands at the pixel under the pointer, or at the one that was asked about: always three lines.
+fn probe(ui: &mut Ui, document: &Document) {
     let pixel = document.hovered.or(document.asked.as_ref().map(|asked| asked.pixel));
     let value = pixel.and_then(|[x, y]| {
         let image = document.image.as_ref()?;
         image.pixels.get(y as usize * image.width as usize + x as usize).copied()
     });
-    let text = match (pixel, value) {
-        (Some([x, y]), Some([r, g, b])) => {
-            let bright = luminance([r, g, b]);
-            let stops = if bright > 0.0 { format!("{:+.2} EV", bright.log2()) } else { "black".into() };
-            let rgb = [r, g, b].map(|v| format!("{:>9}", short(v))).concat();
-            let radiance = format!("{x:>5}, {y:<5}{rgb}\n");
-            // A matt surface sends on at most what it gets: E ≥ π L.
-            match document.lumens_per_watt() {
-                Some(gain) => {
-                    let candela = bright * gain;
-                    let lux = short(candela * std::f32::consts::PI);
-                    format!("{radiance}W/(sr·m²)   {stops}\n{} cd/m²   {lux} lx if matt white", short(candela))
-                }
-                None => format!("{radiance}times as rendered   {stops}\nY {}", short(bright)),
-            }
-        }
-        _ => "Point at the picture to read it;\nclick to ask which light matters there.\n".into(),
+    let (Some([x, y]), Some([r, g, b])) = (pixel, value) else {
+        let text = "Point at the picture to read it;\nclick to ask which light matters there.\n";
+        ui.label(RichText::new(text).size(12.0).color(WEAK));
+        return;
     };
-    ui.label(RichText::new(text).monospace().size(11.0));
+    let bright = luminance([r, g, b]);
+    let stops = if bright > 0.0 { format!("{:+.2} EV", bright.log2()) } else { "black".into() };
+    let weak = |text: String| RichText::new(text).size(12.0).color(WEAK);
+    let plain = |text: String| RichText::new(text).size(12.0);
+    ui.spacing_mut().item_spacing.y = 2.0;
+    ui.horizontal(|ui| {
+        ui.label(weak(format!("{x}, {y}")));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(weak(stops)));
+    });
+    let per_part = ui.available_width() / 3.0;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 0.0;
+        for (value, shade) in [r, g, b].into_iter().zip(CHANNEL_SHADES) {
+            let layout = egui::Layout::left_to_right(egui::Align::Center);
+            ui.allocate_ui_with_layout(vec2(per_part, 16.0), layout, |ui| {
+                ui.set_min_width(per_part);
+                let (dot, _) = ui.allocate_exact_size(vec2(14.0, 16.0), Sense::hover());
+                ui.painter().circle_filled(dot.left_center() + vec2(4.0, 0.0), 3.0, shade);
+                ui.label(plain(short(value)));
+            });
+        }
+    });
+    ui.horizontal(|ui| match document.lumens_per_watt() {
+        // A matt surface sends on at most what it gets: E ≥ π L.
+        Some(gain) => {
+            let candela = bright * gain;
+            ui.label(plain(format!("{} cd/m²", short(candela))));
+            ui.label(plain(format!("{} lx", short(candela * std::f32::consts::PI))))
+                .on_hover_text("Illuminance at least, reached where the surface is matt and white");
+            let unit = weak("W/(sr·m²)".into());
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(unit));
+        }
+        None => {
+            ui.label(plain(format!("Y {}", short(bright))));
+            let unit = weak("times as rendered".into());
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(unit));
+        }
+    });
+}
+
+/// What each light brings to the pixel that was asked about, the strongest first.
+fn lights_here(ui: &mut Ui, document: &mut Document) {
     let Some(asked) = &document.asked else { return };
     let total: f32 = asked.lights.iter().map(|v| v.max(0.0)).sum();
     let mut order: Vec<usize> = (0..asked.lights.len()).filter(|&light| asked.lights[light] > 0.0).collect();
     order.sort_by(|&a, &b| asked.lights[b].total_cmp(&asked.lights[a]));
-    ui.add_space(2.0);
-    ui.label(RichText::new(format!("Light at {}, {}", asked.pixel[0], asked.pixel[1])).size(11.0).color(WEAK));
+    section(ui, &format!("LIGHT AT {}, {}", asked.pixel[0], asked.pixel[1]));
+    if order.is_empty() {
+        ui.label(RichText::new("None").size(12.0).color(WEAK));
+    }
     let mut chosen = None;
     for &light in order.iter().take(5) {
         let share = asked.lights[light] / total.max(1e-30);

@@ -1,0 +1,260 @@
+//! What the worker does between wishes: it keeps the picture, and brings it to each new lighting by the cheapest way.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+use super::metered::Metered;
+use super::reach::{per_light, pixel_rows};
+use super::worker::{Event, Outbox, Picture, Progress, Request, Shared, SharedDevice};
+use crate::container::ContainerReader;
+use crate::error::{Error, Result};
+use crate::image::LinearImage;
+use crate::light::Lighting;
+use crate::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape};
+use crate::relight::{CpuRelighter, GpuRelighter, GpuSettings, Relit};
+
+/// A changed lighting is applied column by column while fewer than one in this many columns change: a column of `R` is
+/// gathered entry by entry, some ten times dearer than in a pass over all of it.
+const FEW_COLUMNS: usize = 10;
+
+/// Blocks that are read before the first picture, and how long later steps take at least, in seconds.
+const FIRST_STEP: usize = 16;
+const STEP_SECS: f64 = 0.08;
+
+pub(super) struct Desk {
+    source: Arc<ContainerReader>,
+    pub(super) shared: Arc<Shared>,
+    pub(super) outbox: Outbox,
+    gpu: Option<GpuRelighter>,
+    kept: Option<Kept>,
+    /// The request of the newest picture, to show it again when more has streamed in.
+    last: Option<Request>,
+}
+
+struct Kept {
+    lighting: Arc<Lighting>,
+    /// What the CPU keeps to change a few columns; none where the GPU relights.
+    relit: Option<Relit>,
+    image: Arc<LinearImage>,
+}
+
+/// How many blocks to read at once, so that pictures in between cost no more than a third of the time.
+pub(super) struct Pace {
+    pub(super) step: usize,
+    begun: Instant,
+    read_secs: f64,
+}
+
+impl Pace {
+    pub(super) fn new() -> Self {
+        Self { step: FIRST_STEP, begun: Instant::now(), read_secs: 0.0 }
+    }
+
+    pub(super) fn begin(&mut self) {
+        self.begun = Instant::now();
+    }
+
+    pub(super) fn has_read(&mut self) {
+        self.read_secs = self.begun.elapsed().as_secs_f64();
+    }
+
+    /// After the picture of what was read.
+    pub(super) fn has_shown(&mut self) {
+        let wanted_secs = STEP_SECS.max(2.0 * (self.begun.elapsed().as_secs_f64() - self.read_secs));
+        self.step = if self.read_secs < wanted_secs { self.step * 2 } else { self.step.div_ceil(2) };
+    }
+}
+
+impl Desk {
+    pub(super) fn new(source: Arc<ContainerReader>, shared: Arc<Shared>, outbox: Outbox) -> Self {
+        Self { source, shared, outbox, gpu: None, kept: None, last: None }
+    }
+
+    /// Loads base layers, then everything, on `device` too if there is one; then serves wishes until the stop.
+    pub(super) fn serve_resident(
+        mut self,
+        metered: &Metered,
+        ids: &[BlockId],
+        device: Option<SharedDevice>,
+    ) -> Result<()> {
+        let whole = Arc::new(self.load(metered, ids)?);
+        if let Some(SharedDevice { device, queue }) = device {
+            match GpuRelighter::on_device(device, queue, metered, GpuSettings::default()) {
+                Ok(gpu) => self.gpu = Some(gpu),
+                Err(error @ Error::Interrupted(_)) => return Err(error),
+                Err(error) => self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU"))),
+            }
+        }
+        let adapter = self.gpu.as_ref().map(|gpu| (gpu.adapter(), gpu.resident_bytes()));
+        self.outbox.send(Event::Loaded { relighter: Some(whole.clone()), adapter });
+        if !whole.damage().is_empty() {
+            self.outbox.send(Event::Damage(whole.damage().to_vec()));
+        }
+        self.outbox.send(Event::Reach(metered.reach().0));
+        self.show_progress(&whole, Progress::COMPLETE);
+        while let Some(wishes) = self.shared.wait() {
+            if let Some(request) = wishes.picture {
+                let made = self.make(&whole, request, Progress::COMPLETE);
+                self.tell(made);
+            }
+            if let Some(pixel) = wishes.pixel {
+                self.look_at(metered, pixel);
+            }
+        }
+        Ok(())
+    }
+
+    fn load(&mut self, metered: &Metered, ids: &[BlockId]) -> Result<CpuRelighter> {
+        // Without layers every block is black and nothing is read.
+        let mut relighter = CpuRelighter::load(&Nothing(metered))?;
+        let source = self.source.clone();
+        let refined: Vec<BlockId> = ids.iter().copied().filter(|&id| source.layer_count(id) > 1).collect();
+        let mut progress = Progress::default();
+        for (base_only, these) in [(true, ids), (false, &refined)] {
+            metered.set_base_only(base_only);
+            let mut pace = Pace::new();
+            let mut at = 0;
+            while at < these.len() {
+                pace.begin();
+                let step = &these[at..(at + pace.step).min(these.len())];
+                relighter.refine(metered, step)?;
+                at += step.len();
+                match base_only {
+                    true => progress.base = at as f32 / ids.len() as f32,
+                    false => progress.whole = (ids.len() - these.len() + at) as f32 / ids.len() as f32,
+                }
+                pace.has_read();
+                self.shared.meter.resident_bytes.store(relighter.factor_bytes(), Ordering::Relaxed);
+                if at < these.len() {
+                    self.show_progress(&relighter, progress);
+                }
+                pace.has_shown();
+            }
+        }
+        Ok(relighter)
+    }
+
+    /// Shows what the newest request gives with the factors that are there by now.
+    fn show_progress(&mut self, relighter: &CpuRelighter, progress: Progress) {
+        self.kept = None;
+        if let Some(request) = self.newest() {
+            let made = self.make(relighter, request, progress);
+            self.tell(made);
+        }
+    }
+
+    /// The newest request, which is kept to be shown again.
+    pub(super) fn newest(&mut self) -> Option<Request> {
+        if let Some(request) = self.shared.wishes().picture.take() {
+            self.last = Some(request);
+        }
+        self.last.clone()
+    }
+
+    pub(super) fn tell(&self, outcome: Result<()>) {
+        match outcome {
+            Err(error) if !self.shared.stopped() => self.outbox.send(Event::Failed(error.to_string())),
+            _ => {}
+        }
+    }
+
+    fn make(&mut self, relighter: &CpuRelighter, request: Request, progress: Progress) -> Result<()> {
+        let begun = Instant::now();
+        let relit = self.relight(relighter, &request.lighting)?;
+        let relight_secs = if relit { begun.elapsed().as_secs_f64() } else { 0.0 };
+        let kept = self.kept.as_ref().expect("relight has just set it");
+        self.show(&request, kept.image.clone(), progress, (begun, relight_secs));
+        Ok(())
+    }
+
+    /// Sends a picture.
+    pub(super) fn show(
+        &self,
+        request: &Request,
+        image: Arc<LinearImage>,
+        progress: Progress,
+        (begun, relight_secs): (Instant, f64),
+    ) {
+        let shown = request.display.show(&image);
+        let compared = request.compared.as_ref().map(|image| request.display.show(image));
+        let total_secs = begun.elapsed().as_secs_f64();
+        let generation = request.generation;
+        let picture = Picture { generation, image, shown, compared, progress, relight_secs, total_secs };
+        self.outbox.send(Event::Picture(Box::new(picture)));
+    }
+
+    /// Brings the kept picture to a lighting by the cheapest way; says whether there was anything to do.
+    fn relight(&mut self, relighter: &CpuRelighter, lighting: &Arc<Lighting>) -> Result<bool> {
+        if let Some(kept) = &mut self.kept {
+            let pairs = kept.lighting.weights().iter().zip(lighting.weights()).enumerate();
+            let changes: Vec<_> = pairs
+                .filter(|(_, (old, new))| old != new)
+                .map(|(column, (_, new))| (ColumnIndex(column as u32), *new))
+                .collect();
+            if changes.is_empty() {
+                return Ok(false);
+            }
+            let few = changes.len() == 1 || changes.len() * FEW_COLUMNS <= lighting.weights().len();
+            // What changes leave behind of roundings would show where nothing else is.
+            let is_dark = lighting.weights().iter().flatten().all(|v| *v == 0.0);
+            if let (true, Some(relit)) = (few && !is_dark, &mut kept.relit) {
+                relighter.change(relit, &changes)?;
+                kept.lighting = lighting.clone();
+                kept.image = Arc::new(relit.image.clone());
+                return Ok(true);
+            }
+        }
+        let lighting = lighting.clone();
+        if let Some(gpu) = &self.gpu {
+            match gpu.relight(&lighting) {
+                Ok(image) => {
+                    self.kept = Some(Kept { lighting, relit: None, image: Arc::new(image) });
+                    return Ok(true);
+                }
+                Err(error) => {
+                    self.gpu = None;
+                    self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU")));
+                }
+            }
+        }
+        let relit = relighter.relight_kept(&lighting)?;
+        let image = Arc::new(relit.image.clone());
+        self.kept = Some(Kept { lighting, relit: Some(relit), image });
+        Ok(true)
+    }
+
+    /// Says what each light brings to a pixel under the newest lighting.
+    pub(super) fn look_at(&mut self, metered: &Metered, pixel: [u32; 2]) {
+        let Some(request) = self.newest() else { return };
+        match pixel_rows(metered, pixel) {
+            Ok(rows) => {
+                let lights = per_light(&self.source.job().basis, &rows, &request.lighting);
+                self.outbox.send(Event::Pixel { pixel, lights });
+            }
+            Err(error) => self.tell(Err(error)),
+        }
+    }
+}
+
+/// A source of black blocks.
+struct Nothing<'a>(&'a Metered<'a>);
+
+impl FactorSource for Nothing<'_> {
+    fn shape(&self) -> MatrixShape {
+        self.0.shape()
+    }
+
+    fn layer_count(&self, _: BlockId) -> u32 {
+        0
+    }
+
+    fn encoded_bytes(&self, _: BlockId, _: Range<u32>) -> u64 {
+        0
+    }
+
+    fn read_layers(&self, id: BlockId, _: Range<u32>) -> Result<FactoredBlock> {
+        self.0.read_layers(id, 0..0)
+    }
+}
