@@ -192,6 +192,16 @@ fn memory_that_is_too_small_is_refused_before_anything_is_written() {
 }
 
 #[test]
+fn a_scene_that_the_tracer_refuses_leaves_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut room = room("mixed");
+    room.settings.samples_per_pixel = 0;
+    let error = pipeline::render_packed(room, &folder.path().join("a.ltc"), &PackOptions::default(), &Quiet);
+    assert!(error.unwrap_err().to_string().contains("samples per pixel"));
+    assert_eq!(names(folder.path()), [""; 0]);
+}
+
+#[test]
 fn rows_and_columns_of_the_whole_matrix_give_the_same_bytes_whenever_it_was_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let (_, matrix) = render(&folder, "diffuse");

@@ -98,7 +98,7 @@ impl Candidate {
         }
     }
 
-    /// Encodes it, little-endian, for a spill file that the same program reads back.
+    /// Encodes it, in the machine's byte order, for a spill file that the same program reads back.
     pub fn to_bytes(&self) -> Vec<u8> {
         let s = &self.summary;
         let mut out = Vec::with_capacity(64 + 4 * (self.left.len() + self.right.len()) + 16 * self.sparse.len());
@@ -108,19 +108,17 @@ impl Candidate {
         let counts = [self.rank() as u32, self.sparse.len() as u32, u32::from(s.fixed), bins];
         for v in [self.id.0, s.rows, s.columns, s.replaced.nan, s.replaced.huge].into_iter().chain(first).chain(counts)
         {
-            out.extend(v.to_le_bytes());
+            out.extend(v.to_ne_bytes());
         }
-        s.histogram.iter().for_each(|count| out.extend(count.to_le_bytes()));
-        let scalars = [s.tail, s.brightness, s.calm];
-        let lists =
-            [&s.gains, &s.noise, &s.fitted_noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain];
-        for v in scalars.iter().chain(lists.into_iter().flatten()) {
-            out.extend(v.to_le_bytes());
+        out.extend_from_slice(bytemuck::cast_slice(&s.histogram));
+        out.extend_from_slice(bytemuck::cast_slice(&[s.tail, s.brightness, s.calm]));
+        for list in
+            [&s.gains, &s.noise, &s.fitted_noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain]
+        {
+            out.extend_from_slice(bytemuck::cast_slice(list));
         }
         for entry in &self.sparse {
-            out.extend(entry.column.0.to_le_bytes());
-            out.extend(entry.row.to_le_bytes());
-            out.extend(entry.value.to_le_bytes());
+            out.extend_from_slice(bytemuck::cast_slice(&[entry.column.0, entry.row, entry.value.to_bits()]));
         }
         out
     }
@@ -130,7 +128,7 @@ impl Candidate {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let short = || "a spilled candidate is cut short".to_owned();
         let rest = bytes.strip_prefix(&MAGIC).ok_or("this is not a spilled candidate")?;
-        let words: Vec<u32> = rest.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+        let words: Vec<u32> = rest.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
         let mut words = words.as_slice();
         let mut take = |count: usize| -> Result<&[u32], String> {
             let (taken, left) = words.split_at_checked(count).ok_or_else(short)?;

@@ -11,11 +11,11 @@ use super::global::{self, GlobalCur};
 use super::noise::NoiseModel;
 use super::range::{Range, Weights, exact_range, find_range};
 use super::remainder::{stand_out, without};
-use super::sanitise::{Survey, sanitise};
+use super::sanitise::{Survey, sanitise, survey};
 use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut};
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
-use crate::matrix::{BlockId, BlockNoise, BlockSource, BlockView, MatrixShape, SparseEntry};
+use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, BlockView, MatrixShape, SparseEntry};
 
 /// Compresses the blocks of one matrix. Shared by threads: analysing changes nothing in it.
 pub struct Compressor {
@@ -115,23 +115,63 @@ impl Compressor {
     /// Panics if the block has another number of columns than the matrix, or the scope is global and
     /// [`choose_globally`](Self::choose_globally) has not been called.
     pub fn analyse(&self, id: BlockId, block: BlockView<'_>, noise: Option<&BlockNoise>) -> Candidate {
-        assert_eq!(block.columns(), self.shape.columns(), "{id}");
-        let (m, n) = (block.rows(), block.columns());
-        let (entries, Survey { lit, sums, .. }, replaced) = sanitise(block);
-        let usable = BlockView::new(m, n, &entries);
-        let automatic = self.settings.method == Method::Auto;
-        let (fraction, contrast) = (self.settings.sparse_fraction, self.settings.sparse_contrast);
-        let standing = if automatic { stand_out(usable, &sums, fraction, contrast) } else { Vec::new() };
+        let (entries, survey, replaced) = sanitise(block);
+        let usable = BlockView::new(block.rows(), block.columns(), &entries);
+        let standing = self.standing(usable, &survey);
+        let smooth = without(entries, &standing, block.rows());
+        let smooth = BlockView::new(block.rows(), block.columns(), &smooth);
+        self.analyse_smooth(id, smooth, noise, standing, (survey, replaced))
+    }
+
+    /// [`analyse`](Self::analyse) without a copy of the block: what stands alone is taken out of it while its range is
+    /// found, and put back.
+    pub fn analyse_in_place(&self, id: BlockId, block: &mut Block, noise: Option<&BlockNoise>) -> Candidate {
+        let survey = survey(block.view());
+        if !survey.usable {
+            return self.analyse(id, block.view(), noise);
+        }
+        let standing = self.standing(block.view(), &survey);
+        let put = |block: &mut Block, value: &dyn Fn(&SparseEntry) -> f32| {
+            let rows = block.rows();
+            for entry in &standing {
+                block.entries_mut()[entry.column.index() * rows + entry.row as usize] = value(entry);
+            }
+        };
+        put(block, &|_| 0.0);
+        let candidate = self.analyse_smooth(id, block.view(), noise, standing.clone(), (survey, Replaced::default()));
+        put(block, &|entry| entry.value);
+        candidate
+    }
+
+    fn standing(&self, usable: BlockView<'_>, survey: &Survey) -> Vec<SparseEntry> {
+        match self.settings.method {
+            Method::Auto => {
+                stand_out(usable, &survey.sums, self.settings.sparse_fraction, self.settings.sparse_contrast)
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// Analyses a block whose entries are usable and from which `standing` has been taken out.
+    fn analyse_smooth(
+        &self,
+        id: BlockId,
+        smooth: BlockView<'_>,
+        noise: Option<&BlockNoise>,
+        standing: Vec<SparseEntry>,
+        (Survey { lit, .. }, replaced): (Survey, Replaced),
+    ) -> Candidate {
+        assert_eq!(smooth.columns(), self.shape.columns(), "{id}");
+        let (m, n) = (smooth.rows(), smooth.columns());
         let heeded = self.settings.noise_factor > 0.0;
         let mut noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, (m, n)));
-        let smooth = without(entries, &standing, m);
         let (sparse, stray) = match &mut noise {
             Some(noise) => noise.split(standing),
             None => (standing, Vec::new()),
         };
-        let a = MatRef::from_column_major_slice(&smooth, m, n);
+        let a = MatRef::from_column_major_slice(smooth.entries(), m, n);
         let range = match self.settings.method {
-            _ if lit.iter().all(|&v| v == 0.0) && smooth.iter().all(|&v| v == 0.0) => {
+            _ if lit.iter().all(|&v| v == 0.0) && smooth.entries().iter().all(|&v| v == 0.0) => {
                 Range { left: Vec::new(), right: Vec::new(), gains: Vec::new(), tail: 0.0 }
             }
             Method::Auto if self.weights.holds_all_columns() => {

@@ -4,7 +4,9 @@
 //! sketch `A · (draws of K)`, improved by power iterations `A K Aᵀ` (Halko, Martinsson, Tropp 2011, Algorithm 4.4, with
 //! `K` in the middle), and an eigenproblem as small as the sketch.
 
-use faer::{Mat, MatRef};
+use faer::{Mat, MatRef, unzip, zip};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 use super::dense::{eigen, orthonormal, product, product_f64, subtract_product, to_f32, to_f64, to_vec};
 use crate::light::LightingPrior;
@@ -38,7 +40,7 @@ impl Weights {
         let view = |values: &[f32], width| MatRef::from_column_major_slice(values, n, width).to_owned();
         let mut sketch = vec![1.0f32; n];
         // As many lightings as columns: the columns themselves lose nothing.
-        let draws = if sketch_columns >= n { 0 } else { sketch_columns };
+        let draws = if sketch_columns >= n { 0 } else { sketch_columns - 1 };
         sketch.extend(prior.draws(draws, seed));
         let width = sketch.len() / n;
         Self {
@@ -64,6 +66,39 @@ impl Weights {
         weighed
     }
 
+    /// Lightings, columns × (1 + width of the range), that show the range of a block best, as a sketch of its rows
+    /// (`few`) tells: all-on, then those that call up the strongest directions beside it.
+    fn lightings_that_show(&self, few: MatRef<'_, f32>, power_iterations: usize) -> Mat<f32> {
+        let mut y = product(few, self.sketch.as_ref());
+        let all_on = orthonormal(y.as_ref().subcols(0, 1));
+        let mut lightings = Mat::zeros(self.sketch.nrows(), 0);
+        for _ in 0..=power_iterations {
+            let q = orthonormal_beside(all_on.as_ref(), &mut y);
+            if q.ncols() == 0 {
+                break;
+            }
+            // Turned to the axes of `Qᵀ A K Aᵀ Q` and scaled to equal energy, or weak directions would fall below rounding.
+            let through = product(q.transpose(), few);
+            let (values, vectors) = eigen(self.gram(through.as_ref()).as_ref());
+            let strong = values.iter().take_while(|&&v| v > 1e-14 * values[0] && v > 0.0).count();
+            let level = Mat::from_fn(vectors.nrows(), strong, |i, k| (vectors[(i, k)] / values[k].sqrt()) as f32);
+            lightings = self.weigh(product(level.transpose(), through.as_ref()).as_ref());
+            y = product(few, lightings.as_ref());
+        }
+        let ones = Mat::from_fn(self.sketch.nrows(), 1, |_, _| 1.0);
+        beside(ones.as_ref(), lightings.as_ref())
+    }
+
+    /// Mean energy that the sketch's draws show of `rest` (rows × columns).
+    fn seen_of(&self, rest: MatRef<'_, f32>) -> f64 {
+        let draws = self.sketch.as_ref().subcols(1, self.sketch.ncols() - 1);
+        if draws.ncols() == 0 {
+            return 0.0;
+        }
+        let norm = f64::from(product(rest, draws).norm_l2());
+        norm * norm / draws.ncols() as f64
+    }
+
     /// `b K bᵀ` for `b` (k × columns), in f64.
     pub(super) fn gram(&self, b: MatRef<'_, f32>) -> Mat<f64> {
         let through = to_f64(product(b, self.factor.as_ref()).as_ref());
@@ -76,6 +111,9 @@ impl Weights {
 /// Finds the weighted range of `a` (rows × columns), at most `rank` wide, with the all-on image inside it exactly. The
 /// entries of `stray`, in any order, are to be added to `a`: they count in the all-on image and in `Uᵀ A`, but do not draw
 /// the range.
+///
+/// Which lightings show the range best is asked of a sketch of the rows, so that the block itself is multiplied twice
+/// only, by those lightings and by the basis that they give.
 pub(super) fn find_range(
     a: MatRef<'_, f32>,
     stray: &[SparseEntry],
@@ -84,28 +122,27 @@ pub(super) fn find_range(
     power_iterations: usize,
 ) -> Range {
     let m = a.nrows();
-    let mut y = product(a, weights.sketch.as_ref());
+    let sketch = RowSketch::new(m);
+    let few = sketch.rows_of(a);
+    let lightings = weights.lightings_that_show(few.as_ref(), power_iterations);
+    let mut y = product(a, lightings.as_ref());
     stray.iter().for_each(|e| y[(e.row as usize, 0)] += e.value);
-    let sketched = y.clone();
     let all_on = orthonormal(y.as_ref().subcols(0, 1));
-    let mut q = orthonormal_beside(all_on.as_ref(), &mut y);
-    for _ in 0..power_iterations {
-        if q.ncols() == 0 {
-            break;
-        }
-        // Turned to the axes of `Qᵀ A K Aᵀ Q` and scaled to equal energy, or weak directions would fall below rounding.
-        let through = product(q.transpose(), a);
-        let (values, vectors) = eigen(weights.gram(through.as_ref()).as_ref());
-        let strong = values.iter().take_while(|&&v| v > 1e-14 * values[0] && v > 0.0).count();
-        let level = Mat::from_fn(vectors.nrows(), strong, |i, k| (vectors[(i, k)] / values[k].sqrt()) as f32);
-        y = product(a, weights.weigh(product(level.transpose(), through.as_ref()).as_ref()).as_ref());
-        q = orthonormal_beside(all_on.as_ref(), &mut y);
+    let mut others = y.subcols(1, y.ncols() - 1).to_owned();
+    let q = orthonormal_beside(all_on.as_ref(), &mut others);
+    let first = all_on.ncols();
+    let basis = beside(all_on.as_ref(), q.as_ref());
+    let mut through = product(basis.transpose(), a);
+    // What stands alone is no part of what the range was to hold.
+    let mut missed = few;
+    subtract_product(&mut missed, sketch.rows_of(basis.as_ref()).as_ref(), through.as_ref());
+    for entry in stray {
+        let place = through.col_mut(entry.column.index());
+        zip!(place, basis.row(entry.row as usize).transpose()).for_each(|unzip!(sum, u)| *sum += u * entry.value);
     }
     // The all-on direction stays as it is; the others turn to the axes of the weighted energy.
-    let first = all_on.ncols();
-    let fixed = projected(all_on.as_ref(), a, stray);
-    let turned = projected(q.as_ref(), a, stray);
-    let (values, vectors) = eigen(weights.gram(turned.as_ref()).as_ref());
+    let (fixed, turned) = through.as_ref().split_at_row(first);
+    let (values, vectors) = eigen(weights.gram(turned).as_ref());
     let largest = values.first().copied().unwrap_or(0.0);
     let kept = values.iter().take_while(|&&v| v > 1e-14 * largest && v > 0.0).count();
     let kept = kept.min(rank.saturating_sub(first));
@@ -114,11 +151,54 @@ pub(super) fn find_range(
     left.extend(to_vec(product(q.as_ref(), turn.as_ref()).as_ref()));
     let mut right = to_vec(fixed.transpose());
     right.extend(to_vec(product(turned.transpose(), turn.as_ref()).as_ref()));
-    let fixed_gain = weights.gram(fixed.as_ref());
+    let fixed_gain = weights.gram(fixed);
     let gains: Vec<f64> = (0..first).map(|k| fixed_gain[(k, k)]).chain(values[..kept].iter().copied()).collect();
-    let tail = values[kept..].iter().sum::<f64>() + unseen(&sketched, all_on.as_ref(), q.as_ref());
+    let tail = values[kept..].iter().sum::<f64>() + weights.seen_of(missed.as_ref());
     debug_assert_eq!(left.len(), m * gains.len());
     Range { left, right, gains, tail }
+}
+
+/// Few rows that stand for all of a block: each a sum of rows far apart, with random signs, so that squared norms keep
+/// their mean (the sparse embedding of Clarkson and Woodruff 2013, with as many rows in every sum).
+struct RowSketch {
+    /// 1 or −1 for each row; none where rows are too few to gain by it.
+    signs: Vec<f32>,
+}
+
+/// Rows of a sketch: several times the widest range that is asked of it.
+const SKETCH_ROWS: usize = 256;
+
+impl RowSketch {
+    fn new(rows: usize) -> Self {
+        if rows <= 2 * SKETCH_ROWS {
+            return Self { signs: Vec::new() };
+        }
+        let mut random = Pcg64Mcg::seed_from_u64(0x726f_7773);
+        Self { signs: (0..rows).map(|_| if random.random::<bool>() { 1.0 } else { -1.0 }).collect() }
+    }
+
+    /// The sketch of `a` (rows × columns): at most twice `SKETCH_ROWS` rows, as many columns.
+    fn rows_of(&self, a: MatRef<'_, f32>) -> Mat<f32> {
+        if self.signs.is_empty() {
+            return a.to_owned();
+        }
+        let mut few = Mat::zeros(SKETCH_ROWS, a.ncols());
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for j in 0..a.ncols() {
+                    let column = a.col(j).try_as_col_major().expect("blocks stand column by column").as_slice();
+                    let sums = few.col_as_slice_mut(j);
+                    for (part, signs) in column.chunks(SKETCH_ROWS).zip(self.signs.chunks(SKETCH_ROWS)) {
+                        for ((sum, value), sign) in sums.iter_mut().zip(part).zip(signs) {
+                            *sum += value * sign;
+                        }
+                    }
+                }
+            },
+        );
+        few
+    }
 }
 
 /// [`find_range`] for blocks of few columns, without a sketch: with the eigenvectors `V Λ Vᵀ` of `AᵀA`, `A = Q B` where
@@ -169,17 +249,6 @@ pub(super) fn exact_range(a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &W
     }
 }
 
-/// `Qᵀ (A + E)` with the few entries of `E`.
-fn projected(q: MatRef<'_, f32>, a: MatRef<'_, f32>, few: &[SparseEntry]) -> Mat<f32> {
-    let mut through = product(q.transpose(), a);
-    for entry in few {
-        for k in 0..q.ncols() {
-            through[(k, entry.column.index())] += q[(entry.row as usize, k)] * entry.value;
-        }
-    }
-    through
-}
-
 /// Orthonormal basis of `y` beside the orthonormal `fixed`.
 fn orthonormal_beside(fixed: MatRef<'_, f32>, y: &mut Mat<f32>) -> Mat<f32> {
     let scale = y.norm_l2();
@@ -200,17 +269,10 @@ fn orthonormal_beside(fixed: MatRef<'_, f32>, y: &mut Mat<f32>) -> Mat<f32> {
     to_f32(product_f64(q.as_ref(), scaled.as_ref()).as_ref())
 }
 
-/// Mean energy of the sketch's draws that lies outside the range.
-fn unseen(sketched: &Mat<f32>, all_on: MatRef<'_, f32>, q: MatRef<'_, f32>) -> f64 {
-    let draws = sketched.as_ref().subcols(1, sketched.ncols() - 1);
-    if draws.ncols() == 0 {
-        return 0.0;
-    }
-    let mut rest = draws.to_owned();
-    for basis in [all_on, q] {
-        let part = product(basis.transpose(), rest.as_ref());
-        subtract_product(&mut rest, basis, part.as_ref());
-    }
-    let norm = f64::from(rest.norm_l2());
-    norm * norm / draws.ncols() as f64
+/// Two matrices of as many rows, side by side.
+fn beside(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {
+    let mut both = Mat::zeros(a.nrows(), a.ncols() + b.ncols());
+    both.subcols_mut(0, a.ncols()).copy_from(a);
+    both.subcols_mut(a.ncols(), b.ncols()).copy_from(b);
+    both
 }

@@ -76,15 +76,25 @@ fn above(block: BlockView<'_>, thresholds: &[f32]) -> Vec<SparseEntry> {
     found
 }
 
-/// For each row, how many of its entries have a larger magnitude than its limit.
+/// For each row, how many of its entries have a larger magnitude than its limit. Rows without a finite limit are passed
+/// over, as far as they stand together.
 fn counts_above(block: BlockView<'_>, limits: &[f32]) -> Vec<u32> {
+    const TOGETHER: usize = 64;
     let mut counts = vec![0u32; block.rows()];
+    let wanted: Vec<usize> = (0..block.rows())
+        .step_by(TOGETHER)
+        .filter(|&first| limits[first..].iter().take(TOGETHER).any(|limit| limit.is_finite()))
+        .collect();
     pulp::Arch::new().dispatch(
         #[inline(always)]
         || {
             for column in block.entries().chunks_exact(block.rows()) {
-                for ((count, value), limit) in counts.iter_mut().zip(column).zip(limits) {
-                    *count += u32::from(value.abs() > *limit);
+                for &first in &wanted {
+                    let end = (first + TOGETHER).min(column.len());
+                    let rows = counts[first..end].iter_mut().zip(&column[first..end]).zip(&limits[first..end]);
+                    for ((count, value), limit) in rows {
+                        *count += u32::from(value.abs() > *limit);
+                    }
                 }
             }
         },

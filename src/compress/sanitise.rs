@@ -31,11 +31,12 @@ pub(super) struct Survey {
     pub(super) lit: Vec<f32>,
     /// Sum of the magnitudes of each row.
     pub(super) sums: Vec<f32>,
-    usable: bool,
+    /// Whether every entry can be computed with.
+    pub(super) usable: bool,
 }
 
 /// Sums the rows of a block and looks for entries that cannot be computed with.
-fn survey(block: BlockView<'_>) -> Survey {
+pub(super) fn survey(block: BlockView<'_>) -> Survey {
     let mut survey = Survey { lit: vec![0.0; block.rows()], sums: vec![0.0; block.rows()], usable: true };
     pulp::Arch::new().dispatch(
         #[inline(always)]

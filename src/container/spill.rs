@@ -115,6 +115,15 @@ impl Spill {
     }
 }
 
+impl Drop for Spill {
+    fn drop(&mut self) {
+        // Nobody would continue from nothing.
+        if self.blocks.iter().all(Option::is_none) {
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
 /// Opens a file that a stopped job continues from, locked for this process: as it is, and `true`, if it begins with this
 /// mark and fingerprint, else emptied and begun with them.
 ///

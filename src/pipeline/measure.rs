@@ -7,7 +7,7 @@
 //! ‖A − P‖² = ‖E‖² + 2 ⟨E, X⟩ + ‖X‖²,   X = (U R − L' R') + (S − S')
 //! ```
 //!
-//! `‖X‖²` comes from the Gram matrices of the factors, `⟨E, S − S'⟩` from the values of `E` at the single entries, and
+//! `‖E‖²` is `‖A − S‖² − 2 ‖R‖² + ‖U R‖²` where `R = Uᵀ (A − S)`, else summed entry by entry. `‖X‖²` comes from the Gram matrices of the factors, `⟨E, S − S'⟩` from the values of `E` at the single entries, and
 //! `⟨E, U R⟩ = 0` because `E` is orthogonal to the components. Only `⟨E, (L' − U) R'⟩` is left out: the rounding of `L`
 //! does not know `E`, so its mean is 0 and its standard deviation at most `1 / √rows` of the whole (Cauchy–Schwarz, with
 //! rounding errors independent from row to row). So a matrix that never was in one place has the same report as one that
@@ -41,35 +41,42 @@ impl Lacking {
     }
 
     /// Measures `block` against all that its candidate holds. Entries that are not finite count as 0, as they do in
-    /// the candidate or nearly so.
-    pub(super) fn measure(block: &TracedBlock, whole: &FactoredBlock) -> Self {
-        let (m, n, rank) = (whole.rows, whole.columns, whole.rank());
+    /// the candidate or nearly so. `projected` says that the components' `R` is `Uᵀ (A − S)`, to rounding.
+    pub(super) fn measure(block: &TracedBlock, whole: &FactoredBlock, projected: bool) -> Self {
+        let m = whole.rows;
         let mut lacking = Self {
             noise_variance: block.noise.as_ref().map_or(f64::NAN, BlockNoise::mean_variance),
             all_on: vec![0.0; m],
             ..Self::default()
         };
-        let left = MatRef::from_column_major_slice(&whole.left, m, rank);
-        let right = MatRef::from_row_major_slice(&whole.right, rank, n);
-        let mut strip = vec![0.0f32; m * STRIP.min(n)];
         let mut sparse = whole.sparse.iter().peekable();
-        for first in (0..n).step_by(STRIP) {
-            let count = STRIP.min(n - first);
-            let strip = &mut strip[..m * count];
-            let target = MatMut::from_column_major_slice_mut(strip, m, count);
-            matmul(target, Accum::Replace, left, right.subcols(first, count), 1.0, Par::Seq);
-            for (i, held) in strip.chunks_exact_mut(m).enumerate() {
-                let entries = &block.block.entries()[(first + i) * m..][..m];
-                while let Some(entry) = sparse.next_if(|entry| entry.column.index() == first + i) {
-                    let row = entry.row as usize;
-                    held[row] += entry.value;
-                    lacking.at_sparse.push(finite(entries[row]) - held[row]);
-                }
-                let (norm, error) = column_sums(entries, held, &mut lacking.all_on);
+        let (mut rest_norm, mut rest) = (0.0, vec![0.0; m]);
+        for (column, entries) in block.block.entries().chunks_exact(m.max(1)).enumerate() {
+            let norm = column_sums(entries, &mut lacking.all_on);
+            if sparse.peek().is_none_or(|entry| entry.column.index() != column) {
                 lacking.squared_norm += norm;
-                lacking.squared_error += error;
+                rest_norm += norm;
+                continue;
             }
+            rest.copy_from_slice(entries);
+            let mut taken = 0.0;
+            while let Some(entry) = sparse.next_if(|entry| entry.column.index() == column) {
+                let row = entry.row as usize;
+                let value = finite(entries[row]);
+                taken += f64::from(value).powi(2) - f64::from(value - entry.value).powi(2);
+                rest[row] = value - entry.value;
+                lacking.at_sparse.push(rest[row] - component_entry(whole, row, column));
+            }
+            let norm = squared_norm(&rest);
+            lacking.squared_norm += norm + taken;
+            rest_norm += norm;
         }
+        // A product less than the difference itself. Sums of f32 over the rows of a lamp in view, all alike, round off up
+        // to 4e-6 of the squared norm: where the error is not far above that, it is summed.
+        let (of_components, of_right) = components_norms(whole);
+        let by_norms = rest_norm - 2.0 * of_right + of_components;
+        let well_told = projected && by_norms > 1e-3 * rest_norm;
+        lacking.squared_error = if well_told { by_norms } else { squared_difference(block, whole) };
         lacking
     }
 
@@ -130,7 +137,7 @@ impl Lacking {
         if error == 0.0 { 0.0 } else { (error / norm).sqrt() }
     }
 
-    /// Appends it to a spilled candidate, little-endian.
+    /// Appends it to a spilled candidate, in the machine's byte order.
     pub(super) fn append_to(&self, bytes: &mut Vec<u8>) {
         for value in [self.squared_norm, self.squared_error, self.noise_variance] {
             bytes.extend(value.to_le_bytes());
@@ -161,24 +168,86 @@ fn key(entry: &crate::matrix::SparseEntry) -> (crate::matrix::ColumnIndex, u32) 
     (entry.column, entry.row)
 }
 
+#[inline(always)]
 fn finite(value: f32) -> f32 {
     if value.is_finite() { value } else { 0.0 }
 }
 
-/// Squares of a column and of its difference from what is held, and the column added to `all_on`. Sixteen running sums
-/// each, so that the order of adding, and with it the bits, is the same on every machine.
-fn column_sums(entries: &[f32], held: &[f32], all_on: &mut [f32]) -> (f64, f64) {
-    const LANES: usize = 16;
-    let (mut norms, mut errors) = ([0.0f32; LANES], [0.0f32; LANES]);
-    let parts = entries.chunks(LANES).zip(held.chunks(LANES)).zip(all_on.chunks_mut(LANES));
-    for ((entries, held), all_on) in parts {
-        for (lane, ((&entry, &held), sum)) in entries.iter().zip(held).zip(all_on).enumerate() {
-            let usable = entry.is_finite();
-            let (entry, error) = if usable { (entry, entry - held) } else { (0.0, 0.0) };
-            norms[lane] += entry * entry;
-            errors[lane] += error * error;
-            *sum += entry;
+/// `(U R)ᵢⱼ`.
+fn component_entry(whole: &FactoredBlock, row: usize, column: usize) -> f32 {
+    (0..whole.rank()).map(|k| whole.left_component(k)[row] * whole.right_component(k)[column]).sum()
+}
+
+/// `‖U R‖²`, by the Gram matrices of the factors, and `‖R‖²`: the same but for the rounding of `U`.
+fn components_norms(whole: &FactoredBlock) -> (f64, f64) {
+    let (m, n, rank) = (whole.rows, whole.columns, whole.rank());
+    let left = Mat::from_fn(m, rank, |i, k| f64::from(whole.left[k * m + i]));
+    let right = Mat::from_fn(n, rank, |j, k| f64::from(whole.right[k * n + j]));
+    let gram = |factor: MatRef<'_, f64>| {
+        let mut gram = Mat::<f64>::zeros(rank, rank);
+        matmul(gram.as_mut(), Accum::Replace, factor.transpose(), factor, 1.0, Par::Seq);
+        gram
+    };
+    let (left, right) = (gram(left.as_ref()), gram(right.as_ref()));
+    let both = (0..rank).flat_map(|j| (0..rank).map(move |i| (i, j))).map(|at| left[at] * right[at]).sum();
+    (both, (0..rank).map(|k| right[(k, k)]).sum())
+}
+
+/// `‖A − (U R + S)‖²`, entry by entry.
+fn squared_difference(block: &TracedBlock, whole: &FactoredBlock) -> f64 {
+    let (m, n, rank) = (whole.rows, whole.columns, whole.rank());
+    let left = MatRef::from_column_major_slice(&whole.left, m, rank);
+    let right = MatRef::from_row_major_slice(&whole.right, rank, n);
+    let mut strip = vec![0.0f32; m * STRIP.min(n)];
+    let mut sparse = whole.sparse.iter().peekable();
+    let mut error = 0.0;
+    for first in (0..n).step_by(STRIP) {
+        let count = STRIP.min(n - first);
+        let strip = &mut strip[..m * count];
+        let target = MatMut::from_column_major_slice_mut(strip, m, count);
+        matmul(target, Accum::Replace, left, right.subcols(first, count), 1.0, Par::Seq);
+        for (i, held) in strip.chunks_exact_mut(m).enumerate() {
+            while let Some(entry) = sparse.next_if(|entry| entry.column.index() == first + i) {
+                held[entry.row as usize] += entry.value;
+            }
+            for (held, &entry) in held.iter_mut().zip(&block.block.entries()[(first + i) * m..][..m]) {
+                *held = if entry.is_finite() { entry - *held } else { 0.0 };
+            }
+            error += squared_norm(held);
         }
     }
-    (norms.iter().map(|&v| f64::from(v)).sum(), errors.iter().map(|&v| f64::from(v)).sum())
+    error
+}
+
+/// Running sums of squares: as many for every machine, so that the order of adding, and with it the bits, is the same.
+const LANES: usize = 16;
+
+/// The sum of the squares of the finite values.
+fn squared_norm(values: &[f32]) -> f64 {
+    let mut sums = [0.0f64; LANES];
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for values in values.chunks(LANES) {
+                for (sum, &value) in sums.iter_mut().zip(values) {
+                    let value = f64::from(finite(value));
+                    *sum += value * value;
+                }
+            }
+        },
+    );
+    sums.iter().sum()
+}
+
+/// [`squared_norm`] of a column, which is added to `all_on`.
+fn column_sums(entries: &[f32], all_on: &mut [f32]) -> f64 {
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (sum, &entry) in all_on.iter_mut().zip(entries) {
+                *sum += finite(entry);
+            }
+        },
+    );
+    squared_norm(entries)
 }
