@@ -30,8 +30,8 @@
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
 //! | `store`, `compress`, `container` | `error`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
-//! | `view` | `error`, `matrix`, `image`, `light`, `relight`, `container` |
 //! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight` |
+//! | `view` | `error`, `matrix`, `image`, `light`, `relight`, `container`, `pipeline` |
 //! | `study` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight`, `pipeline` |
 
 pub mod compress;

@@ -32,5 +32,6 @@ pub use preview::{PreviewReport, preview};
 pub use relight::{Device, RelightOptions, Relighter, relight, relight_matrix};
 pub use render::{RenderOptions, RenderReport, job_of, render};
 pub use selection::Selection;
+pub(crate) use unpack::in_place_of;
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
 pub use watch::{Quiet, Watch};

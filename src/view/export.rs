@@ -9,6 +9,7 @@ use super::mixer::Mix;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::{LinearImage, write_exr, write_exr_layers, write_toned_png};
+use crate::pipeline::in_place_of;
 use crate::relight::{CpuRelighter, relight_streaming};
 
 /// Largest file of layers that is made in memory, in bytes.
@@ -120,21 +121,6 @@ fn shell_word(path: &Path) -> String {
 pub fn with_ending(path: &Path, ending: &str) -> PathBuf {
     let has = path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
     if has { path.to_owned() } else { PathBuf::from(format!("{}.{ending}", path.display())) }
-}
-
-/// Lets `write` write to a temporary name beside `path` and moves the result there, so that nothing half-written
-/// stands under the final name.
-pub(super) fn in_place_of(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let temporary = path.with_file_name(name);
-    let written = write(&temporary)
-        .and_then(|()| std::fs::rename(&temporary, path).map_err(Error::io(path, "move the finished file into place")));
-    if written.is_err() {
-        // The error that was met first is the one to report.
-        let _ = std::fs::remove_file(&temporary);
-    }
-    written
 }
 
 #[cfg(test)]

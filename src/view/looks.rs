@@ -6,13 +6,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::export::in_place_of;
 use super::groups::Groups;
 use super::mixer::{GroupMix, LightMix, Mix, Tint};
 use super::pattern::{Pattern, Shape};
 use crate::error::{Error, Result};
 use crate::image::{LinearImage, luminance, read_image, write_exr};
 use crate::light::{Light, LightBasis, Lighting, look};
+use crate::pipeline::in_place_of;
 
 /// What a lighting file holds for the window: how a mix makes the light that the rules say.
 #[derive(Deserialize, Serialize)]

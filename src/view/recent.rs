@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::export::in_place_of;
 use crate::error::{Error, Result};
+use crate::pipeline::in_place_of;
 
 /// Files of each kind that are remembered.
 const MOST: usize = 12;

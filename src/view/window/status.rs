@@ -4,6 +4,7 @@ use eframe::egui::{self, RichText, Ui};
 
 use super::document::Document;
 use super::theme::{ALARM, TEXT, WEAK};
+use crate::pipeline::human_bytes;
 
 pub(super) fn status(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {
@@ -69,13 +70,14 @@ fn worth(ui: &mut Ui, document: &Document) {
         None => "error not stated".into(),
     };
     ui.label(weak(error)).on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, as the container says");
-    let read = format!("{} read", bytes(document.bytes_read()));
-    let file = format!("of a file of {}; layers that lean on others are read with them", bytes(container.file_bytes()));
+    let read = format!("{} read", human_bytes(document.bytes_read()));
+    let file =
+        format!("of a file of {}; layers that lean on others are read with them", human_bytes(container.file_bytes()));
     ui.label(weak(read)).on_hover_text(file);
-    let on_cpu = bytes(document.resident_bytes());
+    let on_cpu = human_bytes(document.resident_bytes());
     let (resident, about) = match &document.adapter {
         Some((adapter, taken)) => (
-            format!("{on_cpu} + {} on the GPU", bytes(*taken)),
+            format!("{on_cpu} + {} on the GPU", human_bytes(*taken)),
             format!("Factors in memory, and with the pictures on {adapter}, which relights"),
         ),
         None if document.is_paged => {
@@ -85,16 +87,4 @@ fn worth(ui: &mut Ui, document: &Document) {
         None => (on_cpu, "Factors in memory; the CPU relights".to_owned()),
     };
     ui.label(weak(format!("{resident} resident"))).on_hover_text(about);
-}
-
-/// A number of bytes for people.
-fn bytes(count: u64) -> String {
-    const UNITS: [&str; 4] = ["B", "KiB", "MiB", "GiB"];
-    let mut value = count as f64;
-    let mut unit = 0;
-    while value >= 1024.0 && unit + 1 < UNITS.len() {
-        value /= 1024.0;
-        unit += 1;
-    }
-    if unit == 0 { format!("{count} B") } else { format!("{value:.1} {}", UNITS[unit]) }
 }
