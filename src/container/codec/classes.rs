@@ -20,6 +20,8 @@ pub(super) const ESCAPE: usize = 15;
 pub(super) const LARGEST: i32 = 7;
 /// First class whose low bits are stored as they are.
 pub(super) const FIRST_SHIFTED: u32 = 9;
+/// Scale of the first class, in steps.
+pub(super) const LEAST_SCALE: f32 = 0.15;
 /// Number of classes.
 pub(super) const CLASSES: u32 = 41;
 /// Largest magnitude of a quantised value.
@@ -52,21 +54,13 @@ pub(super) fn coding_of(class: u32) -> (&'static Table, u32) {
     }
 }
 
-/// Cost in bits of `value` in `class` (not 0).
-pub(super) fn cost(class: u32, value: i32) -> f32 {
-    let (table, shift) = coding_of(class);
-    let high = value >> shift;
-    let symbol = symbol_of(high);
-    let escape = if symbol == ESCAPE { escape_bits(high) } else { 0 };
-    table.bits[symbol] + (shift + escape) as f32
-}
-
 /// The symbol for a value after its shift.
 pub(super) fn symbol_of(high: i32) -> usize {
     if (-LARGEST..=LARGEST).contains(&high) { (high + LARGEST) as usize } else { ESCAPE }
 }
 
-fn escape_bits(high: i32) -> u32 {
+/// Bits behind the escape of a value after its shift.
+pub(super) fn escape_bits(high: i32) -> u32 {
     let excess = high.unsigned_abs() - LARGEST as u32;
     5 + (31 - excess.leading_zeros()) + 1
 }

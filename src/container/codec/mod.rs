@@ -1,15 +1,19 @@
 //! From factors to bytes and back: functions on slices that know no file.
 
 mod adaptive;
+mod chunk;
 mod classes;
+mod component;
+mod decode;
 mod layer;
+mod low_bits;
 mod planes;
 mod rans;
 mod rotation;
+mod side;
 mod sparse;
 mod step;
 mod transform;
 
-pub use layer::{
-    CodecSettings, LayerPart, correcting_components, decode_layer, encode_layer, shared_components, sparse_step,
-};
+pub use decode::{correcting_components, decode_layer, shared_components};
+pub use layer::{CodecSettings, LayerPart, encode_layer, sparse_step};

@@ -1,6 +1,8 @@
 //! One little image of a factor: transform, quantisation by rate and distortion, classes.
 
-use super::classes::{CLASSES, MAX_MAGNITUDE, cost};
+use super::classes::{
+    CLASSES, ESCAPE, LARGEST, LEAST_SCALE, MAX_MAGNITUDE, SYMBOLS, coding_of, escape_bits, symbol_of,
+};
 use super::rans::{RansDecoder, RansEncoder};
 use super::step::step_of;
 use super::transform::{MAX_TILE, Scan, ZONES, forward, inverse};
@@ -21,8 +23,6 @@ pub(super) struct PlanePlan {
     pub(super) classes: [u32; ZONES],
     /// Values of each zone.
     pub(super) bands: [Vec<i32>; ZONES],
-    /// Squared error in units of squared steps, plus λ times bits.
-    pub(super) cost: f32,
 }
 
 #[derive(Clone, Copy)]
@@ -53,34 +53,84 @@ impl PlaneShape {
 
 /// Transforms and quantises an image with the step of an index. `lambda` is the squared error, in squared steps, that a bit is worth.
 pub(super) fn plan(values: &[f32], shape: PlaneShape, step: i32, lambda: f32) -> PlanePlan {
-    let mut bands = pulp::Arch::new().dispatch(Bands { values, shape });
-    let mut plan = PlanePlan { classes: [0; ZONES], bands: Default::default(), cost: 0.0 };
-    let inverse_step = 1.0 / step_of(step);
-    for (zone, band) in bands.iter_mut().enumerate() {
-        band.iter_mut().for_each(|c| *c *= inverse_step);
-        let (class, quantised, cost) = quantise(band, lambda);
-        plan.classes[zone] = class;
-        plan.bands[zone] = quantised;
-        plan.cost += cost;
-    }
-    plan
+    pulp::Arch::new().dispatch(Planning { values, shape, step, lambda })
 }
 
-/// The coefficients of an image by zone: a call that is compiled for each vector unit.
-struct Bands<'a> {
+/// A call that is compiled for each vector unit.
+struct Planning<'a> {
     values: &'a [f32],
     shape: PlaneShape,
+    step: i32,
+    lambda: f32,
 }
 
-impl pulp::NullaryFnOnce for Bands<'_> {
-    type Output = [Vec<f32>; ZONES];
+impl pulp::NullaryFnOnce for Planning<'_> {
+    type Output = PlanePlan;
 
     #[inline(always)]
     fn call(self) -> Self::Output {
-        bands(self.values, self.shape)
+        let mut plan = PlanePlan { classes: [0; ZONES], bands: Default::default() };
+        let inverse_step = 1.0 / step_of(self.step);
+        for (zone, mut band) in bands(self.values, self.shape).into_iter().enumerate() {
+            band.iter_mut().for_each(|c| *c *= inverse_step);
+            (plan.classes[zone], plan.bands[zone]) = quantise(&band, self.lambda);
+        }
+        plan
     }
 }
 
+/// About what coding an image would cost: squared error in squared steps plus `lambda` times bits, from the mean
+/// magnitudes of its zones.
+pub(super) fn estimate(values: &[f32], shape: PlaneShape, step: i32, lambda: f32) -> f32 {
+    pulp::Arch::new().dispatch(Estimating { values, shape, step, lambda })
+}
+
+struct Estimating<'a> {
+    values: &'a [f32],
+    shape: PlaneShape,
+    step: i32,
+    lambda: f32,
+}
+
+impl pulp::NullaryFnOnce for Estimating<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let inverse_step = 1.0 / step_of(self.step);
+        let cost = |band: &Vec<f32>| {
+            let (mut magnitudes, mut squares) = ([0.0f32; 16], [0.0f32; 16]);
+            let (groups, rest) = band.as_chunks::<16>();
+            for group in groups {
+                for i in 0..16 {
+                    magnitudes[i] += group[i].abs();
+                    squares[i] += group[i] * group[i];
+                }
+            }
+            let rest_sum = |part: fn(f32) -> f32| rest.iter().map(|&c| part(c)).sum::<f32>();
+            let magnitude = (magnitudes.iter().sum::<f32>() + rest_sum(f32::abs)) * inverse_step;
+            let zero = (squares.iter().sum::<f32>() + rest_sum(|c| c * c)) * inverse_step * inverse_step;
+            let count = band.len() as f32;
+            let bits = laplace_bits(magnitude / count) * count + CLASS_BITS;
+            zero.min(zero.min(count / 12.0) + self.lambda * bits)
+        };
+        bands(self.values, self.shape).iter().filter(|band| !band.is_empty()).map(cost).sum()
+    }
+}
+
+/// Bits that the class of a band takes, about.
+const CLASS_BITS: f32 = 2.0;
+
+/// Entropy in bits of a Laplace variable of this mean magnitude, rounded to whole numbers.
+fn laplace_bits(mean: f32) -> f32 {
+    let two_sided = |p: f32| if p <= 0.0 || p >= 1.0 { 0.0 } else { -p * p.log2() - (1.0 - p) * (1.0 - p).log2() };
+    // P(0) = 1 − r, and the magnitudes above fall by r² each: see `guess_class`.
+    let root = (-0.5 / mean.max(1e-3)).exp();
+    let ratio = (root * root).min(0.999_999);
+    two_sided(root) + root * (1.0 + two_sided(ratio) / (1.0 - ratio))
+}
+
+/// The coefficients of an image by zone.
 #[inline(always)]
 fn bands(values: &[f32], shape: PlaneShape) -> [Vec<f32>; ZONES] {
     let mut bands: [Vec<f32>; ZONES] = Default::default();
@@ -95,71 +145,159 @@ fn bands(values: &[f32], shape: PlaneShape) -> [Vec<f32>; ZONES] {
             }
             forward(buffer, tile.width, tile.height);
             let scan = Scan::of(tile.width, tile.height);
-            let mut start = 0;
-            for (band, &end) in bands.iter_mut().zip(&scan.ends) {
-                band.extend(scan.order[start..end].iter().map(|&place| buffer[usize::from(place)]));
-                start = end;
+            for (zone, band) in bands.iter_mut().enumerate() {
+                scan.runs(zone).for_each(|run| band.extend_from_slice(&buffer[run]));
             }
         }
     }
     bands
 }
 
-/// Quantises a band: the class and values of least `error + λ · bits`.
-fn quantise(band: &[f32], lambda: f32) -> (u32, Vec<i32>, f32) {
-    let zero_cost: f32 = band.iter().map(|c| c * c).sum();
-    let mut values: Vec<i32> = band.iter().map(|&c| round(c)).collect();
-    if values.iter().all(|&v| v == 0) {
-        return (0, values, zero_cost);
-    }
-    let mut class = best_class(&values);
+/// Quantises a band: the class and values of about the least `error + λ · bits`.
+#[inline(always)]
+fn quantise(band: &[f32], lambda: f32) -> (u32, Vec<i32>) {
+    let mut values = vec![0; band.len()];
+    let mut total = round(band, Rounding::NEAREST, &mut values);
     for _ in 0..2 {
-        for (value, &c) in values.iter_mut().zip(band) {
-            *value = best_value(c, class, lambda);
+        if total == 0 {
+            return (0, values);
         }
-        if values.iter().all(|&v| v == 0) {
-            return (0, values, zero_cost);
-        }
-        class = best_class(&values);
+        let (class, _) = best_class(&values, guess_class(total, band.len()));
+        let rounding = Rounding::of(class, lambda);
+        total = round(band, rounding, &mut values);
     }
+    if total == 0 {
+        return (0, values);
+    }
+    let (class, bits) = best_class(&values, guess_class(total, band.len()));
     let error: f32 = values.iter().zip(band).map(|(&v, c)| (c - v as f32).powi(2)).sum();
-    let bits: f32 = values.iter().map(|&v| cost(class, v)).sum();
-    let total = error + lambda * bits;
-    if total < zero_cost { (class, values, total) } else { (0, vec![0; band.len()], zero_cost) }
-}
-
-fn round(c: f32) -> i32 {
-    (c.round() as i32).clamp(-MAX_MAGNITUDE, MAX_MAGNITUDE)
-}
-
-/// Of the nearest value, the next one towards zero, and zero: the one of least `error + λ · bits`.
-fn best_value(c: f32, class: u32, lambda: f32) -> i32 {
-    let nearest = round(c);
-    if nearest == 0 {
-        return 0;
+    let zero_cost: f32 = band.iter().map(|c| c * c).sum();
+    if error + lambda * bits < zero_cost {
+        return (class, values);
     }
-    let weigh = |value: i32| (c - value as f32).powi(2) + lambda * cost(class, value);
-    let mut best = (weigh(nearest), nearest);
-    for value in [nearest - nearest.signum(), 0] {
-        let weight = weigh(value);
-        if weight < best.0 {
-            best = (weight, value);
+    values.fill(0);
+    (0, values)
+}
+
+/// How coefficients become whole numbers.
+#[derive(Clone, Copy)]
+struct Rounding {
+    /// Magnitudes below this become 0.
+    zero: f32,
+    /// Is added to the others before their fraction is cut off.
+    offset: f32,
+}
+
+impl Rounding {
+    const NEAREST: Self = Self { zero: 0.5, offset: 0.5 };
+
+    /// The next smaller number is taken where it saves `λ` times more bits than it adds squared error. Between
+    /// neighbours of a Laplace distribution that saving is the same everywhere but at 0.
+    fn of(class: u32, lambda: f32) -> Self {
+        let (table, shift) = coding_of(class);
+        let centre = LARGEST as usize;
+        let bits = |n: usize| table.bits[centre + n];
+        let slope = (bits(3) - bits(2)) / (1 << shift) as f32;
+        let from_zero = if shift == 0 { bits(1) - bits(0) } else { slope };
+        Self { zero: 0.5 + 0.5 * lambda * from_zero, offset: 0.5 - 0.5 * lambda * slope }
+    }
+}
+
+/// Rounds a band. Returns the sum of the magnitudes.
+#[inline(always)]
+fn round(band: &[f32], rounding: Rounding, values: &mut [i32]) -> u64 {
+    let one = |c: f32| {
+        let magnitude = c.abs();
+        let whole = if magnitude < rounding.zero { 0.0 } else { magnitude + rounding.offset };
+        let whole = whole.min(MAX_MAGNITUDE as f32) as i32;
+        (whole, if c < 0.0 { -whole } else { whole })
+    };
+    let mut sums = [0u64; 8];
+    let (groups, rest) = band.as_chunks::<8>();
+    let (places, rest_places) = values.as_chunks_mut::<8>();
+    for (group, places) in groups.iter().zip(places) {
+        for i in 0..8 {
+            let (magnitude, value) = one(group[i]);
+            places[i] = value;
+            sums[i] += u64::from(magnitude as u32);
         }
     }
-    best.1
+    let mut sum: u64 = sums.iter().sum();
+    for (&c, place) in rest.iter().zip(rest_places) {
+        let (magnitude, value) = one(c);
+        *place = value;
+        sum += u64::from(magnitude as u32);
+    }
+    sum
 }
 
-fn best_class(values: &[i32]) -> u32 {
-    // The cost is unimodal in the class, near the mean magnitude.
-    let mean = values.iter().map(|v| f64::from(v.unsigned_abs())).sum::<f64>() / values.len() as f64;
-    let guess = ((mean.max(0.01) / 0.15).log2() * 2.0) as i32 + 1;
-    let range = (guess - 4).clamp(1, CLASSES as i32 - 1)..=(guess + 4).clamp(1, CLASSES as i32 - 1);
-    let total = |class: u32| values.iter().map(|&v| cost(class, v)).sum::<f32>();
-    range
-        .map(|class| (total(class as u32), class as u32))
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .expect("the range is not empty")
-        .1
+/// The class whose distribution has this mean magnitude. With scale `b` and `r = exp(−1 / 2b)`, the mean magnitude of a
+/// Laplace variable rounded to whole numbers is `r / (1 − r²)`.
+fn guess_class(total: u64, count: usize) -> u32 {
+    let mean = total as f32 / count as f32;
+    let root = ((1.0 + 4.0 * mean * mean).sqrt() - 1.0) / (2.0 * mean);
+    let scale = -0.5 / root.clamp(1e-12, 1.0 - 1e-7).ln();
+    (2.0 * (scale / LEAST_SCALE).log2()).round().clamp(0.0, CLASSES as f32 - 2.0) as u32 + 1
+}
+
+/// The class near a guess that codes the values in the fewest bits, and these.
+#[inline(always)]
+fn best_class(values: &[i32], guess: u32) -> (u32, f32) {
+    // Two classes share each shift, and all without one theirs.
+    let mut counted: Option<(u32, [u32; SYMBOLS], u32)> = None;
+    let mut total = |class: u32| {
+        let (table, shift) = coding_of(class);
+        let (_, symbols, escapes) = match counted {
+            Some(counts) if counts.0 == shift => counts,
+            _ => *counted.insert(count(values, shift)),
+        };
+        let coded: f32 = symbols.iter().zip(&table.bits).map(|(&n, &bits)| n as f32 * bits).sum();
+        coded + (escapes + shift * values.len() as u32) as f32
+    };
+    // Real bands have heavier tails than the distributions, but the bits have one minimum.
+    let mut best = (guess, total(guess));
+    for step in [1, -1] {
+        let from = best.0;
+        loop {
+            let class = best.0 as i32 + step;
+            if !(1..CLASSES as i32).contains(&class) {
+                break;
+            }
+            let bits = total(class as u32);
+            if bits >= best.1 {
+                break;
+            }
+            best = (class as u32, bits);
+        }
+        if best.0 != from {
+            break;
+        }
+    }
+    best
+}
+
+/// The shift, how often each symbol comes after it, and the bits behind the escapes.
+#[inline(always)]
+fn count(values: &[i32], shift: u32) -> (u32, [u32; SYMBOLS], u32) {
+    // Neighbours are often alike: adding to one counter again and again would wait for itself.
+    let mut counts = [[0u32; SYMBOLS]; 4];
+    let mut escapes = 0;
+    let mut add = |counts: &mut [u32; SYMBOLS], value: i32| {
+        let high = value >> shift;
+        let symbol = symbol_of(high);
+        counts[symbol] += 1;
+        if symbol == ESCAPE {
+            escapes += escape_bits(high);
+        }
+    };
+    let (groups, rest) = values.as_chunks::<4>();
+    for group in groups {
+        counts.iter_mut().zip(group).for_each(|(counts, &value)| add(counts, value));
+    }
+    rest.iter().for_each(|&value| add(&mut counts[0], value));
+    let [mut sum, others @ ..] = counts;
+    others.iter().flatten().enumerate().for_each(|(i, n)| sum[i % SYMBOLS] += n);
+    (shift, sum, escapes)
 }
 
 /// Puts the values of an image into the stream.
@@ -196,19 +334,18 @@ pub(super) fn read(
     tiles.clear();
     tiles.resize(shape.values(), 0.0);
     scans.clear();
-    scans.extend(shape.tiles().map(|tile| Scan::of(tile.width, tile.height)));
+    scans.extend(shape.tiles().map(|tile| (Scan::of(tile.width, tile.height), tile.width * tile.height)));
     for (zone, &class) in classes.iter().enumerate().filter(|(_, class)| **class != 0) {
-        integers.resize(scans.iter().map(|scan| scan.zone(zone).len()).sum(), 0);
+        integers.resize(scans.iter().map(|(scan, _)| scan.count(zone)).sum(), 0);
         decoder.read_band(class, integers);
         let (mut values, mut buffer) = (integers.as_slice(), tiles.as_mut_slice());
-        for scan in scans.iter() {
+        for &(scan, size) in scans.iter() {
             let tile;
-            (tile, buffer) = buffer.split_at_mut(scan.order.len());
-            let places = scan.zone(zone);
-            let here;
-            (here, values) = values.split_at(places.len());
-            for (&place, &q) in places.iter().zip(here) {
-                tile[usize::from(place)] = q as f32 * step;
+            (tile, buffer) = buffer.split_at_mut(size);
+            for run in scan.runs(zone) {
+                let here;
+                (here, values) = values.split_at(run.len());
+                tile[run].iter_mut().zip(here).for_each(|(value, &q)| *value = q as f32 * step);
             }
         }
     }
@@ -228,5 +365,6 @@ pub(super) fn read(
 pub(super) struct Scratch {
     integers: Vec<i32>,
     tiles: Vec<f32>,
-    scans: Vec<&'static Scan>,
+    /// Of each tile, with its number of values.
+    scans: Vec<(&'static Scan, usize)>,
 }

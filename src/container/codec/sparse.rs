@@ -115,8 +115,12 @@ pub(super) fn read(
     step: f32,
 ) -> Result<Vec<SparseEntry>, String> {
     let mut entries = Vec::new();
+    // Entries come by column, then pixel; of each column, those of later channels wait until it ends.
+    let mut waiting: [Vec<SparseEntry>; CHANNELS - 1] = Default::default();
+    let mut column = 0;
+    let mut read = 0;
     let mut walk = Walk::default();
-    while entries.len() < count {
+    while read < count {
         let group = walk
             .step(coder, Group::default())
             .filter(|g| (g.pixel as usize) < pixels && (g.column as usize) < columns && g.mask != 0)
@@ -124,14 +128,28 @@ pub(super) fn read(
         if coder.is_exhausted() {
             return Err("the sparse entries are cut short".into());
         }
+        if group.column != column {
+            column = group.column;
+            waiting.iter_mut().for_each(|waiting| entries.append(waiting));
+        }
         for c in (0..CHANNELS).filter(|c| group.mask >> c & 1 == 1) {
             let row = c as u32 * pixels as u32 + group.pixel;
-            entries.push(SparseEntry { column: ColumnIndex(group.column), row, value: group.values[c] as f32 * step });
+            let entry = SparseEntry { column: ColumnIndex(column), row, value: group.values[c] as f32 * step };
+            if c == 0 {
+                entries.push(entry)
+            } else {
+                waiting[c - 1].push(entry)
+            }
+            read += 1;
         }
     }
-    if entries.len() != count {
+    waiting.iter_mut().for_each(|waiting| entries.append(waiting));
+    if read != count {
         return Err("there are more sparse entries than stated".into());
     }
-    entries.sort_unstable_by_key(|entry| (entry.column, entry.row));
+    // Only of damaged bytes.
+    if !entries.is_sorted_by_key(|entry| (entry.column, entry.row)) {
+        entries.sort_unstable_by_key(|entry| (entry.column, entry.row));
+    }
     Ok(entries)
 }

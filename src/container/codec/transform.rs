@@ -16,26 +16,45 @@ pub(super) fn zone_of(u: usize, v: usize) -> usize {
     ZONE_LIMITS.iter().position(|&limit| u * u + v * v < limit).expect("the last limit is above everything")
 }
 
-/// The coefficients of a tile in the order of coding: by zone, in each by v, then u.
+/// The coefficients of a tile in the order of coding: by zone, in each by v, then u. In a row of a tile, those of one zone
+/// are neighbours.
 pub(super) struct Scan {
-    /// `v · width + u` of each coefficient in coding order.
-    pub(super) order: Vec<u16>,
-    /// End of each zone in `order`.
-    pub(super) ends: [usize; ZONES],
+    /// First place, `v · width + u`, and length of each run of neighbours, in coding order.
+    runs: Vec<(u16, u16)>,
+    /// End of each zone in `runs`.
+    run_ends: [usize; ZONES],
+    /// Coefficients of each zone.
+    counts: [usize; ZONES],
 }
 
 impl Scan {
     fn new(width: usize, height: usize) -> Self {
-        let mut order: Vec<u16> = (0..(width * height) as u16).collect();
-        let zone = |place: &u16| zone_of(usize::from(*place) % width, usize::from(*place) / width);
-        order.sort_by_key(zone);
-        let ends = std::array::from_fn(|z| order.partition_point(|place| zone(place) <= z));
-        Self { order, ends }
+        let mut scan = Self { runs: Vec::new(), run_ends: [0; ZONES], counts: [0; ZONES] };
+        for zone in 0..ZONES {
+            for v in 0..height {
+                let here = (0..width).filter(|&u| zone_of(u, v) == zone);
+                if let Some(first) = here.clone().next() {
+                    let length = here.count();
+                    scan.runs.push(((v * width + first) as u16, length as u16));
+                    scan.counts[zone] += length;
+                }
+            }
+            scan.run_ends[zone] = scan.runs.len();
+        }
+        scan
     }
 
-    /// The places of a zone.
-    pub(super) fn zone(&self, zone: usize) -> &[u16] {
-        &self.order[if zone == 0 { 0 } else { self.ends[zone - 1] }..self.ends[zone]]
+    /// The runs of a zone, as places.
+    #[inline(always)]
+    pub(super) fn runs(&self, zone: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+        let begin = if zone == 0 { 0 } else { self.run_ends[zone - 1] };
+        let place = |&(first, length): &(u16, u16)| usize::from(first)..usize::from(first) + usize::from(length);
+        self.runs[begin..self.run_ends[zone]].iter().map(place)
+    }
+
+    /// Coefficients of a zone.
+    pub(super) fn count(&self, zone: usize) -> usize {
+        self.counts[zone]
     }
 
     /// The scan of a tile of `width × height`, at most [`MAX_TILE`] each.
@@ -141,19 +160,9 @@ fn inverse_down<const LANES: usize>(
     // One lane: as many as there are, one by one.
     let lanes_end = if LANES == 1 { width } else { LANES };
     for x in (0..lanes_end).step_by(LANES) {
+        let coefficients = Strip { tile: &tile[..used_rows * width], down, width, height, x };
         for y in 0..height.div_ceil(2) {
-            let sum_from = |first: usize| {
-                let mut sum = [0.0f32; LANES];
-                for v in (first..used_rows).step_by(2) {
-                    let values: &[f32; LANES] = tile[v * width + x..][..LANES].try_into().expect("LANES values");
-                    let cosine = down[v * height + y];
-                    for i in 0..LANES {
-                        sum[i] += values[i] * cosine;
-                    }
-                }
-                sum
-            };
-            let (even, odd) = (sum_from(0), sum_from(1));
+            let (even, odd) = (coefficients.sum::<LANES>(y, 0), coefficients.sum::<LANES>(y, 1));
             let out: &mut [f32; LANES] = (&mut rows[y * width + x..][..LANES]).try_into().expect("LANES values");
             for i in 0..LANES {
                 out[i] = even[i] + odd[i];
@@ -165,6 +174,33 @@ fn inverse_down<const LANES: usize>(
                 out[i] = even[i] - odd[i];
             }
         }
+    }
+}
+
+/// Neighbouring columns of a tile of coefficients, from `x` on.
+struct Strip<'a> {
+    /// The rows that are used.
+    tile: &'a [f32],
+    /// Cosines over the height.
+    down: &'a [f32],
+    width: usize,
+    height: usize,
+    x: usize,
+}
+
+impl Strip<'_> {
+    /// What every second row from `first` on adds to row `y`.
+    #[inline(always)]
+    fn sum<const LANES: usize>(&self, y: usize, first: usize) -> [f32; LANES] {
+        let mut sum = [0.0f32; LANES];
+        for v in (first..self.tile.len() / self.width).step_by(2) {
+            let values: &[f32; LANES] = self.tile[v * self.width + self.x..][..LANES].try_into().expect("LANES values");
+            let cosine = self.down[v * self.height + y];
+            for i in 0..LANES {
+                sum[i] += values[i] * cosine;
+            }
+        }
+        sum
     }
 }
 
@@ -212,10 +248,12 @@ mod tests {
     fn zones_cover_every_tile() {
         for (width, height) in [(1, 1), (8, 8), (32, 32), (5, 7)] {
             let scan = Scan::of(width, height);
-            let mut places = scan.order.clone();
+            let mut places: Vec<usize> = (0..ZONES).flat_map(|zone| scan.runs(zone)).flatten().collect();
+            let zones = (0..ZONES).flat_map(|zone| scan.runs(zone).flatten().map(move |place| (zone, place)));
+            assert!(zones.into_iter().all(|(zone, place)| zone_of(place % width, place / width) == zone));
             places.sort_unstable();
-            assert!(places.iter().enumerate().all(|(i, &place)| i == usize::from(place)));
-            assert_eq!(*scan.ends.last().unwrap(), width * height);
+            assert!(places.into_iter().eq(0..width * height));
+            assert_eq!((0..ZONES).map(|zone| scan.count(zone)).sum::<usize>(), width * height);
         }
     }
 }

@@ -12,9 +12,12 @@ use ltm::container::ContainerReader;
 use ltm::matrix::FactorSource;
 
 /// A file of each coding, its metadata laid open so that changes in it are not stopped by its compression.
-pub(crate) static SOUND: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| {
-    let files: [&[u8]; 2] =
-        [include_bytes!("../../../formats/golden/v1.ltc"), include_bytes!("../../../formats/golden/v1-coding-2.ltc")];
+pub(crate) static SOUND: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
+    let files: [&[u8]; 3] = [
+        include_bytes!("../../../formats/golden/v1.ltc"),
+        include_bytes!("../../../formats/golden/v1-coding-2.ltc"),
+        include_bytes!("../../../formats/golden/v1-coding-3.ltc"),
+    ];
     files.map(laid_open)
 });
 /// Bytes of header and trailer, of a block's record, of a layer's.

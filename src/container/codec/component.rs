@@ -1,0 +1,99 @@
+//! One component of a block as it is to be coded: rotation, tiles and quantised images.
+
+use super::layer::CodecSettings;
+use super::planes::{PlanePlan, PlaneShape, estimate, plan};
+use super::rotation::{ROTATION_BITS, Rotation, rotate, transposed};
+use super::side::{Head, PlaneKind};
+use super::step::index_of;
+use super::transform::MAX_TILE;
+use crate::container::layout::BlockLayout;
+use crate::matrix::{CHANNELS, FactoredBlock};
+
+/// Sides of tiles that a block's pixels may be cut into, by stored index.
+pub(super) const TILES: [usize; 4] = [32, 16, 8, 4];
+/// Tiles with which the cost of rotations is compared.
+const USUAL_TILE: usize = 16;
+
+/// A quantised component.
+pub(super) struct Component {
+    pub(super) head: Head,
+    left: [PlanePlan; CHANNELS],
+    right: Vec<PlanePlan>,
+}
+
+impl Component {
+    /// Quantises component `k` with the steps that it asks for. `before` is the component before it.
+    pub(super) fn new(
+        layout: &BlockLayout,
+        block: &FactoredBlock,
+        k: usize,
+        before: Option<&Head>,
+        settings: &CodecSettings,
+    ) -> Self {
+        let (left, right) = (block.left_component(k), block.right_component(k));
+        let left_step = index_of(allowed_step(&block.left_step, k, left));
+        let right_step = index_of(allowed_step(&block.right_step, k, right));
+        let shape = |tile: usize| PlaneShape { width: layout.width, height: layout.height, tile };
+        let lambda = settings.lambda;
+        let cost = |plane: &[f32], tile: usize| estimate(plane, shape(tile), left_step, lambda);
+        let turned = |rotation: Rotation| {
+            let mut planes = left.to_vec();
+            rotate(&mut planes, rotation.matrix());
+            planes
+        };
+        let mut rotation = Rotation::onto_axes(left);
+        let mut planes = turned(rotation);
+        if let Some(before) = before.map(|head| Rotation(head.rotation)).filter(|&before| before != rotation) {
+            let other = turned(before);
+            let total = |planes: &[f32]| -> f32 {
+                planes.chunks_exact(layout.pixels()).map(|plane| cost(plane, USUAL_TILE)).sum()
+            };
+            if total(&other) < total(&planes) + lambda * ROTATION_BITS as f32 {
+                (rotation, planes) = (before, other);
+            }
+        }
+        // The strongest colour axis has most of the bits.
+        let strong = &planes[..layout.pixels()];
+        let costs = TILES.map(|tile| cost(strong, tile));
+        let tile = (0..TILES.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).expect("there are tiles");
+        let image = |c: usize| &planes[c * layout.pixels()..][..layout.pixels()];
+        let left = std::array::from_fn(|c| plan(image(c), shape(TILES[tile]), left_step, lambda));
+        let mut rest = right;
+        let right_plans = right_shapes(layout).map(|shape| {
+            let plane;
+            (plane, rest) = rest.split_at(shape.width * shape.height);
+            plan(plane, shape, right_step, lambda)
+        });
+        let right = right_plans.collect();
+        Self { head: Head { tile: tile as u32, left_step, right_step, rotation: rotation.0 }, left, right }
+    }
+
+    /// Its images in the order of coding.
+    pub(super) fn planes(&self) -> impl Iterator<Item = (PlaneKind, &PlanePlan)> {
+        let left = self.left.iter().enumerate().map(|(c, plane)| (PlaneKind::left(c), plane));
+        left.chain(self.right.iter().map(|plane| (PlaneKind::Right, plane)))
+    }
+}
+
+/// Turns the channels of a decoded left side back.
+#[inline(always)]
+pub(super) fn turn_back(left: &mut [f32], rotation: u32) {
+    rotate(left, transposed(Rotation(rotation).matrix()));
+}
+
+/// The step that a component asks for; where none is given, what a 16-bit float would keep of its largest value.
+fn allowed_step(steps: &[f32], k: usize, values: &[f32]) -> f32 {
+    let largest = values.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+    // Coefficients are at most √1024 times larger than values; they must stay inside what is stored.
+    let least = largest * 1e-5;
+    steps.get(k).map_or(largest / 2048.0, |&step| step).max(least)
+}
+
+/// The images of a component of the right factor.
+pub(super) fn right_shapes(layout: &BlockLayout) -> impl Iterator<Item = PlaneShape> {
+    layout.lights.planes().iter().map(|plane| PlaneShape {
+        width: plane.across,
+        height: plane.down,
+        tile: if plane.is_image { MAX_TILE } else { 0 },
+    })
+}
