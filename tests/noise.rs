@@ -93,20 +93,45 @@ fn squared_error(block: &Block, lighting: impl Fn(usize) -> f64) -> f64 {
     (0..ROWS).map(|row| pixel(row).powi(2)).sum()
 }
 
+/// Squared error against the truth under draws of how people light.
+fn error_of_images(block: &Block) -> f64 {
+    let probes = probe_lightings(&panel());
+    probes.chunks_exact(COLUMNS).map(|lighting| squared_error(block, |j| f64::from(lighting[j]))).sum()
+}
+
 #[test]
-fn the_noise_chooses_the_rank_and_brings_single_texels_much_nearer_to_the_truth() {
+fn the_noise_chooses_a_rank_within_a_decibel_of_the_best_against_the_truth() {
+    for seed in [1, 3, 4] {
+        let (block, noise) = traced(8, seed);
+        let chosen = pack(&block, &noise, CompressSettings::default().noise_factor);
+        // Noise is heeded, but every component passes it.
+        let all = pack(&block, &noise, 1e-9);
+        assert_eq!(all.rank(), CompressSettings::default().rank);
+        let error_at = |rank: usize| {
+            let mut first = all.clone();
+            first.left.truncate(rank * ROWS);
+            first.right.truncate(rank * COLUMNS);
+            error_of_images(&first.expand())
+        };
+        let (least, best) = (1..=all.rank()).map(|k| (error_at(k), k)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        let error = error_of_images(&chosen.expand());
+        // The best here knows the truth; the choice has one realisation of the noise to estimate it from, whose
+        // sixteen probe images are known to about √(2/16), 35 %, each: that moves the cut, where energies fall slowly.
+        assert!(error < 1.26 * least, "rank {}: {error}; rank {best}: {least}", chosen.rank());
+    }
+}
+
+#[test]
+fn single_texels_come_much_nearer_to_the_truth_and_smooth_light_no_farther() {
     let (block, noise) = traced(8, 1);
-    let factored = pack(&block, &noise, 1.0);
-    // Above this noise stand all-on, two gradients and a few waves; the target alone keeps all that a candidate holds.
-    let without = pack(&block, &noise, 0.0).rank();
-    assert!(2 * factored.rank() < without, "{} against {without}", factored.rank());
+    let factored = pack(&block, &noise, CompressSettings::default().noise_factor);
     let packed = factored.expand();
     for texel in [0, 27, 63] {
         let only = |j: usize| f64::from(u8::from(j == texel));
         let (raw, ours) = (squared_error(&block, only), squared_error(&packed, only));
-        // 16 paths a pixel over 64 texels: a texel's own image is nearly all noise, and at least four texels share their
-        // paths through so few components.
-        assert!(ours < 0.25 * raw, "texel {texel}: {ours} against {raw}");
+        // 16 paths a pixel over 64 texels: a texel's own image is nearly all noise. Through eight components eight
+        // texels share their paths, and pixels that are averaged share theirs too.
+        assert!(ours < 0.1 * raw, "texel {texel}: {ours} against {raw}, rank {}", factored.rank());
     }
     let half = |j: usize| if j % TEXELS < TEXELS / 2 { 1.0 } else { 0.0 };
     // Smooth light is seen with little noise; it may not be made worse.
@@ -121,7 +146,7 @@ fn a_seen_light_stays_an_entry_and_a_stray_path_does_not() {
     block.entries_mut()[31 * ROWS + 50] += 40.0;
     noise.row_variance[50] += 40.0f32.powi(2) / COLUMNS as f32;
     noise.column_variance[31] += 40.0f32.powi(2) / ROWS as f32;
-    let factored = pack(&block, &noise, 1.0);
+    let factored = pack(&block, &noise, CompressSettings::default().noise_factor);
     let has = |row: u32, column: u32| factored.sparse.iter().any(|e| (e.row, e.column.0) == (row, column));
     let pixels = (SIDE * SIDE) as u32;
     assert!((0..3).all(|channel| has(100 + channel * pixels, 20)), "{:?}", factored.sparse);

@@ -4,12 +4,13 @@ use faer::{Mat, MatRef};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
+use super::alike::{Alike, Smoothed, joined};
 use super::candidate::{Candidate, CandidateSummary, gain_bins, histogram};
 use super::cur::{decompose, select};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
 use super::global::{self, GlobalCur};
 use super::noise::NoiseModel;
-use super::range::{Range, Weights, exact_range, find_range};
+use super::range::{Range, Weights, exact_range, find_range, range_of};
 use super::remainder::{stand_out, without};
 use super::sanitise::{Survey, sanitise, survey};
 use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut};
@@ -96,7 +97,9 @@ impl Compressor {
     pub fn needs_bytes(&self) -> u64 {
         let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
         let q = (self.settings.rank + self.settings.oversampling + 1) as u64;
-        4 * (m * n + 6 * (m + n) * q) + 16 * (m + n) * q + 4 * n * 256
+        // The images under the probes, their comparison, and the candidates of one component.
+        let alike = 4 * m * (3 * super::alike::WINDOW_PIXELS + 64);
+        4 * (m * n + 6 * (m + n) * q) + 32 * (m + n) * q + 4 * n * 256 + alike
     }
 
     /// Bytes of an encoded candidate at most.
@@ -182,7 +185,13 @@ impl Compressor {
             }
             _ => self.by_rank(a, id),
         };
-        self.candidate(id, (m, n), range, sparse, noise, (&lit, replaced))
+        let (range, noise_left) = match &noise {
+            Some(noise) if self.settings.method == Method::Auto && !range.gains.is_empty() => {
+                self.smoothed(id, a, &stray, range, noise)
+            }
+            _ => (range, 1.0),
+        };
+        self.candidate(id, range, sparse, noise.map(|noise| (noise, noise_left)), (&lit, replaced))
     }
 
     /// Chooses the slope for all blocks from their summaries, in any order.
@@ -237,15 +246,48 @@ impl Compressor {
         }
     }
 
+    /// The range with pixels that are lit alike averaged in its components, and the share of their noise that is left.
+    fn smoothed(
+        &self,
+        id: BlockId,
+        a: MatRef<'_, f32>,
+        stray: &[SparseEntry],
+        range: Range,
+        noise: &NoiseModel<'_>,
+    ) -> (Range, f32) {
+        let ((m, n), rank) = (a.shape(), range.gains.len());
+        // Each component is an image: `u = A w` with `w = K Rᵀ / g`; the first is all-on, scaled.
+        let mut lightings = self.weights.weigh(MatRef::from_row_major_slice(&range.right, rank, n));
+        let length: f32 = range.right[..n].iter().sum();
+        for (k, &gain) in range.gains.iter().enumerate() {
+            let all_on = k == 0 && length != 0.0;
+            lightings.col_mut(k).iter_mut().for_each(|w| *w = if all_on { 1.0 / length } else { *w / gain as f32 });
+        }
+        let variances = noise.of_images(lightings.as_ref());
+        let probes = MatRef::from_column_major_slice(&self.probes, n, self.probes.len() / n);
+        let rect = self.shape.rect(id);
+        let size = (rect.width as usize, rect.height as usize);
+        let alike = Alike::new(product(a, probes).as_ref(), noise.under_probes(), size);
+        let left = MatRef::from_column_major_slice(&range.left, m, rank);
+        let images: Vec<Smoothed> = (0..rank).map(|k| alike.smooth(left.col(k), &variances[k])).collect();
+        let sum = |noise: &dyn Fn(usize) -> f64| (1..rank).map(|k| range.gains[k] * noise(k)).sum::<f64>();
+        let (before, after) = (sum(&|k| variances[k].iter().sum()), sum(&|k| images[k].noise));
+        let scales: Vec<f64> = range.gains.iter().map(|g| g.sqrt()).collect();
+        let mut smooth = range_of(joined(&images, &scales), a, stray, &self.weights);
+        let energy = |range: &Range| range.gains.iter().sum::<f64>();
+        smooth.tail = (energy(&range) + range.tail - energy(&smooth)).max(0.0);
+        (smooth, if before > 0.0 { (after / before) as f32 } else { 1.0 })
+    }
+
     fn candidate(
         &self,
         id: BlockId,
-        (m, n): (usize, usize),
         range: Range,
         sparse: Vec<SparseEntry>,
-        noise: Option<NoiseModel<'_>>,
+        noise: Option<(NoiseModel<'_>, f32)>,
         (lit, replaced): (&[f32], Replaced),
     ) -> Candidate {
+        let (m, n) = (self.shape.rect(id).rows(), self.shape.columns());
         let sparse_gain: Vec<f32> =
             sparse.iter().map(|e| e.value * e.value * self.variances[e.column.index()]).collect();
         let mean_square = |k: usize| {
@@ -258,9 +300,12 @@ impl Compressor {
             rows: m as u32,
             columns: n as u32,
             fixed: self.settings.method != Method::Auto && self.settings.fixed_rank,
-            noise: noise.as_ref().map_or(unknown(), |noise| noise.fallen(&range.left, rank)),
-            calm: noise.as_ref().map_or(1.0, NoiseModel::calm),
-            fitted_noise: noise.map_or(unknown(), |noise| noise.fitted(&self.weights, &range.right, &range.gains)),
+            noise: noise.as_ref().map_or(unknown(), |(noise, _)| noise.fallen(&range.left, rank)),
+            calm: noise.as_ref().map_or(1.0, |(noise, _)| noise.calm()),
+            fitted_noise: noise.map_or(unknown(), |(noise, left)| {
+                let fitted = noise.fitted(&self.weights, &range.right, &range.gains);
+                fitted.into_iter().map(|f| f * left).collect()
+            }),
             right_mean_square: (0..rank).map(mean_square).collect(),
             gains: range.gains.iter().map(|&g| g as f32).collect(),
             tail: range.tail as f32,

@@ -5,7 +5,8 @@
 //! ```text
 //! block ──► Compressor::analyse ──► Candidate ──► CandidateSummary ──┐
 //!           sanitise, sparse entries, (spill file)                    ▼
-//!           weighted range                 │            Compressor::choose ──► Cut
+//!           weighted range, like pixels    │            Compressor::choose ──► Cut
+//!           averaged within the noise      │
 //!                                          └──────► Candidate::cut(&Cut) ──► FactoredBlock
 //! ```
 //!
@@ -17,6 +18,7 @@
 //!
 //! One block is worked on by one thread, without parallelism inside: the bytes do not depend on the number of threads.
 
+mod alike;
 mod candidate;
 mod compressor;
 mod cur;

@@ -8,7 +8,7 @@
 
 use faer::MatRef;
 
-use super::dense::product;
+use super::dense::{product, product_f64, solve_least_squares, subtract_product, to_f32, to_f64};
 use super::range::Weights;
 use crate::matrix::{BlockNoise, SparseEntry};
 
@@ -96,6 +96,35 @@ impl<'a> NoiseModel<'a> {
         let at = (rows.len() - 1) * 3 / 4;
         let usual = *rows.select_nth_unstable_by(at, f64::total_cmp).1;
         if mean > 0.0 { (usual / mean).min(1.0) as f32 } else { 1.0 }
+    }
+
+    /// The noise of the block under the probes, rows × probes.
+    pub(super) fn under_probes(&self) -> MatRef<'_, f32> {
+        let rows = self.rows.len();
+        MatRef::from_column_major_slice(&self.noise.probes, rows, self.noise.probes.len() / rows)
+    }
+
+    /// For each of the images `A w` under `lightings` (columns × images), the variance of the noise of each row: what
+    /// the probes show of it as far as they span `w`, and beside them independent columns.
+    pub(super) fn of_images(&self, lightings: MatRef<'_, f32>) -> Vec<Vec<f64>> {
+        let (rows, columns) = (self.rows.len(), self.columns.len());
+        let probes = MatRef::from_column_major_slice(self.probes, columns, self.probes.len() / columns);
+        let spanned = {
+            let (probes, lightings) = (to_f64(probes), to_f64(lightings));
+            let gram = product_f64(probes.transpose(), probes.as_ref());
+            let right = product_f64(probes.transpose(), lightings.as_ref());
+            to_f32(solve_least_squares(gram.as_ref(), right.as_ref(), 1e-6).as_ref())
+        };
+        let mut beside = lightings.to_owned();
+        subtract_product(&mut beside, probes, spanned.as_ref());
+        let seen = product(self.under_probes(), spanned.as_ref());
+        let total: f64 = self.rows.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let variances = |k: usize| {
+            let beside: Vec<f32> = beside.col(k).iter().copied().collect();
+            let (own, _) = self.parts(&beside);
+            (0..rows).map(|i| f64::from(seen[(i, k)]).powi(2) + own * self.rows[i] / total).collect()
+        };
+        (0..lightings.ncols()).map(variances).collect()
     }
 
     /// Of each gain, what the left side was fitted to.

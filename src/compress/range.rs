@@ -121,8 +121,7 @@ pub(super) fn find_range(
     rank: usize,
     power_iterations: usize,
 ) -> Range {
-    let m = a.nrows();
-    let sketch = RowSketch::new(m);
+    let sketch = RowSketch::new(a.nrows());
     let few = sketch.rows_of(a);
     let lightings = weights.lightings_that_show(few.as_ref(), power_iterations);
     let mut y = product(a, lightings.as_ref());
@@ -130,32 +129,61 @@ pub(super) fn find_range(
     let all_on = orthonormal(y.as_ref().subcols(0, 1));
     let mut others = y.subcols(1, y.ncols() - 1).to_owned();
     let q = orthonormal_beside(all_on.as_ref(), &mut others);
-    let first = all_on.ncols();
     let basis = beside(all_on.as_ref(), q.as_ref());
     let mut through = product(basis.transpose(), a);
     // What stands alone is no part of what the range was to hold.
     let mut missed = few;
     subtract_product(&mut missed, sketch.rows_of(basis.as_ref()).as_ref(), through.as_ref());
-    for entry in stray {
+    add_seen_of(&mut through, basis.as_ref(), stray);
+    let mut range = components(all_on.as_ref(), q.as_ref(), through.as_ref(), weights, rank);
+    range.tail += weights.seen_of(missed.as_ref());
+    range
+}
+
+/// The range of given images, the first of them all-on: as many components as images, at most. The entries of `stray`
+/// count in `Uᵀ A`. Leaves the tail at 0.
+pub(super) fn range_of(mut images: Mat<f32>, a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &Weights) -> Range {
+    let rank = images.ncols();
+    let all_on = orthonormal(images.as_ref().subcols(0, rank.min(1)));
+    let q = orthonormal_beside(all_on.as_ref(), &mut images);
+    let basis = beside(all_on.as_ref(), q.as_ref());
+    let mut through = product(basis.transpose(), a);
+    add_seen_of(&mut through, basis.as_ref(), stray);
+    components(all_on.as_ref(), q.as_ref(), through.as_ref(), weights, rank)
+}
+
+/// `through += Uᵀ E` with the few entries of `E`.
+fn add_seen_of(through: &mut Mat<f32>, basis: MatRef<'_, f32>, few: &[SparseEntry]) {
+    for entry in few {
         let place = through.col_mut(entry.column.index());
         zip!(place, basis.row(entry.row as usize).transpose()).for_each(|unzip!(sum, u)| *sum += u * entry.value);
     }
-    // The all-on direction stays as it is; the others turn to the axes of the weighted energy.
-    let (fixed, turned) = through.as_ref().split_at_row(first);
+}
+
+/// The components of the range of `all_on` and `q`, orthonormal together, with `through = [all_on q]ᵀ A`: the all-on
+/// direction as it is, the others turned to the axes of the weighted energy. The tail is what goes beyond `rank`.
+fn components(
+    all_on: MatRef<'_, f32>,
+    q: MatRef<'_, f32>,
+    through: MatRef<'_, f32>,
+    weights: &Weights,
+    rank: usize,
+) -> Range {
+    let first = all_on.ncols();
+    let (fixed, turned) = through.split_at_row(first);
     let (values, vectors) = eigen(weights.gram(turned).as_ref());
     let largest = values.first().copied().unwrap_or(0.0);
     let kept = values.iter().take_while(|&&v| v > 1e-14 * largest && v > 0.0).count();
     let kept = kept.min(rank.saturating_sub(first));
     let turn = to_f32(vectors.as_ref().subcols(0, kept));
-    let mut left = to_vec(all_on.as_ref());
-    left.extend(to_vec(product(q.as_ref(), turn.as_ref()).as_ref()));
+    let mut left = to_vec(all_on);
+    left.extend(to_vec(product(q, turn.as_ref()).as_ref()));
     let mut right = to_vec(fixed.transpose());
     right.extend(to_vec(product(turned.transpose(), turn.as_ref()).as_ref()));
     let fixed_gain = weights.gram(fixed);
     let gains: Vec<f64> = (0..first).map(|k| fixed_gain[(k, k)]).chain(values[..kept].iter().copied()).collect();
-    let tail = values[kept..].iter().sum::<f64>() + weights.seen_of(missed.as_ref());
-    debug_assert_eq!(left.len(), m * gains.len());
-    Range { left, right, gains, tail }
+    debug_assert_eq!(left.len(), q.nrows() * gains.len());
+    Range { left, right, gains, tail: values[kept..].iter().sum() }
 }
 
 /// Few rows that stand for all of a block: each a sum of rows far apart, with random signs, so that squared norms keep
