@@ -5,6 +5,8 @@
 
 #[path = "view_window/container.rs"]
 mod container;
+#[path = "view_window/controls.rs"]
+mod controls;
 #[path = "view_window/driver.rs"]
 mod driver;
 #[path = "view_window/real.rs"]
@@ -425,7 +427,8 @@ fn main() -> ExitCode {
             Ok(())
         })
     };
-    let mut trials: Vec<Trial> = tests.into_iter().map(|(name, test)| trial(name, test)).collect();
+    let mut trials: Vec<Trial> =
+        tests.into_iter().chain(controls::TESTS).map(|(name, test)| trial(name, test)).collect();
     let without = !real::has_xvfb();
     for (name, test) in real::TESTS {
         trials.push(trial(name, test).with_ignored_flag(without));

@@ -1,5 +1,7 @@
 //! From radiance to the colours on the screen, and the histogram.
 
+use std::sync::LazyLock;
+
 use rayon::prelude::*;
 
 use crate::image::{LinearImage, ToneCurve, ToneMapping, encode_srgb, false_colour};
@@ -77,7 +79,7 @@ impl Display {
         let (gains, curve) = (self.tone.gains(), self.tone.curve);
         let (width, height) = (image.width as usize, image.height as usize);
         let mut rgba = vec![255; width * height * 4];
-        let table = SrgbTable::new();
+        let (table, bins) = (&*SRGB_TABLE, &*BIN_TABLE);
         let (low, high) = self.luminance_range();
         // Exposures beyond what a float can hold leave no range to colour.
         let coloured = if self.false_colour { false_colour(image, low, high).ok() } else { None };
@@ -92,7 +94,7 @@ impl Display {
                     for ((bytes, pixel), colour) in row.chunks_exact_mut(4).zip(pixels).zip(coloured) {
                         let exposed = [0, 1, 2].map(|ch: usize| pixel[ch] * gains[ch]);
                         for (channel, value) in exposed.into_iter().enumerate() {
-                            counts[bin(value)][channel] += 1;
+                            counts[bins.of(value)][channel] += 1;
                         }
                         let shown = match curve {
                             _ if self.false_colour => colour.map(|value| table.encode(value)),
@@ -119,15 +121,33 @@ impl Display {
     }
 }
 
-/// Bin of a value; all that is not above the least falls into the first.
-fn bin(value: f32) -> usize {
-    let (low, high) = STOPS_SHOWN;
-    let at = (value.max(f32::MIN_POSITIVE).log2() - low) / (high - low) * BINS as f32;
-    (at as usize).min(BINS - 1)
+/// The bins of the histogram: the stop from a value's exponent, the place within it from a table over the first bits of
+/// its mantissa, since a picture has millions of values and a logarithm costs more than all else that is done with one.
+struct Bins(Vec<u8>);
+
+impl Bins {
+    const BITS: u32 = 12;
+    const PER_STOP: i32 = (BINS as f32 / (STOPS_SHOWN.1 - STOPS_SHOWN.0)) as i32;
+
+    fn new() -> Self {
+        let part = |i: usize| (1.0 + i as f32 / (1 << Self::BITS) as f32).log2() * Self::PER_STOP as f32;
+        Self((0..1 << Self::BITS).map(|i| part(i) as u8).collect())
+    }
+
+    /// Bin of a value; all that is not above the least falls into the first, not a number too.
+    fn of(&self, value: f32) -> usize {
+        let bits = value.max(f32::MIN_POSITIVE).to_bits();
+        let stop = (bits >> 23) as i32 - 127 - STOPS_SHOWN.0 as i32;
+        let within = self.0[(bits >> (23 - Self::BITS)) as usize & ((1 << Self::BITS) - 1)];
+        (stop * Self::PER_STOP + i32::from(within)).clamp(0, BINS as i32 - 1) as usize
+    }
 }
 
 /// The sRGB curve as a table over values of [0, 1], fine enough that no 8-bit step is missed where it is steepest.
 struct SrgbTable(Vec<u8>);
+
+static SRGB_TABLE: LazyLock<SrgbTable> = LazyLock::new(SrgbTable::new);
+static BIN_TABLE: LazyLock<Bins> = LazyLock::new(Bins::new);
 
 impl SrgbTable {
     const STEPS: usize = 1 << 14;
@@ -187,7 +207,15 @@ mod tests {
         for channel in 0..3 {
             assert!((histogram.iter().map(|bin| bin[channel]).sum::<f32>() - 1.0).abs() < 1e-6);
         }
-        assert!(histogram[bin(1.0)][0] > 0.3 && histogram[BINS - 1][1] > 0.3);
+        let bins = Bins::new();
+        assert!(histogram[bins.of(1.0)][0] > 0.3 && histogram[BINS - 1][1] > 0.3);
+        let (low, high) = STOPS_SHOWN;
+        for value in (1..40_000).map(|i| (i as f32 * 0.0005).exp2() * low.exp2()) {
+            let exact = (value.log2() - low) / (high - low) * BINS as f32;
+            // The table's steps are 2⁻¹² of a stop's range, on which the curve rises by at most 8 · 1.45 bins.
+            let (below, above) = ((exact - 0.01) as usize, ((exact + 0.01) as usize).min(BINS - 1));
+            assert!((below.min(BINS - 1)..=above).contains(&bins.of(value)), "{value}");
+        }
     }
 
     #[test]

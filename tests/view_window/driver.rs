@@ -1,13 +1,14 @@
 //! A window without a window: egui's input made by hand, its widgets found by their accessible names.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, Rect, accesskit};
 use ltm::view::{App, WindowOptions};
 
+/// Size of the window, in points, where a test does not ask for another.
 const SIZE: egui::Vec2 = egui::vec2(1280.0, 800.0);
 /// How long a picture may take to come, on a machine that does other things as well.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -16,7 +17,10 @@ pub(crate) struct Driver {
     context: egui::Context,
     app: App,
     time_secs: f64,
+    size: egui::Vec2,
     modifiers: Modifiers,
+    /// Files that are dropped in the next frame.
+    dropped: Vec<egui::DroppedFileHandle>,
     /// Widgets of the last frame: name, what it says of itself, place.
     widgets: Vec<(String, Rect)>,
     /// Name of the widget that has the keyboard.
@@ -30,14 +34,20 @@ pub(crate) struct Driver {
 impl Driver {
     /// Opens a container and waits for its picture.
     pub(crate) fn open(path: &Path) -> Self {
+        Self::open_with(WindowOptions { path: Some(path.to_owned()), ..Default::default() }, SIZE)
+    }
+
+    /// Opens a window of some size, in points, and waits for its picture.
+    pub(crate) fn open_with(options: WindowOptions, size: egui::Vec2) -> Self {
         let context = egui::Context::default();
         context.enable_accesskit();
-        let options = WindowOptions { path: Some(path.to_owned()), ..Default::default() };
         let app = App::new(&context, options, None, Arc::new(Mutex::new(None)));
         let mut driver = Self {
             context,
             app,
             time_secs: 0.0,
+            size,
+            dropped: Vec::new(),
             modifiers: Modifiers::NONE,
             widgets: Vec::new(),
             focused: None,
@@ -52,9 +62,10 @@ impl Driver {
     pub(crate) fn frame(&mut self, events: Vec<Event>) {
         self.time_secs += 1.0 / 60.0;
         let input = egui::RawInput {
-            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, SIZE)),
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, self.size)),
             time: Some(self.time_secs),
             events,
+            dropped_files: std::mem::take(&mut self.dropped),
             focused: true,
             ..Default::default()
         };
@@ -135,6 +146,45 @@ impl Driver {
         found.unwrap_or_else(|| panic!("no widget says '{text}': {:?}", self.names())).1
     }
 
+    /// Places of all widgets that have a name.
+    pub(crate) fn widgets(&self) -> &[(String, Rect)] {
+        &self.widgets
+    }
+
+    /// Drops a file at a place.
+    pub(crate) fn drop_file(&mut self, path: &Path, at: Pos2) {
+        self.frame(vec![Event::PointerMoved(at)]);
+        self.dropped.push(Arc::new(Dropped(path.to_owned())));
+        self.frame(Vec::new());
+    }
+
+    /// Turns the wheel over a place, in points.
+    pub(crate) fn scroll(&mut self, at: Pos2, points: f32) {
+        let (unit, delta, phase) = (egui::MouseWheelUnit::Point, egui::vec2(0.0, points), egui::TouchPhase::Move);
+        let (modifiers, source) = (self.modifiers, egui::MouseWheelSource::Wheel);
+        let wheel = Event::MouseWheel { unit, delta, phase, modifiers, source };
+        self.frame(vec![Event::PointerMoved(at), wheel]);
+        // Scrolling is smoothed over some frames.
+        (0..30).for_each(|_| self.frame(Vec::new()));
+    }
+
+    /// Drags with keys held.
+    pub(crate) fn drag_with(&mut self, from: Pos2, to: Pos2, frames: usize, modifiers: Modifiers) {
+        self.modifiers = modifiers;
+        self.frame(vec![Event::ModifiersChanged(modifiers)]);
+        self.drag(from, to, frames);
+        self.modifiers = Modifiers::NONE;
+        self.frame(vec![Event::ModifiersChanged(Modifiers::NONE)]);
+    }
+
+    /// Clicks twice at once.
+    pub(crate) fn double_click(&mut self, at: Pos2) {
+        self.press(at);
+        self.frame(vec![self.button(at, false)]);
+        self.frame(vec![self.button(at, true)]);
+        self.release(at);
+    }
+
     fn names(&self) -> Vec<&str> {
         self.widgets.iter().map(|(name, _)| name.as_str()).collect()
     }
@@ -196,6 +246,20 @@ impl Driver {
 
     fn button(&self, pos: Pos2, pressed: bool) -> Event {
         Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: self.modifiers }
+    }
+}
+
+/// A file as the system hands it over.
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
     }
 }
 

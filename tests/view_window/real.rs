@@ -10,13 +10,14 @@ use ltm::view::{RelightOn, WindowOptions, run};
 use super::container;
 
 /// Tests of this file.
-pub(crate) const TESTS: [(&str, fn()); 3] = [
+pub(crate) const TESTS: [(&str, fn()); 4] = [
     (
         "the_device_that_draws_the_window_relights_as_the_cpu_does",
         the_device_that_draws_the_window_relights_as_the_cpu_does,
     ),
     ("a_real_window_shows_the_room", a_real_window_shows_the_room),
     ("without_a_display_one_line_says_so", without_a_display_one_line_says_so),
+    ("without_a_driver_one_line_names_the_package", without_a_driver_one_line_names_the_package),
 ];
 
 /// First argument with which this program is the viewer: container, screenshot, "gpu" to relight there.
@@ -112,15 +113,37 @@ fn the_device_that_draws_the_window_relights_as_the_cpu_does() {
     assert!(most <= 0.01, "{most}");
 }
 
+/// The program's exit code and what it said, less what libraries of the system say.
+fn ends(command: &mut Command) -> (Option<i32>, String) {
+    let output = command.env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET").output().unwrap();
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
 fn without_a_display_one_line_says_so() {
-    let output = Command::new(this_program())
-        .args([AS_VIEWER, "none.ltc"])
-        .env_remove("DISPLAY")
-        .env_remove("WAYLAND_DISPLAY")
-        .env_remove("WAYLAND_SOCKET")
-        .output()
-        .unwrap();
+    for display in [None, Some(""), Some(":987")] {
+        let mut command = Command::new(this_program());
+        command.args([AS_VIEWER, "none.ltc"]).env_remove("DISPLAY");
+        command.envs(display.map(|display| ("DISPLAY", display)));
+        let (code, error) = ends(&mut command);
+        assert_eq!(code, Some(3), "{error}");
+        assert!(error.contains("no display") && error.trim().lines().count() == 1, "{error}");
+        assert!(!error.contains(".rs"), "{error}");
+    }
+    let mut command = Command::new("xvfb-run");
+    command.arg("-a").arg(this_program()).args([AS_VIEWER, "none.ltc"]);
+    let output = command.env("WAYLAND_DISPLAY", "nobody").env("XDG_RUNTIME_DIR", "/").output().unwrap();
     let error = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{error}");
-    assert!(error.contains("no display") && error.trim().lines().count() == 1, "{error}");
+    assert!(error.contains("unset WAYLAND_DISPLAY") && error.trim().lines().count() == 1, "{error}");
+}
+
+fn without_a_driver_one_line_names_the_package() {
+    let mut command = Command::new("xvfb-run");
+    command.arg("-a").arg(this_program()).args([AS_VIEWER, "none.ltc"]);
+    for variable in ["VK_ICD_FILENAMES", "VK_DRIVER_FILES", "__EGL_VENDOR_LIBRARY_FILENAMES"] {
+        command.env(variable, "/nonexistent");
+    }
+    let (code, error) = ends(&mut command);
+    assert_eq!(code, Some(7), "{error}");
+    assert!(error.contains("apt-get install mesa-vulkan-drivers") && error.trim().lines().count() == 1, "{error}");
 }

@@ -5,7 +5,7 @@ use eframe::egui::{self, RichText, Ui};
 use super::document::Document;
 use super::pattern_editor::pattern_editor;
 use super::theme::{WEAK, section, swatch};
-use crate::image::{KELVIN_RANGE, kelvin_to_linear};
+use crate::image::KELVIN_RANGE;
 use crate::light::{Light, LightKind, LightUnit};
 use crate::view::mixer::{LightMix, Tint};
 
@@ -74,20 +74,20 @@ fn colour(ui: &mut Ui, mix: &mut LightMix, light: &Light) {
         }
         ui.add_space(6.0);
         match &mut mix.tint {
-            Tint::Scene => {
-                let (rect, _) = ui.allocate_exact_size(egui::vec2(40.0, 18.0), egui::Sense::hover());
-                ui.painter().rect_filled(rect, 3.0, swatch(now));
-            }
             Tint::Colour(colour) => {
                 ui.color_edit_button_rgb(colour);
             }
-            Tint::Kelvin(kelvin) => {
-                let slider = egui::Slider::new(kelvin, KELVIN_RANGE).logarithmic(true).suffix(" K").max_decimals(0);
-                ui.spacing_mut().slider_width = (ui.available_width() - 96.0).max(40.0);
-                ui.add(slider);
-                let (rect, _) = ui.allocate_exact_size(egui::vec2(18.0, 18.0), egui::Sense::hover());
-                ui.painter().rect_filled(rect, 3.0, swatch(kelvin_to_linear(*kelvin)));
+            Tint::Scene | Tint::Kelvin(_) => {
+                let (rect, _) = ui.allocate_exact_size(egui::vec2(40.0, 18.0), egui::Sense::hover());
+                ui.painter().rect_filled(rect, 3.0, swatch(now));
             }
         }
     });
+    if let Tint::Kelvin(kelvin) = &mut mix.tint {
+        ui.horizontal(|ui| {
+            let slider = egui::Slider::new(kelvin, KELVIN_RANGE).logarithmic(true).suffix(" K").max_decimals(0);
+            ui.spacing_mut().slider_width = (ui.available_width() - 80.0).max(40.0);
+            ui.add(slider);
+        });
+    }
 }
