@@ -3,11 +3,13 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Mutex;
 
 use libtest_mimic::{Arguments, Trial};
+use ltm::compress::Target;
 use ltm::image::{ImageSize, LayerRole, LightSet, LinearImage, write_exr, write_exr_rows, write_npy};
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
-use ltm::pipeline::{ImportedMatrix, Quiet};
+use ltm::pipeline::{self, ImportedMatrix, PackOptions, Quiet, Watch};
 use ltm::{Error, Result};
 use regex::Regex;
 
@@ -33,6 +35,8 @@ fn main() -> ExitCode {
         own("a_folder_of_files_is_a_light_each", a_folder_of_files_is_a_light_each),
         own("what_cannot_be_imported_is_refused", what_cannot_be_imported_is_refused),
         own("clamped_and_negative_images_are_warned_about", clamped_and_negative_images_are_warned_about),
+        own("the_whole_need_is_said_before_images_are_read", the_whole_need_is_said_before_images_are_read),
+        own("a_target_in_bytes_is_that_of_the_file", a_target_in_bytes_is_that_of_the_file),
         real("blender_multi_part_groups_add_up", blender_multi_part),
         real("blender_interleaved_half_groups_add_up", blender_interleaved),
         real("mitsuba_files_of_all_kinds_agree", mitsuba),
@@ -84,7 +88,7 @@ fn import(path: &Path, layers: Option<&str>) -> Result<ImportedMatrix> {
     let layers = layers.map(|layers| Regex::new(layers).unwrap());
     let beside = tempfile::tempdir().unwrap();
     let set = LightSet::open(path, layers.as_ref())?;
-    ImportedMatrix::read(&set, "test", &beside.path().join("x"), 8, None, &Quiet)
+    ImportedMatrix::read(&set, "test", &beside.path().join("x"), 8, &PackOptions::default(), &Quiet)
 }
 
 fn names(matrix: &ImportedMatrix) -> Vec<String> {
@@ -194,7 +198,8 @@ fn what_cannot_be_imported_is_refused() {
     let error = import(&path, None).unwrap_err().to_string();
     assert!(error.contains("'key light' is not finite at pixel 1, 1"), "{error}");
     let set = LightSet::open(&path, None).unwrap();
-    let error = ImportedMatrix::read(&set, "test", &path, 8, Some(1 << 20), &Quiet).unwrap_err();
+    let options = PackOptions { memory_bytes: Some(1 << 20), ..Default::default() };
+    let error = ImportedMatrix::read(&set, "test", &path, 8, &options, &Quiet).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }), "{error}");
 }
 
@@ -208,6 +213,80 @@ fn clamped_and_negative_images_are_warned_about() {
     let matrix = import(&path, None).unwrap();
     assert_eq!(matrix.warnings.len(), 2, "{:?}", matrix.warnings);
     assert!(matrix.warnings[0].contains("'fill' looks clamped") && matrix.warnings[1].contains("below zero"));
+}
+
+/// Keeps what is said, in order.
+#[derive(Default)]
+struct Notes(Mutex<Vec<String>>);
+
+impl Notes {
+    fn add(&self, line: &str) {
+        self.0.lock().unwrap().push(line.to_owned());
+    }
+}
+
+impl Watch for Notes {
+    fn begin(&self, stage: &str, _: u64, _: &str) {
+        self.add(stage);
+    }
+    fn advance(&self, _: u64, _: u64, _: &str) {}
+    fn end(&self) {}
+    fn note(&self, line: &str) {
+        self.add(line);
+    }
+    fn interrupted(&self) -> bool {
+        false
+    }
+}
+
+fn the_whole_need_is_said_before_images_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    write_layers(&path, &NAMES, &images());
+    let set = LightSet::open(&path, None).unwrap();
+    let (notes, output) = (Notes::default(), folder.path().join("a.ltc"));
+    let matrix = ImportedMatrix::read(&set, "test", &output, 8, &PackOptions::default(), &notes).unwrap();
+    pipeline::pack(&matrix, matrix.job(), &output, &PackOptions::default(), &notes).unwrap();
+    let said = notes.0.into_inner().unwrap();
+    assert!(said[0].contains("reading the images, then packing") && said[0].contains("of disk"), "{said:?}");
+    assert_eq!(said[1], "reading images");
+    // What packing says later is a part of that.
+    let disk = |line: &str| {
+        let bytes = line.split(" and ").nth(1).unwrap().strip_suffix(" of disk").unwrap();
+        pipeline::parse_bytes(bytes).unwrap()
+    };
+    let packing = said.iter().find(|line| line.contains(": packing")).unwrap();
+    assert!(disk(&said[0]) > disk(packing), "{said:?}");
+}
+
+/// The file is at most as large as wanted, and not much smaller.
+fn a_target_in_bytes_is_that_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    // Soft lights from several sides, and a grain that only large files have room for.
+    let shade = |light: u32, i: u32| {
+        let (x, y) = ((i % 96) as f32 / 96.0, (i / 96) as f32 / 64.0);
+        let wave = (3.0 * x + light as f32).sin() * (4.0 * y - 0.7 * light as f32).cos();
+        1.2 + wave + 0.02 * ((i * 7919 + light * 104_729) % 1000) as f32 / 1000.0
+    };
+    let lit = |light: u32| {
+        let pixels = (0..96 * 64).map(|i| [0.9, 1.0, 0.8].map(|tint| tint * shade(light, i))).collect();
+        LinearImage { width: 96, height: 64, pixels }
+    };
+    let images: Vec<LinearImage> = (0..6).map(lit).collect();
+    write_npy(&path, 6, size(&images[0]), &mut fetch(&images)).unwrap();
+    let set = LightSet::open(&path, None).unwrap();
+    for wanted in [6_000, 20_000, 40_000] {
+        let mut options = PackOptions::default();
+        options.compress.target = Target::Bytes(wanted);
+        let output = folder.path().join(format!("{wanted}.ltc"));
+        let matrix = ImportedMatrix::read(&set, "test", &output, 32, &options, &Quiet).unwrap();
+        let report = pipeline::pack(&matrix, matrix.job(), &output, &options, &Quiet).unwrap();
+        assert_eq!(report.packed_bytes, std::fs::metadata(&output).unwrap().len());
+        // All six blocks are encoded for each guess. Steps are powers of 2^(1/8), so that not every size can be had.
+        let share = report.packed_bytes as f64 / wanted as f64;
+        assert!((0.9..=1.0).contains(&share), "{} of {wanted}", report.packed_bytes);
+    }
 }
 
 fn mean_red(image: &LinearImage) -> f64 {

@@ -62,6 +62,13 @@ fn images(block: &FactoredBlock) -> Vec<f32> {
     sides.flatten().copied().collect()
 }
 
+/// The block with larger steps.
+pub(crate) fn coarser(block: &FactoredBlock, factor: f32) -> FactoredBlock {
+    let mut block = block.clone();
+    block.left_step.iter_mut().chain(&mut block.right_step).for_each(|step| *step *= factor);
+    block
+}
+
 /// Encodes with the block's own steps.
 pub(crate) fn encode(
     block: &FactoredBlock,

@@ -58,7 +58,7 @@ pub enum Target {
     PsnrDb(f64),
     /// Error of images over their norm, over the prior's lightings.
     RelativeL2(f64),
-    /// Bytes of all factors, estimated from their entropy.
+    /// Bytes of all factors, estimated from their entropy; a pack holds the whole file to them, by encoding some blocks.
     Bytes(u64),
     /// The slope itself: squared radiance per bit.
     Slope(f64),

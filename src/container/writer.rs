@@ -8,7 +8,10 @@ use std::sync::Mutex;
 use sha2::{Digest, Sha256};
 
 use super::codec::CodecSettings;
-use super::format::{BlockRecord, FORMAT_VERSION, HEADER_BYTES, Header, LayerRecord, Trailer};
+use super::format::{
+    BLOCK_RECORD_BYTES, BlockRecord, FORMAT_VERSION, HEADER_BYTES, Header, LAYER_RECORD_BYTES, LayerRecord,
+    TRAILER_BYTES, Trailer,
+};
 use super::layers::{encode_layers, join_layers};
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
@@ -173,6 +176,14 @@ impl ContainerWriter {
     /// Encodes and writes a block; encoding runs in the calling thread, outside any lock.
     pub fn write_block(&self, id: BlockId, block: &FactoredBlock, report: &BlockReport) -> Result<EncodedSize> {
         self.write_encoded(id, &self.encode(id, block)?, report)
+    }
+
+    /// Bytes of the finished file beside its chunks, if all blocks together have so many layers.
+    pub fn overhead_bytes(&self, layers: u64) -> u64 {
+        let metadata = metadata::encode(&self.job, &self.options.report).len() as u64;
+        let blocks = u64::from(self.job.shape.block_count());
+        let records = blocks * BLOCK_RECORD_BYTES as u64 + layers * LAYER_RECORD_BYTES as u64;
+        (HEADER_BYTES + TRAILER_BYTES) as u64 + metadata + records
     }
 
     /// Assembles the file and gives it its final name.

@@ -7,6 +7,7 @@ use sha2::{Digest, Sha256};
 use super::budget::Need;
 use super::render::PROGRAM_BYTES;
 use super::rows::RowSpill;
+use super::spill::Spill;
 use super::{PackOptions, Watch, pack};
 use crate::compress::Compressor;
 use crate::error::{Error, Result};
@@ -39,17 +40,23 @@ impl ImportedMatrix {
     /// The sum of lights is held against the image under all lights, where there is one; what is missing becomes a light of
     /// its own, called `Rest`.
     ///
+    /// What reading takes and the disk for packing with `options` too is admitted before anything is read.
+    ///
     /// Errors: values that are not finite, naming the light; sizes beyond what a matrix can have; a budget that does not
-    /// hold one image as its decoder wants it; those of the readers in `image`.
+    /// hold one image as its decoder wants it, or in which the images could not be packed then; a disk without room;
+    /// those of the readers in `image`.
     pub fn read(
         set: &LightSet,
         source: &str,
         beside: &Path,
         block_side: u32,
-        memory_bytes: Option<u64>,
+        options: &PackOptions,
         watch: &dyn Watch,
     ) -> Result<Self> {
-        reading_need(set).admit("reading the images", beside, &[], memory_bytes, watch)?;
+        let mut need = reading_need(set);
+        need.disk_bytes += packing_disk_bytes(set, block_side, options)?;
+        let there = Spill::path_of(beside);
+        need.admit("reading the images, then packing", beside, &[&there], options.memory_bytes, watch)?;
         let (width, height) = (set.width as usize, set.height as usize);
         let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;
         let rows = RowSpill::create(beside, set.images(), width, height)?;
@@ -148,18 +155,19 @@ fn reading_need(set: &LightSet) -> Need {
     Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), per_thread_bytes: 0, disk_bytes }
 }
 
-/// Refuses images that could be read but then not packed, before they are read.
+/// Disk that packing the images takes.
 ///
 /// Errors: the memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
-pub fn refuse_images(set: &LightSet, block_side: u32, options: &PackOptions) -> Result<()> {
+fn packing_disk_bytes(set: &LightSet, block_side: u32, options: &PackOptions) -> Result<u64> {
     let mut names = set.lights.clone();
     if set.has_sum && !names.iter().any(|name| name == REST) {
         names.push(REST.into());
     }
     let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
     let compressor = Compressor::new(&basis_of(&names)?, shape, options.compress.clone())?;
-    pack::need_of(&compressor, shape, Need::default()).threads_within("packing", options.memory_bytes)?;
-    Ok(())
+    let need = pack::need_of(&compressor, shape, Need::default());
+    need.threads_within("packing", options.memory_bytes)?;
+    Ok(need.disk_bytes)
 }
 
 /// A light of one column for each image.

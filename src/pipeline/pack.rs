@@ -167,7 +167,7 @@ impl Packing {
             blocks.par_iter().map_init(TracedBlock::default, analyse).collect()
         });
         watch.end();
-        let cut = self.compressor.choose(analysed??.iter());
+        let cut = self.choose(&analysed??)?;
 
         watch.begin("packing", blocks.len() as u64, "blocks");
         let store = |&id: &BlockId| -> Result<WrittenBlock> {
@@ -204,8 +204,24 @@ impl Packing {
         })
     }
 
+    pub(super) fn compressor(&self) -> &Compressor {
+        &self.compressor
+    }
+
+    pub(super) fn writer(&self) -> &ContainerWriter {
+        &self.writer
+    }
+
+    pub(super) fn shape(&self) -> MatrixShape {
+        self.job.shape
+    }
+
+    pub(super) fn threads(&self) -> usize {
+        self.threads
+    }
+
     /// A candidate and what it lacks, back from the spill file.
-    fn candidate(&self, id: BlockId) -> Result<(Candidate, Lacking)> {
+    pub(super) fn candidate(&self, id: BlockId) -> Result<(Candidate, Lacking)> {
         let bytes = self.spill.read(id)?;
         let parts = || -> Result<_, String> {
             let short = || "it is cut short".to_owned();
@@ -268,7 +284,7 @@ fn report_of(settings: &CompressSettings) -> ContainerReport {
         _ if settings.method != Method::Auto && settings.fixed_rank => format!("rank {}", settings.rank),
         Target::PsnrDb(db) => format!("{db} dB PSNR of relit images"),
         Target::RelativeL2(error) => format!("relative L2 {error} of relit images"),
-        Target::Bytes(bytes) => format!("{bytes} bytes of factors"),
+        Target::Bytes(bytes) => format!("{bytes} bytes"),
         Target::Slope(slope) => format!("slope {slope}"),
     };
     let provenance = [

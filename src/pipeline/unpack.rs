@@ -15,6 +15,9 @@ use crate::image::{self, ImageSize};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, FactorSource, FactoredBlock, PixelRect, TracedBlock};
 use crate::store::{self, StoreOptions, StoreWriter};
 
+/// Channels of a Nuke script at most.
+const NUKE_CHANNELS: usize = 1023;
+
 /// Choices of unpacking.
 #[derive(Clone, Debug, Default)]
 pub struct UnpackOptions {
@@ -67,8 +70,10 @@ pub fn unpack_to_store(
 }
 
 /// Writes one layer for each light, as the scene lights it, into one OpenEXR file at `path`, after a layer with all of
-/// them. The layers are named as Blender names light groups, so that other programs find them. A path with `{light}` asks
-/// for a file of plain RGB for each light instead. Returns the files written.
+/// them. The layers are named as Blender names light groups, `ViewLayer.Combined_LIGHT`, in one part of 32-bit floats, whose
+/// channels end in `.R`, `.G`, `.B`: OpenEXR's convention, by which Nuke makes layers too (`ViewLayer_Combined_LIGHT`, with
+/// its own `rgba` empty; at most 1,023 channels). A path with `{light}` asks for a file of plain RGB for each light instead.
+/// Returns the files written.
 ///
 /// Errors: those of the selection, of reading the container and of writing the files.
 pub fn unpack_to_exr(
@@ -94,6 +99,15 @@ pub fn unpack_to_exr(
         return Ok(paths);
     }
     refuse_existing(path, options.overwrite)?;
+    if 3 * (names.len() + 1) > NUKE_CHANNELS {
+        let most = NUKE_CHANNELS / 3 - 1;
+        watch.note(&format!(
+            "{}: {} lights are more than the {most} that Nuke has channels for; choose some with --lights, or write a file \
+             for each with {{light}} in the name",
+            path.display(),
+            names.len()
+        ));
+    }
     let mut layers = vec!["ViewLayer.Combined".to_owned()];
     layers.extend(names.iter().map(|name| format!("ViewLayer.Combined_{name}")));
     let mut images = vec![(0..selected.lights.len()).collect()];
@@ -216,12 +230,13 @@ fn factor_bytes(source: &ContainerReader) -> u64 {
     3 * largest as u64 * (shape.max_block_rows() + shape.columns()) as u64
 }
 
-/// Names that every program can read as layers and files: letters, digits, spaces, and a few signs; each once.
+/// Names that every program can read as layers and files: letters, digits, spaces, and a few signs; each once. Blender keeps
+/// 63 bytes of a pass's name, of which `Combined_` and a number take some.
 fn safe_names(selected: &Selected) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for light in &selected.lights {
         let safe = |c: char| if c.is_ascii_alphanumeric() || " _-+#()[]".contains(c) { c } else { '_' };
-        let plain: String = light.name.chars().map(safe).take(200).collect();
+        let plain: String = light.name.chars().map(safe).take(48).collect();
         let numbered = (2..).map(|n| format!("{plain}_{n}"));
         let free = std::iter::once(plain.clone()).chain(numbered).find(|name| !names.contains(name));
         names.push(free.expect("numbers do not end"));

@@ -98,8 +98,7 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     refuse_existing()?;
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
     let side = arguments.images.block_side;
-    pipeline::refuse_images(&set, side, &pack_options(arguments))?;
-    let matrix = ImportedMatrix::read(&set, &name, &output, side, arguments.memory, console)?;
+    let matrix = ImportedMatrix::read(&set, &name, &output, side, &pack_options(arguments), console)?;
     tables::print_matches(&matrix);
     pack(&matrix, matrix.job(), &output, arguments, console)
 }
