@@ -4,8 +4,15 @@
 //! size in full precision; what is relit is its first 8 components in 8 bits, and the error is that of the relit image
 //! against the direct product with all 24 components.
 //!
-//! `LTM_BENCH_MATRIX=path/without/extension` adds a matrix of one's own: its `.ltc` relit in every way, against the direct
-//! product with its `.ltm` from disk.
+//! `LTM_BENCH_MATRIX=path/without/extension` takes a matrix of one's own instead (several with `:` between them): its
+//! `.ltc` relit in every way, from memory and through budgets, against the direct product with its `.ltm` from disk, and
+//! what a page-in costs. For the paper's Conference Room, with the folder that holds it in `LTM_SCENES`:
+//!
+//! ```text
+//! ltm render formats/scenes/conference-20.toml --samples 16 -o twenty.ltm && ltm-pack twenty.ltm
+//! ltm render formats/scenes/conference-panel-32.toml --samples 16 -o panel.ltm && ltm-pack panel.ltm
+//! LTM_BENCH_MATRIX=$PWD/twenty:$PWD/panel cargo bench --bench relight
+//! ```
 
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
 
@@ -14,7 +21,7 @@ mod relight_source;
 
 use std::hint::black_box;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::Instant;
 
 use criterion::{BenchmarkGroup, Criterion, Throughput, measurement::WallTime};
@@ -24,7 +31,8 @@ use ltm::image::{LinearImage, compare};
 use ltm::light::Lighting;
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, TracedBlock};
 use ltm::relight::{
-    CpuRelighter, GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter, relight_raw, relight_streaming,
+    CompactBlock, CpuRelighter, GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter, relight_raw,
+    relight_streaming,
 };
 use ltm::store::StoreReader;
 use rayon::prelude::*;
@@ -120,10 +128,61 @@ fn mean_secs(mut call: impl FnMut()) -> f64 {
     start.elapsed().as_secs_f64() / f64::from(calls)
 }
 
+/// Bytes that hold all chunks of a source in memory.
+fn chunk_bytes(source: &dyn FactorSource) -> u64 {
+    let layers = |id| source.layer_count(id);
+    source.shape().blocks().map(|id| source.encoded_bytes(id, 0..layers(id)) + 192 * u64::from(layers(id))).sum()
+}
+
+/// What bringing all blocks in costs on one thread, step by step.
+fn page_in(container: &ContainerReader) {
+    let shape = FactorSource::shape(container);
+    let (mut read, mut decode, mut compact) = (0.0, 0.0, 0.0);
+    let mut factor_bytes = 0;
+    let took = |seconds: &mut f64, start: Instant| *seconds += start.elapsed().as_secs_f64();
+    // The first time everything is cold.
+    for round in 0..2 {
+        if round == 1 {
+            (read, decode, compact, factor_bytes) = (0.0, 0.0, 0.0, 0);
+        }
+        for id in shape.blocks() {
+            let start = Instant::now();
+            let chunks: Vec<_> =
+                (0..container.layer_count(id)).map(|layer| container.stored_layer(id, layer).unwrap()).collect();
+            took(&mut read, start);
+            let start = Instant::now();
+            let block = container.decode_layers(id, &chunks).unwrap();
+            took(&mut decode, start);
+            let start = Instant::now();
+            factor_bytes += CompactBlock::new(shape, id, &block).unwrap().bytes();
+            took(&mut compact, start);
+        }
+    }
+    println!(
+        "  page-in of {} blocks on one thread: read and checked {:.2} ms, decoded {:.2} ms, made compact {:.2} ms; \
+         {:.2} MB stored, {:.2} MB compact",
+        shape.block_count(),
+        1e3 * read,
+        1e3 * decode,
+        1e3 * compact,
+        container.file_bytes() as f64 / 1e6,
+        factor_bytes as f64 / 1e6,
+    );
+}
+
+/// Lets the system forget what it holds of a file, as far as it does on request.
+fn forget(path: &Path) {
+    let file = std::fs::File::open(path).unwrap();
+    file.sync_all().unwrap();
+    rustix::fs::fadvise(&file, 0, None, rustix::fs::Advice::DontNeed).unwrap();
+}
+
 /// The rates of this machine in this run, and the error that every figure is printed with.
 struct Ruler {
     bandwidth: f64,
     reference: LinearImage,
+    /// Seconds of the direct product.
+    raw_secs: f64,
 }
 
 impl Ruler {
@@ -135,13 +194,14 @@ impl Ruler {
         let rate = bytes as f64 / secs;
         println!(
             "  {name}: {:.3} ms, {:.1} per second, {:.1} MB moved, {:.2} GB/s = {:.2} of the {:.1} GB/s read here, \
-             {decibels:.1} dB",
+             {decibels:.1} dB, {:.0} × faster than the direct product",
             1e3 * secs,
             1.0 / secs,
             bytes as f64 / 1e6,
             rate / 1e9,
             rate / self.bandwidth,
             self.bandwidth / 1e9,
+            self.raw_secs / secs,
         );
     }
 }
@@ -178,14 +238,28 @@ fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &Ruler, group:
     group.bench_function("cpu, full", |b| b.iter(|| relighter.relight_into(lighting, &mut target).unwrap()));
     group.bench_function("cpu, one light changed", |b| b.iter(&mut change));
 
-    let read = |paged: &PagedRelighter| paged.reads().bytes;
-    let paged = PagedRelighter::new(source, relighter.factor_bytes() / 10);
-    let image = paged.relight(lighting).unwrap();
-    let before = read(&paged);
-    let secs = mean_secs(|| drop(paged.relight(lighting).unwrap()));
-    ruler.report("cpu, a tenth of the factors in memory", secs, before, ruler.decibels(&image));
-    let secs = mean_secs(|| drop(relight_streaming(source, lighting).unwrap()));
-    ruler.report("cpu, nothing in memory", secs, before, ruler.decibels(&image));
+    for (name, budget) in [
+        ("nothing in memory", 0),
+        ("the chunks in memory", chunk_bytes(source)),
+        ("the chunks and half of the factors in memory", chunk_bytes(source) + relighter.factor_bytes() / 2),
+        ("the chunks and all factors in memory", u64::MAX),
+    ] {
+        let paged = PagedRelighter::new(source, budget);
+        let decibels = ruler.decibels(&paged.relight(lighting).unwrap());
+        let before = paged.reads();
+        let mut images = 0;
+        let secs = mean_secs(|| {
+            paged.relight(lighting).unwrap();
+            images += 1;
+        });
+        let reads = paged.reads();
+        let (bytes, decodes) = ((reads.bytes - before.bytes) / images, (reads.decodes - before.decodes) / images);
+        ruler.report(&format!("cpu, {name}, {decodes} blocks decoded"), secs, bytes, decibels);
+    }
+    let bytes = shape.blocks().map(|id| source.encoded_bytes(id, 0..source.layer_count(id))).sum();
+    let mut streamed = None;
+    let secs = mean_secs(|| streamed = Some(relight_streaming(source, lighting).unwrap().0));
+    ruler.report("cpu, streamed", secs, bytes, streamed.map_or(0.0, |image| ruler.decibels(&image)));
 
     match GpuRelighter::new(source) {
         Ok(gpu) => {
@@ -220,37 +294,47 @@ fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &Ruler, group:
     }
 }
 
+/// A matrix of one's own, as a container and stored.
+fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion) {
+    let container = ContainerReader::open(&stem.with_extension("ltc")).unwrap();
+    let path = stem.with_extension("ltm");
+    let matrix = StoreReader::open(&path).unwrap();
+    let lighting = Lighting::of_scene(&container.job().basis);
+    forget(&path);
+    let start = Instant::now();
+    let reference = relight_raw(&matrix, std::slice::from_ref(&lighting)).unwrap().remove(0);
+    let raw_secs = start.elapsed().as_secs_f64();
+    let bytes = matrix.tally().unwrap().stored_bytes as f64;
+    println!(
+        "{}: direct product with the stored matrix from disk: {raw_secs:.2} s, {:.2} GB, {:.2} GB/s; the container is \
+         {:.2} MB",
+        stem.display(),
+        bytes / 1e9,
+        bytes / raw_secs / 1e9,
+        container.file_bytes() as f64 / 1e6,
+    );
+    page_in(&container);
+    let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
+    let mut group = criterion.benchmark_group(format!("relight {name}"));
+    measure(&container, &lighting, &Ruler { bandwidth, reference, raw_secs }, &mut group);
+    group.finish();
+}
+
 fn main() {
     let mut criterion = Criterion::default().without_plots().sample_size(10).configure_from_args();
     let bandwidth = read_bandwidth();
+    if let Some(stems) = std::env::var_os("LTM_BENCH_MATRIX") {
+        std::env::split_paths(&stems).for_each(|stem| measure_own(&stem, bandwidth, &mut criterion));
+        return criterion.final_summary();
+    }
     let source = Smooth::new(KEPT_RANK);
     let lighting = relight_source::random_lighting(1024, 1);
     let start = Instant::now();
     let reference = relight_raw(&source, std::slice::from_ref(&lighting)).unwrap().remove(0);
-    println!("direct product with blocks multiplied out in memory: {:.2} s", start.elapsed().as_secs_f64());
+    let raw_secs = start.elapsed().as_secs_f64();
+    println!("direct product with blocks multiplied out in memory: {raw_secs:.2} s");
     let mut group = criterion.benchmark_group("relight 1024x768, 1024 columns, rank 8, 8 bits");
-    measure(&source, &lighting, &Ruler { bandwidth, reference }, &mut group);
+    measure(&source, &lighting, &Ruler { bandwidth, reference, raw_secs }, &mut group);
     group.finish();
-
-    if let Some(stem) = std::env::var_os("LTM_BENCH_MATRIX").map(PathBuf::from) {
-        let container = ContainerReader::open(&stem.with_extension("ltc")).unwrap();
-        let matrix = StoreReader::open(&stem.with_extension("ltm")).unwrap();
-        let lighting = Lighting::of_scene(&container.job().basis);
-        let start = Instant::now();
-        let reference = relight_raw(&matrix, std::slice::from_ref(&lighting)).unwrap().remove(0);
-        let bytes = matrix.tally().unwrap().stored_bytes as f64;
-        let secs = start.elapsed().as_secs_f64();
-        println!(
-            "{}: direct product with the stored matrix, as far as it is not in the page cache from disk: {secs:.2} s, \
-             {:.2} GB, {:.2} GB/s; the container is {:.2} MB",
-            stem.display(),
-            bytes / 1e9,
-            bytes / secs / 1e9,
-            container.file_bytes() as f64 / 1e6,
-        );
-        let mut group = criterion.benchmark_group("relight a matrix of one's own");
-        measure(&container, &lighting, &Ruler { bandwidth, reference }, &mut group);
-        group.finish();
-    }
     criterion.final_summary();
 }
