@@ -10,23 +10,14 @@ use std::hint::black_box;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use ltm::compress::{CompressSettings, Compressor, Method, PriorChoice, Target};
-use ltm::light::{Light, LightBasis, LightKind, LightUnit, evaluation_lightings};
+use ltm::light::{Light, LightBasis, LightKind, evaluation_lightings};
 use ltm::matrix::{Block, BlockId, MatrixShape};
 
 const SIDE: u32 = 32;
 
 fn lights(across: u32, down: u32) -> LightBasis {
     let mut basis = LightBasis::new();
-    let columns = (across * down) as usize;
-    let light = Light {
-        name: "panel".into(),
-        kind: LightKind::AreaTexels { across, down },
-        unit: LightUnit::Radiance,
-        emission: [1.0; 3],
-        first_column: 0,
-        places: vec![[0.0; 3]; columns],
-        extents: vec![1.0; columns],
-    };
+    let light = Light::unplaced("panel", LightKind::AreaTexels { across, down });
     basis.push(light).expect("the light fits");
     basis
 }

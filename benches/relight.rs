@@ -68,8 +68,9 @@ impl Smooth {
             columns,
             left,
             right,
-            left_step: steps(2.0 / 127.0),
-            right_step: vec![2.0 / 127.0; rank],
+            // So coarse that 8 bits are taken.
+            left_step: steps(8.0 / 127.0),
+            right_step: vec![8.0 / 127.0; rank],
             sparse: Vec::new(),
         }
     }

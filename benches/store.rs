@@ -16,7 +16,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
-use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
 use ltm::pipeline::{Quiet, RenderOptions};
 use ltm::store::{
@@ -216,9 +216,7 @@ const WRITES: [Write; 5] = [
 fn job(blocks: u32, columns: u32) -> Job {
     let mut basis = LightBasis::new();
     let kind = LightKind::AreaTexels { across: 32, down: columns / 32 };
-    let (name, unit, emission) = ("panel".to_owned(), LightUnit::Radiance, [1.0; 3]);
-    let (places, extents) = (vec![[0.0; 3]; columns as usize], vec![1.0; columns as usize]);
-    basis.push(Light { name, kind, unit, emission, first_column: 0, places, extents }).unwrap();
+    basis.push(Light::unplaced("panel", kind)).unwrap();
     let shape = MatrixShape::new(32, 32 * blocks, columns, 32).unwrap();
     Job { shape, basis, provenance: Provenance::default() }
 }

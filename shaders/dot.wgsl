@@ -1,4 +1,11 @@
-// The part of a component's dot products that one thread of its workgroup adds up; for the kernels named project.
+// What the kernels named project share: their arrays, the part of a component's dot products that one thread of its
+// workgroup adds up, and where the sums go.
+
+@group(0) @binding(0) var<uniform> sizes: Sizes;
+@group(0) @binding(1) var<storage, read> lighting: array<f32>;
+@group(0) @binding(2) var<storage, read> components: array<Component>;
+@group(0) @binding(3) var<storage, read> factors: array<u32>;
+@group(0) @binding(4) var<storage, read_write> projected: array<f32>;
 
 fn weight(column: u32) -> vec3<f32> {
     let n = sizes.columns;
@@ -35,4 +42,11 @@ fn partial_product(index: u32, thread: u32) -> vec3<f32> {
         }
     }
     return sum;
+}
+
+fn store(index: u32, sum: vec3<f32>) {
+    let total = sum * components[index].scale;
+    projected[3u * index] = total.x;
+    projected[3u * index + 1u] = total.y;
+    projected[3u * index + 2u] = total.z;
 }

@@ -1,12 +1,6 @@
 // y = s (R l) for the three channels in one pass over R; twin of src/relight/project.rs.
 // One workgroup for each component: its threads share the columns and add up in workgroup memory.
 
-@group(0) @binding(0) var<uniform> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> lighting: array<f32>;
-@group(0) @binding(2) var<storage, read> components: array<Component>;
-@group(0) @binding(3) var<storage, read> factors: array<u32>;
-@group(0) @binding(4) var<storage, read_write> projected: array<f32>;
-
 var<workgroup> sums: array<vec3<f32>, THREADS>;
 
 @compute @workgroup_size(THREADS)
@@ -24,9 +18,6 @@ fn project(
         }
     }
     if thread == 0u && index < sizes.components {
-        let total = sums[0] * components[index].scale;
-        projected[3u * index] = total.x;
-        projected[3u * index + 1u] = total.y;
-        projected[3u * index + 2u] = total.z;
+        store(index, sums[0]);
     }
 }

@@ -1,11 +1,5 @@
 // y = s (R l), as shaders/project.wgsl, where threads add up within their subgroups first; twin of src/relight/project.rs.
 
-@group(0) @binding(0) var<uniform> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> lighting: array<f32>;
-@group(0) @binding(2) var<storage, read> components: array<Component>;
-@group(0) @binding(3) var<storage, read> factors: array<u32>;
-@group(0) @binding(4) var<storage, read_write> projected: array<f32>;
-
 // One sum for each subgroup: a subgroup may be as small as one thread.
 var<workgroup> sums: array<vec3<f32>, THREADS>;
 
@@ -29,9 +23,6 @@ fn project(
         for (var i = 0u; i < subgroups; i++) {
             total += sums[i];
         }
-        total *= components[index].scale;
-        projected[3u * index] = total.x;
-        projected[3u * index + 1u] = total.y;
-        projected[3u * index + 2u] = total.z;
+        store(index, total);
     }
 }

@@ -1,30 +1,16 @@
 //! The programs from outside: the whole way on a small room, and one clear line for everything that can go wrong.
 
+mod room;
+
 use std::fs;
 use std::path::Path;
 use std::process::Output;
 
 use assert_cmd::Command;
+use room::write_room;
 use tempfile::TempDir;
 
-/// A room of one wall and one lamp, small enough for tests.
-const OBJ: &str = "mtllib room.mtl
-v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1
-v -0.5 2 -0.5\nv 0.5 2 -0.5\nv 0.5 2 0.5\nv -0.5 2 0.5
-usemtl floor\nf 4 3 2 1
-usemtl lamp\nf 5 6 7 8
-";
-const MTL: &str = "newmtl floor\nKd 0.5 0.5 0.5\nnewmtl lamp\nKd 0 0 0\nKe 3 2 1\n";
-const SCENE: &str = r#"
-geometry = ["room.obj"]
-
-[camera]
-eye = [0.0, 1.0, 3.0]
-look_at = [0.0, 0.5, 0.0]
-vertical_fov_degrees = 50.0
-width = 40
-height = 24
-
+const LIGHTS: &str = r#"
 [render]
 samples_per_pixel = 4
 
@@ -32,15 +18,9 @@ samples_per_pixel = 4
 material = "lamp"
 "#;
 
-fn write_room(folder: &Path) {
-    fs::write(folder.join("room.obj"), OBJ).unwrap();
-    fs::write(folder.join("room.mtl"), MTL).unwrap();
-    fs::write(folder.join("room.toml"), SCENE).unwrap();
-}
-
 fn room() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    write_room(folder.path());
+    write_room(folder.path(), LIGHTS);
     folder
 }
 

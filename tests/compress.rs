@@ -1,24 +1,13 @@
 //! What compression promises, on made-up blocks that look like light transport.
 
 use ltm::compress::{Candidate, CompressSettings, Compressor, Method, Target};
-use ltm::light::{Light, LightBasis, LightKind, LightUnit};
+use ltm::light::{Light, LightBasis, LightKind};
 use ltm::matrix::{Block, BlockId, MatrixShape};
 
 /// A panel of `side × side` texels.
 fn panel(side: u32) -> LightBasis {
-    let columns = (side * side) as usize;
     let mut basis = LightBasis::new();
-    basis
-        .push(Light {
-            name: "panel".into(),
-            kind: LightKind::AreaTexels { across: side, down: side },
-            unit: LightUnit::Radiance,
-            emission: [1.0; 3],
-            first_column: 0,
-            places: vec![[0.0; 3]; columns],
-            extents: vec![1.0; columns],
-        })
-        .unwrap();
+    basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: side, down: side })).unwrap();
     basis
 }
 

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use ltm::Result;
 use ltm::compress::{CompressSettings, Compressor, Core, Method, PriorChoice, Scope, Target};
-use ltm::light::{Light, LightBasis, LightKind, LightUnit};
+use ltm::light::{Light, LightBasis, LightKind};
 use ltm::matrix::{Block, BlockId, BlockSource, MatrixShape, TracedBlock};
 
 const ALGORITHMS: [Method; 4] = [Method::Algorithm1, Method::Algorithm2, Method::Algorithm3, Method::Algorithm4];
@@ -12,16 +12,7 @@ const SIDE: u32 = 8;
 
 fn panel() -> LightBasis {
     let mut basis = LightBasis::new();
-    let columns = (SIDE * SIDE) as usize;
-    let light = Light {
-        name: "panel".into(),
-        kind: LightKind::AreaTexels { across: SIDE, down: SIDE },
-        unit: LightUnit::Radiance,
-        emission: [1.0; 3],
-        first_column: 0,
-        places: vec![[0.0; 3]; columns],
-        extents: vec![1.0; columns],
-    };
+    let light = Light::unplaced("panel", LightKind::AreaTexels { across: SIDE, down: SIDE });
     basis.push(light).unwrap();
     basis
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use ltm::image::{LinearImage, write_exr};
+use ltm::image::{LinearImage, luminance, write_exr};
 use ltm::light::look::{self, Look};
 use ltm::light::{Light, LightBasis, LightKind, LightUnit};
 
@@ -47,10 +47,6 @@ fn load(text: &str) -> ltm::Result<Look> {
 
 fn refused(text: &str) -> String {
     load(text).expect_err("must be refused").to_string()
-}
-
-fn luminance(w: [f32; 3]) -> f32 {
-    0.2126 * w[0] + 0.7152 * w[1] + 0.0722 * w[2]
 }
 
 #[test]
@@ -233,4 +229,8 @@ fn errors_name_the_light_and_the_nearest_names() {
     assert!(refused("[[light]]\nname = 'panel'\nimage = { file = 'x.exr' }\n").contains("x.exr"));
     assert!(refused("[[key]]\ntime_secs = 0\nlook = 'x'\n").contains("'x'"));
     assert!(refused("[[light]\n").contains("line 1"));
+    for color in ["2700", "'#ffcc88'", "{ kelvins = 2700 }", "[1, 1, 1]"] {
+        let error = refused(&format!("[[light]]\nname = 'panel'\ncolor = {color}\n"));
+        assert!(error.contains("line 3") && error.contains("{ kelvin = 2700 }"), "{color}: {error}");
+    }
 }

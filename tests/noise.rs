@@ -3,7 +3,7 @@
 use ltm::compress::{CompressSettings, Compressor, Target};
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, LightLayout};
-use ltm::light::{Light, LightBasis, LightKind, LightUnit, probe_lightings};
+use ltm::light::{Light, LightBasis, LightKind, probe_lightings};
 use ltm::matrix::{Block, BlockId, BlockNoise, FactoredBlock, MatrixShape};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -15,17 +15,7 @@ const ROWS: usize = 3 * SIDE * SIDE;
 
 fn panel() -> LightBasis {
     let mut basis = LightBasis::new();
-    basis
-        .push(Light {
-            name: "panel".into(),
-            kind: LightKind::AreaTexels { across: TEXELS as u32, down: TEXELS as u32 },
-            unit: LightUnit::Radiance,
-            emission: [1.0; 3],
-            first_column: 0,
-            places: vec![[0.0; 3]; COLUMNS],
-            extents: vec![1.0; COLUMNS],
-        })
-        .unwrap();
+    basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: TEXELS as u32, down: TEXELS as u32 })).unwrap();
     basis
 }
 

@@ -1,22 +1,12 @@
 //! Hard cases: nothing here may panic, explode or be silently wrong.
 
 use ltm::compress::{CompressSettings, Compressor, Core, Method, PriorChoice, Target, cur};
-use ltm::light::{Light, LightBasis, LightKind, LightUnit};
+use ltm::light::{Light, LightBasis, LightKind};
 use ltm::matrix::{Block, BlockId, FactoredBlock, MatrixShape};
 
 fn lamps(columns: u32) -> LightBasis {
     let mut basis = LightBasis::new();
-    basis
-        .push(Light {
-            name: "panel".into(),
-            kind: LightKind::AreaTexels { across: columns, down: 1 },
-            unit: LightUnit::Radiance,
-            emission: [1.0; 3],
-            first_column: 0,
-            places: vec![[0.0; 3]; columns as usize],
-            extents: vec![1.0; columns as usize],
-        })
-        .unwrap();
+    basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: columns, down: 1 })).unwrap();
     basis
 }
 

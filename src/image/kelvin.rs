@@ -1,5 +1,7 @@
 //! The colour of a black body.
 
+use super::linear::luminance;
+
 /// Lowest and highest temperature, in kelvin, that [`kelvin_to_linear`] tells apart.
 pub const KELVIN_RANGE: std::ops::RangeInclusive<f32> = 1667.0..=25_000.0;
 
@@ -29,8 +31,9 @@ pub fn kelvin_to_linear(kelvin: f32) -> [f32; 3] {
         0.055_643_4 * cx - 0.204_025_9 * cy + 1.057_225_2 * cz,
     ]
     .map(|v: f64| v.max(0.0));
-    let luminance = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2];
-    rgb.map(|v| (v / luminance) as f32)
+    let rgb = rgb.map(|v| v as f32);
+    let level = luminance(rgb);
+    rgb.map(|v| v / level)
 }
 
 #[cfg(test)]

@@ -16,4 +16,6 @@ pub use linear::{LinearImage, luminance};
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;
 pub use read::{RgbaImage, decode_srgb, image_size, read_image, read_rgba};
-pub use tone::{ToneCurve, ToneMapping, encode_srgb, false_colour, false_colour_scale, write_png, write_toned_png};
+pub use tone::{
+    LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, false_colour, false_colour_scale, write_png, write_toned_png,
+};

@@ -13,6 +13,10 @@ pub fn encode_srgb(linear: f32) -> f32 {
     if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// Luminous efficacy of white light in lm/W, as Radiance has it (G. Ward): radiance in W·sr⁻¹·m⁻² times this is luminance in
+/// cd·m⁻².
+pub const LUMENS_PER_WATT: f32 = 179.0;
+
 /// How linear values become displayed ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ToneCurve {
@@ -121,7 +125,7 @@ fn neutral(color: [f32; 3]) -> [f32; 3] {
 /// Shows the luminance of an image in colours, from black over blue, green and red to white, one step for each factor
 /// of `(high / low)^⅙`; the image that comes back is linear, for [`ToneMapping::default`].
 ///
-/// Luminance is Rec. 709's of the pixel, in its unit: where that is W·sr⁻¹·m⁻², 179 lm/W make it cd·m⁻².
+/// Luminance is Rec. 709's of the pixel, in its unit: where that is W·sr⁻¹·m⁻², [`LUMENS_PER_WATT`] makes it cd·m⁻².
 /// Errors: limits that are not positive and in order.
 pub fn false_colour(image: &LinearImage, low: f32, high: f32) -> Result<LinearImage> {
     const COLOURS: [[f32; 3]; 7] = [

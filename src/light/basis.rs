@@ -77,6 +77,22 @@ pub struct Light {
 }
 
 impl Light {
+    /// A light of radiance 1 whose columns have extent 1 and stand nowhere in particular: for a matrix that comes without
+    /// a scene.
+    pub fn unplaced(name: impl Into<String>, kind: LightKind) -> Self {
+        let (across, down) = kind.layout();
+        let columns = (across * down) as usize;
+        Self {
+            name: name.into(),
+            kind,
+            unit: LightUnit::Radiance,
+            emission: [1.0; 3],
+            first_column: 0,
+            places: vec![[0.0; 3]; columns],
+            extents: vec![1.0; columns],
+        }
+    }
+
     /// Its columns.
     pub fn columns(&self) -> Range<u32> {
         self.first_column..self.first_column + self.places.len() as u32

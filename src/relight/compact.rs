@@ -12,6 +12,10 @@ const WIDE_PEAK: f64 = 32_768.0;
 /// Largest size of an 8-bit value. −128 is not used, so that signs are alike.
 const NARROW_PEAK: f64 = 127.0;
 
+/// How fine beside its step an 8-bit scale must be: a component's stored error is that of transform coefficients, many of
+/// them exact zeros, while rounding its values errs in each of them. A quarter adds a sixteenth of a step's power.
+const FINEST_SHARE: f64 = 0.25;
+
 /// A stored value that kernels turn into f32 without branches.
 pub(crate) trait Quantum: Copy + Sync {
     /// The value before scaling.
@@ -160,8 +164,8 @@ fn peak(values: &[f32]) -> f32 {
     f32::from_bits(values.iter().fold(0, |peak, v| peak.max(v.to_bits() & 0x7fff_ffff)))
 }
 
-/// The scale with which values fit 8 bits without losing more than rounding to `step` would, if there is one: `step`
-/// itself where the values are multiples of it (then nothing is lost), else the finest scale that fits.
+/// The scale with which values fit 8 bits, if there is one: `step` itself where the values are multiples of it (then
+/// nothing is lost), else the finest scale that fits, where that is fine enough beside `step`.
 #[inline(always)]
 fn narrow_scale(values: &[f32], peak: f64, step: f64) -> Option<f64> {
     if step <= 0.0 || peak / NARROW_PEAK > step * (1.0 + 1e-6) {
@@ -172,7 +176,10 @@ fn narrow_scale(values: &[f32], peak: f64, step: f64) -> Option<f64> {
         // f32 values that were multiples before rounding are off by at most 2⁻²⁴ of themselves.
         (count - count.round()).abs() <= 1e-4
     };
-    Some(if values.iter().all(|&v| multiple(v)) { step } else { peak / NARROW_PEAK })
+    if values.iter().all(|&v| multiple(v)) {
+        return Some(step);
+    }
+    Some(peak / NARROW_PEAK).filter(|scale| *scale <= FINEST_SHARE * step)
 }
 
 /// `value · inverse_scale` rounded. Added to 1.5 · 2²³ it stands in the lowest bits: that takes many values at once.

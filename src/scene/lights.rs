@@ -11,12 +11,9 @@ use super::looks::{Emission, colour};
 use super::rectangle::{self, Corner};
 use super::{AreaEmitter, AreaLayout, Emitter, EnvironmentMapping, PointEmitter, Surface, ies, names};
 use crate::error::{Error, Result};
-use crate::image::read_image;
+use crate::image::{LUMENS_PER_WATT, read_image};
 use crate::light::names::fits;
 use crate::light::{Light, LightBasis, LightKind, LightUnit};
-
-/// Luminous efficacy by which candela become W·sr⁻¹, in lm/W: the convention of Radiance and of files converted from MGF.
-const LUMENS_PER_WATT: f32 = 179.0;
 
 /// Half angle under which the sun is seen from the earth, in degrees.
 const SUN_RADIUS_DEGREES: f32 = 0.2665;

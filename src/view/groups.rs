@@ -182,20 +182,12 @@ pub(super) fn natural(name: &str) -> Vec<(String, u64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::{Light, LightKind, LightUnit};
+    use crate::light::{Light, LightKind};
 
     fn basis(names: &[&str]) -> LightBasis {
         let mut basis = LightBasis::new();
         for name in names {
-            let light = Light {
-                name: (*name).into(),
-                kind: LightKind::Lamp,
-                unit: LightUnit::Radiance,
-                emission: [1.0; 3],
-                first_column: 0,
-                places: vec![[0.0; 3]],
-                extents: vec![1.0],
-            };
+            let light = Light::unplaced(*name, LightKind::Lamp);
             basis.push(light).unwrap();
         }
         basis

@@ -214,7 +214,7 @@ fn kelvin_of([red, _, blue]: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::{LightKind, LightUnit};
+    use crate::light::LightKind;
 
     fn basis() -> LightBasis {
         let mut basis = LightBasis::new();
@@ -224,17 +224,7 @@ mod tests {
             ("panel", LightKind::AreaTexels { across: 2, down: 2 }, [3.0; 3]),
             ("spare", LightKind::Point, [0.0; 3]),
         ] {
-            let (across, down) = kind.layout();
-            let count = (across * down) as usize;
-            let light = Light {
-                name: name.into(),
-                kind,
-                unit: LightUnit::Radiance,
-                emission,
-                first_column: 0,
-                places: vec![[0.0; 3]; count],
-                extents: vec![1.0; count],
-            };
+            let light = Light { emission, ..Light::unplaced(name, kind) };
             basis.push(light).unwrap();
         }
         basis

@@ -1,6 +1,6 @@
 //! Hand-made jobs and blocks.
 
-use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
 use ltm::store::{Storage, StoreOptions, StoreReader};
 
@@ -11,15 +11,7 @@ pub(crate) fn job(columns: u32) -> Job {
 
 pub(crate) fn job_of(width: u32, height: u32, columns: u32, block_side: u32) -> Job {
     let mut basis = LightBasis::new();
-    let light = Light {
-        name: "panel".into(),
-        kind: LightKind::AreaTexels { across: columns, down: 1 },
-        unit: LightUnit::Radiance,
-        emission: [1.0; 3],
-        first_column: 0,
-        places: vec![[0.0; 3]; columns as usize],
-        extents: vec![1.0; columns as usize],
-    };
+    let light = Light::unplaced("panel", LightKind::AreaTexels { across: columns, down: 1 });
     basis.push(light).unwrap();
     let shape = MatrixShape::new(width, height, columns, block_side).unwrap();
     Job { shape, basis, provenance: Provenance { source: "hand-made".into(), seed: 7, ..Default::default() } }

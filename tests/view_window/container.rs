@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use ltm::container::{BlockReport, ContainerOptions, ContainerWriter};
-use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{Block, BlockId, FactoredBlock, MatrixShape, TracedBlock};
 use ltm::scene::LoadedScene;
 use ltm::trace::{TraceSettings, Tracer};
@@ -70,15 +70,7 @@ pub(crate) const STAGE: [u32; 2] = [160, 120];
 pub(crate) fn write_stage(path: &Path, count: usize) {
     let mut basis = LightBasis::new();
     for lamp in 0..count {
-        let light = Light {
-            name: format!("row {}/{}", lamp / 10 + 1, lamp % 10 + 1),
-            kind: LightKind::Lamp,
-            unit: LightUnit::Radiance,
-            emission: [1.0; 3],
-            first_column: 0,
-            places: vec![[0.0; 3]],
-            extents: vec![1.0],
-        };
+        let light = Light::unplaced(format!("row {}/{}", lamp / 10 + 1, lamp % 10 + 1), LightKind::Lamp);
         basis.push(light).unwrap();
     }
     let shape = MatrixShape::new(STAGE[0], STAGE[1], count as u32, 32).unwrap();

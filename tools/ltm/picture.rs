@@ -3,12 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use ltm::image::{self, LinearImage, ToneCurve, ToneMapping};
+use ltm::image::{self, LUMENS_PER_WATT, LinearImage, ToneCurve, ToneMapping};
 use ltm::light::{Job, LightUnit};
 use ltm::{Error, Result};
-
-/// Luminous efficacy by which radiance in W·sr⁻¹·m⁻² becomes luminance in cd·m⁻².
-const LUMENS_PER_WATT: f32 = 179.0;
 
 /// Where automatic exposure puts the 95th percentile of luminance.
 const WHITE: f32 = 0.9;

@@ -55,6 +55,7 @@ pub(super) struct Rule {
     pub on: Option<bool>,
     pub stops: Option<f32>,
     pub intensity: Option<f32>,
+    #[serde(default, deserialize_with = "color")]
     pub color: Option<Color>,
     pub image: Option<Picture>,
     pub shape: Option<Shape>,
@@ -69,6 +70,19 @@ pub(super) enum Color {
     Srgb(String),
     Linear([f32; 3]),
     Kelvin(f32),
+}
+
+/// Reads a colour; whatever else stands there, the error says what may.
+fn color<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Color>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(
+        untagged,
+        expecting = "a colour is { kelvin = 2700 }, { srgb = \"#ffcc88\" } or { linear = [1, 0.8, 0.5] }"
+    )]
+    enum Meant {
+        Color(Color),
+    }
+    Meant::deserialize(deserializer).map(|Meant::Color(color)| Some(color))
 }
 
 /// An image over the light's texels; `place` is (left, top, right, bottom) in the light's unit square.

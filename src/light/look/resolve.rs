@@ -8,7 +8,7 @@ use super::environment::{nearest_texel, resample};
 use super::file::{Base, Color, LookFile, Rule};
 use super::pattern::{image_mask, shape_mask};
 use crate::error::{Error, Result};
-use crate::image::{LinearImage, decode_srgb, kelvin_to_linear, read_image};
+use crate::image::{LinearImage, decode_srgb, kelvin_to_linear, luminance, read_image};
 use crate::light::names::{fits, suggest};
 use crate::light::{Light, LightBasis, LightKind, Lighting};
 
@@ -214,10 +214,6 @@ fn unit(direction: [f32; 3]) -> Result<[f32; 3], String> {
 
 fn finite(value: f32) -> Option<f32> {
     Some(value).filter(|v| v.is_finite())
-}
-
-fn luminance([r, g, b]: [f32; 3]) -> f32 {
-    0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
 /// A colour scaled to luminance 1.

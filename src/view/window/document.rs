@@ -10,7 +10,7 @@ use eframe::egui::{self, ColorImage, TextureHandle, TextureOptions};
 
 use super::chooser::Purpose;
 use crate::error::Result;
-use crate::image::LinearImage;
+use crate::image::{LUMENS_PER_WATT, LinearImage};
 use crate::light::{LightBasis, LightUnit, Lighting};
 use crate::matrix::FactorSource;
 use crate::relight::CpuRelighter;
@@ -23,9 +23,6 @@ use crate::view::reach::Reach;
 use crate::view::snapshots::{Snapshots, thumbnail};
 use crate::view::viewport::Viewport;
 use crate::view::worker::{Event, Means, Picture, Progress, Request, Session};
-
-/// Lumens per watt of white light: what makes radiance of three channels a photometric luminance, as in RGBE files.
-const LUMENS_PER_WATT: f32 = 179.0;
 
 /// Pictures over which their rate is counted, and the longest pause between two of them that is no rest, in seconds.
 const RATE_PICTURES: usize = 24;
