@@ -1,7 +1,7 @@
 //! The window: driven through egui without a display, and opened for real where a virtual display can be had.
 //!
 //! `cargo test --features view --test view_window`; the real window needs Xvfb and a Vulkan adapter (lavapipe does)
-//! and is listed as ignored without Xvfb. `LTM_VIEW_PICTURES` names a folder to keep its screenshots in.
+//! and is listed as ignored without them. `LTM_VIEW_PICTURES` names a folder to keep its screenshots in.
 
 #[path = "view_window/container.rs"]
 mod container;
@@ -429,7 +429,7 @@ fn main() -> ExitCode {
     };
     let mut trials: Vec<Trial> =
         tests.into_iter().chain(controls::TESTS).map(|(name, test)| trial(name, test)).collect();
-    let without = !real::has_xvfb();
+    let without = !real::is_possible();
     for (name, test) in real::TESTS {
         trials.push(trial(name, test).with_ignored_flag(without));
     }

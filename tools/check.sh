@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change lands: format, lints, tests, documentation.
-# `cargo test --locked` is the README's test command. LTM_REQUIRE_GPU=1 turns a missing adapter into a failure.
+# The README's test command and the window's tests at once; its tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
+# missing adapter into a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -10,8 +11,8 @@ step "format"
 cargo fmt --check
 step "lints, the window's too"
 cargo clippy --all-targets --locked --features view -- -D warnings
-step "tests"
-cargo test --locked
+step "tests, the window's too"
+cargo test --locked --features view
 step "documentation"
 RUSTDOCFLAGS="-D warnings" cargo doc --no-deps --locked --document-private-items
 step "the demonstration, as the README's first command runs it"

@@ -25,8 +25,12 @@ const AS_VIEWER: &str = "--act-as-viewer";
 /// First argument with which it writes a container: scene file or built-in name, samples per pixel, container.
 const AS_TRACER: &str = "--act-as-tracer";
 
-pub(crate) fn has_xvfb() -> bool {
-    Command::new("xvfb-run").arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
+/// Whether a real window can be opened here: with Xvfb and an adapter, or where `LTM_REQUIRE_GPU` says that there must be
+/// one.
+pub(crate) fn is_possible() -> bool {
+    let xvfb = Command::new("xvfb-run").arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
+    let adapter = || pollster::block_on(wgpu::Instance::default().request_adapter(&Default::default())).is_ok();
+    xvfb && (std::env::var_os("LTM_REQUIRE_GPU").is_some_and(|v| v == "1") || adapter())
 }
 
 /// Acts as the viewer if that is asked for.
