@@ -65,11 +65,16 @@ impl Document {
 
     /// Writes the lighting.
     pub(super) fn write_look(&mut self, path: PathBuf) {
+        let wrote = format!("Wrote {}", path.display());
+        self.write_look_and_say(path, wrote);
+    }
+
+    fn write_look_and_say(&mut self, path: PathBuf, message: String) {
         let (container, groups, mix) = (self.session.container.clone(), self.groups.clone(), self.mix.clone());
         self.look = Some((path.clone(), mix.clone()));
         self.beside(move || {
             looks::save(&path, &container.job().basis, &groups, &mix)?;
-            Ok(wrote(&path))
+            Ok(Brought::Message(message))
         });
     }
 
@@ -98,14 +103,14 @@ impl Document {
     /// The command that makes this picture; the lighting is written for it unless it stands in a file already.
     pub(super) fn command_line(&mut self) -> String {
         let saved = self.look.as_ref().filter(|(_, mix)| *mix == self.mix).map(|(path, _)| path.clone());
-        let look = saved.unwrap_or_else(|| {
-            let path = export::with_ending(&self.export_base, "toml");
-            self.write_look(path.clone());
-            path
-        });
+        let look = saved.clone().unwrap_or_else(|| export::with_ending(&self.export_base, "toml"));
         let png = export::with_ending(&self.export_base, "png");
         let line = export::command_line(&self.session.path, &look, &png, &self.display, self.lumens_per_watt());
-        self.message = Some((format!("Copied: {line}"), false));
+        let message = format!("Copied: {line}");
+        match saved {
+            Some(_) => self.message = Some((message, false)),
+            None => self.write_look_and_say(look, message),
+        }
         line
     }
 

@@ -111,7 +111,9 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
         }
     });
     ui.spacing_mut().item_spacing.x = 4.0;
-    ui.spacing_mut().button_padding.x = 6.0;
+    // In one row in the narrowest panel, the button of the colour too.
+    ui.spacing_mut().button_padding.x = 4.0;
+    ui.spacing_mut().interact_size.x = 26.0;
     ui.horizontal_wrapped(|ui| match document.easel.tool {
         Tool::Brush => {
             let easel = &mut document.easel;
