@@ -10,7 +10,7 @@ use super::cur::{decompose, select};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
 use super::global::{self, GlobalCur};
 use super::noise::NoiseModel;
-use super::range::{Range, Weights, exact_range, find_range, range_of};
+use super::range::{Range, SKETCH_ROWS, Weights, exact_range, find_range, range_of};
 use super::remainder::{stand_out, without};
 use super::sanitise::{Survey, sanitise, survey};
 use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut};
@@ -97,19 +97,32 @@ impl Compressor {
     pub fn needs_bytes(&self) -> u64 {
         let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
         let q = (self.settings.rank + self.settings.oversampling + 1) as u64;
+        let dense = match self.settings.method {
+            // The block, both sides of its SVD and what the SVD works in, in f64.
+            Method::BlockSvd | Method::BlockPca => 8 * (3 * m * n + (m + n) * m.min(n)),
+            _ => 0,
+        };
+        // A copy of the block where it has entries that cannot be used; factors in f32 and f64; the sketch of its rows,
+        // the prior's factor and the sketch's lightings.
+        let factors = 4 * m * n + dense + 56 * (m + n) * q + 4 * n * (2 * SKETCH_ROWS as u64 + 256);
         // The images under the probes, their comparison, and the candidates of one component.
-        let alike = 4 * m * (3 * super::alike::WINDOW_PIXELS + 64);
-        4 * (m * n + 6 * (m + n) * q) + 32 * (m + n) * q + 4 * n * 256 + alike
+        factors + 4 * m * (3 * super::alike::WINDOW_PIXELS + 64)
+    }
+
+    /// Bytes of an encoded candidate's factors at most.
+    pub fn factor_bytes(&self) -> u64 {
+        let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
+        let rank = (self.settings.rank as u64 + 1).min(m).min(n);
+        1024 + 4 * rank * (m + n + 4)
     }
 
     /// Bytes of an encoded candidate at most.
     pub fn candidate_bytes(&self) -> u64 {
         let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
-        let rank = (self.settings.rank as u64 + 1).min(m).min(n);
         // A tenth of a row's entries may stand above its 90th percentile, and so many may carry their share of its sum.
         let share = if self.settings.sparse_fraction > 0.0 { (1.0 / self.settings.sparse_fraction) as u64 } else { 0 };
         let sparse = if self.settings.method == Method::Auto { m * share.min(n / 10 + 1) } else { 0 };
-        64 + 4 * rank * (m + n + 3) + 16 * sparse
+        self.factor_bytes() + 16 * sparse
     }
 
     /// Analyses one block: replaces unusable entries, takes out what stands alone, finds the range, and notes what each

@@ -194,7 +194,7 @@ struct RowSketch {
 }
 
 /// Rows of a sketch: several times the widest range that is asked of it.
-const SKETCH_ROWS: usize = 256;
+pub(super) const SKETCH_ROWS: usize = 256;
 
 impl RowSketch {
     fn new(rows: usize) -> Self {

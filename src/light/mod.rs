@@ -15,4 +15,4 @@ pub use job::{Job, JobHash, Provenance};
 pub use lighting::Lighting;
 pub use metadata::{decode_job, encode_job};
 pub use prior::{LightingPrior, evaluation_lightings};
-pub use probes::probe_lightings;
+pub use probes::{PROBES, probe_lightings};

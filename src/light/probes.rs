@@ -3,7 +3,7 @@
 use super::{LightBasis, LightingPrior};
 
 /// Number of probe lightings.
-const PROBES: usize = 16;
+pub const PROBES: usize = 16;
 
 /// Seed of the draws: fixed, because files hold noise under these very lightings.
 const SEED: u64 = 0x6c74_6d70_726f_6265;

@@ -8,13 +8,16 @@ use super::Watch;
 use crate::error::{Error, Result};
 use crate::store::free_bytes;
 
-/// What a job takes at most: anonymous memory, as a fixed part and a part for each thread that works on a block, and
+/// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block, and
 /// disk.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Need {
     pub(super) fixed_bytes: u64,
     pub(super) per_thread_bytes: u64,
+    /// What is refused where the disk has not so much.
     pub(super) disk_bytes: u64,
+    /// What no input passes, where that is more than a job is likely to take; else 0.
+    pub(super) most_disk_bytes: u64,
 }
 
 impl Need {
@@ -55,7 +58,13 @@ impl Need {
             (_, 1) => " with 1 thread".to_owned(),
             _ => format!(" with {threads} threads"),
         };
-        let disk = if self.disk_bytes > 0 { format!(" and {} of disk", human_bytes(more)) } else { String::new() };
+        let disk = match (self.disk_bytes, self.most_disk_bytes.saturating_sub(taken)) {
+            (0, _) => String::new(),
+            (_, most) if most > more => {
+                format!(" and likely {} of disk, {} at most", human_bytes(more), human_bytes(most))
+            }
+            _ => format!(" and {} of disk", human_bytes(more)),
+        };
         let memory = human_bytes(self.bytes(threads));
         watch.note(&format!("{}: {job}{with}, needs up to {memory} of memory{disk}", output.display()));
         Ok(threads)
@@ -139,7 +148,7 @@ mod tests {
 
     #[test]
     fn threads_are_given_up_before_the_job_is() {
-        let need = Need { fixed_bytes: 100, per_thread_bytes: 50, disk_bytes: 0 };
+        let need = Need { fixed_bytes: 100, per_thread_bytes: 50, ..Need::default() };
         let most = rayon::current_num_threads();
         assert_eq!(need.threads_within("a job", Some(need.bytes(most))).unwrap(), most);
         assert_eq!(need.threads_within("a job", Some(150)).unwrap(), 1);

@@ -152,7 +152,7 @@ impl ImportedMatrix {
 /// What reading images takes; they wait on disk.
 fn reading_need(set: &LightSet) -> Need {
     let disk_bytes = RowSpill::bytes(set.images(), set.width as usize, set.height as usize);
-    Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), per_thread_bytes: 0, disk_bytes }
+    Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), disk_bytes, ..Need::default() }
 }
 
 /// Disk that packing the images takes.

@@ -269,12 +269,20 @@ pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need)
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let candidate = compressor.candidate_bytes() + Lacking::max_bytes(rows, compressor.candidate_bytes() / 16);
     let block_bytes = rows * shape.columns() as u64 * 4;
+    // Single entries may be fifty to a row, where fifty texels are seen through it alone; one is usual where any is.
+    let sparse = if compressor.settings().method == Method::Auto { rows } else { 0 };
+    let likely = compressor.factor_bytes() + 16 * sparse + Lacking::max_bytes(rows, sparse);
+    // A rank of its own is stored whole, as 16-bit floats, in two places until it is done. Ours keeps what is worth its
+    // bits: a fiftieth at the default target, a fourth where all is asked for.
+    let fixed = compressor.settings().method != Method::Auto && compressor.settings().fixed_rank;
+    let stored = if fixed { likely } else { likely / 4 };
     Need {
         fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES) + 4096 * blocks + compressor.global_needs_bytes(),
         // The block, its analysis, and its candidate: as it is, encoded, and multiplied out in strips.
         per_thread_bytes: source.per_thread_bytes + block_bytes + compressor.needs_bytes() + 3 * candidate,
+        disk_bytes: source.disk_bytes + blocks * (likely + stored),
         // The spill file; then the waiting blocks and the container, each half as large as a candidate at most.
-        disk_bytes: source.disk_bytes + 2 * blocks * candidate,
+        most_disk_bytes: source.disk_bytes + 2 * blocks * candidate,
     }
 }
 

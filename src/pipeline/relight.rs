@@ -155,7 +155,7 @@ fn gpu<'a>(
 /// decoded (values in f32 twice, and in compact form).
 fn need_of(container: &ContainerReader) -> Need {
     let fixed_bytes = PROGRAM_BYTES + container.index_bytes() + image_bytes(container.job().shape);
-    Need { fixed_bytes, per_thread_bytes: decoding_bytes(container), disk_bytes: 0 }
+    Need { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..Need::default() }
 }
 
 /// Memory of the largest block while it is decoded.
@@ -195,7 +195,7 @@ pub fn relight(
 pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, memory_bytes: Option<u64>) -> Result<LinearImage> {
     let shape = BlockSource::shape(matrix);
     let per_thread_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
-    let need = Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes, disk_bytes: 0 };
+    let need = Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes, ..Need::default() };
     let threads = need.threads_within("relighting", memory_bytes)?;
     on_threads(threads, || Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))?
 }

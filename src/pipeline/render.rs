@@ -11,7 +11,7 @@ use super::budget::{Need, on_threads};
 use super::{PeakMemory, Watch};
 use crate::error::{Error, Result};
 use crate::light::{Job, Provenance};
-use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
+use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
 use crate::scene::{LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
 use crate::trace::{BlockStats, TraceSettings, Tracer};
@@ -174,7 +174,7 @@ pub(super) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
 
 /// What tracing takes, wherever the blocks go: the scene, and for each thread a block.
 pub(super) fn tracing_need(loaded: &LoadedScene, job: &Job) -> Need {
-    Need { fixed_bytes: scene_bytes(loaded), per_thread_bytes: block_need(job), disk_bytes: 0 }
+    Need { fixed_bytes: scene_bytes(loaded), per_thread_bytes: block_need(job), ..Need::default() }
 }
 
 /// Memory of a scene while it is traced: its arrays, its textures, and the tree, whose nodes and building take about
@@ -186,10 +186,8 @@ fn scene_bytes(loaded: &LoadedScene) -> u64 {
     (vertices + texels * 16 + mesh.triangles.len() * (450 + size_of::<Triangle>())) as u64 + PROGRAM_BYTES
 }
 
-/// Memory of a thread that traces a block: the block, and the two halves of a run of pixels.
+/// Memory of a thread that traces a block: the block, and what tracing it takes beside it.
 fn block_need(job: &Job) -> u64 {
-    let columns = job.shape.columns() as u64;
-    let block = job.shape.max_block_rows() as u64 * columns * 4;
-    let halves = 2 * 16 * CHANNELS as u64 * columns * 4;
-    block + halves
+    let block = job.shape.max_block_rows() as u64 * job.shape.columns() as u64 * 4;
+    block + Tracer::block_needs_bytes(job.shape)
 }

@@ -46,7 +46,7 @@ pub fn unpack_to_store(
     let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
     let per_thread_bytes = block_bytes + requirements.memory_bytes + factor_bytes(source);
     let fixed_bytes = PROGRAM_BYTES + source.index_bytes();
-    let need = Need { fixed_bytes, per_thread_bytes, disk_bytes: requirements.disk_bytes };
+    let need = Need { fixed_bytes, per_thread_bytes, disk_bytes: requirements.disk_bytes, ..Need::default() };
     let threads = need.admit("unpacking", path, &[], options.memory_bytes, watch)?;
     let writer = StoreWriter::create(path, &job, store)?;
     let columns = selected.columns();
@@ -161,7 +161,7 @@ fn relight_images(
     let fixed_bytes = PROGRAM_BYTES + source.index_bytes() + image::exr_rows_need_bytes(layers, size);
     // The images in between, and the files, which are not larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
-    let need = Need { fixed_bytes, per_thread_bytes, disk_bytes };
+    let need = Need { fixed_bytes, per_thread_bytes, disk_bytes, ..Need::default() };
     let threads = need.admit("unpacking", beside, &[], options.memory_bytes, watch)?;
     let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;
     watch.begin("relighting", selected.blocks.len() as u64, "blocks");

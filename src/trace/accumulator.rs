@@ -7,6 +7,7 @@
 
 use glam::Vec3;
 
+use crate::light::PROBES;
 use crate::matrix::{BlockNoise, CHANNELS, TracedBlock};
 
 /// Pixels in a full run: a row of a block of the usual size. As many as f32 fit a cache line would do, but a block's
@@ -75,6 +76,10 @@ impl PixelSums {
         Self { records: vec![Record::default(); columns], touched: vec![0; columns.div_ceil(WORD)] }
     }
 
+    pub(super) fn needs_bytes(columns: u64) -> u64 {
+        size_of::<Record>() as u64 * columns + columns / 8 + 8
+    }
+
     #[inline]
     pub(super) fn add(&mut self, half: usize, column: u32, value: Vec3) {
         let at = column as usize;
@@ -104,6 +109,10 @@ impl Tile {
     pub(super) fn new(columns: usize) -> Self {
         let lines = vec![Line([0.0; RUN]); columns * CHANNELS];
         Self { lines, dirty: vec![0; columns.div_ceil(WORD)] }
+    }
+
+    pub(super) fn needs_bytes(columns: u64) -> u64 {
+        (size_of::<Line>() * CHANNELS) as u64 * columns + columns / 8 + 8
     }
 
     /// Takes the means of pixel `pixel` of `run` out of `sums`, which it leaves empty, and their noise. `samples` are
@@ -187,6 +196,12 @@ impl<'a> NoiseSums<'a> {
             products: vec![0.0; rows * probes],
             differences: Vec::new(),
         }
+    }
+
+    /// The list of differences grows by doubling and may reach every column.
+    pub(super) fn needs_bytes(rows: u64, columns: u64) -> u64 {
+        let differences = 2 * size_of::<(u32, [f32; CHANNELS])>() as u64;
+        columns * (size_of::<[f32; 4]>() as u64 + differences) + 4 * (rows * (1 + PROBES as u64) + rows + columns)
     }
 
     /// `D Ω` of one pixel.

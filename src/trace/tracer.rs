@@ -75,6 +75,13 @@ impl Tracer {
         Ok(Self { world: World::new(scene)?, shape, settings, probes_of_column, probes })
     }
 
+    /// Bytes that tracing a block of this shape takes at most beside the block: sums and means of the pixels at hand, and
+    /// the noise, which stays with the block.
+    pub fn block_needs_bytes(shape: MatrixShape) -> u64 {
+        let (rows, columns) = (shape.max_block_rows() as u64, shape.columns() as u64);
+        PixelSums::needs_bytes(columns) + Tile::needs_bytes(columns) + NoiseSums::needs_bytes(rows, columns)
+    }
+
     /// The same scene with other settings. Errors: settings out of range.
     pub fn with_settings(self, settings: TraceSettings) -> Result<Self> {
         check(settings)?;
