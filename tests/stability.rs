@@ -222,8 +222,8 @@ fn a_light_that_fills_the_block_is_counted_once() {
             let entries = (0..m * n).map(|i| if i / m == lit { value } else { 0.0 }).collect();
             let block = Block::from_entries(m, n, entries);
             let error = relative_error(&block, &pack(shape, &block, CompressSettings::default()));
-            // 45 dB of white is asked for; here white is everywhere.
-            assert!(error < 6e-3, "{side}² pixels, column {lit} of {columns} at {value}: {error}");
+            // One component holds all of it: what is left is the rounding of f32 sums over 3,072 rows, all alike.
+            assert!(error < 2e-6, "{side}² pixels, column {lit} of {columns} at {value}: {error}");
         }
     }
 }
@@ -236,9 +236,13 @@ fn with_spectrum(rows: usize, columns: usize, sigma: impl Fn(usize) -> f64 + Cop
     move |i, j| (1..columns).map(|k| sigma(k) * cosine(i, k, rows) * cosine(j, k, columns)).sum()
 }
 
-#[test]
-fn every_method_is_held_to_the_best_of_its_rank_on_hard_spectra() {
-    type Formula = Box<dyn Fn(usize, usize) -> f64>;
+type Formula = Box<dyn Fn(usize, usize) -> f64>;
+
+/// A hard case: name, pixels in a row, columns, entries, and whether the textbook's core breaks on it. It does not where
+/// all that is chosen crosses well (Kahan's matrix has a well-conditioned leading part) or there is nothing to cross.
+type Case = (&'static str, u32, u32, Formula, bool);
+
+fn hard_cases() -> Vec<Case> {
     // Kahan's matrix: every leading part looks well conditioned, pivoting by size never finds its null space.
     let (s, c) = (1.2f64.sin(), 1.2f64.cos());
     let kahan = move |i: usize, j: usize| match i.cmp(&j) {
@@ -246,16 +250,34 @@ fn every_method_is_held_to_the_best_of_its_rank_on_hard_spectra() {
         std::cmp::Ordering::Equal => s.powi(i as i32),
         std::cmp::Ordering::Greater => 0.0,
     };
-    let cases: Vec<(&str, u32, u32, Formula)> = vec![
-        ("Kahan", 32, 64, Box::new(kahan)),
-        ("step at 12", 96, 64, Box::new(with_spectrum(288, 64, |k| if k <= 12 { 1.0 } else { 1e-3 }))),
-        ("step at 40", 96, 64, Box::new(with_spectrum(288, 64, |k| if k <= 40 { 1.0 } else { 1e-6 }))),
-        ("slow", 96, 64, Box::new(with_spectrum(288, 64, |k| 1.0 / k as f64))),
-        ("more columns than rows", 8, 256, Box::new(|i, j| rank6(i, j) + 1e-2 * hash(i + 3, j + 5))),
-        ("one row of colours", 1, 300, Box::new(hash)),
-        ("near-duplicate columns", 96, 128, Box::new(|i, j| rank6(i, j / 4) + 1e-7 * hash(i, j))),
-    ];
-    for (name, pixels, columns, formula) in cases {
+    let scaled = |at: usize, of: usize| 10f64.powf(-8.0 + 12.0 * at as f64 / of as f64);
+    vec![
+        ("exactly low rank", 96, 128, Box::new(rank6), true),
+        ("low rank and noise", 96, 128, Box::new(|i, j| rank6(i, j) + 1e-2 * hash(i + 7, j + 9)), true),
+        ("near-duplicate columns", 96, 128, Box::new(|i, j| rank6(i, j / 4) + 1e-7 * hash(i, j)), true),
+        ("zero columns", 32, 64, Box::new(|i, j| if j % 3 == 0 { 0.0 } else { rank6(i, j) }), true),
+        ("zero rows", 32, 64, Box::new(|i, j| if i % 3 == 0 { 0.0 } else { rank6(i, j) }), true),
+        ("one entry", 8, 16, Box::new(|i, j| f64::from(u8::from(i == 5 && j == 3))), false),
+        ("near-identity", 16, 48, Box::new(|i, j| 1e-3 + f64::from(u8::from(i == j))), true),
+        ("rows of 1e-8 to 1e4", 96, 64, Box::new(move |i, j| scaled(i, 288) * rank6(i, j)), true),
+        ("columns of 1e-8 to 1e4", 96, 64, Box::new(move |i, j| scaled(j, 64) * rank6(i, j)), true),
+        // Over the seeds, sampled and not sampled.
+        ("firefly", 96, 64, Box::new(|i, j| if (i, j) == (17, 9) { 1e6 } else { rank6(i, j) }), true),
+        ("beyond 16-bit floats", 32, 64, Box::new(|i, j| 1e9 * rank6(i, j)), true),
+        ("Hilbert", 32, 96, Box::new(|i, j| 1.0 / (1.0 + i as f64 + j as f64)), true),
+        ("Kahan", 32, 64, Box::new(kahan), false),
+        ("step at 12", 96, 64, Box::new(with_spectrum(288, 64, |k| if k <= 12 { 1.0 } else { 1e-3 })), true),
+        ("step at 40", 96, 64, Box::new(with_spectrum(288, 64, |k| if k <= 40 { 1.0 } else { 1e-6 })), true),
+        ("slow", 96, 64, Box::new(with_spectrum(288, 64, |k| 1.0 / k as f64)), true),
+        ("more columns than rows", 8, 256, Box::new(|i, j| rank6(i, j) + 1e-2 * hash(i + 3, j + 5)), true),
+        ("one pixel", 1, 300, Box::new(hash), false),
+        ("one entry in all", 1, 1, Box::new(|i, _| i as f64), false),
+    ]
+}
+
+#[test]
+fn every_method_is_held_to_the_best_of_its_rank_on_every_hard_case() {
+    for (name, pixels, columns, formula, _) in hard_cases() {
         let (shape, block) = block(pixels, columns, formula);
         let error = |method, rank| relative_error(&block, &pack(shape, &block, plain(method, rank)));
         for method in Method::ALL {
@@ -265,22 +287,56 @@ fn every_method_is_held_to_the_best_of_its_rank_on_hard_spectra() {
             let best = error(Method::BlockSvd, packed.rank() + packed.sparse.len());
             // f32 factors round at 1e-7 of the norm each; nothing else can be below the best approximation.
             assert!(found > 0.999 * best - 2e-6, "{name}: {method} beats the best: {found:e} against {best:e}");
-            let bound = match method {
+            // Of one column the mean is all that a rank of 1 leaves room for.
+            let without_mean = method != Method::BlockPca || columns > 1;
+            if matches!(method, Method::Auto | Method::BlockPca | Method::BlockSvd) && without_mean {
                 // One component of each is spent on what the block may lack: the all-on image, the mean. Eight more
                 // columns than rank and one power iteration leave a tenth over a flat spectrum's best.
-                Method::Auto | Method::BlockPca | Method::BlockSvd => 1.15 * error(Method::BlockSvd, 15) + 1e-5,
-                // What the columns lack, the core multiplies by ‖C‖ ‖W⁺‖, which truncation at 1 % holds to 100 ‖C‖/‖W‖. On
-                // the flat part of a spectrum of which they hold 16 of 40, random rows come to 3.7 times the norm.
-                _ => 100.0 * (block.rows() as f64 / 32.0).sqrt().max(1.0),
-            };
-            assert!(found < bound, "{name}: {method} {found:e} against {bound:e}, best {best:e}");
-            let projected = relative_error(
-                &block,
-                &pack(shape, &block, CompressSettings { core: Core::Projection, ..plain(method, 16) }),
-            );
-            // A projection never adds to the block, whatever columns it is over.
-            assert!(projected < 1.0 + 1e-5, "{name}: {method} projected {projected:e}");
+                let bound = 1.15 * error(Method::BlockSvd, 15) + 1e-5;
+                assert!(found < bound, "{name}: {method} {found:e} against {bound:e}, best {best:e}");
+            }
         }
+    }
+}
+
+#[test]
+fn rows_cost_the_named_methods_little_and_the_textbook_core_all() {
+    const SEEDS: u64 = 15;
+    let methods = [Method::Algorithm1, Method::Algorithm2, Method::Algorithm3, Method::Algorithm4, Method::Proposed];
+    for (name, pixels, columns, formula, breaks) in hard_cases() {
+        let (shape, block) = block(pixels, columns, formula);
+        // Median and worst over the seeds.
+        let errors = |method, core| {
+            let error = |seed| {
+                let settings = CompressSettings { core, seed, ..plain(method, 16) };
+                relative_error(&block, &pack(shape, &block, settings))
+            };
+            let mut errors: Vec<f64> = (0..SEEDS).map(error).collect();
+            errors.sort_by(f64::total_cmp);
+            (errors[SEEDS as usize / 2], errors[SEEDS as usize - 1])
+        };
+        let (mut ours, mut textbook) = (0.0f64, 0.0f64);
+        for method in methods {
+            let (solved, projected) = (errors(method, Core::LeastSquares), errors(method, Core::Projection));
+            // A projection never adds to the block, whatever columns it is over.
+            assert!(projected.1 < 1.0 + 1e-5, "{name}: {method} projected {:e}", projected.1);
+            // Where rows are chosen by k-means, not having seen the others costs less than half of what the columns lack.
+            // A pixel has three rows only, of which rounds of Algorithm 4 may take the same one twice.
+            let chosen = matches!(method, Method::Algorithm2 | Method::Algorithm4 | Method::Proposed);
+            if chosen && name != "one pixel" {
+                assert!(solved.0 < 1.5 * projected.0 + 1e-5, "{name}: {method} {:e} {:e}", solved.0, projected.0);
+            }
+            // Rows at random may miss what the columns lack. What they see of it the core multiplies by ‖C W⁺‖, which
+            // truncation at 1 % holds to 100 ‖C‖ / ‖W‖: that of all rows over that of 32.
+            let bound = 1.0 + 100.0 * (block.rows() as f64 / 32.0).sqrt().max(1.0);
+            assert!(solved.1 < bound, "{name}: {method} {:e} against {bound:e}", solved.1);
+            ours = ours.max(solved.1);
+            if method != Method::Proposed {
+                textbook = textbook.max(errors(method, Core::Textbook).1);
+            }
+        }
+        let times = textbook / ours.max(1e-7);
+        assert!(!breaks || times > 9.0, "{name}: the textbook core was only {times} times worse: {ours:e}");
     }
 }
 

@@ -141,18 +141,27 @@ fn seed(points: MatRef<'_, f32>, norms: &[f32], k: usize, random: &mut Pcg64Mcg)
 fn assign(points: MatRef<'_, f32>, centres: &Mat<f32>) -> (Vec<usize>, Vec<f32>) {
     let (norms, centre_norms) = (squared_norms(points), squared_norms(centres.as_ref()));
     let dots = product(centres.transpose(), points);
+    let mut to_centre = vec![0.0f32; centre_norms.len()];
     let nearest = |j: usize| {
-        let dots = dots.col(j);
-        let mut best = (f32::INFINITY, 0);
-        for (c, norm) in centre_norms.iter().enumerate() {
-            let d = norm - 2.0 * dots[c];
-            if d < best.0 {
-                best = (d, c);
-            }
+        // The least of all first, then the first that has it: without a chain from centre to centre.
+        for ((d, norm), dot) in to_centre.iter_mut().zip(&centre_norms).zip(dots.col_as_slice(j)) {
+            *d = norm - 2.0 * dot;
         }
-        (best.1, (norms[j] + best.0).max(0.0))
+        let least = smallest(&to_centre);
+        let owner = to_centre.iter().position(|&d| d == least).unwrap_or(0);
+        (owner, (norms[j] + least).max(0.0))
     };
     (0..points.ncols()).map(nearest).unzip()
+}
+
+/// The smallest of some values; infinite where there is none that is a number.
+fn smallest(values: &[f32]) -> f32 {
+    let mut lanes = [f32::INFINITY; 16];
+    let (whole, rest) = values.as_chunks::<16>();
+    for values in whole {
+        lanes.iter_mut().zip(values).for_each(|(lane, &v)| *lane = if v < *lane { v } else { *lane });
+    }
+    rest.iter().chain(&lanes).fold(f32::INFINITY, |least, &v| if v < least { v } else { least })
 }
 
 fn means(points: MatRef<'_, f32>, owners: &[usize], old: &Mat<f32>) -> Mat<f32> {
