@@ -230,3 +230,30 @@ fn rows_and_columns_of_the_whole_matrix_give_the_same_bytes_whenever_it_was_stop
     assert!(error.contains("never stored") && error.contains("pack the stored matrix"), "{error}");
     assert_eq!(names(folder.path()), ["diffuse.ltm", "whole.ltc"]);
 }
+
+#[test]
+fn a_target_that_the_noise_puts_out_of_reach_is_said_with_the_way_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, matrix) = render(&folder, "diffuse");
+    let packed = |target: Target, noise_factor: f64| {
+        let compress = CompressSettings { target, noise_factor, ..CompressSettings::default() };
+        let mut options = PackOptions { compress, ..PackOptions::default() };
+        options.container.overwrite = true;
+        pack(&matrix, &folder.path().join("short.ltc"), &options)
+    };
+    let heeded = CompressSettings::default().noise_factor;
+    let short = packed(Target::PsnrDb(60.0), heeded);
+    let shortfall = short.short_of_target.expect("four samples a pixel are nowhere near 60 dB");
+    assert!(shortfall.noise_heeded && shortfall.psnr_db < 40.0, "{shortfall}");
+    let said = short.to_string();
+    assert!(
+        said.contains("the noise of the samples") && said.contains("60 dB") && said.contains("--keep-noise"),
+        "{said}"
+    );
+    for (target, noise_factor) in
+        [(Target::PsnrDb(5.0), heeded), (Target::Bytes(2000), heeded), (Target::PsnrDb(30.0), 0.0)]
+    {
+        let reached = packed(target, noise_factor);
+        assert!(reached.short_of_target.is_none() && reached.to_string().lines().count() == 1, "{reached}");
+    }
+}

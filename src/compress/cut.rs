@@ -46,6 +46,8 @@ pub struct Cut {
     pub expected_psnr_db: f64,
     /// Bytes that are expected: an estimate from entropy, without the files' own overhead.
     pub expected_bytes: u64,
+    /// Whether what is expected is what was asked for: noise that is heeded, or the rank of the candidates, may stop it.
+    pub reaches_target: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -173,6 +175,7 @@ pub(super) fn choose<'a>(
         expected_relative_l2: 0.0,
         expected_psnr_db: f64::INFINITY,
         expected_bytes: 0,
+        reaches_target: true,
     };
     // White of a typical lighting: that of all-on, scaled by the ratio of what they show of the image.
     let sum = |part: &dyn Fn(&CandidateSummary) -> f64| -> f64 {
@@ -216,6 +219,11 @@ pub(super) fn choose<'a>(
         cut.expected_psnr_db = 10.0 * (white_square * rows / spent.shown).log10();
     }
     cut.expected_bytes = (spent.bits / 8.0).ceil() as u64;
+    cut.reaches_target = match settings.target {
+        Target::PsnrDb(_) | Target::RelativeL2(_) => energy <= 0.0 || fits(spent) || summaries.clone().all(|s| s.fixed),
+        // Bytes are a limit, and a slope is what it is.
+        Target::Bytes(_) | Target::Slope(_) => true,
+    };
     cut
 }
 

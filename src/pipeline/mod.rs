@@ -28,7 +28,7 @@ pub use fused::render_packed;
 pub use import::ImportedMatrix;
 pub use maintain::{Verified, repair, verify, verify_container};
 pub use memory::PeakMemory;
-pub use pack::{PackOptions, PackReport, pack};
+pub use pack::{PackOptions, PackReport, Shortfall, pack};
 pub use preview::{PreviewReport, preview};
 pub use relight::{Device, RelightOptions, Relighter, relight, relight_matrix};
 pub use render::{RenderOptions, RenderReport, job_of, render};

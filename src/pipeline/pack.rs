@@ -52,10 +52,42 @@ pub struct PackReport {
     pub sparse_entries: u64,
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see `measure`.
     pub relative_l2: f64,
+    /// Where the target could not be reached: how near.
+    pub short_of_target: Option<Shortfall>,
     /// Blocks found analysed by an earlier, interrupted run.
     pub blocks_kept: u64,
     /// Peak resident anonymous memory, where the system tells.
     pub peak_memory_bytes: Option<u64>,
+}
+
+/// A target that was not reached: what is expected of images under the prior, against the matrix with its noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shortfall {
+    /// What was asked for.
+    pub target: Target,
+    /// PSNR in dB that is expected, see [`Target::PsnrDb`].
+    pub psnr_db: f64,
+    /// Relative L2 error that is expected.
+    pub relative_l2: f64,
+    /// Whether heeding the noise may be what stopped it; else the rank did.
+    pub noise_heeded: bool,
+}
+
+/// One line for people: how near, and what goes further.
+impl std::fmt::Display for Shortfall {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (reached, asked) = match self.target {
+            Target::RelativeL2(asked) => (format!("relative L2 {:.4}", self.relative_l2), format!("{asked}")),
+            Target::PsnrDb(asked) => (format!("{:.1} dB", self.psnr_db), format!("{asked} dB")),
+            Target::Bytes(asked) => (format!("{:.1} dB", self.psnr_db), human_bytes(asked)),
+            Target::Slope(asked) => (format!("{:.1} dB", self.psnr_db), format!("slope {asked}")),
+        };
+        let (stopped_by, further) = match self.noise_heeded {
+            true => ("the noise of the samples", "what is left out is mostly noise, --keep-noise follows it"),
+            false => ("the rank", "a higher --rank goes further"),
+        };
+        write!(f, "{stopped_by} stopped it at {reached} from the matrix, short of the target, {asked}; {further}")
+    }
 }
 
 /// Compresses `source`, the matrix of `job`, into a container at `path`. Continues where an interrupted run of the same
@@ -199,6 +231,12 @@ impl Packing {
             mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
             sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
             relative_l2: (error / norm.max(f64::MIN_POSITIVE)).sqrt(),
+            short_of_target: (!cut.reaches_target).then(|| Shortfall {
+                target: self.compressor.settings().target,
+                psnr_db: cut.expected_psnr_db,
+                relative_l2: cut.expected_relative_l2,
+                noise_heeded: cut.noise_factor > 0.0 && stored.iter().any(|s| s.report.noise_variance.is_finite()),
+            }),
             blocks_kept: kept,
             peak_memory_bytes: self.memory.stop(),
         })
@@ -315,7 +353,7 @@ fn report_of(settings: &CompressSettings) -> ContainerReport {
     }
 }
 
-/// One line on what a pack reached, for people.
+/// One line on what a pack reached, for people, and one more where it is short of its target.
 impl std::fmt::Display for PackReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ratio = self.raw_bytes as f64 / self.packed_bytes as f64;
@@ -327,6 +365,7 @@ impl std::fmt::Display for PackReport {
             self.mean_rank,
             self.sparse_entries,
             self.relative_l2,
-        )
+        )?;
+        self.short_of_target.map_or(Ok(()), |shortfall| write!(f, "\n{shortfall}"))
     }
 }
