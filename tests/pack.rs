@@ -251,7 +251,7 @@ fn a_target_that_the_noise_puts_out_of_reach_is_said_with_the_way_on() {
         "{said}"
     );
     for (target, noise_factor) in
-        [(Target::PsnrDb(5.0), heeded), (Target::Bytes(2000), heeded), (Target::PsnrDb(30.0), 0.0)]
+        [(Target::PsnrDb(5.0), heeded), (Target::Bytes(2000), heeded), (Target::PsnrDb(15.0), 0.0)]
     {
         let reached = packed(target, noise_factor);
         assert!(reached.short_of_target.is_none() && reached.to_string().lines().count() == 1, "{reached}");
