@@ -13,13 +13,20 @@ use crate::view::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
 const CHANNEL_SHADES: [Color32; 3] =
     [Color32::from_rgb(206, 84, 74), Color32::from_rgb(88, 170, 92), Color32::from_rgb(92, 122, 224)];
 
+/// Height of the probe, in points: the same with and without a pixel under the pointer.
+const PROBE: f32 = 72.0;
+
 pub(super) fn view_panel(ui: &mut Ui, document: &mut Document) {
     egui::ScrollArea::vertical().id_salt("view panel").auto_shrink([false, false]).show(ui, |ui| {
         display(ui, document);
         section(ui, "HISTOGRAM");
         histogram(ui, document);
         section(ui, "PROBE");
-        probe(ui, document);
+        let size = vec2(ui.available_width(), PROBE);
+        ui.allocate_ui_with_layout(size, egui::Layout::top_down(egui::Align::Min), |ui| {
+            ui.set_min_height(PROBE);
+            probe(ui, document);
+        });
         section(ui, "EXPORT");
         export(ui, document);
         // What grows stands last, so that nothing moves away from under the pointer.
@@ -196,7 +203,7 @@ fn histogram(ui: &mut Ui, document: &Document) {
     response.on_hover_text("Stops after exposure; the line is white.");
 }
 
-/// What stands at the pixel under the pointer, or at the one that was asked about: always three lines.
+/// What stands at the pixel under the pointer, or at the one that was asked about.
 fn probe(ui: &mut Ui, document: &Document) {
     let pixel = document.hovered.or(document.asked.as_ref().map(|asked| asked.pixel));
     let value = pixel.and_then(|[x, y]| {
