@@ -368,7 +368,8 @@ fn the_beginning_of_a_file_is_a_whole_image() {
         writer.write_block(id, &factors, &report(id)).unwrap();
     }
     let summary = writer.finish().unwrap();
-    assert!(summary.base_bytes * 7 < summary.file_bytes, "{} of {}", summary.base_bytes, summary.file_bytes);
+    // One component of four, at steps more than twice as large.
+    assert!(summary.base_bytes * 5 < summary.file_bytes, "{} of {}", summary.base_bytes, summary.file_bytes);
     let reader = ContainerReader::open(&path).unwrap();
     for id in job.shape.blocks() {
         assert_eq!(reader.rank(id), 4, "refining adds no components");
