@@ -25,11 +25,16 @@ pub(super) const ALGORITHM4: &str = "Algorithm 4";
 const SVD: &str = "block SVD (one threshold)";
 const SVD_FIXED: &str = "block SVD (fixed rank)";
 
-struct Plan {
-    scenes: &'static [&'static str],
-    size: (u32, u32),
+/// Matrices of one resolution of the light.
+struct Matrices {
     /// Texels along a side of the light.
-    texels: &'static [u32],
+    texels: u32,
+    size: (u32, u32),
+    scenes: &'static [&'static str],
+}
+
+struct Plan {
+    matrices: &'static [Matrices],
     samples: u32,
     /// Bytes that ours is asked for: the matrix over these.
     ratios: &'static [f64],
@@ -40,9 +45,7 @@ struct Plan {
 }
 
 const QUICK: Plan = Plan {
-    scenes: &["diffuse", "mixed"],
-    size: (64, 48),
-    texels: &[16],
+    matrices: &[Matrices { texels: 16, size: (64, 48), scenes: &["diffuse", "mixed"] }],
     samples: 64,
     ratios: &[400.0, 150.0, 50.0],
     ranks: &[2, 6, 16],
@@ -50,9 +53,14 @@ const QUICK: Plan = Plan {
 };
 
 const FULL: Plan = Plan {
-    scenes: &["diffuse", "reflections", "caustics", "mixed", "environment"],
-    size: (192, 144),
-    texels: &[32, 64],
+    matrices: &[
+        Matrices {
+            texels: 32,
+            size: (128, 96),
+            scenes: &["diffuse", "reflections", "caustics", "mixed", "environment"],
+        },
+        Matrices { texels: 64, size: (96, 72), scenes: &["diffuse", "caustics", "mixed"] },
+    ],
     samples: 512,
     ratios: &[4000.0, 1500.0, 600.0, 350.0, 200.0, 100.0],
     ranks: &[1, 2, 4, 8, 16, 32],
@@ -114,17 +122,15 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
     let mut report = StudyReport::default();
     let points_per_scene = 2 * plan.ratios.len() + 5 * plan.ranks.len() + plan.steps.len();
-    let scenes = bench.with_conference(plan.scenes);
-    let total = points_per_scene * scenes.len() * plan.texels.len();
+    let files = |scenes: &[&str]| points_per_scene * scenes.len();
+    let total: usize = plan.matrices.iter().map(|m| files(&bench.with_conference(m.scenes))).sum();
     bench.watch.begin("fig9", total as u64, "files");
-    for &texels in plan.texels {
+    for &Matrices { texels, size, scenes } in plan.matrices {
         let notes = bench.notes(&[METRIC_NOTE, FORMS_NOTE]);
         let mut table = Table::new(format!("PSNR against bytes, light of {texels} × {texels}"), notes, COLUMNS);
         let mut panels = (Vec::new(), Vec::new());
         let mut gains = gain_table(bench, texels);
-        for &scene in &scenes {
-            // At 64 × 64 texels the image is smaller, so that the matrix is not larger.
-            let size = if texels > 32 { (plan.size.0 / 2, plan.size.1 / 2) } else { plan.size };
+        for scene in bench.with_conference(scenes) {
             let wanted = Wanted { scene, size, texels, samples: plan.samples, seed: 0, block_side: 32 };
             let matrix = bench.matrix(wanted)?;
             let points = measure(bench, plan, &matrix)?;

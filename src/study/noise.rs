@@ -29,7 +29,7 @@ const FULL: Plan = Plan {
     size: (96, 64),
     texels: 16,
     samples: &[4, 16, 64, 256],
-    converged: 8192,
+    converged: 4096,
 };
 
 const RAW: &str = "raw matrix";
