@@ -54,6 +54,23 @@ fn fail(folder: &Path, program: &str, arguments: &[&str], code: i32, words: &[&s
     }
 }
 
+#[test]
+#[cfg_attr(not(all(target_os = "linux", target_env = "gnu")), ignore = "closed pipes are handled on Linux")]
+fn a_reader_that_has_seen_enough_ends_a_program_quietly() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_ltm"));
+    let output = program.arg("--help").stdout(writer).output().unwrap();
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    let folder = room();
+    succeed(folder.path(), "ltm", &["render", "room.toml"]);
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_ltm"));
+    let output = program.current_dir(folder.path()).args(["info", "room.ltm"]).stdout(writer).output().unwrap();
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 /// Names in a folder, to show that nothing half-written is left.
 fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<_> =

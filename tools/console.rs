@@ -35,6 +35,7 @@ impl Console {
     /// A console whose jobs stop after the blocks at hand on the first Ctrl-C, and at once on the second.
     pub(crate) fn new() -> Self {
         give_freed_blocks_back();
+        end_with_the_reader();
         let _ = ctrlc::set_handler(|| {
             if INTERRUPTED.swap(true, Ordering::SeqCst) {
                 std::process::exit(130);
@@ -107,6 +108,17 @@ fn give_freed_blocks_back() {
     unsafe {
         libc::mallopt(libc::M_MMAP_THRESHOLD, 512 << 10);
         libc::mallopt(libc::M_TRIM_THRESHOLD, 2 << 20);
+    }
+}
+
+/// Lets a closed pipe (`ltm info room.ltc | head`) end the program quietly, as it ends other tools: Rust's own setting
+/// makes a panic of it.
+fn end_with_the_reader() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[expect(unsafe_code, reason = "signals are set through the C interface only")]
+    // SAFETY: the default action is installed before any other thread runs, and no handler of ours is called.
+    unsafe {
+        libc::signal(libc::SIGPIPE, libc::SIG_DFL);
     }
 }
 

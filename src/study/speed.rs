@@ -67,9 +67,9 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     );
     bench.watch.begin("speed", plan.samples.len() as u64, "sample counts");
     let wanted = Wanted { scene, size, texels, samples: converged, seed: 1, block_side: 32 };
-    let (again_there, left_out) = rendered_again(bench, wanted, plan.samples)?;
+    let again_there = rendered_again(bench, wanted, plan.samples)?;
     let mut notes = bench.notes(&[&note]);
-    notes.extend(left_out);
+    notes.extend(again_there.left_out);
     let mut table = Table::new(
         "Seconds from the scene to relit images",
         notes,
@@ -101,7 +101,7 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     for &samples in plan.samples {
         bench.stop_if_interrupted()?;
         let mut ways = ways(bench, Wanted { samples, seed: 0, ..wanted }, &lightings, &references)?;
-        let there = again_there.iter().filter(|(_, image)| image.samples == samples);
+        let there = again_there.images.iter().filter(|(_, image)| image.samples == samples);
         ways.extend(there.map(|(name, image)| Way::again(name, image.seconds, &image.image, &references[0])));
         let again = ways.iter().find(|way| way.name == AGAIN).map_or(f64::NAN, |way| way.relight_secs);
         for way in &ways {
@@ -223,27 +223,32 @@ fn ways(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &
     Ok(ways)
 }
 
-/// The scene with everything on, rendered by each variant of Mitsuba with each number of samples, with its name; and a
-/// line for each that is left out.
-fn rendered_again(
-    bench: &Bench<'_>,
-    wanted: Wanted,
-    samples: &[u32],
-) -> Result<(Vec<(&'static str, mitsuba::Rendered)>, Vec<String>)> {
+/// What Mitsuba rendered.
+#[derive(Default)]
+struct RenderedAgain {
+    /// With the name of the variant.
+    images: Vec<(&'static str, mitsuba::Rendered)>,
+    /// A line for each variant that is left out.
+    left_out: Vec<String>,
+}
+
+/// The scene with everything on, rendered by each variant of Mitsuba with each number of samples.
+fn rendered_again(bench: &Bench<'_>, wanted: Wanted, samples: &[u32]) -> Result<RenderedAgain> {
+    let mut again = RenderedAgain::default();
     if !mitsuba::is_there() {
         let how = "Mitsuba was not compared: no Python with it (`LTM_MITSUBA` names one, else `python3`).";
-        return Ok((Vec::new(), vec![how.to_owned()]));
+        again.left_out.push(how.to_owned());
+        return Ok(again);
     }
     // One texel: its lighting has one weight, and the light is one shape.
     let mut loaded = bench.loaded(Wanted { texels: 1, ..wanted })?;
     loaded.lighting = Lighting::uniform(loaded.scene.basis.column_count(), [1.0; 3])?;
-    let (mut images, mut left_out) = (Vec::new(), Vec::new());
     for (variant, name) in mitsuba::VARIANTS {
         bench.stop_if_interrupted()?;
         match mitsuba::render(&loaded, &bench.cached("mitsuba"), variant, samples) {
-            Ok(rendered) => images.extend(rendered.into_iter().map(|image| (name, image))),
-            Err(problem) => left_out.push(format!("{name} left out: {problem}.")),
+            Ok(rendered) => again.images.extend(rendered.into_iter().map(|image| (name, image))),
+            Err(problem) => again.left_out.push(format!("{name} left out: {problem}.")),
         }
     }
-    Ok((images, left_out))
+    Ok(again)
 }
