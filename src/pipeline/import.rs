@@ -54,7 +54,9 @@ impl ImportedMatrix {
         watch: &dyn Watch,
     ) -> Result<Self> {
         let mut need = reading_need(set);
-        need.disk_bytes += packing_disk_bytes(set, block_side, options)?;
+        let packing = packing_need(set, block_side, options)?;
+        need.most_disk_bytes = need.disk_bytes + packing.most_disk_bytes;
+        need.disk_bytes += packing.disk_bytes;
         let there = Spill::path_of(beside);
         need.admit("reading the images, then packing", beside, &[&there], options.memory_bytes, watch)?;
         let (width, height) = (set.width as usize, set.height as usize);
@@ -155,10 +157,10 @@ fn reading_need(set: &LightSet) -> Need {
     Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), disk_bytes, ..Need::default() }
 }
 
-/// Disk that packing the images takes.
+/// What packing the images takes.
 ///
 /// Errors: the memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
-fn packing_disk_bytes(set: &LightSet, block_side: u32, options: &PackOptions) -> Result<u64> {
+fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions) -> Result<Need> {
     let mut names = set.lights.clone();
     if set.has_sum && !names.iter().any(|name| name == REST) {
         names.push(REST.into());
@@ -167,7 +169,7 @@ fn packing_disk_bytes(set: &LightSet, block_side: u32, options: &PackOptions) ->
     let compressor = Compressor::new(&basis_of(&names)?, shape, options.compress.clone())?;
     let need = pack::need_of(&compressor, shape, Need::default());
     need.threads_within("packing", options.memory_bytes)?;
-    Ok(need.disk_bytes)
+    Ok(need)
 }
 
 /// A light of one column for each image.
