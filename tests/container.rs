@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
-use ltm::container::{BlockLayout, BlockReport, ContainerOptions, ContainerReader, ContainerWriter, merge, verify};
+use ltm::container::{
+    BlockLayout, BlockReport, ContainerOptions, ContainerReader, ContainerWriter, LightErrors, merge, verify,
+};
 use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry};
 use rand::{RngExt, SeedableRng};
@@ -509,7 +511,20 @@ fn the_metadata_is_written_as_the_document_says() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltc");
     let options = ContainerOptions { report, partial: true, ..Default::default() };
-    ContainerWriter::create(&path, &job, options).unwrap().finish().unwrap();
+    let errors = LightErrors {
+        prior: 0.5,
+        all_on: 0.25,
+        random: 0.125,
+        single_mean: 2.0,
+        single_worst: 3.0,
+        worst_column: 290,
+        noise_mean: 4.0,
+        noise_worst: 5.0,
+    };
+    let mut writer = ContainerWriter::create(&path, &job, options).unwrap();
+    writer.state_light_errors(errors);
+    writer.finish().unwrap();
+    assert_eq!(ContainerReader::open(&path).unwrap().light_errors(), Some(&errors));
     let file = std::fs::read(&path).unwrap();
     let number = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
     let (metadata, end) = (number(file.len() - 40), file.len() - 64);
@@ -561,7 +576,20 @@ fn the_metadata_is_written_as_the_document_says() {
             ("provenance", Value::List(1, vec![1, b'f', 1, b'g'])),
         ],
     );
-    assert_eq!(plain[job_bytes..], report);
+    let errors = written_as_documented(
+        "Light errors",
+        &[
+            ("prior", Value::Floats(vec![0.5])),
+            ("all on", Value::Floats(vec![0.25])),
+            ("random", Value::Floats(vec![0.125])),
+            ("single mean", Value::Floats(vec![2.0])),
+            ("single worst", Value::Floats(vec![3.0])),
+            ("worst column", Value::Integer(290)),
+            ("noise mean", Value::Floats(vec![4.0])),
+            ("noise worst", Value::Floats(vec![5.0])),
+        ],
+    );
+    assert_eq!(plain[job_bytes..], [report, errors].concat());
     // Every kind and unit has its name in the document, in order.
     let kinds = &document_fields("Light")[1].1;
     assert_eq!(kinds.split(", ").filter(|part| !part.starts_with("down)")).count(), 9, "{kinds}");

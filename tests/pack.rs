@@ -12,6 +12,8 @@ use ltm::matrix::{BlockSource, FactorSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions, Quiet, RenderOptions, Watch};
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 use tempfile::TempDir;
 
 /// A small room with blocks at both edges that are not full.
@@ -178,6 +180,80 @@ fn the_stated_errors_are_those_of_the_stored_entries() {
     }
 }
 
+/// Squared error and norm of each column and of images under some lightings, and squared noise of each column, summed over
+/// the blocks entry by entry.
+struct Exact {
+    columns: Vec<[f64; 3]>,
+    images: Vec<[f64; 2]>,
+}
+
+fn exactly(matrix: &StoreReader, container: &ContainerReader, lightings: &[Vec<f64>]) -> Exact {
+    let n = matrix.job().shape.columns();
+    let mut exact = Exact { columns: vec![[0.0; 3]; n], images: vec![[0.0; 2]; lightings.len()] };
+    let mut block = TracedBlock::default();
+    for id in matrix.job().shape.blocks() {
+        matrix.read_block(id, &mut block).unwrap();
+        let packed = container.read_layers(id, 0..container.layer_count(id)).unwrap().expand();
+        let rows = block.block.rows();
+        let noise = block.noise.as_ref().expect("the tracer keeps it");
+        for (j, sums) in exact.columns.iter_mut().enumerate() {
+            for (a, b) in block.block.entries()[j * rows..][..rows].iter().zip(&packed.entries()[j * rows..]) {
+                sums[0] += f64::from(a - b).powi(2);
+                sums[1] += f64::from(*a).powi(2);
+            }
+            sums[2] += f64::from(noise.column_variance[j]) * rows as f64;
+        }
+        for (lighting, sums) in lightings.iter().zip(&mut exact.images) {
+            for row in 0..rows {
+                let lit = |entries: &[f32]| -> f64 {
+                    lighting.iter().enumerate().map(|(j, w)| w * f64::from(entries[j * rows + row])).sum()
+                };
+                let (a, b) = (lit(block.block.entries()), lit(packed.entries()));
+                sums[0] += (a - b).powi(2);
+                sums[1] += a * a;
+            }
+        }
+    }
+    exact
+}
+
+#[test]
+fn what_single_and_random_lights_are_said_to_lose_is_what_they_lose() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, matrix) = render(&folder, "mixed");
+    let n = matrix.job().shape.columns();
+    let mut random = Pcg64Mcg::seed_from_u64(1);
+    let mut lightings = vec![vec![1.0; n]];
+    lightings.extend((0..100).map(|_| (0..n).map(|_| random.random::<f64>()).collect()));
+    let of = |noise_factor, target| CompressSettings { target, noise_factor, ..CompressSettings::default() };
+    let svd = CompressSettings { rank: 5, ..CompressSettings::of_method(Method::BlockSvd) };
+    for (i, compress) in [CompressSettings::default(), of(0.0, Target::PsnrDb(30.0)), svd].into_iter().enumerate() {
+        let path = folder.path().join(format!("{i}.ltc"));
+        let report = pack(&matrix, &path, &PackOptions { compress, ..PackOptions::default() });
+        let container = ContainerReader::open(&path).unwrap();
+        let said = *container.light_errors().unwrap();
+        assert_eq!(report.lights, said);
+        let exact = exactly(&matrix, &container, &lightings);
+        let ratio = |a: f64, b: f64| (a / b).sqrt();
+        let error: Vec<f64> = exact.columns.iter().map(|c| ratio(c[0], c[1])).collect();
+        let mean = error.iter().sum::<f64>() / n as f64;
+        let worst = error.iter().copied().fold(0.0, f64::max);
+        // The term that is left out of each column's squared error has a standard deviation of at most 1/√8640 of it, 1.1 %.
+        let near = |said: f32, exact: f64| (f64::from(said) / exact - 1.0).abs() < 0.03;
+        assert!(near(said.single_mean, mean), "{said:?}: {mean}");
+        assert!(near(said.single_worst, error[said.worst_column as usize]), "{said:?}");
+        assert!(error[said.worst_column as usize] > 0.97 * worst, "{said:?}: {worst}");
+        let noise = exact.columns.iter().map(|c| ratio(c[2], c[1])).sum::<f64>() / n as f64;
+        assert!(near(said.noise_mean, noise), "{said:?}: {noise}");
+        let all_on = ratio(exact.images[0][0], exact.images[0][1]);
+        // Where it is nearly exact it is the rounding of f32 sums.
+        assert!((f64::from(said.all_on) - all_on).abs() < 0.01 * all_on + 1e-6, "{said:?}: {all_on}");
+        let drawn = exact.images[1..].iter().fold([0.0, 0.0], |sum, i| [sum[0] + i[0], sum[1] + i[1]]);
+        // A hundred draws: about a tenth where a few directions carry the error, and the root halves it.
+        assert!((f64::from(said.random) / ratio(drawn[0], drawn[1]) - 1.0).abs() < 0.15, "{said:?}: {drawn:?}");
+    }
+}
+
 #[test]
 fn memory_that_is_too_small_is_refused_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
@@ -250,6 +326,12 @@ fn a_target_that_the_noise_puts_out_of_reach_is_said_with_the_way_on() {
         said.contains("the noise of the samples") && said.contains("60 dB") && said.contains("--keep-noise"),
         "{said}"
     );
+    let stopped = packed(Target::Automatic, heeded);
+    assert!(stopped.to_string().contains("stopped at the noise of the samples"), "{stopped}");
+    // What only the noise stops is the same for every target beyond it.
+    let path = folder.path().join("short.ltc");
+    let (bytes, _) = (fs::read(&path).unwrap().len(), packed(Target::PsnrDb(60.0), heeded));
+    assert!(bytes.abs_diff(fs::read(&path).unwrap().len()) < 200, "{bytes}");
     for (target, noise_factor) in
         [(Target::PsnrDb(5.0), heeded), (Target::Bytes(2000), heeded), (Target::PsnrDb(15.0), 0.0)]
     {

@@ -11,7 +11,8 @@ pub(crate) struct Compression {
     #[arg(long, default_value = "auto")]
     method: Method,
     /// What to reach over the image: 45dB (PSNR of exposed images, whatever lamps are in view), 0.01 (relative L2) or 2MiB
-    /// (bytes of the file). The noise of the samples may stop it earlier [default: 45dB].
+    /// (bytes of the file). The noise of the samples may stop it earlier [default: as far as that noise, 50dB at most; 45dB
+    /// where it is not known].
     #[arg(long, value_parser = parse_target)]
     target: Option<Target>,
     /// Components of a block at most; the rank itself for the methods other than auto [default: the method's].

@@ -64,6 +64,11 @@ impl CandidateSummary {
         self.gains.iter().map(|&g| f64::from(g)).sum::<f64>() + f64::from(self.tail) + sparse
     }
 
+    /// Whether the noise of its samples is known.
+    pub(super) fn knows_noise(&self) -> bool {
+        self.fitted_noise.iter().chain(&self.noise).any(|&noise| noise > 0.0)
+    }
+
     pub(super) fn sparse_bin(gain: f32) -> usize {
         let exponent = f64::from(gain).max(1e-60).log2().floor();
         (exponent - LOWEST_EXPONENT).clamp(0.0, (GAIN_BINS - 1) as f64) as usize

@@ -10,7 +10,7 @@
 //! - a sparse entry is kept if what it saves is above `λ` times its bits.
 
 use super::candidate::{Candidate, CandidateSummary, percentile};
-use super::{CompressSettings, Target};
+use super::{AUTOMATIC_DB, AUTOMATIC_MOST_DB, CompressSettings, Target};
 use crate::matrix::FactoredBlock;
 
 /// Bits that a sparse entry costs: its place (a dozen) and its value.
@@ -164,6 +164,13 @@ pub(super) fn choose<'a>(
     settings: &CompressSettings,
     summaries: impl Iterator<Item = &'a CandidateSummary> + Clone,
 ) -> Cut {
+    let target = match settings.target {
+        Target::Automatic if settings.noise_factor > 0.0 && summaries.clone().any(CandidateSummary::knows_noise) => {
+            Target::PsnrDb(AUTOMATIC_MOST_DB)
+        }
+        Target::Automatic => Target::PsnrDb(AUTOMATIC_DB),
+        target => target,
+    };
     let rows: f64 = summaries.clone().map(|s| f64::from(s.rows)).sum::<f64>().max(1.0);
     let square = |s: &CandidateSummary| f64::from(s.rows) * f64::from(s.brightness).powi(2);
     let energy: f64 = summaries.clone().map(CandidateSummary::energy).sum();
@@ -193,13 +200,13 @@ pub(super) fn choose<'a>(
             }
         })
     };
-    let fits = |spent: Spent| match settings.target {
+    let fits = |spent: Spent| match target {
         Target::PsnrDb(db) => spent.shown / rows <= white_square * 10f64.powf(-db / 10.0),
         Target::RelativeL2(error) => spent.distortion <= error * error * energy,
         Target::Bytes(bytes) => spent.bits / 8.0 > bytes as f64,
-        Target::Slope(_) => true,
+        Target::Slope(_) | Target::Automatic => true,
     };
-    match settings.target {
+    match target {
         Target::Slope(slope) => cut.slope = slope,
         _ if energy <= 0.0 => {}
         _ => {
@@ -210,7 +217,7 @@ pub(super) fn choose<'a>(
                 cut.slope = middle.exp2();
                 if fits(total(&cut)) { low = middle } else { high = middle }
             }
-            cut.slope = if matches!(settings.target, Target::Bytes(_)) { high } else { low }.exp2();
+            cut.slope = if matches!(target, Target::Bytes(_)) { high } else { low }.exp2();
         }
     }
     let spent = total(&cut);
@@ -219,10 +226,10 @@ pub(super) fn choose<'a>(
         cut.expected_psnr_db = 10.0 * (white_square * rows / spent.shown).log10();
     }
     cut.expected_bytes = (spent.bits / 8.0).ceil() as u64;
-    cut.reaches_target = match settings.target {
+    cut.reaches_target = match target {
         Target::PsnrDb(_) | Target::RelativeL2(_) => energy <= 0.0 || fits(spent) || summaries.clone().all(|s| s.fixed),
         // Bytes are a limit, and a slope is what it is.
-        Target::Bytes(_) | Target::Slope(_) => true,
+        Target::Bytes(_) | Target::Slope(_) | Target::Automatic => true,
     };
     cut
 }

@@ -38,4 +38,4 @@ pub use cur::{Selection, cur};
 pub use cut::Cut;
 pub use global::GlobalCur;
 pub use sanitise::Replaced;
-pub use settings::{CompressSettings, Core, Method, PriorChoice, Scope, Target};
+pub use settings::{AUTOMATIC_DB, AUTOMATIC_MOST_DB, CompressSettings, Core, Method, PriorChoice, Scope, Target};

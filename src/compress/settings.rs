@@ -49,9 +49,18 @@ pub enum Scope {
     Global,
 }
 
+/// What [`Target::Automatic`] reaches at most, as [`Target::PsnrDb`]: an error of less than one step of an 8-bit display
+/// (48.1 dB below white).
+pub const AUTOMATIC_MOST_DB: f64 = 50.0;
+/// What [`Target::Automatic`] is where the noise is not known or not heeded.
+pub const AUTOMATIC_DB: f64 = 45.0;
+
 /// What the result is to reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
+    /// As near to the matrix as the noise of its samples lets it be of use, so that what is packed is not farther from the
+    /// truth than the matrix, up to [`AUTOMATIC_MOST_DB`]; where the noise is not known or not heeded, [`AUTOMATIC_DB`].
+    Automatic,
     /// Mean PSNR in dB over the prior's lightings of images exposed so that the 95th percentile of their values is white,
     /// peak = white. A lamp in view is far above white: it neither loosens the target for what it lights, nor is what
     /// cannot be seen of it counted.
@@ -127,7 +136,7 @@ impl Default for CompressSettings {
     fn default() -> Self {
         Self {
             method: Method::Auto,
-            target: Target::PsnrDb(45.0),
+            target: Target::Automatic,
             prior: PriorChoice::Lighting,
             rank: 24,
             fixed_rank: true,
@@ -183,6 +192,7 @@ impl CompressSettings {
             Target::RelativeL2(e) => e > 0.0 && e <= 1.0,
             Target::Bytes(b) => b > 0,
             Target::Slope(s) => s >= 0.0 && s.is_finite(),
+            Target::Automatic => true,
         };
         if !fine {
             return refuse("the target cannot be reached", "PSNR is 0 to 200 dB, relative L2 above 0 and at most 1");

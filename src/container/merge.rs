@@ -37,5 +37,7 @@ pub fn merge(parts: &[&Path], target: &Path, overwrite: bool) -> Result<Containe
     let records = first.job().shape.blocks().map(|id| holder(id).unwrap_or(first).record(id)).collect();
     let chunk =
         |id: BlockId, layer: usize| holder(id).expect("only present blocks are asked for").read_chunk(id, layer);
-    assemble(target, first.job(), first.report(), records, chunk)
+    // Those of parts do not make those of the whole.
+    let light_errors = first.light_errors().filter(|_| readers.len() == 1);
+    assemble(target, (first.job(), first.report(), light_errors), records, chunk)
 }

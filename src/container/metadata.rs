@@ -1,7 +1,7 @@
-//! The metadata of a container: the job and the report, compressed together.
+//! The metadata of a container: the job, the report and, where it is known, what single lights lose, compressed together.
 
 use super::format::u32_at;
-use super::report::ContainerReport;
+use super::report::{ContainerReport, LightErrors};
 use crate::light::{Job, decode_job, encode_job};
 
 /// What any metadata may unpack to, and what each of its bytes on disk earns on top of that.
@@ -11,9 +11,12 @@ const EARNED_PER_BYTE: usize = 256;
 const MAX_REPORT_BYTES: usize = 1 << 24;
 
 /// Encodes job and report: two lengths, a flag, and their bytes, zstd-compressed unless that would look like a bomb.
-pub(super) fn encode(job: &Job, report: &ContainerReport) -> Vec<u8> {
+pub(super) fn encode(job: &Job, report: &ContainerReport, lights: Option<&LightErrors>) -> Vec<u8> {
     let job = encode_job(job);
-    let report = bincode::encode_to_vec(report, config()).expect("encoding into memory cannot fail");
+    let mut report = bincode::encode_to_vec(report, config()).expect("encoding into memory cannot fail");
+    if let Some(lights) = lights {
+        report.extend(bincode::encode_to_vec(lights, config()).expect("encoding into memory cannot fail"));
+    }
     let plain = [job.as_slice(), report.as_slice()].concat();
     let packed = zstd::bulk::compress(&plain, 19).expect("compressing into memory cannot fail");
     let compressed = packed.len() < plain.len() && plain.len() <= allowed(packed.len());
@@ -26,7 +29,7 @@ pub(super) fn encode(job: &Job, report: &ContainerReport) -> Vec<u8> {
 }
 
 /// Decodes job and report, refusing lengths that the bytes have not earned.
-pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport), String> {
+pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, Option<LightErrors>), String> {
     let Some(body) = bytes.get(12..) else {
         return Err("the metadata is cut short".into());
     };
@@ -49,10 +52,19 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport), String> {
     let job = decode_job(&plain[..job_bytes])?;
     let (report, used): (ContainerReport, usize) = bincode::decode_from_slice(&plain[job_bytes..], config())
         .map_err(|e| format!("the report does not decode ({e})"))?;
-    if used != report_bytes {
-        return Err(format!("the report has {} trailing bytes", report_bytes - used));
+    let rest = &plain[job_bytes + used..];
+    if rest.is_empty() {
+        return Ok((job, report, None));
     }
-    Ok((job, report))
+    let (lights, used): (LightErrors, usize) =
+        bincode::decode_from_slice(rest, config()).map_err(|e| format!("the errors of lights do not decode ({e})"))?;
+    if used != rest.len() {
+        return Err(format!("the report has {} trailing bytes", rest.len() - used));
+    }
+    if lights.worst_column as usize >= job.shape.columns() {
+        return Err(format!("the errors of lights name column {}, beyond the last", lights.worst_column));
+    }
+    Ok((job, report, Some(lights)))
 }
 
 fn config() -> impl bincode::config::Config {

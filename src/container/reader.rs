@@ -13,7 +13,7 @@ use super::index::{Index, PIECE_BYTES};
 use super::layers::join_layers;
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
-use super::report::{BlockReport, ContainerReport};
+use super::report::{BlockReport, ContainerReport, LightErrors};
 use crate::error::{Error, Result};
 use crate::light::Job;
 use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
@@ -33,6 +33,7 @@ pub struct ContainerReader {
     file: File,
     job: Job,
     report: ContainerReport,
+    light_errors: Option<LightErrors>,
     lights: LightLayout,
     index: Index,
     header_crc: u32,
@@ -83,7 +84,7 @@ impl ContainerReader {
         if tail_bytes > end.len() {
             end = read(trailer.metadata_offset, tail_bytes)?;
         }
-        let (index, job, report) =
+        let (index, (job, report, light_errors)) =
             decode_tail(end, &trailer).map_err(|problem| Error::damaged(path, problem, CUT_SHORT))?;
         Ok(Self {
             path: path.to_owned(),
@@ -91,6 +92,7 @@ impl ContainerReader {
             lights: LightLayout::of(&job.basis),
             job,
             report,
+            light_errors,
             index,
             header_crc: trailer.header_crc,
             file_bytes,
@@ -105,6 +107,11 @@ impl ContainerReader {
     /// How the container was made.
     pub fn report(&self) -> &ContainerReport {
         &self.report
+    }
+
+    /// What lightings of every kind lose over the whole picture; none where it was not measured, or not for all blocks.
+    pub fn light_errors(&self) -> Option<&LightErrors> {
+        self.light_errors.as_ref()
     }
 
     /// Error and noise of a block, as measured when it was packed.
@@ -276,14 +283,17 @@ impl FactorSource for ContainerReader {
     }
 }
 
-/// What the end of a file says: index, job, report.
-fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Job, ContainerReport), String> {
+type Metadata = (Job, ContainerReport, Option<LightErrors>);
+
+/// What the end of a file says.
+fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Metadata), String> {
     let (index, metadata) = Index::of(end, trailer)?;
-    let (job, report) = metadata::decode(&metadata)?;
-    if trailer.block_count != job.shape.block_count() {
-        return Err(format!("the index has {} blocks, the job {}", trailer.block_count, job.shape.block_count()));
+    let metadata = metadata::decode(&metadata)?;
+    let blocks = metadata.0.shape.block_count();
+    if trailer.block_count != blocks {
+        return Err(format!("the index has {} blocks, the job {blocks}", trailer.block_count));
     }
-    Ok((index, job, report))
+    Ok((index, metadata))
 }
 
 fn not_ours(path: &Path) -> Error {

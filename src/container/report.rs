@@ -43,3 +43,42 @@ pub struct ContainerReport {
     /// For each figure in the file, how it came about: (name, "measured against the stored matrix after quantisation").
     pub provenance: Vec<(String, String)>,
 }
+
+/// How far images of the whole picture are from those of the stored matrix, relative L2, after quantisation, over lightings
+/// of every kind. NaN means not known.
+#[derive(Clone, Copy, Debug, PartialEq, bincode::Encode, bincode::Decode)]
+pub struct LightErrors {
+    /// Under the prior's lightings, as it was expected when ranks and steps were chosen.
+    pub prior: f32,
+    /// All lights on, weight 1 each.
+    pub all_on: f32,
+    /// Root mean square under weights drawn evenly from 0 to 1 for each column by itself, over that of the images.
+    pub random: f32,
+    /// One column on alone: the mean over the columns that light anything.
+    pub single_mean: f32,
+    /// One column on alone: the worst.
+    pub single_worst: f32,
+    /// Which column that is.
+    pub worst_column: u32,
+    /// The noise of the samples in the stored images of single columns, in the same mean.
+    pub noise_mean: f32,
+    /// … and in that of the worst.
+    pub noise_worst: f32,
+}
+
+impl Default for LightErrors {
+    /// Nothing known.
+    fn default() -> Self {
+        let unknown = f32::NAN;
+        Self {
+            prior: unknown,
+            all_on: unknown,
+            random: unknown,
+            single_mean: unknown,
+            single_worst: unknown,
+            worst_column: 0,
+            noise_mean: unknown,
+            noise_worst: unknown,
+        }
+    }
+}

@@ -15,7 +15,7 @@ use super::format::{
 use super::layers::{encode_layers, join_layers};
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
-use super::report::{BlockReport, ContainerReport};
+use super::report::{BlockReport, ContainerReport, LightErrors};
 use super::spill::Spill;
 use crate::error::{Error, Result};
 use crate::light::Job;
@@ -99,6 +99,7 @@ pub struct ContainerWriter {
     job: Job,
     lights: LightLayout,
     options: ContainerOptions,
+    light_errors: Option<LightErrors>,
     spill: Mutex<Spill>,
 }
 
@@ -112,11 +113,17 @@ impl ContainerWriter {
             return Err(Error::input(path.display().to_string(), "the file exists", hint));
         }
         let mut hash = Sha256::new();
-        hash.update(metadata::encode(job, &options.report));
+        hash.update(metadata::encode(job, &options.report, None));
         hash.update(format!("{FORMAT_VERSION} {:?}", options.codec));
         let spill = Spill::open(path, hash.finalize().into(), job.shape.block_count() as usize)?;
         let lights = LightLayout::of(&job.basis);
-        Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, spill: Mutex::new(spill) })
+        let spill = Mutex::new(spill);
+        Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, light_errors: None, spill })
+    }
+
+    /// Has the file say what lightings of every kind lose. Without it the file says nothing of that.
+    pub fn state_light_errors(&mut self, errors: LightErrors) {
+        self.light_errors = Some(errors);
     }
 
     /// What is known of a block that is there already, written by this run or by the one that it continues.
@@ -178,9 +185,10 @@ impl ContainerWriter {
         self.write_encoded(id, &self.encode(id, block)?, report)
     }
 
-    /// Bytes of the finished file beside its chunks, if all blocks together have so many layers.
+    /// Bytes at most of the finished file beside its chunks, if all blocks together have so many layers.
     pub fn overhead_bytes(&self, layers: u64) -> u64 {
-        let metadata = metadata::encode(&self.job, &self.options.report).len() as u64;
+        let errors = self.light_errors.unwrap_or_default();
+        let metadata = metadata::encode(&self.job, &self.options.report, Some(&errors)).len() as u64;
         let blocks = u64::from(self.job.shape.block_count());
         let records = blocks * BLOCK_RECORD_BYTES as u64 + layers * LAYER_RECORD_BYTES as u64;
         (HEADER_BYTES + TRAILER_BYTES) as u64 + metadata + records
@@ -203,7 +211,8 @@ impl ContainerWriter {
         };
         let records: Vec<BlockRecord> =
             spill.blocks().iter().map(|b| b.as_ref().map_or(BlockRecord::default(), |b| b.record)).collect();
-        let summary = assemble(&self.path, &self.job, &self.options.report, records, source)?;
+        let about = (&self.job, &self.options.report, self.light_errors.as_ref());
+        let summary = assemble(&self.path, about, records, source)?;
         spill.remove()?;
         Ok(summary)
     }
@@ -229,8 +238,7 @@ impl EncodedBlock {
 /// layers, and so on, metadata, index, trailer. `chunk` gives the bytes of a layer.
 pub(super) fn assemble(
     path: &Path,
-    job: &Job,
-    report: &ContainerReport,
+    (job, report, light_errors): (&Job, &ContainerReport, Option<&LightErrors>),
     mut records: Vec<BlockRecord>,
     chunk: impl Fn(BlockId, usize) -> Result<Vec<u8>>,
 ) -> Result<ContainerSummary> {
@@ -263,7 +271,7 @@ pub(super) fn assemble(
             summary.base_bytes = offset;
         }
     }
-    let mut tail = metadata::encode(job, report);
+    let mut tail = metadata::encode(job, report, light_errors);
     let mut trailer = Trailer {
         metadata_offset: offset,
         metadata_bytes: tail.len() as u32,

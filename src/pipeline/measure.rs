@@ -11,16 +11,21 @@
 //! `⟨E, U R⟩ = 0` because `E` is orthogonal to the components. Only `⟨E, (L' − U) R'⟩` is left out: the rounding of `L`
 //! does not know `E`, so its mean is 0 and its standard deviation at most `1 / √rows` of the whole (Cauchy–Schwarz, with
 //! rounding errors independent from row to row). So a matrix that never was in one place has the same report as one that
-//! was stored, and packing reads a stored matrix once.
+//! was stored, and packing reads a stored matrix once. All of it holds for each column by itself too, which is what an
+//! image under one light alone loses.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
+use super::lights::ColumnErrors;
 use crate::container::BlockReport;
-use crate::matrix::{BlockNoise, FactoredBlock, TracedBlock};
+use crate::matrix::{BlockNoise, FactoredBlock, SparseEntry, TracedBlock};
 
 /// Columns that are multiplied out at a time: with 3,072 rows they fit a second-level cache.
 const STRIP: usize = 64;
+
+/// Bytes of an encoded one before its lists.
+const HEAD_BYTES: usize = 32;
 
 /// What a candidate lacks of its block, and what else a report needs of the block.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,6 +33,10 @@ pub(super) struct Lacking {
     squared_norm: f64,
     squared_error: f64,
     noise_variance: f64,
+    /// Of each column: `‖E‖²`, `‖A‖²`, and the squared norm of its noise, NaN where that is not known.
+    column_error: Vec<f32>,
+    column_norm: Vec<f32>,
+    column_noise: Vec<f32>,
     /// The block with all lights on: one value a row.
     all_on: Vec<f32>,
     /// `E` at the candidate's single entries, in their order.
@@ -35,27 +44,31 @@ pub(super) struct Lacking {
 }
 
 impl Lacking {
-    /// Bytes that one takes in a spill file at most, with so many rows and single entries.
-    pub(super) fn max_bytes(rows: u64, sparse: u64) -> u64 {
-        28 + 4 * (rows + sparse)
+    /// Bytes that one takes in a spill file at most, with so many rows, columns and single entries.
+    pub(super) fn max_bytes(rows: u64, columns: u64, sparse: u64) -> u64 {
+        HEAD_BYTES as u64 + 4 * (rows + 3 * columns + sparse)
     }
 
     /// Measures `block` against all that its candidate holds. Entries that are not finite count as 0, as they do in
     /// the candidate or nearly so. `projected` says that the components' `R` is `Uᵀ (A − S)`, to rounding.
     pub(super) fn measure(block: &TracedBlock, whole: &FactoredBlock, projected: bool) -> Self {
-        let m = whole.rows;
+        let (m, n) = (whole.rows, whole.columns);
+        let noise = block.noise.as_ref().map(|noise| &noise.column_variance).filter(|noise| noise.len() == n);
         let mut lacking = Self {
             noise_variance: block.noise.as_ref().map_or(f64::NAN, BlockNoise::mean_variance),
             all_on: vec![0.0; m],
+            column_noise: noise
+                .map_or(vec![f32::NAN; n], |noise| noise.iter().map(|variance| variance * m as f32).collect()),
             ..Self::default()
         };
         let mut sparse = whole.sparse.iter().peekable();
-        let (mut rest_norm, mut rest) = (0.0, vec![0.0; m]);
+        let (mut rest_norms, mut rest) = (Vec::with_capacity(n), vec![0.0; m]);
         for (column, entries) in block.block.entries().chunks_exact(m.max(1)).enumerate() {
             let norm = column_sums(entries, &mut lacking.all_on);
             if sparse.peek().is_none_or(|entry| entry.column.index() != column) {
+                lacking.column_norm.push(norm as f32);
                 lacking.squared_norm += norm;
-                rest_norm += norm;
+                rest_norms.push(norm);
                 continue;
             }
             rest.copy_from_slice(entries);
@@ -68,20 +81,23 @@ impl Lacking {
                 lacking.at_sparse.push(rest[row] - component_entry(whole, row, column));
             }
             let norm = squared_norm(&rest);
+            lacking.column_norm.push((norm + taken) as f32);
             lacking.squared_norm += norm + taken;
-            rest_norm += norm;
+            rest_norms.push(norm);
         }
         // A product less than the difference itself. Sums of f32 over the rows of a lamp in view, all alike, round off up
         // to 4e-6 of the squared norm: where the error is not far above that, it is summed.
-        let (of_components, of_right) = components_norms(whole);
-        let by_norms = rest_norm - 2.0 * of_right + of_components;
-        let well_told = projected && by_norms > 1e-3 * rest_norm;
-        lacking.squared_error = if well_told { by_norms } else { squared_difference(block, whole) };
+        let by_norms: Vec<f64> =
+            rest_norms.iter().zip(components_beyond(whole)).map(|(rest, own)| rest + own).collect();
+        let well_told = projected && by_norms.iter().sum::<f64>() > 1e-3 * rest_norms.iter().sum::<f64>();
+        let errors = if well_told { by_norms } else { squared_difference(block, whole) };
+        lacking.squared_error = errors.iter().sum();
+        lacking.column_error = errors.iter().map(|&error| error as f32).collect();
         lacking
     }
 
     /// The report of what is stored of the block: `whole` is what the candidate held, `stored` what a reader will get.
-    pub(super) fn report(&self, whole: &FactoredBlock, stored: &FactoredBlock) -> BlockReport {
+    pub(super) fn report(&self, whole: &FactoredBlock, stored: &FactoredBlock) -> (BlockReport, ColumnErrors) {
         let (m, n) = (whole.rows, whole.columns);
         let (k, l) = (whole.rank(), stored.rank());
         let left = Mat::from_fn(m, k + l, |i, j| {
@@ -93,39 +109,48 @@ impl Lacking {
         let difference_at =
             |row: usize, column: usize| (0..k + l).map(|j| left[(row, j)] * right[(j, column)]).sum::<f64>();
         let mut left_gram = Mat::<f64>::zeros(k + l, k + l);
-        let mut right_gram = left_gram.clone();
         matmul(left_gram.as_mut(), Accum::Replace, left.transpose(), left.as_ref(), 1.0, Par::Seq);
-        matmul(right_gram.as_mut(), Accum::Replace, right.as_ref(), right.transpose(), 1.0, Par::Seq);
-        let smooth: f64 =
-            (0..k + l).flat_map(|j| (0..k + l).map(move |i| (i, j))).map(|at| left_gram[at] * right_gram[at]).sum();
-        let mut squared_error = self.squared_error + smooth.max(0.0);
+        let mut turned = Mat::<f64>::zeros(k + l, n);
+        matmul(turned.as_mut(), Accum::Replace, left_gram.as_ref(), right.as_ref(), 1.0, Par::Seq);
+        // What each column's error has beside `‖E‖²`.
+        let mut beside: Vec<f64> =
+            (0..n).map(|c| (0..k + l).map(|j| right[(j, c)] * turned[(j, c)]).sum::<f64>().max(0.0)).collect();
         let mut rest = stored.sparse.iter().peekable();
-        let mut kept_of = |column, row| {
-            let before = |e: &&_| -> bool { key(e) < (column, row) };
-            let mut alone = 0.0;
-            while let Some(entry) = rest.next_if(before) {
-                let value = -f64::from(entry.value);
-                alone += value * (value + 2.0 * difference_at(entry.row as usize, entry.column.index()));
-            }
-            (rest.next_if(|e| key(e) == (column, row)).map_or(0.0, |e| f64::from(e.value)), alone)
+        let mut add = |entry: &SparseEntry, missing: f64, lack: f64| {
+            let around = lack + difference_at(entry.row as usize, entry.column.index());
+            beside[entry.column.index()] += missing * (missing + 2.0 * around);
         };
         for (entry, &lack) in whole.sparse.iter().zip(&self.at_sparse) {
-            let (kept, alone) = kept_of(entry.column, entry.row);
-            let missing = f64::from(entry.value) - kept;
-            let around = f64::from(lack) + difference_at(entry.row as usize, entry.column.index());
-            squared_error += alone + missing * (missing + 2.0 * around);
+            while let Some(alone) = rest.next_if(|other| key(other) < key(entry)) {
+                add(alone, -f64::from(alone.value), 0.0);
+            }
+            let kept = rest.next_if(|other| key(other) == key(entry)).map_or(0.0, |other| f64::from(other.value));
+            add(entry, f64::from(entry.value) - kept, f64::from(lack));
         }
-        squared_error += kept_of(crate::matrix::ColumnIndex(u32::MAX), u32::MAX).1;
-        BlockReport {
-            squared_error: squared_error.max(0.0),
+        rest.for_each(|alone| add(alone, -f64::from(alone.value), 0.0));
+        let (all_on_error, all_on_norm) = self.all_on_error(stored);
+        let report = BlockReport {
+            squared_error: (self.squared_error + beside.iter().sum::<f64>()).max(0.0),
             squared_norm: self.squared_norm,
             noise_variance: self.noise_variance,
-            uniform_error: self.all_on_error(stored),
-        }
+            uniform_error: if all_on_error == 0.0 { 0.0 } else { (all_on_error / all_on_norm).sqrt() },
+        };
+        let columns = ColumnErrors {
+            error: self
+                .column_error
+                .iter()
+                .zip(&beside)
+                .map(|(&lacking, beside)| f64::from(lacking) + beside)
+                .collect(),
+            norm: self.column_norm.iter().map(|&v| f64::from(v)).collect(),
+            noise: self.column_noise.iter().map(|&v| f64::from(v)).collect(),
+            all_on: (all_on_error, all_on_norm),
+        };
+        (report, columns)
     }
 
-    /// Relative L2 error of the block's image with all lights on.
-    fn all_on_error(&self, stored: &FactoredBlock) -> f64 {
+    /// Squared error of the block's image with all lights on, and the squared norm of that image.
+    fn all_on_error(&self, stored: &FactoredBlock) -> (f64, f64) {
         let mut image: Vec<f64> = self.all_on.iter().map(|&v| f64::from(v)).collect();
         let norm: f64 = image.iter().map(|v| v * v).sum();
         for k in 0..stored.rank() {
@@ -133,8 +158,7 @@ impl Lacking {
             image.iter_mut().zip(stored.left_component(k)).for_each(|(v, &l)| *v -= f64::from(l) * sum);
         }
         stored.sparse.iter().for_each(|e| image[e.row as usize] -= f64::from(e.value));
-        let error: f64 = image.iter().map(|v| v * v).sum();
-        if error == 0.0 { 0.0 } else { (error / norm).sqrt() }
+        (image.iter().map(|v| v * v).sum(), norm)
     }
 
     /// Appends it to a spilled candidate, in the machine's byte order.
@@ -142,29 +166,43 @@ impl Lacking {
         for value in [self.squared_norm, self.squared_error, self.noise_variance] {
             bytes.extend(value.to_le_bytes());
         }
-        bytes.extend((self.all_on.len() as u32).to_le_bytes());
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.all_on));
-        bytes.extend_from_slice(bytemuck::cast_slice(&self.at_sparse));
+        for count in [self.all_on.len(), self.column_norm.len()] {
+            bytes.extend((count as u32).to_le_bytes());
+        }
+        for list in [&self.all_on, &self.column_error, &self.column_norm, &self.column_noise, &self.at_sparse] {
+            bytes.extend_from_slice(bytemuck::cast_slice(list));
+        }
     }
 
     /// Reads what [`append_to`](Self::append_to) wrote.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (fixed, rest) = bytes.split_at_checked(28)?;
+        let (fixed, rest) = bytes.split_at_checked(HEAD_BYTES)?;
         let scalar = |i: usize| f64::from_le_bytes(fixed[8 * i..][..8].try_into().expect("8 bytes"));
-        let rows = u32::from_le_bytes(fixed[24..].try_into().expect("4 bytes")) as usize;
+        let count = |at: usize| u32::from_le_bytes(fixed[at..at + 4].try_into().expect("4 bytes")) as usize;
         let floats: Vec<f32> = rest.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
-        let (all_on, at_sparse) = floats.split_at_checked(rows)?;
+        let mut floats = floats.as_slice();
+        let mut take = |count: usize| -> Option<Vec<f32>> {
+            let (taken, left) = floats.split_at_checked(count)?;
+            floats = left;
+            Some(taken.to_vec())
+        };
+        let (rows, columns) = (count(24), count(28));
+        let (all_on, column_error) = (take(rows)?, take(columns)?);
+        let (column_norm, column_noise) = (take(columns)?, take(columns)?);
         Some(Self {
             squared_norm: scalar(0),
             squared_error: scalar(1),
             noise_variance: scalar(2),
-            all_on: all_on.to_vec(),
-            at_sparse: at_sparse.to_vec(),
+            column_error,
+            column_norm,
+            column_noise,
+            all_on,
+            at_sparse: floats.to_vec(),
         })
     }
 }
 
-fn key(entry: &crate::matrix::SparseEntry) -> (crate::matrix::ColumnIndex, u32) {
+fn key(entry: &SparseEntry) -> (crate::matrix::ColumnIndex, u32) {
     (entry.column, entry.row)
 }
 
@@ -178,29 +216,25 @@ fn component_entry(whole: &FactoredBlock, row: usize, column: usize) -> f32 {
     (0..whole.rank()).map(|k| whole.left_component(k)[row] * whole.right_component(k)[column]).sum()
 }
 
-/// `‖U R‖²`, by the Gram matrices of the factors, and `‖R‖²`: the same but for the rounding of `U`.
-fn components_norms(whole: &FactoredBlock) -> (f64, f64) {
+/// `‖U r‖² − 2 ‖r‖²` of each column `r` of `R`, by the Gram matrix of `U`: `−‖r‖²` but for the rounding of `U`.
+fn components_beyond(whole: &FactoredBlock) -> Vec<f64> {
     let (m, n, rank) = (whole.rows, whole.columns, whole.rank());
     let left = Mat::from_fn(m, rank, |i, k| f64::from(whole.left[k * m + i]));
-    let right = Mat::from_fn(n, rank, |j, k| f64::from(whole.right[k * n + j]));
-    let gram = |factor: MatRef<'_, f64>| {
-        let mut gram = Mat::<f64>::zeros(rank, rank);
-        matmul(gram.as_mut(), Accum::Replace, factor.transpose(), factor, 1.0, Par::Seq);
-        gram
-    };
-    let (left, right) = (gram(left.as_ref()), gram(right.as_ref()));
-    let both = (0..rank).flat_map(|j| (0..rank).map(move |i| (i, j))).map(|at| left[at] * right[at]).sum();
-    (both, (0..rank).map(|k| right[(k, k)]).sum())
+    let right = Mat::from_fn(rank, n, |k, j| f64::from(whole.right[k * n + j]));
+    let (mut gram, mut turned) = (Mat::<f64>::zeros(rank, rank), Mat::<f64>::zeros(rank, n));
+    matmul(gram.as_mut(), Accum::Replace, left.transpose(), left.as_ref(), 1.0, Par::Seq);
+    matmul(turned.as_mut(), Accum::Replace, gram.as_ref(), right.as_ref(), 1.0, Par::Seq);
+    (0..n).map(|j| (0..rank).map(|k| right[(k, j)] * (turned[(k, j)] - 2.0 * right[(k, j)])).sum()).collect()
 }
 
-/// `‖A − (U R + S)‖²`, entry by entry.
-fn squared_difference(block: &TracedBlock, whole: &FactoredBlock) -> f64 {
+/// `‖A − (U R + S)‖²` of each column, entry by entry.
+fn squared_difference(block: &TracedBlock, whole: &FactoredBlock) -> Vec<f64> {
     let (m, n, rank) = (whole.rows, whole.columns, whole.rank());
     let left = MatRef::from_column_major_slice(&whole.left, m, rank);
     let right = MatRef::from_row_major_slice(&whole.right, rank, n);
     let mut strip = vec![0.0f32; m * STRIP.min(n)];
     let mut sparse = whole.sparse.iter().peekable();
-    let mut error = 0.0;
+    let mut errors = Vec::with_capacity(n);
     for first in (0..n).step_by(STRIP) {
         let count = STRIP.min(n - first);
         let strip = &mut strip[..m * count];
@@ -213,10 +247,10 @@ fn squared_difference(block: &TracedBlock, whole: &FactoredBlock) -> f64 {
             for (held, &entry) in held.iter_mut().zip(&block.block.entries()[(first + i) * m..][..m]) {
                 *held = if entry.is_finite() { entry - *held } else { 0.0 };
             }
-            error += squared_norm(held);
+            errors.push(squared_norm(held));
         }
     }
-    error
+    errors
 }
 
 /// Running sums of squares: as many for every machine, so that the order of adding, and with it the bits, is the same.

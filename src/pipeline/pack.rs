@@ -15,12 +15,15 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::budget::{Need, on_threads};
+use super::lights::LightSums;
 use super::measure::Lacking;
 use super::render::PROGRAM_BYTES;
 use super::spill::Spill;
 use super::{PeakMemory, Watch, human_bytes};
-use crate::compress::{Candidate, CandidateSummary, CompressSettings, Compressor, Method, Target};
-use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
+use crate::compress::{
+    AUTOMATIC_DB, AUTOMATIC_MOST_DB, Candidate, CandidateSummary, CompressSettings, Compressor, Method, Target,
+};
+use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightErrors, WrittenBlock};
 use crate::error::{Error, Result};
 use crate::light::Job;
 use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
@@ -52,6 +55,8 @@ pub struct PackReport {
     pub sparse_entries: u64,
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see `measure`.
     pub relative_l2: f64,
+    /// What lightings of every kind lose: see [`light_errors_lines`](super::light_errors_lines).
+    pub lights: LightErrors,
     /// Where the target could not be reached: how near.
     pub short_of_target: Option<Shortfall>,
     /// Blocks found analysed by an earlier, interrupted run.
@@ -81,6 +86,14 @@ impl std::fmt::Display for Shortfall {
             Target::PsnrDb(asked) => (format!("{:.1} dB", self.psnr_db), format!("{asked} dB")),
             Target::Bytes(asked) => (format!("{:.1} dB", self.psnr_db), human_bytes(asked)),
             Target::Slope(asked) => (format!("{:.1} dB", self.psnr_db), format!("slope {asked}")),
+            Target::Automatic if self.noise_heeded => {
+                let at = self.psnr_db;
+                return write!(
+                    f,
+                    "stopped at the noise of the samples, {at:.1} dB from the matrix; --keep-noise follows it further"
+                );
+            }
+            Target::Automatic => (format!("{:.1} dB", self.psnr_db), format!("{AUTOMATIC_DB} dB")),
         };
         let (stopped_by, further) = match self.noise_heeded {
             true => ("the noise of the samples", "what is left out is mostly noise, --keep-noise follows it"),
@@ -165,7 +178,7 @@ impl Packing {
 
     /// Runs both passes. `make` puts a block into its target and says how much work that was, in `work_unit`.
     pub(super) fn run(
-        self,
+        mut self,
         stage: &str,
         work_unit: &str,
         watch: &dyn Watch,
@@ -199,20 +212,25 @@ impl Packing {
             blocks.par_iter().map_init(TracedBlock::default, analyse).collect()
         });
         watch.end();
-        let cut = self.choose(&analysed??)?;
+        let analysed = analysed??;
+        let cut = self.choose(&analysed)?;
+        let energy = analysed.iter().map(CandidateSummary::energy).sum();
+        let lights = LightSums::new(self.job.shape.columns(), energy);
+        drop(analysed);
 
         watch.begin("packing", blocks.len() as u64, "blocks");
         let store = |&id: &BlockId| -> Result<WrittenBlock> {
             stop_if_interrupted(&self.path, watch)?;
-            if let Some(written) = self.writer.written(id) {
-                watch.advance(1, 0, "B");
-                return Ok(written);
-            }
             let (candidate, lacking) = self.candidate(id)?;
             let factored = candidate.cut(&cut);
             let encoded = self.writer.encode(id, &factored)?;
-            let report = lacking.report(&candidate.whole(), &self.writer.decode(id, &encoded)?);
-            let bytes = self.writer.write_encoded(id, &encoded, &report)?.bytes();
+            let (report, columns) = lacking.report(&candidate.whole(), &self.writer.decode(id, &encoded)?);
+            lights.add(&columns);
+            // What an earlier run wrote of it is the same.
+            let bytes = match self.writer.written(id) {
+                Some(_) => 0,
+                None => self.writer.write_encoded(id, &encoded, &report)?.bytes(),
+            };
             watch.advance(1, bytes as u64, "B");
             Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
         };
@@ -220,6 +238,8 @@ impl Packing {
             on_threads(self.threads, || -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
         watch.end();
         let stored = stored??;
+        let lights = lights.errors(cut.expected_relative_l2);
+        self.writer.state_light_errors(lights);
         let summary = self.writer.finish()?;
         self.spill.remove()?;
         let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
@@ -231,6 +251,7 @@ impl Packing {
             mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
             sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
             relative_l2: (error / norm.max(f64::MIN_POSITIVE)).sqrt(),
+            lights,
             short_of_target: (!cut.reaches_target).then(|| Shortfall {
                 target: self.compressor.settings().target,
                 psnr_db: cut.expected_psnr_db,
@@ -305,17 +326,21 @@ impl BlockSource for Watched<'_> {
 /// What packing a matrix of this shape takes. `source` is what making its blocks takes.
 pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need) -> Need {
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
-    let candidate = compressor.candidate_bytes() + Lacking::max_bytes(rows, compressor.candidate_bytes() / 16);
-    let block_bytes = rows * shape.columns() as u64 * 4;
+    let columns = shape.columns() as u64;
+    let candidate = compressor.candidate_bytes() + Lacking::max_bytes(rows, columns, compressor.candidate_bytes() / 16);
+    let block_bytes = rows * columns * 4;
     // Single entries may be fifty to a row, where fifty texels are seen through it alone; one is usual where any is.
     let sparse = if compressor.settings().method == Method::Auto { rows } else { 0 };
-    let likely = compressor.factor_bytes() + 16 * sparse + Lacking::max_bytes(rows, sparse);
+    let likely = compressor.factor_bytes() + 16 * sparse + Lacking::max_bytes(rows, columns, sparse);
     // A rank of its own is stored whole, as 16-bit floats, in two places until it is done. Ours keeps what is worth its
     // bits: a fiftieth at the default target, a fourth where all is asked for.
     let fixed = compressor.settings().method != Method::Auto && compressor.settings().fixed_rank;
     let stored = if fixed { likely } else { likely / 4 };
     Need {
-        fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES) + 4096 * blocks + compressor.global_needs_bytes(),
+        fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES)
+            + 4096 * blocks
+            + 48 * columns
+            + compressor.global_needs_bytes(),
         // The block, its analysis, and its candidate: as it is, encoded, and multiplied out in strips.
         per_thread_bytes: source.per_thread_bytes + block_bytes + compressor.needs_bytes() + 3 * candidate,
         disk_bytes: source.disk_bytes + blocks * (likely + stored),
@@ -332,6 +357,10 @@ fn report_of(settings: &CompressSettings) -> ContainerReport {
         Target::RelativeL2(error) => format!("relative L2 {error} of relit images"),
         Target::Bytes(bytes) => format!("{bytes} bytes"),
         Target::Slope(slope) => format!("slope {slope}"),
+        Target::Automatic => format!(
+            "the noise of the samples, {AUTOMATIC_MOST_DB} dB PSNR of relit images at most ({AUTOMATIC_DB} dB where it is not \
+             known)"
+        ),
     };
     let provenance = [
         (

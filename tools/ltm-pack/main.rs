@@ -125,6 +125,7 @@ fn pack_options(arguments: &Arguments) -> PackOptions {
 fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
     let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
     println!("{}: {report}", output.display());
+    pipeline::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| println!("{line}"));
     println!(
         "{:.1} s, {}/s of raw input, peak memory {}",
         report.seconds,

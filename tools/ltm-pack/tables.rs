@@ -2,7 +2,7 @@
 
 use ltm::image::LayerRole;
 use ltm::light::Job;
-use ltm::pipeline::{BlockComparison, ImportedMatrix, Place, total_relative_l2};
+use ltm::pipeline::{BlockComparison, ImportedMatrix, Place, column_name, total_relative_l2};
 
 /// Blocks that the table of a comparison lists at most.
 const MOST_BLOCKS: usize = 48;
@@ -57,17 +57,11 @@ pub(crate) fn print_comparison(blocks: &[BlockComparison], job: &Job) {
 }
 
 fn place(place: &Place, job: &Job) -> String {
-    let column = job.basis.column(place.column);
-    let texel = if column.light.layout() == (1, 1) {
-        String::new()
-    } else {
-        format!(" texel {},{}", column.texel.0, column.texel.1)
-    };
     let Place { x, y, source, packed, .. } = place;
     let channel = ["red", "green", "blue"][place.channel];
     format!(
-        "{:.2e} at pixel {x},{y} {channel}, light '{}'{texel}: {source:.4e} became {packed:.4e}",
+        "{:.2e} at pixel {x},{y} {channel}, light {}: {source:.4e} became {packed:.4e}",
         place.difference(),
-        column.light.name
+        column_name(place.column, &job.basis)
     )
 }

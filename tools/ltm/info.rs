@@ -7,8 +7,8 @@ use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::Job;
-use ltm::matrix::{BlockId, FactorSource, MatrixShape};
-use ltm::pipeline::human_bytes;
+use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
+use ltm::pipeline::{column_name, human_bytes, light_errors_lines};
 use ltm::store::StoreReader;
 use serde_json::{Value, json};
 
@@ -191,6 +191,13 @@ fn print_container(container: &ContainerReader, figures: &Figures) {
         "  all on     {}",
         known(figures.worst_uniform, format!("at most {:.2e} relative L2 of a block's pixels", figures.worst_uniform))
     );
+    match container.light_errors() {
+        Some(errors) => {
+            let lines = light_errors_lines(errors, &container.job().basis);
+            lines.iter().for_each(|line| println!("  {line}"));
+        }
+        None => println!("  images under single lights and at random: not known"),
+    }
     let noise = figures.noise_rms / figures.signal_rms;
     println!("noise        {}", known(noise, format!("{noise:.2e} of the matrix's root mean square, before packing")));
     println!("rank map     ' ' is 0, '█' is {}", figures.largest_rank);
@@ -276,6 +283,15 @@ fn container_json(path: &Path, container: &ContainerReader, figures: &Figures) -
     json["packing"] = json!({
         "program": report.program, "method": report.method, "target": report.target, "prior": report.prior,
         "settings": report.settings, "provenance": report.provenance,
+    });
+    json["light_errors"] = container.light_errors().map_or(Value::Null, |errors| {
+        let basis = &container.job().basis;
+        json!({
+            "prior_expected": errors.prior, "all_on": errors.all_on, "random": errors.random,
+            "single_mean": errors.single_mean, "single_worst": errors.single_worst,
+            "worst_column": errors.worst_column, "worst_light": column_name(ColumnIndex(errors.worst_column), basis),
+            "noise_mean": errors.noise_mean, "noise_worst": errors.noise_worst,
+        })
     });
     let blocks = shape.blocks().map(|id| {
         let report = container.block_report(id);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use ltm::Result;
+use ltm::container::ContainerReader;
 use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport, Watch, human_bytes, parse_bytes};
 use ltm::scene::LoadedScene;
 use ltm::store::Precision;
@@ -116,6 +117,8 @@ fn run_packed(options: &Render, loaded: LoadedScene, console: &Console) -> Resul
     let (render, packed) = pipeline::render_packed(loaded, &output, &pack, console)?;
     print_report(&output, &render);
     println!("{packed}");
+    let basis = ContainerReader::open(&output)?.job().basis.clone();
+    pipeline::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| println!("{line}"));
     println!("next: ltm relight {} -o relit.png", output.display());
     Ok(())
 }

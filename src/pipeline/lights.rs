@@ -1,0 +1,133 @@
+//! What lightings of every kind lose over the whole picture, summed block by block.
+
+use std::sync::{Mutex, MutexGuard};
+
+use crate::container::LightErrors;
+use crate::light::LightBasis;
+use crate::matrix::ColumnIndex;
+
+/// What is known of the columns of one block, as squared norms.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct ColumnErrors {
+    /// Of what is stored against the block.
+    pub(super) error: Vec<f64>,
+    /// Of the block.
+    pub(super) norm: Vec<f64>,
+    /// Of the noise of its samples; NaN where it is not known.
+    pub(super) noise: Vec<f64>,
+    /// Error and norm of the block's image with all lights on.
+    pub(super) all_on: (f64, f64),
+}
+
+/// Sums over blocks that come in any order, from any thread, to the same bits: in fixed point.
+pub(super) struct LightSums {
+    /// What one counts.
+    unit: f64,
+    sums: Mutex<Sums>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Sums {
+    /// Error, norm and noise of each column.
+    columns: Vec<[i128; 3]>,
+    all_on: [i128; 2],
+    noise_known: bool,
+}
+
+impl LightSums {
+    /// For so many columns; `energy` is about the squared norm of the whole matrix.
+    pub(super) fn new(columns: usize, energy: f64) -> Self {
+        // 70 bits below the whole, and 57 above it.
+        let unit = if energy > 0.0 && energy.is_finite() { (energy.log2().floor() - 70.0).exp2() } else { 1.0 };
+        let sums = Sums { columns: vec![[0; 3]; columns], all_on: [0; 2], noise_known: true };
+        Self { unit, sums: Mutex::new(sums) }
+    }
+
+    pub(super) fn add(&self, block: &ColumnErrors) {
+        // Not finite: 0 or the largest number that there is.
+        let count = |value: f64| (value / self.unit).round() as i128;
+        let add = |sum: &mut i128, value: f64| *sum = sum.saturating_add(count(value));
+        let mut sums = self.lock();
+        sums.noise_known &= block.noise.iter().all(|noise| !noise.is_nan());
+        for (j, sum) in sums.columns.iter_mut().enumerate() {
+            for (sum, of) in sum.iter_mut().zip([&block.error, &block.norm, &block.noise]) {
+                add(sum, of[j]);
+            }
+        }
+        add(&mut sums.all_on[0], block.all_on.0);
+        add(&mut sums.all_on[1], block.all_on.1);
+    }
+
+    /// What all blocks together say. `prior` is what is expected under the prior.
+    pub(super) fn errors(&self, prior: f64) -> LightErrors {
+        let sums = self.lock();
+        let ratio = |error: i128, norm: i128| if error <= 0 { 0.0 } else { (error as f64 / norm as f64).sqrt() };
+        let lit: Vec<(usize, f64, f64)> = sums
+            .columns
+            .iter()
+            .enumerate()
+            .filter(|(_, sum)| sum[1] > 0)
+            .map(|(j, &[error, norm, noise])| {
+                (j, ratio(error, norm), if sums.noise_known { ratio(noise, norm) } else { f64::NAN })
+            })
+            .collect();
+        let mean = |part: fn(&(usize, f64, f64)) -> f64| {
+            if lit.is_empty() { 0.0 } else { lit.iter().map(part).sum::<f64>() / lit.len() as f64 }
+        };
+        // The first of equals.
+        let worst = lit.iter().rev().copied().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+        // A weight between 0 and 1 has the mean 1/2 and the variance 1/12.
+        let random = |which: usize| {
+            let columns: f64 = sums.columns.iter().map(|sum| sum[which] as f64).sum();
+            sums.all_on[which] as f64 / 4.0 + columns / 12.0
+        };
+        let random = if random(1) > 0.0 { (random(0).max(0.0) / random(1)).sqrt() } else { 0.0 };
+        LightErrors {
+            prior: prior as f32,
+            all_on: ratio(sums.all_on[0], sums.all_on[1]) as f32,
+            random: random as f32,
+            single_mean: mean(|light| light.1) as f32,
+            single_worst: worst.1 as f32,
+            worst_column: worst.0 as u32,
+            noise_mean: mean(|light| light.2) as f32,
+            noise_worst: worst.2 as f32,
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Sums> {
+        // A panic inside leaves sums that nobody will read.
+        self.sums.lock().unwrap_or_else(|e| e.into_inner())
+    }
+}
+
+/// Two lines on what images lose, for people.
+pub fn light_errors_lines(errors: &LightErrors, basis: &LightBasis) -> [String; 2] {
+    let noise = |share: f32| match share.is_nan() {
+        true => "noise of the samples not known".to_owned(),
+        false => format!("the samples' noise {share:.2e}"),
+    };
+    [
+        format!(
+            "images, relative L2: {:.2e} expected under the prior; measured: {:.2e} all on, {:.2e} with every light at \
+             random",
+            errors.prior, errors.all_on, errors.random
+        ),
+        format!(
+            "one light alone: {:.2e} in the mean ({}), worst {:.2e}, {} ({})",
+            errors.single_mean,
+            noise(errors.noise_mean),
+            errors.single_worst,
+            column_name(ColumnIndex(errors.worst_column), basis),
+            noise(errors.noise_worst)
+        ),
+    ]
+}
+
+/// A column by its light and, where that has several, its texel.
+pub fn column_name(column: ColumnIndex, basis: &LightBasis) -> String {
+    let column = basis.column(column);
+    match column.light.layout() {
+        (1, 1) => format!("'{}'", column.light.name),
+        _ => format!("'{}' texel {},{}", column.light.name, column.texel.0, column.texel.1),
+    }
+}
