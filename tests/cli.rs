@@ -318,6 +318,19 @@ fn what_jobs_on_containers_need_is_said_and_kept_and_too_little_refused_before_a
     }
 }
 
+/// Hundreds of blocks of few columns: what each leaves behind in the allocator adds up.
+#[test]
+fn memory_stays_below_what_is_said_over_many_blocks() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let texels = "[render]\nsamples_per_pixel = 2\n\n[[light]]\nmaterial = \"lamp\"\ntexels = [6, 4]\n";
+    write_room(at, texels);
+    succeed(at, "ltm", &["render", "room.toml", "--size", "1536x1024"]);
+    let (_, need, said) = stated_need(at, "ltm-pack", &["room.ltm"]);
+    let peak = mebibytes(said.split("peak memory ").nth(1).unwrap_or_else(|| panic!("{said}")));
+    assert!(peak <= need, "{peak} MiB of {need} MiB");
+}
+
 #[test]
 fn info_says_what_a_container_is_to_people_and_programs() {
     let folder = tempfile::tempdir().unwrap();
