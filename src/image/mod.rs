@@ -8,6 +8,7 @@ mod measure;
 mod npy;
 mod read;
 mod tone;
+mod tone_tables;
 
 pub use exr_file::{FetchRow, ImageSize, exr_rows_need_bytes, write_exr, write_exr_layers, write_exr_rows};
 pub use kelvin::{KELVIN_RANGE, kelvin_to_linear};
@@ -19,3 +20,4 @@ pub use read::{RgbaImage, decode_srgb, image_size, read_image, read_rgba};
 pub use tone::{
     LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, false_colour, false_colour_scale, write_png, write_toned_png,
 };
+pub use tone_tables::ToneTables;

@@ -75,15 +75,29 @@ impl ToneCurve {
         let linear = exposed.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
         match self {
             Self::None => linear.map(encode_srgb),
-            Self::Agx => agx(linear),
-            Self::Filmic => linear.map(|v| encode_srgb((v * (2.51 * v + 0.03)) / (v * (2.43 * v + 0.59) + 0.14))),
+            Self::Agx => agx(linear, agx_curve),
+            Self::Filmic => linear.map(|v| encode_srgb(filmic(v))),
             Self::Neutral => neutral(linear).map(encode_srgb),
         }
     }
 }
 
+/// The film curve, linear to linear. Squares of values above 10¹⁸ are no numbers any more, and show as white.
+pub(super) fn filmic(v: f32) -> f32 {
+    let v = v.min(1e18);
+    (v * (2.51 * v + 0.03)) / (v * (2.43 * v + 0.59) + 0.14)
+}
+
+/// AgX's curve from linear to displayed values, in its own primaries.
+pub(super) fn agx_curve(v: f32) -> f32 {
+    const STOPS: [f32; 2] = [-12.473_93, 4.026_069];
+    const TERMS: [f32; 7] = [-0.002_32, 0.119_1, 0.429_8, -6.868, 31.96, -40.14, 15.5];
+    let x = (v.max(1e-10).log2().clamp(STOPS[0], STOPS[1]) - STOPS[0]) / (STOPS[1] - STOPS[0]);
+    TERMS.iter().rev().fold(0.0, |sum, term| sum * x + term)
+}
+
 /// AgX from linear to displayed values; its curve ends in display space.
-fn agx(linear: [f32; 3]) -> [f32; 3] {
+pub(super) fn agx(linear: [f32; 3], curve: impl Fn(f32) -> f32) -> [f32; 3] {
     const INTO: [[f32; 3]; 3] = [
         [0.842_479_05, 0.078_433_6, 0.079_223_745],
         [0.042_328_242, 0.878_468_64, 0.079_166_13],
@@ -94,19 +108,13 @@ fn agx(linear: [f32; 3]) -> [f32; 3] {
         [-0.052_896_757, 1.151_903_1, -0.098_961_18],
         [-0.052_971_636, -0.098_043_45, 1.151_073_7],
     ];
-    const STOPS: [f32; 2] = [-12.473_93, 4.026_069];
     let product =
         |m: &[[f32; 3]; 3], v: [f32; 3]| [0, 1, 2].map(|i: usize| (0..3).map(|j| m[i][j] * v[j]).sum::<f32>());
-    let curve = |v: f32| {
-        let x = (v.max(1e-10).log2().clamp(STOPS[0], STOPS[1]) - STOPS[0]) / (STOPS[1] - STOPS[0]);
-        let terms = [-0.002_32, 0.119_1, 0.429_8, -6.868, 31.96, -40.14, 15.5];
-        terms.iter().rev().fold(0.0, |sum, term| sum * x + term)
-    };
     product(&OUT, product(&INTO, linear).map(curve)).map(|v| v.clamp(0.0, 1.0))
 }
 
 /// Khronos PBR Neutral (the specification's reference code), linear to linear.
-fn neutral(color: [f32; 3]) -> [f32; 3] {
+pub(super) fn neutral(color: [f32; 3]) -> [f32; 3] {
     const START: f32 = 0.8 - 0.04;
     const DESATURATION: f32 = 0.15;
     let least = color.into_iter().fold(f32::INFINITY, f32::min);

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::metered::Metered;
 use super::reach::{per_light, pixel_rows};
-use super::worker::{Event, Outbox, Picture, Progress, Request, Shared, SharedDevice};
+use super::worker::{Event, Outbox, Picture, Progress, Request, Shared, SharedDevice, Wishes};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
@@ -79,31 +79,81 @@ impl Desk {
         ids: &[BlockId],
         device: Option<SharedDevice>,
     ) -> Result<()> {
-        let whole = Arc::new(self.load(metered, ids)?);
+        let mut whole = Some(Arc::new(self.load(metered, ids)?));
+        let damage = whole.as_ref().map_or(Vec::new(), |whole| whole.damage().to_vec());
         if let Some(SharedDevice { device, queue }) = device {
             match GpuRelighter::on_device(device, queue, metered, GpuSettings::default()) {
-                Ok(gpu) => self.gpu = Some(gpu),
+                Ok(gpu) => (self.gpu, whole) = (Some(gpu), None),
                 Err(error @ Error::Interrupted(_)) => return Err(error),
                 Err(error) => self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU"))),
             }
         }
-        let adapter = self.gpu.as_ref().map(|gpu| (gpu.adapter(), gpu.resident_bytes()));
-        self.outbox.send(Event::Loaded { relighter: Some(whole.clone()), adapter });
-        if !whole.damage().is_empty() {
-            self.outbox.send(Event::Damage(whole.damage().to_vec()));
+        self.has_loaded(whole.as_ref());
+        if !damage.is_empty() {
+            self.outbox.send(Event::Damage(damage));
         }
         self.outbox.send(Event::Reach(metered.reach().0));
-        self.show_progress(&whole, Progress::COMPLETE);
-        while let Some(wishes) = self.shared.wait() {
+        // Made of what was there by then.
+        self.kept = None;
+        let mut wishes = Wishes { picture: self.newest(), pixel: None };
+        loop {
             if let Some(request) = wishes.picture {
-                let made = self.make(&whole, request, Progress::COMPLETE);
+                self.last = Some(request.clone());
+                let made = self.make_whole(metered, &mut whole, request);
                 self.tell(made);
             }
             if let Some(pixel) = wishes.pixel {
                 self.look_at(metered, pixel);
             }
+            match self.shared.wait() {
+                Some(newer) => wishes = newer,
+                None => return Ok(()),
+            }
         }
-        Ok(())
+    }
+
+    /// The picture of all factors: on the device where it has them, else on the CPU, which reads them where the device
+    /// has just failed.
+    fn make_whole(&mut self, metered: &Metered, whole: &mut Option<Arc<CpuRelighter>>, request: Request) -> Result<()> {
+        if let Some(gpu) = &self.gpu {
+            let begun = Instant::now();
+            let stands = self.kept.as_ref().filter(|kept| kept.relit.is_none() && kept.lighting == request.lighting);
+            let (relit, is_new) = match stands {
+                Some(kept) => (Ok(kept.image.clone()), false),
+                None => (gpu.relight(&request.lighting).map(Arc::new), true),
+            };
+            match relit {
+                Ok(image) => {
+                    let relight_secs = if is_new { begun.elapsed().as_secs_f64() } else { 0.0 };
+                    self.kept = Some(Kept { lighting: request.lighting.clone(), relit: None, image: image.clone() });
+                    self.show(&request, image, Progress::COMPLETE, (begun, relight_secs));
+                    return Ok(());
+                }
+                Err(error) => {
+                    (self.gpu, self.kept) = (None, None);
+                    self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU")));
+                }
+            }
+        }
+        let relighter = match whole {
+            Some(relighter) => relighter.clone(),
+            None => {
+                let relighter = Arc::new(CpuRelighter::load(metered)?);
+                *whole = Some(relighter.clone());
+                self.has_loaded(Some(&relighter));
+                relighter
+            }
+        };
+        self.make(&relighter, request, Progress::COMPLETE)
+    }
+
+    /// Says what relights from now on.
+    fn has_loaded(&self, whole: Option<&Arc<CpuRelighter>>) {
+        let meter = &self.shared.meter;
+        meter.resident_bytes.store(whole.map_or(0, |whole| whole.factor_bytes()), Ordering::Relaxed);
+        meter.device_bytes.store(self.gpu.as_ref().map_or(0, GpuRelighter::resident_bytes), Ordering::Relaxed);
+        let adapter = self.gpu.as_ref().map(GpuRelighter::adapter);
+        self.outbox.send(Event::Loaded { relighter: whole.cloned(), adapter, is_paged: false });
     }
 
     fn load(&mut self, metered: &Metered, ids: &[BlockId]) -> Result<CpuRelighter> {
@@ -206,28 +256,15 @@ impl Desk {
                 return Ok(true);
             }
         }
-        let lighting = lighting.clone();
-        if let Some(gpu) = &self.gpu {
-            match gpu.relight(&lighting) {
-                Ok(image) => {
-                    self.kept = Some(Kept { lighting, relit: None, image: Arc::new(image) });
-                    return Ok(true);
-                }
-                Err(error) => {
-                    self.gpu = None;
-                    self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU")));
-                }
-            }
-        }
-        let relit = relighter.relight_kept(&lighting)?;
+        let relit = relighter.relight_kept(lighting)?;
         let image = Arc::new(relit.image.clone());
-        self.kept = Some(Kept { lighting, relit: Some(relit), image });
+        self.kept = Some(Kept { lighting: lighting.clone(), relit: Some(relit), image });
         Ok(true)
     }
 
-    /// Says what each light brings to a pixel under the newest lighting.
-    pub(super) fn look_at(&mut self, metered: &Metered, pixel: [u32; 2]) {
-        let Some(request) = self.newest() else { return };
+    /// Says what each light brings to a pixel under the lighting of the newest picture.
+    pub(super) fn look_at(&self, metered: &Metered, pixel: [u32; 2]) {
+        let Some(request) = &self.last else { return };
         match pixel_rows(metered, pixel) {
             Ok(rows) => {
                 let lights = per_light(&self.source.job().basis, &rows, &request.lighting);

@@ -4,7 +4,7 @@ use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
-use crate::image::{LinearImage, ToneCurve, ToneMapping, encode_srgb, false_colour};
+use crate::image::{LinearImage, ToneCurve, ToneMapping, ToneTables, false_colour};
 
 /// White point that is shown where none was chosen, in kelvin: near that of Rec. 709.
 pub const NEUTRAL_KELVIN: f32 = 6500.0;
@@ -79,7 +79,7 @@ impl Display {
         let (gains, curve) = (self.tone.gains(), self.tone.curve);
         let (width, height) = (image.width as usize, image.height as usize);
         let mut rgba = vec![255; width * height * 4];
-        let (table, bins) = (&*SRGB_TABLE, &*BIN_TABLE);
+        let (tables, bins) = (ToneTables::shared(), &*BIN_TABLE);
         let (low, high) = self.luminance_range();
         // Exposures beyond what a float can hold leave no range to colour.
         let coloured = if self.false_colour { false_colour(image, low, high).ok() } else { None };
@@ -96,10 +96,9 @@ impl Display {
                         for (channel, value) in exposed.into_iter().enumerate() {
                             counts[bins.of(value)][channel] += 1;
                         }
-                        let shown = match curve {
-                            _ if self.false_colour => colour.map(|value| table.encode(value)),
-                            ToneCurve::None => exposed.map(|value| table.encode(value)),
-                            curve => curve.encode(exposed).map(|value| (value * 255.0 + 0.5) as u8),
+                        let shown = match self.false_colour {
+                            true => colour.map(|value| tables.srgb(value)),
+                            false => tables.encode(curve, exposed),
                         };
                         bytes[..3].copy_from_slice(&shown);
                     }
@@ -143,29 +142,12 @@ impl Bins {
     }
 }
 
-/// The sRGB curve as a table over values of [0, 1], fine enough that no 8-bit step is missed where it is steepest.
-struct SrgbTable(Vec<u8>);
-
-static SRGB_TABLE: LazyLock<SrgbTable> = LazyLock::new(SrgbTable::new);
 static BIN_TABLE: LazyLock<Bins> = LazyLock::new(Bins::new);
-
-impl SrgbTable {
-    const STEPS: usize = 1 << 14;
-
-    fn new() -> Self {
-        let byte = |i: usize| (encode_srgb(i as f32 / Self::STEPS as f32) * 255.0 + 0.5) as u8;
-        Self((0..=Self::STEPS).map(byte).collect())
-    }
-
-    fn encode(&self, value: f32) -> u8 {
-        // Conversion to an integer saturates; NaN becomes 0.
-        self.0[((value * Self::STEPS as f32 + 0.5) as usize).min(Self::STEPS)]
-    }
-}
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::encode_srgb;
 
     fn exposed(exposure_stops: f32) -> Display {
         Display { tone: ToneMapping { exposure_stops, ..Default::default() }, ..Default::default() }
@@ -193,7 +175,7 @@ mod tests {
             let shown = Display { tone, false_colour: false }.show(&image);
             for (bytes, &pixel) in shown.rgba.chunks_exact(4).zip(&image.pixels) {
                 for (byte, value) in bytes.iter().zip(tone.display(pixel)) {
-                    // As above; only the curve without a shoulder goes through the table.
+                    // As above.
                     assert!((f32::from(*byte) - value * 255.0).abs() <= 0.5 + 0.11, "{name}: {value}");
                 }
             }

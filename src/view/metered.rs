@@ -19,6 +19,8 @@ pub struct Meter {
     pub blocks_read: AtomicU64,
     /// Bytes of factors in the memory of the CPU.
     pub resident_bytes: AtomicU64,
+    /// Bytes of factors, and of the pictures made of them, in the memory of the device that relights.
+    pub device_bytes: AtomicU64,
 }
 
 /// A container of which only the base layers may be shown.

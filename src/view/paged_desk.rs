@@ -7,24 +7,82 @@ use std::time::Instant;
 
 use super::desk::{Desk, Pace};
 use super::metered::Metered;
-use super::worker::{Event, Progress, Request, most_bytes, nearest_first};
+use super::worker::{Event, Progress, Request, SharedDevice, most_bytes, nearest_first};
 use crate::container::ContainerReader;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, FactorSource};
-use crate::relight::{Detail, PagedRelighter};
+use crate::relight::{Detail, GpuSettings, PagedGpuRelighter, PagedRelighter};
+
+/// Pixels on the device take this much beside their factors: radiance, bytes as they are shown, and a copy to be read.
+const DEVICE_PIXEL_BYTES: u64 = 28;
+
+/// Where blocks are held and relit.
+enum Holder<'a> {
+    Cpu(Box<PagedRelighter<'a>>),
+    Device(Box<PagedGpuRelighter<'a>>),
+}
+
+impl<'a> Holder<'a> {
+    /// On the device, if there is one.
+    fn new(source: &'a Metered, budget_bytes: u64, device: Option<&SharedDevice>) -> Result<Self> {
+        let Some(SharedDevice { device, queue }) = device.cloned() else {
+            return Ok(Self::Cpu(Box::new(PagedRelighter::new(source, budget_bytes))));
+        };
+        // Nothing stays with the host.
+        let host = PagedRelighter::new(source, 0);
+        let paged = PagedGpuRelighter::on_device(device, queue, host, budget_bytes, GpuSettings::default())?;
+        Ok(Self::Device(Box::new(paged)))
+    }
+
+    fn relight_view(
+        &self,
+        lighting: &Lighting,
+        view: &[BlockId],
+        detail: Detail,
+        image: &mut LinearImage,
+    ) -> Result<()> {
+        match self {
+            Self::Cpu(pages) => pages.relight_view(lighting, view, detail, image),
+            Self::Device(pages) => pages.relight_view(lighting, view, detail, image),
+        }
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        match self {
+            Self::Cpu(pages) => pages.resident_bytes(),
+            Self::Device(pages) => pages.resident_bytes(),
+        }
+    }
+
+    /// The most that a block takes here.
+    fn most_bytes(&self, source: &ContainerReader, id: BlockId) -> u64 {
+        let pixels = source.shape().rect(id).pixels() as u64;
+        match self {
+            Self::Cpu(_) => most_bytes(source, id),
+            Self::Device(_) => most_bytes(source, id) + pixels * DEVICE_PIXEL_BYTES,
+        }
+    }
+
+    fn damage(&self) -> Vec<String> {
+        match self {
+            Self::Cpu(pages) => pages.damage(),
+            Self::Device(pages) => pages.host().damage(),
+        }
+    }
+}
 
 /// Three relighters share the budget, so that no block pushes another out that the next picture needs: each picture
 /// needs every block once.
 struct Pages<'a> {
     source: &'a ContainerReader,
     /// Base layers of all blocks, as far as they fit.
-    base: PagedRelighter<'a>,
+    base: Holder<'a>,
     /// Whole blocks, as many as fit beside them.
-    whole: PagedRelighter<'a>,
+    whole: Holder<'a>,
     whole_bytes: u64,
-    /// Reads what is to be seen once; holds nothing.
+    /// Reads what is to be seen once; holds nothing. The CPU relights it: on the device it would be used once, too.
     passing: PagedRelighter<'a>,
     /// The blocks of `whole`.
     held: Vec<BlockId>,
@@ -51,7 +109,7 @@ impl<'a> Pages<'a> {
         image: &mut LinearImage,
     ) -> Result<usize> {
         let mut room = self.whole_bytes.saturating_sub(self.whole.resident_bytes());
-        let fits = |id: &&BlockId| match room.checked_sub(most_bytes(self.source, **id)) {
+        let fits = |id: &&BlockId| match room.checked_sub(self.whole.most_bytes(self.source, **id)) {
             Some(left) => {
                 room = left;
                 true
@@ -77,7 +135,7 @@ impl<'a> Pages<'a> {
 
     /// A line for each damaged block.
     fn damage(&self) -> Vec<String> {
-        let mut lines = [&self.base, &self.whole, &self.passing].map(PagedRelighter::damage).concat();
+        let mut lines = [self.base.damage(), self.whole.damage(), self.passing.damage()].concat();
         lines.sort();
         lines.dedup();
         lines
@@ -91,9 +149,27 @@ impl Desk {
         source: &ContainerReader,
         metered: &Metered,
         ids: Vec<BlockId>,
-        budget_bytes: u64,
+        (budget_bytes, device): (u64, Option<SharedDevice>),
     ) -> Result<()> {
-        let base = PagedRelighter::new(metered, budget_bytes);
+        if device.is_some() {
+            match self.serve_pages(source, metered, &ids, (budget_bytes, device)) {
+                Err(error @ (Error::NoGpu(_) | Error::Resources { .. })) => {
+                    self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU")));
+                }
+                outcome => return outcome,
+            }
+        }
+        self.serve_pages(source, metered, &ids, (budget_bytes, None))
+    }
+
+    fn serve_pages(
+        &mut self,
+        source: &ContainerReader,
+        metered: &Metered,
+        ids: &[BlockId],
+        (budget_bytes, device): (u64, Option<SharedDevice>),
+    ) -> Result<()> {
+        let base = Holder::new(metered, budget_bytes, device.as_ref())?;
         let (shape, all) = (source.shape(), ids.len());
         let mut image = LinearImage::black(shape.width(), shape.height());
         let mut pace = Pace::new();
@@ -112,7 +188,7 @@ impl Desk {
             base.relight_view(&request.lighting, step, Detail::Base, &mut image)?;
             at += step.len();
             pace.has_read();
-            self.shared.meter.resident_bytes.store(base.resident_bytes(), Ordering::Relaxed);
+            self.meter(&base, base.resident_bytes());
             let progress = Progress { base: at as f32 / all as f32, whole: 0.0 };
             self.show(&request, Arc::new(image.clone()), progress, (Instant::now(), 0.0));
             pace.has_shown();
@@ -121,17 +197,32 @@ impl Desk {
         let mut pages = Pages {
             source,
             base,
-            whole: PagedRelighter::new(metered, whole_bytes),
-            whole_bytes,
+            whole: Holder::new(metered, whole_bytes, device.as_ref())?,
+            // Of the device's budget a quarter is left for what passes.
+            whole_bytes: if device.is_some() { whole_bytes / 4 * 3 } else { whole_bytes },
             passing: PagedRelighter::new(metered, 0),
             held: Vec::new(),
-            rest: ids,
+            rest: ids.to_vec(),
         };
-        self.outbox.send(Event::Loaded { relighter: None, adapter: None });
+        let adapter = match &pages.base {
+            Holder::Cpu(_) => None,
+            Holder::Device(pages) => Some(pages.adapter()),
+        };
+        self.outbox.send(Event::Loaded { relighter: None, adapter, is_paged: true });
         self.refine_and_serve(metered, &mut pages)
     }
 
-    fn refine_and_serve(mut self, metered: &Metered, pages: &mut Pages) -> Result<()> {
+    fn meter(&self, holder: &Holder, bytes: u64) {
+        let meter = &self.shared.meter;
+        let (held, other) = match holder {
+            Holder::Cpu(_) => (&meter.resident_bytes, &meter.device_bytes),
+            Holder::Device(_) => (&meter.device_bytes, &meter.resident_bytes),
+        };
+        held.store(bytes, Ordering::Relaxed);
+        other.store(0, Ordering::Relaxed);
+    }
+
+    fn refine_and_serve(&mut self, metered: &Metered, pages: &mut Pages) -> Result<()> {
         let all = (pages.held.len() + pages.rest.len()).max(1);
         let mut canvas: Option<Canvas> = None;
         let mut pace = Pace::new();
@@ -161,7 +252,7 @@ impl Desk {
                     let left = &canvas.order[canvas.refined..];
                     canvas.refined += pages.refine(&lighting, left, pace.step, &mut canvas.image)?;
                     pace.has_read();
-                    self.shared.meter.resident_bytes.store(pages.resident_bytes(), Ordering::Relaxed);
+                    self.meter(&pages.base, pages.resident_bytes());
                     let left = canvas.order.len() - canvas.refined;
                     let progress = Progress { base: 1.0, whole: 1.0 - left as f32 / all as f32 };
                     self.show(&canvas.request, Arc::new(canvas.image.clone()), progress, (Instant::now(), 0.0));

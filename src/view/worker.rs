@@ -33,7 +33,8 @@ pub struct SharedDevice {
 pub struct Means {
     /// The device to relight on; none: the CPU does.
     pub device: Option<SharedDevice>,
-    /// Memory for factors, in bytes. A container that may need more is read as it is shown, and relit by the CPU.
+    /// Memory for factors, in bytes: the device's where it relights, else the CPU's. A container that may need more is
+    /// read as it is shown. A smaller one passes through the memory of the CPU on its way to the device.
     pub budget_bytes: u64,
 }
 
@@ -119,10 +120,12 @@ pub enum Event {
     Picture(Box<Picture>),
     /// What can be resident is.
     Loaded {
-        /// All factors in the CPU's memory, where they fit.
+        /// All factors in the CPU's memory, where they fit and the CPU relights.
         relighter: Option<Arc<CpuRelighter>>,
-        /// The adapter that relights, where it is not the CPU, and the bytes that it takes there.
-        adapter: Option<(String, u64)>,
+        /// The adapter that relights, where it is not the CPU.
+        adapter: Option<String>,
+        /// Whether the container is larger than its budget.
+        is_paged: bool,
     },
     /// What each column brings to the picture is known.
     Reach(Reach),
@@ -269,7 +272,7 @@ fn work(source: &Arc<ContainerReader>, means: Means, shared: &Arc<Shared>, outbo
     let middle = [source.shape().width(), source.shape().height()].map(|v| v as f32 / 2.0);
     nearest_first(source.shape(), middle, &mut ids);
     match means.budget_bytes {
-        budget if budget < needed_bytes => desk.serve_paged(source, &metered, ids, budget),
+        budget if budget < needed_bytes => desk.serve_paged(source, &metered, ids, (budget, means.device)),
         _ => desk.serve_resident(&metered, &ids, means.device),
     }
 }

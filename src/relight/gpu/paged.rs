@@ -78,7 +78,24 @@ impl<'a> PagedGpuRelighter<'a> {
     ///
     /// Errors: [`Error::NoGpu`] without a loader or an adapter; a lighting that does not fit.
     pub fn new(host: PagedRelighter<'a>, budget_bytes: u64, settings: GpuSettings) -> Result<Self> {
-        let gpu = Gpu::open(settings.subgroups)?;
+        Self::on(Gpu::open(settings.subgroups)?, host, budget_bytes, settings)
+    }
+
+    /// As [`new`](Self::new), on a device that is open already. What the device reports outside calls of this type goes
+    /// to the handler that its owner has set.
+    ///
+    /// Errors: as [`new`](Self::new).
+    pub fn on_device(
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+        host: PagedRelighter<'a>,
+        budget_bytes: u64,
+        settings: GpuSettings,
+    ) -> Result<Self> {
+        Self::on(Gpu::on_device(device, queue, settings.subgroups)?, host, budget_bytes, settings)
+    }
+
+    fn on(gpu: Gpu, host: PagedRelighter<'a>, budget_bytes: u64, settings: GpuSettings) -> Result<Self> {
         let columns = host.shape().columns();
         let binding_bytes = binding_limit(&gpu, host.shape(), settings)?;
         let lighting_bytes = SharedArrays::lighting_bytes(columns);
@@ -278,6 +295,11 @@ impl<'a> PagedGpuRelighter<'a> {
     /// Bytes of the banks uploaded so far.
     pub fn uploaded_bytes(&self) -> u64 {
         self.lock().uploaded_bytes
+    }
+
+    /// Bytes of GPU memory that what stays there takes, images included.
+    pub fn resident_bytes(&self) -> u64 {
+        self.lock().pager.used_bytes() + SharedArrays::lighting_bytes(self.host.shape().columns())
     }
 
     /// Most bytes of GPU memory that buffers took at once.

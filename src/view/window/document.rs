@@ -99,12 +99,12 @@ pub(super) struct Document {
     pub(super) compared_texture: Option<TextureHandle>,
     pub(super) histogram: Vec<[f32; 3]>,
     pub(super) progress: Progress,
-    /// All factors, once they are there.
+    /// All factors, once they are there, where the CPU relights.
     pub(super) relighter: Option<Arc<CpuRelighter>>,
     /// Whether the container is larger than its budget.
     pub(super) is_paged: bool,
-    /// The adapter that relights, where it is not the CPU, and the bytes that it takes there.
-    pub(super) adapter: Option<(String, u64)>,
+    /// The adapter that relights, where it is not the CPU.
+    pub(super) adapter: Option<String>,
     pub(super) latency: Latency,
     pub(super) message: Option<(String, bool)>,
     /// Works beside the worker that are not done yet.
@@ -231,14 +231,19 @@ impl Document {
         self.session.worker.meter().resident_bytes.load(Ordering::Relaxed)
     }
 
+    /// Bytes of factors and their pictures in the memory of the device that relights.
+    pub(super) fn device_bytes(&self) -> u64 {
+        self.session.worker.meter().device_bytes.load(Ordering::Relaxed)
+    }
+
     /// Takes what the worker has done; before the panels are drawn.
     pub(super) fn receive(&mut self, context: &egui::Context) {
         let events: Vec<Event> = self.session.worker.events().collect();
         for event in events {
             match event {
                 Event::Picture(picture) => self.take_picture(context, *picture),
-                Event::Loaded { relighter, adapter } => {
-                    self.is_paged = relighter.is_none();
+                Event::Loaded { relighter, adapter, is_paged } => {
+                    self.is_paged = is_paged;
                     self.relighter = relighter;
                     self.adapter = adapter;
                 }
@@ -326,9 +331,6 @@ impl Document {
             if let Some(reach) = &self.reach {
                 self.contributions = reach.contributions(self.session.basis(), &self.lighting);
             }
-            if let Some(asked) = &self.asked {
-                self.session.worker.ask_pixel(asked.pixel);
-            }
         }
         self.asked_display = Some(display);
         self.generation += 1;
@@ -340,6 +342,10 @@ impl Document {
             looked_at: self.viewport.centre,
             compared: self.snapshots.compared().map(|index| self.snapshots.list()[index].image.clone()),
         });
+        // After the lighting under which it is asked.
+        if let (true, Some(asked)) = (relit, &self.asked) {
+            self.session.worker.ask_pixel(asked.pixel);
+        }
     }
 
     /// Whether the whole picture stands and nothing is awaited.

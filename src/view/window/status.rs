@@ -76,15 +76,18 @@ fn worth(ui: &mut Ui, document: &Document) {
     ui.label(weak(read)).on_hover_text(file);
     let on_cpu = human_bytes(document.resident_bytes());
     let (resident, about) = match &document.adapter {
-        Some((adapter, taken)) => (
-            format!("{on_cpu} + {} on the GPU", human_bytes(*taken)),
-            format!("Factors in memory, and with the pictures on {adapter}, which relights"),
+        Some(adapter) => (
+            format!("{} resident on the GPU", human_bytes(document.device_bytes())),
+            format!("Factors, and pictures made of them, in the memory of {adapter}, which relights"),
         ),
-        None if document.is_paged => {
-            let about = "Factors in memory, which are more than --memory allows: the rest is read for each picture";
-            (on_cpu, about.to_owned())
-        }
-        None => (on_cpu, "Factors in memory; the CPU relights".to_owned()),
+        None => (format!("{on_cpu} resident"), "Factors in memory; the CPU relights".to_owned()),
     };
-    ui.label(weak(format!("{resident} resident"))).on_hover_text(about);
+    let (resident, about) = match document.is_paged {
+        true => (
+            format!("{resident}, the rest passes"),
+            format!("{about}. There are more than --memory allows: the rest is read for each picture"),
+        ),
+        false => (resident, about),
+    };
+    ui.label(weak(resident)).on_hover_text(about);
 }
