@@ -7,6 +7,8 @@
 mod container;
 #[path = "view_window/controls.rs"]
 mod controls;
+#[path = "view_window/device.rs"]
+mod device;
 #[path = "view_window/driver.rs"]
 mod driver;
 #[path = "view_window/real.rs"]
@@ -383,6 +385,29 @@ fn a_container_larger_than_its_budget_is_shown_within_it() {
     assert_eq!(bytes[2] - bytes[1], bytes[1] - bytes[0], "the same blocks pass through for each lighting");
 }
 
+/// What the lights bring to a pixel is that of the picture that was asked for last, not of the first.
+fn a_pixel_is_asked_under_the_newest_lighting() {
+    let session = Session::open(room(), Means { device: None, budget_bytes: u64::MAX }, Arc::new(|| ())).unwrap();
+    let scene = Lighting::of_scene(session.basis());
+    let dark = Lighting::new(vec![[0.0; 3]; scene.weights().len()]).unwrap();
+    for (generation, lighting, shines) in [(1, scene.clone(), true), (2, dark, false), (3, scene, true)] {
+        session.worker.request(request(generation, &Arc::new(lighting)));
+        while whole_picture(&session).generation < generation {}
+        session.worker.ask_pixel([40, 30]);
+        let lights = loop {
+            let found = session.worker.events().find_map(|event| match event {
+                Event::Pixel { lights, .. } => Some(lights),
+                _ => None,
+            });
+            match found {
+                Some(lights) => break lights,
+                None => std::thread::sleep(Duration::from_millis(1)),
+            }
+        };
+        assert_eq!(lights.iter().any(|v| *v > 0.0), shines, "{lights:?}");
+    }
+}
+
 /// What is no container is told in the window, in one line.
 fn a_file_that_is_no_container_is_told() {
     let folder = tempfile::tempdir().unwrap();
@@ -398,7 +423,7 @@ fn main() -> ExitCode {
         return code;
     }
     let arguments = Arguments::from_args();
-    let tests: [(&str, fn()); 15] = [
+    let tests: [(&str, fn()); 16] = [
         ("a_fader_drag_relights_and_is_one_undo", a_fader_drag_relights_and_is_one_undo),
         ("a_switch_turns_the_light_off_and_on", a_switch_turns_the_light_off_and_on),
         (
@@ -419,6 +444,7 @@ fn main() -> ExitCode {
             "a_container_larger_than_its_budget_is_shown_within_it",
             a_container_larger_than_its_budget_is_shown_within_it,
         ),
+        ("a_pixel_is_asked_under_the_newest_lighting", a_pixel_is_asked_under_the_newest_lighting),
         ("a_file_that_is_no_container_is_told", a_file_that_is_no_container_is_told),
     ];
     let trial = |name: &str, test: fn()| {
@@ -430,7 +456,7 @@ fn main() -> ExitCode {
     let mut trials: Vec<Trial> =
         tests.into_iter().chain(controls::TESTS).map(|(name, test)| trial(name, test)).collect();
     let without = !real::is_possible();
-    for (name, test) in real::TESTS {
+    for (name, test) in real::TESTS.into_iter().chain(device::TESTS) {
         trials.push(trial(name, test).with_ignored_flag(without));
     }
     libtest_mimic::run(&arguments, trials).exit_code()

@@ -21,6 +21,8 @@ const FEW_COLUMNS: usize = 10;
 
 /// Blocks that are read before the first picture, and how long later steps take at least, in seconds.
 const FIRST_STEP: usize = 16;
+/// Blocks of a step on a device, at least.
+const DEVICE_STEP: usize = 64;
 const STEP_SECS: f64 = 0.08;
 
 pub(super) struct Desk {
@@ -43,13 +45,20 @@ struct Kept {
 /// How many blocks to read at once, so that pictures in between cost no more than a third of the time.
 pub(super) struct Pace {
     pub(super) step: usize,
+    least: usize,
     begun: Instant,
     read_secs: f64,
 }
 
 impl Pace {
     pub(super) fn new() -> Self {
-        Self { step: FIRST_STEP, begun: Instant::now(), read_secs: 0.0 }
+        Self { step: FIRST_STEP, least: 1, begun: Instant::now(), read_secs: 0.0 }
+    }
+
+    /// For a device that draws the window too: a step waits for a frame however little it does, and doing less would
+    /// not make it shorter.
+    pub(super) fn of_device() -> Self {
+        Self { step: DEVICE_STEP, least: DEVICE_STEP, ..Self::new() }
     }
 
     pub(super) fn begin(&mut self) {
@@ -63,7 +72,7 @@ impl Pace {
     /// After the picture of what was read.
     pub(super) fn has_shown(&mut self) {
         let wanted_secs = STEP_SECS.max(2.0 * (self.begun.elapsed().as_secs_f64() - self.read_secs));
-        self.step = if self.read_secs < wanted_secs { self.step * 2 } else { self.step.div_ceil(2) };
+        self.step = if self.read_secs < wanted_secs { self.step * 2 } else { self.step.div_ceil(2).max(self.least) };
     }
 }
 

@@ -56,6 +56,13 @@ impl<'a> Holder<'a> {
         }
     }
 
+    fn pace(&self) -> Pace {
+        match self {
+            Self::Cpu(_) => Pace::new(),
+            Self::Device(_) => Pace::of_device(),
+        }
+    }
+
     /// The most that a block takes here.
     fn most_bytes(&self, source: &ContainerReader, id: BlockId) -> u64 {
         let pixels = source.shape().rect(id).pixels() as u64;
@@ -172,7 +179,7 @@ impl Desk {
         let base = Holder::new(metered, budget_bytes, device.as_ref())?;
         let (shape, all) = (source.shape(), ids.len());
         let mut image = LinearImage::black(shape.width(), shape.height());
-        let mut pace = Pace::new();
+        let mut pace = base.pace();
         let mut at = 0;
         while at < all {
             let Some(request) = self.newest() else {
@@ -225,7 +232,7 @@ impl Desk {
     fn refine_and_serve(&mut self, metered: &Metered, pages: &mut Pages) -> Result<()> {
         let all = (pages.held.len() + pages.rest.len()).max(1);
         let mut canvas: Option<Canvas> = None;
-        let mut pace = Pace::new();
+        let mut pace = pages.whole.pace();
         let mut told = (0, false);
         loop {
             let is_new = canvas.is_none() || self.shared.wishes().picture.is_some();
