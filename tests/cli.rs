@@ -350,4 +350,10 @@ fn info_says_what_a_container_is_to_people_and_programs() {
     assert_eq!(json["lights"][1]["name"], "key");
     assert_eq!(json["block_list"].as_array().unwrap().len(), 4);
     assert!(json["relative_l2"].as_f64().unwrap() < 0.01 && json["noise_rms"].is_null());
+    let lights = &json["light_errors"];
+    assert!(lights["single_worst"].as_f64().unwrap() >= lights["single_mean"].as_f64().unwrap());
+    assert!(["'key'", "'fill light'"].contains(&lights["worst_light"].as_str().unwrap()), "{lights}");
+    assert!(said.contains("one light alone: ") && said.contains("noise of the samples not known"), "{said}");
+    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/formats/golden/v1.ltc");
+    assert!(succeed(at, "ltm", &["info", old]).contains("under single lights and at random: not known"));
 }

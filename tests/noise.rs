@@ -105,9 +105,10 @@ fn the_noise_chooses_a_rank_within_a_decibel_of_the_best_against_the_truth() {
         };
         let (least, best) = (1..=all.rank()).map(|k| (error_at(k), k)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
         let error = error_of_images(&chosen.expand());
-        // The best here knows the truth; the choice has one realisation of the noise to estimate it from, whose
-        // sixteen probe images are known to about √(2/16), 35 %, each: that moves the cut, where energies fall slowly.
-        assert!(error < 1.26 * least, "rank {}: {error}; rank {best}: {least}", chosen.rank());
+        // The best here knows the truth; the choice has one realisation of the noise to estimate it from, whose sixteen
+        // probe images are known to about √(2/16), 35 %, each. Seen: 0.90, 0.93 (leaving out what is noise before the block
+        // is projected does better than any rank of all) and 1.14, one component more than the best.
+        assert!(error < 1.15 * least, "rank {}: {error}; rank {best}: {least}", chosen.rank());
     }
 }
 

@@ -55,17 +55,20 @@ impl Alike {
         let reach = RADIUS as isize;
         for (across, down) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y))) {
             let mut weights = vec![0.0f32; pixels];
-            for (at, from, count) in overlap((width, height), (across, down)) {
-                let weights = &mut weights[at..at + count];
-                for plane in &planes {
-                    for ((sum, a), b) in weights.iter_mut().zip(&plane[at..at + count]).zip(&plane[from..from + count])
-                    {
-                        *sum += (a - b) * (a - b);
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (at, from, count) in overlap((width, height), (across, down)) {
+                        let weights = &mut weights[at..at + count];
+                        for plane in &planes {
+                            let pairs = plane[at..at + count].iter().zip(&plane[from..from + count]);
+                            weights.iter_mut().zip(pairs).for_each(|(sum, (a, b))| *sum += (a - b) * (a - b));
+                        }
+                        let noises = noise_of[at..at + count].iter().zip(&noise_of[from..from + count]);
+                        weights.iter_mut().zip(noises).for_each(|(weight, (a, b))| *weight = likeness(*weight, a + b));
                     }
-                }
-                let noises = noise_of[at..at + count].iter().zip(&noise_of[from..from + count]);
-                weights.iter_mut().zip(noises).for_each(|(weight, (a, b))| *weight = likeness(*weight, a + b));
-            }
+                },
+            );
             if (across, down) == (0, 0) {
                 weights.fill(1.0);
             }
@@ -93,14 +96,19 @@ impl Alike {
         let mut best: Vec<(f64, usize)> = vec![(f64::INFINITY, 0); pixels];
         let mut candidates = Vec::with_capacity(self.rings.len());
         for (window, ring) in self.rings.iter().enumerate() {
-            for (across, down, weights) in ring {
-                for (plane, sums) in image.chunks_exact(pixels).zip(sums.chunks_exact_mut(pixels)) {
-                    for (at, from, count) in overlap((self.width, self.height), (*across, *down)) {
-                        let sums = sums[at..at + count].iter_mut().zip(&weights[at..at + count]);
-                        sums.zip(&plane[from..from + count]).for_each(|((sum, w), v)| *sum += w * v);
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || {
+                    for (across, down, weights) in ring {
+                        for (plane, sums) in image.chunks_exact(pixels).zip(sums.chunks_exact_mut(pixels)) {
+                            for (at, from, count) in overlap((self.width, self.height), (*across, *down)) {
+                                let sums = sums[at..at + count].iter_mut().zip(&weights[at..at + count]);
+                                sums.zip(&plane[from..from + count]).for_each(|((sum, w), v)| *sum += w * v);
+                            }
+                        }
                     }
-                }
-            }
+                },
+            );
             let own = &self.own[window];
             let smooth: Vec<f32> =
                 sums.chunks_exact(pixels).flat_map(|s| s.iter().zip(own).map(|(s, o)| s * o)).collect();
@@ -124,11 +132,16 @@ impl Alike {
 
     /// Sums over a window around each pixel.
     fn around(&self, values: &[f64]) -> Vec<f64> {
-        let (width, height) = (self.width, self.height);
-        let window = |at: usize, end: usize| at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(end);
-        let rows: Vec<f64> =
-            (0..values.len()).map(|i| window(i % width, width).map(|x| values[i / width * width + x]).sum()).collect();
-        (0..values.len()).map(|i| window(i / width, height).map(|y| rows[y * width + i % width]).sum()).collect()
+        let (size, reach) = ((self.width, self.height), RADIUS as isize);
+        let add = |sums: &mut [f64], values: &[f64], offset: (isize, isize)| {
+            for (at, from, count) in overlap(size, offset) {
+                sums[at..at + count].iter_mut().zip(&values[from..from + count]).for_each(|(sum, v)| *sum += v);
+            }
+        };
+        let (mut rows, mut sums) = (vec![0.0; values.len()], vec![0.0; values.len()]);
+        (-reach..=reach).for_each(|across| add(&mut rows, values, (across, 0)));
+        (-reach..=reach).for_each(|down| add(&mut sums, &rows, (0, down)));
+        sums
     }
 }
 
@@ -140,6 +153,7 @@ fn likeness(difference: f32, noise: f32) -> f32 {
 }
 
 /// Where a picture moved by an offset lies over itself: first pixel, its neighbour, and their number, row by row.
+#[inline(always)]
 fn overlap(
     (width, height): (usize, usize),
     (across, down): (isize, isize),
@@ -153,10 +167,16 @@ fn overlap(
     })
 }
 
+impl Smoothed {
+    pub(super) fn squared_norm(&self) -> f64 {
+        self.image.iter().map(|&v| f64::from(v).powi(2)).sum()
+    }
+}
+
 /// Images as columns, each scaled.
-pub(super) fn joined(images: &[Smoothed], scales: &[f64]) -> Mat<f32> {
-    let rows = images.first().map_or(0, |first| first.image.len());
-    Mat::from_fn(rows, images.len(), |i, k| images[k].image[i] * scales[k] as f32)
+pub(super) fn joined(images: &[(&Smoothed, f64)]) -> Mat<f32> {
+    let rows = images.first().map_or(0, |(first, _)| first.image.len());
+    Mat::from_fn(rows, images.len(), |i, k| images[k].0.image[i] * images[k].1 as f32)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use super::noise::NoiseModel;
 use super::range::{Range, SKETCH_ROWS, Weights, exact_range, find_range, range_of};
 use super::remainder::{stand_out, without};
 use super::sanitise::{Survey, sanitise, survey};
-use super::{CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut};
+use super::{BlockSums, CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut};
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
 use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, BlockView, MatrixShape, SparseEntry};
@@ -136,15 +136,20 @@ impl Compressor {
         let standing = self.standing(usable, &survey);
         let smooth = without(entries, &standing, block.rows());
         let smooth = BlockView::new(block.rows(), block.columns(), &smooth);
-        self.analyse_smooth(id, smooth, noise, standing, (survey, replaced))
+        self.analyse_smooth(id, smooth, noise, standing, (&survey.sums_of.all_on, replaced))
     }
 
     /// [`analyse`](Self::analyse) without a copy of the block: what stands alone is taken out of it while its range is
-    /// found, and put back.
-    pub fn analyse_in_place(&self, id: BlockId, block: &mut Block, noise: Option<&BlockNoise>) -> Candidate {
+    /// found, and put back. Beside it the sums of the block, where all its entries can be computed with.
+    pub fn analyse_in_place(
+        &self,
+        id: BlockId,
+        block: &mut Block,
+        noise: Option<&BlockNoise>,
+    ) -> (Candidate, Option<BlockSums>) {
         let survey = survey(block.view());
         if !survey.usable {
-            return self.analyse(id, block.view(), noise);
+            return (self.analyse(id, block.view(), noise), None);
         }
         let standing = self.standing(block.view(), &survey);
         let put = |block: &mut Block, value: &dyn Fn(&SparseEntry) -> f32| {
@@ -154,9 +159,10 @@ impl Compressor {
             }
         };
         put(block, &|_| 0.0);
-        let candidate = self.analyse_smooth(id, block.view(), noise, standing.clone(), (survey, Replaced::default()));
+        let seen = (&*survey.sums_of.all_on, Replaced::default());
+        let candidate = self.analyse_smooth(id, block.view(), noise, standing.clone(), seen);
         put(block, &|entry| entry.value);
-        candidate
+        (candidate, Some(survey.sums_of))
     }
 
     fn standing(&self, usable: BlockView<'_>, survey: &Survey) -> Vec<SparseEntry> {
@@ -175,7 +181,7 @@ impl Compressor {
         smooth: BlockView<'_>,
         noise: Option<&BlockNoise>,
         standing: Vec<SparseEntry>,
-        (Survey { lit, .. }, replaced): (Survey, Replaced),
+        (lit, replaced): (&[f32], Replaced),
     ) -> Candidate {
         assert_eq!(smooth.columns(), self.shape.columns(), "{id}");
         let (m, n) = (smooth.rows(), smooth.columns());
@@ -186,6 +192,9 @@ impl Compressor {
             None => (standing, Vec::new()),
         };
         let a = MatRef::from_column_major_slice(smooth.entries(), m, n);
+        let probes = MatRef::from_column_major_slice(&self.probes, n, self.probes.len() / n);
+        let probes = probes.subcols(0, if noise.is_some() { probes.ncols() } else { 0 });
+        let mut seen = None;
         let range = match self.settings.method {
             _ if lit.iter().all(|&v| v == 0.0) && smooth.entries().iter().all(|&v| v == 0.0) => {
                 Range { left: Vec::new(), right: Vec::new(), gains: Vec::new(), tail: 0.0 }
@@ -194,17 +203,21 @@ impl Compressor {
                 exact_range(a, &stray, &self.weights, self.settings.rank.min(m).min(n))
             }
             Method::Auto => {
-                find_range(a, &stray, &self.weights, self.settings.rank.min(m).min(n), self.settings.power_iterations)
+                let (rank, iterations) = (self.settings.rank.min(m).min(n), self.settings.power_iterations);
+                let (range, images) = find_range(a, &stray, &self.weights, rank, iterations, probes);
+                seen = Some(images);
+                range
             }
             _ => self.by_rank(a, id),
         };
         let (range, noise_left) = match &noise {
             Some(noise) if self.settings.method == Method::Auto && !range.gains.is_empty() => {
-                self.smoothed(id, a, &stray, range, noise)
+                let seen = seen.unwrap_or_else(|| product(a, probes));
+                self.smoothed(id, (a, seen.as_ref()), &stray, range, noise)
             }
             _ => (range, 1.0),
         };
-        self.candidate(id, range, sparse, noise.map(|noise| (noise, noise_left)), (&lit, replaced))
+        self.candidate(id, range, sparse, noise.map(|noise| (noise, noise_left)), (lit, replaced))
     }
 
     /// Chooses the slope for all blocks from their summaries, in any order.
@@ -260,10 +273,11 @@ impl Compressor {
     }
 
     /// The range with pixels that are lit alike averaged in its components, and the share of their noise that is left.
+    /// `seen` are the block's images under the probes.
     fn smoothed(
         &self,
         id: BlockId,
-        a: MatRef<'_, f32>,
+        (a, seen): (MatRef<'_, f32>, MatRef<'_, f32>),
         stray: &[SparseEntry],
         range: Range,
         noise: &NoiseModel<'_>,
@@ -277,16 +291,22 @@ impl Compressor {
             lightings.col_mut(k).iter_mut().for_each(|w| *w = if all_on { 1.0 / length } else { *w / gain as f32 });
         }
         let variances = noise.of_images(lightings.as_ref());
-        let probes = MatRef::from_column_major_slice(&self.probes, n, self.probes.len() / n);
         let rect = self.shape.rect(id);
         let size = (rect.width as usize, rect.height as usize);
-        let alike = Alike::new(product(a, probes).as_ref(), noise.under_probes(), size);
+        let alike = Alike::new(seen, noise.under_probes(), size);
         let left = MatRef::from_column_major_slice(&range.left, m, rank);
         let images: Vec<Smoothed> = (0..rank).map(|k| alike.smooth(left.col(k), &variances[k])).collect();
         let sum = |noise: &dyn Fn(usize) -> f64| (1..rank).map(|k| range.gains[k] * noise(k)).sum::<f64>();
         let (before, after) = (sum(&|k| variances[k].iter().sum()), sum(&|k| images[k].noise));
-        let scales: Vec<f64> = range.gains.iter().map(|g| g.sqrt()).collect();
-        let mut smooth = range_of(joined(&images, &scales), a, stray, &self.weights);
+        // Most of what is left of many components is their own noise, which each knows better by itself than the share of
+        // noise over all of them does, by which the cut is made: they go before the block is projected on them. On five
+        // built-in scenes at 16 and 256 samples: 0 to 40 % fewer bytes, from 0.1 dB farther to 0.6 dB nearer to the truth.
+        let least = 0.5 * self.settings.noise_factor;
+        let is_seen = |k: usize, image: &Smoothed| k == 0 || image.squared_norm() > least * image.noise;
+        let scaled: Vec<(&Smoothed, f64)> = (images.iter().enumerate().zip(&range.gains))
+            .filter_map(|((k, image), gain)| is_seen(k, image).then_some((image, gain.sqrt())))
+            .collect();
+        let mut smooth = range_of(joined(&scaled), a, stray, &self.weights);
         let energy = |range: &Range| range.gains.iter().sum::<f64>();
         smooth.tail = (energy(&range) + range.tail - energy(&smooth)).max(0.0);
         (smooth, if before > 0.0 { (after / before) as f32 } else { 1.0 })

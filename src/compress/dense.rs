@@ -32,6 +32,33 @@ pub(super) fn subtract_product(c: &mut Mat<f32>, a: MatRef<'_, f32>, b: MatRef<'
     matmul(c.as_mut(), Accum::Add, a, b, -1.0, Par::Seq);
 }
 
+/// Rows that are widened to f64 at a time: they stay in the cache and take no memory from the system.
+const STRIP_ROWS: usize = 256;
+
+fn strips(a: MatRef<'_, f32>) -> impl Iterator<Item = (usize, Mat<f64>)> {
+    let rows = a.nrows();
+    (0..rows).step_by(STRIP_ROWS).map(move |first| (first, to_f64(a.subrows(first, STRIP_ROWS.min(rows - first)))))
+}
+
+/// `aᵀ a`, summed in f64.
+pub(super) fn gram(a: MatRef<'_, f32>) -> Mat<f64> {
+    let mut gram = Mat::zeros(a.ncols(), a.ncols());
+    for (_, strip) in strips(a) {
+        matmul(gram.as_mut(), Accum::Add, strip.transpose(), strip.as_ref(), 1.0, Par::Seq);
+    }
+    gram
+}
+
+/// `a b`, summed in f64.
+pub(super) fn turned(a: MatRef<'_, f32>, b: MatRef<'_, f64>) -> Mat<f32> {
+    let mut c = Mat::zeros(a.nrows(), b.ncols());
+    for (first, strip) in strips(a) {
+        let part = product_f64(strip.as_ref(), b);
+        zip!(c.as_mut().subrows_mut(first, part.nrows()), part.as_ref()).for_each(|unzip!(c, p)| *c = *p as f32);
+    }
+    c
+}
+
 pub(super) fn to_f64(a: MatRef<'_, f32>) -> Mat<f64> {
     let mut wide = Mat::zeros(a.nrows(), a.ncols());
     zip!(wide.as_mut(), a).for_each(|unzip!(wide, a)| *wide = f64::from(*a));
@@ -106,21 +133,21 @@ pub(super) fn solve_least_squares(a: MatRef<'_, f64>, b: MatRef<'_, f64>, trunca
 /// An orthonormal basis of the range of `y` (rows × rank), largest directions first; what cannot be told from rounding
 /// is left out.
 pub(super) fn orthonormal(y: MatRef<'_, f32>) -> Mat<f32> {
-    let mut q = to_f64(y);
+    let mut q = None;
     for pass in 0..2 {
-        let gram = product_f64(q.transpose(), q.as_ref());
-        let (values, vectors) = eigen(gram.as_ref());
+        let from = q.as_ref().map_or(y, |q: &Mat<f32>| q.as_ref());
+        let (values, vectors) = eigen(gram(from).as_ref());
         let cut = values.first().copied().unwrap_or(0.0) * if pass == 0 { RANK_CUT } else { 0.25 };
         let rank = values.iter().take_while(|&&v| v > cut && v > 0.0).count();
         let scaled = Mat::from_fn(vectors.nrows(), rank, |i, j| vectors[(i, j)] / values[j].sqrt());
-        q = product_f64(q.as_ref(), scaled.as_ref());
+        q = Some(turned(from, scaled.as_ref()));
         // One pass loses orthogonality where `y` is badly conditioned, the second restores it. With a condition of
         // 10⁴ in the Gram matrix what is lost of f64 is far below what f32 keeps.
         if rank > 0 && values[rank - 1] > 1e-4 * values[0] {
             break;
         }
     }
-    to_f32(q.as_ref())
+    q.unwrap_or_else(|| Mat::zeros(y.nrows(), 0))
 }
 
 #[cfg(test)]

@@ -37,5 +37,5 @@ pub use compressor::Compressor;
 pub use cur::{Selection, cur};
 pub use cut::Cut;
 pub use global::GlobalCur;
-pub use sanitise::Replaced;
+pub use sanitise::{BlockSums, Replaced};
 pub use settings::{AUTOMATIC_DB, AUTOMATIC_MOST_DB, CompressSettings, Core, Method, PriorChoice, Scope, Target};

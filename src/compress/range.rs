@@ -8,7 +8,7 @@ use faer::{Mat, MatRef, unzip, zip};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::dense::{eigen, orthonormal, product, product_f64, subtract_product, to_f32, to_f64, to_vec};
+use super::dense::{eigen, gram, orthonormal, product, product_f64, subtract_product, to_f32, to_f64, to_vec, turned};
 use crate::light::LightingPrior;
 use crate::matrix::SparseEntry;
 
@@ -113,18 +113,22 @@ impl Weights {
 /// the range.
 ///
 /// Which lightings show the range best is asked of a sketch of the rows, so that the block itself is multiplied twice
-/// only, by those lightings and by the basis that they give.
+/// only, by those lightings and by the basis that they give. With the former it is multiplied by `seen_under` (columns ×
+/// any) too: those images, without `stray`, are returned beside.
 pub(super) fn find_range(
     a: MatRef<'_, f32>,
     stray: &[SparseEntry],
     weights: &Weights,
     rank: usize,
     power_iterations: usize,
-) -> Range {
+    seen_under: MatRef<'_, f32>,
+) -> (Range, Mat<f32>) {
     let sketch = RowSketch::new(a.nrows());
     let few = sketch.rows_of(a);
     let lightings = weights.lightings_that_show(few.as_ref(), power_iterations);
-    let mut y = product(a, lightings.as_ref());
+    let mut y = product(a, beside(lightings.as_ref(), seen_under).as_ref());
+    let seen = y.subcols(lightings.ncols(), seen_under.ncols()).to_owned();
+    y.truncate(y.nrows(), lightings.ncols());
     stray.iter().for_each(|e| y[(e.row as usize, 0)] += e.value);
     let all_on = orthonormal(y.as_ref().subcols(0, 1));
     let mut others = y.subcols(1, y.ncols() - 1).to_owned();
@@ -137,7 +141,7 @@ pub(super) fn find_range(
     add_seen_of(&mut through, basis.as_ref(), stray);
     let mut range = components(all_on.as_ref(), q.as_ref(), through.as_ref(), weights, rank);
     range.tail += weights.seen_of(missed.as_ref());
-    range
+    (range, seen)
 }
 
 /// The range of given images, the first of them all-on: as many components as images, at most. The entries of `stray`
@@ -288,13 +292,16 @@ fn orthonormal_beside(fixed: MatRef<'_, f32>, y: &mut Mat<f32>) -> Mat<f32> {
     let mut q = orthonormal(y.as_ref());
     let part = product(fixed.transpose(), q.as_ref());
     subtract_product(&mut q, fixed, part.as_ref());
+    // What was taken away squared is what unit lengths lack: less than an f32 tells.
+    if part.norm_l2() < 1e-4 {
+        return q;
+    }
     // Directions that were only the rounding of the first subtraction lie in `fixed` again, and little of their unit
     // length is left now: normalising them would count the same direction twice.
-    let q = to_f64(q.as_ref());
-    let (values, vectors) = eigen(product_f64(q.transpose(), q.as_ref()).as_ref());
+    let (values, vectors) = eigen(gram(q.as_ref()).as_ref());
     let rank = values.iter().take_while(|&&v| v > 0.25).count();
     let scaled = Mat::from_fn(vectors.nrows(), rank, |i, j| vectors[(i, j)] / values[j].sqrt());
-    to_f32(product_f64(q.as_ref(), scaled.as_ref()).as_ref())
+    turned(q.as_ref(), scaled.as_ref())
 }
 
 /// Two matrices of as many rows, side by side.

@@ -25,10 +25,22 @@ impl Replaced {
     }
 }
 
+/// Sums over a block that is all finite, which a pass over it makes on the way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlockSums {
+    /// Sum of each row: the image with all lights on.
+    pub all_on: Vec<f32>,
+    /// Squared norm of each column.
+    pub column_norms: Vec<f64>,
+}
+
+/// Running sums of squares: as many for every machine, so that the order of adding, and with it the bits, is the same.
+const LANES: usize = 16;
+
 /// What one pass over a block tells.
 pub(super) struct Survey {
-    /// Sum of each row: the all-on image.
-    pub(super) lit: Vec<f32>,
+    /// Sum of each row, and squared norm of each column.
+    pub(super) sums_of: BlockSums,
     /// Sum of the magnitudes of each row.
     pub(super) sums: Vec<f32>,
     /// Whether every entry can be computed with.
@@ -37,17 +49,23 @@ pub(super) struct Survey {
 
 /// Sums the rows of a block and looks for entries that cannot be computed with.
 pub(super) fn survey(block: BlockView<'_>) -> Survey {
-    let mut survey = Survey { lit: vec![0.0; block.rows()], sums: vec![0.0; block.rows()], usable: true };
+    let sums_of = BlockSums { all_on: vec![0.0; block.rows()], column_norms: Vec::with_capacity(block.columns()) };
+    let mut survey = Survey { sums_of, sums: vec![0.0; block.rows()], usable: true };
     pulp::Arch::new().dispatch(
         #[inline(always)]
         || {
-            let Survey { lit, sums, usable } = &mut survey;
+            let Survey { sums_of: BlockSums { all_on: lit, column_norms }, sums, usable } = &mut survey;
             for column in block.entries().chunks_exact(block.rows()) {
+                let mut squares = [0.0f64; LANES];
                 for ((values, lit), sums) in column.chunks(512).zip(lit.chunks_mut(512)).zip(sums.chunks_mut(512)) {
                     lit.iter_mut().zip(values).for_each(|(sum, v)| *sum += v);
                     sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += v.abs());
                     *usable &= values.iter().fold(true, |all, v| all & (v.abs() <= LARGEST));
+                    for values in values.chunks(LANES) {
+                        squares.iter_mut().zip(values).for_each(|(sum, &v)| *sum += f64::from(v) * f64::from(v));
+                    }
                 }
+                column_norms.push(squares.iter().sum());
             }
         },
     );

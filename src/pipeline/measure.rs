@@ -18,6 +18,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
 use super::lights::ColumnErrors;
+use crate::compress::BlockSums;
 use crate::container::BlockReport;
 use crate::matrix::{BlockNoise, FactoredBlock, SparseEntry, TracedBlock};
 
@@ -51,20 +52,32 @@ impl Lacking {
 
     /// Measures `block` against all that its candidate holds. Entries that are not finite count as 0, as they do in
     /// the candidate or nearly so. `projected` says that the components' `R` is `Uᵀ (A − S)`, to rounding.
-    pub(super) fn measure(block: &TracedBlock, whole: &FactoredBlock, projected: bool) -> Self {
+    /// `sums` are those of the block, where they are known already.
+    pub(super) fn measure(
+        block: &TracedBlock,
+        whole: &FactoredBlock,
+        projected: bool,
+        sums: Option<BlockSums>,
+    ) -> Self {
         let (m, n) = (whole.rows, whole.columns);
         let noise = block.noise.as_ref().map(|noise| &noise.column_variance).filter(|noise| noise.len() == n);
         let mut lacking = Self {
             noise_variance: block.noise.as_ref().map_or(f64::NAN, BlockNoise::mean_variance),
-            all_on: vec![0.0; m],
             column_noise: noise
                 .map_or(vec![f32::NAN; n], |noise| noise.iter().map(|variance| variance * m as f32).collect()),
             ..Self::default()
         };
+        let sums = sums.unwrap_or_else(|| {
+            let mut all_on = vec![0.0; m];
+            let columns = block.block.entries().chunks_exact(m.max(1));
+            let column_norms = columns.map(|entries| column_sums(entries, &mut all_on)).collect();
+            BlockSums { all_on, column_norms }
+        });
+        lacking.all_on = sums.all_on;
         let mut sparse = whole.sparse.iter().peekable();
         let (mut rest_norms, mut rest) = (Vec::with_capacity(n), vec![0.0; m]);
         for (column, entries) in block.block.entries().chunks_exact(m.max(1)).enumerate() {
-            let norm = column_sums(entries, &mut lacking.all_on);
+            let norm = sums.column_norms[column];
             if sparse.peek().is_none_or(|entry| entry.column.index() != column) {
                 lacking.column_norm.push(norm as f32);
                 lacking.squared_norm += norm;

@@ -197,12 +197,12 @@ impl Packing {
             }
             stop_if_interrupted(&self.path, watch)?;
             let work = make(id, block)?;
-            let candidate = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref());
+            let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref());
             let mut bytes = candidate.to_bytes();
             let candidate_bytes = bytes.len() as u64;
             let projected =
                 self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
-            Lacking::measure(block, &candidate.whole(), projected).append_to(&mut bytes);
+            Lacking::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
             bytes.extend(candidate_bytes.to_le_bytes());
             self.spill.append(id, &bytes)?;
             watch.advance(1, work, work_unit);

@@ -25,7 +25,7 @@ struct Plan {
 const QUICK: Plan = Plan { scenes: &["diffuse"], size: (48, 32), texels: 8, samples: &[16, 64], converged: 1024 };
 
 const FULL: Plan = Plan {
-    scenes: &["diffuse", "reflections", "caustics", "mixed"],
+    scenes: &["diffuse", "reflections", "caustics", "mixed", "environment"],
     size: (96, 64),
     texels: 16,
     samples: &[4, 16, 64, 256],
