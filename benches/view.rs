@@ -20,8 +20,12 @@ use std::time::{Duration, Instant};
 use driver::Driver;
 use eframe::egui::{Pos2, Rect, vec2};
 use ltm::container::ContainerReader;
+use ltm::image::ToneMapping;
+use ltm::light::Lighting;
 use ltm::matrix::FactorSource;
+use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
+use ltm::view::display::{CURVES, Display};
 
 const FRAME: Duration = Duration::from_micros(16_667);
 /// Movements that are measured one by one, and frames of one long drag.
@@ -100,6 +104,19 @@ fn measure(path: &Path) {
         "  during a drag of {DRAG_FRAMES} frames: {rate:.1} pictures a second; stated error {:.2e}",
         error(&reader)
     );
+    let relighter = CpuRelighter::load(&reader).expect("factors");
+    let image = relighter.relight(&Lighting::of_scene(&reader.job().basis)).expect("an image");
+    for (curve, name) in CURVES {
+        let display = Display { tone: ToneMapping { curve, ..Default::default() }, false_colour: false };
+        let mut millis: Vec<f64> = (0..MOVES)
+            .map(|_| {
+                let begun = Instant::now();
+                std::hint::black_box(display.show(&image));
+                begun.elapsed().as_secs_f64() * 1e3
+            })
+            .collect();
+        println!("  radiance to colours and histogram, {name}: {:.2} ms median", percentile(&mut millis, 0.5));
+    }
 }
 
 /// A place on the fader, in parts of its half from the middle.
