@@ -6,6 +6,11 @@
 //! one. How far a component may be averaged is asked of itself, pixel by pixel: of a few window sizes the one with the
 //! least estimated risk ‖W u − u‖² + 2 Σ σᵢ² Wᵢᵢ (Stein 1981; Mallows' C_p for a linear smoother). The noise `σᵢ` of a
 //! component is known from the two half-sample estimates, so that at many samples nothing is averaged.
+//!
+//! What it does not mend: each block has its own components, and the noise that is left in them is a tone of the whole
+//! block. At 16 samples below caustics (96 × 64 pixels, 256 columns, 4,096 samples as truth) smooth lightings come 2 to 3 dB
+//! nearer and yet show seams of blocks, which ꟻLIP sees more than grain (0.14 to 0.16 → 0.15 to 0.19), while small spots and
+//! single texels gain in both (22 → 31 dB, 0.42 → 0.30). Components that agree across the edges of blocks would be needed.
 
 use faer::{ColRef, Mat, MatRef};
 
