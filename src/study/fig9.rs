@@ -3,6 +3,7 @@
 use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
 use super::dct;
+use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::Summary;
 use super::rivals::{BlockSvd, Packed, Ranks, kernel, product};
 use super::table::{Cell, Table};
@@ -10,13 +11,8 @@ use super::{StudyReport, curve};
 use crate::compress::{CompressSettings, Method, Target};
 use crate::error::Result;
 use crate::image::LinearImage;
-use crate::light::{Lighting, evaluation_lightings};
 use crate::matrix::BlockSource;
-use crate::relight::relight_raw;
 use crate::store::StoreReader;
-
-/// Seed of the lightings that images are compared under.
-pub(super) const LIGHTINGS_SEED: u64 = 9;
 
 pub(super) const OURS: &str = "ours (auto)";
 /// Ours without stopping at the noise: follows the matrix as it is.
@@ -126,7 +122,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let total: usize = plan.matrices.iter().map(|m| files(&bench.with_conference(m.scenes))).sum();
     bench.watch.begin("fig9", total as u64, "files");
     for &Matrices { texels, size, scenes } in plan.matrices {
-        let notes = bench.notes(&[METRIC_NOTE, FORMS_NOTE]);
+        let notes = bench.notes(&[METRIC_NOTE, LIGHTINGS_NOTE, FORMS_NOTE]);
         let mut table = Table::new(format!("PSNR against bytes, light of {texels} × {texels}"), notes, COLUMNS);
         let mut panels = (Vec::new(), Vec::new());
         let mut gains = gain_table(bench, texels);
@@ -145,7 +141,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
                 gain_row(&mut gains, &matrix, scene, ours, &points);
             }
         }
-        let caption = bench.caption(&format!("{} spp, blocks of 32 px, mean of 12 lightings", plan.samples));
+        let caption = bench.caption(&format!("{} spp, blocks of 32 px, mean of the lightings", plan.samples));
         report.add_table(&bench.out, &format!("fig9-{texels}"), &table)?;
         report.add_table(&bench.out, &format!("fig9-{texels}-gain"), &gains)?;
         for (panels, name, what) in [(panels.0, "PSNR lin (dB)", "lin"), (panels.1, "PSNR clip (dB)", "clip")] {
@@ -165,9 +161,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
 
 fn measure(bench: &Bench<'_>, plan: &Plan, matrix: &StoreReader) -> Result<Vec<Point>> {
     let shape = matrix.shape();
-    let lightings: Vec<Lighting> =
-        evaluation_lightings(&matrix.job().basis, LIGHTINGS_SEED).into_iter().map(|l| l.1).collect();
-    let references = relight_raw(matrix, &lightings)?;
+    let Judged { lightings, references } = Judged::of(matrix)?;
     let mut points = Vec::new();
     let mut keep = |method, precision, packed: Packed| {
         let summary = Summary::of(&packed.images, &references);

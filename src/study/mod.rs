@@ -13,6 +13,7 @@ mod fig5;
 mod fig6;
 mod fig7;
 mod fig9;
+mod judged;
 mod kernel_nystrom;
 mod large;
 mod machine;

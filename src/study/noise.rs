@@ -3,13 +3,12 @@
 use super::StudyReport;
 use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
-use super::fig9::LIGHTINGS_SEED;
+use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::Summary;
 use super::rivals::product;
 use super::table::Table;
 use crate::compress::{CompressSettings, Method, PriorChoice};
 use crate::error::Result;
-use crate::light::{Lighting, evaluation_lightings};
 use crate::matrix::BlockSource;
 use crate::relight::relight_raw;
 
@@ -37,14 +36,14 @@ const RAW: &str = "raw matrix";
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
     let note = format!(
-        "Images against those of a matrix of {} samples per pixel and another seed, mean over 12 lightings (worst where it \
-says so). Gain: PSNR lin of the packed image over that of the raw matrix it was packed from. Ours: as `ltm-pack` \
+        "Images against those of a matrix of {} samples per pixel and another seed, mean over the lightings (worst \
+where it says so). Gain: PSNR lin of the packed image over that of the raw matrix it was packed from. Ours: as `ltm-pack` \
 chooses by itself. lin: peak = the reference's largest value; clip: exposed to its 95th luminance percentile, clipped.",
         plan.converged
     );
     let mut table = Table::new(
         "Error against a converged reference, before and after compression",
-        bench.notes(&[&note]),
+        bench.notes(&[&note, LIGHTINGS_NOTE]),
         &[
             ("scene", 0),
             ("samples_per_px", 0),
@@ -77,9 +76,7 @@ chooses by itself. lin: peak = the reference's largest value; clip: exposed to i
         let wanted =
             Wanted { scene, size: plan.size, texels: plan.texels, samples: plan.converged, seed: 1, block_side: 32 };
         let converged = bench.matrix(wanted)?;
-        let lightings: Vec<Lighting> =
-            evaluation_lightings(&converged.job().basis, LIGHTINGS_SEED).into_iter().map(|l| l.1).collect();
-        let references = relight_raw(&converged, &lightings)?;
+        let Judged { lightings, references } = Judged::of(&converged)?;
         let mut lines: Vec<Line> = std::iter::once(RAW)
             .chain(methods.iter().map(|m| m.0))
             .map(|name| Line { name: name.into(), points: Vec::new() })

@@ -4,14 +4,14 @@ use std::time::Instant;
 
 use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
-use super::fig9::LIGHTINGS_SEED;
+use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::{Measured, Summary};
 use super::table::{Cell, Table};
 use super::{StudyReport, mitsuba};
 use crate::container::ContainerReader;
 use crate::error::Result;
 use crate::image::LinearImage;
-use crate::light::{Lighting, evaluation_lightings};
+use crate::light::Lighting;
 use crate::matrix::{BlockSource, MatrixShape};
 use crate::pipeline::{self, PackOptions, RenderOptions};
 use crate::relight::{CpuRelighter, relight_raw};
@@ -61,14 +61,14 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let Plan { scene, size, texels, converged, .. } = *plan;
     let note = format!(
         "Errors against a matrix of {converged} samples per pixel and another seed. Prepare: from the scene to when relighting can \
-begin. Relight: mean of 12 lightings, CPU. {AGAIN}: the same tracer with the light as one column, all on, without storing \
+begin. Relight: mean of the lightings, CPU. {AGAIN}: the same tracer with the light as one column, all on, without storing \
 anything; each of the columns by itself would take columns times as long. Pays off: relights from which on preparing has been \
 worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     );
     bench.watch.begin("speed", plan.samples.len() as u64, "sample counts");
     let wanted = Wanted { scene, size, texels, samples: converged, seed: 1, block_side: 32 };
     let again_there = rendered_again(bench, wanted, plan.samples)?;
-    let mut notes = bench.notes(&[&note]);
+    let mut notes = bench.notes(&[&note, LIGHTINGS_NOTE]);
     notes.extend(again_there.left_out);
     let mut table = Table::new(
         "Seconds from the scene to relit images",
@@ -93,9 +93,7 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     );
     let reference = bench.matrix(wanted)?;
     let shape = reference.shape();
-    let lightings: Vec<Lighting> =
-        evaluation_lightings(&reference.job().basis, LIGHTINGS_SEED).into_iter().map(|l| l.1).collect();
-    let references = relight_raw(&reference, &lightings)?;
+    let Judged { lightings, references } = Judged::of(&reference)?;
     let mut last = Vec::new();
     let mut error_lines: Vec<Line> = Vec::new();
     for &samples in plan.samples {
