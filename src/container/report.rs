@@ -65,20 +65,3 @@ pub struct LightErrors {
     /// … and in that of the worst.
     pub noise_worst: f32,
 }
-
-impl Default for LightErrors {
-    /// Nothing known.
-    fn default() -> Self {
-        let unknown = f32::NAN;
-        Self {
-            prior: unknown,
-            all_on: unknown,
-            random: unknown,
-            single_mean: unknown,
-            single_worst: unknown,
-            worst_column: 0,
-            noise_mean: unknown,
-            noise_worst: unknown,
-        }
-    }
-}

@@ -21,6 +21,9 @@ use crate::error::{Error, Result};
 use crate::light::Job;
 use crate::matrix::{BlockId, FactoredBlock};
 
+/// Of [`LightErrors`] in the file at most: 33 bytes that zstd may not make shorter, and its words for a second kind of data.
+const LIGHT_ERRORS_BYTES: u64 = 48;
+
 /// How a container is to be written.
 #[derive(Clone, Debug, Default)]
 pub struct ContainerOptions {
@@ -187,8 +190,7 @@ impl ContainerWriter {
 
     /// Bytes at most of the finished file beside its chunks, if all blocks together have so many layers.
     pub fn overhead_bytes(&self, layers: u64) -> u64 {
-        let errors = self.light_errors.unwrap_or_default();
-        let metadata = metadata::encode(&self.job, &self.options.report, Some(&errors)).len() as u64;
+        let metadata = metadata::encode(&self.job, &self.options.report, None).len() as u64 + LIGHT_ERRORS_BYTES;
         let blocks = u64::from(self.job.shape.block_count());
         let records = blocks * BLOCK_RECORD_BYTES as u64 + layers * LAYER_RECORD_BYTES as u64;
         (HEADER_BYTES + TRAILER_BYTES) as u64 + metadata + records
