@@ -41,7 +41,7 @@ pub struct PackOptions {
 }
 
 /// What a pack did.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct PackReport {
     /// Wall-clock seconds.
     pub seconds: f64,
