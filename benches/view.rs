@@ -2,7 +2,8 @@
 //! beside it.
 //!
 //! `cargo bench --features view --bench view` measures rooms that it traces itself, kept without loss but for the
-//! container's rounding; `LTM_VIEW_CONTAINER=FILE.ltc` measures another. The window is laid out in full sixty times a
+//! container's rounding; `LTM_VIEW_CONTAINER=FILE.ltc` measures another. With `LTM_VIEW_DEVICE=1` the device relights
+//! that would draw the window, whatever it is, and shows the pictures. The window is laid out in full sixty times a
 //! second, as a display would ask for it; putting its triangles on the screen is not part of the time.
 
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
@@ -23,7 +24,7 @@ use ltm::container::ContainerReader;
 use ltm::image::ToneMapping;
 use ltm::light::Lighting;
 use ltm::matrix::FactorSource;
-use ltm::relight::CpuRelighter;
+use ltm::relight::{CpuRelighter, GpuRelighter, GpuScreen};
 use ltm::scene::BuiltIn;
 use ltm::view::display::{CURVES, Display};
 
@@ -50,18 +51,21 @@ fn measure(path: &Path) {
     let reader = ContainerReader::open(path).expect("a container");
     let (shape, light) = (reader.shape(), reader.job().basis.lights()[0].name.clone());
     let ranks: usize = shape.blocks().map(|id| reader.rank(id)).sum();
-    let mut driver = Driver::open(path);
+    let mut driver = match std::env::var_os("LTM_VIEW_DEVICE") {
+        Some(_) => Driver::open_on_device(path),
+        None => Driver::open(path),
+    };
     let fader = driver.find(&format!("{light}, stops"));
     let (mut frames, mut millis) = (Vec::new(), Vec::new());
     driver.press(at(fader, 0.0));
     driver.settle();
     for step in 0..MOVES {
-        let before = driver.picture();
+        let before = driver.pictures();
         let begun = Instant::now();
         let mut tick = Tick::new();
         driver.move_to(at(fader, 0.1 + 0.3 * (step % 7) as f32));
         let mut count = 0;
-        while driver.picture() == before {
+        while driver.pictures() == before {
             tick.wait();
             driver.frame(Vec::new());
             count += 1;
@@ -71,13 +75,13 @@ fn measure(path: &Path) {
         driver.settle();
     }
     let mut pictures = 0;
-    let mut last = driver.picture();
+    let mut last = driver.pictures();
     let begun = Instant::now();
     let mut tick = Tick::new();
     for frame in 0..DRAG_FRAMES {
         driver.move_to(at(fader, (frame as f32 * 0.05).sin()));
         tick.wait();
-        let now = driver.picture();
+        let now = driver.pictures();
         pictures += usize::from(now != last);
         last = now;
     }
@@ -106,17 +110,43 @@ fn measure(path: &Path) {
     );
     let relighter = CpuRelighter::load(&reader).expect("factors");
     let image = relighter.relight(&Lighting::of_scene(&reader.job().basis)).expect("an image");
+    if std::env::var_os("LTM_VIEW_DEVICE").is_some() {
+        measure_device(&reader);
+    }
     for (curve, name) in CURVES {
         let display = Display { tone: ToneMapping { curve, ..Default::default() }, false_colour: false };
-        let mut millis: Vec<f64> = (0..MOVES)
-            .map(|_| {
-                let begun = Instant::now();
-                std::hint::black_box(display.show(&image));
-                begun.elapsed().as_secs_f64() * 1e3
-            })
-            .collect();
-        println!("  radiance to colours and histogram, {name}: {:.2} ms median", percentile(&mut millis, 0.5));
+        let millis = median_millis(|| drop(std::hint::black_box(display.show(&image))));
+        println!("  radiance to colours and histogram, {name}: {millis:.2} ms median");
     }
+}
+
+/// What a picture costs that stays on the device, and one that is read back and shown by the CPU.
+fn measure_device(reader: &ContainerReader) {
+    let lighting = Lighting::of_scene(&reader.job().basis);
+    let screen = GpuScreen::new(GpuRelighter::new(reader).expect("a device")).expect("a screen");
+    let adapter = screen.relighter().adapter();
+    for (curve, name) in CURVES {
+        let display = Display { tone: ToneMapping { curve, ..Default::default() }, false_colour: false };
+        let on_screen = median_millis(|| screen.show(Some(&lighting), display.shown_as()).expect("a picture"));
+        let tone = median_millis(|| screen.show(None, display.shown_as()).expect("a picture"));
+        let read = median_millis(|| {
+            let image = screen.relighter().relight(&lighting).expect("an image");
+            std::hint::black_box(display.show(&image));
+        });
+        println!(
+            "  {adapter}, {name}: relit and in the window's texture {on_screen:.2} ms, of which tones {tone:.2} ms; \
+             relit, read back and shown by the CPU {read:.2} ms (medians)"
+        );
+    }
+}
+
+fn median_millis(mut work: impl FnMut()) -> f64 {
+    let once = |_| {
+        let begun = Instant::now();
+        work();
+        begun.elapsed().as_secs_f64() * 1e3
+    };
+    percentile(&mut (0..MOVES).map(once).collect::<Vec<f64>>(), 0.5)
 }
 
 /// A place on the fader, in parts of its half from the middle.

@@ -24,6 +24,8 @@ struct Block {
     pixels: u32,
     // First pixel of the block in `image`, whose pixels stand block after block.
     first_pixel: u32,
+    // Number of the block in the picture's grid.
+    id: u32,
 }
 
 struct SparseRow {
@@ -41,6 +43,12 @@ struct SparseEntry {
 struct Tone {
     // What each channel is multiplied by: exposure and white balance.
     gain: vec3<f32>,
-    // 0 none, 1 AgX, 2 filmic, 3 neutral.
+    // 0 none, 1 AgX, 2 filmic, 3 neutral, 4 false colour.
     curve: u32,
+    // Width of the picture and side of its blocks, in pixels.
+    width: u32,
+    side: u32,
+    // Where false colours begin, and over how much they go, in stops.
+    low_stops: f32,
+    range_stops: f32,
 }

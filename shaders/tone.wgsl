@@ -1,9 +1,10 @@
-// From linear radiance to 8 bits of sRGB; twin of src/image/tone.rs.
-// One thread for each pixel, which is packed as red, green, blue and 255 from the lowest byte up.
+// From linear radiance to 8 bits of sRGB, or to false colours; twin of src/image/tone.rs.
+// One thread for each pixel of a block.
 
 @group(0) @binding(0) var<uniform> tone_mapping: Tone;
-@group(0) @binding(1) var<storage, read> image: array<f32>;
-@group(0) @binding(2) var<storage, read_write> shown: array<u32>;
+@group(0) @binding(1) var<storage, read> blocks: array<Block>;
+@group(0) @binding(2) var<storage, read> image: array<f32>;
+@group(0) @binding(3) var screen: texture_storage_2d<rgba8unorm, write>;
 
 fn encode_srgb(linear: vec3<f32>) -> vec3<f32> {
     let v = clamp(linear, vec3<f32>(0.0), vec3<f32>(1.0));
@@ -43,16 +44,43 @@ fn neutral(linear: vec3<f32>) -> vec3<f32> {
     return color * (new_peak / peak) * (1.0 - mixed) + vec3<f32>(new_peak * mixed);
 }
 
+// From black over blue, green and red to white, sRGB-encoded.
+fn false_colour(radiance: vec3<f32>) -> vec3<f32> {
+    var colours = array<vec3<f32>, 7>(
+        vec3<f32>(0.0, 0.0, 0.0),
+        vec3<f32>(0.05, 0.0, 0.5),
+        vec3<f32>(0.0, 0.4, 0.9),
+        vec3<f32>(0.0, 0.7, 0.2),
+        vec3<f32>(0.9, 0.8, 0.0),
+        vec3<f32>(0.9, 0.1, 0.0),
+        vec3<f32>(1.0, 1.0, 1.0));
+    let luminance = dot(radiance, vec3<f32>(0.2126, 0.7152, 0.0722));
+    let stops = log2(max(luminance, exp2(tone_mapping.low_stops))) - tone_mapping.low_stops;
+    let at = clamp(stops / tone_mapping.range_stops, 0.0, 1.0) * 6.0;
+    let step = min(u32(at), 5u);
+    return encode_srgb(mix(colours[step], colours[step + 1u], at - f32(step)));
+}
+
 @compute @workgroup_size(THREADS)
 fn tone(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let pixel = (group.x + group.y * groups.x) * THREADS + thread;
-    if pixel >= arrayLength(&shown) {
+    let index = group.y + group.z * groups.y;
+    if index >= arrayLength(&blocks) {
         return;
     }
+    let block = blocks[index];
+    let inside = group.x * THREADS + thread;
+    if inside >= block.pixels {
+        return;
+    }
+    let side = tone_mapping.side;
+    let across = (tone_mapping.width + side - 1u) / side;
+    let corner = side * vec2<u32>(block.id % across, block.id / across);
+    let width = min(side, tone_mapping.width - corner.x);
+    let pixel = block.first_pixel + inside;
     let radiance = vec3<f32>(image[3u * pixel], image[3u * pixel + 1u], image[3u * pixel + 2u]);
     let linear = max(radiance * tone_mapping.gain, vec3<f32>(0.0));
     var display: vec3<f32>;
@@ -66,10 +94,12 @@ fn tone(
         case 3u: {
             display = encode_srgb(neutral(linear));
         }
+        case 4u: {
+            display = false_colour(radiance);
+        }
         default: {
             display = encode_srgb(linear);
         }
     }
-    let bytes = vec3<u32>(display * 255.0 + 0.5);
-    shown[pixel] = bytes.x | bytes.y << 8u | bytes.z << 16u | 255u << 24u;
+    textureStore(screen, corner + vec2<u32>(inside % width, inside / width), vec4<f32>(display, 1.0));
 }

@@ -2,14 +2,19 @@
 //! `LTM_REQUIRE_GPU=1` demands one.
 
 mod relight_source;
+#[path = "relight_source/texels.rs"]
+mod texels;
 
 use libtest_mimic::{Arguments, Trial};
 use ltm::error::Error;
-use ltm::image::{LinearImage, ToneCurve, ToneMapping};
+use ltm::image::{LinearImage, ToneCurve, ToneMapping, false_colour};
 use ltm::light::Lighting;
 use ltm::matrix::BlockId;
-use ltm::relight::{CpuRelighter, Detail, GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter};
+use ltm::relight::{
+    CpuRelighter, Detail, GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, PagedRelighter, ShownAs,
+};
 use relight_source::{MemoryFactors, Recipe, hard_shapes, largest_difference, random_lighting};
+use texels::texels;
 
 /// Both add the same f32 products in another order: with some thousand columns and a few dozen components of uneven
 /// sign, 2⁻²⁴ each, the sum stays within 2⁻¹⁷ of the largest pixel.
@@ -81,23 +86,48 @@ fn with_and_without_subgroups_it_is_the_same() {
     }
 }
 
-fn the_shown_image_is_the_twins_to_one_step_of_256() {
-    let source = Recipe::new((70, 50), 16, 20, &[3]).sparse(10).make();
-    let gpu = GpuRelighter::new(&source).unwrap();
-    let lighting = random_lighting(20, 1);
-    let image = gpu.relight(&lighting).unwrap();
-    for curve in [ToneCurve::None, ToneCurve::Agx, ToneCurve::Filmic, ToneCurve::Neutral] {
-        for exposure_stops in [-6.0, -1.0, 2.0] {
-            for white_kelvin in [None, Some(3200.0)] {
-                let tone = ToneMapping { curve, exposure_stops, white_kelvin };
-                let shown = gpu.relight_shown(&lighting, tone).unwrap();
-                for (i, (gpu, cpu)) in shown.iter().zip(tone.bytes(&image)).enumerate() {
-                    // The device's powers and logarithms differ from ours by some units of the last place, which can
-                    // move a value over the edge between two steps.
-                    let near = gpu.iter().zip(cpu).all(|(gpu, cpu)| gpu.abs_diff(cpu) <= 1);
-                    assert!(near && gpu[3] == 255, "{tone:?}, pixel {i}: {gpu:?} for {cpu:?}");
+fn the_screen_shows_what_the_twin_does_to_one_step_of_256() {
+    // Ragged edges, several banks, and a hole.
+    let mut source = Recipe::new((70, 50), 16, 20, &[3]).sparse(10).make();
+    source.damaged.insert((4, 0));
+    let (device, queue) = device_of_ones_own();
+    let settings = GpuSettings { binding_bytes: 12_000, ..Default::default() };
+    let gpu = GpuRelighter::on_device(device.clone(), queue.clone(), &source, settings).unwrap();
+    assert!(gpu.bank_count() > 2, "{}", gpu.bank_count());
+    let screen = GpuScreen::new(gpu).unwrap();
+    let holes = ToneMapping::default().bytes(&screen.relighter().radiance().unwrap());
+    let near = |shown_as: ShownAs, twin: Vec<[u8; 3]>| {
+        let shown = texels(&device, &queue, screen.texture());
+        for (i, (gpu, mut cpu)) in shown.iter().zip(twin).enumerate() {
+            // A hole is no picture that could be exposed.
+            if i / 70 < 16 && i % 70 >= 64 {
+                cpu = holes[i];
+            }
+            // The device's powers and logarithms differ from ours by some units of the last place, which can move a
+            // value over the edge between two steps.
+            let near = gpu.iter().zip(cpu).all(|(gpu, cpu)| gpu.abs_diff(cpu) <= 1);
+            assert!(near && gpu[3] == 255, "{shown_as:?}, pixel {i}: {gpu:?} for {cpu:?}");
+        }
+    };
+    for seed in 0..2 {
+        let lighting = random_lighting(20, seed);
+        let mut relit = Some(&lighting);
+        for curve in [ToneCurve::None, ToneCurve::Agx, ToneCurve::Filmic, ToneCurve::Neutral] {
+            for exposure_stops in [-6.0, -1.0, 2.0] {
+                for white_kelvin in [None, Some(3200.0)] {
+                    let tone = ToneMapping { curve, exposure_stops, white_kelvin };
+                    screen.show(relit.take(), ShownAs::Toned(tone)).unwrap();
+                    let image = screen.relighter().radiance().unwrap();
+                    near(ShownAs::Toned(tone), tone.bytes(&image));
                 }
             }
+        }
+        let image = screen.relighter().radiance().unwrap();
+        assert_eq!(image, screen.relighter().relight(&lighting).unwrap());
+        for (low, high) in [(0.001, 64.0), (0.5, 0.75)] {
+            let shown_as = ShownAs::FalseColour { low, high };
+            screen.show(None, shown_as).unwrap();
+            near(shown_as, ToneMapping::default().bytes(&false_colour(&image, low, high).unwrap()));
         }
     }
 }
@@ -312,8 +342,6 @@ fn on_a_device_that_others_use_it_is_the_same() {
         device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
     };
     other();
-    let tone = ToneMapping { curve: ToneCurve::Agx, exposure_stops: 0.0, white_kelvin: None };
-    assert_eq!(shared.relight_shown(&lighting, tone).unwrap(), own.relight_shown(&lighting, tone).unwrap());
     drop(shared);
     other();
     // A device without the feature has no subgroups to use, whatever is wished for.
@@ -344,7 +372,7 @@ fn main() {
         more_components_than_one_row_of_workgroups_holds,
         damage_shows_as_on_the_cpu,
         with_and_without_subgroups_it_is_the_same,
-        the_shown_image_is_the_twins_to_one_step_of_256,
+        the_screen_shows_what_the_twin_does_to_one_step_of_256,
         what_does_not_fit_is_refused,
         paged_equals_its_twin_in_every_hard_shape,
         what_is_larger_than_its_memory_passes_through,

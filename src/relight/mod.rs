@@ -22,7 +22,7 @@ mod tiles;
 
 pub use compact::CompactBlock;
 pub use cpu::{CpuRelighter, Relit, relight_streaming};
-pub use gpu::{GpuRelighter, GpuSettings, PagedGpuRelighter};
+pub use gpu::{GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, ShownAs};
 pub use paged::{PagedRelighter, Reads};
 pub use pager::{Admission, Detail, Pager, plan};
 pub use raw::relight_raw;

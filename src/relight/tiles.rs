@@ -6,14 +6,14 @@ use crate::image::LinearImage;
 use crate::matrix::{BlockId, CHANNELS, MatrixShape};
 
 /// The pixels of one block inside an image: one slice for each pixel row.
-pub(crate) struct Tile<'a, P = [f32; CHANNELS]> {
+pub(crate) struct Tile<'a> {
     pub id: BlockId,
-    rows: Vec<&'a mut [P]>,
+    rows: Vec<&'a mut [[f32; CHANNELS]]>,
 }
 
-impl<P: Copy> Tile<'_, P> {
+impl Tile<'_> {
     /// Sets the pixels from those of the block, row by row; there may be more than it has.
-    pub(crate) fn copy(&mut self, mut pixels: &[P]) {
+    pub(crate) fn copy(&mut self, mut pixels: &[[f32; CHANNELS]]) {
         for row in &mut self.rows {
             let (these, rest) = pixels.split_at(row.len());
             row.copy_from_slice(these);
@@ -21,17 +21,6 @@ impl<P: Copy> Tile<'_, P> {
         }
     }
 
-    /// Paints the block with stripes.
-    pub(crate) fn mark(&mut self, one: P, other: P) {
-        for (y, row) in self.rows.iter_mut().enumerate() {
-            for (x, pixel) in row.iter_mut().enumerate() {
-                *pixel = if (x + y) % 8 < 4 { one } else { other };
-            }
-        }
-    }
-}
-
-impl Tile<'_> {
     /// Sets the pixels from the rows of the block, channel-planar.
     #[inline(always)]
     pub(crate) fn set(&mut self, planes: &[f32]) {
@@ -51,7 +40,11 @@ impl Tile<'_> {
 
     /// Paints the block with stripes that no relit image shows: nothing of it could be read.
     pub(crate) fn mark_as_hole(&mut self) {
-        self.mark([1.0, 0.0, 1.0], [0.0; CHANNELS]);
+        for (y, row) in self.rows.iter_mut().enumerate() {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                *pixel = if (x + y) % 8 < 4 { [1.0, 0.0, 1.0] } else { [0.0; CHANNELS] };
+            }
+        }
     }
 
     /// Sets the block black.
@@ -67,21 +60,12 @@ pub(crate) fn for_each_tile<E: Send>(
     work: impl Fn(Tile) -> Result<(), E> + Sync,
 ) -> Result<(), E> {
     assert_eq!((image.width, image.height), (shape.width(), shape.height()));
-    for_each_tile_of(&mut image.pixels, shape, work)
-}
-
-/// As [`for_each_tile`], on pixels of any kind, row by row.
-pub(crate) fn for_each_tile_of<P: Send, E: Send>(
-    pixels: &mut [P],
-    shape: MatrixShape,
-    work: impl Fn(Tile<P>) -> Result<(), E> + Sync,
-) -> Result<(), E> {
     let (width, side) = (shape.width() as usize, shape.block_side() as usize);
-    let bands = pixels.par_chunks_mut(width * side).enumerate();
+    let bands = image.pixels.par_chunks_mut(width * side).enumerate();
     bands.try_for_each(|(down, band)| {
         let across = shape.blocks_across();
         let ids = (0..across).map(|x| BlockId(down as u32 * across + x));
-        let mut tiles: Vec<Tile<P>> = ids.map(|id| Tile { id, rows: Vec::with_capacity(side) }).collect();
+        let mut tiles: Vec<Tile> = ids.map(|id| Tile { id, rows: Vec::with_capacity(side) }).collect();
         for row in band.chunks_mut(width) {
             for (tile, part) in tiles.iter_mut().zip(row.chunks_mut(side)) {
                 tile.rows.push(part);

@@ -5,15 +5,17 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
+use super::device_desk::OnDevice;
+use super::display::{Display, Shown};
 use super::metered::Metered;
 use super::reach::{per_light, pixel_rows};
-use super::worker::{Event, Outbox, Picture, Progress, Request, Shared, SharedDevice, Wishes};
+use super::worker::{Event, Outbox, Picture, Progress, Request, Seen, Shared, SharedDevice, Wishes};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape};
-use crate::relight::{CpuRelighter, GpuRelighter, GpuSettings, Relit};
+use crate::relight::{CpuRelighter, Relit};
 
 /// A changed lighting is applied column by column while fewer than one in this many columns change: a column of `R` is
 /// gathered entry by entry, some ten times dearer than in a pass over all of it.
@@ -29,16 +31,18 @@ pub(super) struct Desk {
     source: Arc<ContainerReader>,
     pub(super) shared: Arc<Shared>,
     pub(super) outbox: Outbox,
-    gpu: Option<GpuRelighter>,
+    pub(super) device: Option<OnDevice>,
     kept: Option<Kept>,
+    /// The compared picture, how it was shown, and as what.
+    compared: Option<(Arc<LinearImage>, Display, Arc<Shown>)>,
     /// The request of the newest picture, to show it again when more has streamed in.
-    last: Option<Request>,
+    pub(super) last: Option<Request>,
 }
 
 struct Kept {
     lighting: Arc<Lighting>,
-    /// What the CPU keeps to change a few columns; none where the GPU relights.
-    relit: Option<Relit>,
+    /// What the CPU keeps to change a few columns.
+    relit: Relit,
     image: Arc<LinearImage>,
 }
 
@@ -78,7 +82,7 @@ impl Pace {
 
 impl Desk {
     pub(super) fn new(source: Arc<ContainerReader>, shared: Arc<Shared>, outbox: Outbox) -> Self {
-        Self { source, shared, outbox, gpu: None, kept: None, last: None }
+        Self { source, shared, outbox, device: None, kept: None, compared: None, last: None }
     }
 
     /// Loads base layers, then everything, on `device` too if there is one; then serves wishes until the stop.
@@ -90,9 +94,9 @@ impl Desk {
     ) -> Result<()> {
         let mut whole = Some(Arc::new(self.load(metered, ids)?));
         let damage = whole.as_ref().map_or(Vec::new(), |whole| whole.damage().to_vec());
-        if let Some(SharedDevice { device, queue }) = device {
-            match GpuRelighter::on_device(device, queue, metered, GpuSettings::default()) {
-                Ok(gpu) => (self.gpu, whole) = (Some(gpu), None),
+        if let Some(device) = device {
+            match OnDevice::load(device, metered) {
+                Ok(device) => (self.device, whole) = (Some(device), None),
                 Err(error @ Error::Interrupted(_)) => return Err(error),
                 Err(error) => self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU"))),
             }
@@ -114,7 +118,7 @@ impl Desk {
             if let Some(pixel) = wishes.pixel {
                 self.look_at(metered, pixel);
             }
-            match self.shared.wait() {
+            match self.next_wishes() {
                 Some(newer) => wishes = newer,
                 None => return Ok(()),
             }
@@ -124,25 +128,8 @@ impl Desk {
     /// The picture of all factors: on the device where it has them, else on the CPU, which reads them where the device
     /// has just failed.
     fn make_whole(&mut self, metered: &Metered, whole: &mut Option<Arc<CpuRelighter>>, request: Request) -> Result<()> {
-        if let Some(gpu) = &self.gpu {
-            let begun = Instant::now();
-            let stands = self.kept.as_ref().filter(|kept| kept.relit.is_none() && kept.lighting == request.lighting);
-            let (relit, is_new) = match stands {
-                Some(kept) => (Ok(kept.image.clone()), false),
-                None => (gpu.relight(&request.lighting).map(Arc::new), true),
-            };
-            match relit {
-                Ok(image) => {
-                    let relight_secs = if is_new { begun.elapsed().as_secs_f64() } else { 0.0 };
-                    self.kept = Some(Kept { lighting: request.lighting.clone(), relit: None, image: image.clone() });
-                    self.show(&request, image, Progress::COMPLETE, (begun, relight_secs));
-                    return Ok(());
-                }
-                Err(error) => {
-                    (self.gpu, self.kept) = (None, None);
-                    self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU")));
-                }
-            }
+        if self.show_on_device(&request) {
+            return Ok(());
         }
         let relighter = match whole {
             Some(relighter) => relighter.clone(),
@@ -160,8 +147,8 @@ impl Desk {
     fn has_loaded(&self, whole: Option<&Arc<CpuRelighter>>) {
         let meter = &self.shared.meter;
         meter.resident_bytes.store(whole.map_or(0, |whole| whole.factor_bytes()), Ordering::Relaxed);
-        meter.device_bytes.store(self.gpu.as_ref().map_or(0, GpuRelighter::resident_bytes), Ordering::Relaxed);
-        let adapter = self.gpu.as_ref().map(GpuRelighter::adapter);
+        meter.device_bytes.store(self.device.as_ref().map_or(0, OnDevice::resident_bytes), Ordering::Relaxed);
+        let adapter = self.device.as_ref().map(OnDevice::adapter);
         self.outbox.send(Event::Loaded { relighter: whole.cloned(), adapter, is_paged: false });
     }
 
@@ -230,18 +217,37 @@ impl Desk {
 
     /// Sends a picture.
     pub(super) fn show(
-        &self,
+        &mut self,
         request: &Request,
         image: Arc<LinearImage>,
         progress: Progress,
-        (begun, relight_secs): (Instant, f64),
+        times: (Instant, f64),
     ) {
         let shown = request.display.show(&image);
-        let compared = request.compared.as_ref().map(|image| request.display.show(image));
-        let total_secs = begun.elapsed().as_secs_f64();
-        let generation = request.generation;
-        let picture = Picture { generation, image, shown, compared, progress, relight_secs, total_secs };
+        self.send(request, Seen::Bytes(shown, image), progress, times);
+    }
+
+    /// Sends a picture that is shown already.
+    pub(super) fn send(
+        &mut self,
+        request: &Request,
+        seen: Seen,
+        progress: Progress,
+        (begun, relight_secs): (Instant, f64),
+    ) {
+        let compared = self.show_compared(request);
+        let (generation, total_secs) = (request.generation, begun.elapsed().as_secs_f64());
+        let picture = Picture { generation, seen, compared, progress, relight_secs, total_secs };
         self.outbox.send(Event::Picture(Box::new(picture)));
+    }
+
+    /// What the picture is compared with, as it is shown; made once as long as both stay the same.
+    fn show_compared(&mut self, request: &Request) -> Option<Arc<Shown>> {
+        let (image, display) = (request.compared.as_ref()?, request.display);
+        let kept = self.compared.as_ref().filter(|(of, shown_as, _)| Arc::ptr_eq(of, image) && *shown_as == display);
+        let shown = kept.map_or_else(|| Arc::new(display.show(image)), |(_, _, shown)| shown.clone());
+        self.compared = Some((image.clone(), display, shown.clone()));
+        Some(shown)
     }
 
     /// Brings the kept picture to a lighting by the cheapest way; says whether there was anything to do.
@@ -258,16 +264,16 @@ impl Desk {
             let few = changes.len() == 1 || changes.len() * FEW_COLUMNS <= lighting.weights().len();
             // What changes leave behind of roundings would show where nothing else is.
             let is_dark = lighting.weights().iter().flatten().all(|v| *v == 0.0);
-            if let (true, Some(relit)) = (few && !is_dark, &mut kept.relit) {
-                relighter.change(relit, &changes)?;
+            if few && !is_dark {
+                relighter.change(&mut kept.relit, &changes)?;
                 kept.lighting = lighting.clone();
-                kept.image = Arc::new(relit.image.clone());
+                kept.image = Arc::new(kept.relit.image.clone());
                 return Ok(true);
             }
         }
         let relit = relighter.relight_kept(lighting)?;
         let image = Arc::new(relit.image.clone());
-        self.kept = Some(Kept { lighting: lighting.clone(), relit: Some(relit), image });
+        self.kept = Some(Kept { lighting: lighting.clone(), relit, image });
         Ok(true)
     }
 

@@ -5,6 +5,7 @@ use std::sync::LazyLock;
 use rayon::prelude::*;
 
 use crate::image::{LinearImage, ToneCurve, ToneMapping, ToneTables, false_colour};
+use crate::relight::ShownAs;
 
 /// White point that is shown where none was chosen, in kelvin: near that of Rec. 709.
 pub const NEUTRAL_KELVIN: f32 = 6500.0;
@@ -74,6 +75,28 @@ impl Display {
         (0.7 / bright).log2().clamp(-24.0, 24.0)
     }
 
+    /// What a device is to do so that it shows what [`show`](Self::show) does.
+    pub fn shown_as(self) -> ShownAs {
+        let (low, high) = self.luminance_range();
+        match self.false_colour {
+            false => ShownAs::Toned(self.tone),
+            true if low > 0.0 && high > low && high.is_finite() => ShownAs::FalseColour { low, high },
+            // Exposures beyond what a float can hold leave no range to colour.
+            true => ShownAs::Toned(ToneMapping::default()),
+        }
+    }
+
+    /// The histogram alone: that of [`Shown`].
+    pub fn histogram(self, image: &LinearImage) -> Vec<[f32; 3]> {
+        let (gains, bins) = (self.tone.gains(), &*BIN_TABLE);
+        let rows = image.pixels.par_chunks((image.width as usize).max(1));
+        let counts = rows.fold(no_counts, |mut counts, row| {
+            row.iter().for_each(|pixel| bins.count(&mut counts, [0, 1, 2].map(|ch: usize| pixel[ch] * gains[ch])));
+            counts
+        });
+        shares(counts.reduce(no_counts, add_counts), image.pixels.len())
+    }
+
     /// The picture as it is shown, on all threads.
     pub fn show(&self, image: &LinearImage) -> Shown {
         let (gains, curve) = (self.tone.gains(), self.tone.curve);
@@ -88,36 +111,36 @@ impl Display {
             .par_chunks_mut((width * 4).max(1))
             .zip(image.pixels.par_chunks(width.max(1)))
             .zip(pixels.par_chunks(width.max(1)))
-            .fold(
-                || vec![[0u32; 3]; BINS],
-                |mut counts, ((row, pixels), coloured)| {
-                    for ((bytes, pixel), colour) in row.chunks_exact_mut(4).zip(pixels).zip(coloured) {
-                        let exposed = [0, 1, 2].map(|ch: usize| pixel[ch] * gains[ch]);
-                        for (channel, value) in exposed.into_iter().enumerate() {
-                            counts[bins.of(value)][channel] += 1;
-                        }
-                        let shown = match self.false_colour {
-                            true => colour.map(|value| tables.srgb(value)),
-                            false => tables.encode(curve, exposed),
-                        };
-                        bytes[..3].copy_from_slice(&shown);
-                    }
-                    counts
-                },
-            )
-            .reduce(
-                || vec![[0; 3]; BINS],
-                |mut sum, counts| {
-                    for (sum, count) in sum.as_flattened_mut().iter_mut().zip(counts.as_flattened()) {
-                        *sum += count;
-                    }
-                    sum
-                },
-            );
-        let pixels = (width * height).max(1) as f32;
-        let histogram = counts.into_iter().map(|bin| bin.map(|count| count as f32 / pixels)).collect();
-        Shown { size: [width, height], rgba, histogram }
+            .fold(no_counts, |mut counts, ((row, pixels), coloured)| {
+                for ((bytes, pixel), colour) in row.chunks_exact_mut(4).zip(pixels).zip(coloured) {
+                    let exposed = [0, 1, 2].map(|ch: usize| pixel[ch] * gains[ch]);
+                    bins.count(&mut counts, exposed);
+                    let shown = match self.false_colour {
+                        true => colour.map(|value| tables.srgb(value)),
+                        false => tables.encode(curve, exposed),
+                    };
+                    bytes[..3].copy_from_slice(&shown);
+                }
+                counts
+            })
+            .reduce(no_counts, add_counts);
+        Shown { size: [width, height], rgba, histogram: shares(counts, width * height) }
     }
+}
+
+fn no_counts() -> Vec<[u32; 3]> {
+    vec![[0; 3]; BINS]
+}
+
+fn add_counts(mut sum: Vec<[u32; 3]>, counts: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
+    for (sum, count) in sum.as_flattened_mut().iter_mut().zip(counts.as_flattened()) {
+        *sum += count;
+    }
+    sum
+}
+
+fn shares(counts: Vec<[u32; 3]>, pixels: usize) -> Vec<[f32; 3]> {
+    counts.into_iter().map(|bin| bin.map(|count| count as f32 / pixels.max(1) as f32)).collect()
 }
 
 /// The bins of the histogram: the stop from a value's exponent, the place within it from a table over the first bits of
@@ -131,6 +154,13 @@ impl Bins {
     fn new() -> Self {
         let part = |i: usize| (1.0 + i as f32 / (1 << Self::BITS) as f32).log2() * Self::PER_STOP as f32;
         Self((0..1 << Self::BITS).map(|i| part(i) as u8).collect())
+    }
+
+    /// Counts an exposed pixel.
+    fn count(&self, counts: &mut [[u32; 3]], exposed: [f32; 3]) {
+        for (channel, value) in exposed.into_iter().enumerate() {
+            counts[self.of(value)][channel] += 1;
+        }
     }
 
     /// Bin of a value; all that is not above the least falls into the first, not a number too.
@@ -189,6 +219,7 @@ mod tests {
         for channel in 0..3 {
             assert!((histogram.iter().map(|bin| bin[channel]).sum::<f32>() - 1.0).abs() < 1e-6);
         }
+        assert_eq!(Display::default().histogram(&image), histogram);
         let bins = Bins::new();
         assert!(histogram[bins.of(1.0)][0] > 0.3 && histogram[BINS - 1][1] > 0.3);
         let (low, high) = STOPS_SHOWN;

@@ -5,6 +5,7 @@
 //! and are always built; the window over them needs the feature `view`.
 
 mod desk;
+mod device_desk;
 pub mod display;
 pub mod export;
 pub mod groups;

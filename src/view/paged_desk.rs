@@ -15,8 +15,8 @@ use crate::light::Lighting;
 use crate::matrix::{BlockId, FactorSource};
 use crate::relight::{Detail, GpuSettings, PagedGpuRelighter, PagedRelighter};
 
-/// Pixels on the device take this much beside their factors: radiance, bytes as they are shown, and a copy to be read.
-const DEVICE_PIXEL_BYTES: u64 = 28;
+/// Pixels on the device take this much beside their factors: radiance, and a copy to be read.
+const DEVICE_PIXEL_BYTES: u64 = 24;
 
 /// Where blocks are held and relit.
 enum Holder<'a> {

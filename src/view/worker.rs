@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use super::desk::Desk;
 use super::display::{Display, Shown};
@@ -58,18 +59,26 @@ pub struct Request {
 pub struct Picture {
     /// The request's.
     pub generation: u64,
-    /// Linear radiance.
-    pub image: Arc<LinearImage>,
-    /// As it is shown.
-    pub shown: Shown,
-    /// The compared picture, as it is shown.
-    pub compared: Option<Shown>,
+    /// The picture as it is shown.
+    pub seen: Seen,
+    /// The compared picture, as it is shown; the same as before where neither it nor its display has changed.
+    pub compared: Option<Arc<Shown>>,
     /// What of the container is in it.
     pub progress: Progress,
-    /// Time of relighting alone; 0 where the lighting had not changed.
+    /// Time of relighting alone, where it is shown on the device with the display; 0 where the lighting had not changed.
     pub relight_secs: f64,
     /// Time from taking the request to the finished picture.
     pub total_secs: f64,
+}
+
+/// Where a picture is.
+#[derive(Clone, Debug)]
+pub enum Seen {
+    /// In the memory of the CPU, with its linear radiance.
+    Bytes(Shown, Arc<LinearImage>),
+    /// On the device, in a texture that stays the same for all pictures. Its values follow as [`Event::Values`], once
+    /// nothing newer is wished for.
+    Texture(wgpu::Texture),
 }
 
 /// How much of the container is resident: base layers of all blocks come first, then all their layers.
@@ -118,6 +127,15 @@ pub enum Brought {
 pub enum Event {
     /// A picture.
     Picture(Box<Picture>),
+    /// The values of a picture that was shown on the device.
+    Values {
+        /// The picture's.
+        generation: u64,
+        /// Linear radiance.
+        image: Arc<LinearImage>,
+        /// As in [`Shown`].
+        histogram: Vec<[f32; 3]>,
+    },
     /// What can be resident is.
     Loaded {
         /// All factors in the CPU's memory, where they fit and the CPU relights.
@@ -150,6 +168,12 @@ pub(super) struct Wishes {
     pub(super) pixel: Option<[u32; 2]>,
 }
 
+impl Wishes {
+    pub(super) fn is_empty(&self) -> bool {
+        self.picture.is_none() && self.pixel.is_none()
+    }
+}
+
 /// What the window and its worker share.
 #[derive(Default)]
 pub(super) struct Shared {
@@ -172,9 +196,18 @@ impl Shared {
     /// Waits for wishes and takes them; none after the stop.
     pub(super) fn wait(&self) -> Option<Wishes> {
         let mut wishes = self.wishes();
-        while !self.stopped() && wishes.picture.is_none() && wishes.pixel.is_none() {
+        while !self.stopped() && wishes.is_empty() {
             wishes = self.woken.wait(wishes).unwrap_or_else(|poisoned| poisoned.into_inner());
         }
+        (!self.stopped()).then(|| std::mem::take(&mut *wishes))
+    }
+
+    /// As [`wait`](Self::wait), for some time at most; then there may be none.
+    pub(super) fn wait_at_most(&self, time: Duration) -> Option<Wishes> {
+        let wishes = self.wishes();
+        let is_idle = |wishes: &mut Wishes| !self.stopped() && wishes.is_empty();
+        let waited = self.woken.wait_timeout_while(wishes, time, is_idle);
+        let mut wishes = waited.unwrap_or_else(|poisoned| poisoned.into_inner()).0;
         (!self.stopped()).then(|| std::mem::take(&mut *wishes))
     }
 }

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, Rect, accesskit};
+use eframe::egui_wgpu::{RenderState, RendererOptions, WgpuConfiguration};
 use ltm::view::{App, WindowOptions};
 
 /// Size of the window, in points, where a test does not ask for another.
@@ -37,11 +38,26 @@ impl Driver {
         Self::open_with(WindowOptions { path: Some(path.to_owned()), ..Default::default() }, SIZE)
     }
 
+    /// Opens a container that the device relights which would draw the window, and waits for its picture.
+    pub(crate) fn open_on_device(path: &Path) -> Self {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        let instance = wgpu::Instance::new(descriptor);
+        let (configuration, options) = (WgpuConfiguration::default(), RendererOptions::default());
+        let state = pollster::block_on(RenderState::create(&configuration, &instance, None, options)).unwrap();
+        let options = WindowOptions { path: Some(path.to_owned()), ..Default::default() };
+        Self::open_drawn_by(Some(state), options, SIZE)
+    }
+
     /// Opens a window of some size, in points, and waits for its picture.
     pub(crate) fn open_with(options: WindowOptions, size: egui::Vec2) -> Self {
+        Self::open_drawn_by(None, options, size)
+    }
+
+    fn open_drawn_by(state: Option<RenderState>, options: WindowOptions, size: egui::Vec2) -> Self {
         let context = egui::Context::default();
         context.enable_accesskit();
-        let app = App::new(&context, options, None, Arc::new(Mutex::new(None)));
+        let app = App::new(&context, options, state, Arc::new(Mutex::new(None)));
         let mut driver = Self {
             context,
             app,
@@ -107,6 +123,11 @@ impl Driver {
             std::thread::sleep(Duration::from_millis(2));
             self.frame(Vec::new());
         }
+    }
+
+    /// Pictures that have come so far.
+    pub(crate) fn pictures(&self) -> u64 {
+        self.app.pictures()
     }
 
     /// The picture's bytes, RGBA.

@@ -25,6 +25,7 @@ pub(super) struct Block {
     component_count: u32,
     pixels: u32,
     first_pixel: u32,
+    id: u32,
 }
 
 /// One row with sparse entries, as in `shaders/layout.wgsl`.
@@ -130,8 +131,8 @@ impl Lengths {
 
     /// Bytes of GPU memory at most, what the kernels make included.
     pub(super) fn bytes(self) -> u64 {
-        // Each pixel has its radiance, the copy that is read back, and what is shown.
-        let pixel_bytes = 2 * size_of::<[f32; CHANNELS]>() + size_of::<u32>();
+        // Each pixel has its radiance and the copy that is read back.
+        let pixel_bytes = 2 * size_of::<[f32; CHANNELS]>();
         let bytes = size_of::<u32>() * self.factor_words
             + self.components * (size_of::<Component>() + size_of::<[f32; CHANNELS]>())
             + size_of::<Block>() * self.blocks
@@ -182,6 +183,7 @@ impl Bank {
             component_count: block.rank() as u32,
             pixels,
             first_pixel: self.pixels,
+            id: id.0,
         });
         self.ids.push((id, self.pixels));
         self.pixels += pixels;
@@ -237,14 +239,14 @@ impl Bank {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS, THREADS};
-    use super::super::resident::Tone;
+    use super::super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS, THREADS, TONE};
+    use super::super::screen::Tone;
     use super::*;
     use std::mem::offset_of;
     use wgpu::naga;
 
     fn all_kernels() -> impl Iterator<Item = Kernel> {
-        KERNELS.into_iter().chain([PROJECT_SUBGROUPS])
+        KERNELS.into_iter().chain([PROJECT_SUBGROUPS, TONE])
     }
 
     /// Offsets of the members of a struct in a shader, and its size.
@@ -269,10 +271,10 @@ mod tests {
         let ours = [
             layout!(Sizes: columns, components, blocks, sparse_rows),
             layout!(Component: right_word, left_word, narrow, scale),
-            layout!(Block: first_component, component_count, pixels, first_pixel),
+            layout!(Block: first_component, component_count, pixels, first_pixel, id),
             layout!(SparseRow: target_index, first, end),
             layout!(SparseEntry: column, value),
-            layout!(Tone: gain, curve),
+            layout!(Tone: gain, curve, width, side, low_stops, range_stops),
         ];
         for (name, fields, size) in ours {
             let found: Vec<_> = all_kernels().filter_map(|kernel| members(kernel.source, name)).collect();

@@ -88,16 +88,21 @@ impl Gpu {
         }
     }
 
-    /// Waits until everything submitted is done.
-    pub(super) fn wait(&self) -> Result<()> {
+    /// Waits until a submission is done, and what was to be mapped after it is.
+    pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<()> {
+        // Others may use the queue too: what they have submitted since is not waited for.
+        self.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None })
+    }
+
+    fn poll(&self, until: wgpu::PollType) -> Result<()> {
         self.device
-            .poll(wgpu::PollType::wait_indefinitely())
+            .poll(until)
             .map_err(|e| Error::NoGpu(format!("{} stopped answering ({})", self.adapter.name, line(&e))))?;
         self.check()
     }
 }
 
-fn compile(device: &wgpu::Device, kernel: &Kernel) -> wgpu::ComputePipeline {
+pub(super) fn compile(device: &wgpu::Device, kernel: &Kernel) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(kernel.name),
         source: wgpu::ShaderSource::Wgsl(kernel.source.into()),

@@ -19,8 +19,8 @@ macro_rules! wgsl {
     };
 }
 
-/// All kernels, in the order in which they run.
-pub(super) const KERNELS: [Kernel; 4] = [
+/// The kernels that relight, in the order in which they run.
+pub(super) const KERNELS: [Kernel; 3] = [
     Kernel {
         name: "project",
         source: wgsl!("dot.wgsl", "project.wgsl"),
@@ -36,11 +36,11 @@ pub(super) const KERNELS: [Kernel; 4] = [
         source: wgsl!("scatter.wgsl"),
         bindings: &["sizes", "lighting", "rows", "entries", "image"],
     },
-    Kernel { name: "tone", source: wgsl!("tone.wgsl"), bindings: &["tone_mapping", "image", "shown"] },
 ];
 
-/// Place of the kernel that runs only where an image is shown.
-pub(super) const TONE: usize = 3;
+/// Puts what they have made on a screen.
+pub(super) const TONE: Kernel =
+    Kernel { name: "tone", source: wgsl!("tone.wgsl"), bindings: &["tone_mapping", "blocks", "image", "screen"] };
 
 /// Takes the place of the first kernel where the device has subgroups.
 pub(super) const PROJECT_SUBGROUPS: Kernel =

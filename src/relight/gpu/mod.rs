@@ -9,21 +9,23 @@ mod gather;
 mod kernels;
 mod paged;
 mod resident;
+mod screen;
 
 use rayon::prelude::*;
 
 use super::cpu::check_columns;
 use super::damage::read_compact;
-use super::tiles::{for_each_tile, for_each_tile_of};
+use super::tiles::for_each_tile;
 use crate::error::{Error, Result};
-use crate::image::{LinearImage, ToneMapping};
+use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape};
 use bank::{Bank, Lengths};
 use device::Gpu;
-use resident::{Output, ResidentBank, SharedArrays, read_back, run};
+use resident::{ResidentBank, SharedArrays, read_back, relight, submit, submit_copy};
 
 pub use paged::PagedGpuRelighter;
+pub use screen::{GpuScreen, ShownAs};
 
 /// Blocks that are read in parallel before they are packed.
 const BATCH: usize = 64;
@@ -168,8 +170,27 @@ impl GpuRelighter {
     ///
     /// Errors: a lighting with another number of columns than the matrix, and [`Error::NoGpu`] where the device fails.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
-        let pixels = self.read(lighting, None)?;
-        let pixels: Vec<&[[f32; CHANNELS]]> = pixels.iter().map(|words| bytemuck::cast_slice(words)).collect();
+        check_columns(self.shape, lighting)?;
+        self.shared.set(&self.gpu, lighting);
+        let submission = submit(&self.gpu, &self.banks.iter().collect::<Vec<_>>());
+        self.read(submission)
+    }
+
+    /// The image under the lighting of the newest call, read back once more; black before the first.
+    ///
+    /// Errors: [`Error::NoGpu`] where the device fails.
+    pub fn radiance(&self) -> Result<LinearImage> {
+        let encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.read(submit_copy(&self.gpu, encoder, self.banks.iter()))
+    }
+
+    /// What a submission copies, once that is done.
+    fn read(&self, submission: wgpu::SubmissionIndex) -> Result<LinearImage> {
+        self.gpu.wait_for(submission)?;
+        let banks: Vec<&ResidentBank> = self.banks.iter().collect();
+        let mut words: Vec<Vec<u32>> = Vec::with_capacity(banks.len());
+        read_back(&self.gpu, &banks, &mut |_, bytes| words.push(bytemuck::pod_collect_to_vec(bytes)))?;
+        let pixels: Vec<&[[f32; CHANNELS]]> = words.iter().map(|words| bytemuck::cast_slice(words)).collect();
         let mut image = LinearImage::black(self.shape.width(), self.shape.height());
         for_each_tile(&mut image, self.shape, |mut tile| {
             match self.places[tile.id.index()] {
@@ -181,42 +202,20 @@ impl GpuRelighter {
         Ok(image)
     }
 
-    /// The image under `lighting` as it is shown: 8 bits of sRGB and 255 for each pixel, row by row. Reads back a third
-    /// of what [`relight`](Self::relight) does.
-    ///
-    /// Errors: as [`relight`](Self::relight).
-    pub fn relight_shown(&self, lighting: &Lighting, tone: ToneMapping) -> Result<Vec<[u8; 4]>> {
-        let shown = self.read(lighting, Some(tone))?;
-        let shown: Vec<&[[u8; 4]]> = shown.iter().map(|words| bytemuck::cast_slice(words)).collect();
-        let mut pixels = vec![[0, 0, 0, 255]; self.shape.width() as usize * self.shape.height() as usize];
-        for_each_tile_of(&mut pixels, self.shape, |mut tile| {
-            match self.places[tile.id.index()] {
-                Some((bank, first)) => tile.copy(&shown[bank][first as usize..]),
-                None => tile.mark([255, 0, 255, 255], [0, 0, 0, 255]),
-            }
-            Ok::<_, Error>(())
-        })?;
-        Ok(pixels)
-    }
-
     /// Relights and waits, leaving the image in GPU memory: what a display would cost.
     ///
     /// Errors: as [`relight`](Self::relight).
     pub fn relight_resident(&self, lighting: &Lighting) -> Result<()> {
         check_columns(self.shape, lighting)?;
-        self.shared.set(&self.gpu, lighting, None);
-        run(&self.gpu, &self.banks.iter().collect::<Vec<_>>(), Output::Stay)
+        self.shared.set(&self.gpu, lighting);
+        self.run(|pass| relight(&self.gpu, pass, self.banks.iter()))
     }
 
-    /// Runs all banks and reads their images, bank by bank, in words of 32 bits.
-    fn read(&self, lighting: &Lighting, tone: Option<ToneMapping>) -> Result<Vec<Vec<u32>>> {
-        check_columns(self.shape, lighting)?;
-        self.shared.set(&self.gpu, lighting, tone);
-        let banks: Vec<&ResidentBank> = self.banks.iter().collect();
-        run(&self.gpu, &banks, if tone.is_some() { Output::Shown } else { Output::Radiance })?;
-        let mut images = Vec::with_capacity(banks.len());
-        read_back(&self.gpu, &banks, &mut |_, bytes| images.push(bytemuck::pod_collect_to_vec(bytes)))?;
-        Ok(images)
+    /// Runs what one pass is given, and waits.
+    fn run(&self, fill: impl FnOnce(&mut wgpu::ComputePass)) -> Result<()> {
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        fill(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));
+        self.gpu.wait_for(self.gpu.queue.submit([encoder.finish()]))
     }
 }
 

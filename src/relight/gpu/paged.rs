@@ -5,7 +5,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::device::Gpu;
 use super::gather::{Arrived, Gather, Gathered, Limits};
-use super::resident::{Output, ResidentBank, SharedArrays, read_back, submit};
+use super::resident::{ResidentBank, SharedArrays, read_back, submit};
 use super::{GpuSettings, binding_limit, too_large};
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
@@ -145,7 +145,7 @@ impl<'a> PagedGpuRelighter<'a> {
         check_columns(shape, lighting)?;
         check_size(shape, image)?;
         let mut state = self.lock();
-        self.shared.set(&self.gpu, lighting, None);
+        self.shared.set(&self.gpu, lighting);
         let mut seen = HashSet::new();
         let missing: Vec<BlockId> = view
             .iter()
@@ -157,11 +157,11 @@ impl<'a> PagedGpuRelighter<'a> {
         self.look_at(&mut state, &seen, view);
         let mut canvas = Canvas { shape, blocks: HashMap::new() };
         let shown: Vec<BankId> = state.banks_of(&seen).collect();
-        submit(&self.gpu, &shown.iter().map(|bank| &state.banks[bank].bank).collect::<Vec<_>>(), Output::Radiance);
+        let submission = submit(&self.gpu, &shown.iter().map(|bank| &state.banks[bank].bank).collect::<Vec<_>>());
         let mut gather = Gather::new(&self.host, missing.into_iter().map(|id| (id, detail)), self.limits);
         // While the GPU computes, the next bank is read and packed.
         let mut next = gather.next();
-        self.gpu.wait()?;
+        self.gpu.wait_for(submission)?;
         for id in shown {
             // A bank may hold blocks that have come anew in another.
             let stands = |block| state.places.get(&block).is_some_and(|place| place.bank == Some(id));
@@ -176,9 +176,9 @@ impl<'a> PagedGpuRelighter<'a> {
                 Uploaded::Kept(id) => &state.banks[id].bank,
                 Uploaded::Passing(bank) => bank,
             };
-            submit(&self.gpu, &[bank], Output::Radiance);
+            let submission = submit(&self.gpu, &[bank]);
             next = gather.next();
-            self.gpu.wait()?;
+            self.gpu.wait_for(submission)?;
             read_back(&self.gpu, &[bank], &mut |bank, bytes| canvas.take(bank, bytes, &|_| true))?;
         }
         for_each_tile(image, shape, |mut tile| {

@@ -4,37 +4,22 @@ use wgpu::util::DeviceExt;
 
 use super::bank::{Bank, Sizes};
 use super::device::Gpu;
-use super::kernels::{KERNELS, THREADS, TONE};
+use super::kernels::{KERNELS, THREADS};
 use crate::error::{Error, Result};
-use crate::image::ToneMapping;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS};
 
 /// Arrays that all banks of a matrix share.
 pub(super) struct SharedArrays {
     lighting: wgpu::Buffer,
-    tone: wgpu::Buffer,
-}
-
-/// The uniform of `shaders/tone.wgsl`.
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
-pub(super) struct Tone {
-    pub(super) gain: [f32; 3],
-    pub(super) curve: u32,
 }
 
 impl SharedArrays {
     pub(super) fn new(gpu: &Gpu, columns: usize) -> Self {
-        let make = |label, size, usage| {
-            let usage = usage | wgpu::BufferUsages::COPY_DST;
-            let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
-            gpu.device.create_buffer(&descriptor)
-        };
-        Self {
-            lighting: make("lighting", Self::lighting_bytes(columns), wgpu::BufferUsages::STORAGE),
-            tone: make("tone_mapping", size_of::<Tone>() as u64, wgpu::BufferUsages::UNIFORM),
-        }
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+        let size = Self::lighting_bytes(columns);
+        let descriptor = wgpu::BufferDescriptor { label: Some("lighting"), size, usage, mapped_at_creation: false };
+        Self { lighting: gpu.device.create_buffer(&descriptor) }
     }
 
     pub(super) fn lighting_bytes(columns: usize) -> u64 {
@@ -42,21 +27,20 @@ impl SharedArrays {
     }
 
     /// Sets what the next submission uses.
-    pub(super) fn set(&self, gpu: &Gpu, lighting: &Lighting, tone: Option<ToneMapping>) {
+    pub(super) fn set(&self, gpu: &Gpu, lighting: &Lighting) {
         let planes: Vec<f32> = (0..CHANNELS).flat_map(|channel| lighting.channel(channel)).collect();
         gpu.queue.write_buffer(&self.lighting, 0, bytemuck::cast_slice(&planes));
-        if let Some(tone) = tone {
-            let tone = Tone { gain: tone.gains(), curve: tone.curve as u32 };
-            gpu.queue.write_buffer(&self.tone, 0, bytemuck::bytes_of(&tone));
-        }
     }
 }
 
 /// A bank on the device.
 pub(super) struct ResidentBank {
-    image: wgpu::Buffer,
-    shown: wgpu::Buffer,
+    /// Its blocks, and the radiance of their pixels, as the kernels know both.
+    pub(super) blocks: wgpu::Buffer,
+    pub(super) image: wgpu::Buffer,
     readback: wgpu::Buffer,
+    /// Pixels of its largest block.
+    pub(super) max_pixels: u32,
     /// For each kernel its bindings and number of workgroups; none where it has nothing to do.
     passes: Vec<Option<(wgpu::BindGroup, [u32; 3])>>,
     /// Its blocks, each with its first pixel.
@@ -94,7 +78,6 @@ impl ResidentBank {
         let out = storage | wgpu::BufferUsages::COPY_SRC;
         let projected = scratch("projected", (4 * CHANNELS as u64 * u64::from(sizes.components)).max(16), storage);
         let image = scratch("image", 4 * CHANNELS as u64 * pixels, out);
-        let shown = scratch("shown", 4 * pixels, out);
         let back = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let readback = scratch("readback", 4 * CHANNELS as u64 * pixels, back);
         let buffer = |name: &str| match name {
@@ -107,22 +90,13 @@ impl ResidentBank {
             "entries" => &entries,
             "projected" => &projected,
             "image" => &image,
-            "tone_mapping" => &shared.tone,
-            "shown" => &shown,
             other => unreachable!("a test holds the kernels to these names, not {other}"),
         };
-        let most = device.limits().max_compute_workgroups_per_dimension;
-        // A row of workgroups as long as the device takes, and as many rows as needed.
-        let spread = |count: u32| [count.min(most), count.div_ceil(most), 1];
         let passes = KERNELS.iter().zip(&gpu.pipelines).map(|(kernel, pipeline)| {
             let groups = match kernel.name {
-                "project" => spread(sizes.components),
-                "scatter" => spread(sizes.sparse_rows.div_ceil(THREADS)),
-                "tone" => spread(bank.pixels.div_ceil(THREADS)),
-                _ => {
-                    let [down, deep, _] = spread(sizes.blocks);
-                    [bank.max_pixels.div_ceil(4).div_ceil(THREADS), down, deep]
-                }
+                "project" => spread(gpu, sizes.components),
+                "scatter" => spread(gpu, sizes.sparse_rows.div_ceil(THREADS)),
+                _ => per_block(gpu, sizes.blocks, bank.max_pixels.div_ceil(4)),
             };
             let entries: Vec<_> = (0..)
                 .zip(kernel.bindings)
@@ -136,11 +110,11 @@ impl ResidentBank {
             (!groups.contains(&0)).then_some((bindings, groups))
         });
         let passes = passes.collect();
-        let buffers =
-            [&uniform, &components, &blocks, &factors, &rows, &entries, &projected, &image, &shown, &readback];
+        let buffers = [&uniform, &components, &blocks, &factors, &rows, &entries, &projected, &image, &readback];
         let bytes = buffers.iter().map(|buffer| buffer.size()).sum();
         gpu.check()?;
-        Ok(Self { image, shown, readback, passes, places: bank.ids.clone(), bytes })
+        let (places, max_pixels) = (bank.ids.clone(), bank.max_pixels);
+        Ok(Self { blocks, image, readback, max_pixels, passes, places, bytes })
     }
 
     fn dispatch(&self, pass: &mut wgpu::ComputePass, kernel: usize) {
@@ -151,50 +125,53 @@ impl ResidentBank {
     }
 }
 
-/// What to do with the images of banks.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Output {
-    /// Leave them where they are.
-    Stay,
-    /// Read the radiance back.
-    Radiance,
-    /// Map tones and read the shown bytes back.
-    Shown,
+/// A row of workgroups as long as the device takes, and as many rows as needed.
+fn spread(gpu: &Gpu, count: u32) -> [u32; 3] {
+    let most = gpu.device.limits().max_compute_workgroups_per_dimension;
+    [count.min(most), count.div_ceil(most), 1]
 }
 
-/// Runs all kernels over banks, with what [`SharedArrays::set`] set, and waits.
-pub(super) fn run(gpu: &Gpu, banks: &[&ResidentBank], output: Output) -> Result<()> {
-    submit(gpu, banks, output);
-    gpu.wait()
+/// Workgroups for blocks, none of which needs more than so many threads.
+pub(super) fn per_block(gpu: &Gpu, blocks: u32, threads: u32) -> [u32; 3] {
+    let [down, deep, _] = spread(gpu, blocks);
+    [threads.div_ceil(THREADS), down, deep]
 }
 
-/// Begins what [`run`] waits for.
-pub(super) fn submit(gpu: &Gpu, banks: &[&ResidentBank], output: Output) {
+/// Lets the kernels relight banks with what [`SharedArrays::set`] set.
+pub(super) fn relight<'a>(
+    gpu: &Gpu,
+    pass: &mut wgpu::ComputePass,
+    banks: impl Iterator<Item = &'a ResidentBank> + Clone,
+) {
+    for (kernel, pipeline) in gpu.pipelines.iter().enumerate() {
+        pass.set_pipeline(pipeline);
+        banks.clone().for_each(|bank| bank.dispatch(pass, kernel));
+    }
+}
+
+/// Begins to read the images of banks back.
+pub(super) fn submit_copy<'a>(
+    gpu: &Gpu,
+    mut encoder: wgpu::CommandEncoder,
+    banks: impl Iterator<Item = &'a ResidentBank> + Clone,
+) -> wgpu::SubmissionIndex {
+    for bank in banks.clone() {
+        encoder.copy_buffer_to_buffer(&bank.image, 0, &bank.readback, 0, None);
+    }
+    let submission = gpu.queue.submit([encoder.finish()]);
+    banks.for_each(|bank| bank.readback.map_async(wgpu::MapMode::Read, .., |_| ()));
+    submission
+}
+
+/// Begins to relight banks and to read them back.
+pub(super) fn submit(gpu: &Gpu, banks: &[&ResidentBank]) -> wgpu::SubmissionIndex {
     let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        for (kernel, pipeline) in gpu.pipelines.iter().enumerate() {
-            if kernel == TONE && output != Output::Shown {
-                continue;
-            }
-            pass.set_pipeline(pipeline);
-            banks.iter().for_each(|bank| bank.dispatch(&mut pass, kernel));
-        }
-    }
-    for bank in banks {
-        match output {
-            Output::Stay => {}
-            Output::Radiance => encoder.copy_buffer_to_buffer(&bank.image, 0, &bank.readback, 0, None),
-            Output::Shown => encoder.copy_buffer_to_buffer(&bank.shown, 0, &bank.readback, 0, None),
-        }
-    }
-    gpu.queue.submit([encoder.finish()]);
-    if output != Output::Stay {
-        banks.iter().for_each(|bank| bank.readback.map_async(wgpu::MapMode::Read, .., |_| ()));
-    }
+    let banks = banks.iter().copied();
+    relight(gpu, &mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), banks.clone());
+    submit_copy(gpu, encoder, banks)
 }
 
-/// Hands what [`run`] read back to `take`, bank by bank.
+/// Hands what was read back, once that is done, to `take`, bank by bank.
 pub(super) fn read_back(gpu: &Gpu, banks: &[&ResidentBank], take: &mut dyn FnMut(&ResidentBank, &[u8])) -> Result<()> {
     for bank in banks {
         {

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 
 use eframe::egui::{self, Align2, Color32, FontId, RichText, Ui};
+use eframe::egui_wgpu::RenderState;
 
 use super::chooser::{Answer, Chooser, Purpose};
 use super::document::Document;
@@ -27,6 +28,8 @@ pub struct App {
     message: Option<String>,
     recent: Recent,
     means: Means,
+    /// What draws the window, where it relights too.
+    state: Option<RenderState>,
     chooser: Option<Chooser>,
     panels: bool,
     tab: Tab,
@@ -44,23 +47,25 @@ struct Screenshot {
 }
 
 impl App {
-    /// Opens what the options name, to relight it on `device` if there is one. A failed screenshot is put into
-    /// `failure`.
+    /// Opens what the options name, to relight it on the device of `state` if there is one. A failed screenshot is put
+    /// into `failure`.
     pub fn new(
         context: &egui::Context,
         options: WindowOptions,
-        device: Option<SharedDevice>,
+        state: Option<RenderState>,
         failure: Arc<Mutex<Option<Error>>>,
     ) -> Self {
         theme::apply(context);
         options.opened.store(true, Ordering::Relaxed);
         let screenshot =
             options.screenshot.map(|path| Screenshot { path, frames: options.frames.max(1), waited: 0, asked: false });
+        let share = |state: &RenderState| SharedDevice { device: state.device.clone(), queue: state.queue.clone() };
+        let device = state.as_ref().map(share);
         let means = Means { device, budget_bytes: options.budget_bytes.unwrap_or_else(half_the_memory) };
         let recent = Recent::load(options.state_folder);
         let (document, message, chooser) = (None, None, None);
         let (panels, tab, help) = (true, Tab::default(), false);
-        let mut app = Self { document, message, recent, means, chooser, panels, tab, help, screenshot, failure };
+        let mut app = Self { document, message, recent, means, state, chooser, panels, tab, help, screenshot, failure };
         if let Some(path) = options.path {
             app.open(context, &path);
         }
@@ -69,7 +74,7 @@ impl App {
 
     /// Opens a container in place of the one that is open.
     pub fn open(&mut self, context: &egui::Context, path: &Path) {
-        match Document::open(context, path, self.means.clone()) {
+        match Document::open(context, path, self.means.clone(), self.state.clone()) {
             Ok(document) => {
                 self.document = Some(document);
                 self.message = None;
@@ -90,6 +95,11 @@ impl App {
     /// Whether the picture stands and nothing newer is awaited.
     pub fn is_settled(&self) -> bool {
         self.document.as_ref().is_none_or(|document| document.is_settled())
+    }
+
+    /// Pictures that have come of the open container.
+    pub fn pictures(&self) -> u64 {
+        self.document.as_ref().map_or(0, |document| document.pictures)
     }
 
     /// Draws one frame.

@@ -6,9 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-use eframe::egui::{self, ColorImage, TextureHandle, TextureOptions};
+use eframe::egui::{self, ColorImage, TextureHandle, TextureId, TextureOptions};
+use eframe::egui_wgpu::RenderState;
 
 use super::chooser::Purpose;
+use super::screen::ScreenTexture;
 use crate::error::Result;
 use crate::image::{LUMENS_PER_WATT, LinearImage};
 use crate::light::{LightBasis, LightUnit, Lighting};
@@ -22,7 +24,7 @@ use crate::view::pattern::{Brush, ShapeKind};
 use crate::view::reach::Reach;
 use crate::view::snapshots::{Snapshots, thumbnail};
 use crate::view::viewport::Viewport;
-use crate::view::worker::{Event, Means, Picture, Progress, Request, Session};
+use crate::view::worker::{Event, Means, Picture, Progress, Request, Seen, Session};
 
 /// Pictures over which their rate is counted, and the longest pause between two of them that is no rest, in seconds.
 const RATE_PICTURES: usize = 24;
@@ -94,9 +96,14 @@ pub(super) struct Document {
     pub(super) scroll_to_selected: bool,
     pub(super) hovered: Option<[u32; 2]>,
     pub(super) easel: Easel,
+    /// Linear radiance of the newest picture whose values have come.
     pub(super) image: Option<Arc<LinearImage>>,
-    pub(super) texture: Option<TextureHandle>,
-    pub(super) compared_texture: Option<TextureHandle>,
+    texture: Option<TextureHandle>,
+    /// The device's own texture, in place of the other, where the device shows the pictures.
+    screen: Option<ScreenTexture>,
+    /// The device that draws the window.
+    state: Option<RenderState>,
+    compared: Option<(Arc<Shown>, TextureHandle)>,
     pub(super) histogram: Vec<[f32; 3]>,
     pub(super) progress: Progress,
     /// All factors, once they are there, where the CPU relights.
@@ -123,6 +130,14 @@ pub(super) struct Document {
     lit: Option<Mix>,
     asked_display: Option<(Display, Option<usize>)>,
     generation: u64,
+    /// Generations of the newest picture, of the newest values, and of the newest request that changed the lighting.
+    seen: u64,
+    valued: u64,
+    relit: u64,
+    /// Whether to take a snapshot as soon as the picture's values are there.
+    snapshot_wanted: bool,
+    /// Pictures that have come.
+    pub(super) pictures: u64,
     /// Frame in which each open request was made.
     pending: BTreeMap<u64, u64>,
     /// The exposure that was chosen for the picture, until the whole picture stands.
@@ -130,7 +145,8 @@ pub(super) struct Document {
 }
 
 impl Document {
-    pub(super) fn open(context: &egui::Context, path: &Path, means: Means) -> Result<Self> {
+    /// Opens a container. The pictures are shown on the device of `state` if that is the one of `means`.
+    pub(super) fn open(context: &egui::Context, path: &Path, means: Means, state: Option<RenderState>) -> Result<Self> {
         let wake = {
             let context = context.clone();
             Arc::new(move || context.request_repaint())
@@ -169,7 +185,9 @@ impl Document {
             },
             image: None,
             texture: None,
-            compared_texture: None,
+            screen: None,
+            state,
+            compared: None,
             histogram: Vec::new(),
             progress: Progress::default(),
             relighter: None,
@@ -188,6 +206,11 @@ impl Document {
             lit: None,
             asked_display: None,
             generation: 0,
+            seen: 0,
+            valued: 0,
+            relit: 0,
+            snapshot_wanted: false,
+            pictures: 0,
             pending: BTreeMap::new(),
             exposed: Some(Display::default().tone.exposure_stops),
         })
@@ -242,6 +265,7 @@ impl Document {
         for event in events {
             match event {
                 Event::Picture(picture) => self.take_picture(context, *picture),
+                Event::Values { generation, image, histogram } => self.take_values(generation, image, histogram),
                 Event::Loaded { relighter, adapter, is_paged } => {
                     self.is_paged = is_paged;
                     self.relighter = relighter;
@@ -275,14 +299,12 @@ impl Document {
                 Event::Failed(message) => self.message = Some((message, true)),
             }
         }
+        if self.snapshot_wanted {
+            self.snapshot();
+        }
     }
 
     fn take_picture(&mut self, context: &egui::Context, picture: Picture) {
-        // Base layers alone can be darker than the whole: until that stands, the exposure follows, unless it was set.
-        if self.exposed == Some(self.display.tone.exposure_stops) {
-            self.display.tone.exposure_stops = Display::exposure_for(&picture.image);
-            self.exposed = (!picture.progress.is_complete()).then_some(self.display.tone.exposure_stops);
-        }
         if let Some(asked_in) = self.pending.get(&picture.generation) {
             let frames = context.cumulative_frame_nr() - asked_in;
             let (relight_secs, total_secs) = (picture.relight_secs, picture.total_secs);
@@ -291,14 +313,23 @@ impl Document {
             }
         }
         self.pending.retain(|&generation, _| generation > picture.generation);
-        set_texture(context, &mut self.texture, "picture", &picture.shown);
-        match &picture.compared {
-            Some(shown) => set_texture(context, &mut self.compared_texture, "compared", shown),
-            None => self.compared_texture = None,
-        }
-        self.histogram = picture.shown.histogram;
-        self.image = Some(picture.image);
         self.progress = picture.progress;
+        (self.seen, self.pictures) = (picture.generation, self.pictures + 1);
+        match (picture.seen, &self.state) {
+            (Seen::Bytes(shown, image), _) => {
+                set_texture(context, &mut self.texture, "picture", &shown);
+                self.screen = None;
+                self.take_values(picture.generation, image, shown.histogram);
+            }
+            (Seen::Texture(texture), Some(state)) => {
+                if !self.screen.as_ref().is_some_and(|screen| screen.shows(&texture)) {
+                    self.screen = Some(ScreenTexture::new(state.clone(), texture));
+                }
+            }
+            // Nobody has asked a device for it.
+            (Seen::Texture(_), None) => {}
+        }
+        self.take_compared(context, picture.compared);
         let now = Instant::now();
         if self.arrivals.back().is_some_and(|last| now.duration_since(*last).as_secs_f64() > REST_SECS) {
             self.arrivals.clear();
@@ -307,6 +338,35 @@ impl Document {
         if self.arrivals.len() > RATE_PICTURES {
             self.arrivals.pop_front();
         }
+    }
+
+    fn take_values(&mut self, generation: u64, image: Arc<LinearImage>, histogram: Vec<[f32; 3]>) {
+        // Base layers alone can be darker than the whole: until that stands, the exposure follows, unless it was set.
+        if self.exposed == Some(self.display.tone.exposure_stops) {
+            self.display.tone.exposure_stops = Display::exposure_for(&image);
+            self.exposed = (!self.progress.is_complete()).then_some(self.display.tone.exposure_stops);
+        }
+        (self.valued, self.image, self.histogram) = (generation, Some(image), histogram);
+    }
+
+    fn take_compared(&mut self, context: &egui::Context, shown: Option<Arc<Shown>>) {
+        let Some(shown) = shown else { return self.compared = None };
+        let (kept, mut texture) = self.compared.take().unzip();
+        if !kept.is_some_and(|kept| Arc::ptr_eq(&kept, &shown)) {
+            set_texture(context, &mut texture, "compared", &shown);
+        }
+        self.compared = texture.map(|texture| (shown, texture));
+    }
+
+    /// What to draw as the picture.
+    pub(super) fn picture_id(&self) -> Option<TextureId> {
+        let in_memory = || self.texture.as_ref().map(TextureHandle::id);
+        self.screen.as_ref().map(ScreenTexture::id).or_else(in_memory)
+    }
+
+    /// What to draw beside the wipe.
+    pub(super) fn compared_id(&self) -> Option<TextureId> {
+        self.compared.as_ref().map(|(_, texture)| texture.id())
     }
 
     /// The rows of the mixer.
@@ -334,6 +394,9 @@ impl Document {
         }
         self.asked_display = Some(display);
         self.generation += 1;
+        if relit {
+            self.relit = self.generation;
+        }
         self.pending.insert(self.generation, context.cumulative_frame_nr());
         self.session.worker.request(Request {
             generation: self.generation,
@@ -350,7 +413,7 @@ impl Document {
 
     /// Whether the whole picture stands and nothing is awaited.
     pub(super) fn is_settled(&self) -> bool {
-        self.progress.is_complete() && self.pending.is_empty() && self.beside == 0
+        self.progress.is_complete() && self.pending.is_empty() && self.valued == self.seen && self.beside == 0
     }
 
     pub(super) fn undo(&mut self) {
@@ -378,8 +441,11 @@ impl Document {
         }
     }
 
+    /// Keeps the lighting with its picture: at once, or when the picture is there.
     pub(super) fn snapshot(&mut self) {
-        if let Some(image) = self.image.clone() {
+        let is_there = self.valued >= self.relit && self.lit.as_ref() == Some(&self.mix);
+        self.snapshot_wanted = !is_there;
+        if let (true, Some(image)) = (is_there, self.image.clone()) {
             self.snapshots.take(self.mix.clone(), image);
         }
     }

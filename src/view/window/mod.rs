@@ -11,6 +11,7 @@ mod light_panel;
 mod mixer_panel;
 mod pattern_editor;
 mod picture_panel;
+mod screen;
 mod status;
 mod theme;
 mod top_bar;
@@ -23,7 +24,6 @@ use eframe::egui;
 
 pub use app::App;
 
-use super::worker::SharedDevice;
 use super::{RelightOn, WindowOptions};
 use crate::error::{Error, Result};
 
@@ -47,17 +47,15 @@ pub fn run(options: WindowOptions) -> Result<()> {
                 "ltm",
                 native,
                 Box::new(move |context| {
-                    let device = context.wgpu_render_state.as_ref().and_then(|state| {
-                        let device = SharedDevice { device: state.device.clone(), queue: state.queue.clone() };
+                    let state = context.wgpu_render_state.clone().filter(|state| {
                         let is_software = state.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
-                        let wanted = match options.relight_on {
+                        match options.relight_on {
                             RelightOn::Auto => !is_software,
                             RelightOn::Cpu => false,
                             RelightOn::Gpu => true,
-                        };
-                        wanted.then_some(device)
+                        }
                     });
-                    Ok(Box::new(App::new(&context.egui_ctx, options, device, failure)))
+                    Ok(Box::new(App::new(&context.egui_ctx, options, state, failure)))
                 }),
             )
         })

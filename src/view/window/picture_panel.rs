@@ -23,7 +23,7 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
         let picture = shown(document);
         picture.left() + document.snapshots.wipe * picture.width()
     };
-    let comparing = document.compared_texture.is_some();
+    let comparing = document.compared_id().is_some();
     let grip = egui::Id::unique("wipe");
     let near = |x: f32, document: &Document| comparing && (x - wipe_x(document)).abs() < GRIP;
     if response.drag_started() {
@@ -68,7 +68,7 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
 
 fn draw(ui: &Ui, document: &Document, rect: Rect, picture: Rect, wipe_x: f32) {
     let painter = ui.painter().with_clip_rect(rect);
-    let Some(texture) = &document.texture else {
+    let Some(texture) = document.picture_id() else {
         let read = document.progress.base;
         let text = format!("Reading {:.0} %", read * 100.0);
         painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(14.0), WEAK);
@@ -79,15 +79,15 @@ fn draw(ui: &Ui, document: &Document, rect: Rect, picture: Rect, wipe_x: f32) {
         return;
     };
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    painter.image(texture.id(), picture, whole, Color32::WHITE);
-    if let (Some(other), Some(index)) = (&document.compared_texture, document.snapshots.compared()) {
+    painter.image(texture, picture, whole, Color32::WHITE);
+    if let (Some(other), Some(index)) = (document.compared_id(), document.snapshots.compared()) {
         let name = &document.snapshots.list()[index].name;
         // With Alt held the other is seen whole, as references are in tev.
         let whole = ui.input(|input| input.modifiers.alt);
         let (wipe, wipe_x) = if whole { (0.0, picture.left()) } else { (document.snapshots.wipe, wipe_x) };
         let part = Rect::from_min_max(pos2(wipe_x, picture.top()), picture.max);
         let uv = Rect::from_min_max(pos2(wipe, 0.0), pos2(1.0, 1.0));
-        painter.image(other.id(), part, uv, Color32::WHITE);
+        painter.image(other, part, uv, Color32::WHITE);
         let top = picture.top().max(rect.top()) + 16.0;
         if whole {
             tag(&painter, Align2::LEFT_CENTER, pos2(picture.left().max(rect.left()) + 14.0, top), name);
