@@ -45,6 +45,7 @@ mod record;
 mod space;
 mod storage;
 mod tile;
+mod tile_writer;
 mod verify;
 mod writer;
 
