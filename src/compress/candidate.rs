@@ -4,7 +4,7 @@ use super::Replaced;
 use crate::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry};
 
 /// First bytes of an encoded candidate, with the version of the layout. Spill files live as long as one run.
-const MAGIC: [u8; 4] = *b"cnd3";
+const MAGIC: [u8; 4] = *b"cnd4";
 
 /// Bins of [`CandidateSummary::sparse_gains`]: powers of two of the gain, from `2^-80`.
 pub(super) const GAIN_BINS: usize = 160;
@@ -43,6 +43,8 @@ pub struct CandidateSummary {
     pub fitted_noise: Vec<f32>,
     /// The noise of a row that three in four do not pass, over the mean noise of rows, at most 1.
     pub calm: f32,
+    /// Energy of the noise of the whole block, as `gains` are; 0 where unknown.
+    pub noise_energy: f32,
     /// Mean square of each component's row of `R`.
     pub right_mean_square: Vec<f32>,
     /// Weighted energy outside all components.
@@ -116,7 +118,7 @@ impl Candidate {
             out.extend(v.to_ne_bytes());
         }
         out.extend_from_slice(bytemuck::cast_slice(&s.histogram));
-        out.extend_from_slice(bytemuck::cast_slice(&[s.tail, s.brightness, s.calm]));
+        out.extend_from_slice(bytemuck::cast_slice(&[s.tail, s.brightness, s.calm, s.noise_energy]));
         for list in
             [&s.gains, &s.noise, &s.fitted_noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain]
         {
@@ -147,7 +149,7 @@ impl Candidate {
         let floats = |words: &[u32]| words.iter().map(|&w| f32::from_bits(w)).collect::<Vec<f32>>();
         let size = |a: u32, b: u32| (a as usize).checked_mul(b as usize).ok_or_else(short);
         let histogram = take(bins as usize)?.to_vec();
-        let scalars = floats(take(3)?);
+        let scalars = floats(take(4)?);
         let gains = floats(take(rank as usize)?);
         let noise = floats(take(rank as usize)?);
         let fitted_noise = floats(take(rank as usize)?);
@@ -175,6 +177,7 @@ impl Candidate {
             sparse_gains: gain_bins(&sparse_gain),
             brightness: scalars[1],
             calm: scalars[2],
+            noise_energy: scalars[3],
             histogram,
             replaced: Replaced { nan, huge, first },
         };

@@ -133,10 +133,10 @@ impl Compressor {
     pub fn analyse(&self, id: BlockId, block: BlockView<'_>, noise: Option<&BlockNoise>) -> Candidate {
         let (entries, survey, replaced) = sanitise(block);
         let usable = BlockView::new(block.rows(), block.columns(), &entries);
-        let standing = self.standing(usable, &survey);
-        let smooth = without(entries, &standing, block.rows());
+        let apart = self.apart(id, usable, &survey, noise);
+        let smooth = without(entries, apart.entries(), block.rows());
         let smooth = BlockView::new(block.rows(), block.columns(), &smooth);
-        self.analyse_smooth(id, smooth, noise, standing, (&survey.sums_of.all_on, replaced))
+        self.analyse_smooth(id, smooth, apart, (&survey.sums_of.all_on, replaced))
     }
 
     /// [`analyse`](Self::analyse) without a copy of the block: what stands alone is taken out of it while its range is
@@ -151,46 +151,55 @@ impl Compressor {
         if !survey.usable {
             return (self.analyse(id, block.view(), noise), None);
         }
-        let standing = self.standing(block.view(), &survey);
+        let apart = self.apart(id, block.view(), &survey, noise);
+        let taken: Vec<SparseEntry> = apart.entries().copied().collect();
         let put = |block: &mut Block, value: &dyn Fn(&SparseEntry) -> f32| {
             let rows = block.rows();
-            for entry in &standing {
+            for entry in &taken {
                 block.entries_mut()[entry.column.index() * rows + entry.row as usize] = value(entry);
             }
         };
         put(block, &|_| 0.0);
         let seen = (&*survey.sums_of.all_on, Replaced::default());
-        let candidate = self.analyse_smooth(id, block.view(), noise, standing.clone(), seen);
+        let candidate = self.analyse_smooth(id, block.view(), apart, seen);
         put(block, &|entry| entry.value);
         (candidate, Some(survey.sums_of))
     }
 
-    fn standing(&self, usable: BlockView<'_>, survey: &Survey) -> Vec<SparseEntry> {
-        match self.settings.method {
-            Method::Auto => {
-                stand_out(usable, &survey.sums, self.settings.sparse_fraction, self.settings.sparse_contrast)
-            }
+    /// What of a block stands alone, as far as the noise lets one say so.
+    fn apart<'a>(
+        &'a self,
+        id: BlockId,
+        usable: BlockView<'_>,
+        survey: &Survey,
+        noise: Option<&'a BlockNoise>,
+    ) -> Apart<'a> {
+        let heeded = self.settings.noise_factor > 0.0;
+        let shape = (usable.rows(), usable.columns());
+        let mut noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, shape));
+        let (fraction, contrast) = (self.settings.sparse_fraction, self.settings.sparse_contrast);
+        let standing = match self.settings.method {
+            Method::Auto => stand_out(usable, &survey.sums, fraction, contrast),
             _ => Vec::new(),
-        }
+        };
+        let rect = self.shape.rect(id);
+        let (sparse, stray) = match &mut noise {
+            Some(noise) => noise.split(standing, (rect.width as usize, rect.height as usize)),
+            None => (standing, Vec::new()),
+        };
+        Apart { sparse, stray, noise }
     }
 
-    /// Analyses a block whose entries are usable and from which `standing` has been taken out.
+    /// Analyses a block whose entries are usable and from which `apart` has been taken out.
     fn analyse_smooth(
         &self,
         id: BlockId,
         smooth: BlockView<'_>,
-        noise: Option<&BlockNoise>,
-        standing: Vec<SparseEntry>,
+        Apart { sparse, stray, noise }: Apart<'_>,
         (lit, replaced): (&[f32], Replaced),
     ) -> Candidate {
         assert_eq!(smooth.columns(), self.shape.columns(), "{id}");
         let (m, n) = (smooth.rows(), smooth.columns());
-        let heeded = self.settings.noise_factor > 0.0;
-        let mut noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, (m, n)));
-        let (sparse, stray) = match &mut noise {
-            Some(noise) => noise.split(standing),
-            None => (standing, Vec::new()),
-        };
         let a = MatRef::from_column_major_slice(smooth.entries(), m, n);
         let probes = MatRef::from_column_major_slice(&self.probes, n, self.probes.len() / n);
         let probes = probes.subcols(0, if noise.is_some() { probes.ncols() } else { 0 });
@@ -334,6 +343,7 @@ impl Compressor {
             columns: n as u32,
             fixed: self.settings.method != Method::Auto && self.settings.fixed_rank,
             noise: noise.as_ref().map_or(unknown(), |(noise, _)| noise.fallen(&range.left, rank)),
+            noise_energy: noise.as_ref().map_or(0.0, |(noise, _)| noise.energy()),
             calm: noise.as_ref().map_or(1.0, |(noise, _)| noise.calm()),
             fitted_noise: noise.map_or(unknown(), |(noise, left)| {
                 let fitted = noise.fitted(&self.weights, &range.right, &range.gains);
@@ -348,6 +358,21 @@ impl Compressor {
             replaced,
         };
         Candidate { id, summary, left: range.left, right: range.right, sparse, sparse_gain }
+    }
+}
+
+/// What is taken out of a block before its range is found.
+struct Apart<'a> {
+    /// To be stored as it is, by column, then row.
+    sparse: Vec<SparseEntry>,
+    /// Noise: counts in sums, but draws no component.
+    stray: Vec<SparseEntry>,
+    noise: Option<NoiseModel<'a>>,
+}
+
+impl Apart<'_> {
+    fn entries(&self) -> impl Iterator<Item = &SparseEntry> {
+        self.sparse.iter().chain(&self.stray)
     }
 }
 

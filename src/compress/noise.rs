@@ -16,6 +16,15 @@ use crate::matrix::{BlockNoise, SparseEntry};
 /// noise. A path that one of two half-sample estimates lacks has a ratio of 1; a light that many samples see, of half
 /// the number of samples.
 const SEEN_OVER_NOISE: f64 = 1.3;
+/// The same of the pixel and its eight neighbours together: of few samples, some meet in a texel by chance, but not so in
+/// all pixels around.
+const SEEN_AROUND_OVER_NOISE: f64 = 2.0;
+/// Of few samples that see a light, each may meet another of its texels. Where entries agree as little as that, their pixel
+/// may still do so under the probe lightings: its energy there over that of its noise, …
+const SHOWN_OVER_NOISE: f64 = 2.0;
+/// … and with its neighbours: what stands alone agrees under wide lightings by chance, as 4 samples do in some pixels
+/// below caustics, with ratios of up to about 10 around them. A light in view has 10 to 40.
+const SHOWN_AROUND_OVER_NOISE: f64 = 12.0;
 
 /// `‖N w‖²` for any lighting `w`, from the noise of single columns and what the probes show of noise that they share.
 pub(super) struct NoiseModel<'a> {
@@ -50,14 +59,36 @@ impl<'a> NoiseModel<'a> {
         })
     }
 
-    /// Splits entries that stand out into those that samples agree on and those that are noise, takes the latter out of
-    /// the model, and fits what columns share to what the probes show beside them.
-    pub(super) fn split(&mut self, entries: Vec<SparseEntry>) -> (Vec<SparseEntry>, Vec<SparseEntry>) {
+    /// Splits entries that stand out in a block of `size` (width, height) into those that samples agree on and those that
+    /// are noise, takes the latter out of the model, and fits what columns share to what the probes show beside them. What
+    /// is neither stays in the block: of few samples each stands out in its row, and together they are all that there is.
+    pub(super) fn split(
+        &mut self,
+        entries: Vec<SparseEntry>,
+        size: (usize, usize),
+    ) -> (Vec<SparseEntry>, Vec<SparseEntry>) {
         let square = |e: &SparseEntry| f64::from(e.value).powi(2);
         let mut seen = vec![0.0f64; self.rows.len()];
         entries.iter().for_each(|e| seen[e.row as usize] += square(e));
-        let (agreed, stray): (Vec<_>, Vec<_>) =
-            entries.into_iter().partition(|e| seen[e.row as usize] > SEEN_OVER_NOISE * self.rows[e.row as usize]);
+        let pixels = size.0 * size.1;
+        let pairs = seen.iter().zip(&self.rows).map(|(&seen, &noise)| [seen, noise]);
+        let around = around(&of_pixels(pairs, pixels), size);
+        let agrees = |e: &SparseEntry| {
+            let ([seen_around, noise_around], i) = (around[e.row as usize % pixels], e.row as usize);
+            seen[i] > SEEN_OVER_NOISE * self.rows[i] && seen_around > SEEN_AROUND_OVER_NOISE * noise_around
+        };
+        // Noise that is not more than what half of the rows have is no stray path.
+        let usual = self.usual(0.5);
+        let alone: Vec<SparseEntry> = entries.iter().copied().filter(|e| square(e) > usual).collect();
+        let in_view = self.in_view(&alone, size);
+        let (mut agreed, mut stray) = (Vec::new(), Vec::new());
+        for entry in entries {
+            if agrees(&entry) || (square(&entry) > usual && in_view[entry.row as usize % pixels]) {
+                agreed.push(entry);
+            } else if square(&entry) > usual {
+                stray.push(entry);
+            }
+        }
         // A stray path that one of the two estimates lacks is as large in their half difference as in their mean. It has
         // its place already and must not stand for the noise of all others; some of it may be signal.
         for entry in &stray {
@@ -80,6 +111,32 @@ impl<'a> NoiseModel<'a> {
         (agreed, stray)
     }
 
+    /// For each pixel of a block of `size`, whether the samples agree on what `entries` show of it under the probes.
+    fn in_view(&self, entries: &[SparseEntry], size: (usize, usize)) -> Vec<bool> {
+        let (rows, pixels) = (self.rows.len(), size.0 * size.1);
+        let mut own = vec![[0.0f64; 2]; pixels];
+        let mut image = vec![0.0f32; rows];
+        let probes = if entries.is_empty() { &[] } else { self.probes };
+        for (lighting, noise) in probes.chunks_exact(self.columns.len()).zip(self.noise.probes.chunks_exact(rows)) {
+            image.fill(0.0);
+            entries.iter().for_each(|e| image[e.row as usize] += e.value * lighting[e.column.index()]);
+            let pairs = image.iter().zip(noise).map(|(&v, &n)| [f64::from(v).powi(2), f64::from(n).powi(2)]);
+            own.iter_mut().zip(of_pixels(pairs, pixels)).for_each(|(sum, of)| (0..2).for_each(|k| sum[k] += of[k]));
+        }
+        let agree = |(own, around): (&[f64; 2], [f64; 2])| {
+            own[0] > SHOWN_OVER_NOISE * own[1] && around[0] > SHOWN_AROUND_OVER_NOISE * around[1]
+        };
+        own.iter().zip(around(&own, size)).map(agree).collect()
+    }
+
+    /// Energy of the noise under the prior.
+    pub(super) fn energy(&self) -> f32 {
+        let rows = self.rows.len();
+        let probes = &self.noise.probes[rows..];
+        let sum: f64 = probes.iter().map(|&v| f64::from(v).powi(2)).sum();
+        (sum / (probes.len() / rows) as f64) as f32
+    }
+
     /// `‖N w‖²` of independent columns, and `Σ wⱼ σⱼ` with `σⱼ` the norm of a column's noise.
     fn parts(&self, lighting: &[f32]) -> (f64, f64) {
         lighting.iter().zip(&self.columns).fold((0.0, 0.0), |(own, sum), (&w, &v)| {
@@ -88,13 +145,18 @@ impl<'a> NoiseModel<'a> {
         })
     }
 
+    /// The noise of a row that this share of all does not pass.
+    fn usual(&self, share: f64) -> f64 {
+        let mut rows = self.rows.clone();
+        let at = ((rows.len() - 1) as f64 * share) as usize;
+        *rows.select_nth_unstable_by(at, f64::total_cmp).1
+    }
+
     /// The noise of a row that most do not pass, over the mean: small where few rows have nearly all of it, as below
     /// caustics, and no measure for the others.
     pub(super) fn calm(&self) -> f32 {
-        let mut rows = self.rows.clone();
-        let mean = rows.iter().sum::<f64>() / rows.len() as f64;
-        let at = (rows.len() - 1) * 3 / 4;
-        let usual = *rows.select_nth_unstable_by(at, f64::total_cmp).1;
+        let mean = self.rows.iter().sum::<f64>() / self.rows.len() as f64;
+        let usual = self.usual(0.75);
         if mean > 0.0 { (usual / mean).min(1.0) as f32 } else { 1.0 }
     }
 
@@ -155,4 +217,24 @@ impl<'a> NoiseModel<'a> {
         let mean = |k: usize| seen.row(k).squared_norm_l2() / count as f32;
         (0..rank).map(mean).map(|v| if v.is_finite() { v } else { 0.0 }).collect()
     }
+}
+
+/// Sums over the channels of each pixel, of what is seen and of its noise; none where nothing is seen.
+fn of_pixels(of_rows: impl Iterator<Item = [f64; 2]>, pixels: usize) -> Vec<[f64; 2]> {
+    let mut sums = vec![[0.0f64; 2]; pixels];
+    for (i, [seen, noise]) in of_rows.enumerate().filter(|(_, [seen, _])| *seen > 0.0) {
+        sums[i % pixels][0] += seen;
+        sums[i % pixels][1] += noise;
+    }
+    sums
+}
+
+/// Sums over each pixel and its eight neighbours.
+fn around(own: &[[f64; 2]], (width, height): (usize, usize)) -> Vec<[f64; 2]> {
+    let near = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+    let sum = |p: usize| {
+        let pixels = near(p / width, height).flat_map(|y| near(p % width, width).map(move |x| y * width + x));
+        pixels.fold([0.0; 2], |sum, q| [sum[0] + own[q][0], sum[1] + own[q][1]])
+    };
+    (0..own.len()).map(sum).collect()
 }

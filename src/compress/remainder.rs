@@ -103,8 +103,13 @@ fn counts_above(block: BlockView<'_>, limits: &[f32]) -> Vec<u32> {
 }
 
 /// The entries with the sparse ones set to 0; not copied where there are none.
-pub(super) fn without<'a>(entries: Cow<'a, [f32]>, sparse: &[SparseEntry], rows: usize) -> Cow<'a, [f32]> {
-    if sparse.is_empty() {
+pub(super) fn without<'a, 'b>(
+    entries: Cow<'a, [f32]>,
+    sparse: impl Iterator<Item = &'b SparseEntry>,
+    rows: usize,
+) -> Cow<'a, [f32]> {
+    let mut sparse = sparse.peekable();
+    if sparse.peek().is_none() {
         return entries;
     }
     let mut entries = entries.into_owned();

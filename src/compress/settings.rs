@@ -59,7 +59,8 @@ pub const AUTOMATIC_DB: f64 = 45.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
     /// As near to the matrix as the noise of its samples lets it be of use, so that what is packed is not farther from the
-    /// truth than the matrix, up to [`AUTOMATIC_MOST_DB`]; where the noise is not known or not heeded, [`AUTOMATIC_DB`].
+    /// truth than the matrix, up to [`AUTOMATIC_MOST_DB`]: it stops where further bytes would save a 500th of the energy
+    /// that the noise has. Where the noise is not known or not heeded, [`AUTOMATIC_DB`].
     Automatic,
     /// Mean PSNR in dB over the prior's lightings of images exposed so that the 95th percentile of their values is white,
     /// peak = white. A lamp in view is far above white: it neither loosens the target for what it lights, nor is what
