@@ -1,7 +1,7 @@
 //! The window: driven through egui without a display, and opened for real where a virtual display can be had.
 //!
-//! `cargo test --features view --test view_window`; the real window needs Xvfb and a Vulkan adapter (lavapipe does)
-//! and is listed as ignored without them. `LTM_VIEW_PICTURES` names a folder to keep its screenshots in.
+//! `cargo test --features view --test view_window`; the real window needs Xvfb and a Vulkan adapter (lavapipe does),
+//! to be driven xdotool, and is listed as ignored without them. `LTM_VIEW_PICTURES` names a folder to keep its screenshots in.
 
 #[path = "view_window/container.rs"]
 mod container;
@@ -283,9 +283,17 @@ fn hundreds_of_lights_are_searched_soloed_and_picked() {
     driver.click_with(driver.find("row 17/3, on").center(), Modifiers::ALT);
     driver.settle();
     assert!(driver.picture() == all);
+    driver.key(Key::P, CTRL);
+    driver.key(Key::A, CTRL);
+    driver.key(Key::Backspace, Modifiers::NONE);
+    driver.key(Key::Enter, Modifiers::NONE);
+    driver.settle();
+    let sees_row_17 = |driver: &Driver| driver.widgets().iter().any(|(name, _)| name.starts_with("row 17/"));
+    assert!(!sees_row_17(&driver), "so many groups are folded");
     let picture = driver.find("picture");
     driver.click(picture.center() + vec2(5.0, 0.0));
     driver.settle();
+    assert!(sees_row_17(&driver), "its group has opened");
     driver.key(Key::X, Modifiers::NONE);
     driver.settle();
     assert_eq!(lit(&driver.picture()).len(), 159, "the light that matters there was selected and switched off");
@@ -479,5 +487,8 @@ fn main() -> ExitCode {
     for (name, test) in real::TESTS.into_iter().chain(device::TESTS) {
         trials.push(trial(name, test).with_ignored_flag(without));
     }
+    let driven =
+        trial("a_real_window_is_driven_by_pointer_and_keys", real::a_real_window_is_driven_by_pointer_and_keys);
+    trials.push(driven.with_ignored_flag(without || !real::has_hands()));
     libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -3,11 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
-use ltm::image::{LinearImage, read_image};
+use eframe::egui::vec2;
+use ltm::container::ContainerReader;
+use ltm::image::{LinearImage, ToneMapping, read_image};
+use ltm::light::Lighting;
+use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
-use ltm::view::{RelightOn, WindowOptions, run};
+use ltm::view::display::Display;
+use ltm::view::groups::Groups;
+use ltm::view::{RelightOn, WindowOptions, looks, run};
 
 use super::container;
+use super::driver::Driver;
 
 /// Tests of this file.
 pub(crate) const TESTS: [(&str, fn()); 4] = [
@@ -92,12 +99,105 @@ fn room(folder: &tempfile::TempDir) -> PathBuf {
     container
 }
 
+/// The bytes of a PNG, with its width.
+fn bytes(path: &Path) -> (usize, Vec<[u8; 3]>) {
+    let image = image::open(path).unwrap().to_rgb8();
+    (image.width() as usize, image.into_raw().as_chunks().0.to_vec())
+}
+
+/// What the window shows without being asked for anything else: the scene's own light, exposed for it.
+fn expected(container: &ContainerReader) -> (LinearImage, ToneMapping) {
+    let lighting = Lighting::of_scene(&container.job().basis);
+    let image = CpuRelighter::load(container).unwrap().relight(&lighting).unwrap();
+    let tone = ToneMapping { exposure_stops: Display::exposure_for(&image), ..Default::default() };
+    (image, tone)
+}
+
+/// Every pixel of the picture stands on the screen in its place and in its colour.
 fn a_real_window_shows_the_room() {
     let folder = tempfile::tempdir().unwrap();
-    let seen = screenshot(&room(&folder), "window.png", "cpu");
-    // A fitted room fills most of the middle: somewhere there it is bright, and the panels' grey is not all there is.
-    let bright = seen.luminances().filter(|&v| v > 0.3).count();
-    assert!(bright > seen.pixels.len() / 50, "{bright} bright pixels of {}", seen.pixels.len());
+    let container = room(&folder);
+    let seen = screenshot(&container, "window.png", "cpu");
+    let (across, seen) = (seen.width as usize, ToneMapping::default().bytes(&seen));
+    let (image, tone) = expected(&ContainerReader::open(&container).unwrap());
+    let shown = tone.bytes(&image);
+    // The picture fills what is between the panels up to a margin of the surround's grey. From the middle, where it
+    // certainly is, to where a whole line of it ends.
+    const SURROUND: [u8; 3] = [18; 3];
+    let [x, y] = [across / 2, seen.len() / across / 2];
+    let column = |x: usize| (0..40).all(|i| seen[(y - 20 + i) * across + x] == SURROUND);
+    let row = |y: usize| (0..40).all(|i| seen[y * across + x - 20 + i] == SURROUND);
+    let [left, right] = [(0..x).rev().find(|&x| column(x)).unwrap() + 1, (x..).find(|&x| column(x)).unwrap()];
+    let [top, bottom] = [(0..y).rev().find(|&y| row(y)).unwrap() + 1, (y..).find(|&y| row(y)).unwrap()];
+    let (width, height) = (image.width as usize, image.height as usize);
+    let zoom = (right - left) as f32 / width as f32;
+    assert!(
+        zoom > 3.0 && ((bottom - top) as f32 / height as f32 - zoom).abs() < 0.02,
+        "{left}–{right}, {top}–{bottom}"
+    );
+    for y in 0..height {
+        for x in 0..width {
+            let place = |v: usize, from: usize| from + ((v as f32 + 0.5) * zoom) as usize;
+            let (here, there) = (seen[place(y, top) * across + place(x, left)], shown[y * width + x]);
+            // The window shows through tables, the image was read from 8 bits.
+            let apart = here.iter().zip(there).map(|(a, b)| a.abs_diff(b)).max().unwrap();
+            assert!(apart <= 2, "pixel {x}, {y}: {here:?} for {there:?}");
+        }
+    }
+}
+
+/// Whether hands can be played to a real window here.
+pub(crate) fn has_hands() -> bool {
+    Command::new("xdotool").arg("version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
+}
+
+/// A real window is driven by pointer and keys alone: a fader is dragged, the lighting and the picture are saved. The
+/// picture is that of the lighting, as another program makes it.
+pub(crate) fn a_real_window_is_driven_by_pointer_and_keys() {
+    const SCRIPT: &str = r#"
+        wait_for() { for i in $(seq 300); do [ -s "$1" ] && return; sleep 0.1; done; echo "no $1" >&2; exit 9; }
+        save() { xdotool key "$1"; sleep 1; xdotool key ctrl+a; xdotool type --delay 20 "$2"; sleep 0.3
+                 xdotool key Return; wait_for "$2"; }
+        "$VIEWER" --act-as-viewer "$CONTAINER" & viewer=$!
+        window=$(xdotool search --sync --onlyvisible --name "room.ltc" | tail -1)
+        sleep 2
+        xdotool windowfocus "$window"; sleep 0.5
+        eval "$(xdotool getwindowgeometry --shell "$window")"
+        x=$((X + FADER_X)); y=$((Y + FADER_Y))
+        xdotool mousemove $x $y; sleep 0.2; xdotool mousedown 1
+        for i in 3 6 9 12 15; do sleep 0.1; xdotool mousemove $((x - i)) $y; done
+        sleep 0.2; xdotool mouseup 1; sleep 0.5
+        save ctrl+k "$LOOK"
+        save ctrl+s "$PNG"
+        xdotool key ctrl+q
+        wait $viewer"#;
+    let folder = tempfile::tempdir().unwrap();
+    let (container, look, png) = (room(&folder), folder.path().join("l.toml"), folder.path().join("p.png"));
+    // Where the fader stands is asked of the same window without a display.
+    let options = WindowOptions { path: Some(container.clone()), ..Default::default() };
+    let fader = Driver::open_with(options, vec2(1440.0, 900.0)).find("ceiling, stops").center();
+    let output = Command::new("timeout")
+        .args(["100", "xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", "sh", "-c", SCRIPT])
+        .env_remove("WAYLAND_DISPLAY")
+        .env("VIEWER", this_program())
+        .envs([("CONTAINER", &container), ("LOOK", &look), ("PNG", &png)])
+        .envs([("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let reader = ContainerReader::open(&container).unwrap();
+    let basis = &reader.job().basis;
+    let groups = Groups::of(basis);
+    let mix = looks::load(&look, basis, &groups).unwrap();
+    // 15 points of a fader of some hundred, on which 16 stops lie.
+    assert!((-6.0..-1.0).contains(&mix.lights[0].stops), "{:?}", mix.lights[0].stops);
+    let image = CpuRelighter::load(&reader).unwrap().relight(&mix.lighting(basis, &groups).unwrap()).unwrap();
+    // The exposure stays what it was when the picture first stood.
+    let expected = expected(&reader).1.bytes(&image);
+    let (_, saved) = bytes(&png);
+    let pairs = saved.as_flattened().iter().zip(expected.as_flattened());
+    // The stops were rounded on their way through the file.
+    assert!(pairs.clone().all(|(a, b)| a.abs_diff(*b) <= 1) && saved.len() == expected.len());
 }
 
 fn the_device_that_draws_the_window_relights_as_the_cpu_does() {

@@ -2,10 +2,10 @@
 
 use wgpu::util::DeviceExt;
 
+use super::GpuRelighter;
 use super::device::compile;
 use super::kernels::TONE;
 use super::resident::{per_block, relight};
-use super::{GpuRelighter, too_large};
 use crate::error::{Error, Result};
 use crate::image::{LinearImage, ToneMapping};
 use crate::light::Lighting;
@@ -69,7 +69,12 @@ impl GpuScreen {
         let (width, height) = (shape.width(), shape.height());
         let most = gpu.device.limits().max_texture_dimension_2d;
         if width.max(height) > most {
-            return Err(too_large("the side of a picture", width.max(height).into(), most.into()));
+            return Err(Error::Resources {
+                what: "a texture for the picture".into(),
+                needed: format!("{width} × {height} pixels"),
+                available: format!("the limit is {most} on a side"),
+                hint: "relight on the CPU".into(),
+            });
         }
         let usage = wgpu::TextureUsages::STORAGE_BINDING
             | wgpu::TextureUsages::TEXTURE_BINDING

@@ -124,6 +124,8 @@ impl App {
                 if let Some(purpose) = document.wanted.take() {
                     let near = match (&document.look, purpose) {
                         (Some((path, _)), Purpose::SaveLook | Purpose::LoadLook) => path.with_extension(""),
+                        // Not the name under which the radiance is saved.
+                        (_, Purpose::Layers) => PathBuf::from(format!("{}-layers", document.export_base.display())),
                         _ => document.export_base.clone(),
                     };
                     self.chooser = Some(Chooser::new(purpose, &near));

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use eframe::egui::text::{CCursor, CCursorRange};
 use eframe::egui::{self, Key, RichText, ScrollArea, TextEdit, vec2};
 
 use super::theme::{ALARM, WEAK};
@@ -124,10 +125,15 @@ impl Chooser {
                 answer = Some(picked);
             }
             let field = TextEdit::singleline(&mut self.name).hint_text("Name, or a whole path").desired_width(540.0);
-            let field = ui.add(field);
+            let mut field = field.show(ui);
             if std::mem::take(&mut self.fresh) {
-                field.request_focus();
+                field.response.request_focus();
+                // What is typed takes the place of what was proposed.
+                let end = CCursor::new(self.name.chars().count());
+                field.state.cursor.set_char_range(Some(CCursorRange::two(CCursor::new(0), end)));
+                field.state.store(ui.ctx(), field.response.id);
             }
+            let field = field.response;
             let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
             if let Some(problem) = &self.problem {
                 ui.label(RichText::new(problem).size(11.5).color(ALARM));
@@ -201,7 +207,9 @@ impl Chooser {
         }
         let there = if self.purpose.saves() { target.parent().is_some_and(Path::is_dir) } else { target.is_file() };
         if !there {
-            self.problem = Some(format!("{} is not there", target.display()));
+            // Of a file to be saved, the folder.
+            let missing = target.parent().filter(|_| self.purpose.saves()).unwrap_or(&target);
+            self.problem = Some(format!("{} is not there", missing.display()));
             self.fresh = true;
             return None;
         }

@@ -155,12 +155,14 @@ impl Document {
         let groups = Groups::of(session.basis());
         let mix = Mix::of_scene(session.basis(), &groups);
         let lighting = Arc::new(mix.lighting(session.basis(), &groups)?);
+        // A group of all would hide them all.
+        let is_long = session.basis().lights().len() > 60 && groups.len() > 1;
         let stem = path.file_stem().map_or("picture".into(), |stem| stem.to_string_lossy().into_owned());
         Ok(Self {
             history: History::new(mix.clone()),
             scene_mix: mix.clone(),
             selected: (!mix.lights.is_empty()).then_some(0),
-            folded: if session.basis().lights().len() > 60 { (0..groups.len()).collect() } else { BTreeSet::new() },
+            folded: if is_long { (0..groups.len()).collect() } else { BTreeSet::new() },
             session,
             groups,
             mix,
@@ -291,8 +293,9 @@ impl Document {
                 Event::Pixel { pixel, lights } => {
                     if std::mem::take(&mut self.select_strongest) {
                         let strongest = (0..lights.len()).max_by(|&a, &b| lights[a].total_cmp(&lights[b]));
-                        self.selected = strongest.filter(|&light| lights[light] > 0.0).or(self.selected);
-                        self.scroll_to_selected = true;
+                        if let Some(light) = strongest.filter(|&light| lights[light] > 0.0) {
+                            self.select_and_show(light);
+                        }
                     }
                     self.asked = Some(Asked { pixel, lights });
                 }
@@ -302,6 +305,14 @@ impl Document {
         if self.snapshot_wanted {
             self.snapshot();
         }
+    }
+
+    /// Selects a light and brings it into view, out of a folded group too.
+    pub(super) fn select_and_show(&mut self, light: usize) {
+        if let Some(group) = self.groups.of_light(light) {
+            self.folded.remove(&group);
+        }
+        (self.selected, self.scroll_to_selected) = (Some(light), true);
     }
 
     fn take_picture(&mut self, context: &egui::Context, picture: Picture) {
@@ -464,6 +475,7 @@ impl Document {
     }
 }
 
+/// The picture as the CPU's memory has it.
 pub(super) fn colour_image(shown: &Shown) -> ColorImage {
     // Opaque, so that nothing is to be multiplied.
     ColorImage::from_rgba_premultiplied(shown.size, &shown.rgba)
@@ -475,8 +487,35 @@ fn set_texture(context: &egui::Context, texture: &mut Option<TextureHandle>, nam
         minification: egui::TextureFilter::Linear,
         ..Default::default()
     };
+    let image = reduced(colour_image(shown), context.input(|input| input.max_texture_side));
     match texture {
-        Some(texture) => texture.set(colour_image(shown), options),
-        None => *texture = Some(context.load_texture(name, colour_image(shown), options)),
+        Some(texture) => texture.set(image, options),
+        None => *texture = Some(context.load_texture(name, image, options)),
+    }
+}
+
+/// Of an image that is larger than a texture may be, every second pixel, or third, and so on.
+fn reduced(image: ColorImage, most: usize) -> ColorImage {
+    let [width, height] = image.size;
+    let step = width.max(height).div_ceil(most.max(1));
+    if step <= 1 {
+        return image;
+    }
+    let rows = image.pixels.chunks_exact(width.max(1)).step_by(step);
+    let pixels = rows.flat_map(|row| row.iter().step_by(step).copied()).collect();
+    ColorImage::new([width.div_ceil(step), height.div_ceil(step)], pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_beyond_the_largest_texture_is_reduced_into_it() {
+        let image = ColorImage::new([5, 3], (0..15).map(egui::Color32::from_gray).collect());
+        assert_eq!(reduced(image.clone(), 5), image);
+        let small = reduced(image, 3);
+        assert_eq!(small.size, [3, 2]);
+        assert_eq!(small.pixels, [0, 2, 4, 10, 12, 14].map(egui::Color32::from_gray));
     }
 }

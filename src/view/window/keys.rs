@@ -84,17 +84,17 @@ pub(super) const BINDINGS: [Binding; 50] = [
     bind(CTRL.plus(SHIFT), Key::C, Action::CopyCommand, "Ctrl+Shift+C", "Copy the command that makes the picture"),
     bind(CTRL, Key::C, Action::CopyPicture, "Ctrl+C", "Copy the picture"),
     bind(CTRL, Key::L, Action::LoadLook, "Ctrl+L", "Load a lighting"),
-    bind(CTRL, Key::K, Action::SaveLook, "Ctrl+K", "Keep the lighting in a file"),
+    bind(CTRL, Key::K, Action::SaveLook, "Ctrl+K", "Save the lighting"),
     bind(CTRL, Key::Q, Action::Quit, "Ctrl+Q", "Quit"),
     bind(CTRL.plus(SHIFT), Key::Z, Action::Redo, "Ctrl+Shift+Z or Ctrl+Y", "Redo"),
     bind(CTRL, Key::Z, Action::Undo, "Ctrl+Z", "Undo; a drag is one step"),
     bind(CTRL, Key::Y, Action::Redo, "", ""),
     bind(SHIFT, Key::R, Action::ResetLights, "Shift+R", "Reset to the scene's own lighting"),
-    bind(NONE, Key::ArrowDown, Action::NextLight, "Down or S / Up or W", "Select the next or last light"),
+    bind(NONE, Key::ArrowDown, Action::NextLight, "Down or S / Up or W", "Select the next or previous light"),
     bind(NONE, Key::ArrowUp, Action::LastLight, "", ""),
     bind(NONE, Key::S, Action::NextLight, "", ""),
     bind(NONE, Key::W, Action::LastLight, "", ""),
-    bind(NONE, Key::Home, Action::FirstLight, "Home / End", "Select the first or the final light"),
+    bind(NONE, Key::Home, Action::FirstLight, "Home / End", "Select the first or last light"),
     bind(NONE, Key::End, Action::EndLight, "", ""),
     bind(SHIFT, Key::X, Action::Solo, "Shift+X", "Selected light solo"),
     bind(NONE, Key::X, Action::Switch, "X", "Selected light on or off"),
@@ -104,7 +104,7 @@ pub(super) const BINDINGS: [Binding; 50] = [
     bind(NONE, Key::E, Action::Brighter, "E / Shift+E", "Exposure up or down by 0.5"),
     bind(NONE, Key::N, Action::Normalise, "N", "Expose for the picture"),
     bind(NONE, Key::R, Action::ResetDisplay, "R", "Reset exposure, white and curve"),
-    bind(SHIFT, Key::ArrowRight, Action::NextCurve, "Shift+Right / Shift+Left", "Next or last tone curve"),
+    bind(SHIFT, Key::ArrowRight, Action::NextCurve, "Shift+Right / Shift+Left", "Next or previous tone curve"),
     bind(SHIFT, Key::ArrowLeft, Action::LastCurve, "", ""),
     bind(SHIFT, Key::D, Action::NextCurve, "", ""),
     bind(SHIFT, Key::A, Action::LastCurve, "", ""),
@@ -118,7 +118,7 @@ pub(super) const BINDINGS: [Binding; 50] = [
     bind(NONE, Key::Equals, Action::ZoomIn, "", ""),
     bind(NONE, Key::Minus, Action::ZoomOut, "", ""),
     bind(NONE, Key::K, Action::Snapshot, "K", "Keep a snapshot"),
-    bind(NONE, Key::C, Action::Wipe, "C", "Compare with the last snapshot or reference"),
+    bind(NONE, Key::C, Action::Wipe, "C", "Compare with the newest snapshot or reference"),
     bind(CTRL, Key::B, Action::Panels, "Ctrl+B", "Show or hide the panels"),
     bind(ALT, Key::Enter, Action::FullScreen, "Alt+Enter or F11", "Full screen"),
     bind(NONE, Key::F11, Action::FullScreen, "", ""),
@@ -287,7 +287,10 @@ pub(super) fn help(context: &egui::Context, open: &mut bool) {
         let listed = BINDINGS.iter().filter(|binding| !binding.keys.is_empty());
         let rows: Vec<_> = listed.map(|b| (b.keys, b.meaning)).chain(OTHERS).collect();
         let columns = if room.x >= 960.0 { 2 } else { 1 };
-        egui::ScrollArea::vertical().max_height(room.y - 110.0).show(ui, |ui| {
+        // All that the window has room for, and the bar beside the words.
+        let height = room.y - 110.0;
+        ui.spacing_mut().scroll = egui::style::ScrollStyle::solid();
+        egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
             let down = rows.len().div_ceil(columns);
             egui::Grid::new("keys").num_columns(2 * columns).spacing([24.0, 5.0]).show(ui, |ui| {
                 for index in 0..down {

@@ -83,11 +83,13 @@ fn colour(ui: &mut Ui, mix: &mut LightMix, light: &Light) {
             }
         }
     });
-    if let Tint::Kelvin(kelvin) = &mut mix.tint {
-        ui.horizontal(|ui| {
+    // Its room is kept, so that nothing moves away from under the pointer.
+    ui.horizontal(|ui| {
+        ui.set_min_height(22.0);
+        if let Tint::Kelvin(kelvin) = &mut mix.tint {
             let slider = egui::Slider::new(kelvin, KELVIN_RANGE).logarithmic(true).suffix(" K").max_decimals(0);
             ui.spacing_mut().slider_width = (ui.available_width() - 80.0).max(40.0);
             ui.add(slider);
-        });
-    }
+        }
+    });
 }

@@ -91,7 +91,8 @@ fn group_row(ui: &mut Ui, document: &mut Document, group: usize) {
     let (row, mut ui) = begin_row(ui, false);
     let ui = &mut ui;
     let name = document.groups.group(group).name.clone();
-    let folded = document.folded.contains(&group);
+    // What is searched for shows in folded groups too.
+    let folded = document.folded.contains(&group) && document.search.trim().is_empty();
     let (arrow, toggle) = ui.allocate_exact_size(vec2(14.0, ROW), Sense::click());
     toggle.widget_info(|| WidgetInfo::labeled(Role::DisclosureTriangle, true, format!("group {name}")));
     let [ahead, across] = if folded { [vec2(3.0, 0.0), vec2(0.0, 4.0)] } else { [vec2(0.0, 3.0), vec2(4.0, 0.0)] };
@@ -102,12 +103,8 @@ fn group_row(ui: &mut Ui, document: &mut Document, group: usize) {
     switch(ui, &mut mix.on, false, NEUTRAL, &name);
     let count = document.groups.group(group).lights.len();
     let label = label(ui, row, &format!("{name}  ({count})"), if mix.on { TEXT } else { WEAK }, true);
-    if toggle.clicked() || label.clicked() {
-        if folded {
-            document.folded.remove(&group);
-        } else {
-            document.folded.insert(group);
-        }
+    if (toggle.clicked() || label.clicked()) && !document.folded.remove(&group) {
+        document.folded.insert(group);
     }
     fader(ui, &mut mix.stops, fader_width(row), &name, NEUTRAL);
     stops_number(ui, &mut mix.stops);
@@ -205,7 +202,7 @@ fn solo_button(ui: &mut Ui, solo: bool, name: &str) -> egui::Response {
     let (rect, response) = ui.allocate_exact_size(vec2(14.0, ROW), Sense::click());
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, solo, format!("{name}, solo")));
     let near = response.hovered() || response.has_focus();
-    let colour = if solo { ACCENT } else { Color32::from_gray(if near { 170 } else { 72 }) };
+    let colour = if solo { ACCENT } else { Color32::from_gray(if near { 190 } else { 104 }) };
     let font = egui::FontId::proportional(11.0);
     ui.painter().text(rect.center(), egui::Align2::CENTER_CENTER, "S", font, colour);
     response.on_hover_text("Solo; with Shift add to the solo")

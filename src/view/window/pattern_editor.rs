@@ -274,6 +274,10 @@ fn restyle(document: &mut Document, index: usize, light: &Light, resized: bool) 
 
 /// Lays a shape over a light.
 fn lay(document: &mut Document, index: usize, light: &Light, shape: Shape) {
+    let (across, down) = light.layout();
+    // What is laid next, and the slider, follow what was drawn by hand.
+    let sides = [shape.size[0] * across as f32, shape.size[1] * down as f32];
+    document.easel.shape_size = sides[0].max(sides[1]) / across.min(down) as f32;
     let mix = &mut document.mix.lights[index];
     mix.turn_radians = 0.0;
     (mix.pattern, mix.shape) = (Some(Pattern::of_shape(light.layout(), &shape)), Some(shape));

@@ -161,7 +161,8 @@ fn scale(ui: &mut Ui, document: &Document) {
 fn short(value: f32) -> String {
     match value.abs() {
         v if v == 0.0 || (0.001..1.0).contains(&v) => format!("{value:.3}"),
-        v if (1.0..100.0).contains(&v) => format!("{value:.1}"),
+        v if (1.0..10.0).contains(&v) => format!("{value:.2}"),
+        v if (10.0..100.0).contains(&v) => format!("{value:.1}"),
         v if (100.0..100_000.0).contains(&v) => format!("{value:.0}"),
         _ => format!("{value:.1e}"),
     }
@@ -283,8 +284,7 @@ fn lights_here(ui: &mut Ui, document: &mut Document) {
         }
     }
     if let Some(light) = chosen {
-        document.selected = Some(light);
-        document.scroll_to_selected = true;
+        document.select_and_show(light);
     }
 }
 
