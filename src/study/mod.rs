@@ -24,6 +24,7 @@ mod noise;
 mod rank;
 mod rivals;
 mod scaling;
+mod shared;
 mod speed;
 mod svd;
 mod table;
@@ -58,6 +59,8 @@ pub enum Study {
     Speed,
     /// Time and memory against sizes.
     Scaling,
+    /// One basis of columns for several blocks against each block's own.
+    Shared,
     /// Matrices of 9 and 36 GiB, from the scene to a container and back, within 1 GiB of memory.
     Large,
 }
@@ -82,7 +85,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -91,6 +94,7 @@ impl Study {
         Self::Fig7,
         Self::Rank,
         Self::Noise,
+        Self::Shared,
         Self::Speed,
         Self::Scaling,
     ];
@@ -106,6 +110,7 @@ impl Study {
             Self::Noise => "noise",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
+            Self::Shared => "shared",
             Self::Large => "large",
         }
     }
@@ -128,6 +133,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
             Study::Noise => noise::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,
+            Study::Shared => shared::run(&bench)?,
             Study::Large => large::run(&bench)?,
         };
         watch.note(&format!("{study}: {:.1} s", begun.elapsed().as_secs_f64()));
