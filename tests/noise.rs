@@ -94,7 +94,7 @@ fn traced(view: View, samples: usize, seed: u64) -> (Block, BlockNoise) {
 
 /// What a reader gets of the packed block.
 fn pack(block: &Block, noise: &BlockNoise, noise_factor: f64) -> FactoredBlock {
-    pack_to(Target::PsnrDb(90.0), block, noise, noise_factor).0
+    pack_to(Target::Slope(0.0), block, noise, noise_factor).0
 }
 
 /// What a reader gets of the packed block, and its bytes.
@@ -227,7 +227,7 @@ fn by_default_no_bytes_are_spent_on_what_the_noise_hides() {
     let factor = CompressSettings::default().noise_factor;
     for samples in [2, 8, 64] {
         let (block, noise) = traced(View::Pixel, samples, 1);
-        let (all, all_bytes) = pack_to(Target::PsnrDb(90.0), &block, &noise, factor);
+        let (all, all_bytes) = pack_to(Target::Slope(0.0), &block, &noise, factor);
         let (chosen, bytes) = pack_to(Target::Automatic, &block, &noise, factor);
         let error = |factored: &FactoredBlock| error_of_images(View::Pixel, &factored.expand());
         // A 500th of the noise's energy, seen against what averaging leaves of it.

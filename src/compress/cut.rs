@@ -30,8 +30,9 @@ const COMPONENT_BITS: f64 = 96.0;
 const LEFT_NOISE_SHARE: (f64, f64) = (0.3, 2.5);
 /// One over the part of noise in a component from which on the larger share holds.
 const NOISE_OF_MOST: f64 = 30.0;
-const RIGHT_NOISE_SHARE: f64 = 0.1;
-/// [`Target::Automatic`] stops where what further bytes would save is this part of the energy of the samples' noise. Five
+const RIGHT_NOISE_SHARE: f64 = 0.5;
+/// [`Target::Automatic`], and a PSNR that noise or rank keep from being reached, stop where what further bytes would save
+/// is this part of the energy of the samples' noise. Five
 /// built-in scenes at 4 to 256 samples: 0.01 takes a third of the bytes again for 0.1 dB, and 2 to 8 % in ꟻLIP.
 const SAVED_OVER_NOISE: f64 = 0.002;
 /// Steps of at least this fraction of an entry's root mean square: what 16-bit floats would keep.
@@ -206,6 +207,7 @@ pub(super) fn choose<'a>(
     let squares = sum(&square);
     let white_square = if squares > 0.0 { cut.white.powi(2) * sum(&CandidateSummary::energy) / squares } else { 0.0 };
     let noise = sum(&|s| f64::from(s.noise_energy));
+    let shown_at = |db: f64| rows * white_square * 10f64.powf(-db / 10.0);
     let total = |cut: &Cut| {
         summaries.clone().fold(Spent::default(), |sum, s| {
             let spent = cut.spent_on(s);
@@ -218,14 +220,15 @@ pub(super) fn choose<'a>(
     };
     // Error that no slope takes away, and what more of it the noise makes worthless to take away.
     let mut worthless = 0.0;
-    if settings.target == Target::Automatic {
+    if let Target::PsnrDb(db) = target {
         cut.slope = energy * LEAST_SLOPE;
-        worthless = total(&cut).shown + SAVED_OVER_NOISE * noise;
+        let least = total(&cut).shown;
+        if settings.target == Target::Automatic || least > shown_at(db) {
+            worthless = least + SAVED_OVER_NOISE * noise;
+        }
     }
-    let within =
-        |spent: Spent, db: f64, least: f64| spent.shown <= (rows * white_square * 10f64.powf(-db / 10.0)).max(least);
     let fits = |spent: Spent| match target {
-        Target::PsnrDb(db) => within(spent, db, worthless),
+        Target::PsnrDb(db) => spent.shown <= shown_at(db).max(worthless),
         Target::RelativeL2(error) => spent.distortion <= error * error * energy,
         Target::Bytes(bytes) => spent.bits / 8.0 > bytes as f64,
         Target::Slope(_) | Target::Automatic => true,
@@ -252,7 +255,7 @@ pub(super) fn choose<'a>(
     cut.expected_bytes = (spent.bits / 8.0).ceil() as u64;
     cut.reaches_target = match target {
         _ if energy <= 0.0 || summaries.clone().all(|s| s.fixed) => true,
-        Target::PsnrDb(db) => within(spent, db, 0.0),
+        Target::PsnrDb(db) => spent.shown <= shown_at(db),
         Target::RelativeL2(_) => fits(spent),
         // Bytes are a limit, and a slope is what it is.
         Target::Bytes(_) | Target::Slope(_) | Target::Automatic => true,
