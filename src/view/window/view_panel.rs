@@ -145,7 +145,8 @@ fn scale(ui: &mut Ui, document: &Document) {
     }
     let lumens_per_watt = document.lumens_per_watt();
     let gain = lumens_per_watt.unwrap_or(1.0);
-    for stops in (low as i32..=high as i32).step_by(4) {
+    // White among them, which says the unit.
+    for stops in (low as i32 + 2..=high as i32).step_by(4) {
         let x = bar.left() + bar.width() * (stops as f32 - low) / (high - low);
         let at = pos2(x.clamp(bar.left() + 14.0, bar.right() - 14.0), bar.bottom() + 9.0);
         let text = if stops == 0 { "0 EV".to_owned() } else { format!("{stops:+}") };
