@@ -220,7 +220,26 @@ fn lights_are_sorted_by_effect() {
     driver.click(driver.find("by effect").center());
     driver.settle();
     let top = |driver: &Driver, lamp: u32| driver.find(&format!("row 1/{lamp}, stops")).top();
-    assert!([1, 2, 3, 5].iter().all(|&lamp| top(&driver, lamp) > top(&driver, 4)));
+    let others = [1, 2, 3, 5];
+    assert!(others.iter().all(|&lamp| top(&driver, lamp) > top(&driver, 4)));
+    // While it is dragged down, the light stays where it is, and no other takes its place under the pointer.
+    let (before, fader) = (driver.picture(), driver.find("row 1/4, stops").center());
+    driver.press(fader);
+    for points in 1..=30 {
+        driver.move_to(fader - vec2(points as f32, 0.0));
+        driver.settle();
+    }
+    driver.release(fader - vec2(30.0, 0.0));
+    driver.settle();
+    assert!(others.iter().all(|&lamp| top(&driver, lamp) > top(&driver, 4)));
+    let width = container::STAGE[0] as usize;
+    let pairs = before.chunks_exact(4).zip(driver.picture().chunks_exact(4).map(<[u8]>::to_vec).collect::<Vec<_>>());
+    let changed = |at: usize| at % width * 5 / width;
+    let lamps: Vec<usize> = pairs.enumerate().filter(|(_, (a, b))| a != b).map(|(at, _)| changed(at) + 1).collect();
+    assert!(!lamps.is_empty() && lamps.iter().all(|&lamp| lamp == 4));
+    driver.move_to(driver.find("picture").center());
+    driver.settle();
+    assert!(others.iter().all(|&lamp| top(&driver, lamp) < top(&driver, 4)), "it has less effect than the others");
 }
 
 fn recent_files_are_offered_again() {

@@ -90,6 +90,8 @@ pub(super) struct Document {
     pub(super) order: Order,
     pub(super) folded: BTreeSet<usize>,
     pub(super) contributions: Vec<f32>,
+    /// The contributions by which the mixer is sorted, and the order that was chosen then.
+    ranked: (Vec<f32>, Order),
     pub(super) asked: Option<Asked>,
     /// Whether the next answer about a pixel selects its strongest light.
     pub(super) select_strongest: bool,
@@ -173,6 +175,7 @@ impl Document {
             search: String::new(),
             order: Order::File,
             contributions: Vec::new(),
+            ranked: (Vec::new(), Order::File),
             asked: None,
             select_strongest: false,
             scroll_to_selected: false,
@@ -382,7 +385,15 @@ impl Document {
 
     /// The rows of the mixer.
     pub(super) fn rows(&self) -> Vec<Row> {
-        self.groups.rows(self.session.basis(), &self.search, self.order, &self.folded, &self.contributions)
+        self.groups.rows(self.session.basis(), &self.search, self.order, &self.folded, &self.ranked.0)
+    }
+
+    /// Sorts the mixer anew by what lights bring by now; while it `is_used`, only where another order was chosen.
+    pub(super) fn rank(&mut self, is_used: bool) {
+        let is_new = self.ranked.1 != self.order || self.ranked.0.len() != self.contributions.len();
+        if is_new || !is_used {
+            self.ranked = (self.contributions.clone(), self.order);
+        }
     }
 
     /// Asks for what has changed; after the panels were drawn. `held` while a drag is on.

@@ -287,19 +287,21 @@ pub(super) fn help(context: &egui::Context, open: &mut bool) {
         let listed = BINDINGS.iter().filter(|binding| !binding.keys.is_empty());
         let rows: Vec<_> = listed.map(|b| (b.keys, b.meaning)).chain(OTHERS).collect();
         let columns = if room.x >= 960.0 { 2 } else { 1 };
-        // All that the window has room for, and the bar beside the words.
+        // All that the window has room for; the bar floats, and must not do so over words.
         let height = room.y - 110.0;
-        ui.spacing_mut().scroll = egui::style::ScrollStyle::solid();
+        let beside_bar = egui::Frame::new().inner_margin(egui::Margin { right: 12, ..Default::default() });
         egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
-            let down = rows.len().div_ceil(columns);
-            egui::Grid::new("keys").num_columns(2 * columns).spacing([24.0, 5.0]).show(ui, |ui| {
-                for index in 0..down {
-                    for (keys, meaning) in (0..columns).filter_map(|column| rows.get(column * down + index)) {
-                        ui.label(RichText::new(*keys).color(ACCENT));
-                        ui.label(*meaning);
+            beside_bar.show(ui, |ui| {
+                let down = rows.len().div_ceil(columns);
+                egui::Grid::new("keys").num_columns(2 * columns).spacing([24.0, 5.0]).show(ui, |ui| {
+                    for index in 0..down {
+                        for (keys, meaning) in (0..columns).filter_map(|column| rows.get(column * down + index)) {
+                            ui.label(RichText::new(*keys).color(ACCENT));
+                            ui.label(*meaning);
+                        }
+                        ui.end_row();
                     }
-                    ui.end_row();
-                }
+                });
             });
         });
         ui.add_space(6.0);

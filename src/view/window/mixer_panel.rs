@@ -18,6 +18,12 @@ const NEUTRAL: Color32 = Color32::from_gray(150);
 /// The whole mixer; `titled` where no tab says already what it is.
 pub(super) fn mixer(ui: &mut Ui, document: &mut Document, titled: bool) {
     head(ui, document, titled);
+    // Rows that moved while one of them is used would be a trap.
+    let is_used = ui.input(|input| {
+        let pointer = &input.pointer;
+        pointer.any_down() || pointer.latest_pos().is_some_and(|pointer| ui.max_rect().contains(pointer))
+    });
+    document.rank(is_used || ui.memory(|memory| memory.focused().is_some()));
     let rows = document.rows();
     if rows.is_empty() {
         ui.label(RichText::new("No light has this name.").color(WEAK));
@@ -88,7 +94,7 @@ pub(super) fn search_id() -> egui::Id {
 }
 
 fn group_row(ui: &mut Ui, document: &mut Document, group: usize) {
-    let (row, mut ui) = begin_row(ui, false);
+    let (row, mut ui) = begin_row(ui, ("group", group), false);
     let ui = &mut ui;
     let name = document.groups.group(group).name.clone();
     // What is searched for shows in folded groups too.
@@ -112,7 +118,7 @@ fn group_row(ui: &mut Ui, document: &mut Document, group: usize) {
 
 fn light_row(ui: &mut Ui, document: &mut Document, light: usize, indented: bool, strongest: f32) {
     let selected = document.selected == Some(light);
-    let (row, mut ui) = begin_row(ui, selected);
+    let (row, mut ui) = begin_row(ui, ("light", light), selected);
     let ui = &mut ui;
     let described = &document.session.basis().lights()[light];
     let shines = document.mix.shines(light, &document.groups);
@@ -156,8 +162,9 @@ fn light_row(ui: &mut Ui, document: &mut Document, light: usize, indented: bool,
     }
 }
 
-/// The space of a row, with what lies behind it.
-fn begin_row(ui: &mut Ui, selected: bool) -> (Rect, Ui) {
+/// The space of a row, with what lies behind it. What is in it is known by `what`, wherever the row stands: a fader that
+/// is dragged or has the keyboard stays that of its light.
+fn begin_row(ui: &mut Ui, what: (&str, usize), selected: bool) -> (Rect, Ui) {
     let (row, response) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
     if selected {
         ui.painter().rect_filled(row, 3.0, Color32::from_rgb(52, 44, 34));
@@ -167,7 +174,7 @@ fn begin_row(ui: &mut Ui, selected: bool) -> (Rect, Ui) {
     ui.painter().hline(row.x_range(), row.bottom() - 0.5, (1.0, LINE.gamma_multiply(0.5)));
     let layout = egui::Layout::left_to_right(egui::Align::Center);
     let inside = row.shrink2(vec2(4.0, 0.0));
-    (row, ui.new_child(egui::UiBuilder::new().max_rect(inside).layout(layout)))
+    (row, ui.new_child(egui::UiBuilder::new().id_salt(what).max_rect(inside).layout(layout)))
 }
 
 /// A fader takes what names can spare.
