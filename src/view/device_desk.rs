@@ -1,5 +1,5 @@
 //! The worker's desk where a device holds the factors: pictures go from there to the screen, and their values are read
-//! back when nobody waits for a picture.
+//! back when nobody waits for a picture. Where the device is the slower one at showing, they are read back at once.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -18,15 +18,31 @@ use crate::relight::{GpuRelighter, GpuScreen, GpuSettings};
 const QUIET: Duration = Duration::from_millis(30);
 const OVERDUE: Duration = Duration::from_millis(200);
 
+/// Who shows what the device relights.
+enum Way {
+    /// The device.
+    Screen(Box<GpuScreen>),
+    /// The CPU.
+    ReadBack(Box<GpuRelighter>),
+}
+
 /// The device's part of what the worker keeps.
 pub(super) struct OnDevice {
-    screen: GpuScreen,
+    way: Way,
     /// The lighting of what stands on the screen.
     lit: Option<Arc<Lighting>>,
     /// The values that were read back last.
     read: Option<(Arc<Lighting>, Arc<LinearImage>)>,
     /// The newest picture that is shown without its values, and since when there is one.
     unread: Option<(Unread, Instant)>,
+}
+
+/// A picture that the device has made.
+enum Made {
+    /// It is shown already.
+    Shown(wgpu::Texture),
+    /// It was read back.
+    Image(Arc<LinearImage>),
 }
 
 struct Unread {
@@ -37,29 +53,57 @@ struct Unread {
 
 impl OnDevice {
     /// Puts all factors on the device.
-    pub(super) fn load(SharedDevice { device, queue }: SharedDevice, metered: &Metered) -> Result<Self> {
+    pub(super) fn load(SharedDevice { device, queue, shows }: SharedDevice, metered: &Metered) -> Result<Self> {
         let relighter = GpuRelighter::on_device(device, queue, metered, GpuSettings::default())?;
-        Ok(Self { screen: GpuScreen::new(relighter)?, lit: None, read: None, unread: None })
+        let way = match shows {
+            true => Way::Screen(Box::new(GpuScreen::new(relighter)?)),
+            false => Way::ReadBack(Box::new(relighter)),
+        };
+        Ok(Self { way, lit: None, read: None, unread: None })
+    }
+
+    fn relighter(&self) -> &GpuRelighter {
+        match &self.way {
+            Way::Screen(screen) => screen.relighter(),
+            Way::ReadBack(relighter) => relighter,
+        }
     }
 
     pub(super) fn adapter(&self) -> String {
-        self.screen.relighter().adapter()
+        self.relighter().adapter()
     }
 
     pub(super) fn resident_bytes(&self) -> u64 {
-        self.screen.resident_bytes()
+        match &self.way {
+            Way::Screen(screen) => screen.resident_bytes(),
+            Way::ReadBack(relighter) => relighter.resident_bytes(),
+        }
     }
 
-    /// Shows what is asked for; says whether it had to be relit.
-    fn show(&mut self, request: &Request) -> Result<bool> {
+    /// Relights what is asked for, and shows it or gives it back to be shown; says whether it had to be relit.
+    fn make(&mut self, request: &Request) -> Result<(Made, bool)> {
         let is_new = self.lit.as_ref() != Some(&request.lighting);
-        self.screen.show(is_new.then_some(&request.lighting), request.display.shown_as())?;
+        let screen = match &self.way {
+            Way::Screen(screen) => screen,
+            Way::ReadBack(relighter) => {
+                let kept = self.read.as_ref().filter(|_| !is_new);
+                let image = match kept {
+                    Some((_, image)) => image.clone(),
+                    None => Arc::new(relighter.relight(&request.lighting)?),
+                };
+                self.lit = Some(request.lighting.clone());
+                self.read = Some((request.lighting.clone(), image.clone()));
+                return Ok((Made::Image(image), is_new));
+            }
+        };
+        screen.show(is_new.then_some(&request.lighting), request.display.shown_as())?;
+        let texture = screen.texture().clone();
         self.lit = Some(request.lighting.clone());
         let Request { generation, display, .. } = *request;
         let unread = Unread { generation, lighting: request.lighting.clone(), display };
         let since = self.unread.as_ref().map_or_else(Instant::now, |(_, since)| *since);
         self.unread = Some((unread, since));
-        Ok(is_new)
+        Ok((Made::Shown(texture), is_new))
     }
 
     /// How long the values of what is shown may wait for something to be wished for; none if they were read.
@@ -77,7 +121,7 @@ impl OnDevice {
         let Some((Unread { generation, lighting, display }, _)) = self.unread.take() else { return Ok(None) };
         let image = match &self.read {
             Some((of, image)) if *of == lighting => image.clone(),
-            _ => Arc::new(self.screen.relighter().radiance()?),
+            _ => Arc::new(self.relighter().radiance()?),
         };
         let histogram = display.histogram(&image);
         self.read = Some((lighting, image.clone()));
@@ -90,11 +134,13 @@ impl Desk {
     pub(super) fn show_on_device(&mut self, request: &Request) -> bool {
         let begun = Instant::now();
         let Some(device) = &mut self.device else { return false };
-        match device.show(request) {
-            Ok(is_new) => {
-                let seen = Seen::Texture(device.screen.texture().clone());
-                let relight_secs = if is_new { begun.elapsed().as_secs_f64() } else { 0.0 };
-                self.send(request, seen, Progress::COMPLETE, (begun, relight_secs));
+        match device.make(request) {
+            Ok((made, is_new)) => {
+                let times = (begun, if is_new { begun.elapsed().as_secs_f64() } else { 0.0 });
+                match made {
+                    Made::Shown(texture) => self.send(request, Seen::Texture(texture), Progress::COMPLETE, times),
+                    Made::Image(image) => self.show(request, image, Progress::COMPLETE, times),
+                }
             }
             Err(error) => self.lose_device(&error),
         }

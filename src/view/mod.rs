@@ -56,6 +56,9 @@ pub struct WindowOptions {
     pub size: Option<[f32; 2]>,
     /// Where to relight.
     pub relight_on: RelightOn,
+    /// Whether a device that relights shows the pictures too; none: unless it is a processor in disguise, whose kernels
+    /// need longer for that than reading back and our own code.
+    pub shown_on_device: Option<bool>,
     /// Memory for factors, in bytes; none: half of what the machine has. A container that needs more is read as it is
     /// shown.
     pub budget_bytes: Option<u64>,

@@ -27,7 +27,7 @@ enum Holder<'a> {
 impl<'a> Holder<'a> {
     /// On the device, if there is one.
     fn new(source: &'a Metered, budget_bytes: u64, device: Option<&SharedDevice>) -> Result<Self> {
-        let Some(SharedDevice { device, queue }) = device.cloned() else {
+        let Some(SharedDevice { device, queue, .. }) = device.cloned() else {
             return Ok(Self::Cpu(Box::new(PagedRelighter::new(source, budget_bytes))));
         };
         // Nothing stays with the host.

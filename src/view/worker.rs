@@ -27,6 +27,8 @@ pub struct SharedDevice {
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
+    /// Whether it shows what it relights too; else that is read back, and the CPU shows it.
+    pub shows: bool,
 }
 
 /// What a worker may use.

@@ -34,13 +34,13 @@ pub(crate) const TESTS: [(&str, fn()); 3] = [
 /// Both add the same f32 products in another order; see the tests of the relighters.
 const TOLERANCE: f32 = 1.0 / 131_072.0;
 
-fn device() -> SharedDevice {
+fn device(shows: bool) -> SharedDevice {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::PRIMARY;
     let instance = wgpu::Instance::new(descriptor);
     let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
     let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).unwrap();
-    SharedDevice { device, queue }
+    SharedDevice { device, queue, shows }
 }
 
 fn the_device_relights_within_its_budget_and_beyond_and_the_cpu_keeps_nothing_beside_it() {
@@ -48,8 +48,9 @@ fn the_device_relights_within_its_budget_and_beyond_and_the_cpu_keeps_nothing_be
     let whole = CpuRelighter::load(&reader).unwrap();
     let scene = Lighting::of_scene(&reader.job().basis);
     let half = Lighting::new(scene.weights().iter().map(|weight| weight.map(|v| v / 2.0)).collect()).unwrap();
-    for (budget_bytes, paged) in [(u64::MAX, false), (whole.factor_bytes() / 2, true)] {
-        let means = Means { device: Some(device()), budget_bytes };
+    let small = whole.factor_bytes() / 2;
+    for (budget_bytes, paged, shows) in [(u64::MAX, false, true), (u64::MAX, false, false), (small, true, false)] {
+        let means = Means { device: Some(device(shows)), budget_bytes };
         let session = Session::open(room(), means, Arc::new(|| ())).unwrap();
         for (generation, lighting) in [(1, &scene), (2, &half), (3, &scene)] {
             let lighting = Arc::new(lighting.clone());
@@ -78,7 +79,7 @@ fn the_device_relights_within_its_budget_and_beyond_and_the_cpu_keeps_nothing_be
 }
 
 fn the_device_shows_what_the_cpu_would_and_its_values_follow_a_drag() {
-    let shared = device();
+    let shared = device(true);
     let means = Means { device: Some(shared.clone()), budget_bytes: u64::MAX };
     let session = Session::open(room(), means, Arc::new(|| ())).unwrap();
     let scene = Arc::new(Lighting::of_scene(session.basis()));
@@ -139,7 +140,7 @@ fn the_device_shows_what_the_cpu_would_and_its_values_follow_a_drag() {
 }
 
 fn a_snapshot_that_is_asked_for_too_early_waits_for_its_values() {
-    let mut driver = Driver::open_on_device(room());
+    let mut driver = Driver::open_on_device(room(), Some(true));
     let come = driver.pictures();
     driver.click(driver.find("ceiling, on").center());
     driver.key(Key::K, Modifiers::NONE);

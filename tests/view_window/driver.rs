@@ -38,14 +38,15 @@ impl Driver {
         Self::open_with(WindowOptions { path: Some(path.to_owned()), ..Default::default() }, SIZE)
     }
 
-    /// Opens a container that the device relights which would draw the window, and waits for its picture.
-    pub(crate) fn open_on_device(path: &Path) -> Self {
+    /// Opens a container that the device relights which would draw the window, and waits for its picture. It shows it,
+    /// too, or does what suits it.
+    pub(crate) fn open_on_device(path: &Path, shown_on_device: Option<bool>) -> Self {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::PRIMARY;
         let instance = wgpu::Instance::new(descriptor);
         let (configuration, options) = (WgpuConfiguration::default(), RendererOptions::default());
         let state = pollster::block_on(RenderState::create(&configuration, &instance, None, options)).unwrap();
-        let options = WindowOptions { path: Some(path.to_owned()), ..Default::default() };
+        let options = WindowOptions { path: Some(path.to_owned()), shown_on_device, ..Default::default() };
         Self::open_drawn_by(Some(state), options, SIZE)
     }
 

@@ -27,7 +27,8 @@ pub(crate) const TESTS: [(&str, fn()); 4] = [
     ("without_a_driver_one_line_names_the_package", without_a_driver_one_line_names_the_package),
 ];
 
-/// First argument with which this program is the viewer: container, screenshot, "gpu" to relight there.
+/// First argument with which this program is the viewer: container, screenshot, "gpu" to relight there, "screen" to show
+/// it there too.
 const AS_VIEWER: &str = "--act-as-viewer";
 /// First argument with which it writes a container: scene file or built-in name, samples per pixel, container.
 const AS_TRACER: &str = "--act-as-tracer";
@@ -50,7 +51,8 @@ pub(crate) fn act_as_program() -> Option<ExitCode> {
                 path: Some(path.into()),
                 screenshot: rest.first().map(PathBuf::from),
                 frames: 30,
-                relight_on: if rest.get(1).is_some_and(|on| on == "gpu") { RelightOn::Gpu } else { RelightOn::Cpu },
+                relight_on: if rest.get(1).is_some_and(|on| on != "cpu") { RelightOn::Gpu } else { RelightOn::Cpu },
+                shown_on_device: Some(rest.get(1).is_some_and(|on| on == "screen")),
                 ..Default::default()
             };
             Some(match run(options) {
@@ -203,7 +205,7 @@ pub(crate) fn a_real_window_is_driven_by_pointer_and_keys() {
 fn the_device_that_draws_the_window_relights_as_the_cpu_does() {
     let folder = tempfile::tempdir().unwrap();
     let container = room(&folder);
-    let [cpu, gpu] = ["cpu", "gpu"].map(|on| screenshot(&container, &format!("{on}.png"), on));
+    let [cpu, gpu, screen] = ["cpu", "gpu", "screen"].map(|on| screenshot(&container, &format!("{on}.png"), on));
     assert_eq!((cpu.width, cpu.height), (gpu.width, gpu.height));
     // The middle of the window, without the panels, whose figures differ.
     let (width, height) = (cpu.width as usize, cpu.height as usize);
@@ -211,10 +213,12 @@ fn the_device_that_draws_the_window_relights_as_the_cpu_does() {
         let rows = image.pixels.chunks_exact(width).skip(height / 5).take(height * 3 / 5);
         rows.flat_map(|row| row[width * 2 / 5..width * 3 / 5].to_vec()).collect()
     };
-    let pairs = middle(&cpu).into_iter().flatten().zip(middle(&gpu).into_iter().flatten());
-    // One step of 8 bits where sRGB is steepest, in linear values.
-    let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(most <= 0.01, "{most}");
+    for other in [gpu, screen] {
+        let pairs = middle(&cpu).into_iter().flatten().zip(middle(&other).into_iter().flatten());
+        // One step of 8 bits where sRGB is steepest, in linear values.
+        let most = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(most <= 0.01, "{most}");
+    }
 }
 
 /// The program's exit code and what it said, less what libraries of the system say.

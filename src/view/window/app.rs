@@ -59,7 +59,11 @@ impl App {
         options.opened.store(true, Ordering::Relaxed);
         let screenshot =
             options.screenshot.map(|path| Screenshot { path, frames: options.frames.max(1), waited: 0, asked: false });
-        let share = |state: &RenderState| SharedDevice { device: state.device.clone(), queue: state.queue.clone() };
+        let share = |state: &RenderState| {
+            let is_software = state.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+            let shows = options.shown_on_device.unwrap_or(!is_software);
+            SharedDevice { device: state.device.clone(), queue: state.queue.clone(), shows }
+        };
         let device = state.as_ref().map(share);
         let means = Means { device, budget_bytes: options.budget_bytes.unwrap_or_else(half_the_memory) };
         let recent = Recent::load(options.state_folder);
