@@ -9,8 +9,9 @@
 //!
 //! What it does not mend: each block has its own components, and the noise that is left in them is a tone of the whole
 //! block. At 16 samples below caustics (96 × 64 pixels, 256 columns, 4,096 samples as truth) smooth lightings come 2 to 3 dB
-//! nearer and yet show seams of blocks, which ꟻLIP sees more than grain (0.14 to 0.16 → 0.15 to 0.19), while small spots and
-//! single texels gain in both (22 → 31 dB, 0.42 → 0.30). Components that agree across the edges of blocks would be needed.
+//! nearer and yet show seams of blocks, which ꟻLIP sees more than grain (0.13 to 0.15 → 0.15 to 0.18), while small spots and
+//! single texels gain in both (9 to 23 → 29 to 31 dB, 0.31 to 0.68 → 0.26 to 0.43). Components that agree across the edges of
+//! blocks would be needed.
 
 use faer::{ColRef, Mat, MatRef};
 

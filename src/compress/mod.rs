@@ -19,9 +19,9 @@
 //! Each block has its own `R`. A basis of columns shared by 2 × 2 or 4 × 4 neighbours, or by groups of alike row spaces, and
 //! coordinates in it (`ltm study shared`: 128 × 128 pixels, 4,096 columns, blocks of 32, 256 samples) does not pay: right
 //! sides are 2 to 6 % of the bytes up to 35 dB below the panels of "diffuse" and the Conference Room, and 33 to 66 % where
-//! the noise stops the target; there a shared basis takes 2 to 16 % more bytes for 0.00 to 0.08 dB, as what is left in a right
+//! the noise stops the target; there a shared basis takes 2 to 16 % more bytes for 0.01 to 0.08 dB, as what is left in a right
 //! side is the block's own noise. Only on "diffuse" at 30 to 35 dB is it 20 to 38 % smaller at equal PSNR, 1.2 to 1.9 dB for
-//! 4 to 10 % more bytes; about half of that comes of the finer steps that a basis has, which `R` alone can have as well but
+//! 5 to 10 % more bytes; about half of that comes of the finer steps that a basis has, which `R` alone can have as well but
 //! then loses up to 0.8 dB in the Conference Room.
 //!
 //! One block is worked on by one thread, without parallelism inside: the bytes do not depend on the number of threads.
