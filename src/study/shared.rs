@@ -50,7 +50,7 @@ const GROUPINGS: [(&str, Grouping); 4] = [
     ("each block its own", Grouping::Alone),
     ("2 × 2 blocks", Grouping::Squares(2)),
     ("4 × 4 blocks", Grouping::Squares(4)),
-    ("k-means, 4 groups", Grouping::Means(4)),
+    ("4 groups by k-means", Grouping::Means(4)),
 ];
 
 struct Plan {
