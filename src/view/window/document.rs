@@ -302,7 +302,11 @@ impl Document {
                     }
                     self.asked = Some(Asked { pixel, lights });
                 }
-                Event::Failed(message) => self.message = Some((message, true)),
+                Event::Failed(message) => {
+                    // It may have been about the pixel.
+                    self.select_strongest = false;
+                    self.message = Some((message, true));
+                }
             }
         }
         if self.snapshot_wanted {
@@ -435,7 +439,8 @@ impl Document {
 
     /// Whether the whole picture stands and nothing is awaited.
     pub(super) fn is_settled(&self) -> bool {
-        self.progress.is_complete() && self.pending.is_empty() && self.valued == self.seen && self.beside == 0
+        let has_come = self.pending.is_empty() && self.valued == self.seen && !self.select_strongest;
+        self.progress.is_complete() && has_come && self.beside == 0
     }
 
     pub(super) fn undo(&mut self) {
