@@ -1,6 +1,7 @@
 //! The light basis: which column of `T` is which light.
 
 use std::collections::HashMap;
+use std::fmt;
 use std::ops::Range;
 
 use crate::error::{Error, Result};
@@ -117,6 +118,49 @@ impl LightKind {
             Self::Octahedral { side } => (side, side),
             Self::Lamp | Self::Point | Self::Spot | Self::Sun | Self::Ies | Self::Image => (1, 1),
         }
+    }
+
+    /// One word for programs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lamp => "lamp",
+            Self::AreaTexels { .. } => "area",
+            Self::LatLong { .. } => "lat-long",
+            Self::Octahedral { .. } => "octahedral",
+            Self::Point => "point",
+            Self::Spot => "spot",
+            Self::Sun => "sun",
+            Self::Ies => "ies",
+            Self::Image => "image",
+        }
+    }
+}
+
+impl fmt::Display for LightKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (across, down) = self.layout();
+        match self {
+            Self::Lamp => f.write_str("lamp"),
+            Self::AreaTexels { .. } => write!(f, "area light of {across} × {down} texels"),
+            Self::LatLong { .. } => write!(f, "environment, lat-long, {across} × {down} texels"),
+            Self::Octahedral { .. } => write!(f, "environment, octahedral, {across} × {down} texels"),
+            Self::Point => f.write_str("point light"),
+            Self::Spot => f.write_str("spot light"),
+            Self::Sun => f.write_str("sun"),
+            Self::Ies => f.write_str("luminaire with a measured distribution"),
+            Self::Image => f.write_str("light known by its picture"),
+        }
+    }
+}
+
+impl fmt::Display for LightUnit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Radiance => "W/(sr·m²)",
+            Self::Intensity => "W/sr",
+            Self::Irradiance => "W/m²",
+            Self::Multiple => "times as rendered",
+        })
     }
 }
 

@@ -136,11 +136,8 @@ fn print_job(path: &Path, job: &Job) {
     println!("blocks       {} of {side} × {side} pixels", shape.block_count(), side = shape.block_side());
     println!("lights       {}", job.basis.lights().len());
     for light in job.basis.lights().iter().take(MOST_LIGHTS) {
-        let (across, down) = light.layout();
-        println!(
-            "  {:<24} {across} × {down}  {:?}, emission {:?} {:?}",
-            light.name, light.kind, light.emission, light.unit
-        );
+        let [r, g, b] = light.emission;
+        println!("  {:<24} {}, emission {r:.3} {g:.3} {b:.3} {}", light.name, light.kind, light.unit);
     }
     if job.basis.lights().len() > MOST_LIGHTS {
         println!("  … and {} more (all with --json)", job.basis.lights().len() - MOST_LIGHTS);
@@ -248,7 +245,7 @@ fn job_json(path: &Path, job: &Job) -> Value {
     let lights = job.basis.lights().iter().map(|light| {
         let (across, down) = light.layout();
         json!({
-            "name": light.name, "kind": format!("{:?}", light.kind), "unit": format!("{:?}", light.unit),
+            "name": light.name, "kind": light.kind.name(), "unit": light.unit.to_string(),
             "emission": light.emission, "first_column": light.first_column, "columns": light.places.len(),
             "across": across, "down": down,
         })

@@ -6,7 +6,7 @@ use super::document::Document;
 use super::pattern_editor::pattern_editor;
 use super::theme::{WEAK, section, swatch};
 use crate::image::KELVIN_RANGE;
-use crate::light::{Light, LightKind, LightUnit};
+use crate::light::Light;
 use crate::view::mixer::{LightMix, Tint};
 
 pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
@@ -37,26 +37,8 @@ pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
 
 /// Kind, texels and the radiometric value, in words.
 fn describe(light: &Light) -> String {
-    let (across, down) = light.layout();
-    let kind = match light.kind {
-        LightKind::Lamp => "lamp".to_owned(),
-        LightKind::AreaTexels { .. } => format!("area light of {across} × {down} texels"),
-        LightKind::LatLong { .. } => format!("environment, lat-long, {across} × {down} texels"),
-        LightKind::Octahedral { .. } => format!("environment, octahedral, {across} × {down} texels"),
-        LightKind::Point => "point light".to_owned(),
-        LightKind::Spot => "spot light".to_owned(),
-        LightKind::Sun => "sun".to_owned(),
-        LightKind::Ies => "luminaire with a measured distribution".to_owned(),
-        LightKind::Image => "light known by its picture".to_owned(),
-    };
-    let unit = match light.unit {
-        LightUnit::Radiance => "W/(sr·m²)",
-        LightUnit::Intensity => "W/sr",
-        LightUnit::Irradiance => "W/m²",
-        LightUnit::Multiple => "times as rendered",
-    };
     let [r, g, b] = light.emission;
-    format!("{kind}  ·  {r:.3} {g:.3} {b:.3} {unit}")
+    format!("{}  ·  {r:.3} {g:.3} {b:.3} {}", light.kind, light.unit)
 }
 
 /// Three ways to colour a light, whose brightness stays what it is.
