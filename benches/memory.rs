@@ -37,7 +37,9 @@ fn main() {
         "{:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>12}",
         "rows", "raw", "render", "pack", "load", "relight", "streaming", "relative L2"
     );
-    for (width, height) in [(96, 64), (192, 128), (384, 256)] {
+    // The first is not shown: in it the dense algebra reserves 960 MiB of address space for each thread, once, of which only
+    // what a product needs is ever touched.
+    for (round, (width, height)) in [(96, 64), (96, 64), (192, 128), (384, 256)].into_iter().enumerate() {
         let mut loaded = BuiltIn { width, height, texels: TEXELS }.named("mixed").expect("a built-in scene");
         loaded.settings.samples_per_pixel = SAMPLES;
         let mut render = RenderOptions::default();
@@ -54,6 +56,9 @@ fn main() {
         let relit = peak(|| relighter.relight(&lighting).expect("an image")).1;
         drop(relighter);
         let streamed = peak(|| relight_streaming(&container, &lighting).expect("an image")).1;
+        if round == 0 {
+            continue;
+        }
         println!(
             "{:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>12.5}",
             matrix.job().shape.rows(),

@@ -3,8 +3,9 @@
 //!
 //! `cargo bench --features view --bench view` measures rooms that it traces itself, kept without loss but for the
 //! container's rounding; `LTM_VIEW_CONTAINER=FILE.ltc` measures another. With `LTM_VIEW_DEVICE=1` the device relights
-//! that would draw the window, whatever it is, and shows the pictures unless it is a software one; both ways are measured. The window is laid out in full sixty times a
-//! second, as a display would ask for it; putting its triangles on the screen is not part of the time.
+//! that would draw the window, whatever it is, and shows the pictures unless it is a software one; both ways are
+//! measured. The window is laid out in full sixty times a second, as a display would ask for it; putting its triangles
+//! on the screen is not part of the time.
 
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
 
