@@ -7,7 +7,7 @@ use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::Summary;
 use super::rivals::{BlockSvd, Packed, Ranks, kernel, product};
 use super::table::{Cell, Table};
-use super::{StudyReport, curve};
+use super::{StudyReport, curve, zfp};
 use crate::compress::{CompressSettings, Method, Target};
 use crate::error::Result;
 use crate::image::LinearImage;
@@ -38,6 +38,8 @@ struct Plan {
     ranks: &'static [usize],
     /// Exponents of two of the DCT's steps under its scale.
     steps: &'static [i32],
+    /// Exponents of two of zfp's tolerances under the largest entry.
+    tolerances: &'static [i32],
 }
 
 const QUICK: Plan = Plan {
@@ -46,6 +48,7 @@ const QUICK: Plan = Plan {
     ratios: &[400.0, 150.0, 50.0],
     ranks: &[2, 6, 16],
     steps: &[-5, -7, -9],
+    tolerances: &[-4, -8],
 };
 
 const FULL: Plan = Plan {
@@ -61,6 +64,7 @@ const FULL: Plan = Plan {
     ratios: &[4000.0, 1500.0, 600.0, 350.0, 200.0, 100.0],
     ranks: &[1, 2, 4, 8, 16, 32],
     steps: &[-4, -6, -7, -8, -10],
+    tolerances: &[-2, -5, -8, -11, -14],
 };
 
 /// Fidelity that was set as the goal for 1,024 columns (512 of the environment): scene, ratio, lin and clip in dB.
@@ -100,8 +104,8 @@ reference's 95th luminance percentile to 1 and clipping to [0, 1]; relMSE: (a âˆ
 
 const FORMS_NOTE: &str = "Bytes are those of whole files. Algorithm 4, the proposed method: `ltm-pack` with its codec at a fixed \
 rank. Kernel NystrÃ¶m: the same codec, rows and columns as Algorithm 4, a power map fitted to each block. Block SVD: \
-16-bit floats, byte planes, zstd 12. DCT: 4-D over pixels and texels, one step, zstd 12. zfp is not compared: its \
-bindings in Rust are raw C calls that need cmake and libclang to build.";
+16-bit floats, byte planes, zstd 12. DCT: 4-D over pixels and texels, one step, zstd 12. zfp: each colour of a \
+block in four dimensions, one absolute tolerance, zstd 12.";
 
 /// What is read off a summary.
 type Value = fn(&Summary) -> f64;
@@ -117,7 +121,7 @@ struct Point {
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
     let mut report = StudyReport::default();
-    let points_per_scene = 2 * plan.ratios.len() + 5 * plan.ranks.len() + plan.steps.len();
+    let points_per_scene = 2 * plan.ratios.len() + 5 * plan.ranks.len() + plan.steps.len() + plan.tolerances.len();
     let files = |scenes: &[&str]| points_per_scene * scenes.len();
     let total: usize = plan.matrices.iter().map(|m| files(&bench.with_conference(m.scenes))).sum();
     bench.watch.begin("fig9", total as u64, "files");
@@ -207,6 +211,17 @@ fn measure(bench: &Bench<'_>, plan: &Plan, matrix: &StoreReader) -> Result<Vec<P
         let images = dct::read(path, step, shape, &matrix.job().basis, &lightings)?;
         let packed = Packed { bytes: super::bench::file_bytes(path)?, rank: None, seconds, images };
         keep("4-D DCT", "one step + zstd", packed);
+    }
+    let largest = zfp::scale(matrix)?;
+    for &exponent in plan.tolerances {
+        bench.stop_if_interrupted()?;
+        let (path, tolerance) = (bench.cached("zfp"), largest * (exponent as f32).exp2());
+        let begun = std::time::Instant::now();
+        zfp::write(matrix, tolerance, &path)?;
+        let seconds = begun.elapsed().as_secs_f64();
+        let images = zfp::read(&path, tolerance, shape, &matrix.job().basis, &lightings)?;
+        let packed = Packed { bytes: super::bench::file_bytes(&path)?, rank: None, seconds, images };
+        keep("4-D zfp", "one tolerance + zstd", packed);
     }
     Ok(points)
 }

@@ -28,6 +28,7 @@ mod shared;
 mod speed;
 mod svd;
 mod table;
+mod zfp;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
