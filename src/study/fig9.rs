@@ -38,7 +38,7 @@ struct Plan {
     ranks: &'static [usize],
     /// Exponents of two of the DCT's steps under its scale.
     steps: &'static [i32],
-    /// Exponents of two of zfp's tolerances under the largest entry.
+    /// Exponents of two of zfp's tolerances over the largest entry, which are kept by far.
     tolerances: &'static [i32],
 }
 
@@ -48,7 +48,7 @@ const QUICK: Plan = Plan {
     ratios: &[400.0, 150.0, 50.0],
     ranks: &[2, 6, 16],
     steps: &[-5, -7, -9],
-    tolerances: &[-4, -8],
+    tolerances: &[2, -2],
 };
 
 const FULL: Plan = Plan {
@@ -64,7 +64,7 @@ const FULL: Plan = Plan {
     ratios: &[4000.0, 1500.0, 600.0, 350.0, 200.0, 100.0],
     ranks: &[1, 2, 4, 8, 16, 32],
     steps: &[-4, -6, -7, -8, -10],
-    tolerances: &[-2, -5, -8, -11, -14],
+    tolerances: &[8, 6, 4, 2, 0, -2, -5],
 };
 
 /// Fidelity that was set as the goal for 1,024 columns (512 of the environment): scene, ratio, lin and clip in dB.
