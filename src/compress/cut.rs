@@ -32,8 +32,8 @@ const LEFT_NOISE_SHARE: (f64, f64) = (0.3, 2.5);
 const NOISE_OF_MOST: f64 = 30.0;
 const RIGHT_NOISE_SHARE: f64 = 0.5;
 /// [`Target::Automatic`], and a PSNR that noise or rank keep from being reached, stop where what further bytes would save
-/// is this part of the energy of the samples' noise. Five
-/// built-in scenes at 4 to 256 samples: 0.01 takes a third of the bytes again for 0.1 dB, and 2 to 8 % in ꟻLIP.
+/// is this part of the energy of the samples' noise. Five built-in scenes at 4 to 256 samples: 0.01 takes a third of the
+/// bytes again for 0.1 dB, and 2 to 8 % in ꟻLIP.
 const SAVED_OVER_NOISE: f64 = 0.002;
 /// Steps of at least this fraction of an entry's root mean square: what 16-bit floats would keep.
 const FINEST_STEP: f64 = 1.0 / 2048.0;
@@ -117,8 +117,7 @@ impl Cut {
         let gain = f64::from(s.gains[k]);
         let (left, right) = self.steps(s, k);
         let (m, n) = (f64::from(s.rows), f64::from(s.columns));
-        let independent = m * entropy(1.0 / m, left) + n * entropy(f64::from(s.right_mean_square[k]), right);
-        let bits = CODING_GAIN * independent + COMPONENT_BITS;
+        let bits = component_bits((m, 1.0 / m, left), (n, f64::from(s.right_mean_square[k]), right));
         let noise = f64::from(s.fitted_noise[k] + s.noise[k]);
         let noisy = self.noise_factor > 0.0 && k > 0 && gain < self.noise_factor * noise;
         // Steps that only pass over noise cost nothing of what the component is kept for.
@@ -153,6 +152,13 @@ impl Cut {
         }
         spent
     }
+}
+
+/// Bits that a component is reckoned to take in a file: of each of its two sides the number of entries, their variance, and
+/// their step.
+pub fn component_bits(left: (f64, f64, f64), right: (f64, f64, f64)) -> f64 {
+    let independent = |(count, variance, step): (f64, f64, f64)| count * entropy(variance, step);
+    CODING_GAIN * (independent(left) + independent(right)) + COMPONENT_BITS
 }
 
 /// Bits of an entry of variance `v` under a uniform quantiser, from the differential entropy of a normal: at high rate

@@ -43,7 +43,7 @@ mod settings;
 pub use candidate::{Candidate, CandidateSummary};
 pub use compressor::Compressor;
 pub use cur::{Selection, cur};
-pub use cut::Cut;
+pub use cut::{Cut, component_bits};
 pub use global::GlobalCur;
 pub use sanitise::{BlockSums, Replaced};
 pub use settings::{AUTOMATIC_DB, AUTOMATIC_MOST_DB, CompressSettings, Core, Method, PriorChoice, Scope, Target};

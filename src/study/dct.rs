@@ -10,14 +10,13 @@ use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
 use super::factors::assemble;
+use super::rivals::ZSTD_LEVEL;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::{LightBasis, Lighting};
 use crate::matrix::{BlockId, BlockSource, BlockView, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 use crate::store::StoreReader;
 
-/// Effort of zstd: high, as a rival's should be; its time is not compared.
-const ZSTD_LEVEL: i32 = 12;
 /// A coefficient beyond ±127 steps is written as this byte and kept in full at the end of its block.
 const ESCAPE: i8 = -128;
 
@@ -37,7 +36,7 @@ fn grid_basis(across: usize, down: usize) -> Mat<f32> {
 }
 
 /// Texels across and down of the one light of a basis; a basis of several lights is transformed as one row.
-fn layout(lights: &LightBasis) -> (usize, usize) {
+pub(super) fn layout(lights: &LightBasis) -> (usize, usize) {
     match lights.lights() {
         [light] => (light.layout().0 as usize, light.layout().1 as usize),
         _ => (lights.column_count(), 1),

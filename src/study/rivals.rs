@@ -20,8 +20,8 @@ use crate::pipeline::{self, PackOptions};
 use crate::relight::CpuRelighter;
 use crate::store::StoreReader;
 
-/// Effort of zstd for factors: high, as a rival's should be; its time is not compared.
-const ZSTD_LEVEL: i32 = 12;
+/// Effort of zstd behind every rival: high, as a rival's should be; its time is not compared.
+pub(super) const ZSTD_LEVEL: i32 = 12;
 
 /// What a compressor made of a matrix.
 pub(super) struct Packed {

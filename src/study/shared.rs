@@ -20,7 +20,7 @@ use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::Summary;
 use super::table::{Cell, Table};
 use super::{StudyReport, curve, svd};
-use crate::compress::{Candidate, CompressSettings, Compressor, Target};
+use crate::compress::{Candidate, CompressSettings, Compressor, Target, component_bits};
 use crate::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use crate::container::{BlockLayout, LightLayout};
 use crate::error::{Error, Result};
@@ -32,9 +32,6 @@ use crate::store::StoreReader;
 const INDEX_BYTES: usize = 48;
 /// Components that a group's basis holds while blocks are assigned to it.
 const ASSIGNED_RANK: usize = 24;
-/// What the compressor reckons with when it weighs a component against its bits.
-const CODING_GAIN: f64 = 0.45;
-const COMPONENT_BITS: f64 = 96.0;
 
 /// How blocks are put together.
 #[derive(Clone, Copy, Debug)]
@@ -347,10 +344,9 @@ impl Subject {
         let steps = blocks.iter().flat_map(|block| &block.right_step).map(|&step| f64::from(step).powi(2));
         let square_step = steps.sum::<f64>() / rows.nrows().max(1) as f64;
         let (energies, turn) = self.directions(rows.as_ref());
-        let bits =
-            |count: f64, energy: f64| CODING_GAIN * count * 0.5 * (1.0 + 17.08 * energy / count / square_step).log2();
         let worth = |energy: f64| {
-            let bits = bits(rows.ncols() as f64, energy) + bits(rows.nrows() as f64, energy) + COMPONENT_BITS;
+            let entries = |count: usize| (count as f64, energy / count as f64, square_step.sqrt());
+            let bits = component_bits(entries(rows.ncols()), entries(rows.nrows()));
             energy > square_step * std::f64::consts::LN_2 / 6.0 * bits
         };
         let kept = energies.iter().take_while(|&&energy| energy > 1e-10 * energies[0] && worth(energy)).count();

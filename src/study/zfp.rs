@@ -7,28 +7,20 @@ use std::path::Path;
 
 use zfp_rs::{ZfpBitStream, ZfpBitStreamRef, ZfpConfig, ZfpField, ZfpFieldMut, ZfpScalarType};
 
+use super::dct::layout;
 use super::factors::{assemble, relit_block};
+use super::rivals::ZSTD_LEVEL;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::{LightBasis, Lighting};
 use crate::matrix::{BlockSource, BlockView, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 use crate::store::StoreReader;
 
-/// Effort of zstd, as for the other rivals.
-const ZSTD_LEVEL: i32 = 12;
-
-/// Sizes and strides of one colour of a block: along the image, down it, along the light, down it. A basis of several
-/// lights is one row.
+/// Sizes and strides of one colour of a block: along the image, down it, along the light, down it.
 fn array(rect: PixelRect, lights: &LightBasis) -> ([usize; 4], [isize; 4]) {
-    let (across, down) = match lights.lights() {
-        [light] => light.layout(),
-        _ => (lights.column_count() as u32, 1),
-    };
-    let rows = rect.rows() as isize;
-    (
-        [rect.width, rect.height, across, down].map(|n| n as usize),
-        [1, rect.width as isize, rows, rows * across as isize],
-    )
+    let (across, down) = layout(lights);
+    let (width, rows) = (rect.width as usize, rect.rows());
+    ([width, rect.height as usize, across, down], [1, width, rows, rows * across].map(|n| n as isize))
 }
 
 /// One colour of a block, coded. `None` where the library refuses, which no block of a matrix makes it do.
@@ -125,22 +117,13 @@ pub(super) fn scale(source: &StoreReader) -> Result<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::light::{Light, LightKind, LightUnit};
+    use crate::light::{Light, LightKind};
 
     #[test]
     fn every_entry_is_within_the_tolerance() {
-        let (across, down, tolerance) = (6, 5, 0.01);
+        let tolerance = 0.01;
         let mut lights = LightBasis::new();
-        let light = Light {
-            name: "panel".into(),
-            kind: LightKind::AreaTexels { across, down },
-            unit: LightUnit::Radiance,
-            emission: [1.0; 3],
-            first_column: 0,
-            places: vec![[0.0; 3]; 30],
-            extents: vec![1.0; 30],
-        };
-        lights.push(light).unwrap();
+        lights.push(Light::unplaced("panel", LightKind::AreaTexels { across: 6, down: 5 })).unwrap();
         let rect = PixelRect { x: 0, y: 0, width: 7, height: 3 };
         let entries: Vec<f32> = (0..63 * 30).map(|i| (i as f32 * 0.37).sin() + (i / 63) as f32).collect();
         let config = ZfpConfig::fixed_accuracy(tolerance);

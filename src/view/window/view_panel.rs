@@ -7,6 +7,7 @@ use super::document::Document;
 use super::keys::{Action, act};
 use super::theme::{ACCENT, WEAK, section};
 use crate::image::{LinearImage, encode_srgb, false_colour, luminance};
+use crate::light::LightUnit;
 use crate::view::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
 
 /// Red, green and blue in graphs, of about one lightness.
@@ -246,7 +247,7 @@ fn probe(ui: &mut Ui, document: &Document) {
             ui.label(plain(format!("{} cd/m²", short(candela))));
             ui.label(plain(format!("{} lx", short(candela * std::f32::consts::PI))))
                 .on_hover_text("Illuminance at least, reached where the surface is matt and white");
-            let unit = weak("W/(sr·m²)".into());
+            let unit = weak(LightUnit::Radiance.to_string());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(unit));
         }
         None => {
