@@ -31,8 +31,6 @@
 //! | `store`, `compress`, `container` | `error`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight` |
-//! | `view` | `error`, `matrix`, `image`, `light`, `relight`, `container`, `pipeline` |
-//! | `study` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight`, `pipeline` |
 
 pub mod compress;
 pub mod container;
@@ -44,8 +42,12 @@ pub mod pipeline;
 pub mod relight;
 pub mod scene;
 pub mod store;
-pub mod study;
 pub mod trace;
-pub mod view;
 
 pub use error::{Error, Result};
+
+/// Vectors and matrices of the scene's and the image's interfaces.
+pub use glam;
+/// The GPU interface that [`relight`] shares devices and textures with.
+#[cfg(feature = "gpu")]
+pub use wgpu;

@@ -2,13 +2,10 @@
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use assert_cmd::Command;
 use ltm::Result;
 use ltm::compress::{CompressSettings, Compressor, Core, Method, PriorChoice, Scope, Target};
 use ltm::light::{Light, LightBasis, LightKind};
 use ltm::matrix::{Block, BlockId, BlockSource, MatrixShape, TracedBlock};
-use ltm::pipeline::{self, Quiet, RenderOptions};
-use ltm::scene::BuiltIn;
 
 const ALGORITHMS: [Method; 4] = [Method::Algorithm1, Method::Algorithm2, Method::Algorithm3, Method::Algorithm4];
 const SIDE: u32 = 8;
@@ -198,31 +195,4 @@ fn methods_of_blocks_are_refused() {
     assert!(Compressor::new(&panel(), shape, projection).is_err());
     let small = CompressSettings { sample_rows: 31, ..settings(Method::Algorithm4, Scope::Global) };
     assert!(Compressor::new(&panel(), shape, small).is_err());
-}
-
-/// The first number of MiB after `word`.
-fn mebibytes(said: &str, word: &str) -> f64 {
-    let after = said.split(word).nth(1).unwrap_or_else(|| panic!("no '{word}' in {said}"));
-    let (number, unit) = after.trim().split_once(' ').unwrap();
-    assert!(unit.starts_with("MiB"), "{said}");
-    number.parse().unwrap()
-}
-
-#[test]
-fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated() {
-    let folder = tempfile::tempdir().unwrap();
-    let matrix = folder.path().join("room.ltm");
-    // 69,120 rows, more than are looked at together; 256 columns: 67.5 MiB.
-    let mut room = BuiltIn { width: 160, height: 144, texels: 16 }.named("diffuse").unwrap();
-    room.settings.samples_per_pixel = 1;
-    pipeline::render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
-    for method in ["algorithm2", "algorithm4"] {
-        let arguments = ["--method", method, "--scope", "global", "--rank", "16", "--memory", "60MiB", "--force"];
-        let output =
-            Command::cargo_bin("ltm-pack").unwrap().arg(&matrix).args(arguments).current_dir(&folder).output().unwrap();
-        let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
-        assert!(output.status.success(), "{said}");
-        let (peak, need) = (mebibytes(&said, "peak memory"), mebibytes(&said, "needs up to"));
-        assert!(peak <= need && need <= 60.0, "{method}: {peak} MiB of {need} MiB");
-    }
 }

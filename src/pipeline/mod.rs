@@ -7,11 +7,15 @@ mod budget;
 mod compare;
 pub mod demo;
 mod fused;
+#[cfg(feature = "gpu")]
+mod gpu;
 mod import;
 mod lights;
 mod maintain;
 mod measure;
 mod memory;
+#[cfg(not(feature = "gpu"))]
+mod no_gpu;
 mod pack;
 mod preview;
 mod relight;
@@ -35,6 +39,6 @@ pub use preview::{PreviewReport, preview};
 pub use relight::{Device, RelightOptions, Relighter, relight, relight_matrix};
 pub use render::{RenderOptions, RenderReport, job_of, render};
 pub use selection::Selection;
-pub(crate) use unpack::in_place_of;
+pub use unpack::in_place_of;
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
 pub use watch::{Quiet, Watch};

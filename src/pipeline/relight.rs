@@ -1,6 +1,10 @@
 //! `.ltc` + lighting → image.
 
 use super::budget::{Need, on_threads};
+#[cfg(feature = "gpu")]
+use super::gpu::OnGpu;
+#[cfg(not(feature = "gpu"))]
+use super::no_gpu::OnGpu;
 use super::render::PROGRAM_BYTES;
 use super::{Watch, human_bytes};
 use crate::container::ContainerReader;
@@ -8,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockSource, FactorSource, MatrixShape};
-use crate::relight::{CpuRelighter, GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter, relight_raw};
+use crate::relight::{CpuRelighter, PagedRelighter, relight_raw};
 use crate::store::StoreReader;
 
 /// Where to relight.
@@ -43,8 +47,7 @@ pub struct Relighter<'a> {
 enum Kind<'a> {
     Cpu(Box<CpuRelighter>),
     Paged(Box<PagedRelighter<'a>>),
-    Gpu(Box<GpuRelighter>),
-    PagedGpu(Box<PagedGpuRelighter<'a>>),
+    Gpu(OnGpu<'a>),
 }
 
 impl<'a> Relighter<'a> {
@@ -77,7 +80,6 @@ impl<'a> Relighter<'a> {
             Kind::Cpu(cpu) => cpu.relight(lighting),
             Kind::Paged(paged) => paged.relight(lighting),
             Kind::Gpu(gpu) => gpu.relight(lighting),
-            Kind::PagedGpu(paged) => paged.relight(lighting),
         })?
     }
 
@@ -87,8 +89,7 @@ impl<'a> Relighter<'a> {
         match &self.kind {
             Kind::Cpu(cpu) => cpu.damage().to_vec(),
             Kind::Paged(paged) => paged.damage(),
-            Kind::Gpu(gpu) => gpu.damage().to_vec(),
-            Kind::PagedGpu(paged) => paged.host().damage(),
+            Kind::Gpu(gpu) => gpu.damage(),
         }
     }
 
@@ -105,11 +106,10 @@ impl<'a> Relighter<'a> {
         match &self.kind {
             Kind::Cpu(_) => cpu,
             Kind::Paged(paged) => format!("{cpu}, {}", of_pages(paged)),
-            Kind::Gpu(gpu) => format!("GPU ({})", gpu.adapter()),
-            Kind::PagedGpu(paged) => {
-                let peak = human_bytes(paged.peak_bytes());
-                format!("GPU ({}, at most {peak} of its memory), {}", paged.adapter(), of_pages(paged.host()))
-            }
+            Kind::Gpu(gpu) => match gpu.host() {
+                Some(paged) => format!("{}, {}", gpu.description(), of_pages(paged)),
+                None => gpu.description(),
+            },
         }
     }
 }
@@ -124,25 +124,13 @@ fn gpu<'a>(
     if options.device == Device::Cpu {
         return Ok(None);
     }
-    let opened = match (options.gpu_memory_bytes, options.memory_bytes) {
-        (None, None) => GpuRelighter::new(container).map(|gpu| Kind::Gpu(Box::new(gpu))),
-        (bytes, _) => PagedGpuRelighter::new(paged(), bytes.unwrap_or(u64::MAX), GpuSettings::default())
-            .map(|gpu| Kind::PagedGpu(Box::new(gpu))),
-    };
-    let software = |kind: &Kind| match kind {
-        Kind::Gpu(gpu) => gpu.is_software().then(|| gpu.adapter()),
-        Kind::PagedGpu(gpu) => gpu.is_software().then(|| gpu.adapter()),
-        _ => None,
-    };
-    match opened {
+    match OnGpu::open(container, options, paged) {
         // A driver that computes on the CPU is slower than our own code there.
-        Ok(kind) => match software(&kind).filter(|_| options.device == Device::Auto) {
-            Some(adapter) => {
-                watch.note(&format!("the only adapter is a software one ({adapter}); relighting on the CPU"));
-                Ok(None)
-            }
-            None => Ok(Some(kind)),
-        },
+        Ok(gpu) if gpu.is_software() && options.device == Device::Auto => {
+            watch.note(&format!("the only adapter is a software one ({}); relighting on the CPU", gpu.adapter()));
+            Ok(None)
+        }
+        Ok(gpu) => Ok(Some(Kind::Gpu(gpu))),
         Err(Error::NoGpu(reason)) if options.device == Device::Auto => {
             watch.note(&format!("no GPU ({reason}); relighting on the CPU"));
             Ok(None)

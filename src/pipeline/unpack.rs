@@ -265,7 +265,7 @@ fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
 
 /// Lets `write` write to a temporary name beside `path` and moves the result there, so that nothing half-written ever
 /// stands under the final name.
-pub(crate) fn in_place_of(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
+pub fn in_place_of(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let temporary = path.with_file_name(name);

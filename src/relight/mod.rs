@@ -11,6 +11,7 @@
 mod compact;
 mod cpu;
 mod damage;
+#[cfg(feature = "gpu")]
 mod gpu;
 mod paged;
 mod pager;
@@ -22,6 +23,7 @@ mod tiles;
 
 pub use compact::CompactBlock;
 pub use cpu::{CpuRelighter, Relit, relight_streaming};
+#[cfg(feature = "gpu")]
 pub use gpu::{GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, ShownAs};
 pub use paged::{PagedRelighter, Reads};
 pub use pager::{Admission, Detail, Pager, plan};

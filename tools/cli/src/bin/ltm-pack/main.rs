@@ -1,0 +1,137 @@
+//! `ltm-pack`: a stored matrix or images of single lights in, a container out.
+
+#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
+
+mod tables;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, Parser};
+use ltm_cli::compression::Compression;
+use ltm_cli::console::{self, Console, EXIT_CODES};
+use ltm::container::ContainerReader;
+use ltm::image::LightSet;
+use ltm::light::Job;
+use ltm::matrix::{BlockSource, MatrixShape};
+use ltm::pipeline::{self, ImportedMatrix, PackOptions, human_bytes, parse_bytes};
+use ltm::store::StoreReader;
+use ltm::{Error, Result};
+use regex::Regex;
+
+/// Compress a stored light transport matrix (.ltm), or images of single lights that other programs rendered, into a
+/// container (.ltc).
+#[derive(Parser)]
+#[command(version, after_help = format!("Examples:
+  ltm-pack room.ltm                      writes room.ltc
+  ltm-pack room.ltm -o small.ltc --target 1MiB --force
+  ltm-pack room.ltm -o paper.ltc --method proposed --rank 32
+  ltm-pack room.ltm -o global.ltc --method algorithm4 --scope global --rank 64
+  ltm-pack room.ltm --verify             compares every entry with the matrix afterwards
+  ltm-pack blender.exr -o room.ltc       light groups of Blender, Arnold, V-Ray, LuxCore
+  ltm-pack any.exr -o room.ltc --layers '^beauty_(.+)$'
+  ltm-pack 'renders/room_{{light}}.exr' -o room.ltc
+  ltm-pack lights.npz -o room.ltc        images [lights, height, width, 3], lights: their names
+
+{EXIT_CODES}"))]
+struct Arguments {
+    /// A stored matrix (.ltm), an OpenEXR file with light groups, a folder or pattern with {light} (.exr, .hdr, .pfm), or
+    /// an array (.npy, .npz).
+    input: PathBuf,
+    /// The container to write [default: the input's name with .ltc].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Replace a container that is there.
+    #[arg(long)]
+    force: bool,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
+    /// Compare every entry with the input afterwards; prints the error of each block and the worst place.
+    #[arg(long)]
+    verify: bool,
+    #[command(flatten)]
+    images: Images,
+    #[command(flatten)]
+    compression: Compression,
+    /// Threads to use [default: one for each core].
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+#[derive(Args)]
+#[command(next_help_heading = "Images of single lights")]
+struct Images {
+    /// Which layers of an OpenEXR file are lights, as a regular expression; its group (`light`, else the first) is the
+    /// light's name [default: the conventions of Blender, Arnold, V-Ray, LuxCore].
+    #[arg(long, value_name = "REGEX")]
+    layers: Option<Regex>,
+    /// Side of a block in pixels.
+    #[arg(long, default_value_t = MatrixShape::DEFAULT_BLOCK_SIDE)]
+    block_side: u32,
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let console = Console::new();
+    console::finish("ltm-pack", run(&arguments, &console))
+}
+
+fn run(arguments: &Arguments, console: &Console) -> Result<()> {
+    console::use_threads(arguments.threads)?;
+    let input = &*arguments.input;
+    let output = arguments.output.clone().unwrap_or_else(|| default_output(input));
+    let refuse_existing = || match output.exists() && !arguments.force {
+        true => Err(Error::input(output.display().to_string(), "the file exists", "give --force to replace it")),
+        false => Ok(()),
+    };
+    if input.extension().is_some_and(|e| e == "ltm" || e == "part") {
+        let matrix = StoreReader::open(input)?;
+        refuse_existing()?;
+        return pack(&matrix, matrix.job(), &output, arguments, console);
+    }
+    let set = LightSet::open(input, arguments.images.layers.as_ref())?;
+    refuse_existing()?;
+    let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
+    let side = arguments.images.block_side;
+    let matrix = ImportedMatrix::read(&set, &name, &output, side, &pack_options(arguments), console)?;
+    tables::print_matches(&matrix);
+    pack(&matrix, matrix.job(), &output, arguments, console)
+}
+
+/// The container beside the input: its name with the other extension; of a pattern, what stands before `{light}`.
+fn default_output(input: &Path) -> PathBuf {
+    let text = input.display().to_string();
+    match text.split_once("{light}") {
+        Some((before, _)) => {
+            let stem = before.trim_end_matches(|c: char| !c.is_alphanumeric());
+            PathBuf::from(if stem.is_empty() { "lights" } else { stem }).with_extension("ltc")
+        }
+        None => input.with_extension("ltc"),
+    }
+}
+
+fn pack_options(arguments: &Arguments) -> PackOptions {
+    let compress = arguments.compression.settings();
+    let mut options = PackOptions { compress, memory_bytes: arguments.memory, ..Default::default() };
+    options.container.overwrite = arguments.force;
+    options
+}
+
+fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
+    let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
+    println!("{}: {report}", output.display());
+    pipeline::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| println!("{line}"));
+    println!(
+        "{:.1} s, {}/s of raw input, peak memory {}",
+        report.seconds,
+        human_bytes((report.raw_bytes as f64 / report.seconds) as u64),
+        report.peak_memory_bytes.map_or("unknown".into(), human_bytes),
+    );
+    if arguments.verify {
+        let packed = ContainerReader::open(output)?;
+        tables::print_comparison(&pipeline::compare_matrices(matrix, &packed, console)?, job);
+    }
+    println!("next: ltm relight {} -o relit.png", output.display());
+    Ok(())
+}

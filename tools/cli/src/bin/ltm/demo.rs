@@ -1,0 +1,44 @@
+//! `ltm demo`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use ltm::Result;
+use ltm::pipeline::demo::demo;
+
+use ltm_cli::console::Console;
+use crate::input::{parse_size, with_overrides};
+
+/// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
+const DEMO_SAMPLES: u32 = 256;
+
+#[derive(Args)]
+pub(crate) struct Demo {
+    /// Folder for the results.
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+    /// Samples per pixel [default: 256].
+    #[arg(long)]
+    samples: Option<u32>,
+    /// Image size, WIDTHxHEIGHT [default: the embedded scene's own].
+    #[arg(long, value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+}
+
+impl Default for Demo {
+    fn default() -> Self {
+        Self { out: "out".into(), samples: None, size: None }
+    }
+}
+
+pub(crate) fn run(options: &Demo, console: &Console) -> Result<()> {
+    let loaded = with_overrides(ltm::scene::built_in(), options.samples.or(Some(DEMO_SAMPLES)), options.size);
+    let report = demo(loaded, &options.out, console)?;
+    let out = options.out.display();
+    println!("{report}\n");
+    println!("The images are in {out}/. Next:");
+    println!("  ltm info {out}/demo.ltc                       what the container is");
+    println!("  ltm relight {out}/demo.ltc -o relit.png       relight it in milliseconds");
+    println!("  ltm render SCENE.toml                     your own scene; formats/scene.md says how to write one");
+    Ok(())
+}

@@ -1,0 +1,92 @@
+//! `ltm`: render a scene into its light transport matrix, relight it, look into the files.
+
+#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
+
+mod demo;
+mod info;
+mod input;
+mod maintain;
+mod picture;
+mod relight;
+mod render;
+mod sibling;
+mod verify;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use ltm::Result;
+use ltm_cli::console::{self, Console, EXIT_CODES};
+
+/// Light transport matrices: trace a scene once, then relight it at once.
+///
+/// Without a command, runs the demonstration into the folder `out`.
+#[derive(Parser)]
+#[command(version, after_help = EXIT_CODES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Threads to use [default: one for each core].
+    #[arg(long, global = true)]
+    threads: Option<usize>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render, pack and relight the embedded room, and print what it cost and what it lost.
+    #[command(after_help = "Example: ltm demo --out room --samples 16")]
+    Demo(demo::Demo),
+    /// Render a scene file into a stored matrix (.ltm). An interrupted render is continued by the same command.
+    #[command(after_help = "Examples:
+  ltm render room.toml                       writes room.ltm
+  ltm render room.toml -o t.ltm --samples 256 --size 1024x768
+  ltm render room.toml --blocks 0..100       one part of a farm's work
+  ltm render room.toml --pack --target 45dB  writes room.ltc, and no matrix")]
+    Render(render::Render),
+    /// Make an image from a container (.ltc) or a stored matrix (.ltm) under a lighting.
+    #[command(after_help = "Examples:
+  ltm relight room.ltc -o room.exr
+  ltm relight room.ltc -o room.png --on desk --on 'ceiling*' --device cpu
+  ltm relight room.ltc --lighting look.toml --look night -o night.png --tone agx
+  ltm relight room.ltc --lighting look.toml -o frame-####.png --fps 24
+  ltm relight room.ltc -o lights.exr --layers lights
+  ltm relight room.ltc -o lux.png --false-colour illuminance --reflectance 0.5")]
+    Relight(relight::Relight),
+    /// Open a container in a window: a mixer for its lights. A program of its own, ltm-view.
+    #[command(disable_help_flag = true)]
+    View(sibling::Arguments),
+    /// Say what a .ltm or .ltc file is.
+    #[command(after_help = "Example: ltm info room.ltc")]
+    Info(info::Info),
+    /// Read every byte of a .ltm or .ltc file and list what is damaged.
+    #[command(after_help = "Exits with 4 if anything is. Example: ltm verify room.ltm")]
+    Verify(verify::Verify),
+    /// Render the damaged and missing blocks of a matrix again.
+    #[command(after_help = "Example: ltm repair room.ltm room.toml --samples 256")]
+    Repair(maintain::Repair),
+    /// Join files that hold different blocks of the same job. Doing it again changes nothing.
+    #[command(after_help = "Example: ltm merge -o whole.ltm part-*.ltm")]
+    Merge(maintain::Merge),
+    /// Measure what the program reaches: each study writes CSV, a plot and a table. A program of its own, ltm-study.
+    #[command(disable_help_flag = true)]
+    Study(sibling::Arguments),
+}
+
+fn main() -> ExitCode {
+    console::finish("ltm", run(Arguments::parse(), &Console::new()))
+}
+
+fn run(arguments: Arguments, console: &Console) -> Result<()> {
+    console::use_threads(arguments.threads)?;
+    match arguments.command.unwrap_or_else(|| Command::Demo(demo::Demo::default())) {
+        Command::Demo(options) => demo::run(&options, console),
+        Command::Render(options) => render::run(&options, console),
+        Command::Relight(options) => relight::run(&options, console),
+        Command::View(options) => sibling::run("ltm-view", arguments.threads, &options),
+        Command::Info(options) => info::run(&options),
+        Command::Verify(options) => verify::run(&options, console),
+        Command::Repair(options) => maintain::repair(&options, console),
+        Command::Merge(options) => maintain::merge(&options),
+        Command::Study(options) => sibling::run("ltm-study", arguments.threads, &options),
+    }
+}

@@ -1,0 +1,244 @@
+//! `ltm relight`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use ltm::container::ContainerReader;
+use ltm::image::LinearImage;
+use ltm::light::look::{self, Look};
+use ltm::light::names::{fits, suggest};
+use ltm::light::{Job, Light, Lighting};
+use ltm::pipeline::{Device, RelightOptions, Relighter, Watch, parse_bytes, relight_matrix};
+use ltm::store::StoreReader;
+use ltm::{Error, Result};
+
+use ltm_cli::console::Console;
+use crate::input::{Kind, kind_of};
+use crate::picture::{Format, Picture, format_of, frame_path};
+
+#[derive(Args)]
+pub(crate) struct Relight {
+    /// The container or matrix.
+    input: PathBuf,
+    /// The image to write, .exr or .png; for an animation with `#` in place of the frame's number.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// A look file (TOML or JSON) [default: the scene's own lighting].
+    #[arg(short, long, value_name = "FILE")]
+    lighting: Option<PathBuf>,
+    /// A named look of the look file [default: its rules outside of named looks].
+    #[arg(long, value_name = "NAME", requires = "lighting")]
+    look: Option<String>,
+    /// Only lights whose name matches this (`*` stands for anything); may be given several times [default: all].
+    #[arg(long, value_name = "PATTERN")]
+    on: Vec<String>,
+    /// Write one layer for each light, or for each group of the look file, into one EXR.
+    #[arg(long, value_enum)]
+    layers: Option<Layers>,
+    /// Frames per second of an animation.
+    #[arg(long, default_value = "25", value_name = "RATE")]
+    fps: f32,
+    /// Only these frames of an animation, FIRST..END.
+    #[arg(long, value_parser = parse_frames)]
+    frames: Option<std::ops::Range<usize>>,
+    #[command(flatten)]
+    picture: Picture,
+    /// Where to compute.
+    #[arg(long, value_enum, default_value = "auto")]
+    device: DeviceName,
+    /// Memory to stay within, for example 64MiB: factors are read as they are needed [default: all are kept].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
+    /// Memory of the GPU to stay within [default: all factors are kept there].
+    #[arg(long, value_parser = parse_bytes)]
+    gpu_memory: Option<u64>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum DeviceName {
+    Auto,
+    Cpu,
+    Gpu,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Layers {
+    Lights,
+    Groups,
+}
+
+pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
+    let format = format_of(&options.output)?;
+    match kind_of(&options.input)? {
+        Kind::Container => {
+            let container = ContainerReader::open(&options.input)?;
+            let task = Task::new(options, container.job(), format)?;
+            let device = match options.device {
+                DeviceName::Auto => Device::Auto,
+                DeviceName::Cpu => Device::Cpu,
+                DeviceName::Gpu => Device::Gpu,
+            };
+            let (memory_bytes, gpu_memory_bytes) = (options.memory, options.gpu_memory);
+            let settings = RelightOptions { device, memory_bytes, gpu_memory_bytes };
+            let relighter = Relighter::open(&container, settings, console)?;
+            task.run(&|lighting| relighter.relight(lighting), console)?;
+            relighter.damage().iter().for_each(|line| console.note(line));
+            println!("{}: relit by {}", options.output.display(), relighter.description());
+        }
+        Kind::Matrix => {
+            let matrix = StoreReader::open(&options.input)?;
+            let task = Task::new(options, matrix.job(), format)?;
+            task.run(&|lighting| relight_matrix(&matrix, lighting, options.memory), console)?;
+            println!("{}: relit by the raw matrix", options.output.display());
+        }
+    }
+    Ok(())
+}
+
+/// What is to be relit, resolved over the lights at hand.
+struct Task<'a> {
+    options: &'a Relight,
+    job: &'a Job,
+    lighting: Lighting,
+    look: Option<Look>,
+    /// Lightings of an animation; empty for a still.
+    frames: Vec<Lighting>,
+}
+
+impl<'a> Task<'a> {
+    fn new(options: &'a Relight, job: &'a Job, format: Format) -> Result<Self> {
+        let look = options.lighting.as_ref().map(|path| look::load(path, &job.basis)).transpose()?;
+        let lighting = match (&look, &options.look) {
+            (Some(look), Some(name)) => look.named(name)?.clone(),
+            (Some(look), None) => look.lighting().clone(),
+            (None, _) => Lighting::of_scene(&job.basis),
+        };
+        let columns = chosen(job, &options.on)?;
+        let restrict =
+            |lighting: Lighting| if options.on.is_empty() { lighting } else { lighting.only(columns.clone()) };
+        let place = options.output.display().to_string();
+        let frames = match (frame_path(&options.output, 0), &look) {
+            (None, _) => Vec::new(),
+            (Some(_), Some(look)) => look.frames(options.fps)?.into_iter().map(restrict).collect(),
+            (Some(_), None) => Vec::new(),
+        };
+        if frame_path(&options.output, 0).is_some() && frames.is_empty() {
+            return Err(Error::input(place, "a sequence needs keys to go between", "give a look file with [[key]]"));
+        }
+        if options.frames.is_some() && frames.is_empty() {
+            return Err(Error::input(place, "--frames is of a sequence", "put #### into the name"));
+        }
+        if let Some(range) = options.frames.as_ref().filter(|range| range.is_empty() || range.end > frames.len()) {
+            let problem = format!("there are no frames {}..{}", range.start, range.end);
+            return Err(Error::input(place, problem, format!("the animation has frames 0..{}", frames.len())));
+        }
+        if options.layers.is_some() && (format != Format::Exr || !frames.is_empty()) {
+            return Err(Error::input(place, "layers go into one EXR", "name the image x.exr"));
+        }
+        options.picture.check(format, &options.output, job)?;
+        Ok(Self { options, job, lighting: restrict(lighting), look, frames })
+    }
+
+    fn run(&self, relight: &dyn Fn(&Lighting) -> Result<LinearImage>, console: &Console) -> Result<()> {
+        let output = &self.options.output;
+        let mut say = |line: String| println!("{}: {line}", output.display());
+        if let Some(layers) = self.options.layers {
+            return self.write_layers(layers, relight);
+        }
+        let picture = &self.options.picture;
+        if self.frames.is_empty() {
+            let image = relight(&self.lighting)?;
+            return picture.writer(format_of(output)?, &image, &mut say).write(output, &image);
+        }
+        let brightest = self.brightest_key(relight)?;
+        let writer = picture.writer(format_of(output)?, &brightest, &mut say);
+        let range = self.options.frames.clone().unwrap_or(0..self.frames.len());
+        console.begin("frames", range.len() as u64, "frames");
+        let written = range.clone().try_for_each(|frame| {
+            if console.interrupted() {
+                return Err(Error::Interrupted(format!("frames before {frame} are written")));
+            }
+            let path = frame_path(output, frame).unwrap_or_else(|| output.clone());
+            writer.write(&path, &relight(&self.frames[frame])?)?;
+            console.advance(1, 1, "frames");
+            Ok(())
+        });
+        console.end();
+        written?;
+        say(format!("{} frames", range.len()));
+        Ok(())
+    }
+
+    /// The brightest of the images at the keys, or a black one where none is needed.
+    fn brightest_key(&self, relight: &dyn Fn(&Lighting) -> Result<LinearImage>) -> Result<LinearImage> {
+        let mut brightest = LinearImage::black(1, 1);
+        let sum = |image: &LinearImage| image.luminances().map(f64::from).sum::<f64>();
+        if let Some(look) = self.look.as_ref().filter(|_| self.options.picture.looks_at_images()) {
+            for lighting in look.keys() {
+                let image = relight(lighting)?;
+                if sum(&image) > sum(&brightest) {
+                    brightest = image;
+                }
+            }
+        }
+        Ok(brightest)
+    }
+
+    fn write_layers(&self, layers: Layers, relight: &dyn Fn(&Lighting) -> Result<LinearImage>) -> Result<()> {
+        let columns = match layers {
+            Layers::Lights => {
+                self.job.basis.lights().iter().map(|light| (light.name.clone(), light.columns().collect())).collect()
+            }
+            Layers::Groups => self.groups()?,
+        };
+        let mut images = Vec::new();
+        for (name, columns) in columns {
+            let lighting = self.lighting.only(columns);
+            // Lights that are off are left out, but a file needs one layer.
+            if lighting.weights().iter().any(|weight| *weight != [0.0; 3]) {
+                images.push((name, relight(&lighting)?));
+            }
+        }
+        if images.is_empty() {
+            images.push(("dark".to_owned(), relight(&self.lighting)?));
+        }
+        let named: Vec<(&str, &LinearImage)> = images.iter().map(|(name, image)| (name.as_str(), image)).collect();
+        ltm::image::write_exr_layers(&self.options.output, &named)
+    }
+
+    /// The groups of the look file, and the lights of none of them as "others".
+    fn groups(&self) -> Result<Vec<(String, Vec<u32>)>> {
+        let mut groups = self.look.as_ref().map_or_else(Vec::new, |look| look.groups().to_vec());
+        if groups.is_empty() {
+            let hint = "give a look file with [groups], or take --layers lights";
+            return Err(Error::input("--layers groups", "there are no groups", hint));
+        }
+        let mut others = vec![true; self.job.shape.columns()];
+        groups.iter().flat_map(|(_, columns)| columns).for_each(|&column| others[column as usize] = false);
+        let others: Vec<u32> = (0..).zip(others).filter(|(_, other)| *other).map(|(column, _)| column).collect();
+        if !others.is_empty() {
+            groups.push(("others".to_owned(), others));
+        }
+        Ok(groups)
+    }
+}
+
+/// The columns of the lights that one of the patterns matches.
+fn chosen(job: &Job, patterns: &[String]) -> Result<Vec<u32>> {
+    let mut columns = Vec::new();
+    for pattern in patterns {
+        let matching: Vec<&Light> = job.basis.lights().iter().filter(|light| fits(pattern, &light.name)).collect();
+        if matching.is_empty() {
+            let names = job.basis.lights().iter().map(|light| light.name.as_str());
+            return Err(Error::input(format!("light '{pattern}'"), "no light matches", suggest(pattern, names)));
+        }
+        columns.extend(matching.into_iter().flat_map(Light::columns));
+    }
+    Ok(columns)
+}
+
+fn parse_frames(text: &str) -> Result<std::ops::Range<usize>, String> {
+    let (first, end) = text.split_once("..").ok_or("write FIRST..END, for example 0..100")?;
+    let number = |s: &str| s.parse().map_err(|e| format!("'{s}' is no frame's number ({e})"));
+    Ok(number(first)?..number(end)?)
+}

@@ -1,0 +1,149 @@
+//! `ltm render`.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use ltm::Result;
+use ltm::container::ContainerReader;
+use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport, Watch, human_bytes, parse_bytes};
+use ltm::scene::LoadedScene;
+use ltm::store::Precision;
+
+use ltm_cli::compression::Compression;
+use ltm_cli::console::Console;
+use crate::input::{parse_size, with_overrides};
+
+#[derive(Args)]
+pub(crate) struct Render {
+    /// The scene file.
+    scene: PathBuf,
+    /// The file to write [default: the scene file's name with .ltm, or .ltc with --pack, in this folder].
+    #[arg(short, long)]
+    output: Option<PathBuf>,
+    /// Samples per pixel [default: the scene file's].
+    #[arg(long)]
+    samples: Option<u32>,
+    /// Image size, WIDTHxHEIGHT [default: the scene file's].
+    #[arg(long, value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Precision of the stored entries.
+    #[arg(long, value_enum, default_value = "f32")]
+    precision: PrecisionName,
+    /// Only these blocks, FIRST..END.
+    #[arg(long, value_parser = parse_range)]
+    blocks: Option<std::ops::Range<u32>>,
+    /// First write a small, noisy image of the scene's own lighting beside the matrix (NAME-preview.png), within
+    /// seconds, then render on; with --preview=only, write nothing else.
+    #[arg(long, value_enum, value_name = "WHEN", num_args = 0..=1, require_equals = true, default_missing_value = "first")]
+    preview: Option<Preview>,
+    /// Replace a matrix that is there.
+    #[arg(long)]
+    force: bool,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
+    /// Compress each block as it is traced, into a container: the same bytes as ltm-pack makes of the f32 matrix, but
+    /// the matrix is never stored.
+    #[arg(long, conflicts_with_all = ["precision", "blocks"])]
+    pack: bool,
+    #[command(flatten)]
+    compression: Compression,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum PrecisionName {
+    F32,
+    F16,
+    Bf16,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Preview {
+    /// Before the render.
+    First,
+    /// Instead of the render.
+    Only,
+}
+
+pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
+    let loaded = with_overrides(ltm::scene::load(&options.scene)?, options.samples, options.size);
+    for warning in &loaded.warnings {
+        console.note(&format!("warning: {warning}"));
+    }
+    if options.pack {
+        return run_packed(options, loaded, console);
+    }
+    let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltm"));
+    if let Some(when) = options.preview {
+        let name = format!("{}-preview.png", output.file_stem().unwrap_or_default().to_string_lossy());
+        let report = pipeline::preview(&loaded, &output.with_file_name(name), console)?;
+        println!(
+            "{}: {}×{} pixels, {} samples per pixel, {:.1} s (the first after {:.1} s)",
+            report.path.display(),
+            report.width,
+            report.height,
+            report.samples_per_pixel,
+            report.seconds,
+            report.first_secs,
+        );
+        if when == Preview::Only {
+            return Ok(());
+        }
+    }
+    let store = ltm::store::StoreOptions {
+        overwrite: options.force,
+        precision: match options.precision {
+            PrecisionName::F32 => Precision::F32,
+            PrecisionName::F16 => Precision::F16,
+            PrecisionName::Bf16 => Precision::Bf16,
+        },
+        ..Default::default()
+    };
+    let render = RenderOptions { store, blocks: options.blocks.clone(), memory_bytes: options.memory };
+    let report = pipeline::render(loaded, &output, &render, console)?;
+    print_report(&output, &report);
+    match report.blocks_missing {
+        0 => println!("next: ltm-pack {}", output.display()),
+        missing => println!("{missing} blocks are still missing: render them too, then ltm merge"),
+    }
+    Ok(())
+}
+
+fn run_packed(options: &Render, loaded: LoadedScene, console: &Console) -> Result<()> {
+    let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltc"));
+    let mut pack =
+        PackOptions { compress: options.compression.settings(), memory_bytes: options.memory, ..Default::default() };
+    pack.container.overwrite = options.force;
+    let (render, packed) = pipeline::render_packed(loaded, &output, &pack, console)?;
+    print_report(&output, &render);
+    println!("{packed}");
+    let basis = ContainerReader::open(&output)?.job().basis.clone();
+    pipeline::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| println!("{line}"));
+    println!("next: ltm relight {} -o relit.png", output.display());
+    Ok(())
+}
+
+fn print_report(output: &Path, report: &RenderReport) {
+    println!(
+        "{}: {} blocks in {:.1} s, {:.2} M rays/s, peak memory {}",
+        output.display(),
+        report.blocks_traced,
+        report.seconds,
+        report.rays as f64 / report.seconds / 1e6,
+        report.peak_memory_bytes.map_or("unknown".into(), human_bytes),
+    );
+    if report.non_finite > 0 {
+        println!("{} contributions were not finite and were dropped", report.non_finite);
+    }
+}
+
+fn parse_range(text: &str) -> Result<std::ops::Range<u32>, String> {
+    let (first, end) = text.split_once("..").ok_or("write FIRST..END, for example 0..100")?;
+    let index = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a block index ({e})"));
+    Ok(index(first)?..index(end)?)
+}
+
+/// `path`'s file name with another extension, in the current folder.
+fn beside(path: &Path, extension: &str) -> PathBuf {
+    PathBuf::from(path.file_stem().unwrap_or(path.as_os_str())).with_extension(extension)
+}

@@ -1,0 +1,46 @@
+//! `ltm verify`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use ltm::pipeline::{self, parse_bytes};
+use ltm::{Error, Result};
+
+use ltm_cli::console::Console;
+use crate::input::{Kind, kind_of};
+
+#[derive(Args)]
+pub(crate) struct Verify {
+    /// The file.
+    file: PathBuf,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
+}
+
+pub(crate) fn run(options: &Verify, console: &Console) -> Result<()> {
+    let path = &*options.file;
+    let kind = kind_of(path)?;
+    let verified = match kind {
+        Kind::Container => pipeline::verify_container(path, options.memory, console)?,
+        Kind::Matrix => pipeline::verify(path, options.memory, console)?,
+    };
+    println!("{}: {verified}", path.display());
+    verified.faults.iter().for_each(|fault| println!("damaged: {fault}"));
+    if verified.missing > 0 {
+        println!("{} blocks were never written", verified.missing);
+    }
+    let places = match verified.faults.len() {
+        0 => {
+            println!("sound");
+            return Ok(());
+        }
+        1 => "1 place is damaged".to_owned(),
+        places => format!("{places} places are damaged"),
+    };
+    let hint = match kind {
+        Kind::Container => "the other blocks can be read; pack it again",
+        Kind::Matrix => "the other blocks can be read; repair it with ltm repair, or render it again",
+    };
+    Err(Error::damaged(path, places, hint))
+}

@@ -1,0 +1,80 @@
+//! How to compress, as arguments: of `ltm-pack`, and of `ltm render --pack`.
+
+use clap::{Args, ValueEnum};
+use ltm::compress::{CompressSettings, Method, PriorChoice, Scope, Target};
+use ltm::pipeline::parse_bytes;
+
+/// The options under the heading "Compression".
+#[derive(Args)]
+#[command(next_help_heading = "Compression")]
+pub struct Compression {
+    /// auto, algorithm1 … algorithm4, proposed (blocks, Algorithm 4, Nyström), pca or svd.
+    #[arg(long, default_value = "auto")]
+    method: Method,
+    /// What to reach over the image: 45dB (PSNR of exposed images, whatever lamps are in view), 0.01 (relative L2) or 2MiB
+    /// (bytes of the file). The noise of the samples may stop it earlier [default: as far as that noise, 50dB at most; 45dB
+    /// where it is not known].
+    #[arg(long, value_parser = parse_target)]
+    target: Option<Target>,
+    /// Components of a block at most; the rank itself for the methods other than auto [default: the method's].
+    #[arg(long)]
+    rank: Option<usize>,
+    /// Whether algorithm1 … algorithm4 choose rows and columns for each block, or once for the whole matrix, which is then
+    /// read up to five times and must be stored.
+    #[arg(long, value_enum, default_value = "block")]
+    scope: ScopeName,
+    /// What errors are weighed by: how people light, or flat for plain least squares over all columns.
+    #[arg(long, value_enum, default_value = "lighting")]
+    prior: Prior,
+    /// Follow the matrix to the target through its noise, instead of stopping where more bytes would only store noise.
+    #[arg(long)]
+    keep_noise: bool,
+    /// Seed of random choices.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Prior {
+    Lighting,
+    Flat,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum ScopeName {
+    Block,
+    Global,
+}
+
+impl Compression {
+    /// What they mean.
+    pub fn settings(&self) -> CompressSettings {
+        let mut settings = CompressSettings::of_method(self.method);
+        settings.target = self.target.unwrap_or(settings.target);
+        settings.rank = self.rank.unwrap_or(settings.rank);
+        settings.seed = self.seed;
+        settings.scope = match self.scope {
+            ScopeName::Block => Scope::Block,
+            ScopeName::Global => Scope::Global,
+        };
+        settings.prior = match self.prior {
+            Prior::Lighting => PriorChoice::Lighting,
+            Prior::Flat => PriorChoice::Flat,
+        };
+        if self.keep_noise {
+            settings.noise_factor = 0.0;
+        }
+        settings
+    }
+}
+
+fn parse_target(text: &str) -> Result<Target, String> {
+    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("'{s}' is not a number"));
+    if let Some(decibels) = text.strip_suffix("dB").or_else(|| text.strip_suffix("db")) {
+        return number(decibels).map(Target::PsnrDb);
+    }
+    match text.parse::<f64>() {
+        Ok(error) if error < 1.0 => Ok(Target::RelativeL2(error)),
+        _ => parse_bytes(text).map(Target::Bytes).map_err(|e| format!("{e}; or a PSNR, 45dB, or an error, 0.01")),
+    }
+}

@@ -1,0 +1,4 @@
+//! What the programs share: progress on a terminal, Ctrl-C, exit codes, the allocator, and the options of packing.
+
+pub mod compression;
+pub mod console;

@@ -1,0 +1,32 @@
+//! Algorithms 2 and 4 over a matrix larger than the memory that `ltm-pack` is given.
+
+use assert_cmd::Command;
+use ltm::pipeline::{self, Quiet, RenderOptions};
+use ltm::scene::BuiltIn;
+
+/// The first number of MiB after `word`.
+fn mebibytes(said: &str, word: &str) -> f64 {
+    let after = said.split(word).nth(1).unwrap_or_else(|| panic!("no '{word}' in {said}"));
+    let (number, unit) = after.trim().split_once(' ').unwrap();
+    assert!(unit.starts_with("MiB"), "{said}");
+    number.parse().unwrap()
+}
+
+#[test]
+fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = folder.path().join("room.ltm");
+    // 69,120 rows, more than are looked at together; 256 columns: 67.5 MiB.
+    let mut room = BuiltIn { width: 160, height: 144, texels: 16 }.named("diffuse").unwrap();
+    room.settings.samples_per_pixel = 1;
+    pipeline::render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
+    for method in ["algorithm2", "algorithm4"] {
+        let arguments = ["--method", method, "--scope", "global", "--rank", "16", "--memory", "60MiB", "--force"];
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_ltm-pack")).arg(&matrix).args(arguments).current_dir(&folder).output().unwrap();
+        let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
+        assert!(output.status.success(), "{said}");
+        let (peak, need) = (mebibytes(&said, "peak memory"), mebibytes(&said, "needs up to"));
+        assert!(peak <= need && need <= 60.0, "{method}: {peak} MiB of {need} MiB");
+    }
+}

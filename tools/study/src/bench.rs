@@ -1,0 +1,176 @@
+//! Where a study works: its folder, its watch, and matrices that are rendered once and shared.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::{StudyOptions, machine};
+use ltm::error::{Error, Result};
+use ltm::pipeline::{self, RenderOptions, Watch, job_of};
+use ltm::scene::{self, BuiltIn, LoadedScene};
+use ltm::store::StoreReader;
+
+/// The Conference Room with a panel: a scene that is not built in, but is measured where its files are.
+pub(super) const CONFERENCE: &str = "conference";
+
+/// Its scene files, by texels along a side of the panel.
+const CONFERENCE_FILES: [(u32, &str); 2] = [
+    (32, include_str!("../../../formats/scenes/conference-panel-32.toml")),
+    (64, include_str!("../../../formats/scenes/conference-panel-64.toml")),
+];
+
+/// The place of one study.
+pub(super) struct Bench<'a> {
+    pub(super) out: PathBuf,
+    pub(super) quick: bool,
+    pub(super) watch: &'a dyn Watch,
+    study: &'static str,
+}
+
+/// A matrix of a built-in scene or of the Conference Room.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    pub(super) scene: &'static str,
+    pub(super) size: (u32, u32),
+    pub(super) texels: u32,
+    pub(super) samples: u32,
+    pub(super) seed: u64,
+    pub(super) block_side: u32,
+}
+
+impl<'a> Bench<'a> {
+    pub(super) fn new(study: &'static str, options: &StudyOptions, watch: &'a dyn Watch) -> Result<Self> {
+        let bench = Self { out: options.out.clone(), quick: options.quick, watch, study };
+        bench.start_cache()?;
+        Ok(bench)
+    }
+
+    /// What every table begins with.
+    pub(super) fn notes(&self, more: &[&str]) -> Vec<String> {
+        let quick = if self.quick { " --quick" } else { "" };
+        let mut notes =
+            vec![format!("Command: `ltm study {}{quick}`.", self.study), format!("Machine: {}.", machine::describe())];
+        notes.extend(more.iter().map(|note| (*note).to_owned()));
+        notes
+    }
+
+    /// The caption under a chart: command and machine.
+    pub(super) fn caption(&self, more: &str) -> String {
+        let quick = if self.quick { " --quick" } else { "" };
+        format!("ltm study {}{quick} · {more} · {}", self.study, machine::describe())
+    }
+
+    /// A file in the cache folder.
+    pub(super) fn cached(&self, name: &str) -> PathBuf {
+        self.out.join("cache").join(name)
+    }
+
+    /// A matrix, rendered now or by an earlier study of the same program.
+    pub(super) fn matrix(&self, wanted: Wanted) -> Result<StoreReader> {
+        self.stop_if_interrupted()?;
+        let path = self.cached(&wanted.file_name());
+        let loaded = self.loaded(wanted)?;
+        if let Ok(matrix) = StoreReader::open(&path)
+            && *matrix.job() == job_of(&loaded)?
+        {
+            return Ok(matrix);
+        }
+        let mut options = RenderOptions::default();
+        options.store.overwrite = true;
+        pipeline::render(loaded, &path, &options, &Silent(self.watch))?;
+        StoreReader::open(&path)
+    }
+
+    /// Errors: the user asked to stop.
+    pub(super) fn stop_if_interrupted(&self) -> Result<()> {
+        match self.watch.interrupted() {
+            true => Err(Error::Interrupted(format!("the study {} is not finished; its matrices are kept", self.study))),
+            false => Ok(()),
+        }
+    }
+
+    /// The scene of a matrix.
+    pub(super) fn loaded(&self, wanted: Wanted) -> Result<LoadedScene> {
+        let (width, height) = wanted.size;
+        let mut loaded = match wanted.scene {
+            CONFERENCE => self.conference(wanted.texels)?.sized(width, height),
+            name => BuiltIn { width, height, texels: wanted.texels }.named(name)?,
+        };
+        loaded.settings.samples_per_pixel = wanted.samples;
+        loaded.settings.seed = wanted.seed;
+        loaded.settings.block_side = wanted.block_side;
+        Ok(loaded)
+    }
+
+    /// Some scenes and, where its files are and in earnest, the Conference Room.
+    pub(super) fn with_conference(&self, scenes: &[&'static str]) -> Vec<&'static str> {
+        let there = !self.quick && self.conference(32).is_ok();
+        scenes.iter().copied().chain(there.then_some(CONFERENCE)).collect()
+    }
+
+    fn conference(&self, texels: u32) -> Result<LoadedScene> {
+        let Some((_, text)) = CONFERENCE_FILES.iter().find(|file| file.0 == texels) else {
+            return Err(Error::input(
+                CONFERENCE,
+                format!("has no panel of {texels} × {texels} texels"),
+                "take 32 or 64",
+            ));
+        };
+        let path = self.cached(&format!("conference-panel-{texels}.toml"));
+        fs::write(&path, text).map_err(Error::io(&path, "write"))?;
+        scene::load(&path)
+    }
+
+    /// A watch for jobs inside the study: their notes would drown its own.
+    pub(super) fn silent(&self) -> Silent<'_> {
+        Silent(self.watch)
+    }
+
+    /// Matrices of another build of the program are not used: every number is of this one.
+    fn start_cache(&self) -> Result<()> {
+        let folder = self.out.join("cache");
+        fs::create_dir_all(&folder).map_err(Error::io(&folder, "create the folder"))?;
+        let mark = folder.join("made-by");
+        let program = program_mark();
+        if fs::read_to_string(&mark).is_ok_and(|text| text == program) {
+            return Ok(());
+        }
+        for entry in fs::read_dir(&folder).map_err(Error::io(&folder, "list"))?.flatten() {
+            let stale = |extension| matches!(extension, "ltm" | "ltc" | "rival" | "part");
+            if entry.path().extension().and_then(|e| e.to_str()).is_some_and(stale) {
+                fs::remove_file(entry.path()).map_err(Error::io(entry.path(), "remove"))?;
+            }
+        }
+        fs::write(&mark, program).map_err(Error::io(&mark, "write"))
+    }
+}
+
+/// Size and time of the running program.
+fn program_mark() -> String {
+    let metadata = std::env::current_exe().and_then(|path| path.metadata());
+    metadata.map_or(String::new(), |m| format!("{} bytes, {:?}\n", m.len(), m.modified().ok()))
+}
+
+impl Wanted {
+    fn file_name(self) -> String {
+        let Self { scene, size: (width, height), texels, samples, seed, block_side } = self;
+        format!("{scene}-{width}x{height}-{texels}t-{samples}s-{seed}-{block_side}b.ltm")
+    }
+}
+
+/// Passes on only the wish to stop.
+pub(super) struct Silent<'a>(&'a dyn Watch);
+
+impl Watch for Silent<'_> {
+    fn begin(&self, _: &str, _: u64, _: &str) {}
+    fn advance(&self, _: u64, _: u64, _: &str) {}
+    fn end(&self) {}
+    fn note(&self, _: &str) {}
+    fn interrupted(&self) -> bool {
+        self.0.interrupted()
+    }
+}
+
+/// Bytes of a file.
+pub(super) fn file_bytes(path: &Path) -> Result<u64> {
+    Ok(fs::metadata(path).map_err(Error::io(path, "look at"))?.len())
+}

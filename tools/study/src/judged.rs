@@ -1,0 +1,42 @@
+//! The lightings under which images are compared, and what the reference shows under each.
+
+use ltm::error::Result;
+use ltm::image::LinearImage;
+use ltm::light::{Lighting, evaluation_lightings};
+use ltm::relight::relight_raw;
+use ltm::store::StoreReader;
+
+/// Seed of the lightings.
+pub(super) const LIGHTINGS_SEED: u64 = 9;
+
+/// A lighting is left out if the reference's image under it is, in relative L2, less than this part of that with
+/// every column on.
+const DARK: f64 = 1e-6;
+
+/// Said in the notes of every table that has means over lightings.
+pub(super) const LIGHTINGS_NOTE: &str = "Lightings: twelve for each scene (all on, the scene's own, gradients, spots of \
+several widths, a pattern, one column, columns at random), without those whose image in the reference is less than a \
+millionth of that with everything on, as of a spot at the part of the sky below the floor: nothing is there to compare.";
+
+/// Lightings, and the reference's image under each.
+pub(super) struct Judged {
+    pub(super) lightings: Vec<Lighting>,
+    pub(super) references: Vec<LinearImage>,
+}
+
+impl Judged {
+    /// Those of a reference matrix that light something. The first has every column on.
+    pub(super) fn of(reference: &StoreReader) -> Result<Self> {
+        let lightings: Vec<Lighting> =
+            evaluation_lightings(&reference.job().basis, LIGHTINGS_SEED).into_iter().map(|l| l.1).collect();
+        let references = relight_raw(reference, &lightings)?;
+        let all_on = norm(&references[0]);
+        let lit = lightings.into_iter().zip(references).filter(|(_, image)| norm(image) > DARK * all_on);
+        let (lightings, references) = lit.unzip();
+        Ok(Self { lightings, references })
+    }
+}
+
+fn norm(image: &LinearImage) -> f64 {
+    image.values().iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt()
+}

@@ -1,0 +1,180 @@
+//! Mitsuba 3 (Jakob et al. 2022) as a rival: the same scene, rendered again by it for one lighting.
+//!
+//! The scene is written as PLY files and a description; a Python that has the package, named by `LTM_MITSUBA` or else
+//! the `python3` on the path, renders it with the script beside this file.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use serde_json::{Map, Value, json};
+
+use ltm::error::{Error, Result};
+use ltm::image::LinearImage;
+use ltm::scene::{Emitter, LoadedScene, Mesh, Paint, Surface, Triangle};
+
+const SCRIPT: &str = include_str!("render_with_mitsuba.py");
+
+/// One rendered image.
+#[derive(Clone, Debug)]
+pub(super) struct Rendered {
+    pub(super) samples: u32,
+    /// Of rendering alone.
+    pub(super) seconds: f64,
+    pub(super) image: LinearImage,
+}
+
+/// Its variants that run on a processor: the vectorising compiler, which is its fastest there, and the plain one.
+pub(super) const VARIANTS: [(&str, &str); 2] =
+    [("llvm_ad_rgb", "Mitsuba 3 (llvm_ad_rgb)"), ("scalar_rgb", "Mitsuba 3 (scalar_rgb)")];
+
+/// Whether there is a Python with it.
+pub(super) fn is_there() -> bool {
+    let asked =
+        Command::new(python()).args(["-c", "import mitsuba"]).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    asked.is_ok_and(|status| status.success())
+}
+
+fn python() -> OsString {
+    std::env::var_os("LTM_MITSUBA").unwrap_or_else(|| "python3".into())
+}
+
+/// Renders the scene in its own lighting with each number of samples; `folder` takes what it needs for that.
+///
+/// Errors: materials or lights that have no twin there; files that cannot be written; a script that fails, with its
+/// last line.
+pub(super) fn render(loaded: &LoadedScene, folder: &Path, variant: &str, samples: &[u32]) -> Result<Vec<Rendered>> {
+    fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
+    write_scene(loaded, folder)?;
+    let counts = samples.iter().map(u32::to_string);
+    let mut command = Command::new(python());
+    command.args(["-c", SCRIPT]).arg(folder).arg(variant).args(counts);
+    let output = command.output().map_err(Error::io(folder, "start Python for"))?;
+    if !output.status.success() {
+        let text = String::from_utf8_lossy(&output.stderr);
+        let last = text.lines().last().unwrap_or("no message").to_owned();
+        return Err(Error::input(variant, format!("Mitsuba failed ({last})"), "try the variant by hand"));
+    }
+    let printed = String::from_utf8_lossy(&output.stdout);
+    let camera = &loaded.scene.camera;
+    let timed = printed.lines().filter_map(|line| {
+        let (samples, seconds) = line.split_once(' ')?;
+        Some((samples.parse().ok()?, seconds.parse().ok()?))
+    });
+    let read = |(samples, seconds): (u32, f64)| -> Result<Rendered> {
+        let path = folder.join(format!("{samples}.f32"));
+        let bytes = fs::read(&path).map_err(Error::io(&path, "read"))?;
+        let mut image = LinearImage::black(camera.width, camera.height);
+        if bytes.len() != size_of_val(image.values()) {
+            return Err(Error::input(path.display().to_string(), format!("has {} bytes", bytes.len()), ""));
+        }
+        let values = bytes.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().expect("4 bytes")));
+        image.pixels.as_flattened_mut().iter_mut().zip(values).for_each(|(to, value)| *to = value);
+        Ok(Rendered { samples, seconds, image })
+    };
+    let images = timed.map(read).collect::<Result<Vec<_>>>()?;
+    match images.len() == samples.len() {
+        true => Ok(images),
+        false => Err(Error::input(variant, "Mitsuba made fewer images than asked", "try the variant by hand")),
+    }
+}
+
+/// `scene.json` and a PLY file for each material and light.
+fn write_scene(loaded: &LoadedScene, folder: &Path) -> Result<()> {
+    let scene = &loaded.scene;
+    // Faces with normals of their own and those without lie apart: a PLY file has them for all or for none.
+    let mut groups: BTreeMap<(u32, Option<u32>, bool), Vec<&Triangle>> = BTreeMap::new();
+    for triangle in &scene.mesh.triangles {
+        let flat = scene.mesh.normals[triangle.vertices[0] as usize].length_squared() == 0.0;
+        groups.entry((triangle.material.0, triangle.emitter, flat)).or_default().push(triangle);
+    }
+    let mut parts = Map::new();
+    for ((material, emitter, flat), triangles) in groups {
+        let name = format!("part-{}", parts.len());
+        let file = format!("{name}.ply");
+        let path = folder.join(&file);
+        fs::write(&path, ply(&scene.mesh, &triangles, !flat)).map_err(Error::io(&path, "write"))?;
+        let surface = scene.materials[material as usize].surface;
+        let radiance = emitter.map(|light| radiance(loaded, light as usize)).transpose()?;
+        parts.insert(name, json!({ "file": file, "flat": flat, "bsdf": bsdf(surface)?, "radiance": radiance }));
+    }
+    let camera = &scene.camera;
+    let described = json!({
+        "max_depth": loaded.settings.max_depth,
+        "camera": {
+            "eye": camera.eye.to_array(),
+            "target": (camera.eye + camera.forward).to_array(),
+            "up": camera.up.to_array(),
+            "vertical_fov_degrees": camera.vertical_fov_radians.to_degrees(),
+            "width": camera.width,
+            "height": camera.height,
+        },
+        "parts": parts,
+    });
+    let path = folder.join("scene.json");
+    fs::write(&path, described.to_string()).map_err(Error::io(&path, "write"))
+}
+
+/// Radiance of a light whose columns all have the same.
+fn radiance(loaded: &LoadedScene, light: usize) -> Result<[f32; 3]> {
+    let refuse = || Err(Error::input(&loaded.scene.name, "has a light that is not a plain area light", ""));
+    let Some(Emitter::Area(_)) = loaded.scene.emitters.get(light) else { return refuse() };
+    let columns = loaded.scene.basis.lights()[light].columns();
+    let weights = &loaded.lighting.weights()[columns.start as usize..columns.end as usize];
+    match weights.split_first() {
+        Some((first, rest)) if rest.iter().all(|w| w == first) => Ok(*first),
+        _ => refuse(),
+    }
+}
+
+/// The twin of a surface, as the dictionary of a plugin.
+fn bsdf(surface: Surface) -> Result<Value> {
+    let rgb = |value: [f32; 3]| json!({ "type": "rgb", "value": value });
+    let two_sided = |bsdf: Value| json!({ "type": "twosided", "bsdf": bsdf });
+    let constant = |paint: Paint| match paint {
+        Paint::Constant(colour) => Ok(rgb(colour.to_array())),
+        Paint::Textured(..) => Err(Error::input("material", "has a texture, which is not written for Mitsuba", "")),
+    };
+    Ok(match surface {
+        Surface::Lambert { reflectance } => {
+            two_sided(json!({ "type": "diffuse", "reflectance": constant(reflectance)? }))
+        }
+        Surface::Mirror { reflectance } => two_sided(
+            json!({ "type": "conductor", "material": "none", "specular_reflectance": constant(reflectance)? }),
+        ),
+        Surface::Dielectric { ior, .. } => json!({ "type": "dielectric", "int_ior": ior, "ext_ior": 1.0 }),
+        Surface::ThinDielectric { ior, .. } => json!({ "type": "thindielectric", "int_ior": ior, "ext_ior": 1.0 }),
+        Surface::Black => json!({ "type": "diffuse", "reflectance": rgb([0.0; 3]) }),
+        Surface::RoughConductor { .. } | Surface::Coated { .. } => {
+            return Err(Error::input("material", "is glossy in a way that Mitsuba has no exact twin of", ""));
+        }
+    })
+}
+
+/// A binary PLY file of these triangles, each with its own three vertices.
+fn ply(mesh: &Mesh, triangles: &[&Triangle], with_normals: bool) -> Vec<u8> {
+    let mut properties = String::from("property float x\nproperty float y\nproperty float z\n");
+    if with_normals {
+        properties += "property float nx\nproperty float ny\nproperty float nz\n";
+    }
+    let (vertices, faces) = (3 * triangles.len(), triangles.len());
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {vertices}\n{properties}element face {faces}\n\
+property list uchar int vertex_indices\nend_header\n"
+    )
+    .into_bytes();
+    for vertex in triangles.iter().flat_map(|triangle| triangle.vertices) {
+        let put = |v: glam::Vec3| v.to_array().map(f32::to_le_bytes).concat();
+        bytes.extend(put(mesh.positions[vertex as usize]));
+        if with_normals {
+            bytes.extend(put(mesh.normals[vertex as usize]));
+        }
+    }
+    for face in 0..faces as u32 {
+        bytes.push(3);
+        bytes.extend([0, 1, 2].map(|corner| (3 * face + corner).to_le_bytes()).concat());
+    }
+    bytes
+}

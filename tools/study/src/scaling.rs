@@ -1,0 +1,286 @@
+//! How time and memory grow with the image, the columns, the triangles and the rank.
+
+use std::collections::HashMap;
+use std::time::Instant;
+
+use super::StudyReport;
+use super::bench::{Bench, Wanted};
+use super::chart::{Axis, Chart, Line, Panel};
+use super::curve;
+use super::table::{Cell, Table};
+use ltm::compress::{CompressSettings, Target};
+use ltm::container::ContainerReader;
+use ltm::error::Result;
+use ltm::light::Lighting;
+use ltm::matrix::BlockSource;
+use ltm::pipeline::{self, PackOptions, RenderOptions};
+use ltm::relight::CpuRelighter;
+use ltm::scene::{LoadedScene, Mesh, content_hash};
+use ltm::store::StoreReader;
+
+/// Relights that a time is the mean of.
+const RELIGHTS: usize = 10;
+
+struct Plan {
+    samples: u32,
+    /// Images with 256 columns.
+    sizes: &'static [(u32, u32)],
+    /// Texels along a side, at the smallest image but one.
+    texels: &'static [u32],
+    /// Times that every triangle is cut into four, at the smallest image.
+    levels: &'static [u32],
+    ranks: &'static [usize],
+}
+
+const QUICK: Plan = Plan { samples: 4, sizes: &[(32, 32), (64, 64)], texels: &[4, 8], levels: &[0, 1], ranks: &[4, 8] };
+
+const FULL: Plan = Plan {
+    samples: 16,
+    sizes: &[(96, 64), (192, 128), (384, 256), (768, 512), (1536, 1024)],
+    texels: &[8, 16, 32, 64, 128],
+    levels: &[0, 1, 2, 3],
+    ranks: &[4, 8, 16, 32, 64],
+};
+
+/// What is read off a size.
+type Read<T> = fn(&Taken) -> T;
+
+/// What one size took.
+struct Taken {
+    varied: &'static str,
+    value: f64,
+    rows: u64,
+    columns: usize,
+    triangles: usize,
+    rank: usize,
+    mean_rank: f64,
+    raw_bytes: u64,
+    render_secs: f64,
+    pack_secs: f64,
+    relight_secs: f64,
+    render_peak: Option<u64>,
+    pack_peak: Option<u64>,
+    relative_l2: f64,
+}
+
+pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
+    let plan = if bench.quick { &QUICK } else { &FULL };
+    let steps = plan.sizes.len() + plan.texels.len() + plan.levels.len() + plan.ranks.len();
+    bench.watch.begin("scaling", steps as u64, "jobs");
+    let standard = CompressSettings::default();
+    let scene = |size, texels| {
+        bench.loaded(Wanted { scene: "mixed", size, texels, samples: plan.samples, seed: 0, block_side: 32 })
+    };
+    let small = plan.sizes[1];
+    let mut all = Vec::new();
+    let mut take = |varied, value: f64, loaded: LoadedScene, settings: &CompressSettings| -> Result<()> {
+        bench.stop_if_interrupted()?;
+        all.push(measure(bench, varied, value, loaded, settings)?);
+        bench.watch.advance(1, 1, "jobs");
+        Ok(())
+    };
+    for &size in plan.sizes {
+        take("pixels", f64::from(size.0 * size.1), scene(size, 16)?, &standard)?;
+    }
+    for &texels in plan.texels {
+        take("columns", f64::from(texels * texels), scene(small, texels)?, &standard)?;
+    }
+    for &level in plan.levels {
+        let mut loaded = scene(plan.sizes[0], 16)?;
+        (0..level).for_each(|_| subdivide(&mut loaded.scene.mesh));
+        loaded.content = content_hash(&loaded.scene, loaded.settings.max_depth);
+        take("triangles", loaded.scene.mesh.triangles.len() as f64, loaded, &standard)?;
+    }
+    for &rank in plan.ranks {
+        // All components are kept, so that relighting has so many too.
+        let settings =
+            CompressSettings { rank, target: Target::Slope(0.0), noise_factor: 0.0, ..CompressSettings::default() };
+        take("rank", rank as f64, scene(small, 32)?, &settings)?;
+    }
+    bench.watch.end();
+    write(bench, plan, &all)
+}
+
+fn write(bench: &Bench<'_>, plan: &Plan, all: &[Taken]) -> Result<StudyReport> {
+    let note = "One size is varied at a time. Peak: resident anonymous memory of this process, sampled every 5 ms. Error: of \
+the packed matrix against the stored one, relative L2. Pack at rank: all components kept.";
+    let mut table = Table::new(
+        "Time and memory against size",
+        bench.notes(&[note]),
+        &[
+            ("varied", 0),
+            ("value", 0),
+            ("rows", 0),
+            ("columns", 0),
+            ("triangles", 0),
+            ("largest_rank", 0),
+            ("mean_rank", 2),
+            ("samples_per_px", 0),
+            ("block_px", 0),
+            ("raw_bytes", 0),
+            ("render_secs", 3),
+            ("pack_secs", 3),
+            ("relight_secs", 5),
+            ("render_peak_bytes", 0),
+            ("pack_peak_bytes", 0),
+            ("relative_l2", 4),
+        ],
+    );
+    for t in all {
+        let bytes = |peak: Option<u64>| Cell::from(peak.map(|b| b as f64));
+        table.push(vec![
+            t.varied.into(),
+            t.value.into(),
+            t.rows.into(),
+            t.columns.into(),
+            t.triangles.into(),
+            t.rank.into(),
+            t.mean_rank.into(),
+            plan.samples.into(),
+            32u32.into(),
+            t.raw_bytes.into(),
+            t.render_secs.into(),
+            t.pack_secs.into(),
+            t.relight_secs.into(),
+            bytes(t.render_peak),
+            bytes(t.pack_peak),
+            t.relative_l2.into(),
+        ]);
+    }
+    let times: [(&str, Read<f64>); 3] =
+        [("render", |t| t.render_secs), ("pack", |t| t.pack_secs), ("relight", |t| t.relight_secs)];
+    let mut slopes = Table::new(
+        "Slopes of time against size (log–log, least squares)",
+        bench.notes(&["1 is proportional, 0 is flat. Memory: slope of the peak against the bytes of the raw matrix."]),
+        &[("varied", 0), ("stage", 0), ("slope", 2), ("points", 0)],
+    );
+    let mut panels = Vec::new();
+    for varied in ["pixels", "columns", "triangles", "rank"] {
+        let of: Vec<&Taken> = all.iter().filter(|t| t.varied == varied).collect();
+        let mut lines = Vec::new();
+        for (name, time) in times {
+            let points: Vec<(f64, f64)> = of.iter().map(|t| (t.value, time(t))).collect();
+            slopes.push(vec![varied.into(), name.into(), curve::slope(&points).into(), points.len().into()]);
+            lines.push(Line { name: name.into(), points });
+        }
+        panels.push(Panel { title: format!("against {varied}"), lines });
+    }
+    let peaks: [(&str, Read<Option<u64>>); 2] =
+        [("render (peak)", |t| t.render_peak), ("pack (peak)", |t| t.pack_peak)];
+    let mut memory = Vec::new();
+    for (name, peak) in peaks {
+        let of = all.iter().filter(|t| t.varied == "pixels");
+        let points: Vec<(f64, f64)> = of.filter_map(|t| Some((t.raw_bytes as f64, peak(t)? as f64))).collect();
+        slopes.push(vec!["raw bytes".into(), name.into(), curve::slope(&points).into(), points.len().into()]);
+        memory.push(Line { name: name.into(), points });
+    }
+    let caption = bench.caption(&format!("mixed, {} spp, blocks of 32 px", plan.samples));
+    let mut report = StudyReport::default();
+    report.add_table(&bench.out, "scaling", &table)?;
+    report.add_table(&bench.out, "scaling-slopes", &slopes)?;
+    let time = Chart {
+        title: "Seconds against size".into(),
+        caption: caption.clone(),
+        x: Axis::logarithmic("pixels, columns, triangles, components"),
+        y: Axis::logarithmic("seconds"),
+        panels,
+    };
+    report.add_chart(&bench.out, "scaling-time", &time)?;
+    let whole = memory.iter().find(|line| !line.points.is_empty()).map(|line| line.points.clone()).unwrap_or_default();
+    memory.push(Line { name: "the matrix itself".into(), points: whole.iter().map(|p| (p.0, p.0)).collect() });
+    let chart = Chart {
+        title: "Peak memory against the size of the matrix".into(),
+        caption,
+        x: Axis::logarithmic("bytes of the raw matrix"),
+        y: Axis::logarithmic("bytes of memory"),
+        panels: vec![Panel { title: "256 columns, growing image".into(), lines: memory }],
+    };
+    report.add_chart(&bench.out, "scaling-memory", &chart)?;
+    Ok(report)
+}
+
+fn measure(
+    bench: &Bench<'_>,
+    varied: &'static str,
+    value: f64,
+    loaded: LoadedScene,
+    settings: &CompressSettings,
+) -> Result<Taken> {
+    let (matrix_path, container_path) = (bench.cached("scaling.ltm"), bench.cached("scaling.ltc"));
+    let triangles = loaded.scene.mesh.triangles.len();
+    let mut render_options = RenderOptions::default();
+    render_options.store.overwrite = true;
+    let rendered = pipeline::render(loaded, &matrix_path, &render_options, &bench.silent())?;
+    let matrix = StoreReader::open(&matrix_path)?;
+    let mut options = PackOptions { compress: settings.clone(), ..Default::default() };
+    options.container.overwrite = true;
+    let packed = pipeline::pack(&matrix, matrix.job(), &container_path, &options, &bench.silent())?;
+    let shape = matrix.shape();
+    let relighter = CpuRelighter::load(&ContainerReader::open(&container_path)?)?;
+    let lighting = Lighting::uniform(shape.columns(), [1.0; 3])?;
+    let mut image = relighter.relight(&lighting)?;
+    let begun = Instant::now();
+    for _ in 0..RELIGHTS {
+        relighter.relight_into(&lighting, &mut image)?;
+    }
+    let relight_secs = begun.elapsed().as_secs_f64() / RELIGHTS as f64;
+    Ok(Taken {
+        varied,
+        value,
+        rows: shape.rows(),
+        columns: shape.columns(),
+        triangles,
+        rank: settings.rank,
+        mean_rank: packed.mean_rank,
+        raw_bytes: shape.raw_bytes(),
+        render_secs: rendered.seconds,
+        pack_secs: packed.seconds,
+        relight_secs,
+        render_peak: rendered.peak_memory_bytes,
+        pack_peak: packed.peak_memory_bytes,
+        relative_l2: packed.relative_l2,
+    })
+}
+
+/// Cuts every triangle into four of the same plane: the same scene with four times the triangles.
+fn subdivide(mesh: &mut Mesh) {
+    let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
+    let triangles = std::mem::take(&mut mesh.triangles);
+    for triangle in triangles {
+        let [a, b, c] = triangle.vertices;
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(a, b)| {
+            *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                let (a, b) = (a as usize, b as usize);
+                mesh.positions.push(0.5 * (mesh.positions[a] + mesh.positions[b]));
+                mesh.normals.push((mesh.normals[a] + mesh.normals[b]).normalize_or_zero());
+                mesh.uvs.push(0.5 * (mesh.uvs[a] + mesh.uvs[b]));
+                mesh.positions.len() as u32 - 1
+            })
+        });
+        for vertices in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
+            mesh.triangles.push(ltm::scene::Triangle { vertices, ..triangle });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_finer_mesh_covers_the_same_area() {
+        let mut mesh = ltm::scene::built_in().scene.mesh;
+        let area = |mesh: &Mesh| -> f64 {
+            let of = |t| {
+                let [a, b, c] = mesh.corners(t);
+                f64::from(0.5 * (b - a).cross(c - a).length())
+            };
+            mesh.triangles.iter().map(of).sum()
+        };
+        let (before, count) = (area(&mesh), mesh.triangles.len());
+        subdivide(&mut mesh);
+        assert_eq!(mesh.triangles.len(), 4 * count);
+        // The sum of rounded f32 areas of ten thousands of triangles.
+        assert!((area(&mesh) / before - 1.0).abs() < 1e-5);
+    }
+}

@@ -1,0 +1,163 @@
+//! Writing what is seen: PNG as shown, EXR as radiance, an EXR with a layer for each light, and the command that makes
+//! the picture again.
+
+use std::path::{Path, PathBuf};
+
+use super::display::{CURVES, Display};
+use super::groups::Groups;
+use super::mixer::Mix;
+use ltm::container::ContainerReader;
+use ltm::error::{Error, Result};
+use ltm::image::{LinearImage, write_exr, write_exr_layers, write_toned_png};
+use ltm::pipeline::in_place_of;
+use ltm::relight::{CpuRelighter, relight_streaming};
+
+/// Largest file of layers that is made in memory, in bytes.
+const MOST_LAYER_BYTES: u64 = 4 << 30;
+
+/// Writes the picture as it is shown, in false colour too.
+///
+/// Errors: the system refuses.
+pub fn write_png(path: &Path, image: &LinearImage, display: &Display) -> Result<()> {
+    if display.false_colour {
+        let shown = display.show(image);
+        return in_place_of(path, |path| write_rgba(path, shown.size, &shown.rgba));
+    }
+    in_place_of(path, |path| write_toned_png(path, image, display.tone))
+}
+
+/// Writes the radiance, 32 bits for each channel. Errors: the system refuses.
+pub fn write_radiance(path: &Path, image: &LinearImage) -> Result<()> {
+    in_place_of(path, |path| write_exr(path, image))
+}
+
+/// Writes opaque 8-bit pixels, 4 bytes each, as a PNG. Errors: the system refuses, or the size does not fit.
+pub fn write_rgba(path: &Path, [width, height]: [usize; 2], rgba: &[u8]) -> Result<()> {
+    let failed = |error: image::ImageError| Error::io(path, "write the image")(std::io::Error::other(error));
+    let rgb = rgba.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
+    let image = image::RgbImage::from_raw(width as u32, height as u32, rgb)
+        .ok_or_else(|| Error::input(path.display().to_string(), "there is no picture yet", ""))?;
+    image.save_with_format(path, image::ImageFormat::Png).map_err(failed)
+}
+
+/// Writes a layer for each light that shines, at its present setting: together they are the picture. Without a loaded
+/// relighter the container is read once for each light.
+///
+/// Errors: no light shines, too many for memory, a container that cannot be read, or the system refuses.
+pub fn write_layers(
+    path: &Path,
+    container: &ContainerReader,
+    relighter: Option<&CpuRelighter>,
+    groups: &Groups,
+    mix: &Mix,
+) -> Result<()> {
+    let job = container.job();
+    let basis = &job.basis;
+    let shining: Vec<usize> = (0..basis.lights().len()).filter(|&light| mix.shines(light, groups)).collect();
+    let pixels = u64::from(job.shape.width()) * u64::from(job.shape.height());
+    let needed = shining.len() as u64 * pixels * 12;
+    if shining.is_empty() {
+        return Err(Error::input(path.display().to_string(), "no light shines", "switch one on"));
+    }
+    if needed > MOST_LAYER_BYTES {
+        return Err(Error::Resources {
+            what: format!("{} layers", shining.len()),
+            needed: format!("{} MiB", needed >> 20),
+            available: format!("{} MiB are set aside for it", MOST_LAYER_BYTES >> 20),
+            hint: "switch lights off, or use ltm-unpack".into(),
+        });
+    }
+    let mut images = Vec::new();
+    for &light in &shining {
+        let lighting = alone(mix, light).lighting(basis, groups)?;
+        images.push(match relighter {
+            Some(relighter) => relighter.relight(&lighting)?,
+            None => relight_streaming(container, &lighting)?.0,
+        });
+    }
+    let named: Vec<_> = shining.iter().map(|&light| basis.lights()[light].name.as_str()).zip(&images).collect();
+    in_place_of(path, |path| write_exr_layers(path, &named))
+}
+
+/// The mix with one of its lights alone.
+fn alone(mix: &Mix, light: usize) -> Mix {
+    let mut alone = mix.clone();
+    alone.lights.iter_mut().enumerate().for_each(|(other, mix)| mix.solo = other == light);
+    alone
+}
+
+/// The command that makes the picture from the container and a saved lighting file. False colour is part of it where
+/// pixels have units, given by the lumens of a watt.
+pub fn command_line(
+    container: &Path,
+    look: &Path,
+    png: &Path,
+    display: &Display,
+    lumens_per_watt: Option<f32>,
+) -> String {
+    let tone = display.tone;
+    let mut words = vec!["ltm".to_owned(), "relight".into(), shell_word(container), "--lighting".into()];
+    words.extend([shell_word(look), "-o".into(), shell_word(png)]);
+    if let (true, Some(gain)) = (display.false_colour, lumens_per_watt) {
+        let (low, high) = display.luminance_range();
+        words.extend(["--false-colour=luminance".into(), format!("--scale={:?}..{:?}", low * gain, high * gain)]);
+        return words.join(" ");
+    }
+    words.push(format!("--exposure={:?}", tone.exposure_stops));
+    let name = CURVES.iter().find(|(curve, _)| *curve == tone.curve).map_or("none", |(_, name)| *name);
+    words.push(format!("--tone={}", if name == "sRGB" { "none".into() } else { name.to_lowercase() }));
+    words.extend(tone.white_kelvin.map(|kelvin| format!("--white-balance={kelvin:?}")));
+    words.join(" ")
+}
+
+/// A path as a word of a POSIX shell.
+fn shell_word(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:@%,".contains(c);
+    if !text.is_empty() && text.chars().all(plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
+}
+
+/// What stands in a file that can be exported, under the name with its ending.
+pub fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let has = path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    if has { path.to_owned() } else { PathBuf::from(format!("{}.{ending}", path.display())) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ltm::image::{ToneCurve, ToneMapping};
+
+    #[test]
+    fn the_command_is_one_that_a_shell_reads_as_meant() {
+        let tone = ToneMapping { curve: ToneCurve::Agx, exposure_stops: 1.5, white_kelvin: Some(3200.0) };
+        let display = Display { tone, false_colour: false };
+        let line = |display| {
+            command_line(Path::new("/a b/it's.ltc"), Path::new("l.toml"), Path::new("x.png"), display, Some(2.0))
+        };
+        let command = r"ltm relight '/a b/it'\''s.ltc' --lighting l.toml -o x.png";
+        assert_eq!(line(&display), format!("{command} --exposure=1.5 --tone=agx --white-balance=3200.0"));
+        let coloured = Display { tone: ToneMapping { exposure_stops: 0.0, ..tone }, false_colour: true };
+        assert_eq!(line(&coloured), format!("{command} --false-colour=luminance --scale=0.001953125..128.0"));
+    }
+
+    #[test]
+    fn endings_are_added_once() {
+        assert_eq!(with_ending(Path::new("a.PNG"), "png"), Path::new("a.PNG"));
+        assert_eq!(with_ending(Path::new("v1.2"), "png"), Path::new("v1.2.png"));
+    }
+
+    #[test]
+    fn a_write_that_fails_leaves_what_was_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x");
+        std::fs::write(&path, "old").unwrap();
+        let refused = || Err(Error::input("x", "no", ""));
+        assert!(
+            in_place_of(&path, |file| std::fs::write(file, "half").map_err(Error::io(file, "w")).and(refused()))
+                .is_err()
+        );
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

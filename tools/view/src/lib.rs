@@ -1,0 +1,67 @@
+//! The window: a light mixer over a container.
+//!
+//! What the window knows is kept apart from how it looks. [`mixer`], [`groups`], [`pattern`], [`history`],
+//! [`snapshots`], [`looks`], [`recent`], [`export`], [`viewport`] and [`reach`] are plain state with tests of their own.
+
+mod desk;
+mod device_desk;
+pub mod display;
+pub mod export;
+pub mod groups;
+pub mod history;
+pub mod looks;
+mod metered;
+pub mod mixer;
+mod paged_desk;
+pub mod pattern;
+pub mod reach;
+pub mod recent;
+pub mod snapshots;
+pub mod viewport;
+pub mod worker;
+
+mod window;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+pub use window::{App, run};
+
+/// Where the window relights.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum RelightOn {
+    /// On the device that draws the window, unless that is a processor in disguise, which our own code outruns.
+    #[default]
+    Auto,
+    /// On the CPU.
+    Cpu,
+    /// On the device that draws the window, whatever it is.
+    Gpu,
+}
+
+/// What the window begins with.
+#[derive(Clone, Debug, Default)]
+pub struct WindowOptions {
+    /// Container to open.
+    pub path: Option<PathBuf>,
+    /// Where to save a PNG of the window once its picture stands; the window closes then.
+    pub screenshot: Option<PathBuf>,
+    /// Frames to wait before that.
+    pub frames: u32,
+    /// Size of the window, in points.
+    pub size: Option<[f32; 2]>,
+    /// Where to relight.
+    pub relight_on: RelightOn,
+    /// Whether a device that relights shows the pictures too; none: unless it is a processor in disguise, whose kernels
+    /// need longer for that than reading back and our own code.
+    pub shown_on_device: Option<bool>,
+    /// Memory for factors, in bytes; none: half of what the machine has. A container that needs more is read as it is
+    /// shown.
+    pub budget_bytes: Option<u64>,
+    /// Set once the window and its device are there: until then a display that does not answer can keep
+    /// [`run`] waiting for as long as it likes.
+    pub opened: Arc<AtomicBool>,
+    /// Folder in which the list of recent files is kept; none: it is forgotten with the window.
+    pub state_folder: Option<PathBuf>,
+}

@@ -1,0 +1,91 @@
+//! `ltm-view`, which `ltm view` starts.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::{Parser, ValueEnum};
+use ltm::pipeline::parse_bytes;
+use ltm::view::{RelightOn, WindowOptions};
+use ltm::{Error, Result};
+
+/// Open a container in a window: a mixer for its lights. Keys are listed under '?'.
+#[derive(Parser)]
+#[command(name = "ltm view", version, after_help = format!("Example: ltm view room.ltc\n\n{EXIT_CODES}"))]
+struct Arguments {
+    /// The container; without it, one is dropped on the window.
+    file: Option<PathBuf>,
+    /// Save a PNG of the window once its picture stands, and close it.
+    #[arg(long, value_name = "PNG")]
+    screenshot: Option<PathBuf>,
+    /// Where to relight: on the device that draws the window unless it is a software one, on the CPU, or there anyway.
+    #[arg(long, value_enum, default_value = "auto")]
+    device: DeviceName,
+    /// Memory for the container's factors; of a larger one, what is shown is read as it is needed [default: half of
+    /// the machine's].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
+    /// Threads to use [default: one for each core].
+    #[arg(long)]
+    threads: Option<usize>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum DeviceName {
+    Auto,
+    Cpu,
+    Gpu,
+}
+
+/// Longest time in which a display that works opens a window, on a machine that does other things as well.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+fn main() -> ExitCode {
+    finish("ltm view", run(Arguments::parse()))
+}
+
+fn run(options: Arguments) -> Result<()> {
+    use_threads(options.threads)?;
+    let opened = Arc::new(AtomicBool::new(false));
+    give_up_unless(opened.clone());
+    ltm::view::run(WindowOptions {
+        path: options.file,
+        screenshot: options.screenshot,
+        frames: 10,
+        budget_bytes: options.memory,
+        opened,
+        relight_on: match options.device {
+            DeviceName::Auto => RelightOn::Auto,
+            DeviceName::Cpu => RelightOn::Cpu,
+            DeviceName::Gpu => RelightOn::Gpu,
+        },
+        state_folder: state_folder(),
+        ..Default::default()
+    })
+}
+
+/// Ends the program, as any error does, where the window does not open: nothing else can, since the system's libraries
+/// wait for a display or a driver that does not answer without end.
+fn give_up_unless(opened: Arc<AtomicBool>) {
+    std::thread::spawn(move || {
+        std::thread::sleep(PATIENCE);
+        if !opened.load(Ordering::Relaxed) {
+            let display = std::env::var("DISPLAY").unwrap_or_default();
+            let error = Error::NoGpu(format!(
+                "the display (DISPLAY={display}) or its driver does not answer; apt-get install mesa-vulkan-drivers \
+                 gives a driver in software, `xvfb-run` (apt-get install xvfb) a display"
+            ));
+            eprintln!("ltm view: {error}");
+            std::process::exit(i32::from(error.exit_code()));
+        }
+    });
+}
+
+/// Where programs keep what a user would not miss: the XDG base directories' state folder.
+fn state_folder() -> Option<PathBuf> {
+    let folder = |name| std::env::var_os(name).map(PathBuf::from).filter(|folder| folder.is_absolute());
+    let state = folder("XDG_STATE_HOME").or_else(|| Some(folder("HOME")?.join(".local/state")))?;
+    Some(state.join("ltm"))
+}

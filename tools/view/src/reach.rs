@@ -1,0 +1,119 @@
+//! What each light brings: to the whole picture, and to one pixel.
+
+use ltm::error::Result;
+use ltm::image::luminance;
+use ltm::light::LightBasis;
+use ltm::light::Lighting;
+use ltm::matrix::{BlockId, CHANNELS, FactorSource, FactoredBlock, MatrixShape};
+
+/// What is summed block by block to measure [`Reach`].
+pub(super) struct ReachSums {
+    shape: MatrixShape,
+    sums: Vec<[f64; CHANNELS]>,
+}
+
+impl ReachSums {
+    pub(super) fn new(shape: MatrixShape) -> Self {
+        Self { shape, sums: vec![[0.0; CHANNELS]; shape.columns()] }
+    }
+
+    /// The sums of one block: `(1ᵀ L) R + 1ᵀ S`, so the rows are summed before the columns are made.
+    pub(super) fn of_block(block: &FactoredBlock, pixels: usize) -> Vec<[f64; CHANNELS]> {
+        let mut sums = vec![[0.0; CHANNELS]; block.columns];
+        add_block(block, pixels, &mut sums);
+        sums
+    }
+
+    pub(super) fn add(&mut self, of_block: &[[f64; CHANNELS]]) {
+        for (sum, added) in self.sums.as_flattened_mut().iter_mut().zip(of_block.as_flattened()) {
+            *sum += added;
+        }
+    }
+
+    pub(super) fn reach(&self) -> Reach {
+        let pixels = f64::from(self.shape.width()) * f64::from(self.shape.height());
+        Reach { per_column: self.sums.iter().map(|sum| sum.map(|v| (v / pixels) as f32)).collect() }
+    }
+}
+
+/// The mean over all pixels of what a weight 1 on each column brings, per channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reach {
+    per_column: Vec<[f32; CHANNELS]>,
+}
+
+impl Reach {
+    /// Measures all columns in one pass over the factors. Blocks that cannot be read count as black.
+    ///
+    /// Cost of a block: rows × rank + 3 × rank × columns products.
+    pub fn measure(source: &dyn FactorSource) -> Self {
+        let shape = source.shape();
+        let mut sums = ReachSums::new(shape);
+        for id in shape.blocks() {
+            let Ok(block) = source.read_layers(id, 0..source.layer_count(id)) else { continue };
+            sums.add(&ReachSums::of_block(&block, shape.rect(id).pixels()));
+        }
+        sums.reach()
+    }
+
+    /// What each light brings under `lighting`: the mean luminance of the picture that it makes alone.
+    pub fn contributions(&self, basis: &LightBasis, lighting: &Lighting) -> Vec<f32> {
+        per_light(basis, &self.per_column, lighting)
+    }
+}
+
+/// What a weight 1 on each column brings to one pixel, per channel: three rows of `T`.
+///
+/// Errors: what the source reports for the pixel's block. Panics if there is no such pixel.
+pub fn pixel_rows(source: &dyn FactorSource, [x, y]: [u32; 2]) -> Result<Vec<[f32; CHANNELS]>> {
+    let (id, inside) = block_of(source.shape(), [x, y]);
+    let block = source.read_layers(id, 0..source.layer_count(id))?;
+    let pixels = source.shape().rect(id).pixels();
+    let mut rows = vec![[0.0; CHANNELS]; source.shape().columns()];
+    for k in 0..block.rank() {
+        let left = [0, 1, 2].map(|channel| block.left_component(k)[channel * pixels + inside]);
+        for (row, right) in rows.iter_mut().zip(block.right_component(k)) {
+            *row = [0, 1, 2].map(|channel| row[channel] + left[channel] * right);
+        }
+    }
+    for entry in &block.sparse {
+        let (channel, pixel) = (entry.row as usize / pixels, entry.row as usize % pixels);
+        if pixel == inside {
+            rows[entry.column.index()][channel] += entry.value;
+        }
+    }
+    Ok(rows)
+}
+
+/// Luminance that each light brings, from what each column brings at weight 1.
+pub fn per_light(basis: &LightBasis, per_column: &[[f32; CHANNELS]], lighting: &Lighting) -> Vec<f32> {
+    let weights = lighting.weights();
+    let of_column = |column: usize| luminance([0, 1, 2].map(|ch| per_column[column][ch] * weights[column][ch]));
+    let of_light = |columns: std::ops::Range<u32>| columns.map(|column| of_column(column as usize)).sum();
+    basis.lights().iter().map(|light| of_light(light.columns())).collect()
+}
+
+/// The block of a pixel, and the pixel's index inside it.
+fn block_of(shape: MatrixShape, [x, y]: [u32; 2]) -> (BlockId, usize) {
+    assert!(x < shape.width() && y < shape.height(), "pixel {x}, {y}");
+    let side = shape.block_side();
+    let id = BlockId(y / side * shape.blocks_across() + x / side);
+    let rect = shape.rect(id);
+    (id, ((y - rect.y) * rect.width + x - rect.x) as usize)
+}
+
+fn add_block(block: &FactoredBlock, pixels: usize, sums: &mut [[f64; CHANNELS]]) {
+    for k in 0..block.rank() {
+        let left = block.left_component(k);
+        let of_rows = [0, 1, 2].map(|channel| left[channel * pixels..][..pixels].iter().map(|&v| f64::from(v)).sum());
+        for (sum, &right) in sums.iter_mut().zip(block.right_component(k)) {
+            *sum = [0, 1, 2].map(|channel: usize| {
+                let of_rows: [f64; CHANNELS] = of_rows;
+                sum[channel] + of_rows[channel] * f64::from(right)
+            });
+        }
+    }
+    for entry in &block.sparse {
+        sums[entry.column.index()][entry.row as usize / pixels] += f64::from(entry.value);
+    }
+}

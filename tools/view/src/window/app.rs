@@ -1,0 +1,338 @@
+//! The whole window: where the panels stand, files dropped on it, messages.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
+
+use eframe::egui::{self, Align2, Color32, FontId, RichText, Ui};
+use eframe::egui_wgpu::RenderState;
+
+use super::chooser::{Answer, Chooser, Purpose};
+use super::document::Document;
+use super::keys::{Action, act, help, pressed};
+use super::layout::{Tab, show_document};
+use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
+use super::top_bar::{Choice, recent_files};
+use ltm::error::{Error, Result};
+use crate::WindowOptions;
+use crate::export::write_rgba;
+use crate::recent::{Recent, RecentKind};
+use crate::worker::{Means, SharedDevice};
+
+/// Frames that may pass without the picture before a screenshot is taken of what there is.
+const PATIENCE_FRAMES: u32 = 2000;
+
+/// The window's content; it needs a context of egui, not a window.
+pub struct App {
+    document: Option<Document>,
+    message: Option<String>,
+    recent: Recent,
+    means: Means,
+    /// What draws the window, where it relights too.
+    state: Option<RenderState>,
+    chooser: Option<Chooser>,
+    panels: bool,
+    tab: Tab,
+    help: bool,
+    screenshot: Option<Screenshot>,
+    failure: Arc<Mutex<Option<Error>>>,
+}
+
+struct Screenshot {
+    path: PathBuf,
+    /// Frames to wait once the picture stands.
+    frames: u32,
+    waited: u32,
+    asked: bool,
+}
+
+impl App {
+    /// Opens what the options name, to relight it on the device of `state` if there is one. A failed screenshot is put
+    /// into `failure`.
+    pub fn new(
+        context: &egui::Context,
+        options: WindowOptions,
+        state: Option<RenderState>,
+        failure: Arc<Mutex<Option<Error>>>,
+    ) -> Self {
+        theme::apply(context);
+        options.opened.store(true, Ordering::Relaxed);
+        let screenshot =
+            options.screenshot.map(|path| Screenshot { path, frames: options.frames.max(1), waited: 0, asked: false });
+        let share = |state: &RenderState| {
+            let is_software = state.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+            let shows = options.shown_on_device.unwrap_or(!is_software);
+            SharedDevice { device: state.device.clone(), queue: state.queue.clone(), shows }
+        };
+        let device = state.as_ref().map(share);
+        let means = Means { device, budget_bytes: options.budget_bytes.unwrap_or_else(half_the_memory) };
+        let recent = Recent::load(options.state_folder);
+        let (document, message, chooser) = (None, None, None);
+        let (panels, tab, help) = (true, Tab::default(), false);
+        let mut app = Self { document, message, recent, means, state, chooser, panels, tab, help, screenshot, failure };
+        if let Some(path) = options.path {
+            app.open(context, &path);
+        }
+        app
+    }
+
+    /// Opens a container in place of the one that is open.
+    pub fn open(&mut self, context: &egui::Context, path: &Path) {
+        match Document::open(context, path, self.means.clone(), self.state.clone()) {
+            Ok(document) => {
+                self.document = Some(document);
+                self.message = None;
+                let kept = self.recent.add(RecentKind::Container, path);
+                self.tell(kept);
+                let name = path.file_name().map_or("".into(), |name| name.to_string_lossy());
+                context.send_viewport_cmd(egui::ViewportCommand::Title(format!("{name} – ltm")));
+            }
+            Err(error) => {
+                self.message = Some(error.to_string());
+                if self.screenshot.is_some() {
+                    self.fail(context, error);
+                }
+            }
+        }
+    }
+
+    /// Whether the picture stands and nothing newer is awaited.
+    pub fn is_settled(&self) -> bool {
+        self.document.as_ref().is_none_or(|document| document.is_settled())
+    }
+
+    /// Pictures that have come of the open container.
+    pub fn pictures(&self) -> u64 {
+        self.document.as_ref().map_or(0, |document| document.pictures)
+    }
+
+    /// Draws one frame.
+    pub fn show(&mut self, ui: &mut Ui) {
+        let context = ui.ctx().clone();
+        self.take_dropped(&context);
+        if self.chooser.is_none() {
+            for action in pressed(&context) {
+                self.act(&context, action);
+            }
+        }
+        if self.help && context.input(|input| input.key_pressed(egui::Key::Escape)) {
+            self.help = false;
+        }
+        match &mut self.document {
+            None => self.welcome(ui),
+            Some(document) => {
+                document.receive(&context);
+                let choice = show_document(ui, document, self.panels, &mut self.tab, &self.recent);
+                let held = context.input(|input| input.pointer.any_down());
+                document.ask(&context, held);
+                if let Some(purpose) = document.wanted.take() {
+                    let near = match (&document.look, purpose) {
+                        (Some((path, _)), Purpose::SaveLook | Purpose::LoadLook) => path.with_extension(""),
+                        // Not the name under which the radiance is saved.
+                        (_, Purpose::Layers) => PathBuf::from(format!("{}-layers", document.export_base.display())),
+                        _ => document.export_base.clone(),
+                    };
+                    self.chooser = Some(Chooser::new(purpose, &near));
+                }
+                match choice {
+                    Some(Choice::Act(action)) => self.act(&context, action),
+                    Some(Choice::Open(path)) => self.open(&context, &path),
+                    Some(Choice::Look(path)) => self.chosen(&context, Purpose::LoadLook, path),
+                    None => {}
+                }
+            }
+        }
+        self.choose(&context);
+        if self.help {
+            help(&context, &mut self.help);
+        }
+        if context.input(|input| !input.raw.hovered_files.is_empty()) {
+            drop_hint(&context);
+        }
+        self.take_screenshot(&context);
+    }
+
+    fn act(&mut self, context: &egui::Context, action: Action) {
+        let larger = |factor: f32| context.set_zoom_factor((context.zoom_factor() * factor).clamp(0.5, 3.0));
+        match (action, &mut self.document) {
+            (Action::Help, _) => self.help = !self.help,
+            (Action::Panels, _) => self.panels = !self.panels,
+            (Action::Larger, _) => larger(1.1),
+            (Action::Smaller, _) => larger(1.0 / 1.1),
+            (Action::Quit, _) => context.send_viewport_cmd(egui::ViewportCommand::Close),
+            (Action::FullScreen, _) => {
+                let full = context.input(|input| input.viewport().fullscreen.unwrap_or(false));
+                context.send_viewport_cmd(egui::ViewportCommand::Fullscreen(!full));
+            }
+            (Action::Open, document) => {
+                let near = document.as_ref().map_or(Path::new("."), |document| document.session.path.as_path());
+                self.chooser = Some(Chooser::new(Purpose::Container, near));
+            }
+            (Action::Reload, Some(document)) => {
+                let path = document.session.path.clone();
+                self.open(context, &path);
+            }
+            (action, Some(document)) => act(context, document, action),
+            (_, None) => {}
+        }
+    }
+
+    /// Shows the list of files while one is being chosen.
+    fn choose(&mut self, context: &egui::Context) {
+        let Some(chooser) = &mut self.chooser else { return };
+        let purpose = chooser.purpose;
+        match chooser.show(context) {
+            Some(Answer::Chosen(path)) => {
+                self.chooser = None;
+                self.chosen(context, purpose, path);
+            }
+            Some(Answer::Cancelled) => self.chooser = None,
+            None => {}
+        }
+    }
+
+    /// Does with a file what it was chosen for.
+    fn chosen(&mut self, context: &egui::Context, purpose: Purpose, path: PathBuf) {
+        if matches!(purpose, Purpose::LoadLook | Purpose::SaveLook) {
+            let kept = self.recent.add(RecentKind::Look, &path);
+            self.tell(kept);
+        }
+        let Some(document) = &mut self.document else {
+            return self.open(context, &path);
+        };
+        if matches!(purpose, Purpose::Png | Purpose::Exr) {
+            document.export_base = path.with_extension("");
+        }
+        match purpose {
+            Purpose::Container => self.open(context, &path),
+            Purpose::LoadLook => document.read_look(path),
+            Purpose::SaveLook => document.write_look(path),
+            Purpose::LightImage(light) => document.read_image(path, Some(light)),
+            Purpose::Reference => document.read_image(path, None),
+            Purpose::Png => document.write_png(path),
+            Purpose::Exr => document.write_exr(path),
+            Purpose::Layers => document.write_layers(path),
+        }
+    }
+
+    /// What went wrong, in the status line or on the empty window.
+    fn tell(&mut self, outcome: Result<()>) {
+        let Err(error) = outcome else { return };
+        match &mut self.document {
+            Some(document) => document.message = Some((error.to_string(), true)),
+            None => self.message = Some(error.to_string()),
+        }
+    }
+
+    /// What is seen without a container.
+    fn welcome(&mut self, ui: &mut Ui) {
+        let mut chosen = None;
+        egui::CentralPanel::default().frame(egui::Frame::new().fill(SURROUND)).show(ui, |ui| {
+            ui.vertical_centered(|ui| {
+                ui.add_space(ui.available_height() * 0.3);
+                ui.label(RichText::new("Drop a container here").size(22.0).color(TEXT));
+                ui.label(RichText::new("a .ltc file, as ltm-pack makes it").color(WEAK));
+                ui.add_space(14.0);
+                if ui.button("Open…  (Ctrl+O)").clicked() {
+                    self.chooser = Some(Chooser::new(Purpose::Container, Path::new(".")));
+                }
+                if self.recent.of(RecentKind::Container).next().is_some() {
+                    ui.add_space(14.0);
+                    ui.label(RichText::new("or one of these again").color(WEAK));
+                    chosen = recent_files(ui, &self.recent, RecentKind::Container);
+                }
+                if let Some(message) = &self.message {
+                    ui.add_space(10.0);
+                    ui.label(RichText::new(message).color(ALARM));
+                }
+            });
+        });
+        if let Some(path) = chosen {
+            self.open(ui.ctx(), &path);
+        }
+    }
+
+    /// Containers are opened, lighting files loaded; an image goes onto the selected texelled light if the pointer is
+    /// over the left panel, else it becomes a reference.
+    fn take_dropped(&mut self, context: &egui::Context) {
+        let dropped: Vec<PathBuf> =
+            context.input(|input| input.raw.dropped_files.iter().map(|file| file.path().to_owned()).collect());
+        for path in dropped {
+            let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+            let Some(document) = self.document.as_ref().filter(|_| ending != "ltc") else {
+                self.open(context, &path);
+                continue;
+            };
+            let pointer = context.input(|input| input.pointer.latest_pos());
+            let over_mixer = pointer.is_some_and(|pointer| document.mixer_rect.contains(pointer));
+            let texelled = document.selected.filter(|&light| document.basis().lights()[light].layout() != (1, 1));
+            let purpose = match (ending.as_str(), texelled.filter(|_| over_mixer)) {
+                ("toml" | "json", _) => Purpose::LoadLook,
+                (_, Some(light)) => Purpose::LightImage(light),
+                (_, None) => Purpose::Reference,
+            };
+            self.chosen(context, purpose, path);
+        }
+    }
+
+    fn take_screenshot(&mut self, context: &egui::Context) {
+        let settled = self.is_settled();
+        let Some(screenshot) = &mut self.screenshot else { return };
+        context.request_repaint();
+        screenshot.waited += 1;
+        if !settled && screenshot.waited < PATIENCE_FRAMES {
+            // Counting begins once the picture stands.
+            screenshot.frames = screenshot.frames.max(1);
+            return;
+        }
+        if screenshot.frames > 0 {
+            screenshot.frames -= 1;
+            return;
+        }
+        if !std::mem::replace(&mut screenshot.asked, true) {
+            let (path, failure, context_too) = (screenshot.path.clone(), self.failure.clone(), context.clone());
+            let callback = egui::ScreenshotCallback::new(move |image: Arc<egui::ColorImage>| {
+                let rgba: Vec<u8> = image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect();
+                if let (Err(error), Ok(mut failure)) = (write_rgba(&path, image.size, &rgba), failure.lock()) {
+                    *failure = Some(error);
+                }
+                context_too.send_viewport_cmd(egui::ViewportCommand::Close);
+            });
+            context.send_viewport_cmd(egui::ViewportCommand::Screenshot(callback));
+        }
+    }
+
+    fn fail(&self, context: &egui::Context, error: Error) {
+        if let Ok(mut failure) = self.failure.lock() {
+            *failure = Some(error);
+        }
+        context.send_viewport_cmd(egui::ViewportCommand::Close);
+    }
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
+        self.show(ui);
+    }
+
+    fn clear_color(&self, _: &egui::Visuals) -> [f32; 4] {
+        SURROUND.to_normalized_gamma_f32()
+    }
+}
+
+/// Half of the machine's memory, in bytes.
+fn half_the_memory() -> u64 {
+    let system = rustix::system::sysinfo();
+    // Machines differ in the width of both.
+    (system.totalram as u64).saturating_mul(u64::from(system.mem_unit)) / 2
+}
+
+/// What a file that is dropped now would do.
+fn drop_hint(context: &egui::Context) {
+    let painter = context.layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop")));
+    let rect = context.content_rect();
+    painter.rect_filled(rect, 0.0, Color32::from_black_alpha(170));
+    let text = "Drop a container to open it, a lighting file to load it,\n\
+                an image over the mixer for the selected light, elsewhere as a reference";
+    painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(18.0), Color32::WHITE);
+}

@@ -1,0 +1,218 @@
+//! Choosing a file: folders and names inside the window, since not every desktop has a dialogue to ask for one.
+
+use std::path::{Path, PathBuf};
+
+use eframe::egui::text::{CCursor, CCursorRange};
+use eframe::egui::{self, Key, RichText, ScrollArea, TextEdit, vec2};
+
+use super::theme::{ALARM, WEAK};
+use crate::export::with_ending;
+use crate::groups::natural;
+
+/// What a file is chosen for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    Container,
+    LoadLook,
+    SaveLook,
+    /// A picture or map for this light.
+    LightImage(usize),
+    Reference,
+    Png,
+    Exr,
+    Layers,
+}
+
+/// What became of it.
+pub(super) enum Answer {
+    Cancelled,
+    Chosen(PathBuf),
+}
+
+/// The open list of files.
+pub(super) struct Chooser {
+    pub(super) purpose: Purpose,
+    folder: PathBuf,
+    /// Folders, then files that fit.
+    entries: Vec<(String, bool)>,
+    name: String,
+    problem: Option<String>,
+    /// Whether the name is to be given the keyboard.
+    fresh: bool,
+}
+
+const IMAGES: [&str; 7] = ["exr", "hdr", "png", "jpg", "jpeg", "tga", "bmp"];
+
+impl Purpose {
+    fn title(self) -> &'static str {
+        match self {
+            Self::Container => "Open a container",
+            Self::LoadLook => "Load a lighting",
+            Self::SaveLook => "Save the lighting",
+            Self::LightImage(_) => "Lay an image on the light",
+            Self::Reference => "Compare with an image",
+            Self::Png => "Save the picture as PNG",
+            Self::Exr => "Save the radiance as EXR",
+            Self::Layers => "Save an EXR with a layer for each light",
+        }
+    }
+
+    fn endings(self) -> &'static [&'static str] {
+        match self {
+            Self::Container => &["ltc"],
+            Self::LoadLook => &["toml", "json"],
+            Self::SaveLook => &["toml"],
+            Self::LightImage(_) | Self::Reference => &IMAGES,
+            Self::Png => &["png"],
+            Self::Exr | Self::Layers => &["exr"],
+        }
+    }
+
+    fn saves(self) -> bool {
+        matches!(self, Self::SaveLook | Self::Png | Self::Exr | Self::Layers)
+    }
+}
+
+impl Chooser {
+    /// Begins in the folder of `near`; where a file is saved, with its name, given without ending.
+    pub(super) fn new(purpose: Purpose, near: &Path) -> Self {
+        let near = std::path::absolute(near).unwrap_or_else(|_| near.to_owned());
+        let folder = if near.is_dir() { near.as_path() } else { near.parent().unwrap_or(Path::new("/")) };
+        let name = match near.file_name() {
+            Some(name) if purpose.saves() => with_ending(Path::new(name), purpose.endings()[0]).display().to_string(),
+            _ => String::new(),
+        };
+        let mut chooser =
+            Self { purpose, folder: PathBuf::new(), entries: Vec::new(), name, problem: None, fresh: true };
+        chooser.enter(folder.to_owned());
+        chooser
+    }
+
+    fn enter(&mut self, folder: PathBuf) {
+        let listed = std::fs::read_dir(&folder);
+        self.problem = listed.as_ref().err().map(|error| format!("{}: {error}", folder.display()));
+        let mut entries: Vec<(String, bool)> = listed
+            .into_iter()
+            .flatten()
+            .filter_map(|entry| {
+                let entry = entry.ok()?;
+                let name = entry.file_name().into_string().ok()?;
+                let is_folder = entry.path().is_dir();
+                let ending = Path::new(&name).extension().map(|ending| ending.to_string_lossy().to_lowercase());
+                let fits = ending.is_some_and(|ending| self.purpose.endings().contains(&ending.as_str()));
+                (!name.starts_with('.') && (is_folder || fits)).then_some((name, is_folder))
+            })
+            .collect();
+        entries.sort_by_cached_key(|(name, is_folder)| (!is_folder, natural(name)));
+        (self.entries, self.folder) = (entries, folder);
+    }
+
+    /// Shows the list until there is an answer.
+    pub(super) fn show(&mut self, context: &egui::Context) -> Option<Answer> {
+        let mut answer = None;
+        let modal = egui::Modal::new(egui::Id::unique("chooser")).show(context, |ui| {
+            ui.set_width(540.0);
+            ui.label(RichText::new(self.purpose.title()).size(15.0).strong());
+            ui.horizontal(|ui| {
+                if ui.button("Up").on_hover_text("The folder above").clicked()
+                    && let Some(parent) = self.folder.parent().map(Path::to_owned)
+                {
+                    self.enter(parent);
+                }
+                ui.add(egui::Label::new(RichText::new(self.folder.display().to_string()).color(WEAK)).truncate());
+            });
+            if let Some(picked) = self.list(ui) {
+                answer = Some(picked);
+            }
+            let field = TextEdit::singleline(&mut self.name).hint_text("Name, or a whole path").desired_width(540.0);
+            let mut field = field.show(ui);
+            if std::mem::take(&mut self.fresh) {
+                field.response.request_focus();
+                // What is typed takes the place of what was proposed.
+                let end = CCursor::new(self.name.chars().count());
+                field.state.cursor.set_char_range(Some(CCursorRange::two(CCursor::new(0), end)));
+                field.state.store(ui.ctx(), field.response.id);
+            }
+            let field = field.response;
+            let entered = field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
+            if let Some(problem) = &self.problem {
+                ui.label(RichText::new(problem).size(11.5).color(ALARM));
+            }
+            ui.horizontal(|ui| {
+                let target = self.target();
+                let replaces = self.purpose.saves() && target.is_file();
+                let verb = match (self.purpose.saves(), replaces) {
+                    (true, true) => "Replace",
+                    (true, false) => "Save",
+                    (false, _) => "Open",
+                };
+                let ready = !self.name.trim().is_empty();
+                if ui.add_enabled(ready, egui::Button::new(verb)).clicked() || entered && ready {
+                    answer = self.accept(target).or(answer.take());
+                }
+                if ui.button("Cancel").clicked() {
+                    answer = Some(Answer::Cancelled);
+                }
+            });
+        });
+        if modal.should_close() && answer.is_none() {
+            answer = Some(Answer::Cancelled);
+        }
+        answer
+    }
+
+    fn list(&mut self, ui: &mut egui::Ui) -> Option<Answer> {
+        let (mut entered, mut picked) = (None, None);
+        let area = ScrollArea::vertical().id_salt(&self.folder).max_height(300.0).min_scrolled_height(300.0);
+        area.auto_shrink([false, false]).show_rows(ui, 22.0, self.entries.len(), |ui, range| {
+            for (name, is_folder) in &self.entries[range] {
+                let text = if *is_folder { format!("{name}/") } else { name.clone() };
+                let text = RichText::new(text).color(if *is_folder { WEAK } else { ui.visuals().text_color() });
+                let row = egui::Button::selectable(*name == self.name, text).truncate();
+                let size = vec2(ui.available_width(), 22.0);
+                let layout = egui::Layout::left_to_right(egui::Align::Center).with_main_justify(true);
+                let layout = layout.with_main_align(egui::Align::Min);
+                let response = ui.allocate_ui_with_layout(size, layout, |ui| ui.add(row)).inner;
+                if response.double_clicked() && !is_folder {
+                    picked = Some(Answer::Chosen(self.folder.join(name)));
+                } else if response.clicked() {
+                    entered = Some((name.clone(), *is_folder));
+                }
+            }
+        });
+        if self.entries.is_empty() && self.problem.is_none() {
+            ui.label(RichText::new("Nothing here that fits.").color(WEAK));
+        }
+        match entered {
+            Some((name, true)) => self.enter(self.folder.join(name)),
+            Some((name, false)) => self.name = name,
+            None => {}
+        }
+        // Where something would be replaced, a double click is no consent.
+        picked.filter(|_| !self.purpose.saves())
+    }
+
+    /// What the name means from this folder.
+    fn target(&self) -> PathBuf {
+        let path = self.folder.join(self.name.trim());
+        if self.purpose.saves() && !path.is_dir() { with_ending(&path, self.purpose.endings()[0]) } else { path }
+    }
+
+    fn accept(&mut self, target: PathBuf) -> Option<Answer> {
+        if target.is_dir() {
+            self.name.clear();
+            self.enter(target);
+            self.fresh = true;
+            return None;
+        }
+        let there = if self.purpose.saves() { target.parent().is_some_and(Path::is_dir) } else { target.is_file() };
+        if !there {
+            // Of a file to be saved, the folder.
+            let missing = target.parent().filter(|_| self.purpose.saves()).unwrap_or(&target);
+            self.problem = Some(format!("{} is not there", missing.display()));
+            self.fresh = true;
+            return None;
+        }
+        Some(Answer::Chosen(target))
+    }
+}

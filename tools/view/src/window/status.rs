@@ -1,0 +1,93 @@
+//! The line below: what it costs and what it is worth.
+
+use eframe::egui::{self, RichText, Ui};
+
+use super::document::Document;
+use super::theme::{ALARM, TEXT, WEAK};
+use ltm::pipeline::human_bytes;
+
+pub(super) fn status(ui: &mut Ui, document: &mut Document) {
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 14.0;
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            cost(ui, document);
+            worth(ui, document);
+            ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| message(ui, document));
+        });
+    });
+}
+
+fn weak(text: String) -> RichText {
+    RichText::new(text).size(11.5).color(WEAK)
+}
+
+fn message(ui: &mut Ui, document: &mut Document) {
+    if document.beside > 0 {
+        ui.spinner();
+        ui.label(weak("working".into()));
+    } else if let Some((message, alarm)) = &document.message {
+        let text = RichText::new(message).size(11.5).color(if *alarm { ALARM } else { TEXT });
+        let response = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
+        if response.on_hover_text(format!("{message}\n\nClick to dismiss")).clicked() {
+            document.message = None;
+        }
+    } else {
+        let [width, height] = document.size();
+        let columns = document.session.container.job().shape.columns();
+        let rank = document.session.mean_rank();
+        ui.add(
+            egui::Label::new(weak(format!("{width} × {height}, {columns} columns, mean rank {rank:.1}"))).truncate(),
+        );
+    }
+}
+
+/// Frames a second and what a change costs.
+fn cost(ui: &mut Ui, document: &Document) {
+    ui.label(weak("? for keys".into()));
+    ui.label(weak(format!("{:.0} %", document.viewport.zoom * ui.ctx().pixels_per_point() * 100.0)));
+    let latency = document.latency;
+    if latency.total_secs > 0.0 {
+        let frames = if latency.frames == 1 { "frame" } else { "frames" };
+        let text = format!("{:.1} ms, {} {frames}", latency.total_secs * 1e3, latency.frames);
+        let of = format!(
+            "From the last change to its picture: {:.1} ms of relighting, {:.1} ms with display, {} {frames}",
+            latency.relight_secs * 1e3,
+            latency.total_secs * 1e3,
+            latency.frames
+        );
+        ui.label(weak(text)).on_hover_text(of);
+    }
+    if let Some(rate) = document.pictures_per_sec() {
+        ui.label(weak(format!("{rate:.0} fps"))).on_hover_text("Pictures a second while something was dragged");
+    }
+}
+
+/// Bytes, and the error that the container states.
+fn worth(ui: &mut Ui, document: &Document) {
+    let container = &document.session.container;
+    let error = match document.session.stated_error() {
+        Some(error) => format!("stated error {:.2} %", error * 100.0),
+        None => "error not stated".into(),
+    };
+    ui.label(weak(error)).on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, as the container says");
+    let read = format!("{} read", human_bytes(document.bytes_read()));
+    let file =
+        format!("of a file of {}; layers that lean on others are read with them", human_bytes(container.file_bytes()));
+    ui.label(weak(read)).on_hover_text(file);
+    let on_cpu = human_bytes(document.resident_bytes());
+    let (resident, about) = match &document.adapter {
+        Some(adapter) => (
+            format!("{} resident on the GPU", human_bytes(document.device_bytes())),
+            format!("Factors, and pictures made of them, in the memory of {adapter}, which relights"),
+        ),
+        None => (format!("{on_cpu} resident"), "Factors in memory; the CPU relights".to_owned()),
+    };
+    let (resident, about) = match document.is_paged {
+        true => (
+            format!("{resident}, the rest passes"),
+            format!("{about}. There are more than --memory allows: the rest is read for each picture"),
+        ),
+        false => (resident, about),
+    };
+    ui.label(weak(resident)).on_hover_text(about);
+}

@@ -1,0 +1,104 @@
+//! The bar above: everything that has no place of its own, with its key beside it.
+
+use std::path::PathBuf;
+
+use eframe::egui::{self, Button, RichText, Ui};
+
+use super::document::Document;
+use super::keys::{Action, keys_of};
+use super::theme::WEAK;
+use crate::recent::{Recent, RecentKind};
+
+/// What was chosen above.
+pub(super) enum Choice {
+    Act(Action),
+    Open(PathBuf),
+    Look(PathBuf),
+}
+
+pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Option<Choice> {
+    let mut choice = None;
+    egui::MenuBar::new().ui(ui, |ui| {
+        let item = |ui: &mut Ui, choice: &mut Option<Choice>, action: Action, name: &str, enabled: bool| {
+            let button = Button::new(name).shortcut_text(RichText::new(keys_of(action)).color(WEAK));
+            if ui.add_enabled(enabled, button).clicked() {
+                *choice = Some(Choice::Act(action));
+            }
+        };
+        let shown = document.image.is_some();
+        ui.menu_button("File", |ui| {
+            ui.set_min_width(250.0);
+            item(ui, &mut choice, Action::Open, "Open…", true);
+            ui.menu_button("Open recent", |ui| {
+                if let Some(path) = recent_files(ui, recent, RecentKind::Container) {
+                    choice = Some(Choice::Open(path));
+                }
+            });
+            item(ui, &mut choice, Action::Reload, "Reload", true);
+            ui.separator();
+            item(ui, &mut choice, Action::Png, "Picture as PNG…", shown);
+            item(ui, &mut choice, Action::Exr, "Radiance as EXR…", shown);
+            item(ui, &mut choice, Action::Layers, "EXR with a layer per light…", shown);
+            item(ui, &mut choice, Action::CopyPicture, "Copy the picture", shown);
+            item(ui, &mut choice, Action::CopyCommand, "Copy the command line", shown);
+            ui.separator();
+            item(ui, &mut choice, Action::Quit, "Quit", true);
+        });
+        ui.menu_button("Lighting", |ui| {
+            ui.set_min_width(250.0);
+            item(ui, &mut choice, Action::LoadLook, "Load…", true);
+            item(ui, &mut choice, Action::SaveLook, "Save…", true);
+            ui.menu_button("Load recent", |ui| {
+                if let Some(path) = recent_files(ui, recent, RecentKind::Look) {
+                    choice = Some(Choice::Look(path));
+                }
+            });
+            ui.separator();
+            item(ui, &mut choice, Action::Undo, "Undo", document.history.can_undo());
+            item(ui, &mut choice, Action::Redo, "Redo", document.history.can_redo());
+            item(ui, &mut choice, Action::ResetLights, "Reset to the scene's own", true);
+        });
+        ui.menu_button("View", |ui| {
+            ui.set_min_width(250.0);
+            item(ui, &mut choice, Action::Fit, "Fit", true);
+            item(ui, &mut choice, Action::ActualSize, "Actual size", true);
+            item(ui, &mut choice, Action::Normalise, "Expose for the picture", shown);
+            item(ui, &mut choice, Action::NextCurve, "Next tone curve", true);
+            ui.separator();
+            item(ui, &mut choice, Action::Snapshot, "Take a snapshot", shown);
+            item(ui, &mut choice, Action::Reference, "Compare with an image…", true);
+            ui.separator();
+            item(ui, &mut choice, Action::Panels, "Panels", true);
+            item(ui, &mut choice, Action::Larger, "Larger letters", true);
+            item(ui, &mut choice, Action::Smaller, "Smaller letters", true);
+            item(ui, &mut choice, Action::FullScreen, "Full screen", true);
+            item(ui, &mut choice, Action::Help, "Keys", true);
+        });
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let provenance = &document.session.container.job().provenance;
+            let name = document.session.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            let label = ui.label(RichText::new(name).color(WEAK));
+            let samples = match provenance.samples_per_pixel {
+                0 => String::new(),
+                samples => format!("\n{samples} samples per pixel"),
+            };
+            label.on_hover_text(format!("{}\nof {}{samples}", document.session.path.display(), provenance.source));
+        });
+    });
+    choice
+}
+
+/// The remembered files of a kind as buttons; the one that was chosen.
+pub(super) fn recent_files(ui: &mut Ui, recent: &Recent, kind: RecentKind) -> Option<PathBuf> {
+    let mut chosen = None;
+    if recent.of(kind).next().is_none() {
+        ui.label(RichText::new("None yet").color(WEAK));
+    }
+    for path in recent.of(kind) {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if ui.button(name).on_hover_text(path.display().to_string()).clicked() {
+            chosen = Some(path.to_owned());
+        }
+    }
+    chosen
+}

@@ -1,0 +1,293 @@
+//! A window without a window: egui's input made by hand, its widgets found by their accessible names.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, Rect, accesskit};
+use eframe::egui_wgpu::{RenderState, RendererOptions, WgpuConfiguration};
+use ltm_view::{App, WindowOptions};
+
+/// Size of the window, in points, where a test does not ask for another.
+const SIZE: egui::Vec2 = egui::vec2(1280.0, 800.0);
+/// How long a picture may take to come, on a machine that does other things as well.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+pub(crate) struct Driver {
+    context: egui::Context,
+    app: App,
+    time_secs: f64,
+    size: egui::Vec2,
+    modifiers: Modifiers,
+    /// Files that are dropped in the next frame.
+    dropped: Vec<egui::DroppedFileHandle>,
+    /// Widgets of the last frame: name, what it says of itself, place.
+    widgets: Vec<(String, Rect)>,
+    /// Name of the widget that has the keyboard.
+    focused: Option<String>,
+    /// What was copied last.
+    copied: Option<String>,
+    /// The newest bytes of each texture, by its name.
+    textures: BTreeMap<String, Vec<u8>>,
+}
+
+impl Driver {
+    /// Opens a container and waits for its picture.
+    pub(crate) fn open(path: &Path) -> Self {
+        Self::open_with(WindowOptions { path: Some(path.to_owned()), ..Default::default() }, SIZE)
+    }
+
+    /// Opens a container that the device relights which would draw the window, and waits for its picture. It shows it,
+    /// too, or does what suits it.
+    pub(crate) fn open_on_device(path: &Path, shown_on_device: Option<bool>) -> Self {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        let instance = wgpu::Instance::new(descriptor);
+        let (configuration, options) = (WgpuConfiguration::default(), RendererOptions::default());
+        let state = pollster::block_on(RenderState::create(&configuration, &instance, None, options)).unwrap();
+        let options = WindowOptions { path: Some(path.to_owned()), shown_on_device, ..Default::default() };
+        Self::open_drawn_by(Some(state), options, SIZE)
+    }
+
+    /// Opens a window of some size, in points, and waits for its picture.
+    pub(crate) fn open_with(options: WindowOptions, size: egui::Vec2) -> Self {
+        Self::open_drawn_by(None, options, size)
+    }
+
+    fn open_drawn_by(state: Option<RenderState>, options: WindowOptions, size: egui::Vec2) -> Self {
+        let context = egui::Context::default();
+        context.enable_accesskit();
+        let app = App::new(&context, options, state, Arc::new(Mutex::new(None)));
+        let mut driver = Self {
+            context,
+            app,
+            time_secs: 0.0,
+            size,
+            dropped: Vec::new(),
+            modifiers: Modifiers::NONE,
+            widgets: Vec::new(),
+            focused: None,
+            copied: None,
+            textures: BTreeMap::new(),
+        };
+        driver.settle();
+        driver
+    }
+
+    /// One frame of a sixtieth of a second.
+    pub(crate) fn frame(&mut self, events: Vec<Event>) {
+        self.time_secs += 1.0 / 60.0;
+        let input = egui::RawInput {
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, self.size)),
+            time: Some(self.time_secs),
+            events,
+            dropped_files: std::mem::take(&mut self.dropped),
+            focused: true,
+            ..Default::default()
+        };
+        let mut output = self.context.run_ui(input, |ui| self.app.show(ui));
+        if let Some(update) = output.platform_output.accesskit_update.take() {
+            let focused = update.nodes.iter().find(|(id, _)| *id == update.focus);
+            self.focused = focused.and_then(|(_, node)| widget(node)).map(|(name, _)| name);
+            self.widgets = update.nodes.iter().filter_map(|(_, node)| widget(node)).collect();
+        }
+        for (id, delta) in output.textures_delta.set.iter().flat_map(|(id, all)| all.iter().map(move |one| (id, one))) {
+            let egui::ImageData::Color(image) = &delta.image;
+            let name = self.context.tex_manager().read().meta(*id).map(|meta| meta.name.clone());
+            if let (Some(name), None) = (name, delta.pos) {
+                self.textures.insert(name, image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect());
+            }
+        }
+        for command in &output.platform_output.commands {
+            if let egui::OutputCommand::CopyText(text) = command {
+                self.copied = Some(text.clone());
+            }
+        }
+        output.drop_without_applying_deltas();
+    }
+
+    /// Frames until nothing is awaited, and three more for what follows from it.
+    pub(crate) fn settle(&mut self) {
+        let begun = Instant::now();
+        self.frame(Vec::new());
+        while !self.app.is_settled() {
+            assert!(begun.elapsed() < PATIENCE, "the picture does not come");
+            std::thread::sleep(Duration::from_millis(2));
+            self.frame(Vec::new());
+        }
+        for _ in 0..3 {
+            self.frame(Vec::new());
+        }
+        while !self.app.is_settled() {
+            assert!(begun.elapsed() < PATIENCE, "the picture does not come");
+            std::thread::sleep(Duration::from_millis(2));
+            self.frame(Vec::new());
+        }
+    }
+
+    /// Pictures that have come so far.
+    pub(crate) fn pictures(&self) -> u64 {
+        self.app.pictures()
+    }
+
+    /// The picture's bytes, RGBA.
+    pub(crate) fn picture(&self) -> Vec<u8> {
+        self.texture("picture")
+    }
+
+    /// The bytes of a texture, RGBA.
+    pub(crate) fn texture(&self, name: &str) -> Vec<u8> {
+        self.textures.get(name).unwrap_or_else(|| panic!("there is no texture '{name}' yet")).clone()
+    }
+
+    /// Name of the widget that has the keyboard.
+    pub(crate) fn focused(&self) -> Option<&str> {
+        self.focused.as_deref()
+    }
+
+    /// What was copied last.
+    pub(crate) fn copied(&self) -> Option<&str> {
+        self.copied.as_deref()
+    }
+
+    /// Whether a widget has exactly this name.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.widgets.iter().any(|(label, _)| label == name)
+    }
+
+    /// Place of the widget with exactly this name.
+    pub(crate) fn find(&self, name: &str) -> Rect {
+        let found = self.widgets.iter().find(|(label, _)| label == name);
+        found.unwrap_or_else(|| panic!("no widget is called '{name}': {:?}", self.names())).1
+    }
+
+    /// Place of a widget whose name holds this text.
+    pub(crate) fn find_containing(&self, text: &str) -> Rect {
+        let found = self.widgets.iter().find(|(label, _)| label.contains(text));
+        found.unwrap_or_else(|| panic!("no widget says '{text}': {:?}", self.names())).1
+    }
+
+    /// Places of all widgets that have a name.
+    pub(crate) fn widgets(&self) -> &[(String, Rect)] {
+        &self.widgets
+    }
+
+    /// Drops a file at a place.
+    pub(crate) fn drop_file(&mut self, path: &Path, at: Pos2) {
+        self.frame(vec![Event::PointerMoved(at)]);
+        self.dropped.push(Arc::new(Dropped(path.to_owned())));
+        self.frame(Vec::new());
+    }
+
+    /// Turns the wheel over a place, in points.
+    pub(crate) fn scroll(&mut self, at: Pos2, points: f32) {
+        let (unit, delta, phase) = (egui::MouseWheelUnit::Point, egui::vec2(0.0, points), egui::TouchPhase::Move);
+        let (modifiers, source) = (self.modifiers, egui::MouseWheelSource::Wheel);
+        let wheel = Event::MouseWheel { unit, delta, phase, modifiers, source };
+        self.frame(vec![Event::PointerMoved(at), wheel]);
+        // Scrolling is smoothed over some frames.
+        (0..30).for_each(|_| self.frame(Vec::new()));
+    }
+
+    /// Drags with keys held.
+    pub(crate) fn drag_with(&mut self, from: Pos2, to: Pos2, frames: usize, modifiers: Modifiers) {
+        self.modifiers = modifiers;
+        self.frame(vec![Event::ModifiersChanged(modifiers)]);
+        self.drag(from, to, frames);
+        self.modifiers = Modifiers::NONE;
+        self.frame(vec![Event::ModifiersChanged(Modifiers::NONE)]);
+    }
+
+    /// Clicks twice at once.
+    pub(crate) fn double_click(&mut self, at: Pos2) {
+        self.press(at);
+        self.frame(vec![self.button(at, false)]);
+        self.frame(vec![self.button(at, true)]);
+        self.release(at);
+    }
+
+    fn names(&self) -> Vec<&str> {
+        self.widgets.iter().map(|(name, _)| name.as_str()).collect()
+    }
+
+    pub(crate) fn click(&mut self, at: Pos2) {
+        self.press(at);
+        self.release(at);
+    }
+
+    /// Drags over a number of frames.
+    pub(crate) fn drag(&mut self, from: Pos2, to: Pos2, frames: usize) {
+        self.press(from);
+        for frame in 1..=frames {
+            self.move_to(from + (to - from) * (frame as f32 / frames as f32));
+        }
+        self.release(to);
+    }
+
+    /// Goes to a place and puts the button down.
+    pub(crate) fn press(&mut self, at: Pos2) {
+        self.frame(vec![Event::PointerMoved(at)]);
+        self.frame(vec![self.button(at, true)]);
+    }
+
+    pub(crate) fn move_to(&mut self, at: Pos2) {
+        self.frame(vec![Event::PointerMoved(at)]);
+    }
+
+    /// Lets the button go.
+    pub(crate) fn release(&mut self, at: Pos2) {
+        self.frame(vec![self.button(at, false)]);
+        // What follows is not meant as a double click.
+        self.time_secs += 1.0;
+    }
+
+    pub(crate) fn key(&mut self, key: Key, modifiers: Modifiers) {
+        self.modifiers = modifiers;
+        let event = |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
+        self.frame(vec![Event::ModifiersChanged(modifiers), event(true)]);
+        self.frame(vec![event(false), Event::ModifiersChanged(Modifiers::NONE)]);
+        self.modifiers = Modifiers::NONE;
+    }
+
+    /// Clicks with keys held.
+    pub(crate) fn click_with(&mut self, at: Pos2, modifiers: Modifiers) {
+        self.modifiers = modifiers;
+        self.frame(vec![Event::ModifiersChanged(modifiers)]);
+        self.click(at);
+        self.modifiers = Modifiers::NONE;
+        self.frame(vec![Event::ModifiersChanged(Modifiers::NONE)]);
+    }
+
+    /// Replaces what stands in the field that has the keyboard, and presses Enter.
+    pub(crate) fn enter(&mut self, text: &str) {
+        self.key(Key::A, Modifiers::CTRL.plus(Modifiers::COMMAND));
+        self.frame(vec![Event::Text(text.to_owned())]);
+        self.key(Key::Enter, Modifiers::NONE);
+    }
+
+    fn button(&self, pos: Pos2, pressed: bool) -> Event {
+        Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers: self.modifiers }
+    }
+}
+
+/// A file as the system hands it over.
+#[derive(Debug)]
+struct Dropped(PathBuf);
+
+impl egui::DroppedFile for Dropped {
+    fn path(&self) -> &Path {
+        &self.0
+    }
+
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        std::fs::read(&self.0).map_err(|error| error.to_string())
+    }
+}
+
+fn widget(node: &accesskit::Node) -> Option<(String, Rect)> {
+    let bounds = node.bounds()?;
+    let name = node.label().or(node.value())?.to_owned();
+    let place = |x: f64, y: f64| Pos2::new(x as f32, y as f32);
+    Some((name, Rect::from_min_max(place(bounds.x0, bounds.y0), place(bounds.x1, bounds.y1))))
+}
