@@ -4,8 +4,9 @@
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 
 use ltm::container::ContainerReader;
+use ltm::host::{Quiet, human_bytes};
 use ltm::light::Lighting;
-use ltm::pipeline::{self, PackOptions, Quiet, RenderOptions, human_bytes};
+use ltm::pipeline::{self, PackOptions, RenderOptions};
 use ltm::relight::{CpuRelighter, relight_streaming};
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;

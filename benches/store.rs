@@ -16,9 +16,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
+use ltm::host::Quiet;
 use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
-use ltm::pipeline::{Quiet, RenderOptions};
+use ltm::pipeline::RenderOptions;
 use ltm::store::{
     FileStorage, MappedStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify,
 };

@@ -25,18 +25,22 @@
 //! |---|---|
 //! | `error` | nothing |
 //! | `matrix`, `image` | `error` |
-//! | `light` | `error`, `matrix`, `image` |
+//! | `light` | `error`, `matrix` |
+//! | `look` | `error`, `light`, `image` |
 //! | `scene` | `error`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
 //! | `store`, `compress`, `container` | `error`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
-//! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight` |
+//! | `host` | `error`, `store` |
+//! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight`, `host` |
 
 pub mod compress;
 pub mod container;
 pub mod error;
+pub mod host;
 pub mod image;
 pub mod light;
+pub mod look;
 pub mod matrix;
 pub mod pipeline;
 pub mod relight;

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
-use ltm::container::{
-    BlockLayout, BlockReport, ContainerOptions, ContainerReader, ContainerWriter, LightErrors, merge, verify,
-};
+use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter, merge, verify};
+use ltm::light::LightErrors;
 use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;

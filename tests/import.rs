@@ -7,9 +7,10 @@ use std::sync::Mutex;
 
 use libtest_mimic::{Arguments, Trial};
 use ltm::compress::Target;
+use ltm::host::{Quiet, Watch, parse_bytes};
 use ltm::image::{ImageSize, LayerRole, LightSet, LinearImage, write_exr, write_exr_rows, write_npy};
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
-use ltm::pipeline::{self, ImportedMatrix, PackOptions, Quiet, Watch};
+use ltm::pipeline::{self, ImportedMatrix, PackOptions};
 use ltm::{Error, Result};
 use regex::Regex;
 
@@ -253,7 +254,7 @@ fn the_whole_need_is_said_before_images_are_read() {
     // What packing says later is a part of that.
     let disk = |line: &str| {
         let (likely, most) = line.split(" and likely ").nth(1).unwrap().split_once(" of disk, ").unwrap();
-        [likely, most.strip_suffix(" at most").unwrap()].map(|bytes| pipeline::parse_bytes(bytes).unwrap())
+        [likely, most.strip_suffix(" at most").unwrap()].map(|bytes| parse_bytes(bytes).unwrap())
     };
     let packing = said.iter().find(|line| line.contains(": packing")).unwrap();
     let (whole, part) = (disk(&said[0]), disk(packing));

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use ltm::image::{LinearImage, luminance, write_exr};
-use ltm::light::look::{self, Look};
 use ltm::light::{Light, LightBasis, LightKind, LightUnit};
+use ltm::look::{self, Look};
 
 /// Two lamps, a panel of 4 × 4 texels, and a sky of 8 × 4.
 fn basis() -> LightBasis {

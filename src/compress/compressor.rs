@@ -6,10 +6,9 @@ use rand_pcg::Pcg64Mcg;
 
 use super::alike::{Alike, Smoothed, joined};
 use super::candidate::{Candidate, CandidateSummary, gain_bins, histogram};
-use super::cur::{decompose, select};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
-use super::global::{self, GlobalCur};
 use super::noise::NoiseModel;
+use super::paper::{GlobalCur, SEED, decompose, global, select};
 use super::range::{Range, SKETCH_ROWS, Weights, exact_range, find_range, range_of};
 use super::remainder::{stand_out, without};
 use super::sanitise::{Survey, sanitise, survey};
@@ -258,7 +257,7 @@ impl Compressor {
                 if method == Method::Proposed && settings.core == Core::Textbook {
                     settings.core = Core::LeastSquares;
                 }
-                let mut random = Pcg64Mcg::seed_from_u64(settings.seed ^ (u64::from(id.0) << 20) ^ super::cur::SEED);
+                let mut random = Pcg64Mcg::seed_from_u64(settings.seed ^ (u64::from(id.0) << 20) ^ SEED);
                 let chosen = select(a, &settings, &mut random);
                 decompose(a, &chosen, settings.core, settings.truncation)
             }

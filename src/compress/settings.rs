@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::global;
+use super::paper::global;
 use crate::error::{Error, Result};
 
 /// How a block is turned into factors.

@@ -1,6 +1,6 @@
 //! The fixed bytes of a container: header, index records, trailer. All little-endian.
 
-use super::report::BlockReport;
+use crate::matrix::BlockReport;
 
 /// Version of the format that this program writes, and the only one that it reads.
 pub const FORMAT_VERSION: u32 = 1;

@@ -1,8 +1,8 @@
 //! The metadata of a container: the job, the report and, where it is known, what single lights lose, compressed together.
 
 use super::format::u32_at;
-use super::report::{ContainerReport, LightErrors};
-use crate::light::{Job, decode_job, encode_job};
+use super::report::ContainerReport;
+use crate::light::{Job, LightErrors, decode_job, encode_job};
 
 /// What any metadata may unpack to, and what each of its bytes on disk earns on top of that.
 const FREE_BYTES: usize = 1 << 16;

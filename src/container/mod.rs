@@ -23,6 +23,6 @@ pub use format::FORMAT_VERSION;
 pub use layout::{BlockLayout, LightLayout, LightPlane};
 pub use merge::merge;
 pub use reader::{ContainerReader, Fault, Verification, verify};
-pub use report::{BlockReport, ContainerReport, LightErrors};
+pub use report::ContainerReport;
 pub(crate) use spill::{MARK_BYTES, open_marked};
 pub use writer::{ContainerOptions, ContainerSummary, ContainerWriter, EncodedBlock, EncodedSize, WrittenBlock};

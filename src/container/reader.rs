@@ -13,10 +13,10 @@ use super::index::{Index, PIECE_BYTES};
 use super::layers::join_layers;
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
-use super::report::{BlockReport, ContainerReport, LightErrors};
+use super::report::ContainerReport;
 use crate::error::{Error, Result};
-use crate::light::Job;
-use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
+use crate::light::{Job, LightErrors};
+use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixShape};
 
 /// The first read takes this share of the file (between the two bounds), which covers the index of any container
 /// whose blocks have 4 KiB and more in two layers; where it does not, a second read follows.

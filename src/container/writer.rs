@@ -15,11 +15,11 @@ use super::format::{
 use super::layers::{encode_layers, join_layers};
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
-use super::report::{BlockReport, ContainerReport, LightErrors};
+use super::report::ContainerReport;
 use super::spill::Spill;
 use crate::error::{Error, Result};
-use crate::light::Job;
-use crate::matrix::{BlockId, FactoredBlock};
+use crate::light::{Job, LightErrors};
+use crate::matrix::{BlockId, BlockReport, FactoredBlock};
 
 /// Of [`LightErrors`] in the file at most: 33 bytes that zstd may not make shorter, and its words for a second kind of data.
 const LIGHT_ERRORS_BYTES: u64 = 48;

@@ -2,20 +2,20 @@
 
 mod exr_file;
 mod kelvin;
-mod lights;
 mod linear;
 mod measure;
 mod npy;
+mod per_light;
 mod read;
 mod tone;
 mod tone_tables;
 
 pub use exr_file::{FetchRow, ImageSize, exr_rows_need_bytes, write_exr, write_exr_layers, write_exr_rows};
 pub use kelvin::{KELVIN_RANGE, kelvin_to_linear};
-pub use lights::{LayerMatch, LayerRole, LightRow, LightSet, TakeRow};
 pub use linear::{LinearImage, luminance};
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;
+pub use per_light::{LayerMatch, LayerRole, LightRow, LightSet, TakeRow};
 pub use read::{RgbaImage, decode_srgb, image_size, read_image, read_rgba};
 pub use tone::{
     LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, false_colour, false_colour_scale, write_png, write_toned_png,

@@ -2,15 +2,16 @@
 //! that every file of ours carries.
 
 mod basis;
+mod errors;
 mod job;
 mod lighting;
-pub mod look;
 mod metadata;
 pub mod names;
 mod prior;
 mod probes;
 
 pub use basis::{Column, Light, LightBasis, LightKind, LightUnit};
+pub use errors::{LightErrors, column_name, light_errors_lines};
 pub use job::{Job, JobHash, Provenance};
 pub use lighting::Lighting;
 pub use metadata::{decode_job, encode_job};

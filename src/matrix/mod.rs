@@ -12,6 +12,7 @@ mod block;
 mod factors;
 mod index;
 mod noise;
+mod report;
 mod seam;
 mod shape;
 
@@ -19,5 +20,6 @@ pub use block::{Block, BlockView, TracedBlock};
 pub use factors::{FactoredBlock, SparseEntry};
 pub use index::{BlockId, ColumnIndex};
 pub use noise::BlockNoise;
+pub use report::BlockReport;
 pub use seam::{BlockSink, BlockSource, FactorSource};
 pub use shape::{CHANNELS, MatrixShape, PixelRect};

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::Watch;
 use crate::error::{Error, Result};
+use crate::host::Watch;
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, PixelRect, TracedBlock};
 
 /// How far a block is from its source.

@@ -4,7 +4,9 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::{PackOptions, PackReport, PeakMemory, RelightOptions, RenderOptions, Watch, human_bytes};
+use crate::host::{PeakMemory, Watch, human_bytes};
+
+use super::{PackOptions, PackReport, RelightOptions, RenderOptions};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::image::{self, ImageError, LinearImage};

@@ -6,9 +6,10 @@ use std::time::Instant;
 
 use super::pack::Packing;
 use super::render::{job_of, settings_of, tracing_need};
-use super::{PackOptions, PackReport, RenderReport, Watch};
+use super::{PackOptions, PackReport, RenderReport};
 use crate::compress::Scope;
 use crate::error::{Error, Result};
+use crate::host::Watch;
 use crate::scene::LoadedScene;
 use crate::trace::Tracer;
 

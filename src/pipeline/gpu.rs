@@ -1,9 +1,9 @@
 //! Relighting on a GPU, whether its memory holds all factors or some.
 
-use super::human_bytes;
 use super::relight::RelightOptions;
 use crate::container::ContainerReader;
 use crate::error::Result;
+use crate::host::human_bytes;
 use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::relight::{GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter};

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use super::budget::Need;
 use super::render::PROGRAM_BYTES;
 use super::rows::RowSpill;
 use super::spill::Spill;
-use super::{PackOptions, Watch, pack};
+use super::{PackOptions, pack};
 use crate::compress::Compressor;
 use crate::error::{Error, Result};
+use crate::host::Need;
+use crate::host::Watch;
 use crate::image::{LayerMatch, LightSet};
 use crate::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};

@@ -4,12 +4,12 @@ use std::fmt;
 use std::path::Path;
 use std::time::Instant;
 
-use super::budget::{Need, on_threads};
 use super::relight::decoding_bytes;
 use super::render::{PROGRAM_BYTES, job_of, settings_of, trace_into, tracing_need};
-use super::{PeakMemory, Watch, human_bytes};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
+use crate::host::{Need, on_threads};
+use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::matrix::BlockId;
 use crate::scene::LoadedScene;
 use crate::store::{self, StoreOptions, StoreReader};

@@ -1,19 +1,15 @@
 //! Joins the stages: the only module that knows them all.
 //!
 //! Each job is a function from paths and settings to a report; what a person sees while it runs is the business of the
-//! [`Watch`] that the caller passes in.
+//! [`Watch`](crate::host::Watch) that the caller passes in.
 
-mod budget;
 mod compare;
 pub mod demo;
 mod fused;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod import;
-mod lights;
 mod maintain;
-mod measure;
-mod memory;
 #[cfg(not(feature = "gpu"))]
 mod no_gpu;
 mod pack;
@@ -22,18 +18,13 @@ mod relight;
 mod render;
 mod rows;
 mod selection;
-mod size;
 mod spill;
 mod unpack;
-mod watch;
 
-pub use budget::{human_bytes, parse_bytes};
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
 pub use fused::render_packed;
 pub use import::ImportedMatrix;
-pub use lights::{column_name, light_errors_lines};
 pub use maintain::{Verified, repair, verify, verify_container};
-pub use memory::PeakMemory;
 pub use pack::{PackOptions, PackReport, Shortfall, pack};
 pub use preview::{PreviewReport, preview};
 pub use relight::{Device, RelightOptions, Relighter, relight, relight_matrix};
@@ -41,4 +32,3 @@ pub use render::{RenderOptions, RenderReport, job_of, render};
 pub use selection::Selection;
 pub use unpack::in_place_of;
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
-pub use watch::{Quiet, Watch};

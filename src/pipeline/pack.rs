@@ -4,7 +4,7 @@
 //! The first pass analyses blocks in parallel, wherever they come from: read from a store ([`pack`]), or traced on the
 //! spot ([`render_packed`](super::render_packed)), so that the matrix never exists as a whole. Each candidate goes to a
 //! spill file with what it lacks of its block, so that memory does not grow with the matrix. The second pass cuts every
-//! candidate at the common slope, encodes it, and states the error of what was really stored (`measure`). It does not
+//! candidate at the common slope, encodes it, and states the error of what was really stored ([`Residual`]). It does not
 //! need the blocks again, so both ways give the same bytes. Choosing rows and columns for the whole matrix
 //! ([`Scope::Global`](crate::compress::Scope::Global)) takes passes of its own before these, over a stored matrix only.
 
@@ -14,20 +14,22 @@ use std::time::Instant;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::budget::{Need, on_threads};
-use super::lights::LightSums;
-use super::measure::Lacking;
 use super::render::PROGRAM_BYTES;
 use super::spill::Spill;
-use super::{PeakMemory, Watch, human_bytes};
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MOST_DB, Candidate, CandidateSummary, CompressSettings, Compressor, Method, Target,
+    AUTOMATIC_DB, AUTOMATIC_MOST_DB, Candidate, CandidateSummary, CompressSettings, Compressor, Cut, LightErrorSums,
+    Method, Residual, Target, cut_of_size,
 };
-use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightErrors, WrittenBlock};
+use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
-use crate::light::Job;
+use crate::host::{Need, on_threads};
+use crate::host::{PeakMemory, Watch, human_bytes};
+use crate::light::{Job, LightErrors};
 use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
 use crate::store;
+
+/// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
+const SAMPLE_BLOCKS: usize = 48;
 
 /// Choices of a pack.
 #[derive(Clone, Debug, Default)]
@@ -53,9 +55,9 @@ pub struct PackReport {
     pub mean_rank: f64,
     /// Entries kept outside the low-rank part.
     pub sparse_entries: u64,
-    /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see `measure`.
+    /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`].
     pub relative_l2: f64,
-    /// What lightings of every kind lose: see [`light_errors_lines`](super::light_errors_lines).
+    /// What lightings of every kind lose: see [`light_errors_lines`](crate::light::light_errors_lines).
     pub lights: LightErrors,
     /// Where the target could not be reached: how near.
     pub short_of_target: Option<Shortfall>,
@@ -202,7 +204,7 @@ impl Packing {
             let candidate_bytes = bytes.len() as u64;
             let projected =
                 self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
-            Lacking::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
+            Residual::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
             bytes.extend(candidate_bytes.to_le_bytes());
             self.spill.append(id, &bytes)?;
             watch.advance(1, work, work_unit);
@@ -215,7 +217,7 @@ impl Packing {
         let analysed = analysed??;
         let cut = self.choose(&analysed)?;
         let energy = analysed.iter().map(CandidateSummary::energy).sum();
-        let lights = LightSums::new(self.job.shape.columns(), energy);
+        let lights = LightErrorSums::new(self.job.shape.columns(), energy);
         drop(analysed);
 
         watch.begin("packing", blocks.len() as u64, "blocks");
@@ -263,31 +265,42 @@ impl Packing {
         })
     }
 
-    pub(super) fn compressor(&self) -> &Compressor {
-        &self.compressor
+    /// The cut for the target; where that is a number of bytes, the one of the largest file that is not larger.
+    fn choose(&self, analysed: &[CandidateSummary]) -> Result<Cut> {
+        let cut = self.compressor.choose(analysed.iter());
+        match self.compressor.settings().target {
+            Target::Bytes(bytes) if cut.slope > 0.0 => {
+                on_threads(self.threads, || cut_of_size(cut, bytes, |cut| self.bytes_at(cut)))?
+            }
+            _ => Ok(cut),
+        }
     }
 
-    pub(super) fn writer(&self) -> &ContainerWriter {
-        &self.writer
-    }
-
-    pub(super) fn shape(&self) -> MatrixShape {
-        self.job.shape
-    }
-
-    pub(super) fn threads(&self) -> usize {
-        self.threads
+    /// Bytes of the file that a cut makes, from those of the blocks of the sample.
+    fn bytes_at(&self, cut: &Cut) -> Result<f64> {
+        let blocks = self.job.shape.block_count() as usize;
+        let sample: Vec<BlockId> =
+            (0..blocks).step_by(blocks.div_ceil(SAMPLE_BLOCKS)).map(|i| BlockId(i as u32)).collect();
+        let encode = |&id: &BlockId| -> Result<(usize, usize)> {
+            let size = self.writer.encode(id, &self.candidate(id)?.0.cut(cut))?.size();
+            Ok((size.bytes(), size.layer_bytes.len()))
+        };
+        let sizes = sample.par_iter().map(encode).collect::<Result<Vec<_>>>()?;
+        let share = blocks as f64 / sample.len() as f64;
+        let bytes = share * sizes.iter().map(|(bytes, _)| *bytes as f64).sum::<f64>();
+        let layers = share * sizes.iter().map(|(_, layers)| *layers as f64).sum::<f64>();
+        Ok(bytes + self.writer.overhead_bytes(layers.round() as u64) as f64)
     }
 
     /// A candidate and what it lacks, back from the spill file.
-    pub(super) fn candidate(&self, id: BlockId) -> Result<(Candidate, Lacking)> {
+    fn candidate(&self, id: BlockId) -> Result<(Candidate, Residual)> {
         let bytes = self.spill.read(id)?;
         let parts = || -> Result<_, String> {
             let short = || "it is cut short".to_owned();
             let (bytes, length) = bytes.split_last_chunk::<8>().ok_or_else(short)?;
             let (candidate, lacking) =
                 bytes.split_at_checked(u64::from_le_bytes(*length) as usize).ok_or_else(short)?;
-            Ok((Candidate::from_bytes(candidate)?, Lacking::from_bytes(lacking).ok_or_else(short)?))
+            Ok((Candidate::from_bytes(candidate)?, Residual::from_bytes(lacking).ok_or_else(short)?))
         };
         parts().map_err(|problem| self.spill.damaged(id, &problem))
     }
@@ -327,11 +340,12 @@ impl BlockSource for Watched<'_> {
 pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need) -> Need {
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let columns = shape.columns() as u64;
-    let candidate = compressor.candidate_bytes() + Lacking::max_bytes(rows, columns, compressor.candidate_bytes() / 16);
+    let candidate =
+        compressor.candidate_bytes() + Residual::max_bytes(rows, columns, compressor.candidate_bytes() / 16);
     let block_bytes = rows * columns * 4;
     // Single entries may be fifty to a row, where fifty texels are seen through it alone; one is usual where any is.
     let sparse = if compressor.settings().method == Method::Auto { rows } else { 0 };
-    let likely = compressor.factor_bytes() + 16 * sparse + Lacking::max_bytes(rows, columns, sparse);
+    let likely = compressor.factor_bytes() + 16 * sparse + Residual::max_bytes(rows, columns, sparse);
     // A rank of its own is stored whole, as 16-bit floats, in two places until it is done. Ours keeps what is worth its
     // bits: a fiftieth at the default target, a fourth where all is asked for.
     let fixed = compressor.settings().method != Method::Auto && compressor.settings().fixed_rank;

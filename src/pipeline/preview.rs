@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::Watch;
 use crate::error::{Error, Result};
+use crate::host::Watch;
 use crate::image::{LinearImage, write_png};
 use crate::light::Lighting;
 use crate::matrix::MatrixShape;
@@ -96,7 +96,7 @@ fn reduced(scene: &Scene) -> Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pipeline::Quiet;
+    use crate::host::Quiet;
     use crate::scene::BuiltIn;
 
     #[test]

@@ -1,14 +1,14 @@
 //! `.ltc` + lighting → image.
 
-use super::budget::{Need, on_threads};
 #[cfg(feature = "gpu")]
 use super::gpu::OnGpu;
 #[cfg(not(feature = "gpu"))]
 use super::no_gpu::OnGpu;
 use super::render::PROGRAM_BYTES;
-use super::{Watch, human_bytes};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
+use crate::host::{Need, on_threads};
+use crate::host::{Watch, human_bytes};
 use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockSource, FactorSource, MatrixShape};

@@ -7,9 +7,9 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::budget::{Need, on_threads};
-use super::{PeakMemory, Watch};
 use crate::error::{Error, Result};
+use crate::host::{Need, on_threads};
+use crate::host::{PeakMemory, Watch};
 use crate::light::{Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
 use crate::scene::{LoadedScene, Triangle};

@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use super::Watch;
-use super::budget::{Need, on_threads};
 use super::render::PROGRAM_BYTES;
 use super::rows::RowSpill;
 use super::selection::{Selected, Selection, overlap};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
+use crate::host::Watch;
+use crate::host::{Need, on_threads};
 use crate::image::{self, ImageSize};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, FactorSource, FactoredBlock, PixelRect, TracedBlock};
 use crate::store::{self, StoreOptions, StoreWriter};

@@ -11,7 +11,8 @@ use std::process::Command;
 use std::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use ltm::pipeline::{self, Quiet, RenderOptions};
+use ltm::host::Quiet;
+use ltm::pipeline::{self, RenderOptions};
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;
 

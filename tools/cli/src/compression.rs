@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use ltm::compress::{CompressSettings, Method, PriorChoice, Scope, Target};
-use ltm::pipeline::parse_bytes;
+use ltm::host::parse_bytes;
 
 /// The options under the heading "Compression".
 #[derive(Args)]

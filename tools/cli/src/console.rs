@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use ltm::pipeline::Watch;
+use ltm::host::Watch;
 
 /// A stage shows a bar only when it has run this long.
 const PATIENCE: Duration = Duration::from_millis(700);

@@ -1,7 +1,8 @@
 //! Algorithms 2 and 4 over a matrix larger than the memory that `ltm-pack` is given.
 
 use assert_cmd::Command;
-use ltm::pipeline::{self, Quiet, RenderOptions};
+use ltm::host::Quiet;
+use ltm::pipeline::{self, RenderOptions};
 use ltm::scene::BuiltIn;
 
 /// The first number of MiB after `word`.

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::{StudyOptions, machine};
 use ltm::error::{Error, Result};
-use ltm::pipeline::{self, RenderOptions, Watch, job_of};
+use ltm::host::Watch;
+use ltm::pipeline::{self, RenderOptions, job_of};
 use ltm::scene::{self, BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
 

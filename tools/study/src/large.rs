@@ -10,7 +10,8 @@ use super::table::{Cell, Table};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
 use ltm::matrix::MatrixShape;
-use ltm::pipeline::{self, PackOptions, PackReport, PeakMemory, RenderOptions, UnpackOptions};
+use ltm::host::PeakMemory;
+use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, UnpackOptions};
 use ltm::store::StoreReader;
 
 struct Plan {
@@ -40,7 +41,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let memory = format!(
         "Each stage within {} of memory. Peak: resident anonymous memory of this process, sampled every 5 ms. GB/s: of the \
 matrix as f32. Render --pack makes the same bytes as render and pack.",
-        pipeline::human_bytes(plan.memory_bytes)
+        human_bytes(plan.memory_bytes)
     );
     let mut notes = bench.notes(&[&memory]);
     let mut rows = Vec::new();

@@ -38,7 +38,7 @@ use std::time::Instant;
 pub use measured::{Measured, Summary};
 
 use ltm::error::{Error, Result};
-use ltm::pipeline::Watch;
+use ltm::host::Watch;
 use bench::Bench;
 
 /// The studies by name.

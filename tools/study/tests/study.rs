@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-use ltm::pipeline::Quiet;
+use ltm::host::Quiet;
 use ltm_study::{self, Study, StudyOptions};
 
 /// A row of a CSV file by column names.

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::{Parser, ValueEnum};
-use ltm::pipeline::parse_bytes;
+use ltm::host::parse_bytes;
 use ltm::view::{RelightOn, WindowOptions};
 use ltm::{Error, Result};
 

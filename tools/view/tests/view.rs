@@ -4,7 +4,8 @@
 mod relight_source;
 
 use ltm::image::luminance;
-use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting, look};
+use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting};
+use ltm::look;
 use ltm::matrix::BlockId;
 use ltm::relight::CpuRelighter;
 use ltm_view::groups::Groups;

@@ -4,7 +4,7 @@ use eframe::egui::{self, RichText, Ui};
 
 use super::document::Document;
 use super::theme::{ALARM, TEXT, WEAK};
-use ltm::pipeline::human_bytes;
+use ltm::host::human_bytes;
 
 pub(super) fn status(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {

@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::sync::Mutex;
 
-use ltm::container::{BlockReport, ContainerOptions, ContainerWriter};
+use ltm::container::{ContainerOptions, ContainerWriter};
 use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
+use ltm::matrix::BlockReport;
 use ltm::matrix::{Block, BlockId, FactoredBlock, MatrixShape, TracedBlock};
 use ltm::scene::LoadedScene;
 use ltm::trace::{TraceSettings, Tracer};

@@ -11,10 +11,11 @@ use clap::{Args, Parser};
 use ltm_cli::compression::Compression;
 use ltm_cli::console::{self, Console, EXIT_CODES};
 use ltm::container::ContainerReader;
+use ltm::host::{human_bytes, parse_bytes};
 use ltm::image::LightSet;
 use ltm::light::Job;
 use ltm::matrix::{BlockSource, MatrixShape};
-use ltm::pipeline::{self, ImportedMatrix, PackOptions, human_bytes, parse_bytes};
+use ltm::pipeline::{self, ImportedMatrix, PackOptions};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use regex::Regex;
@@ -121,7 +122,7 @@ fn pack_options(arguments: &Arguments) -> PackOptions {
 fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
     let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
     println!("{}: {report}", output.display());
-    pipeline::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| println!("{line}"));
+    ltm::light::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| println!("{line}"));
     println!(
         "{:.1} s, {}/s of raw input, peak memory {}",
         report.seconds,

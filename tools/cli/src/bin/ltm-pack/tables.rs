@@ -2,7 +2,8 @@
 
 use ltm::image::LayerRole;
 use ltm::light::Job;
-use ltm::pipeline::{BlockComparison, ImportedMatrix, Place, column_name, total_relative_l2};
+use ltm::light::column_name;
+use ltm::pipeline::{BlockComparison, ImportedMatrix, Place, total_relative_l2};
 
 /// Blocks that the table of a comparison lists at most.
 const MOST_BLOCKS: usize = 48;

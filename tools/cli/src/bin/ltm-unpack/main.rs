@@ -10,8 +10,9 @@ use std::process::ExitCode;
 use clap::Parser;
 use ltm_cli::console::{self, Console, EXIT_CODES};
 use ltm::container::ContainerReader;
+use ltm::host::{PeakMemory, human_bytes, parse_bytes};
 use ltm::matrix::PixelRect;
-use ltm::pipeline::{self, PeakMemory, Selection, UnpackOptions, human_bytes, parse_bytes};
+use ltm::pipeline::{self, Selection, UnpackOptions};
 use ltm::{Error, Result};
 
 /// Multiply a container (.ltc) out: into a stored matrix, one image for each light, an array, or one relit image.

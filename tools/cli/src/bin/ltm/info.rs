@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use ltm::Result;
 use ltm::container::ContainerReader;
+use ltm::host::human_bytes;
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::Job;
+use ltm::light::{column_name, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
-use ltm::pipeline::{column_name, human_bytes, light_errors_lines};
 use ltm::store::StoreReader;
 use serde_json::{Value, json};
 

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ltm::Result;
-use ltm::pipeline::{self, human_bytes, parse_bytes};
+use ltm::host::{human_bytes, parse_bytes};
+use ltm::pipeline;
 
 use ltm_cli::console::Console;
 use crate::input::{Kind, kind_of, parse_size, with_overrides};

@@ -4,11 +4,12 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use ltm::container::ContainerReader;
+use ltm::host::{Watch, parse_bytes};
 use ltm::image::LinearImage;
-use ltm::light::look::{self, Look};
 use ltm::light::names::{fits, suggest};
 use ltm::light::{Job, Light, Lighting};
-use ltm::pipeline::{Device, RelightOptions, Relighter, Watch, parse_bytes, relight_matrix};
+use ltm::look::{self, Look};
+use ltm::pipeline::{Device, RelightOptions, Relighter, relight_matrix};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use ltm::Result;
 use ltm::container::ContainerReader;
-use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport, Watch, human_bytes, parse_bytes};
+use ltm::host::{Watch, human_bytes, parse_bytes};
+use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport};
 use ltm::scene::LoadedScene;
 use ltm::store::Precision;
 
@@ -118,7 +119,7 @@ fn run_packed(options: &Render, loaded: LoadedScene, console: &Console) -> Resul
     print_report(&output, &render);
     println!("{packed}");
     let basis = ContainerReader::open(&output)?.job().basis.clone();
-    pipeline::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| println!("{line}"));
+    ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| println!("{line}"));
     println!("next: ltm relight {} -o relit.png", output.display());
     Ok(())
 }

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use ltm::pipeline::{self, parse_bytes};
+use ltm::host::parse_bytes;
+use ltm::pipeline;
 use ltm::{Error, Result};
 
 use ltm_cli::console::Console;

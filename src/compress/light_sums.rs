@@ -1,26 +1,24 @@
-//! What lightings of every kind lose over the whole picture, summed block by block.
+//! What lightings of every kind lose over the whole image, summed block by block.
 
 use std::sync::{Mutex, MutexGuard};
 
-use crate::container::LightErrors;
-use crate::light::LightBasis;
-use crate::matrix::ColumnIndex;
+use crate::light::LightErrors;
 
 /// What is known of the columns of one block, as squared norms.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct ColumnErrors {
+pub struct ColumnErrors {
     /// Of what is stored against the block.
-    pub(super) error: Vec<f64>,
+    pub error: Vec<f64>,
     /// Of the block.
-    pub(super) norm: Vec<f64>,
+    pub norm: Vec<f64>,
     /// Of the noise of its samples; NaN where it is not known.
-    pub(super) noise: Vec<f64>,
+    pub noise: Vec<f64>,
     /// Error and norm of the block's image with all lights on.
-    pub(super) all_on: (f64, f64),
+    pub all_on: (f64, f64),
 }
 
 /// Sums over blocks that come in any order, from any thread, to the same bits: in fixed point.
-pub(super) struct LightSums {
+pub struct LightErrorSums {
     /// What one counts.
     unit: f64,
     sums: Mutex<Sums>,
@@ -34,17 +32,18 @@ struct Sums {
     noise_known: bool,
 }
 
-impl LightSums {
+impl LightErrorSums {
     /// For so many columns; `energy` is about the squared norm of the whole matrix.
-    pub(super) fn new(columns: usize, energy: f64) -> Self {
+    pub fn new(columns: usize, energy: f64) -> Self {
         // 70 bits below the whole, and 57 above it.
         let unit = if energy > 0.0 && energy.is_finite() { (energy.log2().floor() - 70.0).exp2() } else { 1.0 };
         let sums = Sums { columns: vec![[0; 3]; columns], all_on: [0; 2], noise_known: true };
         Self { unit, sums: Mutex::new(sums) }
     }
 
-    pub(super) fn add(&self, block: &ColumnErrors) {
-        // Not finite: 0 or the largest number that there is.
+    /// Adds a block.
+    pub fn add(&self, block: &ColumnErrors) {
+        // NaN becomes 0; ±∞ saturates.
         let count = |value: f64| (value / self.unit).round() as i128;
         let add = |sum: &mut i128, value: f64| *sum = sum.saturating_add(count(value));
         let mut sums = self.lock();
@@ -59,7 +58,7 @@ impl LightSums {
     }
 
     /// What all blocks together say. `prior` is what is expected under the prior.
-    pub(super) fn errors(&self, prior: f64) -> LightErrors {
+    pub fn errors(&self, prior: f64) -> LightErrors {
         let sums = self.lock();
         let ratio = |error: i128, norm: i128| if error <= 0 { 0.0 } else { (error as f64 / norm as f64).sqrt() };
         let lit: Vec<(usize, f64, f64)> = sums
@@ -97,37 +96,5 @@ impl LightSums {
     fn lock(&self) -> MutexGuard<'_, Sums> {
         // A panic inside leaves sums that nobody will read.
         self.sums.lock().unwrap_or_else(|e| e.into_inner())
-    }
-}
-
-/// Two lines on what images lose, for people.
-pub fn light_errors_lines(errors: &LightErrors, basis: &LightBasis) -> [String; 2] {
-    let noise = |share: f32| match share.is_nan() {
-        true => "noise of the samples not known".to_owned(),
-        false => format!("the samples' noise {share:.2e}"),
-    };
-    [
-        format!(
-            "images, relative L2: {:.2e} expected under the prior; measured: {:.2e} all on, {:.2e} with every light at \
-             random",
-            errors.prior, errors.all_on, errors.random
-        ),
-        format!(
-            "one light alone: {:.2e} in the mean ({}), worst {:.2e}, {} ({})",
-            errors.single_mean,
-            noise(errors.noise_mean),
-            errors.single_worst,
-            column_name(ColumnIndex(errors.worst_column), basis),
-            noise(errors.noise_worst)
-        ),
-    ]
-}
-
-/// A column by its light and, where that has several, its texel.
-pub fn column_name(column: ColumnIndex, basis: &LightBasis) -> String {
-    let column = basis.column(column);
-    match column.light.layout() {
-        (1, 1) => format!("'{}'", column.light.name),
-        _ => format!("'{}' texel {},{}", column.light.name, column.texel.0, column.texel.1),
     }
 }

@@ -4,14 +4,14 @@ use faer::{Mat, MatRef};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use super::dense::product;
+use crate::compress::dense::product;
 
 /// Indices of the points (columns of `points`, dimension × count) that stand nearest to the centres of `k` clusters,
 /// rising and without duplicates; fewer than `k` where points coincide.
 ///
 /// Seeding is k-means++ (Arthur and Vassilvitskii 2007), the iteration Lloyd's. A centre is not a point (the paper,
 /// §3.2, needs rows and columns of the matrix), so the nearest member stands for it.
-pub(super) fn nearest_to_centres(
+pub(in crate::compress) fn nearest_to_centres(
     points: MatRef<'_, f32>,
     k: usize,
     iterations: usize,
@@ -30,21 +30,26 @@ pub(super) fn nearest_to_centres(
 }
 
 /// Centres of clusters, with how many points each has seen.
-pub(super) struct Clusters {
+pub(in crate::compress) struct Clusters {
     /// Dimension × clusters.
     centres: Mat<f32>,
     seen: Vec<f64>,
 }
 
 /// What some points add to each cluster: their sums (dimension × clusters) and numbers.
-pub(super) struct Sums {
+pub(in crate::compress) struct Sums {
     sums: Mat<f64>,
     counts: Vec<f64>,
 }
 
 impl Clusters {
     /// k-means++ and Lloyd's iteration over `points`; fewer than `k` clusters where points coincide.
-    pub(super) fn new(points: MatRef<'_, f32>, k: usize, iterations: usize, random: &mut Pcg64Mcg) -> Self {
+    pub(in crate::compress) fn new(
+        points: MatRef<'_, f32>,
+        k: usize,
+        iterations: usize,
+        random: &mut Pcg64Mcg,
+    ) -> Self {
         let mut centres = seed(points, &squared_norms(points), k, random);
         let mut owners = Vec::new();
         for iteration in 0..=iterations {
@@ -59,13 +64,13 @@ impl Clusters {
     }
 
     /// Number of clusters.
-    pub(super) fn count(&self) -> usize {
+    pub(in crate::compress) fn count(&self) -> usize {
         self.seen.len()
     }
 
     /// For each cluster, the squared distance and index of its member nearest to the centre; infinite where none of
     /// `points` is a member.
-    pub(super) fn nearest(&self, points: MatRef<'_, f32>) -> Vec<(f32, usize)> {
+    pub(in crate::compress) fn nearest(&self, points: MatRef<'_, f32>) -> Vec<(f32, usize)> {
         let (owners, distances) = assign(points, &self.centres);
         let mut nearest = vec![(f32::INFINITY, usize::MAX); self.count()];
         for (j, (owner, distance)) in owners.into_iter().zip(distances).enumerate() {
@@ -78,7 +83,7 @@ impl Clusters {
     }
 
     /// What `points` add to the clusters they belong to.
-    pub(super) fn sums(&self, points: MatRef<'_, f32>) -> Sums {
+    pub(in crate::compress) fn sums(&self, points: MatRef<'_, f32>) -> Sums {
         let (mut sums, mut counts) = (Mat::zeros(points.nrows(), self.count()), vec![0.0; self.count()]);
         for (j, owner) in assign(points, &self.centres).0.into_iter().enumerate() {
             counts[owner] += 1.0;
@@ -90,7 +95,7 @@ impl Clusters {
     }
 
     /// Moves each centre to the mean of all points it has seen, those of a mini-batch now among them (Sculley 2010).
-    pub(super) fn follow<'a>(&mut self, batch: impl Iterator<Item = &'a Sums> + Clone) {
+    pub(in crate::compress) fn follow<'a>(&mut self, batch: impl Iterator<Item = &'a Sums> + Clone) {
         for c in 0..self.count() {
             let more: f64 = batch.clone().map(|part| part.counts[c]).sum();
             if more == 0.0 {

@@ -11,18 +11,18 @@ use crate::store::free_bytes;
 /// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block, and
 /// disk.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Need {
-    pub(super) fixed_bytes: u64,
-    pub(super) per_thread_bytes: u64,
+pub(crate) struct Need {
+    pub(crate) fixed_bytes: u64,
+    pub(crate) per_thread_bytes: u64,
     /// What is refused where the disk has not so much.
-    pub(super) disk_bytes: u64,
+    pub(crate) disk_bytes: u64,
     /// What no input passes, where that is more than a job is likely to take; else 0.
-    pub(super) most_disk_bytes: u64,
+    pub(crate) most_disk_bytes: u64,
 }
 
 impl Need {
     /// Memory for a number of threads.
-    pub(super) fn bytes(self, threads: usize) -> u64 {
+    pub(crate) fn bytes(self, threads: usize) -> u64 {
         self.fixed_bytes + self.per_thread_bytes * threads as u64
     }
 
@@ -30,7 +30,7 @@ impl Need {
     /// needed. `there` names files of an earlier run whose space the job will use.
     ///
     /// Errors: the memory is too small for one thread, or the disk has no room.
-    pub(super) fn admit(
+    pub(crate) fn admit(
         self,
         job: &str,
         output: &Path,
@@ -74,7 +74,7 @@ impl Need {
     /// memory that the system has available.
     ///
     /// Errors: not even one thread does.
-    pub(super) fn threads_within(self, job: &str, budget_bytes: Option<u64>) -> Result<usize> {
+    pub(crate) fn threads_within(self, job: &str, budget_bytes: Option<u64>) -> Result<usize> {
         let wanted = rayon::current_num_threads();
         let limit = budget_bytes.or_else(available_bytes).unwrap_or(u64::MAX);
         match (1..=wanted).rev().find(|&threads| self.bytes(threads) <= limit) {
@@ -94,7 +94,7 @@ impl Need {
 }
 
 /// Runs `work` on a pool of this many threads, or on the current one if that is its size.
-pub(super) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
+pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
     if threads == rayon::current_num_threads() {
         return Ok(work());
     }
@@ -162,7 +162,7 @@ mod tests {
         let (output, partial) = (folder.path().join("x"), folder.path().join("x.part"));
         let admit = |bytes| {
             let need = Need { disk_bytes: bytes, ..Need::default() };
-            need.admit("writing", &output, &[&partial], None, &crate::pipeline::Quiet)
+            need.admit("writing", &output, &[&partial], None, &crate::host::Quiet)
         };
         let free = free_bytes(folder.path()).unwrap();
         assert!(admit(free / 2).is_ok());

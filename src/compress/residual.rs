@@ -1,6 +1,6 @@
 //! The error of what a container stores, measured without the block at hand.
 //!
-//! While a block is in memory, what its candidate *lacks* of it is measured: `E = A − (U R + S)`. Later the block is
+//! While a block is in memory, the residual of its candidate is measured: `E = A − (U R + S)`. Later the block is
 //! gone, and of the stored `P = L' R' + S'` follows
 //!
 //! ```text
@@ -17,10 +17,8 @@
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
-use super::lights::ColumnErrors;
-use crate::compress::BlockSums;
-use crate::container::BlockReport;
-use crate::matrix::{BlockNoise, FactoredBlock, SparseEntry, TracedBlock};
+use super::{BlockSums, ColumnErrors};
+use crate::matrix::{BlockNoise, BlockReport, FactoredBlock, SparseEntry, TracedBlock};
 
 /// Columns that are multiplied out at a time: with 3,072 rows they fit a second-level cache.
 const STRIP: usize = 64;
@@ -28,9 +26,9 @@ const STRIP: usize = 64;
 /// Bytes of an encoded one before its lists.
 const HEAD_BYTES: usize = 32;
 
-/// What a candidate lacks of its block, and what else a report needs of the block.
+/// Residual `E = A − (U R + S)` of a candidate, as norms, and what else a report needs of the block.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Lacking {
+pub struct Residual {
     squared_norm: f64,
     squared_error: f64,
     noise_variance: f64,
@@ -44,24 +42,19 @@ pub(super) struct Lacking {
     at_sparse: Vec<f32>,
 }
 
-impl Lacking {
+impl Residual {
     /// Bytes that one takes in a spill file at most, with so many rows, columns and single entries.
-    pub(super) fn max_bytes(rows: u64, columns: u64, sparse: u64) -> u64 {
+    pub fn max_bytes(rows: u64, columns: u64, sparse: u64) -> u64 {
         HEAD_BYTES as u64 + 4 * (rows + 3 * columns + sparse)
     }
 
     /// Measures `block` against all that its candidate holds. Entries that are not finite count as 0, as they do in
     /// the candidate or nearly so. `projected` says that the components' `R` is `Uᵀ (A − S)`, to rounding.
     /// `sums` are those of the block, where they are known already.
-    pub(super) fn measure(
-        block: &TracedBlock,
-        whole: &FactoredBlock,
-        projected: bool,
-        sums: Option<BlockSums>,
-    ) -> Self {
+    pub fn measure(block: &TracedBlock, whole: &FactoredBlock, projected: bool, sums: Option<BlockSums>) -> Self {
         let (m, n) = (whole.rows, whole.columns);
         let noise = block.noise.as_ref().map(|noise| &noise.column_variance).filter(|noise| noise.len() == n);
-        let mut lacking = Self {
+        let mut residual = Self {
             noise_variance: block.noise.as_ref().map_or(f64::NAN, BlockNoise::mean_variance),
             column_noise: noise
                 .map_or(vec![f32::NAN; n], |noise| noise.iter().map(|variance| variance * m as f32).collect()),
@@ -73,14 +66,14 @@ impl Lacking {
             let column_norms = columns.map(|entries| column_sums(entries, &mut all_on)).collect();
             BlockSums { all_on, column_norms }
         });
-        lacking.all_on = sums.all_on;
+        residual.all_on = sums.all_on;
         let mut sparse = whole.sparse.iter().peekable();
         let (mut rest_norms, mut rest) = (Vec::with_capacity(n), vec![0.0; m]);
         for (column, entries) in block.block.entries().chunks_exact(m.max(1)).enumerate() {
             let norm = sums.column_norms[column];
             if sparse.peek().is_none_or(|entry| entry.column.index() != column) {
-                lacking.column_norm.push(norm as f32);
-                lacking.squared_norm += norm;
+                residual.column_norm.push(norm as f32);
+                residual.squared_norm += norm;
                 rest_norms.push(norm);
                 continue;
             }
@@ -91,11 +84,11 @@ impl Lacking {
                 let value = finite(entries[row]);
                 taken += f64::from(value).powi(2) - f64::from(value - entry.value).powi(2);
                 rest[row] = value - entry.value;
-                lacking.at_sparse.push(rest[row] - component_entry(whole, row, column));
+                residual.at_sparse.push(rest[row] - component_entry(whole, row, column));
             }
             let norm = squared_norm(&rest);
-            lacking.column_norm.push((norm + taken) as f32);
-            lacking.squared_norm += norm + taken;
+            residual.column_norm.push((norm + taken) as f32);
+            residual.squared_norm += norm + taken;
             rest_norms.push(norm);
         }
         // A product less than the difference itself. Sums of f32 over the rows of a lamp in view, all alike, round off up
@@ -104,13 +97,13 @@ impl Lacking {
             rest_norms.iter().zip(components_beyond(whole)).map(|(rest, own)| rest + own).collect();
         let well_told = projected && by_norms.iter().sum::<f64>() > 1e-3 * rest_norms.iter().sum::<f64>();
         let errors = if well_told { by_norms } else { squared_difference(block, whole) };
-        lacking.squared_error = errors.iter().sum();
-        lacking.column_error = errors.iter().map(|&error| error as f32).collect();
-        lacking
+        residual.squared_error = errors.iter().sum();
+        residual.column_error = errors.iter().map(|&error| error as f32).collect();
+        residual
     }
 
     /// The report of what is stored of the block: `whole` is what the candidate held, `stored` what a reader will get.
-    pub(super) fn report(&self, whole: &FactoredBlock, stored: &FactoredBlock) -> (BlockReport, ColumnErrors) {
+    pub fn report(&self, whole: &FactoredBlock, stored: &FactoredBlock) -> (BlockReport, ColumnErrors) {
         let (m, n) = (whole.rows, whole.columns);
         let (k, l) = (whole.rank(), stored.rank());
         let left = Mat::from_fn(m, k + l, |i, j| {
@@ -175,7 +168,7 @@ impl Lacking {
     }
 
     /// Appends it to a spilled candidate, in the machine's byte order.
-    pub(super) fn append_to(&self, bytes: &mut Vec<u8>) {
+    pub fn append_to(&self, bytes: &mut Vec<u8>) {
         for value in [self.squared_norm, self.squared_error, self.noise_variance] {
             bytes.extend(value.to_le_bytes());
         }
@@ -188,7 +181,7 @@ impl Lacking {
     }
 
     /// Reads what [`append_to`](Self::append_to) wrote.
-    pub(super) fn from_bytes(bytes: &[u8]) -> Option<Self> {
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (fixed, rest) = bytes.split_at_checked(HEAD_BYTES)?;
         let scalar = |i: usize| f64::from_le_bytes(fixed[8 * i..][..8].try_into().expect("8 bytes"));
         let count = |at: usize| u32::from_le_bytes(fixed[at..at + 4].try_into().expect("4 bytes")) as usize;

@@ -17,8 +17,8 @@ use rayon::prelude::*;
 
 use super::cur::{Plan, Selection, at_random, plan, through_core};
 use super::kmeans::{Clusters, nearest_to_centres};
-use super::sanitise::sanitise;
-use super::{CompressSettings, Core, Method};
+use crate::compress::sanitise::sanitise;
+use crate::compress::{CompressSettings, Core, Method};
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, BlockSource, BlockView, MatrixShape, TracedBlock};
 
@@ -31,11 +31,11 @@ pub struct GlobalCur {
     /// Columns, and rows counted through all blocks in their order.
     pub chosen: Selection,
     /// `U R`: chosen columns × columns.
-    pub(super) right: Mat<f32>,
+    pub(in crate::compress) right: Mat<f32>,
 }
 
 /// Errors: a method or a core that has no global form.
-pub(super) fn check(settings: &CompressSettings) -> Result<()> {
+pub(in crate::compress) fn check(settings: &CompressSettings) -> Result<()> {
     let refuse = |what: String, hint: &str| Err(Error::input("global scope", what, hint));
     match settings.method {
         Method::Algorithm1 | Method::Algorithm2 | Method::Algorithm3 | Method::Algorithm4 => {}
@@ -48,7 +48,7 @@ pub(super) fn check(settings: &CompressSettings) -> Result<()> {
 }
 
 /// Bytes that [`choose`] holds at most, beside the blocks at hand.
-pub(super) fn needs_bytes(shape: MatrixShape, settings: &CompressSettings) -> u64 {
+pub(in crate::compress) fn needs_bytes(shape: MatrixShape, settings: &CompressSettings) -> u64 {
     let (n, k) = (shape.columns() as u64, (settings.rank as u64).min(shape.columns() as u64));
     let rows = (k as f64 * settings.rows_per_column).ceil() as u64 + settings.rounds as u64;
     let sample = (settings.sample_rows as u64).min(shape.rows());
@@ -58,10 +58,10 @@ pub(super) fn needs_bytes(shape: MatrixShape, settings: &CompressSettings) -> u6
 }
 
 /// Chooses rows and columns of the whole matrix; on the current thread pool, the same for any number of threads. A
-/// matrix of one block gives what [`Compressor`](super::Compressor) chooses for that block.
+/// matrix of one block gives what [`Compressor`](crate::compress::Compressor) chooses for that block.
 ///
 /// Errors: those of reading; a method without a global form.
-pub(super) fn choose(source: &dyn BlockSource, settings: &CompressSettings) -> Result<GlobalCur> {
+pub(in crate::compress) fn choose(source: &dyn BlockSource, settings: &CompressSettings) -> Result<GlobalCur> {
     check(settings)?;
     let matrix = Matrix::new(source);
     let mut random = Pcg64Mcg::seed_from_u64(settings.seed ^ super::cur::SEED);
@@ -83,7 +83,7 @@ pub(super) fn choose(source: &dyn BlockSource, settings: &CompressSettings) -> R
 
 impl GlobalCur {
     /// A block's rows of `C`: rows × chosen columns.
-    pub(super) fn left(&self, a: MatRef<'_, f32>) -> Mat<f32> {
+    pub(in crate::compress) fn left(&self, a: MatRef<'_, f32>) -> Mat<f32> {
         Mat::from_fn(a.nrows(), self.chosen.columns.len(), |i, k| a[(i, self.chosen.columns[k])])
     }
 }

@@ -6,9 +6,9 @@ use faer::{Mat, MatRef};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use super::dense::{product, product_f64, solve_least_squares, to_f32, to_f64};
 use super::kmeans::nearest_to_centres;
-use super::{CompressSettings, Core, Method};
+use crate::compress::dense::{product, product_f64, solve_least_squares, to_f32, to_f64};
+use crate::compress::{CompressSettings, Core, Method};
 use crate::matrix::BlockView;
 
 /// Rows and columns of a block, rising and without duplicates.
@@ -21,10 +21,10 @@ pub struct Selection {
 }
 
 /// Mixed into the seed of the selections.
-pub(super) const SEED: u64 = 0x0063_7572;
+pub(in crate::compress) const SEED: u64 = 0x0063_7572;
 
 /// What of a selection is drawn at random, and what k-means is to find.
-pub(super) enum Plan {
+pub(in crate::compress) enum Plan {
     /// Algorithm 1: so many columns by k-means, as these rows show them.
     ByRows { rows: Vec<usize>, columns: usize },
     /// Algorithms 2 and 4: each round's columns, and how many rows k-means is to find as these columns show them.
@@ -34,7 +34,7 @@ pub(super) enum Plan {
 }
 
 /// `count` of `0..of` at random, rising; in memory for `count` alone.
-pub(super) fn at_random(of: usize, count: usize, random: &mut Pcg64Mcg) -> Vec<usize> {
+pub(in crate::compress) fn at_random(of: usize, count: usize, random: &mut Pcg64Mcg) -> Vec<usize> {
     let count = count.min(of);
     // A shuffle that keeps only the places that were swapped.
     let mut swapped = HashMap::new();
@@ -50,7 +50,7 @@ pub(super) fn at_random(of: usize, count: usize, random: &mut Pcg64Mcg) -> Vec<u
 }
 
 /// Draws what Algorithm 1, 2, 3 or 4 draws for a matrix of `m` rows and `n` columns.
-pub(super) fn plan(m: usize, n: usize, settings: &CompressSettings, random: &mut Pcg64Mcg) -> Plan {
+pub(in crate::compress) fn plan(m: usize, n: usize, settings: &CompressSettings, random: &mut Pcg64Mcg) -> Plan {
     let k = settings.rank.min(n).min(m);
     let wanted_rows = match settings.core {
         Core::Textbook => k,
@@ -87,7 +87,7 @@ pub(super) fn plan(m: usize, n: usize, settings: &CompressSettings, random: &mut
 }
 
 /// Chooses rows and columns of `a` (rows × columns) by Algorithm 1, 2, 3 or 4 of the paper.
-pub(super) fn select(a: MatRef<'_, f32>, settings: &CompressSettings, random: &mut Pcg64Mcg) -> Selection {
+pub(in crate::compress) fn select(a: MatRef<'_, f32>, settings: &CompressSettings, random: &mut Pcg64Mcg) -> Selection {
     let (m, n) = a.shape();
     match plan(m, n, settings, random) {
         Plan::ByRows { rows, columns } => {
@@ -116,7 +116,12 @@ pub(super) fn select(a: MatRef<'_, f32>, settings: &CompressSettings, random: &m
 }
 
 /// The CUR decomposition of `a` over a selection, as two factors: rows × k and k × columns.
-pub(super) fn decompose(a: MatRef<'_, f32>, chosen: &Selection, core: Core, truncation: f64) -> (Mat<f32>, Mat<f32>) {
+pub(in crate::compress) fn decompose(
+    a: MatRef<'_, f32>,
+    chosen: &Selection,
+    core: Core,
+    truncation: f64,
+) -> (Mat<f32>, Mat<f32>) {
     let (m, n) = a.shape();
     let c = Mat::from_fn(m, chosen.columns.len(), |i, k| a[(i, chosen.columns[k])]);
     let right = match core {
@@ -138,7 +143,12 @@ pub(super) fn decompose(a: MatRef<'_, f32>, chosen: &Selection, core: Core, trun
 }
 
 /// `U R` of the crossing `W` (rows × k) and the chosen rows `R` (rows × columns).
-pub(super) fn through_core(w: MatRef<'_, f64>, r: MatRef<'_, f32>, core: Core, truncation: f64) -> Mat<f32> {
+pub(in crate::compress) fn through_core(
+    w: MatRef<'_, f64>,
+    r: MatRef<'_, f32>,
+    core: Core,
+    truncation: f64,
+) -> Mat<f32> {
     if core == Core::Textbook {
         // The inverse is formed and multiplied in the precision of the data, as the formula reads.
         let unit = Mat::<f64>::identity(w.nrows(), w.nrows());
@@ -149,7 +159,7 @@ pub(super) fn through_core(w: MatRef<'_, f64>, r: MatRef<'_, f32>, core: Core, t
 }
 
 /// A block's CUR decomposition by one of the paper's algorithms exactly as it comes: `C` (rows × k, column-major),
-/// `core · R` (k × columns, row-major) and the selection. For comparison; [`Compressor`](super::Compressor) goes on to
+/// `core · R` (k × columns, row-major) and the selection. For comparison; [`Compressor`](crate::compress::Compressor) goes on to
 /// orthonormal factors.
 pub fn cur(block: BlockView<'_>, settings: &CompressSettings, seed: u64) -> (Vec<f32>, Vec<f32>, Selection) {
     use rand::SeedableRng;
@@ -157,5 +167,5 @@ pub fn cur(block: BlockView<'_>, settings: &CompressSettings, seed: u64) -> (Vec
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let chosen = select(a, settings, &mut random);
     let (left, right) = decompose(a, &chosen, settings.core, settings.truncation);
-    (super::dense::to_vec(left.as_ref()), super::dense::to_vec(right.transpose()), chosen)
+    (crate::compress::dense::to_vec(left.as_ref()), crate::compress::dense::to_vec(right.transpose()), chosen)
 }

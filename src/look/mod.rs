@@ -40,9 +40,9 @@ mod resolve;
 
 use std::path::Path;
 
-use super::names::suggest;
-use super::{LightBasis, Lighting};
 use crate::error::{Error, Result};
+use crate::light::names::suggest;
+use crate::light::{LightBasis, Lighting};
 
 /// The lightings of a look file over one light basis.
 #[derive(Clone, Debug)]

@@ -1,0 +1,58 @@
+//! What images under lightings of every kind lose by compression.
+
+use super::LightBasis;
+use crate::matrix::ColumnIndex;
+
+/// How far whole images are from those of the stored matrix, relative L2, after quantisation, over lightings
+/// of every kind. NaN means not known.
+#[derive(Clone, Copy, Debug, PartialEq, bincode::Encode, bincode::Decode)]
+pub struct LightErrors {
+    /// Under the prior's lightings, as it was expected when ranks and steps were chosen.
+    pub prior: f32,
+    /// All lights on, weight 1 each.
+    pub all_on: f32,
+    /// Root mean square under weights drawn evenly from 0 to 1 for each column by itself, over that of the images.
+    pub random: f32,
+    /// One column on alone: the mean over the columns that light anything.
+    pub single_mean: f32,
+    /// One column on alone: the worst.
+    pub single_worst: f32,
+    /// Which column that is.
+    pub worst_column: u32,
+    /// The noise of the samples in the stored images of single columns, in the same mean.
+    pub noise_mean: f32,
+    /// The noise of the samples in the stored image of `worst_column`.
+    pub noise_worst: f32,
+}
+
+/// Two lines on what images lose, for people.
+pub fn light_errors_lines(errors: &LightErrors, basis: &LightBasis) -> [String; 2] {
+    let noise = |share: f32| match share.is_nan() {
+        true => "noise of the samples not known".to_owned(),
+        false => format!("the samples' noise {share:.2e}"),
+    };
+    [
+        format!(
+            "images, relative L2: {:.2e} expected under the prior; measured: {:.2e} all on, {:.2e} with every light at \
+             random",
+            errors.prior, errors.all_on, errors.random
+        ),
+        format!(
+            "one light alone: {:.2e} in the mean ({}), worst {:.2e}, {} ({})",
+            errors.single_mean,
+            noise(errors.noise_mean),
+            errors.single_worst,
+            column_name(ColumnIndex(errors.worst_column), basis),
+            noise(errors.noise_worst)
+        ),
+    ]
+}
+
+/// A column by its light and, where that has several, its texel.
+pub fn column_name(column: ColumnIndex, basis: &LightBasis) -> String {
+    let column = basis.column(column);
+    match column.light.layout() {
+        (1, 1) => format!("'{}'", column.light.name),
+        _ => format!("'{}' texel {},{}", column.light.name, column.texel.0, column.texel.1),
+    }
+}
