@@ -1,6 +1,6 @@
 //! Blocks as factors: the one shape that every compressor makes and every relighter uses.
 
-use super::{Block, ColumnIndex};
+use super::{Block, CHANNELS, ColumnIndex};
 
 /// One large entry kept outside the low-rank part.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,17 +68,60 @@ impl FactoredBlock {
     pub fn expand(&self) -> Block {
         let mut block = Block::zeros(self.rows, self.columns);
         for (j, column) in block.entries_mut().chunks_exact_mut(self.rows.max(1)).enumerate() {
-            for k in 0..self.rank() {
-                let weight = self.right[k * self.columns + j];
-                for (entry, left) in column.iter_mut().zip(self.left_component(k)) {
-                    *entry += left * weight;
+            self.add_column(ColumnIndex(j as u32), column);
+        }
+        block
+    }
+
+    /// Adds one column of `L R + S` to `values`, one a row, in f32.
+    ///
+    /// # Panics
+    /// If there is no such column.
+    pub fn add_column(&self, column: ColumnIndex, values: &mut [f32]) {
+        for k in 0..self.rank() {
+            let weight = self.right_component(k)[column.index()];
+            values.iter_mut().zip(self.left_component(k)).for_each(|(value, left)| *value += left * weight);
+        }
+        for entry in self.sparse_of(column) {
+            values[entry.row as usize] += entry.value;
+        }
+    }
+
+    /// The rows of the block under columns with their weights, channel by channel: `L (R ℓ) + S ℓ`, in f64. Columns that are
+    /// not named are off.
+    ///
+    /// # Panics
+    /// If there is no such column, or the rows are not [`CHANNELS`] planes of pixels.
+    pub fn relight(&self, weights: impl Iterator<Item = (ColumnIndex, [f32; CHANNELS])> + Clone) -> Vec<f64> {
+        assert_eq!(self.rows % CHANNELS, 0, "rows are channels × pixels");
+        let pixels = self.rows / CHANNELS;
+        let mut rows = vec![0.0f64; self.rows];
+        for k in 0..self.rank() {
+            let right = self.right_component(k);
+            let mut sums = [0.0f64; CHANNELS];
+            for (column, weight) in weights.clone() {
+                let right = f64::from(right[column.index()]);
+                (0..CHANNELS).for_each(|channel| sums[channel] += right * f64::from(weight[channel]));
+            }
+            let planes = rows.chunks_exact_mut(pixels).zip(self.left_component(k).chunks_exact(pixels));
+            for ((rows, left), sum) in planes.zip(sums) {
+                rows.iter_mut().zip(left).for_each(|(row, &left)| *row += f64::from(left) * sum);
+            }
+        }
+        if !self.sparse.is_empty() {
+            for (column, weight) in weights {
+                for entry in self.sparse_of(column) {
+                    let row = entry.row as usize;
+                    rows[row] += f64::from(entry.value) * f64::from(weight[row / pixels]);
                 }
             }
         }
-        for entry in &self.sparse {
-            block.column_mut(entry.column)[entry.row as usize] += entry.value;
-        }
-        block
+        rows
+    }
+
+    fn sparse_of(&self, column: ColumnIndex) -> impl Iterator<Item = &SparseEntry> {
+        let start = self.sparse.partition_point(|entry| entry.column < column);
+        self.sparse[start..].iter().take_while(move |entry| entry.column == column)
     }
 }
 
@@ -99,6 +142,27 @@ mod tests {
         assert!(block.is_consistent());
         assert_eq!(block.rank(), 1);
         assert_eq!(block.expand().entries(), [10.0, 20.0, 30.0, 20.5, 40.0, 60.0]);
+    }
+
+    #[test]
+    fn relighting_is_the_product_of_what_is_multiplied_out() {
+        let block = FactoredBlock {
+            rows: 6,
+            columns: 3,
+            left: (0..12).map(|i| i as f32 * 0.5 - 2.0).collect(),
+            right: vec![1.0, -2.0, 0.5, 3.0, 0.25, 1.0],
+            sparse: vec![SparseEntry { column: ColumnIndex(2), row: 5, value: 7.0 }],
+            ..Default::default()
+        };
+        let whole = block.expand();
+        // The column in the middle is off.
+        let lighting = [(ColumnIndex(0), [1.0, 0.5, 2.0]), (ColumnIndex(2), [0.25, 1.0, 3.0])];
+        let lit = block.relight(lighting.into_iter());
+        for (row, lit) in lit.iter().enumerate() {
+            let sum: f32 = lighting.iter().map(|(column, weight)| whole.view().column(*column)[row] * weight[row / 2]).sum();
+            // The block is multiplied out in f32.
+            assert!((lit - f64::from(sum)).abs() < 1e-5, "{lit} {sum}");
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::ops::Range;
 use crate::error::{Error, Result};
 use crate::light::names::fits;
 use crate::light::{Job, Light, LightBasis};
-use crate::matrix::{BlockId, CHANNELS, FactorSource, FactoredBlock, MatrixShape, PixelRect};
+use crate::matrix::{BlockId, CHANNELS, ColumnIndex, FactorSource, MatrixShape, PixelRect};
 
 /// A part of a matrix; the default is all of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -112,8 +112,10 @@ impl Selected {
             let rect = shape.rect(id);
             let Some(part) = overlap(rect, wanted) else { continue };
             let block = source.read_layers(id, 0..source.layer_count(id))?;
+            let mut values = vec![0.0; rect.rows()];
             for (&column, target_column) in columns.iter().zip(entries.chunks_exact_mut(target.rows())) {
-                let values = expand_column(&block, rect.rows(), column);
+                values.fill(0.0);
+                block.add_column(ColumnIndex(column as u32), &mut values);
                 for channel in 0..CHANNELS {
                     for y in part.y..part.y + part.height {
                         let from = (channel * rect.height as usize + (y - rect.y) as usize) * rect.width as usize;
@@ -131,20 +133,6 @@ impl Selected {
     fn in_source(&self, target: PixelRect) -> PixelRect {
         PixelRect { x: target.x + self.rect.x, y: target.y + self.rect.y, ..target }
     }
-}
-
-/// One column of a block, multiplied out.
-fn expand_column(block: &FactoredBlock, rows: usize, column: usize) -> Vec<f32> {
-    let mut values = vec![0.0; rows];
-    for k in 0..block.rank() {
-        let weight = block.right_component(k)[column];
-        values.iter_mut().zip(block.left_component(k)).for_each(|(value, left)| *value += left * weight);
-    }
-    let start = block.sparse.partition_point(|entry| entry.column.index() < column);
-    for entry in block.sparse[start..].iter().take_while(|entry| entry.column.index() == column) {
-        values[entry.row as usize] += entry.value;
-    }
-    values
 }
 
 /// The pixels that two rectangles share.

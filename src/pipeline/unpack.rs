@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::host::Watch;
 use crate::host::{Need, on_threads};
 use crate::image::{self, ImageSize};
-use crate::matrix::{BlockId, BlockSink, CHANNELS, FactorSource, FactoredBlock, PixelRect, TracedBlock};
+use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, FactorSource, PixelRect, TracedBlock};
 use crate::store::{self, StoreOptions, StoreWriter};
 
 /// Channels of a Nuke script at most.
@@ -173,9 +173,9 @@ fn relight_images(
         for (image, lights) in groups.iter().enumerate() {
             let weights = lights.iter().flat_map(|&light| {
                 let light = &selected.lights[light];
-                light.columns().map(|column| (column as usize, light.emission))
+                light.columns().map(|column| (ColumnIndex(column), light.emission))
             });
-            let lit = relight_block(&block, rect.pixels(), weights);
+            let lit: Vec<f32> = block.relight(weights).into_iter().map(|value| value as f32).collect();
             for channel in 0..CHANNELS {
                 for y in part.y..part.y + part.height {
                     let from = (channel * rect.height as usize + (y - rect.y) as usize) * rect.width as usize;
@@ -192,36 +192,6 @@ fn relight_images(
     watch.end();
     result??;
     Ok(rows)
-}
-
-/// The rows of a block under some columns with their weights: `L (R ℓ) + S ℓ`.
-fn relight_block(
-    block: &FactoredBlock,
-    pixels: usize,
-    weights: impl Iterator<Item = (usize, [f32; CHANNELS])> + Clone,
-) -> Vec<f32> {
-    let mut lit = vec![0.0; pixels * CHANNELS];
-    for k in 0..block.rank() {
-        let right = block.right_component(k);
-        let mut sums = [0.0f64; CHANNELS];
-        for (column, weight) in weights.clone() {
-            (0..CHANNELS).for_each(|c| sums[c] += f64::from(right[column] * weight[c]));
-        }
-        for ((lit, left), sum) in
-            lit.chunks_exact_mut(pixels).zip(block.left_component(k).chunks_exact(pixels)).zip(sums)
-        {
-            lit.iter_mut().zip(left).for_each(|(lit, left)| *lit += left * sum as f32);
-        }
-    }
-    if !block.sparse.is_empty() {
-        for (column, weight) in weights {
-            let start = block.sparse.partition_point(|entry| entry.column.index() < column);
-            for entry in block.sparse[start..].iter().take_while(|entry| entry.column.index() == column) {
-                lit[entry.row as usize] += entry.value * weight[entry.row as usize / pixels];
-            }
-        }
-    }
-    lit
 }
 
 /// Memory of a block's factors while it is decoded and joined, at most.

@@ -2,32 +2,15 @@
 
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
-use ltm::matrix::{BlockId, BlockView, CHANNELS, FactoredBlock, MatrixShape};
+use ltm::matrix::{BlockId, BlockView, CHANNELS, ColumnIndex, FactoredBlock, MatrixShape};
 
 /// Rows under lightings, for each block: block, lighting, row.
 pub(super) type Relit = Vec<Vec<Vec<f64>>>;
 
 /// For each lighting, the rows of `L R ℓ + S ℓ` (channel-planar).
 pub(super) fn relit_factors(block: &FactoredBlock, lightings: &[Lighting]) -> Vec<Vec<f64>> {
-    let pixels = block.rows / CHANNELS;
     let relit = |lighting: &Lighting| {
-        let weights = lighting.weights();
-        let mut rows = vec![0.0f64; block.rows];
-        for k in 0..block.rank() {
-            let mut through = [0.0f64; CHANNELS];
-            for (r, w) in block.right_component(k).iter().zip(weights) {
-                (0..CHANNELS).for_each(|ch| through[ch] += f64::from(*r) * f64::from(w[ch]));
-            }
-            let planes = rows.chunks_exact_mut(pixels).zip(block.left_component(k).chunks_exact(pixels));
-            for ((rows, left), through) in planes.zip(through) {
-                rows.iter_mut().zip(left).for_each(|(row, l)| *row += f64::from(*l) * through);
-            }
-        }
-        for entry in &block.sparse {
-            let row = entry.row as usize;
-            rows[row] += f64::from(entry.value) * f64::from(weights[entry.column.index()][row / pixels]);
-        }
-        rows
+        block.relight(lighting.weights().iter().enumerate().map(|(j, &weight)| (ColumnIndex(j as u32), weight)))
     };
     lightings.iter().map(relit).collect()
 }
@@ -68,7 +51,7 @@ pub(super) fn assemble(shape: MatrixShape, lightings: usize, blocks: &[Vec<Vec<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ltm::matrix::{ColumnIndex, SparseEntry};
+    use ltm::matrix::SparseEntry;
 
     #[test]
     fn factors_and_their_product_show_the_same() {
