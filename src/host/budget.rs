@@ -5,6 +5,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 use super::Watch;
+use super::memory::available_bytes;
 use crate::error::{Error, Result};
 use crate::store::free_bytes;
 
@@ -71,12 +72,12 @@ impl Need {
     }
 
     /// The number of threads, at most those of the current pool, that stay within a budget; without one, within the
-    /// memory that the system has available.
+    /// memory that the system, and the container around the program, have available.
     ///
     /// Errors: not even one thread does.
     pub(crate) fn threads_within(self, job: &str, budget_bytes: Option<u64>) -> Result<usize> {
         let wanted = rayon::current_num_threads();
-        let limit = budget_bytes.or_else(available_bytes).unwrap_or(u64::MAX);
+        let limit = budget_bytes.or_else(|| available_bytes(Path::new("/"))).unwrap_or(u64::MAX);
         match (1..=wanted).rev().find(|&threads| self.bytes(threads) <= limit) {
             Some(threads) => Ok(threads),
             None => Err(Error::Resources {
@@ -91,24 +92,6 @@ impl Need {
             }),
         }
     }
-}
-
-/// Runs `work` on a pool of this many threads, or on the current one if that is its size.
-pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> Result<T> {
-    if threads == rayon::current_num_threads() {
-        return Ok(work());
-    }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|e| Error::input("--threads", format!("cannot start {threads} threads ({e})"), ""))?;
-    Ok(pool.install(work))
-}
-
-/// Memory that the system could give now without swapping, from `/proc/meminfo`.
-fn available_bytes() -> Option<u64> {
-    let text = fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
-    Some(kibibytes * 1024)
 }
 
 /// Bytes with a binary unit.

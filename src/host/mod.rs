@@ -2,10 +2,13 @@
 //! watches it.
 
 mod budget;
+mod memory;
 mod peak;
+mod threads;
 mod watch;
 
-pub(crate) use budget::{Need, on_threads};
+pub(crate) use budget::Need;
 pub use budget::{human_bytes, parse_bytes};
 pub use peak::PeakMemory;
+pub(crate) use threads::Threads;
 pub use watch::{Quiet, Watch};

@@ -1,7 +1,9 @@
 //! Peak resident memory of a stretch of work.
 
+use std::convert::Infallible;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -10,35 +12,50 @@ const PERIOD: Duration = Duration::from_millis(5);
 
 /// Measures the peak of the process's resident *anonymous* memory (what it allocated; not clean file-backed pages,
 /// which the system takes back at will) from [`start`](Self::start) to [`stop`](Self::stop), by sampling.
+///
+/// Where it is dropped without being stopped, as by a job that fails, it ends as well.
 pub struct PeakMemory {
     peak: Arc<AtomicU64>,
-    stop: Arc<AtomicBool>,
-    sampler: JoinHandle<()>,
+    /// Dropped to end the sampler.
+    running: Option<Sender<Infallible>>,
+    sampler: Option<JoinHandle<()>>,
 }
 
 impl PeakMemory {
     /// Begins to measure.
     pub fn start() -> Self {
         let peak = Arc::new(AtomicU64::new(anonymous_bytes().unwrap_or(0)));
-        let stop = Arc::new(AtomicBool::new(false));
+        let (running, ended) = std::sync::mpsc::channel();
         let sampler = {
-            let (peak, stop) = (Arc::clone(&peak), Arc::clone(&stop));
+            let peak = Arc::clone(&peak);
             std::thread::spawn(move || {
-                while !stop.load(Ordering::Relaxed) {
+                while ended.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
                     peak.fetch_max(anonymous_bytes().unwrap_or(0), Ordering::Relaxed);
-                    std::thread::sleep(PERIOD);
                 }
             })
         };
-        Self { peak, stop, sampler }
+        Self { peak, running: Some(running), sampler: Some(sampler) }
     }
 
     /// The peak in bytes; none where the system does not tell (other systems than Linux).
-    pub fn stop(self) -> Option<u64> {
-        self.stop.store(true, Ordering::Relaxed);
-        let _ = self.sampler.join();
+    pub fn stop(mut self) -> Option<u64> {
+        self.end();
         let peak = self.peak.load(Ordering::Relaxed).max(anonymous_bytes().unwrap_or(0));
         (peak > 0).then_some(peak)
+    }
+
+    fn end(&mut self) {
+        self.running = None;
+        if let Some(sampler) = self.sampler.take() {
+            // It cannot panic; if it did, there is a peak up to then.
+            let _ = sampler.join();
+        }
+    }
+}
+
+impl Drop for PeakMemory {
+    fn drop(&mut self) {
+        self.end();
     }
 }
 
@@ -64,5 +81,13 @@ mod tests {
         std::thread::sleep(PERIOD * 4);
         drop(ballast);
         assert!(measure.stop().unwrap() >= before + (60 << 20));
+    }
+
+    #[test]
+    fn a_measurement_that_is_given_up_ends_its_thread() {
+        let measure = PeakMemory::start();
+        let held = Arc::downgrade(&measure.peak);
+        drop(measure);
+        assert!(held.upgrade().is_none(), "the sampler holds the peak as long as it runs");
     }
 }

@@ -8,7 +8,7 @@ use super::relight::decoding_bytes;
 use super::render::{PROGRAM_BYTES, job_of, settings_of, trace_into, tracing_need};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
-use crate::host::{Need, on_threads};
+use crate::host::{Need, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::matrix::BlockId;
 use crate::scene::LoadedScene;
@@ -89,7 +89,7 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watc
         watch.advance(1, bytes, "B");
         !watch.interrupted()
     };
-    let found = on_threads(threads, || reader.verify(look));
+    let found = Threads::new(threads)?.run(|| reader.verify(look));
     watch.end();
     let found = found?;
     if watch.interrupted() {

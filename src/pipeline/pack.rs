@@ -22,7 +22,7 @@ use crate::compress::{
 };
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
-use crate::host::{Need, on_threads};
+use crate::host::{Need, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::light::{Job, LightErrors};
 use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
@@ -135,7 +135,7 @@ pub(super) struct Packing {
     compressor: Compressor,
     writer: ContainerWriter,
     spill: Spill,
-    threads: usize,
+    threads: Threads,
 }
 
 impl Packing {
@@ -156,7 +156,7 @@ impl Packing {
             ContainerWriter::create(path, job, container.clone())?;
         }
         let there = Spill::path_of(path);
-        let threads = need.admit("packing", path, &[&there], options.memory_bytes, watch)?;
+        let threads = Threads::new(need.admit("packing", path, &[&there], options.memory_bytes, watch)?)?;
         let mut hash = Sha256::new();
         hash.update(job.hash().0);
         hash.update(format!("{} {:?}", env!("CARGO_PKG_VERSION"), options.compress));
@@ -173,9 +173,9 @@ impl Packing {
         }
         watch.begin("choosing rows and columns", passes * u64::from(self.job.shape.block_count()), "blocks");
         let source = Watched { source, watch, path: &self.path };
-        let done = on_threads(self.threads, || self.compressor.choose_globally(&source));
+        let done = self.threads.run(|| self.compressor.choose_globally(&source));
         watch.end();
-        done?
+        done
     }
 
     /// Runs both passes. `make` puts a block into its target and says how much work that was, in `work_unit`.
@@ -210,11 +210,11 @@ impl Packing {
             watch.advance(1, work, work_unit);
             Ok(candidate.summary().clone())
         };
-        let analysed = on_threads(self.threads, || -> Result<Vec<_>> {
+        let analysed = self.threads.run(|| -> Result<Vec<_>> {
             blocks.par_iter().map_init(TracedBlock::default, analyse).collect()
         });
         watch.end();
-        let analysed = analysed??;
+        let analysed = analysed?;
         let cut = self.choose(&analysed)?;
         let energy = analysed.iter().map(CandidateSummary::energy).sum();
         let lights = LightErrorSums::new(self.job.shape.columns(), energy);
@@ -237,9 +237,9 @@ impl Packing {
             Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
         };
         let stored =
-            on_threads(self.threads, || -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
+            self.threads.run(|| -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
         watch.end();
-        let stored = stored??;
+        let stored = stored?;
         let lights = lights.errors(cut.expected_relative_l2);
         self.writer.state_light_errors(lights);
         let summary = self.writer.finish()?;
@@ -270,7 +270,7 @@ impl Packing {
         let cut = self.compressor.choose(analysed.iter());
         match self.compressor.settings().target {
             Target::Bytes(bytes) if cut.slope > 0.0 => {
-                on_threads(self.threads, || cut_of_size(cut, bytes, |cut| self.bytes_at(cut)))?
+                self.threads.run(|| cut_of_size(cut, bytes, |cut| self.bytes_at(cut)))
             }
             _ => Ok(cut),
         }

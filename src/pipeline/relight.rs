@@ -7,7 +7,7 @@ use super::no_gpu::OnGpu;
 use super::render::PROGRAM_BYTES;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
-use crate::host::{Need, on_threads};
+use crate::host::{Need, Threads};
 use crate::host::{Watch, human_bytes};
 use crate::image::LinearImage;
 use crate::light::Lighting;
@@ -41,7 +41,7 @@ pub struct RelightOptions {
 /// A container that is ready to be relit any number of times.
 pub struct Relighter<'a> {
     kind: Kind<'a>,
-    threads: usize,
+    threads: Threads,
 }
 
 enum Kind<'a> {
@@ -71,16 +71,16 @@ impl<'a> Relighter<'a> {
             None if options.memory_bytes.is_some() => Kind::Paged(Box::new(paged())),
             None => Kind::Cpu(Box::new(CpuRelighter::load(container)?)),
         };
-        Ok(Self { kind, threads })
+        Ok(Self { kind, threads: Threads::new(threads)? })
     }
 
     /// The image under a lighting. Errors: those of the relighters.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
-        on_threads(self.threads, || match &self.kind {
+        self.threads.run(|| match &self.kind {
             Kind::Cpu(cpu) => cpu.relight(lighting),
             Kind::Paged(paged) => paged.relight(lighting),
             Kind::Gpu(gpu) => gpu.relight(lighting),
-        })?
+        })
     }
 
     /// One line for each block that is shown with fewer layers than it has, or as a hole; where budgets are given, of
@@ -95,7 +95,7 @@ impl<'a> Relighter<'a> {
 
     /// What did the work, for people.
     pub fn description(&self) -> String {
-        let cpu = match self.threads {
+        let cpu = match self.threads.count() {
             1 => "CPU (1 thread)".to_owned(),
             threads => format!("CPU ({threads} threads)"),
         };
@@ -184,6 +184,6 @@ pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, memory_bytes: O
     let shape = BlockSource::shape(matrix);
     let per_thread_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
     let need = Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes, ..Need::default() };
-    let threads = need.threads_within("relighting", memory_bytes)?;
-    on_threads(threads, || Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))?
+    let threads = Threads::new(need.threads_within("relighting", memory_bytes)?)?;
+    threads.run(|| Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::host::{Need, on_threads};
+use crate::host::{Need, Threads};
 use crate::host::{PeakMemory, Watch};
 use crate::light::{Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
@@ -154,7 +154,7 @@ pub(super) fn trace_into(
             // Fails where the committer has stopped for an error, which it returns.
             to_commit.send((id, block, stats)).map_err(|_| stopped())
         };
-        let tracing = on_threads(threads, || blocks.par_iter().try_for_each(trace_one));
+        let tracing = Threads::new(threads)?.run(|| blocks.par_iter().try_for_each(trace_one));
         drop(to_commit);
         committer.join().expect("committing does not panic")?;
         tracing?

@@ -10,7 +10,7 @@ use super::selection::{Selected, Selection, overlap};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::host::Watch;
-use crate::host::{Need, on_threads};
+use crate::host::{Need, Threads};
 use crate::image::{self, ImageSize};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, FactorSource, PixelRect, TracedBlock};
 use crate::store::{self, StoreOptions, StoreWriter};
@@ -47,7 +47,7 @@ pub fn unpack_to_store(
     let per_thread_bytes = block_bytes + requirements.memory_bytes + factor_bytes(source);
     let fixed_bytes = PROGRAM_BYTES + source.index_bytes();
     let need = Need { fixed_bytes, per_thread_bytes, disk_bytes: requirements.disk_bytes, ..Need::default() };
-    let threads = need.admit("unpacking", path, &[], options.memory_bytes, watch)?;
+    let threads = Threads::new(need.admit("unpacking", path, &[], options.memory_bytes, watch)?)?;
     let writer = StoreWriter::create(path, &job, store)?;
     let columns = selected.columns();
     let blocks = selected.target_blocks(source.job(), &job);
@@ -62,9 +62,9 @@ pub fn unpack_to_store(
         watch.advance(1, bytes, "B");
         Ok(())
     };
-    let result = on_threads(threads, || blocks.par_iter().try_for_each_init(TracedBlock::default, unpack_one));
+    let result = threads.run(|| blocks.par_iter().try_for_each_init(TracedBlock::default, unpack_one));
     watch.end();
-    result??;
+    result?;
     writer.finish()?;
     Ok(blocks.len())
 }
@@ -162,7 +162,7 @@ fn relight_images(
     // The images in between, and the files, which are not larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
     let need = Need { fixed_bytes, per_thread_bytes, disk_bytes, ..Need::default() };
-    let threads = need.admit("unpacking", beside, &[], options.memory_bytes, watch)?;
+    let threads = Threads::new(need.admit("unpacking", beside, &[], options.memory_bytes, watch)?)?;
     let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;
     watch.begin("relighting", selected.blocks.len() as u64, "blocks");
     let relight_one = |&id: &BlockId| {
@@ -188,9 +188,9 @@ fn relight_images(
         watch.advance(1, groups.len() as u64, "images");
         Ok(())
     };
-    let result = on_threads(threads, || selected.blocks.par_iter().try_for_each(relight_one));
+    let result = threads.run(|| selected.blocks.par_iter().try_for_each(relight_one));
     watch.end();
-    result??;
+    result?;
     Ok(rows)
 }
 
