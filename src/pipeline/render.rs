@@ -124,6 +124,7 @@ pub(super) fn trace_into(
     threads: usize,
     watch: &dyn Watch,
 ) -> Result<RenderReport> {
+    let threads = Threads::new(threads)?;
     let mut report = RenderReport::default();
     let spare = Mutex::new(Vec::new());
     watch.begin("tracing", blocks.len() as u64, "blocks");
@@ -154,7 +155,7 @@ pub(super) fn trace_into(
             // Fails where the committer has stopped for an error, which it returns.
             to_commit.send((id, block, stats)).map_err(|_| stopped())
         };
-        let tracing = Threads::new(threads)?.run(|| blocks.par_iter().try_for_each(trace_one));
+        let tracing = threads.run(|| blocks.par_iter().try_for_each(trace_one));
         drop(to_commit);
         committer.join().expect("committing does not panic")?;
         tracing?
