@@ -350,6 +350,22 @@ fn on_a_device_that_others_use_it_is_the_same() {
     assert_eq!(wished.relight(&lighting).unwrap(), own.relight(&lighting).unwrap());
 }
 
+fn threads_that_share_it_get_each_its_own_image() {
+    let source = Recipe::new((130, 70), 16, 100, &[6]).sparse(30).make();
+    let gpu = GpuRelighter::new(&source).unwrap();
+    let alone: Vec<LinearImage> = (0..4).map(|seed| gpu.relight(&random_lighting(100, seed)).unwrap()).collect();
+    std::thread::scope(|scope| {
+        for (seed, alone) in (0..).zip(&alone) {
+            let gpu = &gpu;
+            scope.spawn(move || {
+                for _ in 0..50 {
+                    assert_eq!(gpu.relight(&random_lighting(100, seed)).unwrap(), *alone, "lighting {seed}");
+                }
+            });
+        }
+    });
+}
+
 fn main() {
     let arguments = Arguments::from_args();
     let missing = match GpuRelighter::new(&Recipe::new((1, 1), 1, 1, &[1]).make()) {
@@ -384,6 +400,7 @@ fn main() {
         damage_shows_as_on_the_cpu_where_it_is_paged,
         factors_and_lightings_that_cannot_be_used_are_refused,
         on_a_device_that_others_use_it_is_the_same,
+        threads_that_share_it_get_each_its_own_image,
     ];
     let trials = tests.into_iter().map(|(name, test)| {
         let ignored = missing.is_some() && !required;

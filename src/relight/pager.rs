@@ -45,7 +45,9 @@ pub struct Pager<K> {
     /// Counts uses; no two pages share one.
     clock: u64,
     pages: HashMap<K, Page>,
-    by_use: BTreeMap<u64, K>,
+    /// Pages out of view and in view, each by its last use: what may go is found without a look at what may not.
+    unseen: BTreeMap<u64, K>,
+    seen: BTreeMap<u64, K>,
     view: HashSet<K>,
 }
 
@@ -64,29 +66,51 @@ impl<K: Copy + Eq + Hash> Pager<K> {
             used_bytes: 0,
             clock: 0,
             pages: HashMap::new(),
-            by_use: BTreeMap::new(),
+            unseen: BTreeMap::new(),
+            seen: BTreeMap::new(),
             view: HashSet::new(),
         }
     }
 
     /// Says which pages are seen from now on: these are not evicted.
     pub fn set_view(&mut self, pages: impl IntoIterator<Item = K>) {
-        self.view = pages.into_iter().collect();
+        let before = std::mem::replace(&mut self.view, pages.into_iter().collect());
+        let left: Vec<K> = before.difference(&self.view).copied().collect();
+        let come: Vec<K> = self.view.difference(&before).copied().collect();
+        left.into_iter().chain(come).for_each(|key| self.regroup(key));
     }
 
     /// Says that a page is seen too.
     pub fn see(&mut self, key: K) {
         self.view.insert(key);
+        self.regroup(key);
+    }
+
+    /// Puts a page that came into view, or left it, among those that are seen or not.
+    fn regroup(&mut self, key: K) {
+        if let Some(page) = self.pages.get(&key) {
+            self.unseen.remove(&page.last_use);
+            self.seen.remove(&page.last_use);
+            let last_use = page.last_use;
+            self.group_of(key).insert(last_use, key);
+        }
+    }
+
+    /// Where a page of this key stands by its last use.
+    fn group_of(&mut self, key: K) -> &mut BTreeMap<u64, K> {
+        if self.view.contains(&key) { &mut self.seen } else { &mut self.unseen }
     }
 
     /// Uses a page: what is there of it.
     pub fn touch(&mut self, key: K) -> Option<Detail> {
         let page = self.pages.get_mut(&key)?;
         self.clock += 1;
-        self.by_use.remove(&page.last_use);
-        page.last_use = self.clock;
-        self.by_use.insert(self.clock, key);
-        Some(page.detail)
+        let last_use = std::mem::replace(&mut page.last_use, self.clock);
+        let (detail, now) = (page.detail, self.clock);
+        let group = self.group_of(key);
+        group.remove(&last_use);
+        group.insert(now, key);
+        Some(detail)
     }
 
     /// What is there of a page, without using it.
@@ -108,7 +132,7 @@ impl<K: Copy + Eq + Hash> Pager<K> {
         };
         let mut evicted = Vec::new();
         let mut freed = 0;
-        for other in self.by_use.values().filter(|other| **other != key && !self.view.contains(other)) {
+        for other in self.unseen.values().filter(|other| **other != key) {
             if others - freed <= allowed {
                 break;
             }
@@ -121,8 +145,9 @@ impl<K: Copy + Eq + Hash> Pager<K> {
         evicted.iter().for_each(|other| self.remove(*other));
         self.remove(key);
         self.clock += 1;
-        self.pages.insert(key, Page { detail, bytes, last_use: self.clock });
-        self.by_use.insert(self.clock, key);
+        let last_use = self.clock;
+        self.pages.insert(key, Page { detail, bytes, last_use });
+        self.group_of(key).insert(last_use, key);
         self.used_bytes += bytes;
         Admission { kept: true, evicted }
     }
@@ -130,13 +155,9 @@ impl<K: Copy + Eq + Hash> Pager<K> {
     /// Evicts until at most `bytes` are used: room for what passes through. What is out of view goes first, and of that
     /// and the rest what was used least recently. Gives what went.
     pub fn shrink_to(&mut self, bytes: u64) -> Vec<K> {
-        let is_seen = |key: &K| self.view.contains(key);
-        let (seen, unseen): (Vec<K>, Vec<K>) = self.by_use.values().copied().partition(is_seen);
         let mut evicted = Vec::new();
-        for key in unseen.into_iter().chain(seen) {
-            if self.used_bytes <= bytes {
-                break;
-            }
+        while self.used_bytes > bytes {
+            let Some((_, &key)) = self.unseen.first_key_value().or_else(|| self.seen.first_key_value()) else { break };
             self.remove(key);
             evicted.push(key);
         }
@@ -146,7 +167,7 @@ impl<K: Copy + Eq + Hash> Pager<K> {
     /// Takes out a page that is of no more use.
     pub fn remove(&mut self, key: K) {
         if let Some(page) = self.pages.remove(&key) {
-            self.by_use.remove(&page.last_use);
+            self.group_of(key).remove(&page.last_use);
             self.used_bytes -= page.bytes;
         }
     }

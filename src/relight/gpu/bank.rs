@@ -245,8 +245,26 @@ mod tests {
     use std::mem::offset_of;
     use wgpu::naga;
 
-    fn all_kernels() -> impl Iterator<Item = Kernel> {
-        KERNELS.into_iter().chain([PROJECT_SUBGROUPS, TONE])
+    /// A kernel, with what is bound to it by its name in the shader.
+    fn by_names<B: std::fmt::Debug>(kernel: Kernel<B>) -> (&'static str, &'static str, Vec<String>) {
+        (kernel.name, kernel.source, kernel.bindings.iter().map(|binding| snake_case(&format!("{binding:?}"))).collect())
+    }
+
+    fn snake_case(name: &str) -> String {
+        let mut snake = String::new();
+        for c in name.chars() {
+            if c.is_uppercase() && !snake.is_empty() {
+                snake.push('_');
+            }
+            snake.extend(c.to_lowercase());
+        }
+        snake
+    }
+
+    /// Name, source and bindings.
+    fn all_kernels() -> impl Iterator<Item = (&'static str, &'static str, Vec<String>)> {
+        let relighting = KERNELS.into_iter().map(|(kernel, _)| kernel).chain([PROJECT_SUBGROUPS]);
+        relighting.map(by_names).chain([by_names(TONE)])
     }
 
     /// Offsets of the members of a struct in a shader, and its size.
@@ -277,7 +295,7 @@ mod tests {
             layout!(Tone: gain, curve, width, side, low_stops, range_stops),
         ];
         for (name, fields, size) in ours {
-            let found: Vec<_> = all_kernels().filter_map(|kernel| members(kernel.source, name)).collect();
+            let found: Vec<_> = all_kernels().filter_map(|(_, source, _)| members(source, name)).collect();
             assert_eq!(found.len(), all_kernels().count(), "all shaders know {name}");
             found.iter().for_each(|found| assert_eq!(found, &(fields.clone(), size), "{name}"));
         }
@@ -285,26 +303,26 @@ mod tests {
 
     #[test]
     fn shaders_are_valid_and_have_the_entry_points_and_bindings_that_are_made_for_them() {
-        for kernel in all_kernels() {
-            let module = naga::front::wgsl::parse_str(kernel.source).unwrap();
+        for (kernel, source, bound) in all_kernels() {
+            let module = naga::front::wgsl::parse_str(source).unwrap();
             // Nothing beyond plain WebGPU, of which `unpack2x16float` is a part, and subgroups where they are offered.
-            let subgroups = kernel.source == PROJECT_SUBGROUPS.source;
+            let subgroups = source == PROJECT_SUBGROUPS.source;
             let capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32
                 | if subgroups { naga::valid::Capabilities::SUBGROUP } else { naga::valid::Capabilities::empty() };
             let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities);
-            validator.validate(&module).unwrap_or_else(|e| panic!("{}: {e:?}", kernel.name));
+            validator.validate(&module).unwrap_or_else(|e| panic!("{kernel}: {e:?}"));
             assert_eq!(module.entry_points.len(), 1);
-            assert_eq!(module.entry_points[0].name, kernel.name);
+            assert_eq!(module.entry_points[0].name, kernel);
             assert_eq!(module.entry_points[0].workgroup_size, [THREADS, 1, 1]);
             let mut bindings: Vec<_> =
                 module.global_variables.iter().filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding))).collect();
             bindings.sort_unstable();
-            let expected: Vec<_> = (0..kernel.bindings.len() as u32).map(|binding| (0, binding)).collect();
-            assert_eq!(bindings, expected, "{}", kernel.name);
+            let expected: Vec<_> = (0..bound.len() as u32).map(|binding| (0, binding)).collect();
+            assert_eq!(bindings, expected, "{kernel}");
             for (_, variable) in module.global_variables.iter() {
                 if let Some(binding) = variable.binding {
                     let name = variable.name.as_deref().unwrap();
-                    assert_eq!(kernel.bindings[binding.binding as usize], name, "{}", kernel.name);
+                    assert_eq!(bound[binding.binding as usize], name, "{kernel}");
                 }
             }
         }

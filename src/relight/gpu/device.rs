@@ -60,7 +60,7 @@ impl Gpu {
         complaint: Arc<Mutex<Option<String>>>,
     ) -> Result<Self> {
         let subgroups = subgroups && device.features().contains(wgpu::Features::SUBGROUP);
-        let mut kernels = KERNELS;
+        let mut kernels = KERNELS.map(|(kernel, _)| kernel);
         if subgroups {
             kernels[0] = PROJECT_SUBGROUPS;
         }
@@ -102,7 +102,7 @@ impl Gpu {
     }
 }
 
-pub(super) fn compile(device: &wgpu::Device, kernel: &Kernel) -> wgpu::ComputePipeline {
+pub(super) fn compile<B>(device: &wgpu::Device, kernel: &Kernel<B>) -> wgpu::ComputePipeline {
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: Some(kernel.name),
         source: wgpu::ShaderSource::Wgsl(kernel.source.into()),

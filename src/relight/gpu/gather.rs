@@ -19,9 +19,9 @@ use crate::relight::pager::Detail;
 pub(super) struct Limits {
     /// Bytes of one array.
     pub binding_bytes: u64,
-    /// Bytes of all arrays of a bank; what cannot be made smaller may take …
+    /// Bytes of all arrays of a bank.
     pub bank_bytes: u64,
-    /// … as much as this.
+    /// The same of a bank that holds nothing but one component of a block, which cannot be made smaller.
     pub most_bytes: u64,
 }
 

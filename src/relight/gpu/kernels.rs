@@ -5,11 +5,45 @@ pub(super) const THREADS: u32 = 64;
 
 /// A shader with one entry point of its own name.
 #[derive(Clone, Copy)]
-pub(super) struct Kernel {
+pub(super) struct Kernel<B: 'static> {
     pub name: &'static str,
     pub source: &'static str,
-    /// What is bound at 0, 1, …, by its name in the shader.
-    pub bindings: &'static [&'static str],
+    /// What is bound at 0, 1, …
+    pub bindings: &'static [B],
+}
+
+/// What the kernels that relight are bound to.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Array {
+    Sizes,
+    Lighting,
+    Components,
+    Blocks,
+    Factors,
+    Rows,
+    Entries,
+    Projected,
+    Image,
+}
+
+/// What the kernel that shows an image is bound to.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum ToneBinding {
+    ToneMapping,
+    Blocks,
+    Image,
+    Screen,
+}
+
+/// What the threads of a kernel are spread over.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum SpreadOver {
+    /// A workgroup for each component.
+    Components,
+    /// A thread for each row that has sparse entries.
+    SparseRows,
+    /// A thread for four pixels of each block.
+    Pixels,
 }
 
 /// The sources of a kernel, one after the other, behind the declarations that all share.
@@ -19,29 +53,47 @@ macro_rules! wgsl {
     };
 }
 
-/// The kernels that relight, in the order in which they run.
-pub(super) const KERNELS: [Kernel; 3] = [
-    Kernel {
-        name: "project",
-        source: wgsl!("dot.wgsl", "project.wgsl"),
-        bindings: &["sizes", "lighting", "components", "factors", "projected"],
-    },
-    Kernel {
-        name: "reconstruct",
-        source: wgsl!("reconstruct.wgsl"),
-        bindings: &["sizes", "blocks", "components", "factors", "projected", "image"],
-    },
-    Kernel {
-        name: "scatter",
-        source: wgsl!("scatter.wgsl"),
-        bindings: &["sizes", "lighting", "rows", "entries", "image"],
-    },
+/// The kernels that relight, in the order in which they run, and what each is spread over.
+pub(super) const KERNELS: [(Kernel<Array>, SpreadOver); 3] = [
+    (PROJECT, SpreadOver::Components),
+    (
+        Kernel {
+            name: "reconstruct",
+            source: wgsl!("reconstruct.wgsl"),
+            bindings: &[
+                Array::Sizes,
+                Array::Blocks,
+                Array::Components,
+                Array::Factors,
+                Array::Projected,
+                Array::Image,
+            ],
+        },
+        SpreadOver::Pixels,
+    ),
+    (
+        Kernel {
+            name: "scatter",
+            source: wgsl!("scatter.wgsl"),
+            bindings: &[Array::Sizes, Array::Lighting, Array::Rows, Array::Entries, Array::Image],
+        },
+        SpreadOver::SparseRows,
+    ),
 ];
 
-/// Puts what they have made on a screen.
-pub(super) const TONE: Kernel =
-    Kernel { name: "tone", source: wgsl!("tone.wgsl"), bindings: &["tone_mapping", "blocks", "image", "screen"] };
+const PROJECT: Kernel<Array> = Kernel {
+    name: "project",
+    source: wgsl!("dot.wgsl", "project.wgsl"),
+    bindings: &[Array::Sizes, Array::Lighting, Array::Components, Array::Factors, Array::Projected],
+};
 
 /// Takes the place of the first kernel where the device has subgroups.
-pub(super) const PROJECT_SUBGROUPS: Kernel =
-    Kernel { source: wgsl!("dot.wgsl", "project_subgroups.wgsl"), ..KERNELS[0] };
+pub(super) const PROJECT_SUBGROUPS: Kernel<Array> =
+    Kernel { source: wgsl!("dot.wgsl", "project_subgroups.wgsl"), ..PROJECT };
+
+/// Puts what they have made on a screen.
+pub(super) const TONE: Kernel<ToneBinding> = Kernel {
+    name: "tone",
+    source: wgsl!("tone.wgsl"),
+    bindings: &[ToneBinding::ToneMapping, ToneBinding::Blocks, ToneBinding::Image, ToneBinding::Screen],
+};

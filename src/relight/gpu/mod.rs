@@ -11,6 +11,8 @@ mod paged;
 mod resident;
 mod screen;
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use rayon::prelude::*;
 
 use super::cpu::check_columns;
@@ -45,7 +47,7 @@ impl Default for GpuSettings {
     }
 }
 
-/// A matrix of factors resident in GPU memory.
+/// A matrix of factors resident in GPU memory. Threads may share it: calls take turns.
 pub struct GpuRelighter {
     gpu: Gpu,
     shape: MatrixShape,
@@ -54,6 +56,8 @@ pub struct GpuRelighter {
     /// For each block its bank and first pixel there, none for a hole.
     places: Vec<Option<(usize, u32)>>,
     damage: Vec<String>,
+    /// Held from setting the lighting until what it gives was read: the buffers serve one call at a time.
+    turn: Mutex<()>,
 }
 
 impl GpuRelighter {
@@ -91,7 +95,7 @@ impl GpuRelighter {
         let limit = binding_limit(&gpu, shape, settings)?;
         let shared = SharedArrays::new(&gpu, shape.columns());
         let places = vec![None; shape.block_count() as usize];
-        let mut relighter = Self { gpu, shape, shared, banks: Vec::new(), places, damage: Vec::new() };
+        let mut relighter = Self { gpu, shape, shared, banks: Vec::new(), places, damage: Vec::new(), turn: Mutex::new(()) };
         relighter.load(source, limit)?;
         Ok(relighter)
     }
@@ -141,7 +145,7 @@ impl GpuRelighter {
         self.gpu.name()
     }
 
-    /// Whether the adapter is a processor in disguise, which the CPU path outruns.
+    /// Whether the adapter is a software one (llvmpipe, WARP), slower than the CPU path.
     pub fn is_software(&self) -> bool {
         self.gpu.is_software()
     }
@@ -171,6 +175,7 @@ impl GpuRelighter {
     /// Errors: a lighting with another number of columns than the matrix, and [`Error::NoGpu`] where the device fails.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
         check_columns(self.shape, lighting)?;
+        let _turn = self.turn();
         self.shared.set(&self.gpu, lighting);
         let submission = submit(&self.gpu, &self.banks.iter().collect::<Vec<_>>());
         self.read(submission)
@@ -180,6 +185,7 @@ impl GpuRelighter {
     ///
     /// Errors: [`Error::NoGpu`] where the device fails.
     pub fn radiance(&self) -> Result<LinearImage> {
+        let _turn = self.turn();
         let encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.read(submit_copy(&self.gpu, encoder, self.banks.iter()))
     }
@@ -207,11 +213,18 @@ impl GpuRelighter {
     /// Errors: as [`relight`](Self::relight).
     pub fn relight_resident(&self, lighting: &Lighting) -> Result<()> {
         check_columns(self.shape, lighting)?;
+        let _turn = self.turn();
         self.shared.set(&self.gpu, lighting);
         self.run(|pass| relight(&self.gpu, pass, self.banks.iter()))
     }
 
-    /// Runs what one pass is given, and waits.
+    /// Waits until no other thread uses the buffers.
+    fn turn(&self) -> MutexGuard<'_, ()> {
+        // What a call that panicked left in the buffers is written anew by the next.
+        self.turn.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Runs what one pass is given, and waits. The caller holds the turn.
     fn run(&self, fill: impl FnOnce(&mut wgpu::ComputePass)) -> Result<()> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         fill(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));

@@ -277,7 +277,7 @@ impl<'a> PagedGpuRelighter<'a> {
         self.gpu.name()
     }
 
-    /// Whether the adapter is a processor in disguise, which the CPU path outruns.
+    /// Whether the adapter is a software one (llvmpipe, WARP), slower than the CPU path.
     pub fn is_software(&self) -> bool {
         self.gpu.is_software()
     }

@@ -4,7 +4,7 @@ use wgpu::util::DeviceExt;
 
 use super::bank::{Bank, Sizes};
 use super::device::Gpu;
-use super::kernels::{KERNELS, THREADS};
+use super::kernels::{Array, KERNELS, SpreadOver, THREADS};
 use crate::error::{Error, Result};
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS};
@@ -80,27 +80,26 @@ impl ResidentBank {
         let image = scratch("image", 4 * CHANNELS as u64 * pixels, out);
         let back = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let readback = scratch("readback", 4 * CHANNELS as u64 * pixels, back);
-        let buffer = |name: &str| match name {
-            "sizes" => &uniform,
-            "lighting" => &shared.lighting,
-            "components" => &components,
-            "blocks" => &blocks,
-            "factors" => &factors,
-            "rows" => &rows,
-            "entries" => &entries,
-            "projected" => &projected,
-            "image" => &image,
-            other => unreachable!("a test holds the kernels to these names, not {other}"),
+        let buffer = |array: Array| match array {
+            Array::Sizes => &uniform,
+            Array::Lighting => &shared.lighting,
+            Array::Components => &components,
+            Array::Blocks => &blocks,
+            Array::Factors => &factors,
+            Array::Rows => &rows,
+            Array::Entries => &entries,
+            Array::Projected => &projected,
+            Array::Image => &image,
         };
-        let passes = KERNELS.iter().zip(&gpu.pipelines).map(|(kernel, pipeline)| {
-            let groups = match kernel.name {
-                "project" => spread(gpu, sizes.components),
-                "scatter" => spread(gpu, sizes.sparse_rows.div_ceil(THREADS)),
-                _ => per_block(gpu, sizes.blocks, bank.max_pixels.div_ceil(4)),
+        let passes = KERNELS.iter().zip(&gpu.pipelines).map(|((kernel, spread_over), pipeline)| {
+            let groups = match spread_over {
+                SpreadOver::Components => spread(gpu, sizes.components),
+                SpreadOver::SparseRows => spread(gpu, sizes.sparse_rows.div_ceil(THREADS)),
+                SpreadOver::Pixels => per_block(gpu, sizes.blocks, bank.max_pixels.div_ceil(4)),
             };
             let entries: Vec<_> = (0..)
                 .zip(kernel.bindings)
-                .map(|(binding, name)| wgpu::BindGroupEntry { binding, resource: buffer(name).as_entire_binding() })
+                .map(|(binding, &array)| wgpu::BindGroupEntry { binding, resource: buffer(array).as_entire_binding() })
                 .collect();
             let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some(kernel.name),

@@ -4,7 +4,7 @@ use wgpu::util::DeviceExt;
 
 use super::GpuRelighter;
 use super::device::compile;
-use super::kernels::TONE;
+use super::kernels::{TONE, ToneBinding};
 use super::resident::{per_block, relight};
 use crate::error::{Error, Result};
 use crate::image::{LinearImage, ToneMapping};
@@ -102,16 +102,15 @@ impl GpuScreen {
         });
         let pipeline = compile(&gpu.device, &TONE);
         let passes = relighter.banks.iter().map(|bank| {
-            let resource = |name: &str| match name {
-                "tone_mapping" => tone.as_entire_binding(),
-                "blocks" => bank.blocks.as_entire_binding(),
-                "image" => bank.image.as_entire_binding(),
-                "screen" => wgpu::BindingResource::TextureView(&view),
-                other => unreachable!("a test holds the kernel to these names, not {other}"),
+            let resource = |binding: ToneBinding| match binding {
+                ToneBinding::ToneMapping => tone.as_entire_binding(),
+                ToneBinding::Blocks => bank.blocks.as_entire_binding(),
+                ToneBinding::Image => bank.image.as_entire_binding(),
+                ToneBinding::Screen => wgpu::BindingResource::TextureView(&view),
             };
             let entries: Vec<_> = (0..)
                 .zip(TONE.bindings)
-                .map(|(binding, name)| wgpu::BindGroupEntry { binding, resource: resource(name) })
+                .map(|(binding, &what)| wgpu::BindGroupEntry { binding, resource: resource(what) })
                 .collect();
             let bindings = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
                 label: Some(TONE.name),
@@ -133,6 +132,9 @@ impl GpuScreen {
         let GpuRelighter { gpu, shape, shared, banks, .. } = &self.relighter;
         if let Some(lighting) = lighting {
             check_columns(*shape, lighting)?;
+        }
+        let _turn = self.relighter.turn();
+        if let Some(lighting) = lighting {
             shared.set(gpu, lighting);
         }
         gpu.queue.write_buffer(&self.tone, 0, bytemuck::bytes_of(&Tone::new(*shape, shown_as)));
