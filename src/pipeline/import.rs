@@ -16,6 +16,10 @@ use crate::image::{LayerMatch, LightSet};
 use crate::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 
+/// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
+/// so that blocks of two versions are never mixed.
+const IMPORT_VERSION: u32 = 1;
+
 /// Name of the light that holds what the image under all lights has beyond the sum of the lights.
 const REST: &str = "Rest";
 /// Relative L2 difference between the sum of lights and the image under all lights that 16-bit files show.
@@ -145,7 +149,7 @@ impl ImportedMatrix {
         self.job.provenance = Provenance {
             source: source.to_owned(),
             content: content.finalize().into(),
-            program: format!("ltm {}, imported images", env!("CARGO_PKG_VERSION")),
+            program: format!("ltm import {IMPORT_VERSION}, from images"),
             ..Provenance::default()
         };
         Ok(())

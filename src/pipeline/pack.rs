@@ -17,7 +17,7 @@ use sha2::{Digest, Sha256};
 use super::render::PROGRAM_BYTES;
 use super::spill::Spill;
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MOST_DB, Candidate, CandidateSummary, CompressSettings, Compressor, Cut, LightErrorSums,
+    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor, Cut, LightErrorSums,
     Method, Residual, Target, cut_of_size,
 };
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
@@ -159,7 +159,7 @@ impl Packing {
         let threads = Threads::new(need.admit("packing", path, &[&there], options.memory_bytes, watch)?)?;
         let mut hash = Sha256::new();
         hash.update(job.hash().0);
-        hash.update(format!("{} {:?}", env!("CARGO_PKG_VERSION"), options.compress));
+        hash.update(format!("compressor {COMPRESSOR_VERSION} {:?}", options.compress));
         let writer = ContainerWriter::create(path, job, container)?;
         let spill = Spill::open(path, hash.finalize().into(), job.shape.block_count())?;
         Ok(Self { begun, memory, path: path.to_owned(), job: job.clone(), compressor, writer, spill, threads })
@@ -387,7 +387,7 @@ fn report_of(settings: &CompressSettings) -> ContainerReport {
         ("noise variance", "from the two half-sample estimates of the source; NaN where it has none"),
     ];
     ContainerReport {
-        program: format!("ltm {}", env!("CARGO_PKG_VERSION")),
+        program: format!("ltm compressor {COMPRESSOR_VERSION}"),
         method: settings.method.to_string(),
         target,
         prior: format!("{:?}", settings.prior).to_lowercase(),

@@ -14,7 +14,7 @@ use crate::light::{Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
 use crate::scene::{LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
-use crate::trace::{BlockStats, TraceSettings, Tracer};
+use crate::trace::{TRACER_VERSION, BlockStats, TraceSettings, Tracer};
 
 /// The program itself, its threads and its tables.
 pub(super) const PROGRAM_BYTES: u64 = 24 << 20;
@@ -59,7 +59,7 @@ pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
     let provenance = Provenance {
         source: scene.name.clone(),
         content: loaded.content,
-        program: format!("ltm {}", env!("CARGO_PKG_VERSION")),
+        program: format!("ltm tracer {TRACER_VERSION}"),
         samples_per_pixel: settings.samples_per_pixel,
         seed: settings.seed,
         settings: format!(

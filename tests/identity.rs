@@ -1,0 +1,120 @@
+//! Versions of the algorithms: what the tracer and the compressor make does not change unless their number does.
+//!
+//! A matrix and an interrupted pack are continued, filled in and merged by that number. Where one of these tests fails, raise
+//! the number that it names and write the new pair here.
+
+use ltm::compress::{COMPRESSOR_VERSION, CompressSettings, Compressor, Target};
+use ltm::container::{ContainerOptions, ContainerWriter};
+use ltm::light::Job;
+use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry, TracedBlock};
+use ltm::pipeline::job_of;
+use ltm::scene::BuiltIn;
+use ltm::trace::{TRACER_VERSION, TraceSettings, Tracer};
+use sha2::{Digest, Sha256};
+
+/// Version of the tracer, and the checksum of what it makes of the rooms below.
+const TRACED: (u32, &str) = (1, "");
+/// Version of the compressor, and for each block of the rooms the rank and the number of single entries that it keeps.
+const KEPT: (u32, &[(usize, usize)]) = (1, &[]);
+/// Version of the compressor, and the checksum of the bytes that given factors are encoded to.
+const ENCODED: (u32, &str) = (1, "");
+
+/// Two rooms that have between them texelled lights in view, an environment, glass and mirrors; and their blocks.
+fn rooms() -> [(Job, Vec<TracedBlock>); 2] {
+    ["mixed", "environment"].map(|name| {
+        let mut room = BuiltIn { width: 40, height: 24, texels: 8 }.named(name).unwrap();
+        room.settings.block_side = 16;
+        let job = job_of(&room).unwrap();
+        let settings = TraceSettings { samples_per_pixel: 8, seed: 1, max_depth: 5 };
+        let tracer = Tracer::new(room.scene, job.shape, settings).unwrap();
+        let block = |id| {
+            let mut block = TracedBlock::default();
+            tracer.trace_block(id, &mut block);
+            block
+        };
+        let blocks = job.shape.blocks().map(block).collect();
+        (job, blocks)
+    })
+}
+
+fn short(hash: Sha256) -> String {
+    hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Sines and logarithms are the system's: elsewhere a last bit may be another.
+#[test]
+#[cfg_attr(not(all(target_os = "linux", target_arch = "x86_64", target_env = "gnu")), ignore = "made on Linux, x86-64")]
+fn what_is_traced_changes_only_with_the_tracers_version() {
+    let mut hash = Sha256::new();
+    for block in rooms().iter().flat_map(|(_, blocks)| blocks) {
+        let noise = block.noise.as_ref().unwrap();
+        for values in [block.block.entries(), &noise.row_variance, &noise.column_variance, &noise.probes] {
+            hash.update(bytemuck::cast_slice(values));
+        }
+    }
+    assert_eq!(
+        (TRACER_VERSION, short(hash).as_str()),
+        TRACED,
+        "what is traced has changed: raise TRACER_VERSION in src/trace/mod.rs, and write the new pair into TRACED"
+    );
+}
+
+/// Decisions, not bits: large products are summed in the order of the machine's vectors.
+#[test]
+fn what_is_kept_changes_only_with_the_compressors_version() {
+    let mut found = Vec::new();
+    for (job, blocks) in rooms() {
+        let settings = CompressSettings { target: Target::PsnrDb(40.0), ..CompressSettings::default() };
+        let compressor = Compressor::new(&job.basis, job.shape, settings).unwrap();
+        let analyse = |(id, block): (u32, &TracedBlock)| {
+            compressor.analyse(BlockId(id), block.block.view(), block.noise.as_ref())
+        };
+        let candidates: Vec<_> = (0..).zip(&blocks).map(analyse).collect();
+        let cut = compressor.choose(candidates.iter().map(|candidate| candidate.summary()));
+        found.extend(candidates.iter().map(|candidate| candidate.cut(&cut)).map(|kept| (kept.rank(), kept.sparse.len())));
+    }
+    assert_eq!(
+        (COMPRESSOR_VERSION, found.as_slice()),
+        KEPT,
+        "what is kept has changed: raise COMPRESSOR_VERSION in src/compress/mod.rs, and write the new pair into KEPT"
+    );
+}
+
+#[test]
+fn what_factors_are_encoded_to_changes_only_with_the_compressors_version() {
+    let (job, _) = rooms().into_iter().next().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let writer = ContainerWriter::create(&folder.path().join("a.ltc"), &job, ContainerOptions::default()).unwrap();
+    let mut hash = Sha256::new();
+    for id in job.shape.blocks() {
+        let encoded = writer.encode(id, &factors(job.shape.rect(id).rows(), job.shape.columns(), id.0)).unwrap();
+        encoded.layers().iter().for_each(|layer| hash.update(layer));
+    }
+    assert_eq!(
+        (COMPRESSOR_VERSION, short(hash).as_str()),
+        ENCODED,
+        "encoded bytes have changed: raise COMPRESSOR_VERSION in src/compress/mod.rs, and write the new pair into ENCODED"
+    );
+}
+
+/// Five smooth components of falling size with some grain, and a few single entries.
+fn factors(rows: usize, columns: usize, seed: u32) -> FactoredBlock {
+    let grain = |i: usize| (((i as u32 ^ seed).wrapping_mul(2_654_435_769) >> 20) as f32 / 4096.0 - 0.5) * 0.125;
+    let wave = |i: usize, k: usize, of: usize| {
+        let t = (i * (k + 1)) as f32 / of as f32;
+        // A triangle: additions alone, the same everywhere.
+        4.0 * (t - (t + 0.5).floor()).abs() - 1.0
+    };
+    let mut block = FactoredBlock { rows, columns, ..Default::default() };
+    for k in 0..5 {
+        let size = 1.0 / (1 << k) as f32;
+        block.left.extend((0..rows).map(|i| (wave(i, k, rows) + grain(i + k)) / 16.0));
+        block.right.extend((0..columns).map(|j| size * (wave(j, k, columns) + grain(j + 7 * k))));
+        block.left_step.push(0.004 / size);
+        block.right_step.push(0.01);
+    }
+    block.sparse = (0..6)
+        .map(|i| SparseEntry { column: ColumnIndex(i * 9), row: (11 * i + seed) % rows as u32, value: 3.0 + i as f32 })
+        .collect();
+    block
+}
