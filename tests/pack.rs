@@ -339,4 +339,8 @@ fn a_target_that_the_noise_puts_out_of_reach_is_said_with_the_way_on() {
         let reached = packed(target, noise_factor);
         assert!(reached.short_of_target.is_none() && reached.to_string().lines().count() == 1, "{reached}");
     }
+    let over = packed(Target::Bytes(1), heeded);
+    let shortfall = over.short_of_target.expect("no file has one byte");
+    assert_eq!(shortfall.file_bytes, fs::metadata(&path).unwrap().len());
+    assert!(over.to_string().contains("more than the target, 1 B"), "{over}");
 }

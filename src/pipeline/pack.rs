@@ -76,6 +76,8 @@ pub struct Shortfall {
     pub psnr_db: f64,
     /// Relative L2 error that is expected.
     pub relative_l2: f64,
+    /// Bytes of the container.
+    pub file_bytes: u64,
     /// Whether heeding the noise may be what stopped it; else the rank did.
     pub noise_heeded: bool,
 }
@@ -86,7 +88,15 @@ impl std::fmt::Display for Shortfall {
         let (reached, asked) = match self.target {
             Target::RelativeL2(asked) => (format!("relative L2 {:.4}", self.relative_l2), format!("{asked}")),
             Target::PsnrDb(asked) => (format!("{:.1} dB", self.psnr_db), format!("{asked} dB")),
-            Target::Bytes(asked) => (format!("{:.1} dB", self.psnr_db), human_bytes(asked)),
+            Target::Bytes(asked) => {
+                let over = self.file_bytes.saturating_sub(asked);
+                return write!(
+                    f,
+                    "the file has {}, {over} B more than the target, {}; a smaller target leaves out more",
+                    human_bytes(self.file_bytes),
+                    human_bytes(asked)
+                );
+            }
             Target::Slope(asked) => (format!("{:.1} dB", self.psnr_db), format!("slope {asked}")),
             Target::Automatic if self.noise_heeded => {
                 let at = self.psnr_db;
@@ -187,29 +197,13 @@ impl Packing {
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         let blocks: Vec<BlockId> = self.job.shape.blocks().collect();
-        let kept = blocks.iter().filter(|&&id| self.spill.has(id)).count() as u64;
-        if kept > 0 {
-            watch.note(&format!("{}: continuing, {kept} blocks are analysed", self.path.display()));
+        let blocks_kept = blocks.iter().filter(|&&id| self.spill.has(id)).count() as u64;
+        if blocks_kept > 0 {
+            watch.note(&format!("{}: continuing, {blocks_kept} blocks are analysed", self.path.display()));
         }
         watch.begin(stage, blocks.len() as u64, "blocks");
-        watch.advance(kept, 0, work_unit);
-        let analyse = |block: &mut TracedBlock, &id: &BlockId| -> Result<CandidateSummary> {
-            if self.spill.has(id) {
-                return Ok(self.candidate(id)?.0.summary().clone());
-            }
-            stop_if_interrupted(&self.path, watch)?;
-            let work = make(id, block)?;
-            let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref());
-            let mut bytes = candidate.to_bytes();
-            let candidate_bytes = bytes.len() as u64;
-            let projected =
-                self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
-            Residual::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
-            bytes.extend(candidate_bytes.to_le_bytes());
-            self.spill.append(id, &bytes)?;
-            watch.advance(1, work, work_unit);
-            Ok(candidate.summary().clone())
-        };
+        watch.advance(blocks_kept, 0, work_unit);
+        let analyse = |block: &mut TracedBlock, &id: &BlockId| self.analyse(id, block, (&make, work_unit), watch);
         let analysed = self.threads.run(|| -> Result<Vec<_>> {
             blocks.par_iter().map_init(TracedBlock::default, analyse).collect()
         });
@@ -221,23 +215,8 @@ impl Packing {
         drop(analysed);
 
         watch.begin("packing", blocks.len() as u64, "blocks");
-        let store = |&id: &BlockId| -> Result<WrittenBlock> {
-            stop_if_interrupted(&self.path, watch)?;
-            let (candidate, lacking) = self.candidate(id)?;
-            let factored = candidate.cut(&cut);
-            let encoded = self.writer.encode(id, &factored)?;
-            let (report, columns) = lacking.report(&candidate.whole(), &self.writer.decode(id, &encoded)?);
-            lights.add(&columns);
-            // What an earlier run wrote of it is the same.
-            let bytes = match self.writer.written(id) {
-                Some(_) => 0,
-                None => self.writer.write_encoded(id, &encoded, &report)?.bytes(),
-            };
-            watch.advance(1, bytes as u64, "B");
-            Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
-        };
-        let stored =
-            self.threads.run(|| -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
+        let store = |&id: &BlockId| self.store(id, &cut, &lights, watch);
+        let stored = self.threads.run(|| -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
         watch.end();
         let stored = stored?;
         let lights = lights.errors(cut.expected_relative_l2);
@@ -246,6 +225,12 @@ impl Packing {
         self.spill.remove()?;
         let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
         let (error, norm) = (sum(|s| s.report.squared_error), sum(|s| s.report.squared_norm));
+        let target = self.compressor.settings().target;
+        let is_reached = match target {
+            // What blocks take together was estimated from some of them.
+            Target::Bytes(bytes) => summary.file_bytes <= bytes,
+            _ => cut.reaches_target,
+        };
         Ok(PackReport {
             seconds: self.begun.elapsed().as_secs_f64(),
             raw_bytes: self.job.shape.raw_bytes(),
@@ -254,15 +239,57 @@ impl Packing {
             sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
             relative_l2: (error / norm.max(f64::MIN_POSITIVE)).sqrt(),
             lights,
-            short_of_target: (!cut.reaches_target).then(|| Shortfall {
-                target: self.compressor.settings().target,
+            short_of_target: (!is_reached).then(|| Shortfall {
+                target,
                 psnr_db: cut.expected_psnr_db,
                 relative_l2: cut.expected_relative_l2,
+                file_bytes: summary.file_bytes,
                 noise_heeded: cut.noise_factor > 0.0 && stored.iter().any(|s| s.report.noise_variance.is_finite()),
             }),
-            blocks_kept: kept,
+            blocks_kept,
             peak_memory_bytes: self.memory.stop(),
         })
+    }
+
+    /// The first pass over a block: its candidate and what that lacks of it go to the spill file, if they are not there.
+    fn analyse(
+        &self,
+        id: BlockId,
+        block: &mut TracedBlock,
+        (make, work_unit): (&(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync), &str),
+        watch: &dyn Watch,
+    ) -> Result<CandidateSummary> {
+        if self.spill.has(id) {
+            return Ok(self.candidate(id)?.0.summary().clone());
+        }
+        stop_if_interrupted(&self.path, watch)?;
+        let work = make(id, block)?;
+        let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref());
+        let mut bytes = candidate.to_bytes();
+        let candidate_bytes = bytes.len() as u64;
+        let projected = self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
+        Residual::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
+        bytes.extend(candidate_bytes.to_le_bytes());
+        self.spill.append(id, &bytes)?;
+        watch.advance(1, work, work_unit);
+        Ok(candidate.summary().clone())
+    }
+
+    /// The second pass over a block: cuts its candidate, writes it, and adds what it lost to `lights`.
+    fn store(&self, id: BlockId, cut: &Cut, lights: &LightErrorSums, watch: &dyn Watch) -> Result<WrittenBlock> {
+        stop_if_interrupted(&self.path, watch)?;
+        let (candidate, residual) = self.candidate(id)?;
+        let factored = candidate.cut(cut);
+        let encoded = self.writer.encode(id, &factored)?;
+        let (report, columns) = residual.report(&candidate.whole(), &self.writer.decode(id, &encoded)?);
+        lights.add(&columns);
+        // What an earlier run wrote of it is the same.
+        let bytes = match self.writer.written(id) {
+            Some(_) => 0,
+            None => self.writer.write_encoded(id, &encoded, &report)?.bytes(),
+        };
+        watch.advance(1, bytes as u64, "B");
+        Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
     }
 
     /// The cut for the target; where that is a number of bytes, the one of the largest file that is not larger.
@@ -292,15 +319,15 @@ impl Packing {
         Ok(bytes + self.writer.overhead_bytes(layers.round() as u64) as f64)
     }
 
-    /// A candidate and what it lacks, back from the spill file.
+    /// A candidate and its residual, back from the spill file.
     fn candidate(&self, id: BlockId) -> Result<(Candidate, Residual)> {
         let bytes = self.spill.read(id)?;
         let parts = || -> Result<_, String> {
             let short = || "it is cut short".to_owned();
             let (bytes, length) = bytes.split_last_chunk::<8>().ok_or_else(short)?;
-            let (candidate, lacking) =
+            let (candidate, residual) =
                 bytes.split_at_checked(u64::from_le_bytes(*length) as usize).ok_or_else(short)?;
-            Ok((Candidate::from_bytes(candidate)?, Residual::from_bytes(lacking).ok_or_else(short)?))
+            Ok((Candidate::from_bytes(candidate)?, Residual::from_bytes(residual).ok_or_else(short)?))
         };
         parts().map_err(|problem| self.spill.damaged(id, &problem))
     }

@@ -75,6 +75,24 @@ fn parse_target(text: &str) -> Result<Target, String> {
     }
     match text.parse::<f64>() {
         Ok(error) if error < 1.0 => Ok(Target::RelativeL2(error)),
+        Ok(_) => Err(format!("'{text}' has no unit; write {text}dB, {text}MiB, or an error below 1 as 0.01")),
         _ => parse_bytes(text).map(Target::Bytes).map_err(|e| format!("{e}; or a PSNR, 45dB, or an error, 0.01")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_target_says_what_it_counts() {
+        assert_eq!(parse_target("45dB"), Ok(Target::PsnrDb(45.0)));
+        assert_eq!(parse_target("0.01"), Ok(Target::RelativeL2(0.01)));
+        assert_eq!(parse_target("2MiB"), Ok(Target::Bytes(2 << 20)));
+        assert_eq!(parse_target("100B"), Ok(Target::Bytes(100)));
+        for bare in ["45", "1", "1000000"] {
+            let error = parse_target(bare).unwrap_err();
+            assert!(error.contains(&format!("{bare}dB")), "{error}");
+        }
     }
 }
