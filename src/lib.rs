@@ -33,6 +33,38 @@
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `host` | `error`, `store` |
 //! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight`, `host` |
+//!
+//! # Which crate is used where
+//!
+//! What is outside the library, by the rooms that may name it; tests may use anything. The same test reads this table, and
+//! wants every dependency in it.
+//!
+//! | crate | rooms |
+//! |---|---|
+//! | `wgpu`, `pollster` | `relight/gpu` |
+//! | `faer` | `compress` |
+//! | `rand`, `rand_pcg` | `compress`, `light` |
+//! | `glam` | `light`, `scene`, `trace` |
+//! | `tobj` | `scene` |
+//! | `serde`, `toml` | `look`, `scene` |
+//! | `serde_json` | `look` |
+//! | `exr`, `image`, `npyz`, `regex` | `image` |
+//! | `bincode` | `container`, `light` |
+//! | `zstd` | `container` |
+//! | `half` | `image`, `store` |
+//! | `memmap2`, `rustix` | `store` |
+//! | `sha2` | `container`, `light`, `pipeline`, `scene` |
+//! | `crc32fast` | `container`, `pipeline`, `store` |
+//! | `bytemuck` | `compress`, `pipeline`, `relight`, `scene`, `store` |
+//! | `pulp` | `compress`, `container`, `relight`, `store` |
+//! | `rayon` | `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
+//! | `tempfile` | `container`, `pipeline` |
+//! | `thiserror` | `error` |
+//! | `std::fs` | `container`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
+//! | `std::os` | `container`, `host`, `pipeline`, `store` |
+//! | `std::thread` | `host`, `pipeline`, `store` |
+//! | `std::env` | `scene` |
+//! | `std::process`, `std::net` | none |
 
 pub mod compress;
 pub mod container;

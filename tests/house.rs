@@ -1,4 +1,4 @@
-//! Rules of the house: who may import whom, file sizes, no dead files, paths in documents.
+//! Rules of the house: who may import whom, which crate is used where, file sizes, no dead files, paths in documents.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -32,59 +32,136 @@ fn words_in_backticks(text: &str) -> Vec<&str> {
     text.split('`').skip(1).step_by(2).collect()
 }
 
-/// The import table, read from the documentation of `src/lib.rs`.
-fn import_table() -> BTreeMap<String, BTreeSet<String>> {
+/// A table of the documentation of `src/lib.rs`, by the title of its first column: for each name there, what stands in the
+/// second column.
+fn table_of(title: &str) -> BTreeMap<String, BTreeSet<String>> {
     let text = fs::read_to_string(root().join("src/lib.rs")).unwrap();
-    let rows = text.lines().filter_map(|line| line.strip_prefix("//! | `"));
+    let head = format!("//! | {title} |");
+    let rows = text.lines().skip_while(|line| !line.starts_with(&head)).skip(2);
+    let rows = rows.map_while(|line| line.strip_prefix("//! | "));
     let mut table = BTreeMap::new();
     for row in rows {
-        let (modules, imports) = row.split_once('|').unwrap();
-        let imports: BTreeSet<String> = words_in_backticks(imports).into_iter().map(String::from).collect();
-        for module in words_in_backticks(&format!("`{modules}")) {
-            table.insert(module.to_owned(), imports.clone());
+        let (names, allowed) = row.split_once('|').unwrap();
+        let allowed: BTreeSet<String> = words_in_backticks(allowed).into_iter().map(String::from).collect();
+        for name in words_in_backticks(names) {
+            let twice = table.insert(name.to_owned(), allowed.clone());
+            assert!(twice.is_none(), "`{name}` stands in the table twice");
         }
     }
+    assert!(table.len() >= 5, "the table of `{title}` was not found in src/lib.rs");
     table
 }
 
-/// The code of a source file without comments and without what follows its test module.
-fn code_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
-    let code = text.lines().enumerate().take_while(|(_, line)| !line.starts_with("#[cfg(test)]"));
-    code.map(|(i, line)| (i + 1, line.split("//").next().unwrap()))
+/// A line of code without its comment.
+struct Line<'a> {
+    number: usize,
+    code: &'a str,
+    /// Whether it is compiled for tests only.
+    is_test: bool,
+}
+
+/// The code of a source file, all of it.
+fn code_lines(text: &str) -> Vec<Line<'_>> {
+    let (mut is_test, mut lines) = (false, Vec::new());
+    for (i, line) in text.lines().enumerate() {
+        is_test |= line.starts_with("#[cfg(test)]");
+        lines.push(Line { number: i + 1, code: line.split("//").next().unwrap(), is_test });
+        // The end of a test module, or the declaration of one in a file of its own.
+        let is_attribute = line.starts_with("#[");
+        is_test &= !(line == "}" || !is_attribute && !line.starts_with(' ') && line.ends_with(';'));
+    }
+    lines
+}
+
+/// The room of a source file: its folder below `src`, or its own stem.
+fn room_of(inside: &Path) -> String {
+    inside.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs").to_owned()
+}
+
+/// Source files of the library with their paths below `src`, but for `lib.rs`.
+fn library_files() -> impl Iterator<Item = (PathBuf, String)> {
+    files_below("src", &["rs"]).into_iter().filter_map(|path| {
+        let inside = path.strip_prefix(root().join("src")).unwrap().to_owned();
+        (inside != Path::new("lib.rs")).then(|| (inside, fs::read_to_string(&path).unwrap()))
+    })
 }
 
 #[test]
 fn modules_import_only_what_the_table_allows() {
-    let table = import_table();
-    assert!(table.len() >= 11, "the table in src/lib.rs was not found: {table:?}");
+    let table = table_of("module");
     let mut broken = Vec::new();
-    for path in files_below("src", &["rs"]) {
-        let inside = path.strip_prefix(root().join("src")).unwrap();
-        let module = inside.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs").to_owned();
-        if module == "lib" {
-            continue;
-        }
+    for (inside, text) in library_files() {
+        let module = room_of(&inside);
         let allowed = table.get(&module).unwrap_or_else(|| panic!("`{module}` is not in the table of src/lib.rs"));
-        let text = fs::read_to_string(&path).unwrap();
-        for (number, line) in code_lines(&text) {
-            for used in line.split("crate::").skip(1) {
+        for Line { number, code, .. } in code_lines(&text) {
+            for used in code.split("crate::").skip(1) {
                 let used: String = used.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
                 let stem = if used == "Error" || used == "Result" { "error" } else { used.as_str() };
                 if stem != module && !allowed.contains(stem) {
                     broken.push(format!("{}:{number}: `{module}` may not import `{stem}`", inside.display()));
                 }
             }
-            assert!(!line.contains("use crate::{"), "{}:{number}: one path per import", inside.display());
+            assert!(!code.contains("use crate::{"), "{}:{number}: one path per import", inside.display());
+        }
+    }
+    assert!(broken.is_empty(), "\n{}", broken.join("\n"));
+}
+
+/// Where a name stands as the beginning of a path: `name::`, but not behind another `::`.
+fn begins_a_path(code: &str, name: &str) -> bool {
+    code.match_indices(&format!("{name}::")).any(|(at, _)| {
+        let before = code[..at].chars().next_back();
+        before.is_none_or(|c| !(c.is_alphanumeric() || c == '_' || c == ':'))
+    })
+}
+
+#[test]
+fn outside_crates_are_used_only_where_the_table_allows() {
+    let table = table_of("crate");
+    let mut broken = Vec::new();
+    for (inside, text) in library_files() {
+        let folder = inside.parent().unwrap().to_str().unwrap();
+        let is_in = |room: &String| folder == room || folder.starts_with(&format!("{room}/")) || room_of(&inside) == *room;
+        for (name, rooms) in &table {
+            // A module of ours may have the name of a crate.
+            let is_ours = text.contains(&format!("use crate::{name};")) || text.contains(&format!("use crate::{name}::{{self"));
+            if is_ours || rooms.iter().any(is_in) {
+                continue;
+            }
+            for Line { number, code, .. } in code_lines(&text).iter().filter(|line| !line.is_test) {
+                if begins_a_path(code, name) {
+                    broken.push(format!("{}:{number}: `{name}` is not used here", inside.display()));
+                }
+            }
         }
     }
     assert!(broken.is_empty(), "\n{}", broken.join("\n"));
 }
 
 #[test]
+fn every_dependency_has_a_place() {
+    let table = table_of("crate");
+    let manifest = fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    let dependencies = manifest.lines().skip_while(|line| *line != "[dependencies]").skip(1);
+    let dependencies = dependencies.take_while(|line| !line.starts_with('['));
+    let names: Vec<String> = dependencies
+        .filter(|line| line.starts_with(|c: char| c.is_ascii_alphabetic()))
+        .map(|line| line.split(['.', ' ', '=']).next().unwrap().replace('-', "_"))
+        .collect();
+    assert!(names.len() > 10, "the dependencies were not found: {names:?}");
+    for name in &names {
+        assert!(table.contains_key(name), "`{name}` is missing from the table of src/lib.rs");
+    }
+    for name in table.keys().filter(|name| !name.contains("::")) {
+        assert!(names.contains(name), "`{name}` stands in the table of src/lib.rs, and is no dependency");
+    }
+}
+
+#[test]
 fn every_module_stands_in_the_table() {
     let text = fs::read_to_string(root().join("src/lib.rs")).unwrap();
     let modules = text.lines().filter_map(|l| l.strip_prefix("pub mod ")).map(|l| l.trim_end_matches(';'));
-    let table = import_table();
+    let table = table_of("module");
     for module in modules {
         assert!(table.contains_key(module), "`{module}` is missing from the table");
     }
