@@ -121,10 +121,12 @@ fn outside_crates_are_used_only_where_the_table_allows() {
     let mut broken = Vec::new();
     for (inside, text) in library_files() {
         let folder = inside.parent().unwrap().to_str().unwrap();
-        let is_in = |room: &String| folder == room || folder.starts_with(&format!("{room}/")) || room_of(&inside) == *room;
+        let is_in =
+            |room: &String| folder == room || folder.starts_with(&format!("{room}/")) || room_of(&inside) == *room;
         for (name, rooms) in &table {
             // A module of ours may have the name of a crate.
-            let is_ours = text.contains(&format!("use crate::{name};")) || text.contains(&format!("use crate::{name}::{{self"));
+            let is_ours =
+                text.contains(&format!("use crate::{name};")) || text.contains(&format!("use crate::{name}::{{self"));
             if is_ours || rooms.iter().any(is_in) {
                 continue;
             }

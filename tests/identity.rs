@@ -71,7 +71,9 @@ fn what_is_kept_changes_only_with_the_compressors_version() {
         };
         let candidates: Vec<_> = (0..).zip(&blocks).map(analyse).collect();
         let cut = compressor.choose(candidates.iter().map(|candidate| candidate.summary()));
-        found.extend(candidates.iter().map(|candidate| candidate.cut(&cut)).map(|kept| (kept.rank(), kept.sparse.len())));
+        found.extend(
+            candidates.iter().map(|candidate| candidate.cut(&cut)).map(|kept| (kept.rank(), kept.sparse.len())),
+        );
     }
     assert_eq!(
         (COMPRESSOR_VERSION, found.as_slice()),

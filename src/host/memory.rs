@@ -59,7 +59,10 @@ fn left_in_group(root: &Path, line: &str) -> Vec<u64> {
     };
     let groups = || Path::new(path.trim_start_matches('/')).ancestors();
     let mounts = controller.mounts.iter().map(|mount| root.join("sys/fs/cgroup").join(mount));
-    mounts.flat_map(|mount| groups().map(move |group| mount.join(group))).filter_map(|group| controller.left(&group)).collect()
+    mounts
+        .flat_map(|mount| groups().map(move |group| mount.join(group)))
+        .filter_map(|group| controller.left(&group))
+        .collect()
 }
 
 impl Controller {

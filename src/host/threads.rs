@@ -18,7 +18,8 @@ impl Threads {
             return Ok(Self { count, pool: None });
         }
         let pool = ThreadPoolBuilder::new().num_threads(count).build();
-        let pool = pool.map_err(|e| Error::input("threads", format!("{count} cannot be started ({e})"), "ask for fewer"))?;
+        let pool =
+            pool.map_err(|e| Error::input("threads", format!("{count} cannot be started ({e})"), "ask for fewer"))?;
         Ok(Self { count, pool: Some(pool) })
     }
 

@@ -159,7 +159,8 @@ mod tests {
         let lighting = [(ColumnIndex(0), [1.0, 0.5, 2.0]), (ColumnIndex(2), [0.25, 1.0, 3.0])];
         let lit = block.relight(lighting.into_iter());
         for (row, lit) in lit.iter().enumerate() {
-            let sum: f32 = lighting.iter().map(|(column, weight)| whole.view().column(*column)[row] * weight[row / 2]).sum();
+            let sum: f32 =
+                lighting.iter().map(|(column, weight)| whole.view().column(*column)[row] * weight[row / 2]).sum();
             // The block is multiplied out in f32.
             assert!((lit - f64::from(sum)).abs() < 1e-5, "{lit} {sum}");
         }

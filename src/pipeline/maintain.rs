@@ -82,16 +82,15 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watc
     let reader = ContainerReader::open(path)?;
     let fixed_bytes = PROGRAM_BYTES + reader.index_bytes();
     let need = Need { fixed_bytes, per_thread_bytes: decoding_bytes(&reader), ..Need::default() };
-    let threads = need.admit("checking", path, &[], memory_bytes, watch)?;
+    let threads = Threads::new(need.admit("checking", path, &[], memory_bytes, watch)?)?;
     let blocks = reader.job().shape.blocks().filter(|&id| reader.has_block(id)).count();
     watch.begin("checking", blocks as u64, "blocks");
     let look = |bytes| {
         watch.advance(1, bytes, "B");
         !watch.interrupted()
     };
-    let found = Threads::new(threads)?.run(|| reader.verify(look));
+    let found = threads.run(|| reader.verify(look));
     watch.end();
-    let found = found?;
     if watch.interrupted() {
         return Err(Error::Interrupted(format!("{} blocks were checked", found.blocks)));
     }

@@ -14,11 +14,7 @@ use crate::relight::PagedRelighter;
 pub(super) struct OnGpu<'a>(Infallible, PhantomData<&'a ()>);
 
 impl<'a> OnGpu<'a> {
-    pub(super) fn open(
-        _: &'a ContainerReader,
-        _: &RelightOptions,
-        _: &dyn Fn() -> PagedRelighter<'a>,
-    ) -> Result<Self> {
+    pub(super) fn open(_: &'a ContainerReader, _: &RelightOptions, _: &dyn Fn() -> PagedRelighter<'a>) -> Result<Self> {
         Err(Error::NoGpu("this build is without the feature `gpu`".into()))
     }
 

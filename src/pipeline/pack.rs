@@ -17,8 +17,8 @@ use sha2::{Digest, Sha256};
 use super::render::PROGRAM_BYTES;
 use super::spill::Spill;
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor, Cut, LightErrorSums,
-    Method, Residual, Target, cut_of_size,
+    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
+    Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
 };
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
@@ -204,9 +204,9 @@ impl Packing {
         watch.begin(stage, blocks.len() as u64, "blocks");
         watch.advance(blocks_kept, 0, work_unit);
         let analyse = |block: &mut TracedBlock, &id: &BlockId| self.analyse(id, block, (&make, work_unit), watch);
-        let analysed = self.threads.run(|| -> Result<Vec<_>> {
-            blocks.par_iter().map_init(TracedBlock::default, analyse).collect()
-        });
+        let analysed = self
+            .threads
+            .run(|| -> Result<Vec<_>> { blocks.par_iter().map_init(TracedBlock::default, analyse).collect() });
         watch.end();
         let analysed = analysed?;
         let cut = self.choose(&analysed)?;

@@ -14,7 +14,7 @@ use crate::light::{Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
 use crate::scene::{LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
-use crate::trace::{TRACER_VERSION, BlockStats, TraceSettings, Tracer};
+use crate::trace::{BlockStats, TRACER_VERSION, TraceSettings, Tracer};
 
 /// The program itself, its threads and its tables.
 pub(super) const PROGRAM_BYTES: u64 = 24 << 20;
@@ -158,7 +158,7 @@ pub(super) fn trace_into(
         let tracing = threads.run(|| blocks.par_iter().try_for_each(trace_one));
         drop(to_commit);
         committer.join().expect("committing does not panic")?;
-        tracing?
+        tracing
     });
     watch.end();
     result.map(|()| report)

@@ -27,9 +27,9 @@ const BATCH_BLOCKS: usize = 32;
 
 /// A choice of rows and columns for the whole matrix, with what every block has in common.
 #[derive(Clone, Debug)]
-pub struct GlobalCur {
+pub(in crate::compress) struct GlobalCur {
     /// Columns, and rows counted through all blocks in their order.
-    pub chosen: Selection,
+    pub(in crate::compress) chosen: Selection,
     /// `U R`: chosen columns × columns.
     pub(in crate::compress) right: Mat<f32>,
 }

@@ -247,7 +247,11 @@ mod tests {
 
     /// A kernel, with what is bound to it by its name in the shader.
     fn by_names<B: std::fmt::Debug>(kernel: Kernel<B>) -> (&'static str, &'static str, Vec<String>) {
-        (kernel.name, kernel.source, kernel.bindings.iter().map(|binding| snake_case(&format!("{binding:?}"))).collect())
+        (
+            kernel.name,
+            kernel.source,
+            kernel.bindings.iter().map(|binding| snake_case(&format!("{binding:?}"))).collect(),
+        )
     }
 
     fn snake_case(name: &str) -> String {

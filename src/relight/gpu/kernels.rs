@@ -60,14 +60,7 @@ pub(super) const KERNELS: [(Kernel<Array>, SpreadOver); 3] = [
         Kernel {
             name: "reconstruct",
             source: wgsl!("reconstruct.wgsl"),
-            bindings: &[
-                Array::Sizes,
-                Array::Blocks,
-                Array::Components,
-                Array::Factors,
-                Array::Projected,
-                Array::Image,
-            ],
+            bindings: &[Array::Sizes, Array::Blocks, Array::Components, Array::Factors, Array::Projected, Array::Image],
         },
         SpreadOver::Pixels,
     ),

@@ -95,7 +95,8 @@ impl GpuRelighter {
         let limit = binding_limit(&gpu, shape, settings)?;
         let shared = SharedArrays::new(&gpu, shape.columns());
         let places = vec![None; shape.block_count() as usize];
-        let mut relighter = Self { gpu, shape, shared, banks: Vec::new(), places, damage: Vec::new(), turn: Mutex::new(()) };
+        let mut relighter =
+            Self { gpu, shape, shared, banks: Vec::new(), places, damage: Vec::new(), turn: Mutex::new(()) };
         relighter.load(source, limit)?;
         Ok(relighter)
     }

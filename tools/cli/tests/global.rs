@@ -23,8 +23,12 @@ fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated()
     pipeline::render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
     for method in ["algorithm2", "algorithm4"] {
         let arguments = ["--method", method, "--scope", "global", "--rank", "16", "--memory", "60MiB", "--force"];
-        let output =
-            Command::new(env!("CARGO_BIN_EXE_ltm-pack")).arg(&matrix).args(arguments).current_dir(&folder).output().unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_ltm-pack"))
+            .arg(&matrix)
+            .args(arguments)
+            .current_dir(&folder)
+            .output()
+            .unwrap();
         let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
         assert!(output.status.success(), "{said}");
         let (peak, need) = (mebibytes(&said, "peak memory"), mebibytes(&said, "needs up to"));

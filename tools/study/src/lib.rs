@@ -37,9 +37,9 @@ use std::time::Instant;
 
 pub use measured::{Measured, Summary};
 
+use bench::Bench;
 use ltm::error::{Error, Result};
 use ltm::host::Watch;
-use bench::Bench;
 
 /// The studies by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

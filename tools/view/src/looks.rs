@@ -11,8 +11,8 @@ use super::mixer::{GroupMix, LightMix, Mix, Tint};
 use super::pattern::{Pattern, Shape};
 use ltm::error::{Error, Result};
 use ltm::image::{LinearImage, luminance, read_image, write_exr};
-use ltm::look;
 use ltm::light::{Light, LightBasis, Lighting};
+use ltm::look;
 use ltm::pipeline::in_place_of;
 
 /// What a lighting file holds for the window: how a mix makes the light that the rules say.

@@ -13,11 +13,11 @@ use super::keys::{Action, act, help, pressed};
 use super::layout::{Tab, show_document};
 use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, recent_files};
-use ltm::error::{Error, Result};
 use crate::WindowOptions;
 use crate::export::write_rgba;
 use crate::recent::{Recent, RecentKind};
 use crate::worker::{Means, SharedDevice};
+use ltm::error::{Error, Result};
 
 /// Frames that may pass without the picture before a screenshot is taken of what there is.
 const PATIENCE_FRAMES: u32 = 2000;

@@ -11,11 +11,6 @@ use eframe::egui_wgpu::RenderState;
 
 use super::chooser::Purpose;
 use super::screen::ScreenTexture;
-use ltm::error::Result;
-use ltm::image::{LUMENS_PER_WATT, LinearImage};
-use ltm::light::{LightBasis, LightUnit, Lighting};
-use ltm::matrix::FactorSource;
-use ltm::relight::CpuRelighter;
 use crate::display::{Display, Shown};
 use crate::groups::{Groups, Order, Row};
 use crate::history::History;
@@ -25,6 +20,11 @@ use crate::reach::Reach;
 use crate::snapshots::{Snapshots, thumbnail};
 use crate::viewport::Viewport;
 use crate::worker::{Event, Means, Picture, Progress, Request, Seen, Session};
+use ltm::error::Result;
+use ltm::image::{LUMENS_PER_WATT, LinearImage};
+use ltm::light::{LightBasis, LightUnit, Lighting};
+use ltm::matrix::FactorSource;
+use ltm::relight::CpuRelighter;
 
 /// Pictures over which their rate is counted, and the longest pause between two of them that is no rest, in seconds.
 const RATE_PICTURES: usize = 24;

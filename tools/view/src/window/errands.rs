@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::document::Document;
-use ltm::error::{Error, Result};
-use ltm::image::{LinearImage, read_image};
 use crate::export;
 use crate::looks;
 use crate::mixer::LightMix;
 use crate::pattern::Pattern;
 use crate::worker::Brought;
+use ltm::error::{Error, Result};
+use ltm::image::{LinearImage, read_image};
 
 impl Document {
     /// Puts what was brought where it belongs; what to say about it.

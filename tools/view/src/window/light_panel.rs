@@ -5,9 +5,9 @@ use eframe::egui::{self, RichText, Ui};
 use super::document::Document;
 use super::pattern_editor::pattern_editor;
 use super::theme::{WEAK, section, swatch};
+use crate::mixer::{LightMix, Tint};
 use ltm::image::KELVIN_RANGE;
 use ltm::light::Light;
-use crate::mixer::{LightMix, Tint};
 
 pub(super) fn light_panel(ui: &mut Ui, document: &mut Document) {
     let Some(index) = document.selected else {

@@ -7,9 +7,9 @@ use eframe::egui::{self, Color32, ColorImage, Rect, Sense, TextureOptions, Ui, p
 use super::chooser::Purpose;
 use super::document::{Document, Easel, Hold, Tool};
 use super::theme::{ACCENT, LINE, WEAK};
+use crate::pattern::{Brush, Pattern, Shape, ShapeKind};
 use ltm::image::encode_srgb;
 use ltm::light::{Light, LightKind};
-use crate::pattern::{Brush, Pattern, Shape, ShapeKind};
 
 pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
     head(ui, document, index, light);

@@ -6,9 +6,9 @@ use super::chooser::Purpose;
 use super::document::Document;
 use super::keys::{Action, act};
 use super::theme::{ACCENT, WEAK, section};
+use crate::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
 use ltm::image::{LinearImage, encode_srgb, false_colour, luminance};
 use ltm::light::LightUnit;
-use crate::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
 
 /// Red, green and blue in graphs, of about one lightness.
 const CHANNEL_SHADES: [Color32; 3] =

@@ -8,8 +8,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser};
-use ltm_cli::compression::Compression;
-use ltm_cli::console::{self, Console, EXIT_CODES};
 use ltm::container::ContainerReader;
 use ltm::host::{human_bytes, parse_bytes};
 use ltm::image::LightSet;
@@ -18,6 +16,8 @@ use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, ImportedMatrix, PackOptions};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
+use ltm_cli::compression::Compression;
+use ltm_cli::console::{self, Console, EXIT_CODES};
 use regex::Regex;
 
 /// Compress a stored light transport matrix (.ltm), or images of single lights that other programs rendered, into a

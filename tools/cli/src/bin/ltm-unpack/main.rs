@@ -2,18 +2,17 @@
 
 #![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
-
 use std::ops::Range;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use ltm_cli::console::{self, Console, EXIT_CODES};
 use ltm::container::ContainerReader;
 use ltm::host::{PeakMemory, human_bytes, parse_bytes};
 use ltm::matrix::PixelRect;
 use ltm::pipeline::{self, Selection, UnpackOptions};
 use ltm::{Error, Result};
+use ltm_cli::console::{self, Console, EXIT_CODES};
 
 /// Multiply a container (.ltc) out: into a stored matrix, one image for each light, an array, or one relit image.
 #[derive(Parser)]

@@ -6,8 +6,8 @@ use clap::Args;
 use ltm::Result;
 use ltm::pipeline::demo::demo;
 
-use ltm_cli::console::Console;
 use crate::input::{parse_size, with_overrides};
+use ltm_cli::console::Console;
 
 /// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
 const DEMO_SAMPLES: u32 = 256;

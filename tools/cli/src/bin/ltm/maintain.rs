@@ -7,8 +7,8 @@ use ltm::Result;
 use ltm::host::{human_bytes, parse_bytes};
 use ltm::pipeline;
 
-use ltm_cli::console::Console;
 use crate::input::{Kind, kind_of, parse_size, with_overrides};
+use ltm_cli::console::Console;
 
 #[derive(Args)]
 pub(crate) struct Repair {

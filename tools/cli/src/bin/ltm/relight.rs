@@ -13,9 +13,9 @@ use ltm::pipeline::{Device, RelightOptions, Relighter, relight_matrix};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
-use ltm_cli::console::Console;
 use crate::input::{Kind, kind_of};
 use crate::picture::{Format, Picture, format_of, frame_path};
+use ltm_cli::console::Console;
 
 #[derive(Args)]
 pub(crate) struct Relight {

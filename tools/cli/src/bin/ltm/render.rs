@@ -10,9 +10,9 @@ use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport};
 use ltm::scene::LoadedScene;
 use ltm::store::Precision;
 
+use crate::input::{parse_size, with_overrides};
 use ltm_cli::compression::Compression;
 use ltm_cli::console::Console;
-use crate::input::{parse_size, with_overrides};
 
 #[derive(Args)]
 pub(crate) struct Render {

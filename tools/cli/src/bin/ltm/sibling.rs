@@ -29,7 +29,10 @@ pub(crate) fn run(program: &str, threads: Option<usize>, arguments: &Arguments) 
         std::io::ErrorKind::NotFound => Err(Error::input(
             program,
             "this program is not installed",
-            format!("build it with: cargo build --release -p {program} (or cargo install --path tools/{})", &program[4..]),
+            format!(
+                "build it with: cargo build --release -p {program} (or cargo install --path tools/{})",
+                &program[4..]
+            ),
         )),
         _ => Err(Error::io(found, "start")(failed)),
     }

@@ -7,8 +7,8 @@ use ltm::host::parse_bytes;
 use ltm::pipeline;
 use ltm::{Error, Result};
 
-use ltm_cli::console::Console;
 use crate::input::{Kind, kind_of};
+use ltm_cli::console::Console;
 
 #[derive(Args)]
 pub(crate) struct Verify {
