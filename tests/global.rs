@@ -4,7 +4,6 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use ltm::Result;
 use ltm::compress::{CompressSettings, Compressor, Core, Method, PriorChoice, Scope, Target};
-use ltm::host::Quiet;
 use ltm::light::{Light, LightBasis, LightKind};
 use ltm::matrix::{Block, BlockId, BlockSource, MatrixShape, TracedBlock};
 

@@ -230,6 +230,11 @@ impl ContainerWriter {
 }
 
 impl EncodedBlock {
+    /// The bytes of each layer, the base layer first.
+    pub fn layers(&self) -> &[Vec<u8>] {
+        &self.layers
+    }
+
     /// Bytes of its layers.
     pub fn size(&self) -> EncodedSize {
         EncodedSize { layer_bytes: self.layers.iter().map(Vec::len).collect() }

@@ -9,7 +9,7 @@ use super::bench::{Bench, CONFERENCE, Wanted, file_bytes};
 use super::table::{Cell, Table};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
-use ltm::host::PeakMemory;
+use ltm::host::{PeakMemory, human_bytes};
 use ltm::matrix::MatrixShape;
 use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, UnpackOptions};
 use ltm::store::StoreReader;
