@@ -4,6 +4,8 @@
 mod bsdf;
 #[path = "transport/bvh.rs"]
 mod bvh;
+#[path = "transport/layers.rs"]
+mod layers;
 #[path = "transport/light.rs"]
 mod light;
 #[path = "transport/references.rs"]

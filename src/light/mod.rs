@@ -2,6 +2,7 @@
 //! that every file of ours carries.
 
 mod basis;
+mod clusters;
 mod errors;
 mod job;
 mod lighting;
@@ -11,6 +12,7 @@ mod prior;
 mod probes;
 
 pub use basis::{Column, Light, LightBasis, LightKind, LightUnit};
+pub use clusters::Clusters;
 pub use errors::{LightErrors, column_name, light_errors_lines};
 pub use job::{Job, JobHash, Provenance};
 pub use lighting::Lighting;

@@ -1,6 +1,6 @@
 //! Blocks of entries of `T`, owned and borrowed.
 
-use super::{BlockNoise, ColumnIndex};
+use super::{BlockNoise, BlockPlanes, ColumnIndex};
 
 /// The entries of one block: `rows × columns`, column-major (see the module's layout).
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,13 +18,15 @@ pub struct BlockView<'a> {
     entries: &'a [f32],
 }
 
-/// A block with what tracing knows of its noise.
+/// A block with what tracing knows of its noise and of its samples.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TracedBlock {
     /// The entries: the mean of the two half-sample estimates.
     pub block: Block,
     /// The noise that the two halves show; none where the source cannot know it (imported renders).
     pub noise: Option<BlockNoise>,
+    /// What its samples are; none where the source cannot know it (imported renders, one sample a pixel).
+    pub planes: Option<BlockPlanes>,
 }
 
 impl Block {

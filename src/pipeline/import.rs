@@ -203,6 +203,7 @@ impl BlockSource for ImportedMatrix {
         let rect = self.job.shape.rect(id);
         target.block.reset(rect.rows(), self.job.shape.columns());
         target.noise = None;
+        target.planes = None;
         let (width, height) = (rect.width as usize, rect.height as usize);
         for (light, column) in target.block.entries_mut().chunks_exact_mut(rect.rows()).enumerate() {
             for (row, piece) in column.chunks_exact_mut(width).enumerate() {

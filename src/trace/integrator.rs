@@ -8,8 +8,10 @@
 use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
+use super::bsdf::{Bsdf, Scattered};
 use super::frame::Frame;
 use super::lights::EmitterHit;
+use super::planes::{Layer, PlaneSums, SampleFeatures};
 use super::sampler::{Sampler, Use};
 use super::world::{MAX_PASSES, SurfacePoint, World};
 use crate::scene::{Camera, PixelFilter};
@@ -39,35 +41,58 @@ struct Last {
 }
 
 /// Where the contributions of one path go.
-struct Record<'a> {
+struct Record<'a, 'b> {
     sums: &'a mut PixelSums,
+    planes: Option<&'a mut PlaneSums<'b>>,
     half: usize,
+    features: SampleFeatures,
     cost: PathCost,
 }
 
-impl Record<'_> {
-    fn add(&mut self, column: u32, value: Vec3) {
-        if value.is_finite() {
-            self.sums.add(self.half, column, value);
-        } else {
+/// A surface that a path has come to, seen from where it came.
+struct Vertex {
+    point: SurfacePoint,
+    bsdf: Bsdf,
+    /// Geometric normal on the viewer's side.
+    normal: Vec3,
+    frame: Frame,
+    /// Direction to the viewer in the frame.
+    wo: Vec3,
+}
+
+impl Record<'_, '_> {
+    fn add(&mut self, layer: Layer, column: u32, value: Vec3) {
+        if !value.is_finite() {
             self.cost.non_finite += 1;
+            return;
+        }
+        self.sums.add(self.half, column, value);
+        if let Some(planes) = &mut self.planes
+            && value != Vec3::ZERO
+        {
+            self.features.sees_emitter |= layer == Layer::Emission;
+            planes.add(self.half, layer, column, value);
         }
     }
 }
 
-/// Traces one sample of the pixel at image position (x, y) into its half of `sums`.
+/// Traces one sample of the pixel at image position (x, y) into its half of `sums`, and of `planes` where wanted.
 pub(super) fn trace_sample(
     world: &World,
     max_depth: u32,
     (x, y): (u32, u32),
     sampler: &Sampler,
-    sums: &mut PixelSums,
+    (sums, planes): (&mut PixelSums, Option<&mut PlaneSums<'_>>),
     half: usize,
 ) -> PathCost {
     let camera = &world.scene.camera;
     let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Use::Pixel, 0));
-    let mut record = Record { sums, half, cost: PathCost::default() };
+    let features = SampleFeatures::default();
+    let mut record = Record { sums, planes, half, features, cost: PathCost::default() };
     follow(world, max_depth, camera.eye, camera.direction(position), sampler, &mut record);
+    if let Some(planes) = record.planes {
+        planes.add_features(&record.features);
+    }
     record.cost
 }
 
@@ -77,15 +102,17 @@ fn follow(
     mut origin: Vec3,
     mut direction: Vec3,
     sampler: &Sampler,
-    record: &mut Record<'_>,
+    record: &mut Record<'_, '_>,
 ) {
     let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
     let mut last = Last { position: origin, pdf: None, cosine: 0.0, light_samples: 0.0 };
-    let (mut vertex, mut passes, mut scattered) = (0, 0, false);
+    // The layer of an emitter that the next ray finds: emission until a surface has scattered the path.
+    let mut layer = Layer::Emission;
+    let (mut vertex, mut passes, mut travelled) = (0, 0, 0.0);
     loop {
         let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
             for found in world.lights.beyond(direction, last.cosine) {
-                record.add(found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
+                record.add(layer, found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
             }
             return;
         };
@@ -98,65 +125,43 @@ fn follow(
                 distance: point.position.distance(last.position),
             };
             if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit) {
-                record.add(found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
+                record.add(layer, found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
             }
         }
-        let front = point.normal.dot(direction) < 0.0;
-        let bsdf = world.bsdf(&point, front);
-        let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
-        let wo = frame.to_local(-direction);
+        let at = Vertex::new(world, point, direction);
         // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
         let at_end = vertex + 1 >= max_depth;
-        if at_end && !bsdf.lets_pass() {
+        if layer == Layer::Emission {
+            travelled += at.point.position.distance(origin);
+            if at.bsdf.is_spread() || at_end || matches!(at.bsdf, Bsdf::Black) {
+                at.show(&mut record.features, throughput, travelled);
+            }
+        }
+        if at_end && !at.bsdf.lets_pass() {
             return;
         }
         let choice = sampler.pair(Use::Choice, vertex + passes);
 
         let mut light_samples = 0;
-        if bsdf.is_spread() {
-            light_samples = if scattered { 1 } else { FIRST_LIGHT_SAMPLES };
-            scattered = true;
+        if at.bsdf.is_spread() {
+            light_samples = if layer == Layer::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
+            layer = if layer == Layer::Emission { Layer::Direct } else { Layer::Indirect };
             for member in 0..light_samples {
                 let pair = sampler.member(Use::Light, vertex, member, light_samples);
-                let Some(light) = world.lights.sample(&world.scene, point.position, &frame, pair) else { continue };
-                if light.towards.dot(normal) <= 0.0 {
-                    continue;
-                }
-                let (value, pdf) = bsdf.eval(wo, frame.to_local(light.towards));
-                let value = throughput * value * light.weight / light_samples as f32;
-                if value == Vec3::ZERO {
-                    continue;
-                }
-                let start = point.start(light.towards);
-                // The end stays clear of the light itself by the same relative measure as the start.
-                let reach = if light.distance.is_finite() {
-                    light.distance * (1.0 - 1e-4) - start.distance(point.position)
-                } else {
-                    light.distance
-                };
-                let kept = world.transmittance(start, light.towards, reach, &mut record.cost.rays);
-                if kept != Vec3::ZERO {
-                    let weight = power_heuristic(light_samples as f32 * light.pdf, pdf);
-                    let weight = if light.pdf > 0.0 { weight } else { 1.0 };
-                    record.add(light.column, value * kept * weight);
-                }
+                at.sample_light(world, throughput, pair, light_samples, layer, record);
             }
         }
 
-        let Some(next) = bsdf.sample(wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
+        let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
         throughput *= next.weight;
         compression *= next.compression;
         if !next.straight {
-            direction = frame.to_world(next.wi).normalize();
-            // A direction that the shading normal allows and the surface itself does not.
-            if (direction.dot(normal) > 0.0) != (next.wi.z > 0.0) {
-                if !next.singular {
-                    return;
-                }
-                direction = lifted(direction, normal * next.wi.z.signum());
+            match at.leaving(&next) {
+                Some(leaving) => direction = leaving,
+                None => return,
             }
         }
-        origin = point.start(direction);
+        origin = at.point.start(direction);
         if next.straight {
             passes += 1;
             if passes >= MAX_PASSES {
@@ -167,8 +172,15 @@ fn follow(
         if at_end {
             return;
         }
+        if next.singular {
+            // A mirror or glass: what is seen in it is emission still, what lights by it is no longer direct.
+            match layer {
+                Layer::Emission => record.features.specular = true,
+                Layer::Direct | Layer::Indirect => layer = Layer::Indirect,
+            }
+        }
         last = Last {
-            position: point.position,
+            position: at.point.position,
             pdf: (!next.singular).then_some(next.pdf),
             cosine: next.wi.z,
             light_samples: light_samples as f32,
@@ -182,6 +194,67 @@ fn follow(
             }
             throughput /= survival;
         }
+    }
+}
+
+impl Vertex {
+    fn new(world: &World, point: SurfacePoint, direction: Vec3) -> Self {
+        let front = point.normal.dot(direction) < 0.0;
+        let bsdf = world.bsdf(&point, front);
+        let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
+        Self { point, bsdf, normal, frame, wo: frame.to_local(-direction) }
+    }
+
+    /// What a camera path shows that has come to this surface.
+    fn show(&self, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
+        features.albedo = throughput * self.bsdf.albedo(self.wo);
+        features.normal = self.frame.z;
+        features.depth = depth;
+        features.on_surface = true;
+    }
+
+    /// One light sample of `count`, from a pair of uniform numbers.
+    fn sample_light(
+        &self,
+        world: &World,
+        throughput: Vec3,
+        pair: Vec2,
+        count: u32,
+        layer: Layer,
+        record: &mut Record<'_, '_>,
+    ) {
+        let Some(light) = world.lights.sample(&world.scene, self.point.position, &self.frame, pair) else { return };
+        if light.towards.dot(self.normal) <= 0.0 {
+            return;
+        }
+        let (value, pdf) = self.bsdf.eval(self.wo, self.frame.to_local(light.towards));
+        let value = throughput * value * light.weight / count as f32;
+        if value == Vec3::ZERO {
+            return;
+        }
+        let start = self.point.start(light.towards);
+        // The end stays clear of the light itself by the same relative measure as the start.
+        let reach = if light.distance.is_finite() {
+            light.distance * (1.0 - 1e-4) - start.distance(self.point.position)
+        } else {
+            light.distance
+        };
+        let kept = world.transmittance(start, light.towards, reach, &mut record.cost.rays);
+        if kept != Vec3::ZERO {
+            let weight = power_heuristic(count as f32 * light.pdf, pdf);
+            let weight = if light.pdf > 0.0 { weight } else { 1.0 };
+            record.add(layer, light.column, value * kept * weight);
+        }
+    }
+
+    /// The world direction of what was scattered. None where the shading normal allows it and the surface itself does
+    /// not.
+    fn leaving(&self, next: &Scattered) -> Option<Vec3> {
+        let direction = self.frame.to_world(next.wi).normalize();
+        if (direction.dot(self.normal) > 0.0) == (next.wi.z > 0.0) {
+            return Some(direction);
+        }
+        next.singular.then(|| lifted(direction, self.normal * next.wi.z.signum()))
     }
 }
 

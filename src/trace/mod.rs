@@ -3,7 +3,8 @@
 //! ```text
 //! tracer ── for each pixel and sample ──► integrator ──► world (bvh, surfaces), bsdf, lights
 //!    ▲                                        │
-//!    └── block and noise ◄── accumulator ◄────┘ (column, RGB)
+//!    └── block and noise ◄── accumulator ◄────┤ (column, RGB)
+//!    └── layers, features ◄────── planes ◄────┘ (how it came, cluster, RGB)
 //! ```
 
 mod accumulator;
@@ -12,6 +13,7 @@ pub mod bvh;
 mod frame;
 mod integrator;
 mod lights;
+mod planes;
 mod sampler;
 #[cfg(test)]
 #[path = "../../tests/transport/statistics.rs"]

@@ -8,11 +8,12 @@ use rayon::prelude::*;
 use super::accumulator::{NoiseSums, PixelSums, RUN, Run, Tile, interleave};
 use super::bvh::Bvh;
 use super::integrator::trace_sample;
+use super::planes::{self, PlaneSums};
 use super::sampler::Sampler;
 use super::world::World;
 use crate::error::{Error, Result};
-use crate::light::probe_lightings;
-use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
+use crate::light::{Clusters, probe_lightings};
+use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 use crate::scene::Scene;
 
 /// How well to trace.
@@ -49,6 +50,7 @@ pub struct Tracer {
     /// Probe lightings for the noise, columns × probes, probe fastest.
     probes_of_column: Vec<f32>,
     probes: usize,
+    clusters: Clusters,
 }
 
 impl Tracer {
@@ -72,14 +74,17 @@ impl Tracer {
         }
         check(settings)?;
         let (probes_of_column, probes) = interleave(&probe_lightings(&scene.basis), columns);
-        Ok(Self { world: World::new(scene)?, shape, settings, probes_of_column, probes })
+        let clusters = Clusters::of_basis(&scene.basis);
+        Ok(Self { world: World::new(scene)?, shape, settings, probes_of_column, probes, clusters })
     }
 
     /// Bytes that tracing a block of this shape takes at most beside the block: sums and means of the pixels at hand, and
-    /// the noise, which stays with the block.
+    /// the noise and the planes, which stay with the block.
     pub fn block_needs_bytes(shape: MatrixShape) -> u64 {
         let (rows, columns) = (shape.max_block_rows() as u64, shape.columns() as u64);
-        PixelSums::needs_bytes(columns) + Tile::needs_bytes(columns) + NoiseSums::needs_bytes(rows, columns)
+        let sums = PixelSums::needs_bytes(columns) + Tile::needs_bytes(columns);
+        let planes = PlaneSums::needs_bytes(rows / CHANNELS as u64, columns);
+        sums + NoiseSums::needs_bytes(rows, columns) + planes
     }
 
     /// The same scene with other settings. Errors: settings out of range.
@@ -114,6 +119,11 @@ impl Tracer {
         let spp = self.settings.samples_per_pixel;
         let samples = [spp.div_ceil(2), spp / 2];
         let mut noise = (spp > 1).then(|| NoiseSums::new(rect.rows(), columns, &self.probes_of_column, self.probes));
+        let mut planes = (spp > 1).then(|| target.planes.take().unwrap_or_default());
+        let mut plane_sums = planes.as_mut().map(|planes| {
+            planes::begin(planes, &self.clusters, pixels);
+            PlaneSums::new(&self.clusters)
+        });
         let (mut sums, mut tile) = (PixelSums::new(columns), Tile::new(columns));
         let mut stats = BlockStats { paths: pixels as u64 * u64::from(spp), ..Default::default() };
         for first in (0..pixels).step_by(RUN) {
@@ -121,12 +131,19 @@ impl Tracer {
             for pixel in 0..run.count {
                 let inside = (first + pixel) as u32;
                 let (x, y) = (rect.x + inside % rect.width, rect.y + inside / rect.width);
-                self.trace_pixel((x, y), &mut sums, &mut stats);
+                self.trace_pixel((x, y), &mut sums, plane_sums.as_mut(), &mut stats);
                 tile.take(&mut sums, noise.as_mut(), run, pixel, samples);
+                if let (Some(planes), Some(sums)) = (&mut planes, &mut plane_sums) {
+                    sums.take(planes, first + pixel, samples);
+                }
             }
             tile.carry(target, run);
         }
         target.noise = noise.map(NoiseSums::finish);
+        if let Some(planes) = &mut planes {
+            planes::finish(planes, &self.clusters);
+        }
+        target.planes = planes;
         stats
     }
 
@@ -137,7 +154,7 @@ impl Tracer {
         let scale = 1.0 / self.settings.samples_per_pixel as f32;
         let row = |sums: &mut PixelSums, y: u32| {
             let pixel = |x: u32| {
-                self.trace_pixel((x, y), sums, &mut BlockStats::default());
+                self.trace_pixel((x, y), sums, None, &mut BlockStats::default());
                 let mut lit = Vec3::ZERO;
                 sums.drain(|column, sum| lit += sum * scale * Vec3::from(weights[column]));
                 lit.to_array()
@@ -149,12 +166,19 @@ impl Tracer {
         rows.map(|rows| rows.concat())
     }
 
-    fn trace_pixel(&self, (x, y): (u32, u32), sums: &mut PixelSums, stats: &mut BlockStats) {
+    fn trace_pixel(
+        &self,
+        (x, y): (u32, u32),
+        sums: &mut PixelSums,
+        mut planes: Option<&mut PlaneSums<'_>>,
+        stats: &mut BlockStats,
+    ) {
         let key = u64::from(y) * u64::from(self.shape.width()) + u64::from(x);
         for sample in 0..self.settings.samples_per_pixel {
             let sampler = Sampler::new(self.settings.seed, key, sample);
             let half = (sample & 1) as usize;
-            let cost = trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, sums, half);
+            let into = (&mut *sums, planes.as_deref_mut());
+            let cost = trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, into, half);
             stats.rays += cost.rays;
             stats.non_finite += cost.non_finite;
         }

@@ -145,6 +145,21 @@ impl Bsdf {
         }
     }
 
+    /// The part of light from all around that is reflected to `wo`, as far as it is spread: what the light of a pixel is
+    /// divided by to find how a surface is lit. Exact for diffuse surfaces and smooth coats, without the loss between
+    /// microfacets for rough ones; zero where nothing is spread.
+    pub fn albedo(&self, wo: Vec3) -> Vec3 {
+        match *self {
+            Self::Lambert { reflectance } => reflectance,
+            Self::RoughConductor { specular, .. } => schlick(specular, wo.z),
+            Self::Coated { reflectance, specular, .. } => {
+                let coat = schlick(specular, wo.z);
+                coat + reflectance * (Vec3::ONE - coat)
+            }
+            Self::Mirror { .. } | Self::Dielectric { .. } | Self::ThinDielectric { .. } | Self::Black => Vec3::ZERO,
+        }
+    }
+
     /// Chooses a direction from a pair of uniform numbers and one more for the choice between lobes. None where the
     /// light is absorbed.
     pub fn sample(&self, wo: Vec3, pair: Vec2, choice: f32) -> Option<Scattered> {

@@ -146,7 +146,7 @@ mod tests {
             let mut random = Pcg64Mcg::seed_from_u64(seed);
             let entry = |e: usize| 1.0 + 0.3 * ((e % m) as f32 * 0.1).sin();
             let entries = (0..m * n).map(|e| entry(e) + 0.35 * (random.random::<f32>() - 0.5)).collect();
-            TracedBlock { block: Block::from_entries(m, n, entries), noise: None }
+            TracedBlock { block: Block::from_entries(m, n, entries), noise: None, planes: None }
         };
         let found = ranks(&render(1), &render(2));
         assert_eq!(found.signal, 1.0);

@@ -86,7 +86,7 @@ pub(crate) fn write_stage(path: &Path, count: usize) {
             let lamp = x * count / STAGE[0] as usize;
             block.entries_mut()[lamp * rect.pixels() * 3 + row] = 0.5;
         }
-        write_block(&writer, id, &TracedBlock { block, noise: None }, count);
+        write_block(&writer, id, &TracedBlock { block, noise: None, planes: None }, count);
     }
     writer.finish().unwrap();
 }

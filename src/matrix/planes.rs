@@ -1,0 +1,176 @@
+//! What the samples of a block are: light by how it came, emitters in view, and the surfaces that are seen.
+
+use std::ops::Range;
+
+use super::CHANNELS;
+
+/// Planes of features: see [`Feature`].
+pub const FEATURE_PLANES: usize = 10;
+
+/// Emitters that are listed for each pixel at most, in the mean over a block.
+const MOST_SEEN_IN_PIXEL: u64 = 8;
+
+/// What is known of a pixel beside its light: of each sample, at the first surface that scatters, where the camera
+/// path stops at last. Mirrors, smooth glass and thin sheets on the way are passed. All are means over the pixel's
+/// samples; a sample whose path leaves the scene counts as zero in every plane but [`Emitter`](Self::Emitter) and
+/// [`Specular`](Self::Specular).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feature {
+    /// RGB: share of light that the surface reflects towards the viewer (diffuse, and specular where rough), times
+    /// what mirrors and glass on the way keep. Zero on black surfaces.
+    Albedo,
+    /// x, y, z: unit shading normal in world space, on the viewer's side.
+    Normal,
+    /// Length of the camera path to the surface, in scene units.
+    Depth,
+    /// Part of the samples whose camera path shows an emitter.
+    Emitter,
+    /// Part of the samples that came by a mirror or through smooth glass.
+    Specular,
+    /// Part of the samples that end on a surface: `Depth / Surface` is the mean over those alone.
+    Surface,
+}
+
+/// Light of an emitter that a pixel shows: the emitter is met by the camera ray, or through a chain of mirrors and
+/// smooth glass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct SeenEmission {
+    /// Pixel in the block.
+    pub pixel: u32,
+    /// Column of `T`.
+    pub column: u32,
+    /// RGB: its part of the entry, a mean over all samples.
+    pub value: [f32; CHANNELS],
+}
+
+/// What the samples of a block are, beside the block: for some clusters of columns (`light::Clusters`), whose 0/1
+/// matrix is `S`.
+///
+/// `T S = mean of halves (direct + indirect) + emission S`, to rounding. With an odd number of samples the first half
+/// has one more, and the mean is weighted so. Light and variances are kept to nine significant bits
+/// ([`encode_unsigned`]), in memory too, so that files give back what they were given.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlockPlanes {
+    /// For each half of the samples, rows × clusters, column-major: the mean of light that reaches the first surface
+    /// that scatters straight from an emitter, or through thin sheets.
+    pub direct: [Vec<f32>; 2],
+    /// The same of light that comes by other surfaces, mirrors and glass.
+    pub indirect: [Vec<f32>; 2],
+    /// Pixels × [`FEATURE_PLANES`], plane by plane in the order of [`Feature`]: means over all samples.
+    pub features: Vec<f32>,
+    /// The same layout: variance of those means, as if samples were independent.
+    pub feature_variance: Vec<f32>,
+    /// Emitters in view, sorted by pixel, then column: at most [`most_seen`](Self::most_seen), the brightest. What is
+    /// fainter, where a pixel of a glass ball sees a whole panel of texels, counts as indirect.
+    pub emission: Vec<SeenEmission>,
+}
+
+impl Feature {
+    /// All features in the order of their planes.
+    pub const ALL: [Self; 6] = [Self::Albedo, Self::Normal, Self::Depth, Self::Emitter, Self::Specular, Self::Surface];
+
+    /// Its planes.
+    pub fn planes(self) -> Range<usize> {
+        match self {
+            Self::Albedo => 0..3,
+            Self::Normal => 3..6,
+            Self::Depth => 6..7,
+            Self::Emitter => 7..8,
+            Self::Specular => 8..9,
+            Self::Surface => 9..10,
+        }
+    }
+}
+
+impl BlockPlanes {
+    /// Emitters that a block of `pixels` lists, at most.
+    pub fn most_seen(pixels: u64, columns: u64) -> u64 {
+        pixels * columns.min(MOST_SEEN_IN_PIXEL)
+    }
+
+    /// Makes these the empty planes of a block of `pixels` and `clusters`, keeping the allocations. The values of the
+    /// fixed-size planes are left as they were: whoever fills them writes all.
+    pub fn reset(&mut self, pixels: usize, clusters: usize) {
+        for light in self.direct.iter_mut().chain(&mut self.indirect) {
+            light.resize(pixels * CHANNELS * clusters, 0.0);
+        }
+        self.features.resize(pixels * FEATURE_PLANES, 0.0);
+        self.feature_variance.resize(pixels * FEATURE_PLANES, 0.0);
+        self.emission.clear();
+    }
+
+    /// Rounds light and variances to what [`encode_unsigned`] keeps.
+    pub fn round(&mut self) {
+        let light = self.direct.iter_mut().chain(&mut self.indirect);
+        for value in light.chain([&mut self.feature_variance]).flatten() {
+            *value = decode_unsigned(encode_unsigned(*value));
+        }
+    }
+
+    /// Bytes of the planes in memory but for the emission.
+    pub fn fixed_bytes(pixels: u64, clusters: u64) -> u64 {
+        4 * pixels * (4 * CHANNELS as u64 * clusters + 2 * FEATURE_PLANES as u64)
+    }
+
+    /// Pixels of the block.
+    pub fn pixels(&self) -> usize {
+        self.features.len() / FEATURE_PLANES
+    }
+
+    /// Clusters that light is summed over.
+    pub fn clusters(&self) -> usize {
+        self.direct[0].len().checked_div(self.pixels() * CHANNELS).unwrap_or(0)
+    }
+
+    /// Means of a feature: pixels × its planes, plane by plane.
+    pub fn feature(&self, feature: Feature) -> &[f32] {
+        let (pixels, planes) = (self.pixels(), feature.planes());
+        &self.features[planes.start * pixels..planes.end * pixels]
+    }
+
+    /// Variances of a feature's means, in the layout of [`feature`](Self::feature).
+    pub fn variance(&self, feature: Feature) -> &[f32] {
+        let (pixels, planes) = (self.pixels(), feature.planes());
+        &self.feature_variance[planes.start * pixels..planes.end * pixels]
+    }
+}
+
+/// Drop of bits from an f32 to the 16 that are kept: 8 of exponent, 8 of fraction, no sign.
+const DROPPED: u32 = 15;
+
+/// The 16-bit float nearest to a value that is not negative: the upper half of an f32 without its sign, so of the same
+/// range and of nine significant bits, an error of 2⁻⁹ at most. Negative values and NaN give 0, what is too large the
+/// largest.
+pub fn encode_unsigned(value: f32) -> u16 {
+    let bits = value.max(0.0).min(f32::MAX).to_bits();
+    // Half of the last bit, less one where the kept part is even: ties go to the even one.
+    let rounded = (bits + (1 << (DROPPED - 1)) - 1 + (bits >> DROPPED & 1)) >> DROPPED;
+    rounded.min(f32::MAX.to_bits() >> DROPPED) as u16
+}
+
+/// The value of a 16-bit float of [`encode_unsigned`].
+pub fn decode_unsigned(bits: u16) -> f32 {
+    f32::from_bits(u32::from(bits) << DROPPED)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unsigned_floats_keep_nine_bits_and_what_they_have_kept_once() {
+        let mut value = 1e-38f32;
+        while value < 1e38 {
+            let kept = decode_unsigned(encode_unsigned(value));
+            assert!((kept - value).abs() <= value * 2f32.powi(-9), "{value} became {kept}");
+            assert_eq!(decode_unsigned(encode_unsigned(kept)), kept);
+            value *= 1.000_37;
+        }
+        // Ties go to even: 1 + 1/512 lies between 1 and 1 + 1/256, 1 + 3/512 between 1 + 1/256 and 1 + 2/256.
+        let kept = |value: f32| decode_unsigned(encode_unsigned(value));
+        assert_eq!((kept(1.0 + 1.0 / 512.0), kept(1.0 + 3.0 / 512.0)), (1.0, 1.0 + 2.0 / 256.0));
+        assert_eq!([0.0, -1.0, -0.0, f32::NAN].map(encode_unsigned), [0; 4]);
+        assert!([f32::MAX, f32::INFINITY].map(kept).iter().all(|v| v.is_finite() && *v > 3e38));
+    }
+}

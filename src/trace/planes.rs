@@ -1,0 +1,221 @@
+//! What the samples of a pixel are, summed while they are traced and written to the block's planes.
+
+use glam::Vec3;
+
+use super::accumulator::PixelSums;
+use crate::light::Clusters;
+use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, Feature, SeenEmission};
+
+/// How light came to the camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Layer {
+    /// From an emitter straight, or by mirrors and smooth glass alone.
+    Emission,
+    /// By the first surface that scatters, and to that straight or through thin sheets.
+    Direct,
+    /// Any other way.
+    Indirect,
+}
+
+/// What one sample shows, beside its light, at the first surface that scatters.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct SampleFeatures {
+    pub(super) albedo: Vec3,
+    pub(super) normal: Vec3,
+    pub(super) depth: f32,
+    pub(super) sees_emitter: bool,
+    pub(super) specular: bool,
+    /// Whether the path came to a surface where it stops or scatters.
+    pub(super) on_surface: bool,
+}
+
+/// Light of one cluster in one pixel: by half, then direct and indirect; RGB and padding.
+type ClusterLight = [[[f32; 4]; 2]; 2];
+
+/// Sums over the samples of one pixel, and the clusters that they go to.
+pub(super) struct PlaneSums<'a> {
+    of_column: &'a [u16],
+    light: Vec<ClusterLight>,
+    emission: PixelSums,
+    features: FeatureSums,
+}
+
+/// Sums of features as differences from the first sample's, so that squares of large depths keep their digits.
+#[derive(Clone, Copy, Debug, Default)]
+struct FeatureSums {
+    first: [f32; FEATURE_PLANES],
+    sum: [f32; FEATURE_PLANES],
+    squares: [f32; FEATURE_PLANES],
+    count: u32,
+}
+
+impl<'a> PlaneSums<'a> {
+    pub(super) fn new(clusters: &'a Clusters) -> Self {
+        let of_column = clusters.of_column();
+        Self {
+            of_column,
+            light: vec![ClusterLight::default(); clusters.count()],
+            emission: PixelSums::new(of_column.len()),
+            features: FeatureSums::default(),
+        }
+    }
+
+    /// Bytes of the sums, and of the planes that they fill in a block of `pixels`.
+    pub(super) fn needs_bytes(pixels: u64, columns: u64) -> u64 {
+        let clusters = columns.min(Clusters::MAX as u64);
+        let sums = size_of::<ClusterLight>() as u64 * clusters + PixelSums::needs_bytes(columns);
+        sums + BlockPlanes::fixed_bytes(pixels, clusters) + emission_bytes(pixels, columns)
+    }
+
+    /// Adds a contribution to its layer.
+    #[inline]
+    pub(super) fn add(&mut self, half: usize, layer: Layer, column: u32, value: Vec3) {
+        let layer = match layer {
+            Layer::Emission => return self.emission.add(0, column, value),
+            Layer::Direct => 0,
+            Layer::Indirect => 1,
+        };
+        let cluster = self.of_column.get(column as usize).copied().unwrap_or(u16::MAX);
+        if let Some(light) = self.light.get_mut(usize::from(cluster)) {
+            let [r, g, b, _] = &mut light[half & 1][layer];
+            *r += value.x;
+            *g += value.y;
+            *b += value.z;
+        }
+    }
+
+    /// Adds what a sample shows.
+    #[inline]
+    pub(super) fn add_features(&mut self, sample: &SampleFeatures) {
+        let share = |is: bool| if is { 1.0 } else { 0.0 };
+        let (a, n) = (sample.albedo, sample.normal);
+        let [emitter, specular, surface] = [sample.sees_emitter, sample.specular, sample.on_surface].map(share);
+        let values: [f32; FEATURE_PLANES] = [a.x, a.y, a.z, n.x, n.y, n.z, sample.depth, emitter, specular, surface];
+        let sums = &mut self.features;
+        if sums.count == 0 {
+            sums.first = values;
+        }
+        for (plane, value) in values.into_iter().enumerate() {
+            let difference = value - sums.first[plane];
+            sums.sum[plane] += difference;
+            sums.squares[plane] += difference * difference;
+        }
+        sums.count += 1;
+    }
+
+    /// Writes the means of pixel `pixel` of the block and empties the sums. `samples` are those of each half, none of
+    /// them 0.
+    pub(super) fn take(&mut self, planes: &mut BlockPlanes, pixel: usize, samples: [u32; 2]) {
+        let pixels = planes.features.len() / FEATURE_PLANES;
+        let scales = samples.map(|count| 1.0 / count as f32);
+        for (cluster, light) in self.light.iter_mut().enumerate() {
+            let light = std::mem::take(light);
+            for (half, [direct, indirect]) in light.into_iter().enumerate() {
+                for channel in 0..CHANNELS {
+                    let at = (cluster * CHANNELS + channel) * pixels + pixel;
+                    planes.direct[half][at] = direct[channel] * scales[half];
+                    planes.indirect[half][at] = indirect[channel] * scales[half];
+                }
+            }
+        }
+        let features = std::mem::take(&mut self.features);
+        let count = (samples[0] + samples[1]) as f32;
+        for plane in 0..FEATURE_PLANES {
+            let mean = features.sum[plane] / count;
+            let variance = (features.squares[plane] / count - mean * mean) / (count - 1.0);
+            planes.features[plane * pixels + pixel] = features.first[plane] + mean;
+            planes.feature_variance[plane * pixels + pixel] = variance.max(0.0);
+        }
+        if planes.features[Feature::Emitter.planes().start * pixels + pixel] > 0.0 {
+            self.emission.drain(|column, sum| {
+                let value = (sum / count).to_array();
+                planes.emission.push(SeenEmission { pixel: pixel as u32, column: column as u32, value });
+            });
+            let most = BlockPlanes::most_seen(pixels as u64, self.of_column.len() as u64) as usize;
+            if planes.emission.len() > 2 * most {
+                keep_brightest(planes, self.of_column, most);
+            }
+        }
+    }
+}
+
+/// Bytes of a block's emission while it is traced: twice what is kept, and what one pixel may add.
+fn emission_bytes(pixels: u64, columns: u64) -> u64 {
+    size_of::<SeenEmission>() as u64 * (2 * BlockPlanes::most_seen(pixels, columns) + columns)
+}
+
+/// Empties `planes` for a block of `pixels` and makes room for what its samples may see.
+pub(super) fn begin(planes: &mut BlockPlanes, clusters: &Clusters, pixels: usize) {
+    planes.reset(pixels, clusters.count());
+    let most = emission_bytes(pixels as u64, clusters.of_column().len() as u64);
+    planes.emission.reserve_exact(most as usize / size_of::<SeenEmission>());
+}
+
+/// Brings the planes of a traced block to what is kept of them.
+pub(super) fn finish(planes: &mut BlockPlanes, clusters: &Clusters) {
+    let most = BlockPlanes::most_seen(planes.pixels() as u64, clusters.of_column().len() as u64);
+    keep_brightest(planes, clusters.of_column(), most as usize);
+    planes.round();
+}
+
+/// Keeps the brightest of the emission, and counts the rest as indirect.
+fn keep_brightest(planes: &mut BlockPlanes, of_column: &[u16], most: usize) {
+    if planes.emission.len() <= most {
+        return;
+    }
+    let brightness = |seen: &SeenEmission| seen.value.iter().sum::<f32>();
+    let place = |seen: &SeenEmission| (seen.pixel, seen.column);
+    let brighter = |a: &SeenEmission, b: &SeenEmission| {
+        brightness(b).total_cmp(&brightness(a)).then_with(|| place(a).cmp(&place(b)))
+    };
+    planes.emission.select_nth_unstable_by(most, brighter);
+    let pixels = planes.pixels();
+    // In one order, so that sums come out the same.
+    planes.emission[most..].sort_unstable_by_key(place);
+    for seen in planes.emission.drain(most..) {
+        let cluster = usize::from(of_column[seen.column as usize]);
+        for (channel, value) in seen.value.into_iter().enumerate() {
+            let at = (cluster * CHANNELS + channel) * pixels + seen.pixel as usize;
+            planes.indirect.iter_mut().for_each(|half| half[at] += value);
+        }
+    }
+    planes.emission.sort_unstable_by_key(place);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_faintest_emission_beyond_the_most_counts_as_indirect() {
+        let seen = |pixel, column, value| SeenEmission { pixel, column, value: [value; CHANNELS] };
+        let mut planes = BlockPlanes::default();
+        planes.reset(2, 2);
+        let brightest = [seen(0, 1, 3.0), seen(1, 0, 4.0)];
+        planes.emission = vec![seen(0, 0, 1.0), brightest[0], brightest[1], seen(1, 3, 2.0)];
+        keep_brightest(&mut planes, &[0, 0, 1, 1], 2);
+        assert_eq!(planes.emission, brightest);
+        for half in &planes.indirect {
+            // Column-major: cluster 0 has pixels 0, 1 of each channel, then cluster 1.
+            assert_eq!(*half, [1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0, 2.0, 0.0, 2.0]);
+        }
+    }
+
+    #[test]
+    fn features_have_the_mean_and_the_variance_of_that_mean() {
+        let clusters = Clusters::default();
+        let mut sums = PlaneSums::new(&clusters);
+        let mut planes = BlockPlanes::default();
+        planes.reset(1, 0);
+        for depth in [1000.0, 1001.0, 1002.0, 1005.0] {
+            sums.add_features(&SampleFeatures { depth, on_surface: depth < 1001.5, ..Default::default() });
+        }
+        sums.take(&mut planes, 0, [2, 2]);
+        let only = |values: &[f32]| values[0];
+        assert_eq!(only(planes.feature(Feature::Depth)), 1002.0);
+        assert_eq!(only(planes.feature(Feature::Surface)), 0.5);
+        // Deviations −2, −1, 0, 3: their squares over 4 · 3. And ±½ over 4 · 3.
+        assert!((only(planes.variance(Feature::Depth)) - 14.0 / 12.0).abs() < 1e-5);
+        assert!((only(planes.variance(Feature::Surface)) - 1.0 / 12.0).abs() < 1e-6);
+    }
+}
