@@ -12,7 +12,7 @@ use crate::host::{Need, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::matrix::BlockId;
 use crate::scene::LoadedScene;
-use crate::store::{self, StoreOptions, StoreReader};
+use crate::store::{self, StoreReader};
 use crate::trace::Tracer;
 
 /// What checking a matrix or a container found and took. Displayed as one line, without what is wrong.
@@ -105,12 +105,7 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watc
 }
 
 fn reading_need(reader: &StoreReader) -> Need {
-    let options = StoreOptions {
-        precision: reader.precision(),
-        max_probes: reader.layout().max_probes(),
-        ..StoreOptions::default()
-    };
-    let reading = store::requirements(reader.job(), &options).memory_bytes;
+    let reading = store::requirements(reader.job(), &reader.options()).memory_bytes;
     Need { fixed_bytes: PROGRAM_BYTES + reading, ..Need::default() }
 }
 

@@ -127,7 +127,7 @@ pub fn pack(
     options: &PackOptions,
     watch: &dyn Watch,
 ) -> Result<PackReport> {
-    let reading = store::requirements(job, &store::StoreOptions::default()).memory_bytes;
+    let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
     let mut packing = Packing::begin(job, path, options, Need { per_thread_bytes: reading, ..Need::default() }, watch)?;
     packing.choose_globally(source, watch)?;
     packing.run("analysing", "B", watch, |id, block| {

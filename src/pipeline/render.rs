@@ -80,13 +80,15 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     let memory = PeakMemory::start();
     let job = job_of(&loaded)?;
     let wanted = options.blocks.clone().unwrap_or(0..job.shape.block_count());
-    let requirements = store::requirements_of(&job, &options.store, wanted.clone())?;
+    // One sample a pixel has no halves.
+    let stored = StoreOptions { planes: loaded.settings.samples_per_pixel > 1, ..options.store };
+    let requirements = store::requirements_of(&job, &stored, wanted.clone())?;
     let mut need = tracing_need(&loaded, &job);
     need.fixed_bytes += need.per_thread_bytes + requirements.memory_bytes;
     need.disk_bytes = if options.store.reserve { requirements.disk_bytes } else { 0 };
     // A finished file that lacks blocks is filled in where it stands, part by part.
     let fill_in = options.blocks.is_some() && path.exists() && !options.store.overwrite;
-    let lazy = StoreOptions { reserve: false, ..options.store };
+    let lazy = StoreOptions { reserve: false, ..stored };
     if path.exists() && !options.store.overwrite && !fill_in {
         // Refuses, before anything is said of memory and disk.
         StoreWriter::create(path, &job, lazy)?;

@@ -1,17 +1,19 @@
 //! The header page and the job description behind it.
 
 use crate::error::{Error, Result};
-use crate::light::{Job, decode_job, encode_job};
+use crate::light::{Clusters, Job, decode_job, encode_job};
 use crate::matrix::MatrixShape;
 use std::path::Path;
 
 use super::storage::{Storage, read_exact};
-use super::{Layout, PAGE_BYTES, Precision, disk_structure};
+use super::{Layout, PAGE_BYTES, Precision, StoreOptions, disk_structure};
 
 /// First bytes of every `.ltm` file: a byte above 127, the name, and line ends that a text transfer would change.
 pub const MAGIC: [u8; 8] = *b"\x89LTM\r\n\x1a\n";
-/// Version of the format that this program writes, and the newest that it reads.
-pub const VERSION: u32 = 1;
+/// The newest version of the format that this program reads, and what it writes where a file has room for planes.
+pub const VERSION: u32 = 2;
+/// The version of files without planes: the first, still written so.
+const VERSION_WITHOUT_PLANES: u32 = 1;
 
 disk_structure! {
     /// The header as it lies at the start of the header page; the rest of the page is zero.
@@ -28,7 +30,7 @@ disk_structure! {
         columns: u32,
         block_side: u32,
         job_checksum: u32,
-        reserved: u32,
+        clusters: u32,
         job_bytes: u64,
         table_offset: u64,
         slots_offset: u64,
@@ -52,22 +54,22 @@ pub(super) struct Header {
 
 impl Header {
     /// The header page and the job description (padded to whole pages) of a new file.
-    pub(super) fn encode(job: &Job, precision: Precision, max_probes: u32) -> (Layout, [u8; PAGE], Vec<u8>) {
+    pub(super) fn encode(job: &Job, options: &StoreOptions) -> (Layout, [u8; PAGE], Vec<u8>) {
         let mut description = encode_job(job);
-        let layout = Layout { shape: job.shape, precision, max_probes, job_bytes: description.len() as u64 };
+        let layout = Layout::new(job, options, description.len() as u64);
         description.resize(description.len().next_multiple_of(PAGE), 0);
         let fields = HeaderBytes {
             magic: MAGIC,
             checksum: 0,
-            version: VERSION,
-            precision: precision.code(),
-            max_probes,
+            version: if layout.has_planes() { VERSION } else { VERSION_WITHOUT_PLANES },
+            precision: layout.precision.code(),
+            max_probes: layout.max_probes,
             width: job.shape.width(),
             height: job.shape.height(),
             columns: job.shape.columns() as u32,
             block_side: job.shape.block_side(),
             job_checksum: crc32fast::hash(&description),
-            reserved: 0,
+            clusters: layout.clusters,
             job_bytes: layout.job_bytes,
             table_offset: layout.table_offset(),
             slots_offset: layout.slots_offset(),
@@ -123,8 +125,8 @@ impl UnverifiedHeader {
         if crc32fast::hash(&self.0[CHECKED_FROM..]) != fields.checksum {
             return Err(damaged("the header's checksum does not hold".into()));
         }
-        if fields.version != VERSION {
-            let problem = format!("has format version {}, this program reads {VERSION}", fields.version);
+        if !(VERSION_WITHOUT_PLANES..=VERSION).contains(&fields.version) {
+            let problem = format!("has format version {}, this program reads up to {VERSION}", fields.version);
             return Err(Error::input(path.display().to_string(), problem, "use a program of that version"));
         }
         let precision = Precision::from_code(fields.precision)
@@ -136,10 +138,15 @@ impl UnverifiedHeader {
             let problem = format!("the file is cut short inside the job description: {length} bytes");
             return Err(damaged(problem));
         }
-        if fields.max_probes > Self::MOST_PROBES || fields.reserved != 0 {
+        let HeaderBytes { max_probes, clusters, job_bytes, .. } = fields;
+        let has_planes = clusters > 0;
+        if max_probes > Self::MOST_PROBES
+            || has_planes != (fields.version > VERSION_WITHOUT_PLANES)
+            || clusters as usize > Clusters::MAX
+        {
             return Err(damaged("the header's fields are out of range".into()));
         }
-        let layout = Layout { shape, precision, max_probes: fields.max_probes, job_bytes: fields.job_bytes };
+        let layout = Layout { shape, precision, max_probes, clusters, job_bytes };
         let said = (fields.table_offset, fields.slots_offset, fields.file_bytes);
         if said != (layout.table_offset(), layout.slots_offset(), layout.file_bytes()) {
             return Err(damaged("the header's offsets do not fit its shape".into()));
@@ -158,6 +165,9 @@ impl UnverifiedHeader {
         let job = decode_job(&description[..fields.job_bytes as usize]).map_err(damaged)?;
         if job.shape != shape {
             return Err(damaged("the header and the job description differ in shape".into()));
+        }
+        if has_planes && clusters as usize != Clusters::of_basis(&job.basis).count() {
+            return Err(damaged("the header and the job description differ in clusters of columns".into()));
         }
         Ok(Header { layout, job })
     }

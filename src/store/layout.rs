@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use crate::error::{Error, Result};
-use crate::light::{Job, encode_job};
-use crate::matrix::{BlockId, MatrixShape};
+use crate::light::{Clusters, Job, encode_job};
+use crate::matrix::{BlockId, BlockPlanes, CHANNELS, FEATURE_PLANES, MatrixShape, SeenEmission};
 
 use super::{Precision, StoreOptions};
 
@@ -23,6 +23,8 @@ pub struct Layout {
     pub(super) shape: MatrixShape,
     pub(super) precision: Precision,
     pub(super) max_probes: u32,
+    /// Clusters of columns in the planes; 0 where there is no room for planes.
+    pub(super) clusters: u32,
     pub(super) job_bytes: u64,
 }
 
@@ -44,8 +46,8 @@ pub fn requirements(job: &Job, options: &StoreOptions) -> Requirements {
 ///
 /// Errors: there are no such blocks.
 pub fn requirements_of(job: &Job, options: &StoreOptions, blocks: Range<u32>) -> Result<Requirements> {
-    let job_bytes = encode_job(job).len() as u64;
-    let layout = Layout { shape: job.shape, precision: options.precision, max_probes: options.max_probes, job_bytes };
+    let layout = Layout::new(job, options, encode_job(job).len() as u64);
+    let job_bytes = layout.job_bytes;
     let slots = layout.slots_of(blocks)?;
     let rows = job.shape.max_block_rows() as u64;
     let columns = job.shape.columns() as u64;
@@ -53,8 +55,18 @@ pub fn requirements_of(job: &Job, options: &StoreOptions, blocks: Range<u32>) ->
     let staging = 2 * layout.staging_bytes() as u64;
     let table = u64::from(job.shape.block_count());
     let side = layout.side_bytes(rows, columns, columns + u64::from(options.max_probes), true);
+    // Planes as they lie in the file, and as they come out of it.
+    let pixels = rows / CHANNELS as u64;
+    let seen = BlockPlanes::most_seen(pixels, columns);
+    let planes = match layout.clusters {
+        0 => 0,
+        clusters => {
+            let decoded = BlockPlanes::fixed_bytes(pixels, clusters.into()) + seen * size_of::<SeenEmission>() as u64;
+            layout.planes_bytes(rows, seen) + decoded
+        }
+    };
     Ok(Requirements {
-        memory_bytes: staging + 2 * side + table + 2 * job_bytes,
+        memory_bytes: staging + 2 * side + planes + table + 2 * job_bytes,
         disk_bytes: layout.slots_offset() + (slots.end - slots.start),
     })
 }
@@ -64,6 +76,17 @@ fn aligned(bytes: u64) -> u64 {
 }
 
 impl Layout {
+    pub(super) fn new(job: &Job, options: &StoreOptions, job_bytes: u64) -> Self {
+        let StoreOptions { precision, max_probes, .. } = *options;
+        let clusters = if options.planes { Clusters::of_basis(&job.basis).count() as u32 } else { 0 };
+        Self { shape: job.shape, precision, max_probes, clusters, job_bytes }
+    }
+
+    /// Whether there is room for what the samples of each block are.
+    pub fn has_planes(&self) -> bool {
+        self.clusters > 0
+    }
+
     /// Most probe lightings that a block's noise may hold.
     pub fn max_probes(&self) -> u32 {
         self.max_probes
@@ -125,8 +148,10 @@ impl Layout {
     }
 
     fn slot_bytes_of(&self, width: u32, height: u32) -> u64 {
-        let rows = u64::from(width) * u64::from(height) * crate::matrix::CHANNELS as u64;
-        aligned(self.tile_bytes(rows, self.shape.columns() as u64, u64::from(self.max_probes), true))
+        let rows = u64::from(width) * u64::from(height) * CHANNELS as u64;
+        let columns = self.shape.columns() as u64;
+        let planes = if self.has_planes() { self.planes_bytes(rows, self.most_seen(rows)) } else { 0 };
+        aligned(self.tile_bytes(rows, columns, u64::from(self.max_probes), true) + planes)
     }
 
     /// Bytes of the file.
@@ -145,7 +170,20 @@ impl Layout {
         rows * stored * self.precision.entry_bytes() as u64
     }
 
-    /// Bytes of a tile: columns, probes, padding to 8, side data. Nothing at all where there is nothing to say.
+    /// Emitters that a block's planes may list.
+    pub(super) fn most_seen(&self, rows: u64) -> u64 {
+        BlockPlanes::most_seen(rows / CHANNELS as u64, self.shape.columns() as u64)
+    }
+
+    /// Bytes of a block's planes, which list `seen` emitters.
+    pub(super) fn planes_bytes(&self, rows: u64, seen: u64) -> u64 {
+        let features = rows / CHANNELS as u64 * FEATURE_PLANES as u64 * 6;
+        let light = rows * u64::from(self.clusters) * 4 * 2;
+        (features + light).next_multiple_of(4) + seen * size_of::<SeenEmission>() as u64
+    }
+
+    /// Bytes of a tile without its planes: columns, probes, padding to 8, side data. Nothing at all where there is
+    /// nothing to say.
     pub(super) fn tile_bytes(&self, rows: u64, stored_columns: u64, probes: u64, noise: bool) -> u64 {
         let stored = stored_columns + if noise { probes } else { 0 };
         if stored_columns == 0 && !noise {
@@ -172,7 +210,7 @@ mod tests {
         for (width, height, side) in [(1, 1, 32), (33, 31, 32), (100, 70, 16), (7, 300, 256), (64, 64, 32)] {
             for precision in Precision::ALL {
                 let shape = MatrixShape::new(width, height, 5, side).unwrap();
-                let layout = Layout { shape, precision, max_probes: 2, job_bytes: 100 };
+                let layout = Layout { shape, precision, max_probes: 2, clusters: 3, job_bytes: 100 };
                 let mut end = layout.slots_offset();
                 for id in shape.blocks() {
                     assert_eq!(layout.slot_offset(id), end, "{width}×{height} by {side}, {id}");
@@ -187,7 +225,7 @@ mod tests {
     #[test]
     fn the_largest_shape_does_not_overflow() {
         let shape = MatrixShape::new(65_536, 65_536, 1 << 24, 256).unwrap();
-        let layout = Layout { shape, precision: Precision::F32, max_probes: 16, job_bytes: 1 << 30 };
+        let layout = Layout { shape, precision: Precision::F32, max_probes: 16, clusters: 24, job_bytes: 1 << 30 };
         assert!(layout.file_bytes() > shape.raw_bytes());
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, BlockSource};
 
-use super::{BlockDamage, StoreOptions, StoreReader, StoreWriter};
+use super::{BlockDamage, StoreReader, StoreWriter};
 
 /// What merging found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -41,8 +41,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
             return Err(Error::input(reader.path().display().to_string(), problem, "merge files of one job only"));
         }
     }
-    let max_probes = first.layout().max_probes;
-    let options = StoreOptions { precision: first.precision(), max_probes, ..StoreOptions::default() };
+    let options = first.options();
     let writer = if output.exists() {
         StoreWriter::reopen(output, first.job(), options)?
     } else {

@@ -7,16 +7,17 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::light::Job;
-use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, MatrixShape, TracedBlock};
+use crate::matrix::{Block, BlockId, BlockNoise, BlockPlanes, BlockSource, MatrixShape, TracedBlock};
 
 use super::header::Header;
 use super::layout::READING_BYTES;
 use super::mapped::MappedStorage;
+use super::planes::decode_planes;
 use super::record::{Record, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact};
 use super::tile::SideData;
-use super::{Layout, NOISE_NONE, NOISE_ZERO, Precision, RECORD_BYTES, partial_path};
+use super::{Layout, NOISE_NONE, NOISE_ZERO, Precision, RECORD_BYTES, StoreOptions, partial_path};
 
 /// Reads a `.ltm`. Everything that it returns has passed its checksum.
 pub struct StoreReader<S: Storage = FileStorage> {
@@ -84,6 +85,12 @@ impl<S: Storage> StoreReader<S> {
     /// How entries are stored.
     pub fn precision(&self) -> Precision {
         self.header.layout.precision
+    }
+
+    /// The options with which another file of the same layout is made.
+    pub fn options(&self) -> StoreOptions {
+        let Layout { precision, max_probes, .. } = self.header.layout;
+        StoreOptions { precision, max_probes, planes: self.header.layout.has_planes(), ..StoreOptions::default() }
     }
 
     /// Where everything stands in the file.
@@ -168,12 +175,43 @@ impl<S: Storage> StoreReader<S> {
         let layout = &self.header.layout;
         let rows = layout.shape.rect(id).rows();
         let columns = layout.column_bytes(rows as u64, record.stored());
-        let mut bytes = vec![0; (record.length - columns) as usize];
+        let planes = record.planes_bytes(layout, rows as u64);
+        let mut bytes = vec![0; (record.length - columns - planes) as usize];
         self.read(id, "side data", layout.slot_offset(id) + columns, &mut bytes)?;
         if crc32fast::hash(&bytes) != record.side_checksum {
             return Err(self.damaged(id, "its side data's checksum does not hold"));
         }
         SideData::decode(&bytes, layout, rows, record).map_err(|problem| self.damaged(id, problem))
+    }
+
+    /// The checked bytes of a block's planes; `scratch` is reused. None where it stores none.
+    fn planes_of<'a>(&self, id: BlockId, record: &Record, scratch: &'a mut Vec<u8>) -> Result<Option<&'a [u8]>> {
+        let Some(planes) = record.planes else { return Ok(None) };
+        let layout = &self.header.layout;
+        let bytes = record.planes_bytes(layout, layout.shape.rect(id).rows() as u64);
+        scratch.resize(bytes as usize, 0);
+        self.read(id, "planes", layout.slot_offset(id) + record.length - bytes, scratch)?;
+        match crc32fast::hash(scratch) == planes.checksum {
+            true => Ok(Some(scratch)),
+            false => Err(self.damaged(id, "the checksum of its planes does not hold")),
+        }
+    }
+
+    /// Reads what the samples of a block are into `target`, whose allocations are reused, without its entries. None
+    /// where the file does not tell.
+    pub fn read_planes(&self, id: BlockId, target: Option<BlockPlanes>) -> Result<Option<BlockPlanes>> {
+        self.decode_planes(id, &self.committed_record(id)?, target)
+    }
+
+    fn decode_planes(&self, id: BlockId, record: &Record, target: Option<BlockPlanes>) -> Result<Option<BlockPlanes>> {
+        let (mut scratch, mut target) = (Vec::new(), target.unwrap_or_default());
+        let (Some(bytes), Some(said)) = (self.planes_of(id, record, &mut scratch)?, record.planes) else {
+            return Ok(None);
+        };
+        let rows = self.shape().rect(id).rows();
+        decode_planes(bytes, &self.header.layout, rows, said, &mut target)
+            .map_err(|problem| self.damaged(id, problem))?;
+        Ok(Some(target))
     }
 
     /// Reads, checks and decodes stored columns `stored` (counting stored columns and probes only) into `target`.
@@ -227,7 +265,7 @@ impl<S: Storage> StoreReader<S> {
             return Err(Error::input(self.path.display().to_string(), problem, ""));
         }
         let mut block = Block::zeros(rows, columns.len());
-        if record.length > 0 {
+        if record.has_main(&self.header.layout, rows) {
             let side = self.side_data(id, &record)?;
             let range = side.columns.partition_point(|&c| c < columns.start)
                 ..side.columns.partition_point(|&c| c < columns.end);
@@ -245,8 +283,15 @@ impl<S: Storage> StoreReader<S> {
         }
         let layout = &self.header.layout;
         self.storage.expect(layout.slot_offset(id), record.length);
+        let rows = layout.shape.rect(id).rows();
+        if self.planes_of(id, record, scratch)?.is_some() {
+            self.decode_planes(id, record, None)?;
+        }
+        if !record.has_main(layout, rows) {
+            return Ok(());
+        }
         let side = self.side_data(id, record)?;
-        let column_bytes = layout.shape.rect(id).rows() * layout.precision.entry_bytes();
+        let column_bytes = rows * layout.precision.entry_bytes();
         let at_once = (READING_BYTES / column_bytes).max(1);
         let mut offset = layout.slot_offset(id);
         for (part, checksums) in side.checksums.chunks(at_once).enumerate() {
@@ -271,12 +316,13 @@ impl<S: Storage> BlockSource for StoreReader<S> {
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let record = self.committed_record(id)?;
         let (rows, columns) = (self.shape().rect(id).rows(), self.shape().columns());
-        if record.length == 0 {
+        self.storage.expect(self.header.layout.slot_offset(id), record.length);
+        target.planes = self.decode_planes(id, &record, target.planes.take())?;
+        if !record.has_main(&self.header.layout, rows) {
             target.block.reset(rows, columns);
             target.noise = zero_noise(&record, rows, columns);
             return Ok(());
         }
-        self.storage.expect(self.header.layout.slot_offset(id), record.length);
         let side = self.side_data(id, &record)?;
         if (target.block.rows(), target.block.columns()) != (rows, columns) {
             target.block.reset(rows, columns);

@@ -13,6 +13,9 @@ pub const NOISE_STORED: u32 = 1;
 /// The noise is known and zero throughout, so nothing of it is stored.
 pub const NOISE_ZERO: u32 = 2;
 
+/// The planes are stored in the tile; 0 where there are none.
+pub const PLANES_STORED: u32 = 1;
+
 disk_structure! {
     /// A commit record as it lies in the commit table.
     RecordBytes,
@@ -27,7 +30,10 @@ disk_structure! {
         stored_columns: u32,
         probes: u32,
         side_checksum: u32,
-        reserved: [u32; 5],
+        planes: u32,
+        seen: u32,
+        planes_checksum: u32,
+        reserved: [u32; 2],
     }
 }
 
@@ -50,6 +56,17 @@ pub(super) struct Record {
     pub(super) noise: u32,
     /// Checksum of the side data.
     pub(super) side_checksum: u32,
+    /// What is said of the planes, where they are stored.
+    pub(super) planes: Option<PlanesRecord>,
+}
+
+/// What a believed record says of a block's planes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PlanesRecord {
+    /// Emitters in view that they list.
+    pub(super) seen: u32,
+    /// Checksum of the planes.
+    pub(super) checksum: u32,
 }
 
 impl Record {
@@ -63,6 +80,22 @@ impl Record {
         u64::from(self.stored_columns) + u64::from(self.stored_probes())
     }
 
+    /// Bytes of the planes in the tile.
+    pub(super) fn planes_bytes(&self, layout: &Layout, rows: u64) -> u64 {
+        self.planes.map_or(0, |planes| layout.planes_bytes(rows, planes.seen.into()))
+    }
+
+    /// Whether the tile holds columns or noise, and so side data.
+    pub(super) fn has_main(&self, layout: &Layout, rows: usize) -> bool {
+        self.length > self.planes_bytes(layout, rows as u64)
+    }
+
+    /// Bytes of the tile of a block of `rows`.
+    pub(super) fn tile_bytes(&self, layout: &Layout, rows: u64) -> u64 {
+        let (columns, probes) = (u64::from(self.stored_columns), u64::from(self.stored_probes()));
+        layout.tile_bytes(rows, columns, probes, self.noise == NOISE_STORED) + self.planes_bytes(layout, rows)
+    }
+
     pub(super) fn encode(&self, layout: &Layout, id: BlockId) -> [u8; RECORD_BYTES as usize] {
         let mut fields = RecordBytes {
             checksum: 0,
@@ -74,7 +107,10 @@ impl Record {
             stored_columns: self.stored_columns,
             probes: self.probes,
             side_checksum: self.side_checksum,
-            reserved: [0; 5],
+            planes: if self.planes.is_some() { PLANES_STORED } else { 0 },
+            seen: self.planes.map_or(0, |planes| planes.seen),
+            planes_checksum: self.planes.map_or(0, |planes| planes.checksum),
+            reserved: [0; 2],
         };
         fields.checksum = crc32fast::hash(&bytemuck::bytes_of(&fields)[4..]);
         bytemuck::cast(fields)
@@ -98,9 +134,14 @@ impl UnverifiedRecord {
             return Err("the commit record's checksum does not hold".into());
         }
         let RecordBytes { length, stored_columns, probes, noise, side_checksum, .. } = fields;
-        let record = Record { length, stored_columns, probes, noise, side_checksum };
+        let stored = PlanesRecord { seen: fields.seen, checksum: fields.planes_checksum };
+        let planes = (fields.planes == PLANES_STORED).then_some(stored);
+        let record = Record { length, stored_columns, probes, noise, side_checksum, planes };
         let rows = layout.shape.rect(id).rows() as u64;
-        let (columns, stored_probes) = (u64::from(stored_columns), u64::from(record.stored_probes()));
+        let planes_fit = match planes {
+            Some(planes) => layout.has_planes() && u64::from(planes.seen) <= layout.most_seen(rows),
+            None => (fields.planes, fields.seen, fields.planes_checksum) == (0, 0, 0),
+        };
         let in_range = fields.state == COMMITTED
             && fields.block == id.0
             && fields.offset == layout.slot_offset(id)
@@ -108,8 +149,9 @@ impl UnverifiedRecord {
             && probes <= layout.max_probes
             && noise <= NOISE_ZERO
             && (noise != NOISE_NONE || probes == 0)
-            && fields.reserved == [0; 5]
-            && length == layout.tile_bytes(rows, columns, stored_probes, noise == NOISE_STORED);
+            && planes_fit
+            && fields.reserved == [0; 2]
+            && length == record.tile_bytes(layout, rows);
         if in_range { Ok(Some(record)) } else { Err("the commit record is out of range".into()) }
     }
 }

@@ -3,7 +3,8 @@
 use crate::matrix::{BlockNoise, BlockView, ColumnIndex, TracedBlock};
 
 use super::layout::STAGING_BYTES;
-use super::record::Record;
+use super::planes::encode_planes;
+use super::record::{PlanesRecord, Record};
 use super::storage::{Storage, write_all};
 use super::tile::SideData;
 use super::{Layout, NOISE_NONE, NOISE_STORED, NOISE_ZERO, Precision};
@@ -41,14 +42,20 @@ impl<S: Storage> TileWriter<'_, S> {
             probes,
             noise: noise_kind,
             side_checksum: 0,
+            planes: None,
         };
-        record.length = self.layout.tile_bytes(
-            rows as u64,
-            u64::from(record.stored_columns),
-            u64::from(record.stored_probes()),
-            noise_kind == NOISE_STORED,
-        );
-        if record.length > 0 {
+        // A file without room for planes leaves them out.
+        if let Some(planes) = block.planes.as_ref().filter(|_| self.layout.has_planes()) {
+            record.planes = Some(PlanesRecord { seen: planes.emission.len() as u32, checksum: 0 });
+        }
+        record.length = record.tile_bytes(self.layout, rows as u64);
+        let planes_start = record.length - record.planes_bytes(self.layout, rows as u64);
+        if let (Some(said), Some(planes)) = (&mut record.planes, &block.planes) {
+            let bytes = encode_planes(planes);
+            said.checksum = crc32fast::hash(&bytes);
+            write_all(self.storage, slot + planes_start, &bytes)?;
+        }
+        if planes_start > 0 {
             let end = self.write_columns(slot, view, stored_noise, &mut side)?;
             let padding = (end - slot).next_multiple_of(8) - (end - slot);
             let tail = side.encode(view.columns(), padding as usize);

@@ -8,7 +8,7 @@ use crate::light::Job;
 use crate::matrix::{BlockId, BlockSource};
 
 use super::storage::{Storage, read_exact};
-use super::{PAGE_BYTES, StoreOptions, StoreReader, StoreWriter};
+use super::{PAGE_BYTES, StoreReader, StoreWriter};
 
 /// A block that cannot be trusted.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,8 +62,7 @@ pub fn verify(path: &Path, progress: impl FnMut(u32, u64)) -> Result<VerifyRepor
 pub fn mend(path: &Path, progress: impl FnMut(u32, u64)) -> Result<(StoreWriter, Vec<BlockId>, Job)> {
     let reader = StoreReader::open(path)?;
     let report = verify_storage(&reader, progress)?;
-    let max_probes = reader.layout().max_probes;
-    let options = StoreOptions { precision: reader.precision(), max_probes, ..StoreOptions::default() };
+    let options = reader.options();
     let writer = StoreWriter::reopen(path, reader.job(), options)?;
     let mut again: Vec<_> = report.damaged.iter().map(|damage| damage.block).collect();
     for &id in &again {

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::error::{Error, Result};
 use crate::light::Job;
-use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
+use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
 
 use super::header::{Header, UnverifiedHeader};
 use super::layout::STAGING_BYTES;
@@ -27,6 +27,8 @@ pub struct StoreOptions {
     pub overwrite: bool,
     /// Most probe lightings that a block's noise may hold; room for them is kept in each slot.
     pub max_probes: u32,
+    /// Whether there is room in each slot for what the block's samples are; without it, planes are left out.
+    pub planes: bool,
     /// Whether disk space for every block is reserved up front. Without it a sparse matrix may grow on a disk that could not hold a
     /// full one, and may find the disk full later.
     pub reserve: bool,
@@ -34,7 +36,7 @@ pub struct StoreOptions {
 
 impl Default for StoreOptions {
     fn default() -> Self {
-        Self { precision: Precision::F32, overwrite: false, max_probes: 16, reserve: true }
+        Self { precision: Precision::F32, overwrite: false, max_probes: 16, planes: false, reserve: true }
     }
 }
 
@@ -164,7 +166,7 @@ impl<S: Storage> StoreWriter<S> {
 
     /// The header page is written last, so that a file with a header is complete up to its slots.
     fn begin_over(storage: S, place: Place, job: &Job, options: StoreOptions) -> Result<Self> {
-        let (layout, page, description) = Header::encode(job, options.precision, options.max_probes);
+        let (layout, page, description) = Header::encode(job, &options);
         let failed = |action: &str| Error::io(&place.grows, action.to_owned());
         storage.set_length(layout.file_bytes()).map_err(failed("set the length"))?;
         if options.reserve {
@@ -329,6 +331,16 @@ impl<S: Storage> StoreWriter<S> {
                 && noise.probes.len() <= most;
             if !fits {
                 return refuse("has noise of another shape, or with too many probes".into());
+            }
+        }
+        if let Some(planes) = block.planes.as_ref().filter(|_| self.layout.has_planes()) {
+            let pixels = rows / CHANNELS;
+            let fits = (planes.pixels(), planes.clusters()) == (pixels, self.layout.clusters as usize)
+                && planes.feature_variance.len() == planes.features.len()
+                && planes.direct.iter().chain(&planes.indirect).all(|light| light.len() == planes.direct[0].len())
+                && planes.emission.len() as u64 <= self.layout.most_seen(rows as u64);
+            if !fits {
+                return refuse("has planes of another shape, or with too many emitters".into());
             }
         }
         Ok(())

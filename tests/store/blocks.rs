@@ -1,7 +1,9 @@
 //! Hand-made jobs and blocks.
 
-use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
-use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
+use ltm::light::{Clusters, Job, Light, LightBasis, LightKind, Provenance};
+use ltm::matrix::{
+    BlockId, BlockNoise, BlockPlanes, BlockSink, BlockSource, CHANNELS, MatrixShape, SeenEmission, TracedBlock,
+};
 use ltm::store::{Storage, StoreOptions, StoreReader};
 
 /// A small job with a smaller block at each edge: 20 × 11 pixels in blocks of 8, 3 × 2 blocks.
@@ -52,7 +54,27 @@ pub(crate) fn block(job: &Job, id: BlockId) -> TracedBlock {
             probes: (0..rows * probes).map(|_| next() - 0.5).collect(),
         }),
     };
+    // Of every kind of block but one: also of the one that is zero.
+    let clusters = Clusters::of_basis(&job.basis).count();
+    traced.planes = (id.0 % 4 != 2).then(|| planes(rows / CHANNELS, columns, clusters, &mut next));
     traced
+}
+
+/// Planes with four emitters in view, fewer where there are not as many pixels and columns.
+fn planes(pixels: usize, columns: usize, clusters: usize, next: &mut impl FnMut() -> f32) -> BlockPlanes {
+    let mut planes = BlockPlanes::default();
+    planes.reset(pixels, clusters);
+    planes.features.iter_mut().for_each(|value| *value = next() - 0.5);
+    let light = planes.direct.iter_mut().chain(&mut planes.indirect);
+    light.chain([&mut planes.feature_variance]).flatten().for_each(|value| *value = next());
+    planes.round();
+    let mut seen = |pixel: usize, column: usize| {
+        let value = [next(), next(), next()];
+        SeenEmission { pixel: pixel as u32, column: column as u32, value }
+    };
+    planes.emission = vec![seen(0, 0), seen(pixels / 2, 0), seen(pixels / 2, columns - 1), seen(pixels - 1, 0)];
+    planes.emission.dedup_by_key(|seen| (seen.pixel, seen.column));
+    planes
 }
 
 pub(crate) fn write_all(job: &Job, sink: &impl BlockSink) {
@@ -60,7 +82,7 @@ pub(crate) fn write_all(job: &Job, sink: &impl BlockSink) {
 }
 
 pub(crate) fn options() -> StoreOptions {
-    StoreOptions { max_probes: 2, ..StoreOptions::default() }
+    StoreOptions { max_probes: 2, planes: true, ..StoreOptions::default() }
 }
 
 pub(crate) fn read(reader: &StoreReader<impl Storage>, id: BlockId) -> ltm::Result<TracedBlock> {

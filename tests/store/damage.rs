@@ -131,7 +131,7 @@ fn with_header_field(bytes: &[u8], name: &str, value: &[u8]) -> Vec<u8> {
 fn absurd_sizes_with_good_checksums_are_refused_without_allocating_for_them() {
     let bytes = small_file();
     let huge = u32::MAX.to_le_bytes();
-    for name in ["precision", "max_probes", "width", "height", "columns", "block_side", "reserved"] {
+    for name in ["precision", "max_probes", "width", "height", "columns", "block_side", "clusters"] {
         assert!(open(&Memory::holding(with_header_field(&bytes, name, &huge))).is_err(), "{name}");
     }
     for name in ["width", "height"] {
@@ -144,9 +144,9 @@ fn absurd_sizes_with_good_checksums_are_refused_without_allocating_for_them() {
             assert!(open(&absurd).is_err(), "{name} = {value}");
         }
     }
-    let newer = Memory::holding(with_header_field(&bytes, "version", &2u32.to_le_bytes()));
+    let newer = Memory::holding(with_header_field(&bytes, "version", &3u32.to_le_bytes()));
     let message = open(&newer).err().unwrap().to_string();
-    assert!(message.contains("format version 2"), "{message}");
+    assert!(message.contains("format version 3"), "{message}");
 }
 
 #[test]

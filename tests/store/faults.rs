@@ -171,9 +171,11 @@ fn mending_a_block_never_shows_half_of_it_when_the_power_goes() {
 #[test]
 fn a_block_costs_its_own_bytes_and_one_sync() {
     let job = job(40);
-    for precision in Precision::ALL {
+    for (precision, planes) in Precision::ALL.into_iter().flat_map(|precision| [(precision, false), (precision, true)])
+    {
         let counted = Watched::default();
-        let writer = StoreWriter::create_over(&counted, &job, StoreOptions { precision, ..options() }).unwrap();
+        let options = StoreOptions { precision, planes, ..options() };
+        let writer = StoreWriter::create_over(&counted, &job, options).unwrap();
         let of = |count: &std::sync::atomic::AtomicU64| count.load(Ordering::Relaxed);
         for id in job.shape.blocks() {
             counted.restart();
@@ -188,16 +190,18 @@ fn a_block_costs_its_own_bytes_and_one_sync() {
             ltm::matrix::BlockSource::read_block(&reader, id, &mut target).unwrap();
             assert_eq!(of(&counted.read_bytes), bytes, "{id}: reading takes what was written");
             assert_eq!(opening, 2, "opening reads the header and the description, not the table");
+            let planes = u64::from(planes && traced.planes.is_some());
             if id.0 == 3 {
-                // All zero: the record alone.
-                assert_eq!((writes, bytes, syncs, of(&counted.reads)), (1, 64, 0, 1));
+                // All zero: the record alone, and planes where there are any.
+                assert_eq!((writes, syncs, of(&counted.reads)), (1 + planes, planes, 1 + planes));
+                assert!(planes > 0 || bytes == 64);
             } else {
-                // Runs of columns, probes, side data, record.
+                // Planes, runs of columns, probes, side data, record.
                 let runs = if id.0 % 4 == 1 { 14 } else { 1 };
                 let probes = u64::from(traced.noise.is_some());
-                assert_eq!((writes, syncs), (runs + probes + 2, 1), "{id}");
+                assert_eq!((writes, syncs), (planes + runs + probes + 2, 1), "{id}");
                 // Stored columns lie together: one read.
-                assert_eq!(of(&counted.reads), 1 + probes + 2, "{id}");
+                assert_eq!(of(&counted.reads), planes + 1 + probes + 2, "{id}");
             }
         }
     }

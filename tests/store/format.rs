@@ -44,7 +44,7 @@ fn the_numbers_of_the_document_are_those_of_the_code() {
     let cell = |name: &str, column: usize| header.iter().find(|row| row[0] == name).unwrap()[column].clone();
     let magic: Vec<u8> = cell("magic", 3).split(' ').map(|hex| u8::from_str_radix(hex, 16).unwrap()).collect();
     assert_eq!(magic, MAGIC);
-    assert_eq!(cell("version", 4), VERSION.to_string());
+    assert_eq!(cell("version", 4), format!("1 to {VERSION}"));
     for precision in Precision::ALL {
         assert!(cell("precision", 3).contains(&format!("{}: {precision}", precision.code())));
     }
@@ -65,17 +65,26 @@ fn never_change_these() {
     assert_eq!(MAGIC, [0x89, b'L', b'T', b'M', 13, 10, 26, 10]);
     assert_eq!((PAGE_BYTES, RECORD_BYTES), (4096, 64));
     assert_eq!(Precision::ALL.map(|precision| precision.code()), [0, 1, 2]);
-    use ltm::store::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO};
-    assert_eq!((COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO), (1, 0, 1, 2));
+    use ltm::store::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED};
+    assert_eq!((COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED), (1, 0, 1, 2, 1));
 }
 
-fn golden_name(precision: Precision) -> PathBuf {
-    formats().join(format!("golden/v1-{precision}.ltm"))
+/// The golden files: of version 1 without planes in each precision, of version 2 in one, as planes are the same in all.
+fn golden() -> impl Iterator<Item = (PathBuf, StoreOptions)> {
+    let without = Precision::ALL.map(|precision| (1, StoreOptions { precision, planes: false, ..options() }));
+    let with = [(2, StoreOptions { precision: Precision::F16, ..options() })];
+    let name = |version, options: &StoreOptions| formats().join(format!("golden/v{version}-{}.ltm", options.precision));
+    without.into_iter().chain(with).map(move |(version, options)| (name(version, &options), options))
 }
 
-fn write_golden(path: &Path, precision: Precision) {
+/// The golden file that the bad ones are made from: of version 1 or 2, in f16.
+fn sound_file(version: u32) -> Vec<u8> {
+    fs::read(formats().join(format!("golden/v{version}-f16.ltm"))).unwrap()
+}
+
+fn write_golden(path: &Path, options: StoreOptions) {
     let job = job(3);
-    let writer = StoreWriter::create(path, &job, StoreOptions { precision, ..options() }).unwrap();
+    let writer = StoreWriter::create(path, &job, options).unwrap();
     write_all(&job, &writer);
     writer.finish().unwrap();
 }
@@ -83,13 +92,14 @@ fn write_golden(path: &Path, precision: Precision) {
 #[test]
 fn golden_files_are_read_and_are_what_would_be_written_now() {
     let folder = tempfile::tempdir().unwrap();
-    for precision in Precision::ALL {
-        let golden = golden_name(precision);
+    for (golden, options) in golden() {
+        let precision = options.precision;
         assert!(verify(&golden, |_, _| {}).unwrap().is_complete(), "{}", golden.display());
         let reader = StoreReader::open(&golden).unwrap();
         assert_eq!((reader.precision(), reader.job()), (precision, &job(3)));
         for id in reader.shape().blocks() {
             let (stored, original) = (read(&reader, id).unwrap(), block(&job(3), id));
+            assert_eq!(stored.planes, original.planes.filter(|_| options.planes));
             for (stored, original) in stored.block.entries().iter().zip(original.block.entries()) {
                 assert!(
                     f64::from((stored - original).abs())
@@ -98,8 +108,9 @@ fn golden_files_are_read_and_are_what_would_be_written_now() {
             }
         }
         let now = folder.path().join("now.ltm");
-        write_golden(&now, precision);
-        assert!(fs::read(&now).unwrap() == fs::read(&golden).unwrap(), "{precision}: a change needs a new version");
+        write_golden(&now, options);
+        let name = golden.display();
+        assert!(fs::read(&now).unwrap() == fs::read(&golden).unwrap(), "{name}: a change needs a new version");
         fs::remove_file(now).unwrap();
     }
 }
@@ -154,20 +165,24 @@ const TABLE: usize = 8192;
 const SLOTS: usize = 12_288;
 /// Three columns and two probes of 192 rows in 2 bytes.
 const COLUMNS_OF_BLOCK_0: usize = 5 * 192 * 2;
+/// Features and variances of 64 pixels, light of three clusters: the planes without their emitters.
+const PLANES_OF_BLOCK_0: usize = 64 * 60 + 192 * 3 * 8;
+/// Emitters in view in block 0, see `blocks.rs`.
+const SEEN_IN_BLOCK_0: usize = 4;
 
 /// Every bad file: its name, how it is made from the golden f16 file, and what must become of it.
 const BAD: &[(&str, Change, Fate)] = &[
     ("ltm-empty", |b| b.clear(), Refused("is not an .ltm file")),
     ("ltm-not-ours", |b| *b = b"P6 2 2 255 not a matrix".to_vec(), Refused("is not an .ltm file")),
     ("ltm-text-transfer", |b| b.splice(4..6, [b'\n']).for_each(drop), Refused("is not an .ltm file")),
-    ("ltm-newer-version", |b| set_header(b, "version", &2u32.to_le_bytes()), Refused("format version 2")),
+    ("ltm-newer-version", |b| set_header(b, "version", &3u32.to_le_bytes()), Refused("format version 3")),
     ("ltm-header-flipped", |b| b[25] ^= 1, Refused("header's checksum")),
     ("ltm-header-cut", |b| b.truncate(100), Refused("cut short inside the header")),
     ("ltm-precision-unknown", |b| set_header(b, "precision", &3u32.to_le_bytes()), Refused("unknown precision")),
     ("ltm-probes-absurd", |b| set_header(b, "max_probes", &u32::MAX.to_le_bytes()), Refused("out of range")),
     ("ltm-width-zero", |b| set_header(b, "width", &0u32.to_le_bytes()), Refused("image width")),
     ("ltm-columns-absurd", |b| set_header(b, "columns", &u32::MAX.to_le_bytes()), Refused("number of columns")),
-    ("ltm-reserved-used", |b| set_header(b, "reserved", &1u32.to_le_bytes()), Refused("out of range")),
+    ("ltm-clusters-in-version-1", |b| set_header(b, "clusters", &3u32.to_le_bytes()), Refused("out of range")),
     ("ltm-job-absurd", |b| set_header(b, "job_bytes", &u64::MAX.to_le_bytes()), Refused("cut short inside the job")),
     ("ltm-table-elsewhere", |b| set_header(b, "table_offset", &0u64.to_le_bytes()), Refused("offsets do not fit")),
     ("ltm-job-flipped", |b| b[4100] ^= 1, Refused("job description's checksum")),
@@ -202,20 +217,75 @@ const BAD: &[(&str, Change, Fate)] = &[
     ),
     ("ltm-column-flipped", |b| b[SLOTS + 400] ^= 1, Blocks(&[0], "checksum of column 1")),
     ("ltm-probe-flipped", |b| b[SLOTS + 4 * 384] ^= 1, Blocks(&[0], "checksum of noise probe 1")),
+    ("ltm-planes-no-clusters", |b| set_header(b, "clusters", &0u32.to_le_bytes()), Refused("out of range")),
+    ("ltm-planes-other-clusters", |b| set_planes_clusters(b, 2), Refused("differ in clusters")),
+    ("ltm-planes-flipped", |b| set_planes(b, |planes| planes[7] ^= 1, false), Blocks(&[0], "checksum of its planes")),
+    (
+        "ltm-planes-pixel-absurd",
+        |b| set_planes(b, |planes| seen(planes)[..4].copy_from_slice(&64u32.to_le_bytes()), true),
+        Blocks(&[0], "emitters in view"),
+    ),
+    (
+        "ltm-planes-column-absurd",
+        |b| set_planes(b, |planes| seen(planes)[4..8].copy_from_slice(&3u32.to_le_bytes()), true),
+        Blocks(&[0], "emitters in view"),
+    ),
+    (
+        "ltm-planes-out-of-order",
+        |b| set_planes(b, |planes| seen(planes)[..4].copy_from_slice(&63u32.to_le_bytes()), true),
+        Blocks(&[0], "emitters in view"),
+    ),
+    ("ltm-planes-emitters-absurd", |b| set_record(b, "seen", &u32::MAX.to_le_bytes()), Blocks(&[0], "out of range")),
+    ("ltm-planes-unknown", |b| set_record(b, "planes", &2u32.to_le_bytes()), Blocks(&[0], "out of range")),
 ];
+
+/// The version of the golden file that a bad one is made from.
+fn version_of(name: &str) -> u32 {
+    if name.starts_with("ltm-planes") { 2 } else { 1 }
+}
+
+/// Changes the planes of block 0, and makes their checksum hold if wanted.
+fn set_planes(bytes: &mut [u8], change: impl FnOnce(&mut [u8]), sound: bool) {
+    let field = |name: &str| TABLE + RECORD_FIELDS.iter().find(|field| field.0 == name).unwrap().1;
+    let number = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as usize;
+    let end = number(field("offset")) + number(field("length"));
+    let start = end - (PLANES_OF_BLOCK_0 + SEEN_IN_BLOCK_0 * 20);
+    change(&mut bytes[start..end]);
+    if sound {
+        let checksum = crc32fast::hash(&bytes[start..end]);
+        set_record(bytes, "planes_checksum", &checksum.to_le_bytes());
+    }
+}
+
+/// The list of emitters in the planes of block 0.
+fn seen(planes: &mut [u8]) -> &mut [u8] {
+    &mut planes[PLANES_OF_BLOCK_0..]
+}
+
+/// Changes the number of clusters, and whatever of the header follows from it.
+fn set_planes_clusters(bytes: &mut [u8], clusters: u32) {
+    set_header(bytes, "clusters", &clusters.to_le_bytes());
+    // Pixels of the six blocks, whose slots have room for three columns, two probes, noise, and planes.
+    let slot = |pixels: u64| {
+        let (rows, clusters) = (3 * pixels, u64::from(clusters));
+        let tile = (rows * 5 * 2).next_multiple_of(8) + 4 + 5 * 8 + (rows + 3) * 4;
+        (tile + (pixels * 60 + rows * clusters * 8).next_multiple_of(4) + pixels * 3 * 20).next_multiple_of(4096)
+    };
+    let length = SLOTS as u64 + [64, 64, 32, 24, 24, 12].map(slot).iter().sum::<u64>();
+    set_header(bytes, "file_bytes", &length.to_le_bytes());
+}
 
 /// Makes the golden files of a new version (those that are there are never rewritten), then the bad files.
 #[test]
 #[ignore = "writes into formats/: run by hand when the version goes up, or for a new bad file"]
 fn make_golden_and_bad_files() {
-    for precision in Precision::ALL {
-        if !golden_name(precision).exists() {
-            write_golden(&golden_name(precision), precision);
+    for (path, options) in golden() {
+        if !path.exists() {
+            write_golden(&path, options);
         }
     }
-    let sound = fs::read(golden_name(Precision::F16)).unwrap();
     for (name, change, _) in BAD {
-        let mut bytes = sound.clone();
+        let mut bytes = sound_file(version_of(name));
         change(&mut bytes);
         fs::write(formats().join("bad").join(name).with_extension("ltm"), bytes).unwrap();
     }
@@ -225,7 +295,7 @@ fn make_golden_and_bad_files() {
 fn every_bad_file_is_refused_for_its_own_fault() {
     for (name, change, fate) in BAD {
         let path = formats().join("bad").join(name).with_extension("ltm");
-        let mut made = fs::read(golden_name(Precision::F16)).unwrap();
+        let mut made = sound_file(version_of(name));
         change(&mut made);
         assert!(fs::read(&path).unwrap() == made, "{name} is not what its case says");
         match (StoreReader::open(&path), fate) {

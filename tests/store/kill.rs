@@ -19,7 +19,7 @@ fn job() -> Job {
 }
 
 fn options() -> StoreOptions {
-    StoreOptions { precision: Precision::F16, max_probes: 2, ..StoreOptions::default() }
+    StoreOptions { precision: Precision::F16, ..crate::blocks::options() }
 }
 
 /// Writes what is missing, from two threads, as a render that is run again does.

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ltm::light::Job;
-use ltm::matrix::{BlockSink, BlockSource, TracedBlock};
+use ltm::light::{Clusters, Job};
+use ltm::matrix::{BlockPlanes, BlockSink, BlockSource, CHANNELS, SeenEmission, TracedBlock};
 use ltm::store::{Precision, StoreOptions, StoreReader, StoreWriter, merge, requirements, verify};
 
 use crate::blocks::job_of;
@@ -26,7 +26,7 @@ fn the_memory_child() {
     // 24 blocks of 3,072 rows × 512 columns: 6 MiB each, 144 MiB in all.
     let large = job_of(32, 32 * 24, 512, 32);
     for precision in Precision::ALL {
-        let options = StoreOptions { precision, ..StoreOptions::default() };
+        let options = StoreOptions { precision, planes: true, ..StoreOptions::default() };
         // The program's own pages count as they are touched: touch them first.
         through(&folder, &small, options);
         let taken = through(&folder, &large, options);
@@ -36,12 +36,25 @@ fn the_memory_child() {
     }
 }
 
+/// Planes of a whole block that list as many emitters as there may be.
+fn planes(job: &Job) -> BlockPlanes {
+    let (pixels, columns) = (job.shape.max_block_rows() / CHANNELS, job.shape.columns());
+    let mut planes = BlockPlanes::default();
+    planes.reset(pixels, Clusters::of_basis(&job.basis).count());
+    let most = BlockPlanes::most_seen(pixels as u64, columns as u64) as usize;
+    let in_pixel = most / pixels;
+    let seen = |i: usize| SeenEmission { pixel: (i / in_pixel) as u32, column: (i % in_pixel) as u32, value: [1.0; 3] };
+    planes.emission = (0..most).map(seen).collect();
+    planes
+}
+
 /// Everything that the store does with a matrix, once; returns by how much the peak rose beside the blocks.
 fn through(folder: &Path, job: &Job, options: StoreOptions) -> u64 {
     let (path, merged) = (folder.join("a.ltm"), folder.join("merged.ltm"));
     let mut traced = TracedBlock::default();
     traced.block.reset(job.shape.max_block_rows(), job.shape.columns());
     traced.block.entries_mut().fill(0.5);
+    traced.planes = Some(planes(job));
     let mut target = traced.clone();
     let before = peak_bytes();
     let writer = StoreWriter::create(&path, job, options).unwrap();

@@ -66,7 +66,7 @@ fn direct_and_indirect_light_and_emission_make_up_the_matrix() {
     let scene = full_room();
     let clusters = Clusters::of_basis(&scene.basis);
     assert!(clusters.count() > 10 && clusters.of_column().len() == 66);
-    for samples in [8, 5, 2] {
+    for samples in [8u32, 5, 2] {
         let weights = [samples.div_ceil(2), samples / 2].map(|count| count as f32 / samples as f32);
         let mut emitting = 0;
         for (block, _) in trace(scene.clone(), settings(samples, 8)) {
