@@ -55,7 +55,7 @@
 //! | `memmap2`, `rustix` | `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene` |
 //! | `crc32fast` | `container`, `pipeline`, `store` |
-//! | `bytemuck` | `compress`, `pipeline`, `relight`, `scene`, `store` |
+//! | `bytemuck` | `compress`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
 //! | `pulp` | `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `container`, `pipeline` |
