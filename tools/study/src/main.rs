@@ -7,7 +7,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use ltm::Result;
-use ltm::study::{self, StudyOptions};
+use ltm_cli::console::{Console, EXIT_CODES, finish, use_threads};
+use ltm_study::StudyOptions;
 
 /// Measure what the program reaches: each study writes CSV, a plot and a table.
 #[derive(Parser)]

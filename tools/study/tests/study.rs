@@ -46,7 +46,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_owned();
     let options = StudyOptions { out: out.clone(), quick: true };
-    let report = study::run(&Study::ALL, &options, &Quiet).unwrap();
+    let report = ltm_study::run(&Study::ALL, &options, &Quiet).unwrap();
     for file in &report.files {
         let bytes = fs::metadata(file).unwrap().len();
         assert!(bytes > 200, "{} has {bytes} bytes", file.display());
@@ -101,7 +101,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
 
     // Matrices are shared: the second run of a study renders nothing.
     let before = fs::metadata(out.join("cache").join("made-by")).unwrap().modified().unwrap();
-    study::run(&[Study::Rank], &options, &Quiet).unwrap();
+    ltm_study::run(&[Study::Rank], &options, &Quiet).unwrap();
     assert_eq!(fs::metadata(out.join("cache").join("made-by")).unwrap().modified().unwrap(), before);
 }
 

@@ -8,8 +8,9 @@ use std::time::Duration;
 
 use clap::{Parser, ValueEnum};
 use ltm::host::parse_bytes;
-use ltm::view::{RelightOn, WindowOptions};
 use ltm::{Error, Result};
+use ltm_cli::console::{EXIT_CODES, finish, use_threads};
+use ltm_view::{RelightOn, WindowOptions};
 
 /// Open a container in a window: a mixer for its lights. Keys are listed under '?'.
 #[derive(Parser)]
@@ -50,7 +51,7 @@ fn run(options: Arguments) -> Result<()> {
     use_threads(options.threads)?;
     let opened = Arc::new(AtomicBool::new(false));
     give_up_unless(opened.clone());
-    ltm::view::run(WindowOptions {
+    ltm_view::run(WindowOptions {
         path: options.file,
         screenshot: options.screenshot,
         frames: 10,
