@@ -54,6 +54,9 @@ fn chunking(channels: usize, size: ImageSize) -> (usize, Compression) {
 /// Gives row `y` of a channel of an image: `(image, channel, y, row)`.
 pub type FetchRow<'a> = dyn FnMut(usize, usize, usize, &mut [f32]) -> Result<()> + 'a;
 
+/// Gives row `y` of a channel: `(channel, y, row)`.
+pub type FetchChannel<'a> = dyn FnMut(usize, usize, &mut [f32]) -> Result<()> + 'a;
+
 /// Chunks of more bytes than this are cut down to one line.
 const LARGE_CHUNK_BYTES: usize = 32 << 20;
 
@@ -62,16 +65,24 @@ const LARGE_CHUNK_BYTES: usize = 32 << 20;
 ///
 /// Errors: no layers, two of one name; the system refuses to write; those of `fetch`.
 pub fn write_exr_rows(path: &Path, layers: &[String], size: ImageSize, fetch: &mut FetchRow<'_>) -> Result<()> {
-    let mut channels: Vec<(String, usize, usize)> = Vec::new();
-    for (image, layer) in layers.iter().enumerate() {
+    let mut names = Vec::new();
+    for layer in layers {
         let dot = if layer.is_empty() { "" } else { "." };
-        channels.extend(["R", "G", "B"].iter().zip(0..).map(|(colour, c)| (format!("{layer}{dot}{colour}"), image, c)));
+        names.extend(["R", "G", "B"].map(|colour| format!("{layer}{dot}{colour}")));
     }
+    write_exr_channels(path, &names, size, &mut |channel, y, row| fetch(channel / 3, channel % 3, y, row))
+}
+
+/// Writes 32-bit channels of the given names as one part, asking `fetch` for their rows as they are needed.
+///
+/// Errors: no channels, two of one name; the system refuses to write; those of `fetch`.
+pub fn write_exr_channels(path: &Path, names: &[String], size: ImageSize, fetch: &mut FetchChannel<'_>) -> Result<()> {
+    let mut channels: Vec<(&str, usize)> = names.iter().map(String::as_str).zip(0..).collect();
     channels.sort();
     if channels.is_empty() || channels.windows(2).any(|w| w[0].0 == w[1].0) {
         return Err(Error::input(path.display().to_string(), "its layers have no names of their own", ""));
     }
-    let described = channels.iter().map(|(name, ..)| {
+    let described = channels.iter().map(|&(name, _)| {
         let text = Text::new_or_none(name).filter(|_| name.is_ascii());
         let hint = "name it with letters, digits and signs of ASCII";
         let text = text.ok_or_else(|| Error::input(format!("layer '{name}'"), "OpenEXR cannot name it so", hint))?;
@@ -93,8 +104,8 @@ pub fn write_exr_rows(path: &Path, layers: &[String], size: ImageSize, fetch: &m
             for &(index, place) in batch {
                 let mut row = vec![0.0; size.width];
                 let block = UncompressedBlock::from_lines(&meta.headers[0].channels, place, |line| {
-                    let (_, image, channel) = channels[line.location.channel];
-                    let fetched = fetch(image, channel, line.location.position.y(), &mut row);
+                    let (_, channel) = channels[line.location.channel];
+                    let fetched = fetch(channel, line.location.position.y(), &mut row);
                     if let Err(error) = fetched {
                         refused.get_or_insert(error);
                     }

@@ -5,6 +5,7 @@
 
 mod compare;
 pub mod demo;
+mod features;
 mod fused;
 #[cfg(feature = "gpu")]
 mod gpu;
@@ -22,6 +23,7 @@ mod spill;
 mod unpack;
 
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
+pub use features::{FEATURE_CHANNELS, write_features};
 pub use fused::render_packed;
 pub use import::ImportedMatrix;
 pub use maintain::{Verified, repair, verify, verify_container};

@@ -57,6 +57,7 @@ pub(crate) fn run(options: &Info) -> Result<()> {
                 let mut json = job_json(path, matrix.job());
                 json["kind"] = "matrix".into();
                 json["precision"] = format!("{:?}", matrix.precision()).to_lowercase().into();
+                json["planes"] = matrix.layout().has_planes().into();
                 json["committed_blocks"] = tally.committed.into();
                 json["damaged_records"] = tally.damaged.into();
                 json["file_bytes"] = tally.stored_bytes.into();
@@ -64,6 +65,8 @@ pub(crate) fn run(options: &Info) -> Result<()> {
             } else {
                 print_job(path, matrix.job());
                 println!("precision    {}", format!("{:?}", matrix.precision()).to_lowercase());
+                let planes = if matrix.layout().has_planes() { "layers and features of its samples" } else { "none" };
+                println!("planes       {planes}");
                 println!("committed    {} of {} blocks", tally.committed, matrix.job().shape.block_count());
                 if tally.damaged > 0 {
                     println!("damaged      {} commit records; ltm verify names them", tally.damaged);

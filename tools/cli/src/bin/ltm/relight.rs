@@ -33,7 +33,8 @@ pub(crate) struct Relight {
     /// Only lights whose name matches this (`*` stands for anything); may be given several times [default: all].
     #[arg(long, value_name = "PATTERN")]
     on: Vec<String>,
-    /// Write one layer for each light, or for each group of the look file, into one EXR.
+    /// Write one layer for each light, or for each group of the look file, into one EXR; or what a matrix's pixels show
+    /// beside light (albedo, normal, depth, shares of emitters), for denoisers.
     #[arg(long, value_enum)]
     layers: Option<Layers>,
     /// Frames per second of an animation.
@@ -66,10 +67,14 @@ enum DeviceName {
 enum Layers {
     Lights,
     Groups,
+    Features,
 }
 
 pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
     let format = format_of(&options.output)?;
+    if options.layers == Some(Layers::Features) {
+        return write_features(options, format, console);
+    }
     match kind_of(&options.input)? {
         Kind::Container => {
             let container = ContainerReader::open(&options.input)?;
@@ -93,6 +98,24 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
             println!("{}: relit by the raw matrix", options.output.display());
         }
     }
+    Ok(())
+}
+
+fn write_features(options: &Relight, format: Format, console: &Console) -> Result<()> {
+    let place = options.output.display().to_string();
+    if format != Format::Exr {
+        return Err(Error::input(place, "features go into one EXR", "name the image x.exr"));
+    }
+    if !matches!(kind_of(&options.input)?, Kind::Matrix) {
+        let hint = "give the .ltm that it was packed from";
+        return Err(Error::input(options.input.display().to_string(), "a container holds no features", hint));
+    }
+    let matrix = StoreReader::open(&options.input)?;
+    let missing = ltm::pipeline::write_features(&matrix, &options.output, options.memory, console)?;
+    if missing > 0 {
+        console.note(&format!("{}: {missing} blocks are not rendered yet and left black", options.input.display()));
+    }
+    println!("{place}: features of the matrix");
     Ok(())
 }
 
@@ -191,6 +214,7 @@ impl<'a> Task<'a> {
                 self.job.basis.lights().iter().map(|light| (light.name.clone(), light.columns().collect())).collect()
             }
             Layers::Groups => self.groups()?,
+            Layers::Features => unreachable!("features are written before anything is relit"),
         };
         let mut images = Vec::new();
         for (name, columns) in columns {
