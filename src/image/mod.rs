@@ -11,7 +11,8 @@ mod tone;
 mod tone_tables;
 
 pub use exr_file::{
-    FetchRow, ImageSize, exr_rows_need_bytes, write_exr, write_exr_channels, write_exr_layers, write_exr_rows,
+    FetchChannel, FetchRow, ImageSize, exr_rows_need_bytes, write_exr, write_exr_channels, write_exr_layers,
+    write_exr_rows,
 };
 pub use kelvin::{KELVIN_RANGE, kelvin_to_linear};
 pub use linear::{LinearImage, luminance};

@@ -23,6 +23,21 @@ const LARGE_BLOCK_BYTES: u64 = 1 << 30;
 /// Relative paths are looked up beside the scene file, then in the folder that `LTM_SCENES` names. Errors: one line
 /// that names the file and what is wrong in it; what can be mended is mended and becomes a warning.
 pub fn load(path: &Path) -> Result<LoadedScene> {
+    load_with(path, LoadOptions::default())
+}
+
+/// What a scene is allowed to lack.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LoadOptions {
+    /// Whether texture files that materials name may be missing: the materials' colours stand for them, with a warning.
+    pub allow_missing: bool,
+}
+
+/// As [`load`], with options.
+///
+/// # Errors
+/// Those of [`load`].
+pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path, "read the scene"))?;
     let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
         file::parse(path, &text)?;
@@ -53,6 +68,7 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
         assembly.materials.push(material);
         emissions.push(emission);
     }
+    workshop.textures.report(&place, options.allow_missing, &mut workshop.warnings)?;
     let known = geometry.materials.iter().map(|m| m.description.name.as_str());
     for entry in &overrides {
         if !known.clone().any(|name| fits(&entry.pattern, name)) {

@@ -60,9 +60,9 @@ impl Workshop<'_> {
     /// The material that an MTL description and the scene file's overrides make. `folder` holds its textures.
     pub(super) fn make(&mut self, source: &MtlMaterial, folder: &Path) -> Result<(Material, Option<Emission>)> {
         let asked_by = format!("material '{}'", source.name);
-        let mut map = |name: &Option<String>, usage: Use| {
-            let path = name.as_ref().map(|name| folder.join(name));
-            path.map(|path| self.textures.get(&path, usage, &asked_by, &mut self.warnings)).transpose()
+        let mut map = |name: &Option<String>, usage: Use| match name {
+            Some(name) => self.textures.named((folder, name), usage, &asked_by, &mut self.warnings),
+            None => Ok(None),
         };
         let diffuse_map = map(&source.diffuse_map, Use::Reflectance)?;
         let mut cutout = map(&source.dissolve_map, Use::CutOut)?;
@@ -72,6 +72,8 @@ impl Workshop<'_> {
             // Exporters write a black Kd beside a map that is meant to be seen.
             Some(id) if diffuse == Vec3::ZERO => Paint::Textured(id, Vec3::ONE),
             Some(id) => Paint::Textured(id, diffuse),
+            // The map is missing: black would not be what is meant.
+            None if source.diffuse_map.is_some() && diffuse == Vec3::ZERO => Paint::Constant(Vec3::splat(0.5)),
             None => Paint::Constant(diffuse),
         };
         let mut look = look_of(source, base);

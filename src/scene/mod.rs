@@ -28,7 +28,7 @@ mod validate;
 pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
 pub use camera::{Camera, PixelFilter};
 pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, IesProfile, PointEmitter};
-pub use load::load;
+pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings, content_hash};
 pub use material::{Material, Paint, Surface, Texture, TextureId};
 pub use mesh::{MaterialId, Mesh, Triangle};

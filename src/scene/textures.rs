@@ -30,9 +30,67 @@ pub(super) struct Textures {
     pub(super) list: Vec<Texture>,
     known: HashMap<(PathBuf, Use), TextureId>,
     bytes: u64,
+    /// Files that materials name and that are not there, with who names them first.
+    missing: Vec<(PathBuf, String)>,
+    /// Files whose names materials write with other upper and lower case: as written, as found.
+    respelled: Vec<(PathBuf, PathBuf)>,
 }
 
 impl Textures {
+    /// The texture that a material names in a folder: `name` as it is written, else the file whose name differs in upper
+    /// and lower case only, as on the machines of other systems. None where there is no such file, which
+    /// [`report`](Self::report) will say.
+    ///
+    /// # Errors
+    /// A file that is no image, or more textures than fit.
+    pub(super) fn named(
+        &mut self,
+        (folder, name): (&Path, &str),
+        usage: Use,
+        asked_by: &str,
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<TextureId>> {
+        let written = folder.join(name);
+        let Some(found) = find_ignoring_case(folder, name) else {
+            if self.missing.iter().all(|(path, _)| *path != written) {
+                self.missing.push((written, asked_by.to_owned()));
+            }
+            return Ok(None);
+        };
+        if found != written && self.respelled.iter().all(|(known, _)| *known != written) {
+            self.respelled.push((written, found.clone()));
+        }
+        self.get(&found, usage, asked_by, warnings).map(Some)
+    }
+
+    /// Says in one warning which names were found under another spelling, and names all files that are missing.
+    ///
+    /// # Errors
+    /// Files are missing and that is not allowed. If it is, they become a warning.
+    pub(super) fn report(&self, place: &str, allow_missing: bool, warnings: &mut Vec<String>) -> Result<()> {
+        if let Some((written, found)) = self.respelled.first() {
+            let (count, found) = (self.respelled.len(), found.file_name().unwrap_or_default().to_string_lossy());
+            let names = if count == 1 { "name differs" } else { "names differ" };
+            let written = written.display();
+            warnings
+                .push(format!("{count} texture {names} from the file's in upper and lower case: {written} is {found}"));
+        }
+        if self.missing.is_empty() {
+            return Ok(());
+        }
+        let list: Vec<_> = self.missing.iter().map(|(path, by)| format!("{} ({by})", path.display())).collect();
+        let problem = match list.len() {
+            1 => format!("the texture {} is missing", list[0]),
+            count => format!("{count} textures are missing: {}", list.join(", ")),
+        };
+        if allow_missing {
+            warnings.push(format!("{problem}; rendered with the materials' colours"));
+            return Ok(());
+        }
+        let hint = "put them there, take the maps out of the materials, or allow them to be missing (--allow-missing)";
+        Err(Error::input(place, problem, hint))
+    }
+
     /// The texture of a file. Errors: a file that is missing or no image, or more textures than fit.
     pub(super) fn get(
         &mut self,
@@ -85,6 +143,31 @@ impl Textures {
         self.known.insert((path.to_owned(), usage), id);
         Ok(id)
     }
+}
+
+/// The file of this name in a folder, each part of it spelled as written if that is there, else in any case.
+fn find_ignoring_case(folder: &Path, name: &str) -> Option<PathBuf> {
+    let written = folder.join(name);
+    if written.is_file() {
+        return Some(written);
+    }
+    let mut path = if Path::new(name).is_absolute() { PathBuf::from("/") } else { folder.to_owned() };
+    for part in name.split('/').filter(|part| !part.is_empty() && *part != ".") {
+        let next = path.join(part);
+        if part == ".." || next.exists() {
+            path = next;
+            continue;
+        }
+        let alike = |entry: &PathBuf| {
+            let found = entry.file_name().and_then(|found| found.to_str());
+            found.is_some_and(|found| found.to_lowercase() == part.to_lowercase())
+        };
+        let here = if path.as_os_str().is_empty() { Path::new(".") } else { &path };
+        let entries = std::fs::read_dir(here).ok()?.filter_map(|entry| Some(path.join(entry.ok()?.file_name())));
+        // The first by name, so that the same folder gives the same file.
+        path = entries.filter(alike).min()?;
+    }
+    path.is_file().then_some(path)
 }
 
 fn gib(bytes: u64) -> String {

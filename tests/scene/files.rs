@@ -25,6 +25,8 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("materials_are_overridden_by_pattern", materials_are_overridden_by_pattern),
     ("energy_above_one_is_clamped_with_one_warning", energy_above_one_is_clamped),
     ("textures_are_read_once_and_cut_outs_use_alpha", textures_are_read_once),
+    ("textures_are_found_in_any_case_with_one_warning", textures_in_any_case),
+    ("missing_textures_are_all_named_or_give_way_to_colours", missing_textures),
     ("degenerate_triangles_are_left_out_and_counted", degenerate_triangles_are_left_out),
     ("missing_materials_are_grey_with_a_warning", missing_materials_are_grey),
     ("the_camera_and_the_settings_are_as_written", the_camera_and_the_settings_are_as_written),
@@ -355,4 +357,46 @@ fn the_format_document_states_the_defaults() {
     for line in stated {
         assert!(text.contains(&line), "formats/scene.md does not say: {line}");
     }
+}
+
+/// A texture of one blue texel.
+fn blue(path: std::path::PathBuf) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    image::RgbImage::from_raw(1, 1, vec![0, 0, 255]).unwrap().save(path).unwrap();
+}
+
+fn textures_in_any_case() {
+    let mtl =
+        "newmtl lamp\nKe 1 1 1\nnewmtl ground\nKd 1 1 1\nmap_Kd TEXTURES\\Wood.PNG\nnewmtl other\nmap_Kd tile.png\n";
+    let obj = format!("{}usemtl other\nf 1 2 3\n", super::ROOM_OBJ);
+    let folder = room("").with("room.mtl", mtl).with("room.obj", obj);
+    blue(folder.path("Textures/wood.png"));
+    blue(folder.path("Tile.png"));
+    let loaded = folder.load().unwrap();
+    let Surface::Lambert { reflectance } = loaded.scene.materials[0].surface else { panic!("a textured floor") };
+    assert_eq!(reflectance.at(&loaded.scene.textures, Vec2::ZERO), Vec3::Z);
+    let said: Vec<_> = loaded.warnings.iter().filter(|warning| warning.contains("upper and lower case")).collect();
+    assert!(said.len() == 1 && said[0].contains("2 texture names"), "{:?}", loaded.warnings);
+    // The right spelling is taken where both are there, and says nothing.
+    blue(folder.path("TEXTURES/Wood.PNG"));
+    blue(folder.path("tile.png"));
+    assert!(!folder.load().unwrap().warnings.iter().any(|warning| warning.contains("case")));
+}
+
+fn missing_textures() {
+    let mtl =
+        "newmtl lamp\nKe 1 1 1\nmap_Ke glow.png\nnewmtl ground\nKd 0.5 0.4 0.3\nmap_Kd wood.png\nmap_d holes.png\n";
+    let folder = room("").with("room.mtl", mtl);
+    let refused = folder.load().unwrap_err().to_string();
+    for name in ["3 textures are missing", "glow.png", "wood.png", "holes.png", "'ground'", "'lamp'", "--allow-missing"]
+    {
+        assert!(refused.contains(name), "{name} is not in: {refused}");
+    }
+    assert!(!refused.contains('\n'));
+    let options = ltm::scene::LoadOptions { allow_missing: true };
+    let loaded = ltm::scene::load_with(&folder.path("scene.toml"), options).unwrap();
+    let Surface::Lambert { reflectance } = loaded.scene.materials[0].surface else { panic!("a floor of one colour") };
+    assert_eq!(reflectance.at(&[], Vec2::ZERO), Vec3::new(0.5, 0.4, 0.3));
+    assert!(loaded.scene.materials[0].cutout.is_none() && loaded.scene.textures.is_empty());
+    assert_eq!(loaded.warnings.iter().filter(|warning| warning.contains("3 textures are missing")).count(), 1);
 }

@@ -6,6 +6,7 @@ use clap::Args;
 use ltm::Result;
 use ltm::host::{human_bytes, parse_bytes};
 use ltm::pipeline;
+use ltm::scene::LoadOptions;
 
 use crate::input::{Kind, kind_of, parse_size, with_overrides};
 use ltm_cli::console::Console;
@@ -22,6 +23,9 @@ pub(crate) struct Repair {
     /// Image size it was rendered with, WIDTHxHEIGHT [default: the scene file's].
     #[arg(long, value_parser = parse_size)]
     size: Option<(u32, u32)>,
+    /// Textures may be missing, as when it was rendered.
+    #[arg(long)]
+    allow_missing: bool,
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
@@ -41,7 +45,8 @@ pub(crate) struct Merge {
 }
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
-    let loaded = with_overrides(ltm::scene::load(&options.scene)?, options.samples, options.size);
+    let allowed = LoadOptions { allow_missing: options.allow_missing };
+    let loaded = with_overrides(ltm::scene::load_with(&options.scene, allowed)?, options.samples, options.size);
     let repaired = pipeline::repair(loaded, &options.file, options.memory, console)?;
     println!("{}: {} blocks rendered again", options.file.display(), repaired.len());
     Ok(())

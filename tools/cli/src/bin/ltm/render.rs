@@ -7,7 +7,7 @@ use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{Watch, human_bytes, parse_bytes};
 use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport};
-use ltm::scene::LoadedScene;
+use ltm::scene::{LoadOptions, LoadedScene};
 use ltm::store::Precision;
 
 use crate::input::{parse_size, with_overrides};
@@ -40,6 +40,9 @@ pub(crate) struct Render {
     /// Replace a matrix that is there.
     #[arg(long)]
     force: bool,
+    /// Render although textures are missing, with the materials' colours in their place.
+    #[arg(long)]
+    allow_missing: bool,
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
@@ -67,7 +70,10 @@ enum Preview {
 }
 
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
-    let loaded = with_overrides(ltm::scene::load(&options.scene)?, options.samples, options.size);
+    let loaded = {
+        let allowed = LoadOptions { allow_missing: options.allow_missing };
+        with_overrides(ltm::scene::load_with(&options.scene, allowed)?, options.samples, options.size)
+    };
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));
     }
