@@ -29,10 +29,10 @@
 //! | `look` | `error`, `light`, `image` |
 //! | `scene` | `error`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
-//! | `store`, `compress`, `container` | `error`, `matrix`, `light` |
+//! | `store`, `clean`, `compress`, `container` | `error`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `host` | `error`, `store` |
-//! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `compress`, `container`, `relight`, `host` |
+//! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `host` |
 //!
 //! # Which crate is used where
 //!
@@ -42,7 +42,7 @@
 //! | crate | rooms |
 //! |---|---|
 //! | `wgpu`, `pollster` | `relight/gpu` |
-//! | `faer` | `compress` |
+//! | `faer` | `clean`, `compress` |
 //! | `rand`, `rand_pcg` | `compress`, `light` |
 //! | `glam` | `light`, `scene`, `trace` |
 //! | `tobj` | `scene` |
@@ -57,7 +57,7 @@
 //! | `crc32fast` | `container`, `pipeline`, `store` |
 //! | `bytemuck` | `compress`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
 //! | `pulp` | `compress`, `container`, `relight`, `store` |
-//! | `rayon` | `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
+//! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `container`, `pipeline` |
 //! | `thiserror` | `error` |
 //! | `std::fs` | `container`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
@@ -66,6 +66,7 @@
 //! | `std::env` | `scene` |
 //! | `std::process`, `std::net` | none |
 
+pub mod clean;
 pub mod compress;
 pub mod container;
 pub mod error;

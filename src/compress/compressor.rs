@@ -15,7 +15,9 @@ use super::sanitise::{Survey, sanitise, survey};
 use super::{BlockSums, CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut};
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
-use crate::matrix::{Block, BlockId, BlockNoise, BlockSource, BlockView, MatrixShape, SparseEntry};
+use crate::matrix::{
+    Block, BlockId, BlockNoise, BlockSource, BlockView, CHANNELS, ColumnIndex, MatrixShape, SeenEmission, SparseEntry,
+};
 
 /// Compresses the blocks of one matrix. Shared by threads: analysing changes nothing in it.
 pub struct Compressor {
@@ -132,25 +134,27 @@ impl Compressor {
     pub fn analyse(&self, id: BlockId, block: BlockView<'_>, noise: Option<&BlockNoise>) -> Candidate {
         let (entries, survey, replaced) = sanitise(block);
         let usable = BlockView::new(block.rows(), block.columns(), &entries);
-        let apart = self.apart(id, usable, &survey, noise);
+        let apart = self.apart(id, usable, &survey, noise, &[]);
         let smooth = without(entries, apart.entries(), block.rows());
         let smooth = BlockView::new(block.rows(), block.columns(), &smooth);
         self.analyse_smooth(id, smooth, apart, (&survey.sums_of.all_on, replaced))
     }
 
     /// [`analyse`](Self::analyse) without a copy of the block: what stands alone is taken out of it while its range is
-    /// found, and put back. Beside it the sums of the block, where all its entries can be computed with.
+    /// found, and put back. Beside it the sums of the block, where all its entries can be computed with. The entries of
+    /// emission that is `seen` stand alone whatever their values.
     pub fn analyse_in_place(
         &self,
         id: BlockId,
         block: &mut Block,
         noise: Option<&BlockNoise>,
+        seen: &[SeenEmission],
     ) -> (Candidate, Option<BlockSums>) {
         let survey = survey(block.view());
         if !survey.usable {
             return (self.analyse(id, block.view(), noise), None);
         }
-        let apart = self.apart(id, block.view(), &survey, noise);
+        let apart = self.apart(id, block.view(), &survey, noise, seen);
         let taken: Vec<SparseEntry> = apart.entries().copied().collect();
         let put = |block: &mut Block, value: &dyn Fn(&SparseEntry) -> f32| {
             let rows = block.rows();
@@ -172,6 +176,7 @@ impl Compressor {
         usable: BlockView<'_>,
         survey: &Survey,
         noise: Option<&'a BlockNoise>,
+        seen: &[SeenEmission],
     ) -> Apart<'a> {
         let heeded = self.settings.noise_factor > 0.0;
         let shape = (usable.rows(), usable.columns());
@@ -186,6 +191,7 @@ impl Compressor {
             Some(noise) => noise.split(standing, (rect.width as usize, rect.height as usize)),
             None => (standing, Vec::new()),
         };
+        let sparse = with_seen(sparse, usable, seen);
         Apart { sparse, stray, noise }
     }
 
@@ -358,6 +364,24 @@ impl Compressor {
         };
         Candidate { id, summary, left: range.left, right: range.right, sparse, sparse_gain }
     }
+}
+
+/// `sparse` and the entries at which emission is seen, by column, then row.
+fn with_seen(mut sparse: Vec<SparseEntry>, block: BlockView<'_>, seen: &[SeenEmission]) -> Vec<SparseEntry> {
+    let pixels = block.rows() / CHANNELS;
+    for seen in seen {
+        for row in (0..CHANNELS).map(|channel| channel * pixels + seen.pixel as usize) {
+            let value = block.at(row, seen.column as usize);
+            if value != 0.0 {
+                sparse.push(SparseEntry { column: ColumnIndex(seen.column), row: row as u32, value });
+            }
+        }
+    }
+    if !seen.is_empty() {
+        sparse.sort_by_key(|entry| (entry.column, entry.row));
+        sparse.dedup_by_key(|entry| (entry.column, entry.row));
+    }
+    sparse
 }
 
 /// What is taken out of a block before its range is found.

@@ -51,7 +51,7 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Watch) -> Result<Dem
     let render = super::render(loaded, &matrix_path, &render_options, watch)?;
 
     let matrix = StoreReader::open(&matrix_path)?;
-    let mut pack_options = PackOptions::default();
+    let mut pack_options = PackOptions { denoise: true, ..PackOptions::default() };
     pack_options.container.overwrite = true;
     let pack = super::pack(&matrix, matrix.job(), &container_path, &pack_options, watch)?;
 

@@ -30,11 +30,13 @@ pub fn render_packed(
         return Err(Error::input("global scope", "the matrix is read several times, here it is never stored", hint));
     }
     let job = job_of(&loaded)?;
-    let packing = Packing::begin(&job, path, options, tracing_need(&loaded, &job), watch)?;
     let settings = settings_of(&loaded);
+    // One sample a pixel has no halves.
+    let source = (tracing_need(&loaded, &job), settings.samples_per_pixel > 1);
+    let packing = Packing::begin(&job, path, options, source, watch)?;
     let tracer = Tracer::new(loaded.scene, job.shape, settings)?;
     let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
-    let pack = packing.run("tracing and analysing", "rays", watch, |id, block| {
+    let pack = packing.run("tracing", "rays", watch, |id, block| {
         let stats = tracer.trace_block(id, block);
         rays.fetch_add(stats.rays, Ordering::Relaxed);
         non_finite.fetch_add(stats.non_finite, Ordering::Relaxed);

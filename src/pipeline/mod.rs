@@ -3,6 +3,7 @@
 //! Each job is a function from paths and settings to a report; what a person sees while it runs is the business of the
 //! [`Watch`](crate::host::Watch) that the caller passes in.
 
+mod clean;
 mod compare;
 pub mod demo;
 mod features;

@@ -14,6 +14,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
+use super::clean::Cleaned;
 use super::render::PROGRAM_BYTES;
 use super::spill::Spill;
 use crate::compress::{
@@ -31,6 +32,10 @@ use crate::store;
 /// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
 const SAMPLE_BLOCKS: usize = 48;
 
+/// What [`Target::Automatic`] is for cleaned images: there is no noise that would hide more, and one lamp of many shows the
+/// error of all.
+const CLEANED_DB: f64 = 60.0;
+
 /// Choices of a pack.
 #[derive(Clone, Debug, Default)]
 pub struct PackOptions {
@@ -38,8 +43,25 @@ pub struct PackOptions {
     pub compress: CompressSettings,
     /// How factors are written; the report is made here.
     pub container: ContainerOptions,
+    /// Whether images are cleaned before they are compressed: by [`Method::Auto`], where the samples were kept apart and
+    /// their noise is heeded ([`CompressSettings::noise_factor`]). The container then holds the cleaned matrix, and what is
+    /// said of its errors is against that.
+    pub denoise: bool,
     /// Anonymous memory to stay within; none: what the system has.
     pub memory_bytes: Option<u64>,
+}
+
+impl PackOptions {
+    /// These, for blocks that come with planes or without.
+    fn for_source(&self, has_planes: bool) -> Self {
+        let mut options = self.clone();
+        let compress = &mut options.compress;
+        options.denoise &= has_planes && compress.method == Method::Auto && compress.noise_factor > 0.0;
+        if options.denoise && compress.target == Target::Automatic {
+            compress.target = Target::PsnrDb(CLEANED_DB);
+        }
+        options
+    }
 }
 
 /// What a pack did.
@@ -128,9 +150,15 @@ pub fn pack(
     watch: &dyn Watch,
 ) -> Result<PackReport> {
     let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
-    let mut packing = Packing::begin(job, path, options, Need { per_thread_bytes: reading, ..Need::default() }, watch)?;
+    let has_planes = options.denoise && {
+        let mut first = TracedBlock::default();
+        source.read_block(BlockId(0), &mut first)?;
+        first.planes.is_some()
+    };
+    let need = Need { per_thread_bytes: reading, ..Need::default() };
+    let mut packing = Packing::begin(job, path, options, (need, has_planes), watch)?;
     packing.choose_globally(source, watch)?;
-    packing.run("analysing", "B", watch, |id, block| {
+    packing.run("reading", "B", watch, |id, block| {
         source.read_block(id, block)?;
         Ok(size_of_val(block.block.entries()) as u64)
     })
@@ -145,22 +173,32 @@ pub(super) struct Packing {
     compressor: Compressor,
     writer: ContainerWriter,
     spill: Spill,
+    /// Of the job and the settings.
+    fingerprint: [u8; 32],
+    denoise: bool,
     threads: Threads,
 }
 
 impl Packing {
-    /// Refuses what cannot be done and opens the files. `source` is what making the blocks takes.
+    /// Refuses what cannot be done and opens the files. `source` is what making the blocks takes, and whether they come with
+    /// planes.
     pub(super) fn begin(
         job: &Job,
         path: &Path,
         options: &PackOptions,
-        source: Need,
+        (source, has_planes): (Need, bool),
         watch: &dyn Watch,
     ) -> Result<Self> {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
-        let container = ContainerOptions { report: report_of(&options.compress), ..options.container.clone() };
+        let options = &options.for_source(has_planes);
+        let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
         let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
-        let need = need_of(&compressor, job.shape, source);
+        let mut need = need_of(&compressor, job.shape, source);
+        if options.denoise {
+            need.fixed_bytes += Cleaned::needs_bytes(job);
+            need.disk_bytes += Cleaned::disk_bytes(job);
+            need.most_disk_bytes += Cleaned::disk_bytes(job);
+        }
         if path.exists() && !container.overwrite {
             // Refuses, before anything is said of memory and disk.
             ContainerWriter::create(path, job, container.clone())?;
@@ -169,10 +207,12 @@ impl Packing {
         let threads = Threads::new(need.admit("packing", path, &[&there], options.memory_bytes, watch)?)?;
         let mut hash = Sha256::new();
         hash.update(job.hash().0);
-        hash.update(format!("compressor {COMPRESSOR_VERSION} {:?}", options.compress));
+        hash.update(format!("compressor {COMPRESSOR_VERSION} {:?} {}", options.compress, options.denoise));
+        let fingerprint = hash.finalize().into();
         let writer = ContainerWriter::create(path, job, container)?;
-        let spill = Spill::open(path, hash.finalize().into(), job.shape.block_count())?;
-        Ok(Self { begun, memory, path: path.to_owned(), job: job.clone(), compressor, writer, spill, threads })
+        let spill = Spill::open(path, fingerprint, job.shape.block_count())?;
+        let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
+        Ok(Self { begun, memory, path, job, compressor, writer, spill, fingerprint, denoise, threads })
     }
 
     /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
@@ -188,8 +228,31 @@ impl Packing {
         done
     }
 
-    /// Runs both passes. `make` puts a block into its target and says how much work that was, in `work_unit`.
+    /// Cleans the blocks where that is asked for, and compresses them. `make` puts a block into its target and says how much
+    /// work that was, in `work_unit`.
     pub(super) fn run(
+        self,
+        stage: &str,
+        work_unit: &str,
+        watch: &dyn Watch,
+        make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
+    ) -> Result<PackReport> {
+        if !self.denoise {
+            return self.compress(&format!("{stage} and analysing"), work_unit, watch, make);
+        }
+        let mut cleaned = Cleaned::begin(&self.job, &self.path, self.fingerprint)?;
+        let blocks_kept = cleaned.gather(&self.threads, (stage, work_unit), watch, make)?;
+        cleaned.filter(&self.threads, watch)?;
+        let packed = self.compress("analysing", "B", watch, |id, block| {
+            cleaned.read_block(id, block)?;
+            Ok(size_of_val(block.block.entries()) as u64)
+        })?;
+        cleaned.remove()?;
+        Ok(PackReport { blocks_kept, ..packed })
+    }
+
+    /// Runs both passes over blocks that are as they shall be stored.
+    fn compress(
         mut self,
         stage: &str,
         work_unit: &str,
@@ -264,7 +327,9 @@ impl Packing {
         }
         stop_if_interrupted(&self.path, watch)?;
         let work = make(id, block)?;
-        let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref());
+        let planes = block.planes.as_ref().filter(|_| self.denoise);
+        let seen = planes.map_or(&[][..], |planes| &planes.emission);
+        let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), seen);
         let mut bytes = candidate.to_bytes();
         let candidate_bytes = bytes.len() as u64;
         let projected = self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
@@ -334,10 +399,10 @@ impl Packing {
 }
 
 /// Errors: the watch says to stop.
-fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
+pub(super) fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
     if watch.interrupted() {
         let kept = Spill::path_of(path);
-        let text = format!("{} keeps the analysed blocks; the same command continues", kept.display());
+        let text = format!("{} keeps the finished blocks; the same command continues", kept.display());
         return Err(Error::Interrupted(text));
     }
     Ok(())
@@ -391,7 +456,8 @@ pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need)
 }
 
 /// What the container says of how it was made.
-fn report_of(settings: &CompressSettings) -> ContainerReport {
+fn report_of(options: &PackOptions) -> ContainerReport {
+    let settings = &options.compress;
     let target = match settings.target {
         _ if settings.method != Method::Auto && settings.fixed_rank => format!("rank {}", settings.rank),
         Target::PsnrDb(db) => format!("{db} dB PSNR of relit images"),
@@ -415,7 +481,10 @@ fn report_of(settings: &CompressSettings) -> ContainerReport {
     ];
     ContainerReport {
         program: format!("ltm compressor {COMPRESSOR_VERSION}"),
-        method: settings.method.to_string(),
+        method: match options.denoise {
+            true => format!("{}, images cleaned", settings.method),
+            false => settings.method.to_string(),
+        },
         target,
         prior: format!("{:?}", settings.prior).to_lowercase(),
         settings: format!("{settings:?}"),

@@ -29,9 +29,19 @@ pub struct Compression {
     /// Follow the matrix to the target through its noise, instead of stopping where more bytes would only store noise.
     #[arg(long)]
     keep_noise: bool,
+    /// Whether the grain of the samples is taken out of the images before they are compressed: auto does so where the samples
+    /// were kept apart, unless --keep-noise or another method is asked for.
+    #[arg(long, value_enum, default_value = "auto")]
+    denoise: Denoise,
     /// Seed of random choices.
     #[arg(long, default_value_t = 0)]
     seed: u64,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Denoise {
+    Auto,
+    Off,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -47,6 +57,11 @@ enum ScopeName {
 }
 
 impl Compression {
+    /// Whether images are to be cleaned.
+    pub fn denoise(&self) -> bool {
+        self.denoise == Denoise::Auto
+    }
+
     /// What they mean.
     pub fn settings(&self) -> CompressSettings {
         let mut settings = CompressSettings::of_method(self.method);

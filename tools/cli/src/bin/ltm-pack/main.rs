@@ -114,7 +114,8 @@ fn default_output(input: &Path) -> PathBuf {
 
 fn pack_options(arguments: &Arguments) -> PackOptions {
     let compress = arguments.compression.settings();
-    let mut options = PackOptions { compress, memory_bytes: arguments.memory, ..Default::default() };
+    let denoise = arguments.compression.denoise();
+    let mut options = PackOptions { compress, denoise, memory_bytes: arguments.memory, ..Default::default() };
     options.container.overwrite = arguments.force;
     options
 }

@@ -118,8 +118,8 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
 
 fn run_packed(options: &Render, loaded: LoadedScene, console: &Console) -> Result<()> {
     let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltc"));
-    let mut pack =
-        PackOptions { compress: options.compression.settings(), memory_bytes: options.memory, ..Default::default() };
+    let (compress, denoise) = (options.compression.settings(), options.compression.denoise());
+    let mut pack = PackOptions { compress, denoise, memory_bytes: options.memory, ..Default::default() };
     pack.container.overwrite = options.force;
     let (render, packed) = pipeline::render_packed(loaded, &output, &pack, console)?;
     print_report(&output, &render);

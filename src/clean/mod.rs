@@ -1,0 +1,30 @@
+//! Cleaning: the grain of few samples taken out of images, for all lightings at once.
+//!
+//! What is cleaned are the images of a few clusters of columns (`light::Clusters`), window by window of the whole image;
+//! every lighting's image is then a sum of these. Light that comes straight from emitters and all other light are
+//! filtered apart, each divided by the albedo of what it falls on:
+//!
+//! 1. A few *guides*, mixtures of the clusters' images by principal components ([`Tally`]), are filtered first.
+//! 2. Each pixel of every image becomes a mean of its neighbours, weighted by how alike they are: in what they see
+//!    (normal, albedo, inverse depth on the plane of the surface, shares) and in the filtered guides, as far as the noise
+//!    lets one say so: non-local means (Buades, Coll, Morel 2005) with features and guides in place of patches (Rousselle,
+//!    Manzi, Zwicker 2013). The noise is known from the two halves of the samples.
+//! 3. Pixel by pixel and cluster by cluster the mean is mixed with what was there, as far as the estimated risk falls
+//!    (Stein 1981), so that at many samples nothing is averaged.
+//!
+//! Weights add up to one and do not look at a pixel's own brightness, so a firefly is spread, not cut.
+
+mod constants;
+mod filter;
+mod guide;
+mod kernel;
+mod rows;
+mod shrink;
+mod spread;
+mod surfaces;
+mod tally;
+
+pub use filter::{HALO, Window, clean, pixel_bytes};
+pub use rows::Rows;
+pub use spread::spread;
+pub use tally::{Guides, Tally};

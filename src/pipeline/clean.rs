@@ -1,0 +1,333 @@
+//! Blocks → cleaned blocks: what compresses afterwards sees a matrix without grain.
+//!
+//! Three steps, of which only the first has the blocks:
+//!
+//! 1. *Gathering*: of each block, wherever it comes from, the planes go to a file: light of the clusters of columns in two
+//!    halves, features, emission seen.
+//! 2. *Filtering*, window by window over the whole image, with as much of the neighbourhood as the filter reads: the
+//!    images `D` of the clusters, cleaned. They do not know of blocks.
+//! 3. *Spreading*, when a block is asked for: `T̂ = D M + E`, with `M = (Sᵀ K S)⁻¹ Sᵀ K` and the emission `E` as it is. `K` is
+//!    the covariance of lightings, `S` says which column is in which cluster: `M ℓ` are the weights of the clusters that
+//!    stand best for a lighting `ℓ` (Nyström's approximation, with sums of columns as landmarks).
+//!
+//! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use super::pack::stop_if_interrupted;
+use super::spill::Spill;
+use crate::clean::{self, Guides, Rows, Tally, Window};
+use crate::error::{Error, Result};
+use crate::host::{Threads, Watch};
+use crate::light::{Clusters, Job, LightingPrior};
+use crate::matrix::{
+    Block, BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, SeenEmission,
+    TracedBlock, decode_unsigned, encode_unsigned,
+};
+
+/// Memory that the images of a window may take; a window of one block is filtered whatever it takes.
+const WINDOW_BYTES: u64 = 256 << 20;
+
+/// A matrix whose images are cleaned, block by block.
+pub(super) struct Cleaned {
+    /// What the file of gathered planes is beside.
+    path: PathBuf,
+    shape: MatrixShape,
+    clusters: usize,
+    /// `M`: clusters × columns, row-major.
+    spread: Vec<f32>,
+    gathered: Spill,
+    images: Spill,
+    tally: Tally,
+}
+
+/// A block of a window: where it stands and what was gathered of it.
+struct Gathered {
+    rect: PixelRect,
+    planes: BlockPlanes,
+}
+
+impl Cleaned {
+    /// Bytes that filtering takes at most beside the blocks.
+    pub(super) fn needs_bytes(job: &Job) -> u64 {
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        let side = u64::from(window_blocks(job.shape, clusters) * job.shape.block_side());
+        let planes = BlockPlanes::fixed_bytes(u64::from(job.shape.block_side()).pow(2), clusters);
+        window_bytes(side, side, clusters) + 4 * planes + 4 * clusters * job.shape.columns() as u64
+    }
+
+    /// Bytes of disk that it takes.
+    pub(super) fn disk_bytes(job: &Job) -> u64 {
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        let pixels = job.shape.rows() / CHANNELS as u64;
+        BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64)
+    }
+
+    /// Opens the files for it beside `path`, those of an interrupted run of the same fingerprint where there are any.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(super) fn begin(job: &Job, path: &Path, fingerprint: [u8; 32]) -> Result<Self> {
+        let shape = job.shape;
+        let beside = |name: &str| {
+            let mut beside = path.as_os_str().to_owned();
+            beside.push(name);
+            PathBuf::from(beside)
+        };
+        let open = |path: &Path| Spill::open(path, fingerprint, shape.block_count());
+        let clusters = Clusters::of_basis(&job.basis);
+        Ok(Self {
+            path: beside(".planes"),
+            shape,
+            clusters: clusters.count(),
+            spread: clean::spread(&LightingPrior::of_basis(&job.basis), &clusters),
+            gathered: open(&beside(".planes"))?,
+            images: open(&beside(".clean"))?,
+            tally: Tally::new(clusters.count()),
+        })
+    }
+
+    /// Removes the files that it worked with.
+    pub(super) fn remove(self) -> Result<()> {
+        self.gathered.remove()?;
+        self.images.remove()
+    }
+
+    /// Takes from each block what filtering needs of it. `make` puts a block into its target and says how much work that was,
+    /// in `work_unit`. Gives the number of blocks that an earlier run had left.
+    ///
+    /// # Errors
+    /// A block without planes; those of `make` and of the disk; [`Error::Interrupted`] when the watch says so.
+    pub(super) fn gather(
+        &mut self,
+        threads: &Threads,
+        (stage, work_unit): (&str, &str),
+        watch: &dyn Watch,
+        make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
+    ) -> Result<u64> {
+        let blocks: Vec<BlockId> = self.shape.blocks().collect();
+        let blocks_kept = blocks.iter().filter(|&&id| self.gathered.has(id)).count() as u64;
+        let total = Mutex::new(Tally::new(self.clusters));
+        watch.begin(stage, blocks.len() as u64, "blocks");
+        let gather = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
+            stop_if_interrupted(&self.path, watch)?;
+            let mut tally = Tally::new(self.clusters);
+            let rect = self.shape.rect(id);
+            let work = if self.gathered.has(id) {
+                tally.add(&self.window_of(&[self.gathered(id)?], rect));
+                0
+            } else {
+                let work = make(id, block)?;
+                let planes = block.planes.take().ok_or_else(|| {
+                    let hint = "pack it as it is, with --denoise off";
+                    Error::input(id.to_string(), "its samples were not kept apart, so it cannot be cleaned", hint)
+                })?;
+                self.gathered.append(id, &encode(&planes))?;
+                let gathered = Gathered { rect, planes };
+                tally.add(&self.window_of(std::slice::from_ref(&gathered), rect));
+                block.planes = Some(gathered.planes);
+                work
+            };
+            total.lock().unwrap_or_else(|e| e.into_inner()).merge(&tally);
+            watch.advance(1, work, work_unit);
+            Ok(())
+        };
+        let done = threads.run(|| -> Result<()> { blocks.par_iter().map_init(TracedBlock::default, gather).collect() });
+        watch.end();
+        done?;
+        self.tally = total.into_inner().unwrap_or_else(|e| e.into_inner());
+        Ok(blocks_kept)
+    }
+
+    /// Filters what was gathered, window by window.
+    ///
+    /// # Errors
+    /// Those of the disk; [`Error::Interrupted`] when the watch says so.
+    pub(super) fn filter(&self, threads: &Threads, watch: &dyn Watch) -> Result<()> {
+        let guides = &self.tally.guides();
+        let step = window_blocks(self.shape, self.clusters as u64);
+        let (across, down) = (self.shape.blocks_across(), self.shape.blocks_down());
+        watch.begin("cleaning", u64::from(self.shape.block_count()), "blocks");
+        let done = threads.run(|| -> Result<()> {
+            for top in (0..down).step_by(step as usize) {
+                for left in (0..across).step_by(step as usize) {
+                    stop_if_interrupted(&self.path, watch)?;
+                    let rows = top..(top + step).min(down);
+                    let blocks: Vec<BlockId> = rows
+                        .flat_map(|y| (left..(left + step).min(across)).map(move |x| BlockId(y * across + x)))
+                        .collect();
+                    if !blocks.iter().all(|&id| self.images.has(id)) {
+                        self.filter_window(&blocks, guides)?;
+                    }
+                    watch.advance(blocks.len() as u64, 0, "px");
+                }
+            }
+            Ok(())
+        });
+        watch.end();
+        done
+    }
+
+    /// Filters the blocks of one window.
+    fn filter_window(&self, blocks: &[BlockId], guides: &Guides) -> Result<()> {
+        let rects = || blocks.iter().map(|&id| self.shape.rect(id));
+        let halo = clean::HALO as u32;
+        let left = rects().map(|r| r.x).min().unwrap_or(0).saturating_sub(halo);
+        let top = rects().map(|r| r.y).min().unwrap_or(0).saturating_sub(halo);
+        let right = (rects().map(|r| r.x + r.width).max().unwrap_or(0) + halo).min(self.shape.width());
+        let bottom = (rects().map(|r| r.y + r.height).max().unwrap_or(0) + halo).min(self.shape.height());
+        let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
+        let reaches = |r: PixelRect| r.x < right && r.x + r.width > left && r.y < bottom && r.y + r.height > top;
+        let mut window = self.empty_window(whole);
+        for id in self.shape.blocks().filter(|&id| reaches(self.shape.rect(id))) {
+            self.put(&self.gathered(id)?, whole, &mut window);
+        }
+        let images = clean::clean(window, guides);
+        for &id in blocks {
+            let rect = self.shape.rect(id);
+            let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
+            for plane in 0..images.planes() {
+                for y in rect.y..rect.y + rect.height {
+                    let row = &images.row(plane, (y - top) as usize)[(rect.x - left) as usize..][..rect.width as usize];
+                    bytes.extend_from_slice(bytemuck::cast_slice(row));
+                }
+            }
+            self.images.append(id, &bytes)?;
+        }
+        Ok(())
+    }
+
+    fn empty_window(&self, whole: PixelRect) -> Window {
+        let rows = |planes| Rows::zeros(whole.width as usize, whole.height as usize, planes);
+        let light = 2 * CHANNELS * self.clusters;
+        Window {
+            direct: rows(light),
+            indirect: rows(light),
+            features: rows(FEATURE_PLANES),
+            feature_variance: rows(FEATURE_PLANES),
+        }
+    }
+
+    fn window_of(&self, blocks: &[Gathered], whole: PixelRect) -> Window {
+        let mut window = self.empty_window(whole);
+        blocks.iter().for_each(|block| self.put(block, whole, &mut window));
+        window
+    }
+
+    /// Puts what lies in `whole` of a block into a window.
+    fn put(&self, block: &Gathered, whole: PixelRect, window: &mut Window) {
+        let Gathered { rect, planes } = block;
+        let (left, top) = (rect.x.max(whole.x), rect.y.max(whole.y));
+        let right = (rect.x + rect.width).min(whole.x + whole.width);
+        let bottom = (rect.y + rect.height).min(whole.y + whole.height);
+        let copy = |from: &[f32], target: &mut Rows, first: usize| {
+            for (plane, from) in from.chunks_exact(rect.pixels()).enumerate() {
+                for y in top..bottom {
+                    let from = &from[((y - rect.y) * rect.width + left - rect.x) as usize..][..(right - left) as usize];
+                    let row = target.row_mut(first + plane, (y - whole.y) as usize);
+                    row[(left - whole.x) as usize..][..from.len()].copy_from_slice(from);
+                }
+            }
+        };
+        for half in 0..2 {
+            copy(&planes.direct[half], &mut window.direct, half * CHANNELS * self.clusters);
+            copy(&planes.indirect[half], &mut window.indirect, half * CHANNELS * self.clusters);
+        }
+        copy(&planes.features, &mut window.features, 0);
+        copy(&planes.feature_variance, &mut window.feature_variance, 0);
+    }
+
+    fn gathered(&self, id: BlockId) -> Result<Gathered> {
+        let rect = self.shape.rect(id);
+        let planes = decode(&self.gathered.read(id)?, rect.pixels(), self.clusters);
+        Ok(Gathered { rect, planes: planes.ok_or_else(|| self.gathered.damaged(id, "it is cut short"))? })
+    }
+}
+
+impl BlockSource for Cleaned {
+    fn shape(&self) -> MatrixShape {
+        self.shape
+    }
+
+    /// The cleaned block; of its planes only the emission.
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        let rows = self.shape.rect(id).rows();
+        let bytes = self.images.read(id)?;
+        if bytes.len() != 4 * rows * self.clusters {
+            return Err(self.images.damaged(id, "it is cut short"));
+        }
+        let images: Vec<f32> = bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
+        let columns = self.shape.columns();
+        if (target.block.rows(), target.block.columns()) != (rows, columns) {
+            target.block.reset(rows, columns);
+        }
+        multiply(&images, &self.spread, &mut target.block);
+        let emission = self.gathered(id)?.planes.emission;
+        let pixels = rows / CHANNELS;
+        for seen in &emission {
+            for (channel, value) in seen.value.iter().enumerate() {
+                let row = channel * pixels + seen.pixel as usize;
+                target.block.entries_mut()[seen.column as usize * rows + row] += value;
+            }
+        }
+        target.noise = None;
+        target.planes = Some(BlockPlanes { emission, ..Default::default() });
+        Ok(())
+    }
+}
+
+/// `block = images · spread`, one column of the block after the other.
+fn multiply(images: &[f32], spread: &[f32], block: &mut Block) {
+    let (rows, columns) = (block.rows(), block.columns());
+    for (column, entries) in block.entries_mut().chunks_exact_mut(rows).enumerate() {
+        entries.fill(0.0);
+        for (image, weights) in images.chunks_exact(rows).zip(spread.chunks_exact(columns)) {
+            let weight = weights[column];
+            if weight != 0.0 {
+                entries.iter_mut().zip(image).for_each(|(entry, value)| *entry += weight * value);
+            }
+        }
+    }
+}
+
+/// Blocks along the side of a window.
+fn window_blocks(shape: MatrixShape, clusters: u64) -> u32 {
+    let most = shape.blocks_across().max(shape.blocks_down());
+    let side = |blocks: u32| u64::from(blocks * shape.block_side());
+    (1..=most).rev().find(|&blocks| window_bytes(side(blocks), side(blocks), clusters) <= WINDOW_BYTES).unwrap_or(1)
+}
+
+fn window_bytes(width: u64, height: u64, clusters: u64) -> u64 {
+    let halo = 2 * clean::HALO as u64;
+    (width + halo) * (height + halo) * clean::pixel_bytes(clusters)
+}
+
+/// The planes of a block for the file: light and variances as tracing rounds them, the rest as it is.
+fn encode(planes: &BlockPlanes) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let light = planes.direct.iter().chain(&planes.indirect);
+    for value in light.chain([&planes.feature_variance]).flatten() {
+        bytes.extend(encode_unsigned(*value).to_ne_bytes());
+    }
+    bytes.extend_from_slice(bytemuck::cast_slice(&planes.features));
+    bytes.extend_from_slice(bytemuck::cast_slice(&planes.emission));
+    bytes
+}
+
+fn decode(bytes: &[u8], pixels: usize, clusters: usize) -> Option<BlockPlanes> {
+    let light = pixels * CHANNELS * clusters;
+    let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
+    let (features, emission) = rest.split_at_checked(4 * FEATURE_PLANES * pixels)?;
+    let mut halves = halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
+    let mut take = |count: usize| halves.by_ref().take(count).collect::<Vec<f32>>();
+    Some(BlockPlanes {
+        direct: [take(light), take(light)],
+        indirect: [take(light), take(light)],
+        feature_variance: take(FEATURE_PLANES * pixels),
+        features: features.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect(),
+        emission: emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect(),
+    })
+}
