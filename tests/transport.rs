@@ -20,9 +20,9 @@ mod textures;
 mod z_test;
 
 use glam::Vec3;
-use ltm::light::LightKind;
+use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::{MatrixShape, TracedBlock};
-use ltm::scene::{Emitter, EnvironmentEmitter, EnvironmentMapping, Paint, Surface};
+use ltm::scene::{Emitter, EnvironmentEmitter, Paint, Surface};
 use ltm::trace::{TraceSettings, Tracer};
 use scenes::{Builder, all_on, camera, lambert, mean, settings, trace, tracer};
 

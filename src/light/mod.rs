@@ -3,6 +3,7 @@
 
 mod basis;
 mod clusters;
+mod environment;
 mod errors;
 mod job;
 mod lighting;
@@ -13,6 +14,7 @@ mod probes;
 
 pub use basis::{Column, Light, LightBasis, LightKind, LightUnit};
 pub use clusters::Clusters;
+pub use environment::{EnvironmentMapping, turn_about_vertical};
 pub use errors::{LightErrors, column_name, light_errors_lines};
 pub use job::{Job, JobHash, Provenance};
 pub use lighting::Lighting;

@@ -33,7 +33,6 @@
 //!
 //! A colour sets the chromaticity and leaves the luminance; a mask or image multiplies; stops come last.
 
-mod environment;
 mod file;
 mod pattern;
 mod resolve;

@@ -4,11 +4,10 @@ use std::f32::consts::PI;
 use std::path::Path;
 
 use super::Look;
-use super::environment::{nearest_texel, resample};
 use super::file::{Base, Color, LookFile, Rule};
 use super::pattern::{image_mask, shape_mask};
 use crate::error::{Error, Result};
-use crate::image::{LinearImage, decode_srgb, kelvin_to_linear, luminance, read_image};
+use crate::image::{KELVIN_RANGE, LinearImage, decode_srgb, kelvin_to_linear, luminance, read_image};
 use crate::light::names::{fits, suggest};
 use crate::light::{Light, LightBasis, LightKind, Lighting};
 
@@ -100,13 +99,13 @@ impl Resolver<'_> {
             weights.copy_from_slice(&self.basis.scene_weights()[columns.start as usize..columns.end as usize]);
         }
         if let Some(environment) = &rule.environment {
-            if !matches!(light.kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. }) {
-                return Err(refuse("is no environment; give it an image or a colour".into()));
-            }
+            let mapping = light.kind.environment();
+            let mapping = mapping.ok_or_else(|| refuse("is no environment; give it an image or a colour".into()))?;
             let map = self.read(&environment.file)?;
             let gain = finite(environment.stops.exp2()).ok_or_else(|| refuse("has stops out of range".into()))?;
-            let turned = resample(light, &map, f64::from(environment.rotation_degrees).to_radians());
-            weights.iter_mut().zip(turned).for_each(|(weight, value)| *weight = value.map(|v| v * gain));
+            let turn_radians = environment.rotation_degrees.to_radians();
+            let shown = mapping.resample((map.width, map.height), &map.pixels, turn_radians);
+            weights.iter_mut().zip(shown).for_each(|(weight, value)| *weight = value.map(|v| v * gain));
         }
         if rule.color.is_some() || rule.intensity.is_some() {
             let chroma = rule.color.as_ref().map(chromaticity).transpose().map_err(&refuse)?;
@@ -180,7 +179,7 @@ impl Resolver<'_> {
 
     /// Gathers the light's irradiance on the column nearest to a direction.
     fn put_sun(&self, light: &Light, direction: [f32; 3], weights: &mut [[f32; 3]]) -> Result<(), String> {
-        if !matches!(light.kind, LightKind::LatLong { .. } | LightKind::Octahedral { .. }) {
+        if !light.kind.is_environment() {
             return Err("has no directions to put a sun in; name an environment, or suns".into());
         }
         let texel = nearest_texel(light, unit(direction)?);
@@ -203,6 +202,13 @@ impl Resolver<'_> {
     }
 }
 
+/// The column whose direction is nearest to `direction`, both in the world's axes.
+fn nearest_texel(light: &Light, direction: [f32; 3]) -> usize {
+    let dot = |place: &[f32; 3]| (0..3).map(|i| place[i] * direction[i]).sum::<f32>();
+    let nearest = light.places.iter().enumerate().max_by(|(_, a), (_, b)| dot(a).total_cmp(&dot(b)));
+    nearest.map_or(0, |(texel, _)| texel)
+}
+
 fn unit(direction: [f32; 3]) -> Result<[f32; 3], String> {
     let length = direction.iter().map(|v| v * v).sum::<f32>().sqrt();
     if length > 0.0 && length.is_finite() {
@@ -219,8 +225,11 @@ fn finite(value: f32) -> Option<f32> {
 /// A colour scaled to luminance 1.
 fn chromaticity(color: &Color) -> Result<[f32; 3], String> {
     let linear = match color {
-        Color::Kelvin(kelvin) if (1000.0..=40_000.0).contains(kelvin) => kelvin_to_linear(*kelvin),
-        Color::Kelvin(kelvin) => return Err(format!("has a colour of {kelvin} K; give 1,000 to 40,000")),
+        Color::Kelvin(kelvin) if KELVIN_RANGE.contains(kelvin) => kelvin_to_linear(*kelvin),
+        Color::Kelvin(kelvin) => {
+            let (least, most) = (KELVIN_RANGE.start(), KELVIN_RANGE.end());
+            return Err(format!("has a colour of {kelvin} K; give {least} to {most}"));
+        }
         Color::Linear(linear) => *linear,
         Color::Srgb(text) => {
             let digits = text.strip_prefix('#').unwrap_or(text);

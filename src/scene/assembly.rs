@@ -4,11 +4,11 @@ use glam::{Quat, Vec2, Vec3};
 
 use super::shapes;
 use super::{
-    AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, Material, MaterialId, Mesh, PointEmitter,
-    Surface, Texture, Triangle,
+    AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, Material, MaterialId, Mesh, PointEmitter, Surface, Texture,
+    Triangle,
 };
 use crate::error::Result;
-use crate::light::{Light, LightBasis, LightKind, LightUnit};
+use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
 
 /// Parts of a scene so far.
 #[derive(Debug, Default)]
@@ -89,14 +89,10 @@ impl Assembly {
         rotation: Quat,
         emission: [f32; 3],
     ) -> Result<()> {
-        let kind = match mapping {
-            EnvironmentMapping::LatLong { across, down } => LightKind::LatLong { across, down },
-            EnvironmentMapping::Octahedral { side } => LightKind::Octahedral { side },
-        };
         let texels = 0..mapping.texel_count();
         let light = Light {
             name: name.into(),
-            kind,
+            kind: mapping.into(),
             unit: LightUnit::Radiance,
             emission,
             first_column: 0,

@@ -3,10 +3,9 @@
 use glam::{Quat, Vec3};
 
 use super::assembly::{Assembly, Panel};
-use super::{
-    Camera, EnvironmentMapping, LoadedScene, MaterialId, Paint, PixelFilter, RenderSettings, Scene, Surface, shapes,
-};
+use super::{Camera, LoadedScene, MaterialId, Paint, PixelFilter, RenderSettings, Scene, Surface, shapes};
 use crate::error::{Error, Result};
+use crate::light::EnvironmentMapping;
 
 /// Names of the built-in scenes, the first being the one shown when none is asked for.
 pub const BUILT_IN_NAMES: [&str; 5] = ["mixed", "diffuse", "reflections", "caustics", "environment"];

@@ -3,6 +3,8 @@
 
 use glam::{Mat3, Vec3};
 
+use crate::light::EnvironmentMapping;
+
 use super::Paint;
 
 /// How the columns of an area emitter lie on it.
@@ -87,23 +89,6 @@ pub struct IesProfile {
     pub horizontal_radians: Vec<f32>,
     /// Relative intensity, `horizontal × vertical`, vertical angle fastest.
     pub intensity: Vec<f32>,
-}
-
-/// How an environment's columns lie on the sphere of directions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum EnvironmentMapping {
-    /// Latitude–longitude, rows from zenith (+y) to nadir; column 0 begins at −z and turns towards +x.
-    LatLong {
-        /// Texels around.
-        across: u32,
-        /// Texels from zenith to nadir.
-        down: u32,
-    },
-    /// Equal-area octahedral square.
-    Octahedral {
-        /// Texels along each side.
-        side: u32,
-    },
 }
 
 /// Light from infinitely far in every direction; radiance 1 over each column's texel.

@@ -9,11 +9,11 @@ use super::file::{LightEntry, LightEntryKind, MappingEntry, SideEntry};
 use super::folders::Folders;
 use super::looks::{Emission, colour};
 use super::rectangle::{self, Corner};
-use super::{AreaEmitter, AreaLayout, Emitter, EnvironmentMapping, PointEmitter, Surface, ies, names};
+use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, ies, names};
 use crate::error::{Error, Result};
 use crate::image::{LUMENS_PER_WATT, read_image};
 use crate::light::names::fits;
-use crate::light::{Light, LightBasis, LightKind, LightUnit};
+use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
 
 /// Half angle under which the sun is seen from the earth, in degrees.
 const SUN_RADIUS_DEGREES: f32 = 0.2665;
@@ -230,7 +230,8 @@ impl Lights<'_> {
         if let Some(map) = &entry.map {
             let image = read_image(&self.folders.find(map, place)?)?;
             let scale = |[r, g, b]: [f32; 3]| [r * emission[0], g * emission[1], b * emission[2]];
-            let weights = mapping.texel_averages(&image).into_iter().map(scale).collect();
+            let weights =
+                mapping.resample((image.width, image.height), &image.pixels, 0.0).into_iter().map(scale).collect();
             let first = self.assembly.basis.lights().last().map_or(0, |light| light.first_column);
             self.weights.push((first, weights));
         }

@@ -6,7 +6,6 @@ mod assembly;
 mod built_in;
 mod camera;
 mod emitter;
-mod environment;
 mod file;
 mod folders;
 mod ies;
@@ -27,7 +26,7 @@ mod validate;
 
 pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
 pub use camera::{Camera, PixelFilter};
-pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, EnvironmentMapping, IesProfile, PointEmitter};
+pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter};
 pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings, content_hash};
 pub use material::{Material, Paint, Surface, Texture, TextureId};

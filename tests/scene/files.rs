@@ -2,11 +2,10 @@
 
 use glam::{Vec2, Vec3};
 use ltm::image::{LinearImage, write_exr};
-use ltm::light::{LightBasis, LightKind, LightUnit};
+use ltm::light::{EnvironmentMapping, LightBasis, LightKind, LightUnit};
 use ltm::matrix::MatrixShape;
 use ltm::scene::{
-    AreaLayout, Emitter, EnvironmentMapping, Paint, PixelFilter, PointEmitter, RenderSettings, Surface, built_in,
-    built_in_named, validate,
+    AreaLayout, Emitter, Paint, PixelFilter, PointEmitter, RenderSettings, Surface, built_in, built_in_named, validate,
 };
 
 use super::{Folder, room};

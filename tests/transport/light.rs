@@ -3,9 +3,9 @@
 use std::f32::consts::PI;
 
 use glam::{DVec3, Mat3, Vec3};
-use ltm::light::LightKind;
+use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::{CHANNELS, TracedBlock};
-use ltm::scene::{Emitter, EnvironmentEmitter, EnvironmentMapping, IesProfile, Paint, PointEmitter, Scene, Surface};
+use ltm::scene::{Emitter, EnvironmentEmitter, IesProfile, Paint, PointEmitter, Scene, Surface};
 use ltm::trace::BlockStats;
 
 use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};

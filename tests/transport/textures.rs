@@ -1,10 +1,8 @@
 //! Textures as light meets them: colours, cut-outs, patterns of emission.
 
 use glam::Vec3;
-use ltm::light::LightKind;
-use ltm::scene::{
-    Emitter, EnvironmentEmitter, EnvironmentMapping, MaterialId, Paint, Scene, Surface, Texture, TextureId,
-};
+use ltm::light::{EnvironmentMapping, LightKind};
+use ltm::scene::{Emitter, EnvironmentEmitter, MaterialId, Paint, Scene, Surface, Texture, TextureId};
 
 use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
 

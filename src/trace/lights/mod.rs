@@ -182,10 +182,9 @@ mod tests {
     use super::super::statistics::chi_square_p_value;
     use super::super::world::World;
     use super::*;
-    use crate::light::{Light, LightBasis, LightKind, LightUnit};
+    use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
     use crate::scene::{
-        AreaEmitter, AreaLayout, Camera, EnvironmentMapping, Material, MaterialId, Mesh, PixelFilter, PointEmitter,
-        Surface, Triangle,
+        AreaEmitter, AreaLayout, Camera, Material, MaterialId, Mesh, PixelFilter, PointEmitter, Surface, Triangle,
     };
 
     /// A scene of black triangles that are all one light, seen by nobody.

@@ -1,13 +1,14 @@
 //! What a texelled light shows: painting, shapes, images, turning.
 
 use std::borrow::Cow;
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::f32::consts::TAU;
 use std::sync::Arc;
 
+use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
 use ltm::image::LinearImage;
-use ltm::light::LightKind;
+use ltm::light::{EnvironmentMapping, LightKind, turn_about_vertical};
 
 /// Points along each side of a texel that a shape or a turned environment is sampled at.
 const CUTS: usize = 4;
@@ -132,39 +133,34 @@ impl Pattern {
         })
     }
 
-    /// An image laid over a light: averaged over each texel, and for environments, whose images are lat-long with the
-    /// zenith at the top, over its solid angle, so that its energy is kept. Texels between the pixels of a coarse
-    /// image take the nearest one. Negative and non-finite values count as 0.
+    /// An image laid over a light: averaged over each texel, and on environments, whose images are lat-long with the zenith
+    /// at the top, as [`EnvironmentMapping::resample`] lays them. Texels between the pixels of a coarse image take the
+    /// nearest one. Negative and non-finite values count as 0.
     pub fn of_image(kind: LightKind, image: &LinearImage) -> Self {
         let size = kind.layout();
         let (width, height) = (image.width as usize, image.height as usize);
         if width == 0 || height == 0 {
             return Self::filled(size, [0.0; 3]);
         }
+        if let Some(mapping) = kind.environment() {
+            let texels = mapping.resample((image.width, image.height), &image.pixels, 0.0);
+            return Self { size, texels: Arc::new(texels) };
+        }
         let clean = |pixel: [f32; 3]| pixel.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
         let mut sums = vec![[0.0f64; 4]; size.0 as usize * size.1 as usize];
-        let is_environment = kind.is_environment();
         for row in 0..height {
-            let v = (row as f32 + 0.5) / height as f32;
-            let weight = if is_environment { f64::from((PI * v).sin()) } else { 1.0 };
             for column in 0..width {
-                let u = (column as f32 + 0.5) / width as f32;
-                let at = texel_index(size, if is_environment { position(kind, (PI * v).cos(), u) } else { [u, v] });
+                let at = [(column as f32 + 0.5) / width as f32, (row as f32 + 0.5) / height as f32];
+                let sum = &mut sums[texel_index(size, at)];
                 for (channel, value) in clean(image.pixels[row * width + column]).into_iter().enumerate() {
-                    sums[at][channel] += weight * f64::from(value);
+                    sum[channel] += f64::from(value);
                 }
-                sums[at][3] += weight;
+                sum[3] += 1.0;
             }
         }
         let nearest = |texel: usize| {
             let (column, row) = (texel % size.0 as usize, texel / size.0 as usize);
             let at = [(column as f32 + 0.5) / size.0 as f32, (row as f32 + 0.5) / size.1 as f32];
-            let at = if is_environment {
-                let (y, turn) = sphere(kind, at);
-                [turn, y.clamp(-1.0, 1.0).acos() / PI]
-            } else {
-                at
-            };
             clean(image.pixels[texel_index((image.width, image.height), at)])
         };
         let texels = sums.iter().enumerate().map(|(texel, &[r, g, b, weight])| match weight > 0.0 {
@@ -176,16 +172,15 @@ impl Pattern {
 
     /// The environment turned to the right about the vertical; other lights as they are.
     pub fn turned(&self, kind: LightKind, radians: f32) -> Cow<'_, Self> {
-        let is_environment = kind.is_environment();
-        if !is_environment || radians == 0.0 || kind.layout() != self.size {
-            return Cow::Borrowed(self);
-        }
-        if let LightKind::LatLong { across, .. } = kind {
+        let mapping = kind.environment().filter(|mapping| radians != 0.0 && mapping.layout() == self.size);
+        let Some(mapping) = mapping else { return Cow::Borrowed(self) };
+        if let EnvironmentMapping::LatLong { across, .. } = mapping {
             return Cow::Owned(self.shifted(radians / TAU * across as f32));
         }
         Cow::Owned(Self::sampled(self.size, |x, y| {
-            let (height, turn) = sphere(kind, [x / self.size.0 as f32, y / self.size.1 as f32]);
-            self.texels[texel_index(self.size, position(kind, height, turn - radians / TAU))]
+            let texel = y as u32 * self.size.0 + x as u32;
+            let direction = mapping.direction_at(texel, Vec2::new(x.fract(), y.fract()));
+            self.texels[mapping.texel_at(turn_about_vertical(direction, -radians)) as usize]
         }))
     }
 
@@ -241,50 +236,10 @@ fn texel_index((across, down): (u32, u32), at: [f32; 2]) -> usize {
     cell(at[1], down) * across as usize + cell(at[0], across)
 }
 
-/// Position, in fractions of the environment's image, of a direction: the height of its end, −1 to 1, and its turn
-/// about the vertical in fractions, from −z over +x. The mappings are those of the light basis: lat-long, or the
-/// equal-area octahedral square (Clarberg 2008) with the zenith in the middle, +x at the right and −z at the top.
-fn position(kind: LightKind, height: f32, turn: f32) -> [f32; 2] {
-    let turn = turn.rem_euclid(1.0);
-    if !matches!(kind, LightKind::Octahedral { .. }) {
-        return [turn, height.clamp(-1.0, 1.0).acos() / PI];
-    }
-    let along = (4.0 * turn - 1.0).rem_euclid(4.0);
-    let (side, part) = (along as usize % 4, along.fract());
-    let corners = [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0f32]];
-    let radius = (1.0 - height.abs()).max(0.0).sqrt();
-    let [mut x, mut y] =
-        [0, 1].map(|axis| radius * (corners[side][axis] * (1.0 - part) + corners[(side + 1) % 4][axis] * part));
-    if height < 0.0 {
-        (x, y) = ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y));
-    }
-    [0.5 * (x + 1.0), 0.5 * (y + 1.0)]
-}
-
-/// Inverse of [`position`]: height and turn.
-fn sphere(kind: LightKind, at: [f32; 2]) -> (f32, f32) {
-    if !matches!(kind, LightKind::Octahedral { .. }) {
-        return ((PI * at[1]).cos(), at[0]);
-    }
-    let (mut x, mut y) = (2.0 * at[0] - 1.0, 2.0 * at[1] - 1.0);
-    let below = x.abs() + y.abs() > 1.0;
-    if below {
-        (x, y) = ((1.0 - y.abs()).copysign(x), (1.0 - x.abs()).copysign(y));
-    }
-    let radius = x.abs() + y.abs();
-    let height = if below { radius * radius - 1.0 } else { 1.0 - radius * radius };
-    let part = y.abs() / radius.max(1e-9);
-    let angle = match (x >= 0.0, y >= 0.0) {
-        (true, true) => part,
-        (false, true) => 2.0 - part,
-        (false, false) => 2.0 + part,
-        (true, false) => 4.0 - part,
-    };
-    (height, ((angle * FRAC_PI_2) / TAU + 0.25).rem_euclid(1.0))
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::{FRAC_PI_2, PI};
+
     use super::*;
 
     fn sum(pattern: &Pattern) -> f32 {
@@ -345,30 +300,15 @@ mod tests {
     }
 
     #[test]
-    fn the_octahedral_square_and_the_sphere_fit_each_other() {
-        let kind = LightKind::Octahedral { side: 16 };
-        let near = |a: [f32; 2], b: [f32; 2]| assert!((a[0] - b[0]).hypot(a[1] - b[1]) < 1e-4, "{a:?} {b:?}");
-        near(position(kind, 1.0, 0.3), [0.5, 0.5]);
-        near(position(kind, 0.0, 0.25), [1.0, 0.5]);
-        near(position(kind, 0.0, 0.0), [0.5, 0.0]);
-        for i in 0..16 {
-            for j in 0..16 {
-                let at = [(i as f32 + 0.4) / 16.0, (j as f32 + 0.3) / 16.0];
-                let (height, turn) = sphere(kind, at);
-                near(position(kind, height, turn), at);
-            }
-        }
-    }
-
-    #[test]
     fn a_turned_octahedral_environment_moves_its_sun() {
         let kind = LightKind::Octahedral { side: 32 };
         let mut pattern = Pattern::filled((32, 32), [0.0; 3]);
-        let at = texel_index((32, 32), position(kind, 0.3, 0.1));
-        pattern.texels_mut()[at] = [100.0; 3];
+        let mapping = kind.environment().unwrap();
+        let direction = glam::Vec3::new(0.5, 0.3, -0.7).normalize();
+        pattern.texels_mut()[mapping.texel_at(direction) as usize] = [100.0; 3];
         let turned = pattern.turned(kind, FRAC_PI_2);
         let brightest = (0..1024).max_by(|&a, &b| turned.texels()[a][0].total_cmp(&turned.texels()[b][0])).unwrap();
-        assert_eq!(brightest, texel_index((32, 32), position(kind, 0.3, 0.35)));
+        assert_eq!(brightest as u32, mapping.texel_at(turn_about_vertical(direction, FRAC_PI_2)));
         assert!((sum(&turned) / 100.0 - 1.0).abs() < 0.3, "a quarter turn maps texels onto texels");
     }
 

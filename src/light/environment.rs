@@ -7,8 +7,24 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::EnvironmentMapping;
-use crate::image::LinearImage;
+use super::LightKind;
+
+/// How an environment's columns lie on the sphere of directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EnvironmentMapping {
+    /// Latitude–longitude, rows from zenith (+y) to nadir; column 0 begins at −z and turns towards +x.
+    LatLong {
+        /// Texels around.
+        across: u32,
+        /// Texels from zenith to nadir.
+        down: u32,
+    },
+    /// Equal-area octahedral square.
+    Octahedral {
+        /// Texels along each side.
+        side: u32,
+    },
+}
 
 impl EnvironmentMapping {
     /// Number of texels, which are the columns of the light.
@@ -65,39 +81,59 @@ impl EnvironmentMapping {
         }
     }
 
-    /// Averages of a lat-long image over the solid angle of every texel: the weights with which the columns show it.
+    /// The weights with which the columns show a lat-long map of `size` (width, height): the mean over each texel, scaled so
+    /// that the whole energy `∫ L dω` of every channel is the map's own. Negative and non-finite values count as 0.
     ///
-    /// The image lies as a [`LatLong`](Self::LatLong) mapping does: zenith at its top, −z at its left edge.
-    pub fn texel_averages(self, image: &LinearImage) -> Vec<[f32; 3]> {
-        let (width, height) = (image.width as usize, image.height as usize);
-        let pixels = Self::LatLong { across: image.width, down: image.height };
+    /// The map lies as a [`LatLong`](Self::LatLong) mapping does, the zenith at its top and −z at its left edge, turned by
+    /// `turn_radians` about the vertical, from −z towards +x.
+    ///
+    /// # Panics
+    /// If there is not one pixel for each place of `size`, row by row.
+    pub fn resample(self, size: (u32, u32), pixels: &[[f32; 3]], turn_radians: f32) -> Vec<[f32; 3]> {
+        let (width, height) = (size.0 as usize, size.1 as usize);
+        assert_eq!(pixels.len(), width * height, "one pixel for each place");
         let texels = self.texel_count() as usize;
-        // Enough points that every texel gets about sixteen, so that coarse images reach all texels.
-        let cuts = ((16 * texels) as f32 / (width * height).max(1) as f32).sqrt().ceil().max(1.0) as usize;
-        let mut sums = vec![[0.0f64; 4]; texels];
-        for row in 0..height {
-            let weight = f64::from(pixels.solid_angle((row * width) as u32));
-            for column in 0..width {
-                let pixel = row * width + column;
-                for cut in 0..cuts * cuts {
-                    let offset = Vec2::new((cut % cuts) as f32 + 0.5, (cut / cuts) as f32 + 0.5) / cuts as f32;
-                    let sum = &mut sums[self.texel_at(pixels.direction_at(pixel as u32, offset)) as usize];
-                    for (channel, value) in image.pixels[pixel].iter().enumerate() {
-                        sum[channel] += weight * f64::from(*value);
+        if pixels.is_empty() {
+            return vec![[0.0; 3]; texels];
+        }
+        let grid = Self::LatLong { across: size.0, down: size.1 };
+        let cuts = ((POINTS_A_TEXEL * texels) as f32 / pixels.len() as f32).sqrt().ceil().max(1.0) as usize;
+        let inside = |cut: usize| (cut as f32 + 0.5) / cuts as f32;
+        let around: Vec<(f32, f32)> = (0..width * cuts)
+            .map(|i| (((i / cuts) as f32 + inside(i % cuts)) * TAU / size.0 as f32 + turn_radians).sin_cos())
+            .collect();
+        let (mut sums, mut total) = (vec![[0.0f64; 4]; texels], [0.0f64; 3]);
+        for (row, pixels) in pixels.chunks_exact(width).enumerate() {
+            let first = (row * width) as u32;
+            let weight = f64::from(grid.solid_angle(first)) / (cuts * cuts) as f64;
+            for y in (0..cuts).map(|cut| grid.direction_at(first, Vec2::new(0.0, inside(cut))).y) {
+                let ring = ((1.0 - y) * (1.0 + y)).sqrt();
+                for (i, (sin, cos)) in around.iter().enumerate() {
+                    let sum = &mut sums[self.texel_at(Vec3::new(ring * sin, y, -ring * cos)) as usize];
+                    for (channel, value) in radiance(pixels[i / cuts]).into_iter().enumerate() {
+                        sum[channel] += weight * f64::from(value);
+                        total[channel] += weight * f64::from(value);
                     }
                     sum[3] += weight;
                 }
             }
         }
         let nearest = |texel: usize| {
-            let at = pixels.texel_at(self.direction_at(texel as u32, Vec2::splat(0.5)));
-            image.pixels.get(at as usize).copied().unwrap_or_default()
+            let direction = turn_about_vertical(self.direction_at(texel as u32, Vec2::splat(0.5)), -turn_radians);
+            radiance(pixels[grid.texel_at(direction) as usize]).map(f64::from)
         };
-        let average = |(texel, [r, g, b, weight]): (usize, [f64; 4])| match weight > 0.0 {
-            true => [r, g, b].map(|v| (v / weight) as f32),
-            false => nearest(texel),
-        };
-        sums.into_iter().enumerate().map(average).collect()
+        let means: Vec<[f64; 3]> = (sums.iter().enumerate())
+            .map(
+                |(texel, &[r, g, b, weight])| if weight > 0.0 { [r, g, b].map(|v| v / weight) } else { nearest(texel) },
+            )
+            .collect();
+        let mut kept = [0.0f64; 3];
+        for (texel, mean) in means.iter().enumerate() {
+            let solid_angle = f64::from(self.solid_angle(texel as u32));
+            (0..3).for_each(|channel| kept[channel] += mean[channel] * solid_angle);
+        }
+        let scale = [0, 1, 2].map(|channel| if kept[channel] > 0.0 { total[channel] / kept[channel] } else { 0.0 });
+        means.iter().map(|mean| [0, 1, 2].map(|channel: usize| (mean[channel] * scale[channel]) as f32)).collect()
     }
 
     /// Position of a unit direction in the environment's image, `[0, 1]²` from its top left.
@@ -112,6 +148,39 @@ impl EnvironmentMapping {
                 Vec2::new(turn / TAU, polar / PI)
             }
             Self::Octahedral { .. } => to_square(direction),
+        }
+    }
+}
+
+/// Sample points for each texel at least, so that coarse maps reach all texels.
+const POINTS_A_TEXEL: usize = 16;
+
+fn radiance(pixel: [f32; 3]) -> [f32; 3] {
+    pixel.map(|value| if value.is_finite() { value.max(0.0) } else { 0.0 })
+}
+
+/// A direction turned about the vertical, from −z towards +x.
+pub fn turn_about_vertical(direction: Vec3, radians: f32) -> Vec3 {
+    let (sin, cos) = radians.sin_cos();
+    Vec3::new(direction.x * cos - direction.z * sin, direction.y, direction.z * cos + direction.x * sin)
+}
+
+impl LightKind {
+    /// How its columns lie on the sphere of directions; none for lights that are no environment.
+    pub fn environment(self) -> Option<EnvironmentMapping> {
+        match self {
+            Self::LatLong { across, down } => Some(EnvironmentMapping::LatLong { across, down }),
+            Self::Octahedral { side } => Some(EnvironmentMapping::Octahedral { side }),
+            _ => None,
+        }
+    }
+}
+
+impl From<EnvironmentMapping> for LightKind {
+    fn from(mapping: EnvironmentMapping) -> Self {
+        match mapping {
+            EnvironmentMapping::LatLong { across, down } => Self::LatLong { across, down },
+            EnvironmentMapping::Octahedral { side } => Self::Octahedral { side },
         }
     }
 }
@@ -214,28 +283,50 @@ mod tests {
     }
 
     #[test]
-    fn averages_keep_an_images_flux_and_place() {
-        let mut image = LinearImage::black(64, 32);
-        for (i, pixel) in image.pixels.iter_mut().enumerate() {
-            *pixel = [1.0 + (i % 64) as f32, (i / 64) as f32, 0.25];
-        }
-        let from = EnvironmentMapping::LatLong { across: 64, down: 32 };
-        let flux = |mapping: EnvironmentMapping, weights: &[[f32; 3]], c: usize| -> f64 {
+    fn a_resampled_map_keeps_its_energy_and_its_place() {
+        let pixels: Vec<[f32; 3]> = (0..64 * 32).map(|i| [1.0 + (i % 64) as f32, (i / 64) as f32, 0.25]).collect();
+        let grid = EnvironmentMapping::LatLong { across: 64, down: 32 };
+        let energy = |mapping: EnvironmentMapping, weights: &[[f32; 3]], c: usize| -> f64 {
             let texels = weights.iter().enumerate();
             texels.map(|(t, w)| f64::from(w[c]) * f64::from(mapping.solid_angle(t as u32))).sum()
         };
         for mapping in MAPPINGS {
-            let weights = mapping.texel_averages(&image);
-            assert!(weights.iter().all(|w| (w[2] - 0.25).abs() < 1e-6));
-            // Whole pixels fall to one texel or another: a few per cent where the two grids do not meet.
-            for channel in 0..3 {
-                let (found, stated) = (flux(mapping, &weights, channel), flux(from, &image.pixels, channel));
-                assert!((found / stated - 1.0).abs() < 0.03, "{mapping:?}: {found} for {stated}");
+            for turn in [0.0, 0.3, -2.0, 7.0] {
+                let weights = mapping.resample((64, 32), &pixels, turn);
+                assert!(weights.iter().all(|w| (w[2] - 0.25).abs() < 1e-6));
+                for channel in 0..3 {
+                    let (found, stated) = (energy(mapping, &weights, channel), energy(grid, &pixels, channel));
+                    // The weights are rounded to 32 bits.
+                    assert!((found / stated - 1.0).abs() < 1e-6, "{mapping:?}: {found} for {stated}");
+                }
             }
         }
-        let exact = EnvironmentMapping::LatLong { across: 32, down: 16 }.texel_averages(&image);
+        let exact = EnvironmentMapping::LatLong { across: 32, down: 16 }.resample((64, 32), &pixels, 0.0);
         assert!((exact[5][0] - 11.5).abs() < 1e-4, "{:?}", exact[5]);
-        assert_eq!(from.texel_averages(&image).len(), 64 * 32);
+    }
+
+    #[test]
+    fn a_turned_map_moves_its_sun_from_north_to_east() {
+        let mut pixels = vec![[0.0; 3]; 64 * 32];
+        // At −z, a little above the horizon.
+        pixels[14 * 64] = [100.0; 3];
+        for mapping in MAPPINGS {
+            for turn in [0.0, 1.0, 3.0] {
+                let weights = mapping.resample((64, 32), &pixels, turn);
+                let brightest = (0..weights.len()).max_by(|&a, &b| weights[a][0].total_cmp(&weights[b][0])).unwrap();
+                let (sin, cos) = (turn + 0.5 * TAU / 64.0).sin_cos();
+                let direction = Vec3::new(sin, 0.15, -cos).normalize();
+                assert_eq!(brightest as u32, mapping.texel_at(direction), "{mapping:?} by {turn}");
+                assert!((turn_about_vertical(Vec3::NEG_Z, turn).x - turn.sin()).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_radiance_counts_as_none() {
+        let weights = MAPPINGS[0].resample((1, 1), &[[f32::NAN, -1.0, 2.0]], 0.0);
+        assert!(weights.iter().all(|w| w[0] == 0.0 && w[1] == 0.0 && (w[2] - 2.0).abs() < 1e-5));
+        assert_eq!(MAPPINGS[0].resample((0, 0), &[], 0.0).len(), 512);
     }
 
     #[test]
