@@ -41,8 +41,8 @@ pub struct CandidateSummary {
     pub noise: Vec<f32>,
     /// What of each gain is noise that the component was fitted to; 0 where unknown.
     pub fitted_noise: Vec<f32>,
-    /// The noise of a row that three in four do not pass, over the mean noise of rows, at most 1.
-    pub calm: f32,
+    /// 75th percentile of the noise of rows over its mean, at most 1: small where few rows have nearly all noise.
+    pub noise_quartile_ratio: f32,
     /// Energy of the noise of the whole block, as `gains` are; 0 where unknown.
     pub noise_energy: f32,
     /// Mean square of each component's row of `R`.
@@ -118,7 +118,7 @@ impl Candidate {
             out.extend(v.to_ne_bytes());
         }
         out.extend_from_slice(bytemuck::cast_slice(&s.histogram));
-        out.extend_from_slice(bytemuck::cast_slice(&[s.tail, s.brightness, s.calm, s.noise_energy]));
+        out.extend_from_slice(bytemuck::cast_slice(&[s.tail, s.brightness, s.noise_quartile_ratio, s.noise_energy]));
         for list in
             [&s.gains, &s.noise, &s.fitted_noise, &s.right_mean_square, &self.left, &self.right, &self.sparse_gain]
         {
@@ -176,7 +176,7 @@ impl Candidate {
             tail: scalars[0],
             sparse_gains: gain_bins(&sparse_gain),
             brightness: scalars[1],
-            calm: scalars[2],
+            noise_quartile_ratio: scalars[2],
             noise_energy: scalars[3],
             histogram,
             replaced: Replaced { nan, huge, first },

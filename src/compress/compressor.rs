@@ -302,7 +302,13 @@ impl Compressor {
         let length: f32 = range.right[..n].iter().sum();
         for (k, &gain) in range.gains.iter().enumerate() {
             let all_on = k == 0 && length != 0.0;
-            lightings.col_mut(k).iter_mut().for_each(|w| *w = if all_on { 1.0 / length } else { *w / gain as f32 });
+            let scaled = |w: f32| match gain as f32 {
+                _ if all_on => 1.0 / length,
+                narrow if narrow.is_normal() => w / narrow,
+                // Of a very dark block.
+                _ => (f64::from(w) / gain) as f32,
+            };
+            lightings.col_mut(k).iter_mut().for_each(|w| *w = scaled(*w));
         }
         let variances = noise.of_images(lightings.as_ref());
         let rect = self.shape.rect(id);
@@ -349,7 +355,7 @@ impl Compressor {
             fixed: self.settings.method != Method::Auto && self.settings.fixed_rank,
             noise: noise.as_ref().map_or(unknown(), |(noise, _)| noise.fallen(&range.left, rank)),
             noise_energy: noise.as_ref().map_or(0.0, |(noise, _)| noise.energy()),
-            calm: noise.as_ref().map_or(1.0, |(noise, _)| noise.calm()),
+            noise_quartile_ratio: noise.as_ref().map_or(1.0, |(noise, _)| noise.quartile_ratio()),
             fitted_noise: noise.map_or(unknown(), |(noise, left)| {
                 let fitted = noise.fitted(&self.weights, &range.right, &range.gains);
                 fitted.into_iter().map(|f| f * left).collect()

@@ -107,7 +107,7 @@ impl Cut {
         let noise_share = f64::from(s.fitted_noise[k]) / gain.max(1e-300);
         let (least, most) = LEFT_NOISE_SHARE;
         let share = (most * (NOISE_OF_MOST * noise_share).sqrt()).clamp(least, most);
-        let fitted = heeded * share * f64::from(s.calm * s.fitted_noise[k]) / f64::from(s.rows);
+        let fitted = heeded * share * f64::from(s.noise_quartile_ratio * s.fitted_noise[k]) / f64::from(s.rows);
         let left = (allowed.max(fitted) / gain.max(1e-300)).sqrt();
         let right = allowed.max(fallen).sqrt();
         (left.max(FINEST_STEP / f64::from(s.rows).sqrt()), right.max(FINEST_STEP * rms))

@@ -152,9 +152,9 @@ impl<'a> NoiseModel<'a> {
         *rows.select_nth_unstable_by(at, f64::total_cmp).1
     }
 
-    /// The noise of a row that most do not pass, over the mean: small where few rows have nearly all of it, as below
-    /// caustics, and no measure for the others.
-    pub(super) fn calm(&self) -> f32 {
+    /// 75th percentile of the noise of rows over its mean, at most 1: small where few rows have nearly all of it, as below
+    /// caustics, whose noise is no measure for the others.
+    pub(super) fn quartile_ratio(&self) -> f32 {
         let mean = self.rows.iter().sum::<f64>() / self.rows.len() as f64;
         let usual = self.usual(0.75);
         if mean > 0.0 { (usual / mean).min(1.0) as f32 } else { 1.0 }

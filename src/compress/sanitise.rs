@@ -4,7 +4,8 @@ use std::borrow::Cow;
 
 use crate::matrix::{BlockView, ColumnIndex};
 
-/// Largest magnitude that is computed with: its square times any block's size still fits an f32.
+/// Largest magnitude that is computed with: the squares of 3.4e8 such entries still sum up within an f32. Sums over more, and
+/// all sums of squares over a block, are taken in f64.
 const LARGEST: f32 = 1e15;
 
 /// What had to be replaced in a block.

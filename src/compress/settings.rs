@@ -68,7 +68,8 @@ pub enum Target {
     PsnrDb(f64),
     /// Error of images over their norm, over the prior's lightings.
     RelativeL2(f64),
-    /// Bytes of all factors, estimated from their entropy; a pack holds the whole file to them, by encoding some blocks.
+    /// Bytes of all factors, estimated from their entropy. A pack scales to the whole file by encoding a sample of up to 48
+    /// blocks, and says so where the file has become larger.
     Bytes(u64),
     /// The slope itself: squared radiance per bit.
     Slope(f64),
@@ -119,7 +120,7 @@ pub struct CompressSettings {
     pub truncation: f64,
     /// `Auto`: an entry is looked at as a sparse one if it carries more than this fraction of its row's sum. 0: none.
     pub sparse_fraction: f64,
-    /// … and stands this many times above the row's 90th percentile.
+    /// `Auto`: an entry is sparse if, beside that, it stands this many times above the 90th percentile of its row.
     pub sparse_contrast: f64,
     /// How strongly dark blocks are favoured: a block's squared error weighs `1 / brightness^(2 · exponent)`. 0: not.
     pub exposure_exponent: f64,
@@ -129,7 +130,8 @@ pub struct CompressSettings {
     /// stands out is kept if samples agree on it, and nothing is quantised much finer than its noise. 0: noise is not
     /// looked at, the matrix is followed as it is.
     pub noise_factor: f64,
-    /// Seed of every random choice.
+    /// Seed of the lightings that the range is sketched with, and of every choice of Algorithms 1–4. The sketch of rows and the
+    /// probe lightings of noise are the same for every seed.
     pub seed: u64,
 }
 

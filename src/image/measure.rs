@@ -35,8 +35,11 @@ pub fn compare(image: &LinearImage, reference: &LinearImage) -> ImageError {
     }
 }
 
-/// Peak signal-to-noise ratio in dB; infinite for a perfect match.
+/// Peak signal-to-noise ratio in dB; infinite for a perfect match, of black against black too.
 fn psnr(mean_squared_error: f64, peak: f64) -> f64 {
+    if mean_squared_error == 0.0 {
+        return f64::INFINITY;
+    }
     10.0 * (peak * peak / mean_squared_error).log10()
 }
 
@@ -64,6 +67,13 @@ mod tests {
         assert!((error.relative_l2 - 0.2 / 5f64.sqrt()).abs() < 1e-6);
         assert!((error.psnr_linear - 10.0 * (4.0f64 / 0.02).log10()).abs() < 1e-4);
         assert_eq!(error.peak, 2.0);
+    }
+
+    #[test]
+    fn black_matches_black() {
+        let black = LinearImage::black(2, 2);
+        let error = compare(&black, &black);
+        assert_eq!((error.relative_l2, error.psnr_linear, error.psnr_clipped), (0.0, f64::INFINITY, f64::INFINITY));
     }
 
     #[test]

@@ -12,8 +12,8 @@ const WIDE_PEAK: f64 = 32_768.0;
 /// Largest size of an 8-bit value. −128 is not used, so that signs are alike.
 const NARROW_PEAK: f64 = 127.0;
 
-/// How fine beside its step an 8-bit scale must be: a component's stored error is that of transform coefficients, many of
-/// them exact zeros, while rounding its values errs in each of them. A quarter adds a sixteenth of a step's power.
+/// Largest 8-bit scale, as a fraction of the quantiser step: rounding then adds at most 1/16 of the step's error power.
+/// (The stored error is that of transform coefficients, many of them exactly 0; rounding errs in every value.)
 const FINEST_SHARE: f64 = 0.25;
 
 /// A stored value that kernels turn into f32 without branches.

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-/// The codings of chunks, as their first byte has them. Right sides of shared components are those of the base layer.
+/// The coding of a chunk is its first byte. In this one, right sides of shared components are those of the base layer.
 pub(super) const CODING_SHARED: u8 = 1;
-/// … or are stored as what the base layer's lack.
+/// As [`CODING_SHARED`], but the right sides of shared components are stored, as differences from the base layer's.
 pub(super) const CODING_REFINED: u8 = 2;
-/// … as these, with a short start, tiles for each component, and low bits apart. The only one that is written.
+/// As [`CODING_REFINED`], with a compact start, tiles for each component, and low bits apart. Writers use only this.
 pub(super) const CODING_APART: u8 = 3;
 
 /// Bytes before the streams with the first two codings: coding, shared, rank, sparse entries, bytes of the side stream.

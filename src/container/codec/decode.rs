@@ -18,8 +18,8 @@ pub fn shared_components(bytes: &[u8]) -> usize {
     Chunk::parse(bytes).map_or(0, |chunk| chunk.shared)
 }
 
-/// Number of components at the end of a decoded layer that only stand for what the refined right sides bring with the
-/// base layer's left sides: who puts the layers together, rather than adding them, leaves them out.
+/// Number of trailing components of a decoded layer that only correct `R` for the base layer's `L`; they are skipped where
+/// layers are merged rather than added.
 pub fn correcting_components(bytes: &[u8]) -> usize {
     Chunk::parse(bytes).map_or(0, |chunk| if chunk.refines_right() { chunk.shared } else { 0 })
 }
