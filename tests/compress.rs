@@ -1,6 +1,6 @@
 //! What compression promises, on made-up blocks that look like light transport.
 
-use ltm::compress::{Candidate, CompressSettings, Compressor, Method, Target};
+use ltm::compress::{Candidate, CompressSettings, Compressor, Method, Ranks, Target};
 use ltm::light::{Light, LightBasis, LightKind};
 use ltm::matrix::{Block, BlockId, MatrixShape};
 
@@ -70,6 +70,26 @@ fn every_method_gives_consistent_factors_of_a_smooth_block() {
         };
         assert!(error < bound, "{method}: {error} against {bound} (best {best}, one component {one})");
     }
+}
+
+#[test]
+fn a_block_svd_may_go_by_rate() {
+    let (basis, shape) = (panel(16), MatrixShape::new(64, 48, 256, 16).unwrap());
+    let kept = |target| {
+        let svd = CompressSettings::of_method(Method::BlockSvd);
+        let compressor =
+            Compressor::new(&basis, shape, CompressSettings { ranks: Ranks::ByRate, target, ..svd }).unwrap();
+        let candidates: Vec<Candidate> =
+            shape.blocks().map(|id| compressor.analyse(id, floor(shape, id, 16, 0.05).view(), None)).collect();
+        let cut = compressor.choose(candidates.iter().map(Candidate::summary));
+        let blocks: Vec<_> = candidates.iter().map(|candidate| candidate.cut(&cut)).collect();
+        assert!(blocks.iter().all(|block| block.is_consistent() && block.left_step.len() == block.rank()));
+        blocks.iter().map(|block| block.rank()).collect::<Vec<_>>()
+    };
+    let (coarse, fine) = (kept(Target::PsnrDb(25.0)), kept(Target::PsnrDb(45.0)));
+    assert!(coarse.iter().sum::<usize>() < fine.iter().sum(), "{coarse:?} {fine:?}");
+    // Each block has a rank of its own, below the 32 that a fixed rank would keep.
+    assert!(fine.iter().any(|rank| rank != &fine[0]) && coarse.iter().all(|&rank| rank < 32), "{coarse:?} {fine:?}");
 }
 
 #[test]

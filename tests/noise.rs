@@ -93,12 +93,12 @@ fn traced(view: View, samples: usize, seed: u64) -> (Block, BlockNoise) {
 }
 
 /// What a reader gets of the packed block.
-fn pack(block: &Block, noise: &BlockNoise, noise_factor: f64) -> FactoredBlock {
+fn pack(block: &Block, noise: &BlockNoise, noise_factor: Option<f64>) -> FactoredBlock {
     pack_to(Target::Slope(0.0), block, noise, noise_factor).0
 }
 
 /// What a reader gets of the packed block, and its bytes.
-fn pack_to(target: Target, block: &Block, noise: &BlockNoise, noise_factor: f64) -> (FactoredBlock, usize) {
+fn pack_to(target: Target, block: &Block, noise: &BlockNoise, noise_factor: Option<f64>) -> (FactoredBlock, usize) {
     let shape = MatrixShape::new(SIDE as u32, SIDE as u32, COLUMNS as u32, SIDE as u32).unwrap();
     let settings = CompressSettings { noise_factor, target, ..Default::default() };
     let compressor = Compressor::new(&panel(), shape, settings).unwrap();
@@ -130,7 +130,7 @@ fn the_noise_chooses_a_rank_within_a_decibel_of_the_best_against_the_truth() {
         let (block, noise) = traced(View::Pixel, 8, seed);
         let chosen = pack(&block, &noise, CompressSettings::default().noise_factor);
         // Noise is heeded, but every component passes it.
-        let all = pack(&block, &noise, 1e-9);
+        let all = pack(&block, &noise, Some(1e-9));
         assert_eq!(all.rank(), CompressSettings::default().rank);
         let error_at = |rank: usize| {
             let mut first = all.clone();

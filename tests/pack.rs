@@ -286,7 +286,7 @@ fn what_single_and_random_lights_are_said_to_lose_is_what_they_lose() {
     lightings.extend((0..100).map(|_| (0..n).map(|_| random.random::<f64>()).collect()));
     let of = |noise_factor, target| CompressSettings { target, noise_factor, ..CompressSettings::default() };
     let svd = CompressSettings { rank: 5, ..CompressSettings::of_method(Method::BlockSvd) };
-    for (i, compress) in [CompressSettings::default(), of(0.0, Target::PsnrDb(30.0)), svd].into_iter().enumerate() {
+    for (i, compress) in [CompressSettings::default(), of(None, Target::PsnrDb(30.0)), svd].into_iter().enumerate() {
         let path = folder.path().join(format!("{i}.ltc"));
         let report = pack(&matrix, &path, &PackOptions { compress, ..PackOptions::default() });
         let container = ContainerReader::open(&path).unwrap();
@@ -370,7 +370,7 @@ fn rows_and_columns_of_the_whole_matrix_give_the_same_bytes_whenever_it_was_stop
 fn a_target_that_the_noise_puts_out_of_reach_is_said_with_the_way_on() {
     let folder = tempfile::tempdir().unwrap();
     let (_, matrix) = render(&folder, "diffuse");
-    let packed = |target: Target, noise_factor: f64| {
+    let packed = |target: Target, noise_factor: Option<f64>| {
         let compress = CompressSettings { target, noise_factor, ..CompressSettings::default() };
         let mut options = PackOptions { compress, ..PackOptions::default() };
         options.container.overwrite = true;
@@ -392,7 +392,7 @@ fn a_target_that_the_noise_puts_out_of_reach_is_said_with_the_way_on() {
     let (bytes, _) = (fs::read(&path).unwrap().len(), packed(Target::PsnrDb(60.0), heeded));
     assert!(bytes.abs_diff(fs::read(&path).unwrap().len()) < 200, "{bytes}");
     for (target, noise_factor) in
-        [(Target::PsnrDb(5.0), heeded), (Target::Bytes(2000), heeded), (Target::PsnrDb(15.0), 0.0)]
+        [(Target::PsnrDb(5.0), heeded), (Target::Bytes(2000), heeded), (Target::PsnrDb(15.0), None)]
     {
         let reached = packed(target, noise_factor);
         assert!(reached.short_of_target.is_none() && reached.to_string().lines().count() == 1, "{reached}");

@@ -121,7 +121,7 @@ impl Compressor {
     pub fn candidate_bytes(&self) -> u64 {
         let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
         // A tenth of a row's entries may stand above its 90th percentile, and so many may carry their share of its sum.
-        let share = if self.settings.sparse_fraction > 0.0 { (1.0 / self.settings.sparse_fraction) as u64 } else { 0 };
+        let share = self.settings.sparse.map_or(0, |rule| (1.0 / rule.fraction) as u64);
         let sparse = if self.settings.method == Method::Auto { m * share.min(n / 10 + 1) } else { 0 };
         self.factor_bytes() + 16 * sparse
     }
@@ -178,12 +178,11 @@ impl Compressor {
         noise: Option<&'a BlockNoise>,
         seen: &[SeenEmission],
     ) -> Apart<'a> {
-        let heeded = self.settings.noise_factor > 0.0;
+        let heeded = self.settings.noise_factor.is_some();
         let shape = (usable.rows(), usable.columns());
         let mut noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, shape));
-        let (fraction, contrast) = (self.settings.sparse_fraction, self.settings.sparse_contrast);
-        let standing = match self.settings.method {
-            Method::Auto => stand_out(usable, &survey.sums, fraction, contrast),
+        let standing = match (self.settings.method, self.settings.sparse) {
+            (Method::Auto, Some(rule)) => stand_out(usable, &survey.sums, rule.fraction, rule.contrast),
             _ => Vec::new(),
         };
         let rect = self.shape.rect(id);
@@ -321,7 +320,7 @@ impl Compressor {
         // Most of what is left of many components is their own noise, which each knows better by itself than the share of
         // noise over all of them does, by which the cut is made: they go before the block is projected on them. On five
         // built-in scenes at 16 and 256 samples: 0 to 40 % fewer bytes, from 0.1 dB farther to 0.6 dB nearer to the truth.
-        let least = 0.5 * self.settings.noise_factor;
+        let least = 0.5 * self.settings.noise_factor.unwrap_or(0.0);
         let is_seen = |k: usize, image: &Smoothed| k == 0 || image.squared_norm() > least * image.noise;
         let scaled: Vec<(&Smoothed, f64)> = (images.iter().enumerate().zip(&range.gains))
             .filter_map(|((k, image), gain)| is_seen(k, image).then_some((image, gain.sqrt())))
@@ -352,7 +351,7 @@ impl Compressor {
         let summary = CandidateSummary {
             rows: m as u32,
             columns: n as u32,
-            fixed: self.settings.method != Method::Auto && self.settings.fixed_rank,
+            fixed: self.settings.has_fixed_rank(),
             noise: noise.as_ref().map_or(unknown(), |(noise, _)| noise.fallen(&range.left, rank)),
             noise_energy: noise.as_ref().map_or(0.0, |(noise, _)| noise.energy()),
             noise_quartile_ratio: noise.as_ref().map_or(1.0, |(noise, _)| noise.quartile_ratio()),

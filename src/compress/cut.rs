@@ -52,7 +52,7 @@ pub struct Cut {
     /// See [`CompressSettings::exposure_exponent`].
     pub exposure_exponent: f64,
     /// See [`CompressSettings::noise_factor`].
-    pub noise_factor: f64,
+    pub noise_factor: Option<f64>,
     /// Error that is expected: of images under the prior, over their norm.
     pub expected_relative_l2: f64,
     /// PSNR that is expected in dB, peak = white; see [`Target::PsnrDb`].
@@ -100,7 +100,7 @@ impl Cut {
     fn steps(&self, s: &CandidateSummary, k: usize) -> (f64, f64) {
         let (gain, rms) = (f64::from(s.gains[k]), f64::from(s.right_mean_square[k]).sqrt());
         let allowed = self.allowed(s);
-        let heeded = if self.noise_factor > 0.0 { 12.0 } else { 0.0 };
+        let heeded = if self.noise_factor.is_some() { 12.0 } else { 0.0 };
         // The noise of an entry of R is what falls on the component, spread over the columns.
         let fallen = heeded * RIGHT_NOISE_SHARE * f64::from(s.noise[k]) / f64::from(s.columns);
         // That of an entry of L, what its component was fitted to, spread over the rows.
@@ -119,7 +119,7 @@ impl Cut {
         let (m, n) = (f64::from(s.rows), f64::from(s.columns));
         let bits = component_bits((m, 1.0 / m, left), (n, f64::from(s.right_mean_square[k]), right));
         let noise = f64::from(s.fitted_noise[k] + s.noise[k]);
-        let noisy = self.noise_factor > 0.0 && k > 0 && gain < self.noise_factor * noise;
+        let noisy = k > 0 && self.noise_factor.is_some_and(|factor| gain < factor * noise);
         // Steps that only pass over noise cost nothing of what the component is kept for.
         let lost = (m + n) * self.allowed(s) / 12.0;
         let worth = !noisy && gain - lost > self.slope_of(s) * bits;
@@ -187,7 +187,9 @@ pub(super) fn choose<'a>(
     summaries: impl Iterator<Item = &'a CandidateSummary> + Clone,
 ) -> Cut {
     let target = match settings.target {
-        Target::Automatic if settings.noise_factor > 0.0 && summaries.clone().any(CandidateSummary::knows_noise) => {
+        Target::Automatic
+            if settings.noise_factor.is_some() && summaries.clone().any(CandidateSummary::knows_noise) =>
+        {
             Target::PsnrDb(AUTOMATIC_MOST_DB)
         }
         Target::Automatic => Target::PsnrDb(AUTOMATIC_DB),

@@ -48,7 +48,9 @@ pub use light_sums::{ColumnErrors, LightErrorSums};
 pub use paper::{Selection, cur};
 pub use residual::Residual;
 pub use sanitise::{BlockSums, Replaced};
-pub use settings::{AUTOMATIC_DB, AUTOMATIC_MOST_DB, CompressSettings, Core, Method, PriorChoice, Scope, Target};
+pub use settings::{
+    AUTOMATIC_DB, AUTOMATIC_MOST_DB, CompressSettings, Core, Method, PriorChoice, Ranks, Scope, SparseRule, Target,
+};
 pub use size::cut_of_size;
 
 /// Version of what the compressor makes of a block, the bytes that its factors are encoded to among it; every container and

@@ -84,6 +84,26 @@ pub enum PriorChoice {
     Flat,
 }
 
+/// How many components a block keeps by a method that has a rank of its own; [`Method::Auto`] always goes by rate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Ranks {
+    /// All [`rank`](CompressSettings::rank) of them whatever they bring, as 16-bit floats.
+    #[default]
+    Fixed,
+    /// Those of the first [`rank`](CompressSettings::rank) that are worth their bits at the slope of all blocks, each with steps
+    /// of its own: the codec and the choice of the product over another method's components.
+    ByRate,
+}
+
+/// Which entries of a block are looked at as sparse ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SparseRule {
+    /// They carry more than this fraction of their row's sum,
+    pub fraction: f64,
+    /// and stand this many times above the 90th percentile of their row.
+    pub contrast: f64,
+}
+
 /// Parameters of compression. The default is the product's: [`Method::Auto`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompressSettings {
@@ -95,14 +115,14 @@ pub struct CompressSettings {
     pub prior: PriorChoice,
     /// Components kept in a candidate at most; for the methods of the paper, for PCA and for SVD: the rank itself.
     pub rank: usize,
-    /// For all but [`Method::Auto`]: keep all `rank` components whatever they bring, as 16-bit floats.
-    pub fixed_rank: bool,
+    /// For all but [`Method::Auto`]: how many of the `rank` components a block keeps.
+    pub ranks: Ranks,
     /// `Auto`: columns of the sketch beyond `rank`.
     pub oversampling: usize,
     /// `Auto`: power iterations; 0 loses about 10 dB, 2 gain little.
     pub power_iterations: usize,
-    /// Algorithms 1–4: columns looked at in each round (`c₀`); 0: `rank / rounds`.
-    pub columns: usize,
+    /// Algorithm 4: columns looked at in each round (`c₀`); none: `rank / rounds`.
+    pub columns_per_round: Option<usize>,
     /// Algorithms 1–4: rows per column, at least 1. 2 makes the core stable.
     pub rows_per_column: f64,
     /// Algorithm 4: rounds.
@@ -118,18 +138,16 @@ pub struct CompressSettings {
     pub core: Core,
     /// Singular values of the core below this fraction of its largest are dropped.
     pub truncation: f64,
-    /// `Auto`: an entry is looked at as a sparse one if it carries more than this fraction of its row's sum. 0: none.
-    pub sparse_fraction: f64,
-    /// `Auto`: an entry is sparse if, beside that, it stands this many times above the 90th percentile of its row.
-    pub sparse_contrast: f64,
+    /// `Auto`: entries that are stored by themselves; none: no entry is.
+    pub sparse: Option<SparseRule>,
     /// How strongly dark blocks are favoured: a block's squared error weighs `1 / brightness^(2 · exponent)`. 0: not.
     pub exposure_exponent: f64,
     /// A component is kept if its energy `g` is above this many times its noise `f`. Keeping it brings its signal `g − f`
     /// and costs `f`, so 2 where `f` is right; 4, because `f` is what is left after pixels were averaged that were chosen
-    /// by the same noise, and so too low. Where this is not 0, pixels that are lit alike are averaged too, an entry that
-    /// stands out is kept if samples agree on it, and nothing is quantised much finer than its noise. 0: noise is not
+    /// by the same noise, and so too low. Where there is a factor, pixels that are lit alike are averaged too, an entry that
+    /// stands out is kept if samples agree on it, and nothing is quantised much finer than its noise. None: noise is not
     /// looked at, the matrix is followed as it is.
-    pub noise_factor: f64,
+    pub noise_factor: Option<f64>,
     /// Seed of the lightings that the range is sketched with, and of every choice of Algorithms 1–4. The sketch of rows and the
     /// probe lightings of noise are the same for every seed.
     pub seed: u64,
@@ -142,10 +160,10 @@ impl Default for CompressSettings {
             target: Target::Automatic,
             prior: PriorChoice::Lighting,
             rank: 24,
-            fixed_rank: true,
+            ranks: Ranks::Fixed,
             oversampling: 8,
             power_iterations: 1,
-            columns: 0,
+            columns_per_round: None,
             rows_per_column: 2.0,
             rounds: 4,
             kmeans_iterations: 8,
@@ -153,10 +171,9 @@ impl Default for CompressSettings {
             sample_rows: 1 << 16,
             core: Core::LeastSquares,
             truncation: 1e-2,
-            sparse_fraction: 0.02,
-            sparse_contrast: 16.0,
+            sparse: Some(SparseRule { fraction: 0.02, contrast: 16.0 }),
             exposure_exponent: 0.25,
-            noise_factor: 4.0,
+            noise_factor: Some(4.0),
             seed: 0,
         }
     }
@@ -200,11 +217,19 @@ impl CompressSettings {
         if !fine {
             return refuse("the target cannot be reached", "PSNR is 0 to 200 dB, relative L2 above 0 and at most 1");
         }
-        let weights = [self.sparse_fraction, self.sparse_contrast, self.exposure_exponent, self.noise_factor];
-        if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) {
+        let sparse = self.sparse.iter().flat_map(|rule| [rule.fraction, rule.contrast]);
+        if sparse.chain(self.noise_factor).chain([self.exposure_exponent]).any(|w| !(w.is_finite() && w >= 0.0)) {
             return refuse("a threshold is negative or not finite", "");
         }
+        if self.noise_factor == Some(0.0) || self.columns_per_round == Some(0) {
+            return refuse("a factor or a number of columns is 0", "leave it out to do without");
+        }
         Ok(())
+    }
+
+    /// Whether each block keeps a rank that is given, whatever its components bring.
+    pub fn has_fixed_rank(&self) -> bool {
+        self.method != Method::Auto && self.ranks == Ranks::Fixed
     }
 }
 

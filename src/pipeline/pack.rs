@@ -307,7 +307,7 @@ impl Packing {
                 psnr_db: cut.expected_psnr_db,
                 relative_l2: cut.expected_relative_l2,
                 file_bytes: summary.file_bytes,
-                noise_heeded: cut.noise_factor > 0.0 && stored.iter().any(|s| s.report.noise_variance.is_finite()),
+                noise_heeded: cut.noise_factor.is_some() && stored.iter().any(|s| s.report.noise_variance.is_finite()),
             }),
             blocks_kept,
             peak_memory_bytes: self.memory.stop(),
@@ -440,7 +440,7 @@ pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need)
     let likely = compressor.factor_bytes() + 16 * sparse + Residual::max_bytes(rows, columns, sparse);
     // A rank of its own is stored whole, as 16-bit floats, in two places until it is done. Ours keeps what is worth its
     // bits: a fiftieth at the default target, a fourth where all is asked for.
-    let fixed = compressor.settings().method != Method::Auto && compressor.settings().fixed_rank;
+    let fixed = compressor.settings().has_fixed_rank();
     let stored = if fixed { likely } else { likely / 4 };
     Need {
         fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES)
@@ -459,7 +459,7 @@ pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need)
 fn report_of(options: &PackOptions) -> ContainerReport {
     let settings = &options.compress;
     let target = match settings.target {
-        _ if settings.method != Method::Auto && settings.fixed_rank => format!("rank {}", settings.rank),
+        _ if settings.has_fixed_rank() => format!("rank {}", settings.rank),
         Target::PsnrDb(db) => format!("{db} dB PSNR of relit images"),
         Target::RelativeL2(error) => format!("relative L2 {error} of relit images"),
         Target::Bytes(bytes) => format!("{bytes} bytes"),

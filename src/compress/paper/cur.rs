@@ -66,7 +66,7 @@ pub(in crate::compress) fn plan(m: usize, n: usize, settings: &CompressSettings,
         // Algorithm 4 and the proposed method.
         _ => {
             let rounds = settings.rounds.clamp(1, k.max(1));
-            let each = if settings.columns == 0 { k.div_ceil(rounds) } else { settings.columns };
+            let each = settings.columns_per_round.unwrap_or(k.div_ceil(rounds));
             let mut order = at_random(n, n, random);
             // A random order, so that each round's columns are *other* columns.
             for i in (1..n).rev() {

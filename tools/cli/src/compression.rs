@@ -77,7 +77,7 @@ impl Compression {
             Prior::Flat => PriorChoice::Flat,
         };
         if self.keep_noise {
-            settings.noise_factor = 0.0;
+            settings.noise_factor = None;
         }
         settings
     }

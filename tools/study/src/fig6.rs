@@ -178,8 +178,8 @@ fn kept(
         rank: count,
         // Everything that was found is kept, at full precision.
         target: Target::Slope(0.0),
-        noise_factor: 0.0,
-        sparse_fraction: if sparse { standard.sparse_fraction } else { 0.0 },
+        noise_factor: None,
+        sparse: standard.sparse.filter(|_| sparse),
         ..standard
     };
     let compressor = Compressor::new(&matrix.job().basis, matrix.shape(), settings)?;

@@ -181,7 +181,7 @@ fn measure(bench: &Bench<'_>, plan: &Plan, matrix: &StoreReader) -> Result<Vec<P
         let target = Target::Bytes((shape.raw_bytes() as f64 / ratio) as u64);
         let settings = CompressSettings { target, ..CompressSettings::default() };
         keep(OURS, "chosen steps", product(bench, matrix, &settings, &lightings)?);
-        let settings = CompressSettings { noise_factor: 0.0, ..settings };
+        let settings = CompressSettings { noise_factor: None, ..settings };
         keep(NOISE_KEPT, "chosen steps", product(bench, matrix, &settings, &lightings)?);
     }
     for (method, name) in [(Method::Algorithm4, ALGORITHM4), (Method::Proposed, "proposed (paper)")] {

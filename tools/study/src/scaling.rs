@@ -94,7 +94,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     for &rank in plan.ranks {
         // All components are kept, so that relighting has so many too.
         let settings =
-            CompressSettings { rank, target: Target::Slope(0.0), noise_factor: 0.0, ..CompressSettings::default() };
+            CompressSettings { rank, target: Target::Slope(0.0), noise_factor: None, ..CompressSettings::default() };
         take("rank", rank as f64, scene(small, 32)?, &settings)?;
     }
     bench.watch.end();
