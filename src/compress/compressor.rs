@@ -134,10 +134,10 @@ impl Compressor {
     pub fn analyse(&self, id: BlockId, block: BlockView<'_>, noise: Option<&BlockNoise>) -> Candidate {
         let (entries, survey, replaced) = sanitise(block);
         let usable = BlockView::new(block.rows(), block.columns(), &entries);
-        let apart = self.apart(id, usable, &survey, noise, &[]);
-        let smooth = without(entries, apart.entries(), block.rows());
+        let split = self.split(id, usable, &survey, noise, &[]);
+        let smooth = without(entries, split.entries(), block.rows());
         let smooth = BlockView::new(block.rows(), block.columns(), &smooth);
-        self.analyse_smooth(id, smooth, apart, (&survey.sums_of.all_on, replaced))
+        self.analyse_smooth(id, smooth, split, (&survey.sums_of.all_on, replaced))
     }
 
     /// [`analyse`](Self::analyse) without a copy of the block: what stands alone is taken out of it while its range is
@@ -154,8 +154,8 @@ impl Compressor {
         if !survey.usable {
             return (self.analyse(id, block.view(), noise), None);
         }
-        let apart = self.apart(id, block.view(), &survey, noise, seen);
-        let taken: Vec<SparseEntry> = apart.entries().copied().collect();
+        let split = self.split(id, block.view(), &survey, noise, seen);
+        let taken: Vec<SparseEntry> = split.entries().copied().collect();
         let put = |block: &mut Block, value: &dyn Fn(&SparseEntry) -> f32| {
             let rows = block.rows();
             for entry in &taken {
@@ -164,20 +164,20 @@ impl Compressor {
         };
         put(block, &|_| 0.0);
         let seen = (&*survey.sums_of.all_on, Replaced::default());
-        let candidate = self.analyse_smooth(id, block.view(), apart, seen);
+        let candidate = self.analyse_smooth(id, block.view(), split, seen);
         put(block, &|entry| entry.value);
         (candidate, Some(survey.sums_of))
     }
 
     /// What of a block stands alone, as far as the noise lets one say so.
-    fn apart<'a>(
+    fn split<'a>(
         &'a self,
         id: BlockId,
         usable: BlockView<'_>,
         survey: &Survey,
         noise: Option<&'a BlockNoise>,
         seen: &[SeenEmission],
-    ) -> Apart<'a> {
+    ) -> SplitBlock<'a> {
         let heeded = self.settings.noise_factor.is_some();
         let shape = (usable.rows(), usable.columns());
         let mut noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, shape));
@@ -191,15 +191,15 @@ impl Compressor {
             None => (standing, Vec::new()),
         };
         let sparse = with_seen(sparse, usable, seen);
-        Apart { sparse, stray, noise }
+        SplitBlock { sparse, stray, noise }
     }
 
-    /// Analyses a block whose entries are usable and from which `apart` has been taken out.
+    /// Analyses a block whose entries are usable and from which `split` has been taken out.
     fn analyse_smooth(
         &self,
         id: BlockId,
         smooth: BlockView<'_>,
-        Apart { sparse, stray, noise }: Apart<'_>,
+        SplitBlock { sparse, stray, noise }: SplitBlock<'_>,
         (lit, replaced): (&[f32], Replaced),
     ) -> Candidate {
         assert_eq!(smooth.columns(), self.shape.columns(), "{id}");
@@ -390,7 +390,7 @@ fn with_seen(mut sparse: Vec<SparseEntry>, block: BlockView<'_>, seen: &[SeenEmi
 }
 
 /// What is taken out of a block before its range is found.
-struct Apart<'a> {
+struct SplitBlock<'a> {
     /// To be stored as it is, by column, then row.
     sparse: Vec<SparseEntry>,
     /// Noise: counts in sums, but draws no component.
@@ -398,7 +398,7 @@ struct Apart<'a> {
     noise: Option<NoiseModel<'a>>,
 }
 
-impl Apart<'_> {
+impl SplitBlock<'_> {
     fn entries(&self) -> impl Iterator<Item = &SparseEntry> {
         self.sparse.iter().chain(&self.stray)
     }

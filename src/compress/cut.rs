@@ -20,16 +20,13 @@ const SPARSE_BITS: f64 = 14.0;
 const CODING_GAIN: f64 = 0.45;
 /// Bits that a component costs beside its entries: steps, lengths.
 const COMPONENT_BITS: f64 = 96.0;
-/// Error variance of a quantiser over the usual noise of what it quantises, for entries of `L` and of `R`. The codec
-/// transforms `L` as a little image: where a step is a few times the noise, most of the noise falls below it and the
-/// image stays. Where few rows have nearly all noise, as below caustics, the mean noise would blur all others of a block.
-///
-/// The larger share of `L` holds where a component is mostly noise; where it is little of it, more of the transform's
-/// coefficients are above the noise and each loses what the step takes, so that it falls with the square root of the noise's
-/// part in the component.
+/// Quantiser error allowed in `L`, as a multiple of a component's noise variance: the second where noise dominates, falling
+/// with the square root of the noise's part in the component towards the first. It may be above 1 because the DCT of the codec
+/// keeps the signal of smooth components below the noise of single entries. Tuned on five built-in scenes.
 const LEFT_NOISE_SHARE: (f64, f64) = (0.3, 2.5);
-/// One over the part of noise in a component from which on the larger share holds.
+/// A component whose noise is at least 1/30 of its energy uses the larger share.
 const NOISE_OF_MOST: f64 = 30.0;
+/// Quantiser error allowed in `R`, as a multiple of its noise variance.
 const RIGHT_NOISE_SHARE: f64 = 0.5;
 /// [`Target::Automatic`], and a PSNR that noise or rank keep from being reached, stop where what further bytes would save
 /// is this part of the energy of the samples' noise. Five built-in scenes at 4 to 256 samples: 0.01 takes a third of the
@@ -154,7 +151,7 @@ impl Cut {
     }
 }
 
-/// Bits that a component is reckoned to take in a file: of each of its two sides the number of entries, their variance, and
+/// Estimated bits of a component in a file: of each of its two sides the number of entries, their variance, and
 /// their step.
 pub fn component_bits(left: (f64, f64, f64), right: (f64, f64, f64)) -> f64 {
     let independent = |(count, variance, step): (f64, f64, f64)| count * entropy(variance, step);
@@ -167,7 +164,7 @@ fn entropy(v: f64, step: f64) -> f64 {
     0.5 * (1.0 + 17.08 * v / (step * step)).log2()
 }
 
-/// The 95th percentile of the values of the all-on image: what a picture is exposed for, whatever lamps are in view.
+/// The 95th percentile of the values of the all-on image: what an image is exposed for, whatever lamps are in view.
 fn white_of<'a>(summaries: impl Iterator<Item = &'a CandidateSummary> + Clone) -> f64 {
     let mut counts: Vec<u64> = Vec::new();
     let (mut rows, mut squares) = (0.0, 0.0);
@@ -179,6 +176,58 @@ fn white_of<'a>(summaries: impl Iterator<Item = &'a CandidateSummary> + Clone) -
     }
     let white = percentile(&counts, 0.95);
     if white > 0.0 || rows == 0.0 { white } else { (squares / rows).sqrt() }
+}
+
+/// What all blocks are together.
+struct Whole<I> {
+    summaries: I,
+    rows: f64,
+    energy: f64,
+    /// Squared white of a typical lighting: that of all-on, scaled by the ratio of what they show of the image.
+    white_square: f64,
+    /// Energy of the noise, as far as an exposed image shows it.
+    noise: f64,
+}
+
+impl<'a, I: Iterator<Item = &'a CandidateSummary> + Clone> Whole<I> {
+    fn new(summaries: I, cut: &Cut) -> Self {
+        let square = |s: &CandidateSummary| f64::from(s.rows) * f64::from(s.brightness).powi(2);
+        let sum = |part: &dyn Fn(&CandidateSummary) -> f64| -> f64 {
+            summaries.clone().map(|s| cut.shown(s.brightness) * part(s)).sum()
+        };
+        let squares = sum(&square);
+        let white_square =
+            if squares > 0.0 { cut.white.powi(2) * sum(&CandidateSummary::energy) / squares } else { 0.0 };
+        Self {
+            rows: summaries.clone().map(|s| f64::from(s.rows)).sum::<f64>().max(1.0),
+            energy: summaries.clone().map(CandidateSummary::energy).sum(),
+            white_square,
+            noise: sum(&|s| f64::from(s.noise_energy)),
+            summaries,
+        }
+    }
+
+    /// What a cut spends and loses.
+    fn spent(&self, cut: &Cut) -> Spent {
+        self.summaries.clone().fold(Spent::default(), |sum, s| {
+            let spent = cut.spent_on(s);
+            Spent {
+                distortion: sum.distortion + spent.distortion,
+                shown: sum.shown + cut.shown(s.brightness) * spent.distortion,
+                bits: sum.bits + spent.bits,
+            }
+        })
+    }
+
+    /// Distortion, as far as it is shown, of images of this PSNR.
+    fn shown_at(&self, db: f64) -> f64 {
+        self.rows * self.white_square * 10f64.powf(-db / 10.0)
+    }
+
+    /// Slopes between which every target lies, as powers of two.
+    fn exponents(&self) -> (f64, f64) {
+        ((self.energy * LEAST_SLOPE).log2(), self.energy.log2())
+    }
 }
 
 /// Chooses the slope by bisection so that the target is just met.
@@ -195,9 +244,6 @@ pub(super) fn choose<'a>(
         Target::Automatic => Target::PsnrDb(AUTOMATIC_DB),
         target => target,
     };
-    let rows: f64 = summaries.clone().map(|s| f64::from(s.rows)).sum::<f64>().max(1.0);
-    let square = |s: &CandidateSummary| f64::from(s.rows) * f64::from(s.brightness).powi(2);
-    let energy: f64 = summaries.clone().map(CandidateSummary::energy).sum();
     let mut cut = Cut {
         slope: 0.0,
         white: white_of(summaries.clone()),
@@ -208,62 +254,45 @@ pub(super) fn choose<'a>(
         expected_bytes: 0,
         reaches_target: true,
     };
-    // White of a typical lighting: that of all-on, scaled by the ratio of what they show of the image.
-    let sum = |part: &dyn Fn(&CandidateSummary) -> f64| -> f64 {
-        summaries.clone().map(|s| cut.shown(s.brightness) * part(s)).sum()
-    };
-    let squares = sum(&square);
-    let white_square = if squares > 0.0 { cut.white.powi(2) * sum(&CandidateSummary::energy) / squares } else { 0.0 };
-    let noise = sum(&|s| f64::from(s.noise_energy));
-    let shown_at = |db: f64| rows * white_square * 10f64.powf(-db / 10.0);
-    let total = |cut: &Cut| {
-        summaries.clone().fold(Spent::default(), |sum, s| {
-            let spent = cut.spent_on(s);
-            Spent {
-                distortion: sum.distortion + spent.distortion,
-                shown: sum.shown + cut.shown(s.brightness) * spent.distortion,
-                bits: sum.bits + spent.bits,
-            }
-        })
-    };
+    let whole = Whole::new(summaries.clone(), &cut);
     // Error that no slope takes away, and what more of it the noise makes worthless to take away.
     let mut worthless = 0.0;
     if let Target::PsnrDb(db) = target {
-        cut.slope = energy * LEAST_SLOPE;
-        let least = total(&cut).shown;
-        if settings.target == Target::Automatic || least > shown_at(db) {
-            worthless = least + SAVED_OVER_NOISE * noise;
+        cut.slope = whole.energy * LEAST_SLOPE;
+        let least = whole.spent(&cut).shown;
+        if settings.target == Target::Automatic || least > whole.shown_at(db) {
+            worthless = least + SAVED_OVER_NOISE * whole.noise;
         }
     }
     let fits = |spent: Spent| match target {
-        Target::PsnrDb(db) => spent.shown <= shown_at(db).max(worthless),
-        Target::RelativeL2(error) => spent.distortion <= error * error * energy,
+        Target::PsnrDb(db) => spent.shown <= whole.shown_at(db).max(worthless),
+        Target::RelativeL2(error) => spent.distortion <= error * error * whole.energy,
         Target::Bytes(bytes) => spent.bits / 8.0 > bytes as f64,
         Target::Slope(_) | Target::Automatic => true,
     };
     match target {
         Target::Slope(slope) => cut.slope = slope,
-        _ if energy <= 0.0 => {}
+        _ if whole.energy <= 0.0 => {}
         _ => {
             // The largest slope at which the target still holds (for bytes: the smallest that fits).
-            let (mut low, mut high) = ((energy * LEAST_SLOPE).log2(), energy.log2());
+            let (mut low, mut high) = whole.exponents();
             for _ in 0..50 {
                 let middle = 0.5 * (low + high);
                 cut.slope = middle.exp2();
-                if fits(total(&cut)) { low = middle } else { high = middle }
+                if fits(whole.spent(&cut)) { low = middle } else { high = middle }
             }
             cut.slope = if matches!(target, Target::Bytes(_)) { high } else { low }.exp2();
         }
     }
-    let spent = total(&cut);
-    if energy > 0.0 {
-        cut.expected_relative_l2 = (spent.distortion / energy).sqrt();
-        cut.expected_psnr_db = 10.0 * (white_square * rows / spent.shown).log10();
+    let spent = whole.spent(&cut);
+    if whole.energy > 0.0 {
+        cut.expected_relative_l2 = (spent.distortion / whole.energy).sqrt();
+        cut.expected_psnr_db = 10.0 * (whole.white_square * whole.rows / spent.shown).log10();
     }
     cut.expected_bytes = (spent.bits / 8.0).ceil() as u64;
     cut.reaches_target = match target {
-        _ if energy <= 0.0 || summaries.clone().all(|s| s.fixed) => true,
-        Target::PsnrDb(db) => spent.shown <= shown_at(db),
+        _ if whole.energy <= 0.0 || summaries.clone().all(|s| s.fixed) => true,
+        Target::PsnrDb(db) => spent.shown <= whole.shown_at(db),
         Target::RelativeL2(_) => fits(spent),
         // Bytes are a limit, and a slope is what it is.
         Target::Bytes(_) | Target::Slope(_) | Target::Automatic => true,

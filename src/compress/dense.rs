@@ -50,7 +50,7 @@ pub(super) fn gram(a: MatRef<'_, f32>) -> Mat<f64> {
 }
 
 /// `a b`, summed in f64.
-pub(super) fn turned(a: MatRef<'_, f32>, b: MatRef<'_, f64>) -> Mat<f32> {
+pub(super) fn product_in_f64(a: MatRef<'_, f32>, b: MatRef<'_, f64>) -> Mat<f32> {
     let mut c = Mat::zeros(a.nrows(), b.ncols());
     for (first, strip) in strips(a) {
         let part = product_f64(strip.as_ref(), b);
@@ -140,7 +140,7 @@ pub(super) fn orthonormal(y: MatRef<'_, f32>) -> Mat<f32> {
         let cut = values.first().copied().unwrap_or(0.0) * if pass == 0 { RANK_CUT } else { 0.25 };
         let rank = values.iter().take_while(|&&v| v > cut && v > 0.0).count();
         let scaled = Mat::from_fn(vectors.nrows(), rank, |i, j| vectors[(i, j)] / values[j].sqrt());
-        q = Some(turned(from, scaled.as_ref()));
+        q = Some(product_in_f64(from, scaled.as_ref()));
         // One pass loses orthogonality where `y` is badly conditioned, the second restores it. With a condition of
         // 10⁴ in the Gram matrix what is lost of f64 is far below what f32 keeps.
         if rank > 0 && values[rank - 1] > 1e-4 * values[0] {

@@ -19,11 +19,11 @@ const SEEN_OVER_NOISE: f64 = 1.3;
 /// The same of the pixel and its eight neighbours together: of few samples, some meet in a texel by chance, but not so in
 /// all pixels around.
 const SEEN_AROUND_OVER_NOISE: f64 = 2.0;
-/// Of few samples that see a light, each may meet another of its texels. Where entries agree as little as that, their pixel
-/// may still do so under the probe lightings: its energy there over that of its noise, …
+/// With few samples, two half-estimates may hit different texels of one light and seem uncorrelated. Then the pixel is tested
+/// under the probe lightings: its entries are kept if their energy there is above this many times that of its noise.
 const SHOWN_OVER_NOISE: f64 = 2.0;
-/// … and with its neighbours: what stands alone agrees under wide lightings by chance, as 4 samples do in some pixels
-/// below caustics, with ratios of up to about 10 around them. A light in view has 10 to 40.
+/// The same of the pixel and its neighbours: an entry by itself agrees under wide lightings by chance, as 4 samples do in some
+/// pixels below caustics, with ratios of up to about 10 around them. A light in view has 10 to 40.
 const SHOWN_AROUND_OVER_NOISE: f64 = 12.0;
 
 /// `‖N w‖²` for any lighting `w`, from the noise of single columns and what the probes show of noise that they share.

@@ -8,7 +8,9 @@ use faer::{Mat, MatRef, unzip, zip};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::dense::{eigen, gram, orthonormal, product, product_f64, subtract_product, to_f32, to_f64, to_vec, turned};
+use super::dense::{
+    eigen, gram, orthonormal, product, product_f64, product_in_f64, subtract_product, to_f32, to_f64, to_vec,
+};
 use crate::light::LightingPrior;
 use crate::matrix::SparseEntry;
 
@@ -301,7 +303,7 @@ fn orthonormal_beside(fixed: MatRef<'_, f32>, y: &mut Mat<f32>) -> Mat<f32> {
     let (values, vectors) = eigen(gram(q.as_ref()).as_ref());
     let rank = values.iter().take_while(|&&v| v > 0.25).count();
     let scaled = Mat::from_fn(vectors.nrows(), rank, |i, j| vectors[(i, j)] / values[j].sqrt());
-    turned(q.as_ref(), scaled.as_ref())
+    product_in_f64(q.as_ref(), scaled.as_ref())
 }
 
 /// Two matrices of as many rows, side by side.
