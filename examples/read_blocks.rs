@@ -5,8 +5,8 @@
 use std::path::Path;
 
 use ltm::container::ContainerReader;
+use ltm::light::column_name;
 use ltm::matrix::ColumnIndex;
-use ltm::pipeline::column_name;
 
 fn main() -> ltm::Result<()> {
     let path = std::env::args().nth(1).unwrap_or_else(|| "room.ltc".into());

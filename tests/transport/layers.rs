@@ -1,9 +1,9 @@
 //! What samples know of themselves: how light came, what is seen in mirrors and glass, and what surfaces are there.
 
 use glam::{Mat3, Vec3};
-use ltm::light::{Clusters, LightKind};
+use ltm::light::{Clusters, EnvironmentMapping, LightKind};
 use ltm::matrix::{BlockPlanes, CHANNELS, Feature, TracedBlock};
-use ltm::scene::{Emitter, EnvironmentEmitter, EnvironmentMapping, Paint, PointEmitter, Scene, Surface};
+use ltm::scene::{Emitter, EnvironmentEmitter, Paint, PointEmitter, Scene, Surface};
 use ltm::trace::BlockStats;
 
 use crate::scenes::{Builder, camera, lambert, mean, settings, trace};
