@@ -56,7 +56,7 @@ impl PackOptions {
     fn for_source(&self, has_planes: bool) -> Self {
         let mut options = self.clone();
         let compress = &mut options.compress;
-        options.denoise &= has_planes && compress.method == Method::Auto && compress.noise_factor > 0.0;
+        options.denoise &= has_planes && compress.method == Method::Auto && compress.noise_factor.is_some();
         if options.denoise && compress.target == Target::Automatic {
             compress.target = Target::PsnrDb(CLEANED_DB);
         }
