@@ -24,15 +24,17 @@
 //! | module | may import |
 //! |---|---|
 //! | `error` | nothing |
-//! | `matrix`, `image` | `error` |
+//! | `files`, `matrix` | `error` |
+//! | `image` | `error`, `files` |
 //! | `light` | `error`, `matrix` |
-//! | `look` | `error`, `light`, `image` |
-//! | `scene` | `error`, `light`, `image` |
+//! | `look` | `error`, `files`, `light`, `image` |
+//! | `scene` | `error`, `files`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
-//! | `store`, `clean`, `compress`, `container` | `error`, `matrix`, `light` |
+//! | `clean`, `compress` | `error`, `matrix`, `light` |
+//! | `store`, `container` | `error`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
-//! | `host` | `error`, `store` |
-//! | `pipeline` | `error`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `host` |
+//! | `host` | `error`, `files` |
+//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `host` |
 //!
 //! # Which crate is used where
 //!
@@ -52,16 +54,17 @@
 //! | `bincode` | `container`, `light` |
 //! | `zstd` | `container` |
 //! | `half` | `image`, `store` |
-//! | `memmap2`, `rustix` | `store` |
+//! | `memmap2` | `store` |
+//! | `rustix` | `files`, `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene` |
-//! | `crc32fast` | `container`, `pipeline`, `store` |
+//! | `crc32fast` | `container`, `files`, `store` |
 //! | `bytemuck` | `compress`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
 //! | `pulp` | `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
-//! | `tempfile` | `container`, `pipeline` |
+//! | `tempfile` | `pipeline` |
 //! | `thiserror` | `error` |
-//! | `std::fs` | `container`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
-//! | `std::os` | `container`, `host`, `pipeline`, `store` |
+//! | `std::fs` | `container`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
+//! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
 //! | `std::thread` | `host`, `pipeline`, `store` |
 //! | `std::env` | `scene` |
 //! | `std::process`, `std::net` | none |
@@ -70,6 +73,7 @@ pub mod clean;
 pub mod compress;
 pub mod container;
 pub mod error;
+pub mod files;
 pub mod host;
 pub mod image;
 pub mod light;

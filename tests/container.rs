@@ -125,9 +125,9 @@ fn merged_parts_are_the_whole() {
     pack(&path("b"), &job, job.shape.blocks().filter(|id| id.0 >= 3), true);
     let part = ContainerReader::open(&path("a")).unwrap();
     assert!(part.read_block(BlockId(5)).is_err());
-    merge(&[&path("a"), &path("b")], &path("merged"), false).unwrap();
+    merge(&[&path("a"), &path("b")], &path("merged"), false, |_, _| true).unwrap();
     assert_eq!(std::fs::read(path("merged")).unwrap(), std::fs::read(path("whole")).unwrap());
-    assert!(merge(&[&path("a")], &path("merged"), false).is_err());
+    assert!(merge(&[&path("a")], &path("merged"), false, |_, _| true).is_err());
 }
 
 #[test]

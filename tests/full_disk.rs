@@ -14,6 +14,7 @@ use blocks::{block, job_of, options};
 use libtest_mimic::{Arguments, Failed, Trial};
 use ltm::Error;
 use ltm::host::Quiet;
+use ltm::image::{self, ImageSize, LinearImage, ToneMapping};
 use ltm::light::Job;
 use ltm::matrix::{BlockId, BlockSink, BlockSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions};
@@ -27,10 +28,11 @@ const DISK_BYTES: u64 = 20 << 20;
 /// A test, given the folder at which the small disk is mounted.
 type OnDisk = fn(&Path);
 
-const TESTS: [(&str, OnDisk); 3] = [
+const TESTS: [(&str, OnDisk); 4] = [
     ("a_full_disk_is_an_error_that_keeps_the_committed_blocks", sparse_file),
     ("reserved_space_is_there_when_the_disk_is_full", reserved_file),
     ("a_pack_without_room_is_refused_and_leaves_nothing", packing),
+    ("an_image_without_room_is_an_error_and_leaves_the_old_one", images),
 ];
 
 fn main() -> ExitCode {
@@ -75,7 +77,7 @@ fn job() -> Job {
 fn fill(disk: &Path, spare_bytes: u64) -> PathBuf {
     let path = disk.join("ballast");
     let mut file = fs::File::create(&path).unwrap();
-    let free = ltm::store::free_bytes(disk).unwrap();
+    let free = ltm::files::free_bytes(disk).unwrap();
     file.write_all(&vec![1; (free - spare_bytes) as usize]).unwrap();
     path
 }
@@ -153,4 +155,33 @@ fn packing(disk: &Path) {
     assert_eq!(fs::read_dir(disk).unwrap().count(), 1);
     fs::remove_file(ballast).unwrap();
     pipeline::render_packed(room, &path, &PackOptions::default(), &Quiet).unwrap();
+}
+
+fn images(disk: &Path) {
+    let image = LinearImage { width: 20, height: 12, pixels: vec![[0.1, 0.2, 0.3]; 240] };
+    let large = LinearImage { width: 500, height: 300, pixels: (0..150_000).map(|i| [i as f32; 3]).collect() };
+    let row = &mut |_, _, _, row: &mut [f32]| {
+        row.fill(0.5);
+        Ok(())
+    };
+    let size = ImageSize { width: 20, height: 12 };
+    let (png, exr, npy) = (disk.join("a.png"), disk.join("a.exr"), disk.join("a.npy"));
+    image::write_png(&png, &image, 0.9).unwrap();
+    let old = fs::read(&png).unwrap();
+    fill(disk, 0);
+    for picture in [&image, &large] {
+        let errors = [
+            image::write_png(&png, picture, 0.9),
+            image::write_toned_png(&disk.join("b.png"), picture, ToneMapping::default()),
+            image::write_exr(&exr, picture),
+            image::write_npy(&npy, true, 3, size, row),
+        ];
+        for error in errors.map(|result| result.unwrap_err().to_string()) {
+            assert!(error.contains("No space left"), "{error}");
+        }
+    }
+    assert_eq!(fs::read(&png).unwrap(), old);
+    let mut names: Vec<_> = fs::read_dir(disk).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(names, ["a.png", "ballast"]);
 }

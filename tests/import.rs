@@ -34,6 +34,7 @@ fn main() -> ExitCode {
         own("what_is_exported_is_imported", what_is_exported_is_imported),
         own("missing_light_becomes_a_rest", missing_light_becomes_a_rest),
         own("a_folder_of_files_is_a_light_each", a_folder_of_files_is_a_light_each),
+        own("images_of_other_parts_of_the_frame_are_refused", images_of_other_parts_of_the_frame_are_refused),
         own("what_cannot_be_imported_is_refused", what_cannot_be_imported_is_refused),
         own("clamped_and_negative_images_are_warned_about", clamped_and_negative_images_are_warned_about),
         own("the_whole_need_is_said_before_images_are_read", the_whole_need_is_said_before_images_are_read),
@@ -82,7 +83,7 @@ fn fetch(images: &[LinearImage]) -> impl FnMut(usize, usize, usize, &mut [f32]) 
 
 fn write_layers(path: &Path, layers: &[&str], images: &[LinearImage]) {
     let layers: Vec<String> = layers.iter().map(ToString::to_string).collect();
-    write_exr_rows(path, &layers, size(&images[0]), &mut fetch(images)).unwrap();
+    write_exr_rows(path, true, &layers, size(&images[0]), &mut fetch(images)).unwrap();
 }
 
 fn import(path: &Path, layers: Option<&str>) -> Result<ImportedMatrix> {
@@ -138,7 +139,7 @@ fn what_is_exported_is_imported() {
         // Rounding of a few sums in f32.
         assert!(found.sum_difference.unwrap() < 1e-6, "{what}");
     }
-    write_npy(&at("a.npy"), 3, size(&all[0]), &mut fetch(&all)).unwrap();
+    write_npy(&at("a.npy"), true, 3, size(&all[0]), &mut fetch(&all)).unwrap();
     let found = import(&at("a.npy"), None).unwrap();
     assert_eq!((columns_of(&found), found.sum_difference), (all.clone(), None));
     // A file for each light, named by a pattern.
@@ -164,6 +165,38 @@ fn a_folder_of_files_is_a_light_each() {
     assert_eq!((names(&found).as_slice(), columns_of(&found).as_slice()), (&NAMES.map(String::from)[..2], &all[..2]));
 }
 
+/// Writes an image as a part of a frame of 64 × 48 pixels, from the corner `x, y` on.
+fn write_part(path: &Path, image: &LinearImage, (x, y): (i32, i32)) {
+    use exr::prelude::{Encoding, Image, ImageAttributes, IntegerBounds, Layer, LayerAttributes, SpecificChannels};
+    use exr::prelude::{Vec2, WritableImage};
+    let pixel = |at: Vec2<usize>| {
+        let [r, g, b] = image.pixels[at.y() * image.width as usize + at.x()];
+        (r, g, b)
+    };
+    let mut attributes = LayerAttributes::default();
+    attributes.layer_position = Vec2(x, y);
+    let size = Vec2(image.width as usize, image.height as usize);
+    let layer = Layer::new(size, attributes, Encoding::UNCOMPRESSED, SpecificChannels::rgb(pixel));
+    let frame = ImageAttributes::new(IntegerBounds::from_dimensions((64, 48)));
+    Image::new(frame, layer).write().to_file(path).unwrap();
+}
+
+fn images_of_other_parts_of_the_frame_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let all = images();
+    write_part(&at("x_fill.exr"), &all[0], (8, 4));
+    write_part(&at("x_sun.exr"), &all[1], (8, 4));
+    let found = import(&at("x_{light}.exr"), None).unwrap();
+    assert_eq!(columns_of(&found), all[..2], "the same part is one image");
+    write_part(&at("x_sun.exr"), &all[1], (9, 4));
+    let error = import(&at("x_{light}.exr"), None).unwrap_err().to_string();
+    assert!(error.contains("x_sun.exr") && error.contains("data window"), "{error}");
+    // A whole frame of the part's size, too.
+    write_exr(&at("x_sun.exr"), &all[1]).unwrap();
+    assert!(import(&at("x_{light}.exr"), None).is_err());
+}
+
 fn missing_light_becomes_a_rest() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.exr");
@@ -187,7 +220,7 @@ fn what_cannot_be_imported_is_refused() {
     let error = import(&path, None).unwrap_err().to_string();
     assert!(error.contains("no layer looks like a light's"), "{error}");
     let npy = folder.path().join("a.npy");
-    write_npy(&npy, 3, size(&images()[0]), &mut fetch(&images())).unwrap();
+    write_npy(&npy, true, 3, size(&images()[0]), &mut fetch(&images())).unwrap();
     let bytes = std::fs::read(&npy).unwrap();
     for length in (0..bytes.len()).step_by(97) {
         std::fs::write(&npy, &bytes[..length]).unwrap();
@@ -276,7 +309,7 @@ fn a_target_in_bytes_is_that_of_the_file() {
         LinearImage { width: 96, height: 64, pixels }
     };
     let images: Vec<LinearImage> = (0..6).map(lit).collect();
-    write_npy(&path, 6, size(&images[0]), &mut fetch(&images)).unwrap();
+    write_npy(&path, true, 6, size(&images[0]), &mut fetch(&images)).unwrap();
     let set = LightSet::open(&path, None).unwrap();
     for wanted in [6_000, 20_000, 40_000] {
         let mut options = PackOptions::default();

@@ -164,7 +164,10 @@ fn other_settings_do_not_take_up_what_was_analysed_for_these() {
     let watch = StopAfter(AtomicU64::new(3));
     assert!(pipeline::render_packed(room("mixed"), &path, &PackOptions::default(), &watch).is_err());
     let compress = CompressSettings { seed: 5, ..CompressSettings::default() };
-    let options = PackOptions { compress, ..PackOptions::default() };
+    let mut options = PackOptions { compress, ..PackOptions::default() };
+    let refused = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).err().unwrap().to_string();
+    assert!(refused.contains("other input or settings"), "{refused}");
+    options.container.overwrite = true;
     let (render, _) = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).unwrap();
     assert_eq!(render.blocks_kept, 0);
 }

@@ -65,6 +65,11 @@ impl Index {
         self.base_end
     }
 
+    /// What says of every block where and what it is: the records of blocks and layers, with the checksum of each chunk.
+    pub(super) fn record_bytes(&self) -> [&[u8]; 2] {
+        [&self.bytes[self.blocks.clone()], &self.bytes[self.layers.clone()]]
+    }
+
     /// Memory that it takes.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes.len() as u64

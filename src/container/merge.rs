@@ -5,18 +5,23 @@ use std::path::Path;
 use super::reader::ContainerReader;
 use super::writer::{ContainerSummary, assemble};
 use crate::error::{Error, Result};
+use crate::files::check_output;
 use crate::matrix::BlockId;
 
 /// Joins containers of the same job into one at `target`; each block is taken, byte for byte, from the first part that
-/// holds it. The report is the first part's. The result may itself lack blocks and be merged again.
+/// holds it undamaged. The report is the first part's. The result may itself lack blocks and be merged again. `progress` is told
+/// (blocks looked at, blocks), and says whether to go on.
 ///
-/// Errors: no parts; parts of different jobs or made with different settings; a damaged chunk; `target` exists and may
-/// not be replaced.
-pub fn merge(parts: &[&Path], target: &Path, overwrite: bool) -> Result<ContainerSummary> {
-    if target.exists() && !overwrite {
-        let hint = "choose another name, or say --force to replace it";
-        return Err(Error::input(target.display().to_string(), "the file exists", hint));
-    }
+/// # Errors
+/// No parts; parts of different jobs or made with different settings; two parts that hold different bytes for the same block; a block
+/// of which every part's copy is damaged; `target` exists and may not be replaced; [`Error::Interrupted`].
+pub fn merge(
+    parts: &[&Path],
+    target: &Path,
+    overwrite: bool,
+    mut progress: impl FnMut(u32, u32) -> bool,
+) -> Result<ContainerSummary> {
+    check_output(target, overwrite)?;
     let readers = parts.iter().map(|path| ContainerReader::open(path)).collect::<Result<Vec<_>>>()?;
     let Some(first) = readers.first() else {
         return Err(Error::input("merge", "no containers were given", "name at least one"));
@@ -33,11 +38,42 @@ pub fn merge(parts: &[&Path], target: &Path, overwrite: bool) -> Result<Containe
             return Err(Error::input(place, problem, "pack all parts with the same settings"));
         }
     }
-    let holder = |id: BlockId| readers.iter().find(|reader| reader.has_block(id));
-    let records = first.job().shape.blocks().map(|id| holder(id).unwrap_or(first).record(id)).collect();
-    let chunk =
-        |id: BlockId, layer: usize| holder(id).expect("only present blocks are asked for").read_chunk(id, layer);
+    let shape = first.job().shape;
+    let mut holders: Vec<Option<&ContainerReader>> = Vec::with_capacity(shape.block_count() as usize);
+    for id in shape.blocks() {
+        holders.push(holder(id, &readers)?);
+        if !progress(id.0 + 1, shape.block_count()) {
+            return Err(Error::Interrupted("nothing was written".into()));
+        }
+    }
+    let records = shape.blocks().map(|id| holders[id.index()].unwrap_or(first).record(id)).collect();
+    let chunk = |id: BlockId, layer: usize| {
+        holders[id.index()].expect("only present blocks are asked for").read_chunk(id, layer)
+    };
     // Those of parts do not make those of the whole.
     let light_errors = first.light_errors().filter(|_| readers.len() == 1);
-    assemble(target, (first.job(), first.report(), light_errors), records, chunk)
+    assemble(target, overwrite, (first.job(), first.report(), light_errors), records, chunk)
+}
+
+/// The first part that holds a block undamaged; none where no part holds it.
+fn holder(id: BlockId, readers: &[ContainerReader]) -> Result<Option<&ContainerReader>> {
+    let having: Vec<_> = readers.iter().filter(|reader| reader.has_block(id)).collect();
+    let Some(first) = having.first() else { return Ok(None) };
+    for other in &having[1..] {
+        if other.stored_form(id) != first.stored_form(id) {
+            let problem = format!("{id} differs from that in {}", first.path().display());
+            let hint = "one of them was made by another program; merge without it";
+            return Err(Error::input(other.path().display().to_string(), problem, hint));
+        }
+    }
+    let mut damage = None;
+    for reader in having {
+        let layers = usize::from(reader.record(id).layers);
+        match (0..layers).try_for_each(|layer| reader.read_chunk(id, layer).map(drop)) {
+            Ok(()) => return Ok(Some(reader)),
+            Err(error @ Error::Damaged { .. }) => damage = Some(error),
+            Err(error) => return Err(error),
+        }
+    }
+    damage.map_or(Ok(None), Err)
 }

@@ -24,5 +24,4 @@ pub use layout::{BlockLayout, LightLayout, LightPlane};
 pub use merge::merge;
 pub use reader::{ContainerReader, Fault, Verification, verify};
 pub use report::ContainerReport;
-pub(crate) use spill::{MARK_BYTES, open_marked};
 pub use writer::{ContainerOptions, ContainerSummary, ContainerWriter, EncodedBlock, EncodedSize, WrittenBlock};

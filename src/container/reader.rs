@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 
 use super::format::{BlockRecord, HEADER_BYTES, HEADER_MAGIC, Header, TRAILER_BYTES, Trailer};
 use super::index::{Index, PIECE_BYTES};
@@ -14,7 +15,9 @@ use super::layers::join_layers;
 use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
 use super::report::ContainerReport;
+use super::spill::Spill;
 use crate::error::{Error, Result};
+use crate::files::open_input;
 use crate::light::{Job, LightErrors};
 use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixShape};
 
@@ -45,7 +48,7 @@ impl ContainerReader {
     ///
     /// Errors: the file is missing, is no container, is of another version, is cut short or damaged in its index.
     pub fn open(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(Error::io(path, "open"))?;
+        let file = open_input(path, "open")?;
         let file_bytes = file.metadata().map_err(Error::io(path, "read"))?.len();
         let read = |offset: u64, bytes: usize| {
             let mut buffer = vec![0; bytes];
@@ -169,6 +172,27 @@ impl ContainerReader {
 
     pub(super) fn record(&self, id: BlockId) -> BlockRecord {
         self.index.block(id.index())
+    }
+
+    /// What tells a block's stored bytes from any others: its record, and size and checksum of each layer.
+    pub(super) fn stored_form(&self, id: BlockId) -> (Vec<u8>, Vec<(u32, u32)>) {
+        let record = self.record(id);
+        let layers = (0..usize::from(record.layers)).map(|layer| self.index.layer(record.first_layer as usize + layer));
+        let layers = layers.map(|layer| (layer.bytes, layer.crc)).collect();
+        (BlockRecord { first_layer: 0, ..record }.encode().to_vec(), layers)
+    }
+
+    /// What tells this container from any other of its job: a hash of what its index says of every chunk.
+    pub fn fingerprint(&self) -> [u8; 32] {
+        let mut hash = Sha256::new();
+        hash.update(self.job.hash().0);
+        self.index.record_bytes().iter().for_each(|bytes| hash.update(bytes));
+        hash.finalize().into()
+    }
+
+    /// Removes what the pack that made this container left beside it, if it was killed after its last step.
+    pub(crate) fn remove_leftover(&self) {
+        Spill::remove_leftover(&self.path, self.job.shape.block_count());
     }
 
     pub(super) fn path(&self) -> &Path {

@@ -1,9 +1,7 @@
 //! Writing a container.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 use sha2::{Digest, Sha256};
 
@@ -18,6 +16,7 @@ use super::metadata;
 use super::report::ContainerReport;
 use super::spill::Spill;
 use crate::error::{Error, Result};
+use crate::files::{check_output, replace};
 use crate::light::{Job, LightErrors};
 use crate::matrix::{BlockId, BlockReport, FactoredBlock};
 
@@ -103,7 +102,7 @@ pub struct ContainerWriter {
     lights: LightLayout,
     options: ContainerOptions,
     light_errors: Option<LightErrors>,
-    spill: Mutex<Spill>,
+    spill: Spill,
 }
 
 impl ContainerWriter {
@@ -111,16 +110,16 @@ impl ContainerWriter {
     ///
     /// Errors: the file exists and may not be replaced; its folder cannot be written; another process packs into it.
     pub fn create(path: &Path, job: &Job, options: ContainerOptions) -> Result<Self> {
-        if path.exists() && !options.overwrite {
-            let hint = "choose another name, or say --force to replace it";
-            return Err(Error::input(path.display().to_string(), "the file exists", hint));
-        }
         let mut hash = Sha256::new();
         hash.update(metadata::encode(job, &options.report, None));
         hash.update(format!("{FORMAT_VERSION} {:?}", options.codec));
-        let spill = Spill::open(path, hash.finalize().into(), job.shape.block_count() as usize)?;
+        let (fingerprint, blocks) = (hash.finalize().into(), job.shape.block_count());
+        if let Err(error) = check_output(path, options.overwrite) {
+            Spill::remove_leftover(path, blocks);
+            return Err(error);
+        }
+        let spill = Spill::open(path, fingerprint, blocks, options.overwrite)?;
         let lights = LightLayout::of(&job.basis);
-        let spill = Mutex::new(spill);
         Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, light_errors: None, spill })
     }
 
@@ -131,7 +130,7 @@ impl ContainerWriter {
 
     /// What is known of a block that is there already, written by this run or by the one that it continues.
     pub fn written(&self, id: BlockId) -> Option<WrittenBlock> {
-        self.lock().blocks()[id.index()].as_ref().map(|block| WrittenBlock {
+        self.spill.blocks()[id.index()].as_ref().map(|block| WrittenBlock {
             rank: usize::from(block.record.rank),
             sparse_entries: block.record.sparse_entries as usize,
             report: block.record.report,
@@ -171,15 +170,20 @@ impl ContainerWriter {
 
     /// Writes an encoded block. A block may be written again; the last one counts.
     pub fn write_encoded(&self, id: BlockId, block: &EncodedBlock, report: &BlockReport) -> Result<EncodedSize> {
+        let too_large = || {
+            let problem =
+                format!("rank {} with {} sparse entries does not fit a record", block.rank, block.sparse_entries);
+            Error::input(id.to_string(), problem, "compress it to a lower rank, or take smaller blocks")
+        };
         let record = BlockRecord {
             first_layer: 0,
             layers: block.layers.len() as u8,
             present: true,
-            rank: block.rank as u16,
-            sparse_entries: block.sparse_entries as u32,
+            rank: block.rank.try_into().map_err(|_| too_large())?,
+            sparse_entries: block.sparse_entries.try_into().map_err(|_| too_large())?,
             report: *report,
         };
-        self.lock().append(id, record, &block.layers)?;
+        self.spill.append(id, record, &block.layers)?;
         Ok(block.size())
     }
 
@@ -200,32 +204,26 @@ impl ContainerWriter {
     ///
     /// Errors: blocks are missing (unless the options allow it); the system refuses to write.
     pub fn finish(self) -> Result<ContainerSummary> {
-        let spill = self.spill.into_inner().unwrap_or_else(|e| e.into_inner());
-        let missing = spill.blocks().iter().filter(|block| block.is_none()).count();
+        let blocks = self.spill.blocks().clone();
+        let missing = blocks.iter().filter(|block| block.is_none()).count();
         if missing > 0 && !self.options.partial {
-            let problem = format!("{missing} of {} blocks were not written", spill.blocks().len());
+            let problem = format!("{missing} of {} blocks were not written", blocks.len());
             return Err(Error::input(self.path.display().to_string(), problem, "pack the other blocks first"));
         }
         let source = |id: BlockId, layer: usize| {
-            let block = spill.blocks()[id.index()].as_ref().expect("only present blocks are asked for");
-            let before: u64 = block.layer_bytes[..layer].iter().map(|&b| u64::from(b)).sum();
-            spill.read(block.offset + before, block.layer_bytes[layer] as usize)
+            let block = blocks[id.index()].as_ref().expect("only present blocks are asked for");
+            self.spill.read(id, block, layer)
         };
         let records: Vec<BlockRecord> =
-            spill.blocks().iter().map(|b| b.as_ref().map_or(BlockRecord::default(), |b| b.record)).collect();
+            blocks.iter().map(|b| b.as_ref().map_or(BlockRecord::default(), |b| b.record)).collect();
         let about = (&self.job, &self.options.report, self.light_errors.as_ref());
-        let summary = assemble(&self.path, about, records, source)?;
-        spill.remove()?;
+        let summary = assemble(&self.path, self.options.overwrite, about, records, source)?;
+        self.spill.remove()?;
         Ok(summary)
     }
 
     fn layout(&self, id: BlockId) -> BlockLayout {
         BlockLayout::new(self.job.shape.rect(id), self.lights.clone())
-    }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, Spill> {
-        // A panic while the lock was held leaves at worst an unfinished record at the end, which is overwritten.
-        self.spill.lock().unwrap_or_else(|e| e.into_inner())
     }
 }
 
@@ -245,6 +243,7 @@ impl EncodedBlock {
 /// layers, and so on, metadata, index, trailer. `chunk` gives the bytes of a layer.
 pub(super) fn assemble(
     path: &Path,
+    overwrite: bool,
     (job, report, light_errors): (&Job, &ContainerReport, Option<&LightErrors>),
     mut records: Vec<BlockRecord>,
     chunk: impl Fn(BlockId, usize) -> Result<Vec<u8>>,
@@ -254,50 +253,45 @@ pub(super) fn assemble(
         record.first_layer = layer_count;
         layer_count += u32::from(record.layers);
     }
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut temporary = tempfile::Builder::new()
-        .prefix(".ltc-")
-        .tempfile_in(folder)
-        .map_err(Error::io(path, "create a temporary file beside"))?;
-    let failed = || Error::io(path, "write");
-    let mut file = BufWriter::with_capacity(1 << 20, temporary.as_file_mut());
-    let header = Header { version: FORMAT_VERSION, block_count: records.len() as u32, job_hash: job.hash().0 }.encode();
-    file.write_all(&header).map_err(failed())?;
     let mut layers = vec![LayerRecord::default(); layer_count as usize];
-    let mut offset = HEADER_BYTES as u64;
     let mut summary = ContainerSummary::default();
-    for layer in 0..records.iter().map(|r| usize::from(r.layers)).max().unwrap_or(0) {
-        for (index, record) in records.iter().enumerate().filter(|(_, r)| layer < usize::from(r.layers)) {
-            let bytes = chunk(BlockId(index as u32), layer)?;
-            file.write_all(&bytes).map_err(failed())?;
-            layers[record.first_layer as usize + layer] =
-                LayerRecord { offset, bytes: bytes.len() as u32, crc: crc32fast::hash(&bytes) };
-            offset += bytes.len() as u64;
+    replace(path, overwrite, |file| {
+        let failed = || Error::io(path, "write");
+        let block_count = records.len() as u32;
+        let header = Header { version: FORMAT_VERSION, block_count, job_hash: job.hash().0 }.encode();
+        file.write_all(&header).map_err(failed())?;
+        let mut offset = HEADER_BYTES as u64;
+        for layer in 0..records.iter().map(|r| usize::from(r.layers)).max().unwrap_or(0) {
+            for (index, record) in records.iter().enumerate().filter(|(_, r)| layer < usize::from(r.layers)) {
+                let bytes = chunk(BlockId(index as u32), layer)?;
+                file.write_all(&bytes).map_err(failed())?;
+                layers[record.first_layer as usize + layer] =
+                    LayerRecord { offset, bytes: bytes.len() as u32, crc: crc32fast::hash(&bytes) };
+                offset += bytes.len() as u64;
+            }
+            if layer == 0 {
+                summary.base_bytes = offset;
+            }
         }
-        if layer == 0 {
-            summary.base_bytes = offset;
-        }
-    }
-    let mut tail = metadata::encode(job, report, light_errors);
-    let mut trailer = Trailer {
-        metadata_offset: offset,
-        metadata_bytes: tail.len() as u32,
-        block_count: records.len() as u32,
-        layer_count,
-        tail_crc: 0,
-        header_crc: u32::from_le_bytes(header[60..].try_into().expect("4 bytes")),
-        file_bytes: 0,
-    };
-    records.iter().for_each(|record| tail.extend(record.encode()));
-    layers.iter().for_each(|layer| tail.extend(layer.encode()));
-    trailer.tail_crc = crc32fast::hash(&tail);
-    trailer.file_bytes = offset + trailer.tail_bytes();
-    tail.extend(trailer.encode());
-    file.write_all(&tail).and_then(|()| file.flush()).map_err(failed())?;
-    drop(file);
-    persist(temporary, path)?;
-    summary.file_bytes = trailer.file_bytes;
-    summary.overhead_bytes = HEADER_BYTES as u64 + tail.len() as u64;
+        let mut tail = metadata::encode(job, report, light_errors);
+        let mut trailer = Trailer {
+            metadata_offset: offset,
+            metadata_bytes: tail.len() as u32,
+            block_count,
+            layer_count,
+            tail_crc: 0,
+            header_crc: u32::from_le_bytes(header[60..].try_into().expect("4 bytes")),
+            file_bytes: 0,
+        };
+        records.iter().for_each(|record| tail.extend(record.encode()));
+        layers.iter().for_each(|layer| tail.extend(layer.encode()));
+        trailer.tail_crc = crc32fast::hash(&tail);
+        trailer.file_bytes = offset + trailer.tail_bytes();
+        tail.extend(trailer.encode());
+        summary.file_bytes = trailer.file_bytes;
+        summary.overhead_bytes = HEADER_BYTES as u64 + tail.len() as u64;
+        file.write_all(&tail).map_err(failed())
+    })?;
     for record in records.iter().filter(|record| record.present) {
         summary.blocks += 1;
         summary.components += u64::from(record.rank);
@@ -306,16 +300,4 @@ pub(super) fn assemble(
         summary.squared_norm += record.report.squared_norm;
     }
     Ok(summary)
-}
-
-/// Makes the temporary file durable, readable for all as any new file, and renames it.
-fn persist(temporary: tempfile::NamedTempFile, path: &Path) -> Result<()> {
-    use std::os::unix::fs::PermissionsExt;
-    let file = temporary.as_file();
-    file.set_permissions(std::fs::Permissions::from_mode(0o644))
-        .and_then(|()| file.sync_all())
-        .map_err(Error::io(path, "write"))?;
-    temporary.persist(path).map_err(|e| Error::io(path, "rename a temporary file to")(e.error))?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    File::open(folder).and_then(|folder| folder.sync_all()).map_err(Error::io(folder, "write"))
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::Watch;
 use super::memory::available_bytes;
 use crate::error::{Error, Result};
-use crate::store::free_bytes;
+use crate::files::{folder_of, free_bytes};
 
 /// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block, and
 /// disk.
@@ -40,7 +40,7 @@ impl Need {
         watch: &dyn Watch,
     ) -> Result<usize> {
         let threads = self.threads_within(job, budget_bytes)?;
-        let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = folder_of(output);
         let taken: u64 = there.iter().filter_map(|path| fs::metadata(path).ok()).map(|file| file.blocks() * 512).sum();
         let more = self.disk_bytes.saturating_sub(taken);
         if more > 0 {

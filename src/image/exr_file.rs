@@ -1,7 +1,6 @@
 //! OpenEXR files.
 
-use std::fs::File;
-use std::io::BufWriter;
+use std::io::{Seek, Write};
 use std::path::Path;
 
 use exr::block::writer::ChunksWriter;
@@ -14,15 +13,24 @@ use rayon::prelude::*;
 
 use super::LinearImage;
 use crate::error::{Error, Result};
+use crate::files::replace;
 
-/// Writes 32-bit linear RGB.
+/// Writes 32-bit linear RGB; a file of that name is replaced, whole.
+///
+/// # Errors
+/// The system refuses to write; then the old file stands.
 pub fn write_exr(path: &Path, image: &LinearImage) -> Result<()> {
     let width = image.width as usize;
-    exr::prelude::write_rgb_file(path, width, image.height as usize, |x, y| {
+    let pixel = |x: usize, y: usize| {
         let [r, g, b] = image.pixels[y * width + x];
         (r, g, b)
+    };
+    let channels = exr::prelude::SpecificChannels::rgb(|at: exr::prelude::Vec2<usize>| pixel(at.x(), at.y()));
+    let whole = exr::prelude::Image::from_channels((width, image.height as usize), channels);
+    replace(path, true, |file| {
+        use exr::prelude::WritableImage;
+        whole.write().to_buffered(file).map_err(|e| Error::io(path, "write the image")(into_io(e)))
     })
-    .map_err(|e| Error::io(path, "write the image")(into_io(e)))
 }
 
 /// Size of an image in pixels.
@@ -62,21 +70,44 @@ const LARGE_CHUNK_BYTES: usize = 32 << 20;
 
 /// Writes 32-bit linear RGB images as the layers of one part, asking `fetch` for their rows as they are needed. A layer's
 /// channels are `NAME.R`, `NAME.G`, `NAME.B`, or `R`, `G`, `B` where its name is empty: what programs of all ages read.
+/// `overwrite`: a file of that name is replaced, whole.
 ///
-/// Errors: no layers, two of one name; the system refuses to write; those of `fetch`.
-pub fn write_exr_rows(path: &Path, layers: &[String], size: ImageSize, fetch: &mut FetchRow<'_>) -> Result<()> {
+/// # Errors
+/// No layers, two of one name; the file exists and may not be replaced; the system refuses to write; those of `fetch`. Then the old
+/// file stands.
+pub fn write_exr_rows(
+    path: &Path,
+    overwrite: bool,
+    layers: &[String],
+    size: ImageSize,
+    fetch: &mut FetchRow<'_>,
+) -> Result<()> {
     let mut names = Vec::new();
     for layer in layers {
         let dot = if layer.is_empty() { "" } else { "." };
         names.extend(["R", "G", "B"].map(|colour| format!("{layer}{dot}{colour}")));
     }
-    write_exr_channels(path, &names, size, &mut |channel, y, row| fetch(channel / 3, channel % 3, y, row))
+    let mut fetch = |channel, y, row: &mut [f32]| fetch(channel / 3, channel % 3, y, row);
+    replace(path, overwrite, |file| encode_channels(file, path, &names, size, &mut fetch))
 }
 
 /// Writes 32-bit channels of the given names as one part, asking `fetch` for their rows as they are needed.
 ///
-/// Errors: no channels, two of one name; the system refuses to write; those of `fetch`.
+/// A file of that name is replaced, whole.
+///
+/// # Errors
+/// No channels, two of one name; the system refuses to write; those of `fetch`. Then the old file stands.
 pub fn write_exr_channels(path: &Path, names: &[String], size: ImageSize, fetch: &mut FetchChannel<'_>) -> Result<()> {
+    replace(path, true, |file| encode_channels(file, path, names, size, fetch))
+}
+
+fn encode_channels(
+    file: impl Write + Seek,
+    path: &Path,
+    names: &[String],
+    size: ImageSize,
+    fetch: &mut FetchChannel<'_>,
+) -> Result<()> {
     let mut channels: Vec<(&str, usize)> = names.iter().map(String::as_str).zip(0..).collect();
     channels.sort();
     if channels.is_empty() || channels.windows(2).any(|w| w[0].0 == w[1].0) {
@@ -94,7 +125,6 @@ pub fn write_exr_channels(path: &Path, names: &[String], size: ImageSize, fetch:
     // A single part has no name.
     header.own_attributes.layer_name = None;
     header.own_attributes.software_name = Some(concat!("ltm ", env!("CARGO_PKG_VERSION")).into());
-    let file = BufWriter::new(File::create(path).map_err(Error::io(path, "create"))?);
     let mut refused = None;
     let result = block::write(file, [header].into_iter().collect(), true, |meta, writer| {
         let blocks: Vec<_> = block::enumerate_ordered_header_block_indices(&meta.headers).collect();
@@ -135,7 +165,7 @@ pub fn write_exr_channels(path: &Path, names: &[String], size: ImageSize, fetch:
 pub fn write_exr_layers(path: &Path, images: &[(&str, &LinearImage)]) -> Result<()> {
     let layers: Vec<String> = images.iter().map(|(name, _)| (*name).to_owned()).collect();
     let size = ImageSize { width: images[0].1.width as usize, height: images[0].1.height as usize };
-    write_exr_rows(path, &layers, size, &mut |image, channel, y, row| {
+    write_exr_rows(path, true, &layers, size, &mut |image, channel, y, row| {
         let pixels = images[image].1.pixels[y * size.width..].iter();
         row.iter_mut().zip(pixels).for_each(|(value, pixel)| *value = pixel[channel]);
         Ok(())

@@ -9,6 +9,7 @@ use image::codecs::hdr::HdrDecoder;
 
 use super::LinearImage;
 use crate::error::{Error, Result};
+use crate::files::open_input;
 
 /// Largest side of an image that is read, in pixels.
 const MAX_SIDE: u32 = 16_384;
@@ -83,6 +84,21 @@ pub fn image_size(path: &Path) -> Result<(u32, u32)> {
     Ok((size.0 as u32, size.1 as u32))
 }
 
+/// Where an image's pixels lie in the frame that its camera saw: the offset of its top left corner, and the frame's size. OpenEXR
+/// files may hold a part of the frame only, their data window.
+///
+/// # Errors
+/// Those of [`image_size`].
+pub(super) fn place_in_frame(path: &Path) -> Result<([i64; 2], (u32, u32))> {
+    let size = image_size(path)?;
+    let Format::Exr = format_of(path)? else { return Ok(([0, 0], size)) };
+    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| refuse(path, &e.to_string()))?;
+    let header = meta.headers.first().ok_or_else(|| refuse(path, "it has no layers"))?;
+    let (corner, frame) = (header.own_attributes.layer_position, header.shared_attributes.display_window);
+    let offset = [(corner.0, frame.position.0), (corner.1, frame.position.1)];
+    Ok((offset.map(|(at, from)| i64::from(at) - i64::from(from)), (frame.size.0 as u32, frame.size.1 as u32)))
+}
+
 enum Format {
     Exr,
     Hdr,
@@ -91,7 +107,7 @@ enum Format {
 
 fn format_of(path: &Path) -> Result<Format> {
     let mut magic = [0; 4];
-    let mut file = File::open(path).map_err(Error::io(path, "open the image"))?;
+    let mut file = open_input(path, "open the image")?;
     // A file too short for its magic is left to the decoders to refuse.
     let _ = file.read_exact(&mut magic);
     Ok(match magic {

@@ -6,6 +6,7 @@ use super::kelvin::kelvin_to_linear;
 use super::linear::LinearImage;
 use super::measure::percentile;
 use crate::error::{Error, Result};
+use crate::files::replace;
 
 /// The sRGB transfer function (IEC 61966-2-1) of a linear value, clamped to [0, 1].
 pub fn encode_srgb(linear: f32) -> f32 {
@@ -167,26 +168,38 @@ pub fn false_colour_scale(low: f32, high: f32) -> [(&'static str, f32); 7] {
     std::array::from_fn(|i| (names[i], low * (high / low).powf(i as f32 / 6.0)))
 }
 
-/// Writes an 8-bit sRGB PNG through `tone`.
+/// Writes an 8-bit sRGB PNG through `tone`; a file of that name is replaced, whole.
+///
+/// # Errors
+/// The system refuses to write; then the old file stands.
 pub fn write_toned_png(path: &Path, image: &LinearImage, tone: ToneMapping) -> Result<()> {
-    save_png(path, image, tone.bytes(image).into_flattened())
+    write_rgb_png(path, image.width, image.height, tone.bytes(image).into_flattened())
 }
 
-/// Writes an 8-bit sRGB PNG, exposed so that the 95th luminance percentile maps to `white`.
+/// Writes an 8-bit sRGB PNG, exposed so that the 95th luminance percentile maps to `white`; a file of that name is replaced, whole.
+///
+/// # Errors
+/// The system refuses to write; then the old file stands.
 pub fn write_png(path: &Path, image: &LinearImage, white: f32) -> Result<()> {
     let exposure = white / percentile(image.luminances().collect(), 0.95).max(1e-12);
     let bytes = image.values().iter().map(|v| (encode_srgb(v * exposure) * 255.0 + 0.5) as u8).collect();
-    save_png(path, image, bytes)
+    write_rgb_png(path, image.width, image.height, bytes)
 }
 
-fn save_png(path: &Path, image: &LinearImage, bytes: Vec<u8>) -> Result<()> {
-    image::RgbImage::from_raw(image.width, image.height, bytes)
-        .expect("one byte per channel value")
-        .save_with_format(path, image::ImageFormat::Png)
-        .map_err(|e| match e {
+/// Writes 8-bit sRGB pixels, 3 bytes each, row by row from the top, as a PNG; a file of that name is replaced, whole.
+///
+/// # Errors
+/// The bytes do not make an image of that size; the system refuses to write. Then the old file stands.
+pub fn write_rgb_png(path: &Path, width: u32, height: u32, bytes: Vec<u8>) -> Result<()> {
+    let image = image::RgbImage::from_raw(width, height, bytes)
+        .ok_or_else(|| Error::input(path.display().to_string(), "there is no image yet", ""))?;
+    replace(path, true, |file| {
+        let encoder = image::codecs::png::PngEncoder::new(file);
+        image.write_with_encoder(encoder).map_err(|e| match e {
             image::ImageError::IoError(io) => Error::io(path, "write the image")(io),
             other => Error::io(path, "write the image")(std::io::Error::other(other)),
         })
+    })
 }
 
 #[cfg(test)]

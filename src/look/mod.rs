@@ -40,8 +40,12 @@ mod resolve;
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::files::read_input_text;
 use crate::light::names::suggest;
 use crate::light::{LightBasis, Lighting};
+
+/// Bytes of a look file at most.
+const MOST_TEXT_BYTES: u64 = 64 << 20;
 
 /// The lightings of a look file over one light basis.
 #[derive(Clone, Debug)]
@@ -58,7 +62,7 @@ pub struct Look {
 /// Errors: a file that cannot be read, unknown keys, names that fit no light (with the nearest names), values out of
 /// range, images that cannot be read.
 pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path, "read the look"))?;
+    let text = read_input_text(path, "read the look", MOST_TEXT_BYTES)?;
     let place = path.display().to_string();
     let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
     let file = if json { file::parse_json(&place, &text) } else { file::parse_toml(&place, &text) }?;

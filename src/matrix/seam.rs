@@ -10,6 +10,11 @@ pub trait BlockSource: Sync {
     /// Shape of the matrix.
     fn shape(&self) -> MatrixShape;
 
+    /// Tells sources of one job apart whose entries are not the same: how the entries are stored.
+    fn variant(&self) -> String {
+        "f32".to_owned()
+    }
+
     /// Reads or makes one block into `target`, whose allocations are reused.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()>;
 }

@@ -18,9 +18,10 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use super::pack::stop_if_interrupted;
-use super::spill::Spill;
+use super::spill::{CLEANED, GATHERED, open_spill};
 use crate::clean::{self, Guides, Rows, Tally, Window};
 use crate::error::{Error, Result};
+use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
 use crate::light::{Clusters, Job, LightingPrior};
 use crate::matrix::{
@@ -39,8 +40,8 @@ pub(super) struct Cleaned {
     clusters: usize,
     /// `M`: clusters × columns, row-major.
     spread: Vec<f32>,
-    gathered: Spill,
-    images: Spill,
+    gathered: ContinuationFile,
+    images: ContinuationFile,
     tally: Tally,
 }
 
@@ -70,22 +71,17 @@ impl Cleaned {
     ///
     /// # Errors
     /// Those of the disk.
-    pub(super) fn begin(job: &Job, path: &Path, fingerprint: [u8; 32]) -> Result<Self> {
+    pub(super) fn begin(job: &Job, path: &Path, fingerprint: [u8; 32], overwrite: bool) -> Result<Self> {
         let shape = job.shape;
-        let beside = |name: &str| {
-            let mut beside = path.as_os_str().to_owned();
-            beside.push(name);
-            PathBuf::from(beside)
-        };
-        let open = |path: &Path| Spill::open(path, fingerprint, shape.block_count());
+        let open = |name| open_spill(&with_suffix(path, name), fingerprint, shape.block_count(), overwrite);
         let clusters = Clusters::of_basis(&job.basis);
         Ok(Self {
-            path: beside(".planes"),
+            path: with_suffix(path, GATHERED),
             shape,
             clusters: clusters.count(),
             spread: clean::spread(&LightingPrior::of_basis(&job.basis), &clusters),
-            gathered: open(&beside(".planes"))?,
-            images: open(&beside(".clean"))?,
+            gathered: open(GATHERED)?,
+            images: open(CLEANED)?,
             tally: Tally::new(clusters.count()),
         })
     }
@@ -109,14 +105,14 @@ impl Cleaned {
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<u64> {
         let blocks: Vec<BlockId> = self.shape.blocks().collect();
-        let blocks_kept = blocks.iter().filter(|&&id| self.gathered.has(id)).count() as u64;
+        let blocks_kept = blocks.iter().filter(|&&id| self.gathered.has(id.0)).count() as u64;
         let total = Mutex::new(Tally::new(self.clusters));
         watch.begin(stage, blocks.len() as u64, "blocks");
         let gather = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
             stop_if_interrupted(&self.path, watch)?;
             let mut tally = Tally::new(self.clusters);
             let rect = self.shape.rect(id);
-            let work = if self.gathered.has(id) {
+            let work = if self.gathered.has(id.0) {
                 tally.add(&self.window_of(&[self.gathered(id)?], rect));
                 0
             } else {
@@ -125,7 +121,7 @@ impl Cleaned {
                     let hint = "pack it as it is, with --denoise off";
                     Error::input(id.to_string(), "its samples were not kept apart, so it cannot be cleaned", hint)
                 })?;
-                self.gathered.append(id, &encode(&planes))?;
+                self.gathered.append(id.0, &[&encode(&planes)])?;
                 let gathered = Gathered { rect, planes };
                 tally.add(&self.window_of(std::slice::from_ref(&gathered), rect));
                 block.planes = Some(gathered.planes);
@@ -159,7 +155,7 @@ impl Cleaned {
                     let blocks: Vec<BlockId> = rows
                         .flat_map(|y| (left..(left + step).min(across)).map(move |x| BlockId(y * across + x)))
                         .collect();
-                    if !blocks.iter().all(|&id| self.images.has(id)) {
+                    if !blocks.iter().all(|&id| self.images.has(id.0)) {
                         self.filter_window(&blocks, guides)?;
                     }
                     watch.advance(blocks.len() as u64, 0, "px");
@@ -195,7 +191,7 @@ impl Cleaned {
                     bytes.extend_from_slice(bytemuck::cast_slice(row));
                 }
             }
-            self.images.append(id, &bytes)?;
+            self.images.append(id.0, &[&bytes])?;
         }
         Ok(())
     }
@@ -242,8 +238,8 @@ impl Cleaned {
 
     fn gathered(&self, id: BlockId) -> Result<Gathered> {
         let rect = self.shape.rect(id);
-        let planes = decode(&self.gathered.read(id)?, rect.pixels(), self.clusters);
-        Ok(Gathered { rect, planes: planes.ok_or_else(|| self.gathered.damaged(id, "it is cut short"))? })
+        let planes = decode(&self.gathered.read(id.0)?, rect.pixels(), self.clusters);
+        Ok(Gathered { rect, planes: planes.ok_or_else(|| self.gathered.damaged(id.0, "it is cut short"))? })
     }
 }
 
@@ -255,9 +251,9 @@ impl BlockSource for Cleaned {
     /// The cleaned block; of its planes only the emission.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let rows = self.shape.rect(id).rows();
-        let bytes = self.images.read(id)?;
+        let bytes = self.images.read(id.0)?;
         if bytes.len() != 4 * rows * self.clusters {
-            return Err(self.images.damaged(id, "it is cut short"));
+            return Err(self.images.damaged(id.0, "it is cut short"));
         }
         let images: Vec<f32> = bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
         let columns = self.shape.columns();

@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 
 use super::render::PROGRAM_BYTES;
 use super::rows::RowSpill;
-use super::spill::Spill;
+use super::spill::spill_path;
 use super::{PackOptions, pack};
 use crate::compress::Compressor;
 use crate::error::{Error, Result};
@@ -62,7 +62,7 @@ impl ImportedMatrix {
         let packing = packing_need(set, block_side, options)?;
         need.most_disk_bytes = need.disk_bytes + packing.most_disk_bytes;
         need.disk_bytes += packing.disk_bytes;
-        let there = Spill::path_of(beside);
+        let there = spill_path(beside);
         need.admit("reading the images, then packing", beside, &[&there], options.memory_bytes, watch)?;
         let (width, height) = (set.width as usize, set.height as usize);
         let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;

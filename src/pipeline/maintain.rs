@@ -60,6 +60,7 @@ pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Resu
     let found = store::verify_storage(&reader, |_, read| {
         watch.advance(1, read - bytes, "B");
         bytes = read;
+        !watch.interrupted()
     });
     watch.end();
     let found = found?;
@@ -131,7 +132,10 @@ pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch
     let need = Need { fixed_bytes, ..tracing };
     let threads = need.admit("repairing", path, &[], memory_bytes, watch)?;
     watch.begin("checking", u64::from(job.shape.block_count()), "blocks");
-    let mended = store::mend(path, |_, _| watch.advance(1, 1, "blocks"));
+    let mended = store::mend(path, |_, _| {
+        watch.advance(1, 1, "blocks");
+        !watch.interrupted()
+    });
     watch.end();
     let (writer, mut broken, job) = mended?;
     broken.sort();

@@ -16,17 +16,18 @@ use sha2::{Digest, Sha256};
 
 use super::clean::Cleaned;
 use super::render::PROGRAM_BYTES;
-use super::spill::Spill;
+use super::spill::{check_container_output, open_spill, spill_path};
 use crate::compress::{
     AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
     Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
 };
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
+use crate::files::ContinuationFile;
 use crate::host::{Need, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::light::{Job, LightErrors};
-use crate::matrix::{BlockId, BlockSource, MatrixShape, TracedBlock};
+use crate::matrix::{BlockId, BlockSource, ColumnIndex, MatrixShape, TracedBlock};
 use crate::store;
 
 /// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
@@ -83,10 +84,53 @@ pub struct PackReport {
     pub lights: LightErrors,
     /// Where the target could not be reached: how near.
     pub short_of_target: Option<Shortfall>,
+    /// Entries that could not be computed with, and what they became.
+    pub replaced: ReplacedEntries,
     /// Blocks found analysed by an earlier, interrupted run.
     pub blocks_kept: u64,
     /// Peak resident anonymous memory, where the system tells.
     pub peak_memory_bytes: Option<u64>,
+}
+
+/// Entries of a matrix that could not be computed with: the container holds others in their place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReplacedEntries {
+    /// Entries that were no number, now 0.
+    pub nan: u64,
+    /// Entries that were infinite or too large, now the largest of their block that is usable.
+    pub huge: u64,
+    /// Where the first stands: block, column, and row in the block.
+    pub first: Option<(BlockId, ColumnIndex, u32)>,
+}
+
+impl ReplacedEntries {
+    fn of(analysed: &[CandidateSummary], blocks: &[BlockId]) -> Self {
+        let mut all = Self::default();
+        for (summary, &id) in analysed.iter().zip(blocks) {
+            all.nan += u64::from(summary.replaced.nan);
+            all.huge += u64::from(summary.replaced.huge);
+            all.first = all.first.or(summary.replaced.first.map(|(column, row)| (id, column, row)));
+        }
+        all
+    }
+
+    /// Number of replaced entries.
+    pub fn count(self) -> u64 {
+        self.nan + self.huge
+    }
+}
+
+/// One line for people.
+impl std::fmt::Display for ReplacedEntries {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { nan, huge, first } = self;
+        write!(f, "{} entries were replaced: {nan} that are not a number by 0, {huge} ", self.count())?;
+        write!(f, "infinite or above 1e15 by the largest of their block")?;
+        match first {
+            Some((id, column, row)) => write!(f, "; the first is in {id}, {column}, row {row}"),
+            None => Ok(()),
+        }
+    }
 }
 
 /// A target that was not reached: what is expected of images under the prior, against the matrix with its noise.
@@ -156,7 +200,7 @@ pub fn pack(
         first.planes.is_some()
     };
     let need = Need { per_thread_bytes: reading, ..Need::default() };
-    let mut packing = Packing::begin(job, path, options, (need, has_planes), watch)?;
+    let mut packing = Packing::begin(job, &source.variant(), path, options, (need, has_planes), watch)?;
     packing.choose_globally(source, watch)?;
     packing.run("reading", "B", watch, |id, block| {
         source.read_block(id, block)?;
@@ -172,18 +216,20 @@ pub(super) struct Packing {
     job: Job,
     compressor: Compressor,
     writer: ContainerWriter,
-    spill: Spill,
-    /// Of the job and the settings.
+    spill: ContinuationFile,
+    /// Of the job, how its entries are stored, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
+    overwrite: bool,
     threads: Threads,
 }
 
 impl Packing {
-    /// Refuses what cannot be done and opens the files. `source` is what making the blocks takes, and whether they come with
-    /// planes.
+    /// Refuses what cannot be done and opens the files. `variant` is that of the blocks' source, `source` what making them takes, and
+    /// whether they come with planes.
     pub(super) fn begin(
         job: &Job,
+        variant: &str,
         path: &Path,
         options: &PackOptions,
         (source, has_planes): (Need, bool),
@@ -199,26 +245,25 @@ impl Packing {
             need.disk_bytes += Cleaned::disk_bytes(job);
             need.most_disk_bytes += Cleaned::disk_bytes(job);
         }
-        if path.exists() && !container.overwrite {
-            // Refuses, before anything is said of memory and disk.
-            ContainerWriter::create(path, job, container.clone())?;
-        }
-        let there = Spill::path_of(path);
+        let overwrite = container.overwrite;
+        // Before anything is said of memory and disk.
+        check_container_output(path, overwrite)?;
+        let there = spill_path(path);
         let threads = Threads::new(need.admit("packing", path, &[&there], options.memory_bytes, watch)?)?;
         let mut hash = Sha256::new();
         hash.update(job.hash().0);
-        hash.update(format!("compressor {COMPRESSOR_VERSION} {:?} {}", options.compress, options.denoise));
+        hash.update(format!("{variant} compressor {COMPRESSOR_VERSION} {:?} {}", options.compress, options.denoise));
         let fingerprint = hash.finalize().into();
         let writer = ContainerWriter::create(path, job, container)?;
-        let spill = Spill::open(path, fingerprint, job.shape.block_count())?;
+        let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
-        Ok(Self { begun, memory, path, job, compressor, writer, spill, fingerprint, denoise, threads })
+        Ok(Self { begun, memory, path, job, compressor, writer, spill, fingerprint, denoise, overwrite, threads })
     }
 
     /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
     fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
         let passes = u64::from(self.compressor.global_passes());
-        if passes == 0 || self.job.shape.blocks().all(|id| self.spill.has(id)) {
+        if passes == 0 || self.job.shape.blocks().all(|id| self.spill.has(id.0)) {
             return Ok(());
         }
         watch.begin("choosing rows and columns", passes * u64::from(self.job.shape.block_count()), "blocks");
@@ -240,7 +285,7 @@ impl Packing {
         if !self.denoise {
             return self.compress(&format!("{stage} and analysing"), work_unit, watch, make);
         }
-        let mut cleaned = Cleaned::begin(&self.job, &self.path, self.fingerprint)?;
+        let mut cleaned = Cleaned::begin(&self.job, &self.path, self.fingerprint, self.overwrite)?;
         let blocks_kept = cleaned.gather(&self.threads, (stage, work_unit), watch, make)?;
         cleaned.filter(&self.threads, watch)?;
         let packed = self.compress("analysing", "B", watch, |id, block| {
@@ -260,7 +305,7 @@ impl Packing {
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         let blocks: Vec<BlockId> = self.job.shape.blocks().collect();
-        let blocks_kept = blocks.iter().filter(|&&id| self.spill.has(id)).count() as u64;
+        let blocks_kept = blocks.iter().filter(|&&id| self.spill.has(id.0)).count() as u64;
         if blocks_kept > 0 {
             watch.note(&format!("{}: continuing, {blocks_kept} blocks are analysed", self.path.display()));
         }
@@ -273,6 +318,10 @@ impl Packing {
         watch.end();
         let analysed = analysed?;
         let cut = self.choose(&analysed)?;
+        let replaced = ReplacedEntries::of(&analysed, &blocks);
+        if replaced.count() > 0 {
+            watch.note(&format!("{}: {replaced}", self.path.display()));
+        }
         let energy = analysed.iter().map(CandidateSummary::energy).sum();
         let lights = LightErrorSums::new(self.job.shape.columns(), energy);
         drop(analysed);
@@ -309,6 +358,7 @@ impl Packing {
                 file_bytes: summary.file_bytes,
                 noise_heeded: cut.noise_factor.is_some() && stored.iter().any(|s| s.report.noise_variance.is_finite()),
             }),
+            replaced,
             blocks_kept,
             peak_memory_bytes: self.memory.stop(),
         })
@@ -322,7 +372,7 @@ impl Packing {
         (make, work_unit): (&(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync), &str),
         watch: &dyn Watch,
     ) -> Result<CandidateSummary> {
-        if self.spill.has(id) {
+        if self.spill.has(id.0) {
             return Ok(self.candidate(id)?.0.summary().clone());
         }
         stop_if_interrupted(&self.path, watch)?;
@@ -335,7 +385,7 @@ impl Packing {
         let projected = self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
         Residual::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
         bytes.extend(candidate_bytes.to_le_bytes());
-        self.spill.append(id, &bytes)?;
+        self.spill.append(id.0, &[&bytes])?;
         watch.advance(1, work, work_unit);
         Ok(candidate.summary().clone())
     }
@@ -386,7 +436,7 @@ impl Packing {
 
     /// A candidate and its residual, back from the spill file.
     fn candidate(&self, id: BlockId) -> Result<(Candidate, Residual)> {
-        let bytes = self.spill.read(id)?;
+        let bytes = self.spill.read(id.0)?;
         let parts = || -> Result<_, String> {
             let short = || "it is cut short".to_owned();
             let (bytes, length) = bytes.split_last_chunk::<8>().ok_or_else(short)?;
@@ -394,14 +444,14 @@ impl Packing {
                 bytes.split_at_checked(u64::from_le_bytes(*length) as usize).ok_or_else(short)?;
             Ok((Candidate::from_bytes(candidate)?, Residual::from_bytes(residual).ok_or_else(short)?))
         };
-        parts().map_err(|problem| self.spill.damaged(id, &problem))
+        parts().map_err(|problem| self.spill.damaged(id.0, &problem))
     }
 }
 
 /// Errors: the watch says to stop.
 pub(super) fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
     if watch.interrupted() {
-        let kept = Spill::path_of(path);
+        let kept = spill_path(path);
         let text = format!("{} keeps the finished blocks; the same command continues", kept.display());
         return Err(Error::Interrupted(text));
     }

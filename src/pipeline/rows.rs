@@ -5,6 +5,7 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::files::folder_of;
 use crate::matrix::CHANNELS;
 
 /// Images of one size in a file without a name, plane by plane, in 32-bit floats. Any thread may read and write; what was
@@ -20,7 +21,7 @@ pub(super) struct RowSpill {
 impl RowSpill {
     /// Room for images of `width × height`, in the folder of `beside`, where the disk is meant to hold results.
     pub(super) fn create(beside: &Path, images: usize, width: usize, height: usize) -> Result<Self> {
-        let folder = beside.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
+        let folder = folder_of(beside).to_owned();
         let file = tempfile::tempfile_in(&folder);
         let file = file.map_err(Error::io(&folder, "create a temporary file in the folder"))?;
         file.set_len(Self::bytes(images, width, height))

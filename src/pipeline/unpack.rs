@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use sha2::{Digest, Sha256};
 
 use super::render::PROGRAM_BYTES;
 use super::rows::RowSpill;
 use super::selection::{Selected, Selection, overlap};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
+use crate::files::{ContinuationFile, check_output, with_suffix};
 use crate::host::Watch;
 use crate::host::{Need, Threads};
 use crate::image::{self, ImageSize};
@@ -29,7 +31,8 @@ pub struct UnpackOptions {
     pub memory_bytes: Option<u64>,
 }
 
-/// Multiplies blocks out into a stored matrix at `path`. Returns the number of blocks that it holds.
+/// Multiplies blocks out into a stored matrix at `path`. Returns the number of blocks that it holds. Continues where an interrupted
+/// run over the same container stopped.
 ///
 /// Errors: those of the selection, of reading the container and of writing the store.
 pub fn unpack_to_store(
@@ -38,22 +41,31 @@ pub fn unpack_to_store(
     options: &UnpackOptions,
     watch: &dyn Watch,
 ) -> Result<usize> {
-    refuse_existing(path, options.overwrite)?;
+    check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let job = selected.job(source.job())?;
-    let store = StoreOptions { overwrite: options.overwrite, ..Default::default() };
+    let origin = Some(source.fingerprint());
+    let store = StoreOptions { overwrite: options.overwrite, origin, ..Default::default() };
     let requirements = store::requirements(&job, &store);
     let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
     let per_thread_bytes = block_bytes + requirements.memory_bytes + factor_bytes(source);
     let fixed_bytes = PROGRAM_BYTES + source.index_bytes();
     let need = Need { fixed_bytes, per_thread_bytes, disk_bytes: requirements.disk_bytes, ..Need::default() };
     let threads = Threads::new(need.admit("unpacking", path, &[], options.memory_bytes, watch)?)?;
-    let writer = StoreWriter::create(path, &job, store)?;
+    let writer = StoreWriter::create_or_resume(path, &job, store)?;
     let columns = selected.columns();
     let blocks = selected.target_blocks(source.job(), &job);
+    let (kept, to_do): (Vec<_>, Vec<_>) = blocks.iter().partition(|&&id| writer.is_committed(id));
+    if !kept.is_empty() {
+        watch.note(&format!("{}: continuing, {} blocks are unpacked", path.display(), kept.len()));
+    }
     watch.begin("unpacking", blocks.len() as u64, "blocks");
+    watch.advance(kept.len() as u64, 0, "B");
     let unpack_one = |traced: &mut TracedBlock, &id: &BlockId| {
-        stop_if_interrupted(path, watch)?;
+        if watch.interrupted() {
+            let kept = writer.path().display();
+            return Err(Error::Interrupted(format!("{kept} keeps the finished blocks; the same command continues")));
+        }
         let rect = job.shape.rect(id);
         traced.block.reset(rect.rows(), columns.len());
         selected.fill(source, rect, &columns, traced.block.entries_mut())?;
@@ -62,7 +74,7 @@ pub fn unpack_to_store(
         watch.advance(1, bytes, "B");
         Ok(())
     };
-    let result = threads.run(|| blocks.par_iter().try_for_each_init(TracedBlock::default, unpack_one));
+    let result = threads.run(|| to_do.par_iter().try_for_each_init(TracedBlock::default, unpack_one));
     watch.end();
     result?;
     writer.finish()?;
@@ -88,18 +100,10 @@ pub fn unpack_to_exr(
     let text = path.display().to_string();
     if text.contains("{light}") {
         let paths: Vec<PathBuf> = names.iter().map(|name| text.replace("{light}", name).into()).collect();
-        paths.iter().try_for_each(|path| refuse_existing(path, options.overwrite))?;
-        let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
-        let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
-        for (image, path) in paths.iter().enumerate() {
-            let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
-            in_place_of(path, |temporary| {
-                image::write_exr_rows(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
-            })?;
-        }
+        unpack_to_files(source, &selected, (path, &paths), options, watch)?;
         return Ok(paths);
     }
-    refuse_existing(path, options.overwrite)?;
+    check_output(path, options.overwrite)?;
     if 3 * (names.len() + 1) > NUKE_CHANNELS {
         let most = NUKE_CHANNELS / 3 - 1;
         watch.note(&format!(
@@ -115,34 +119,74 @@ pub fn unpack_to_exr(
     images.extend((0..selected.lights.len()).map(|light| vec![light]));
     let rows = relight_images(source, &selected, (&images, images.len()), path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
-    in_place_of(path, |temporary| image::write_exr_rows(temporary, &layers, size_of_rect(selected.rect), &mut fetch))?;
+    image::write_exr_rows(path, options.overwrite, &layers, size_of_rect(selected.rect), &mut fetch)?;
     Ok(vec![path.to_owned()])
+}
+
+/// Writes a file of plain RGB for each light. Those that an interrupted run over the same container and selection has written, noted in
+/// a file beside them, are written again.
+fn unpack_to_files(
+    source: &ContainerReader,
+    selected: &Selected,
+    (pattern, paths): (&Path, &[PathBuf]),
+    options: &UnpackOptions,
+    watch: &dyn Watch,
+) -> Result<()> {
+    const MARK: [u8; 8] = *b"LTMfile1";
+    let mut hash = Sha256::new();
+    hash.update(source.fingerprint());
+    hash.update(selected.job(source.job())?.hash().0);
+    hash.update(format!("{:?}", selected.blocks));
+    check_output(&with_suffix(pattern, ".part"), true)?;
+    let begun =
+        ContinuationFile::open(&with_suffix(pattern, ".part"), MARK, hash.finalize().into(), paths.len() as u32, true)?;
+    for (key, path) in (0..).zip(paths) {
+        check_output(path, options.overwrite || begun.has(key))?;
+    }
+    let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
+    let rows = relight_images(source, selected, (&images, 1), pattern, options, watch)?;
+    watch.begin("writing images", paths.len() as u64, "images");
+    let written = (0..).zip(paths).try_for_each(|(key, path)| {
+        if watch.interrupted() {
+            return Err(Error::Interrupted("the images before it are written; the same command continues".into()));
+        }
+        let overwrite = options.overwrite || begun.has(key);
+        if !begun.has(key) {
+            // Before the file has its name: one that is not noted would be taken for someone else's.
+            begun.append(key, &[])?;
+        }
+        let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((key as usize, channel, y), 0, row);
+        image::write_exr_rows(path, overwrite, &[String::new()], size_of_rect(selected.rect), &mut fetch)?;
+        watch.advance(1, 1, "images");
+        Ok(())
+    });
+    watch.end();
+    written?;
+    begun.remove()
 }
 
 /// Writes one image under all selected lights, as the scene lights them, as plain RGB to an OpenEXR file at `path`.
 ///
 /// Errors: those of the selection, of reading the container and of writing the file.
 pub fn unpack_relit(source: &ContainerReader, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
-    refuse_existing(path, options.overwrite)?;
+    check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images = [(0..selected.lights.len()).collect()];
     let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
-    in_place_of(path, |temporary| {
-        image::write_exr_rows(temporary, &[String::new()], size_of_rect(selected.rect), &mut fetch)
-    })
+    image::write_exr_rows(path, options.overwrite, &[String::new()], size_of_rect(selected.rect), &mut fetch)
 }
 
 /// Writes an f32 array `[lights, height, width, 3]` of the lights' images, as the scene lights them, to `path`.
 ///
 /// Errors: those of the selection, of reading the container and of writing the file.
 pub fn unpack_to_npy(source: &ContainerReader, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
-    refuse_existing(path, options.overwrite)?;
+    check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
     let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
-    in_place_of(path, |temporary| image::write_npy(temporary, images.len(), size_of_rect(selected.rect), &mut fetch))
+    image::write_npy(path, options.overwrite, images.len(), size_of_rect(selected.rect), &mut fetch)
 }
 
 /// Lights each block under groups of lights (indices into the selection) and leaves the images on disk, once there is
@@ -219,30 +263,9 @@ fn size_of_rect(rect: PixelRect) -> ImageSize {
     ImageSize { width: rect.width as usize, height: rect.height as usize }
 }
 
-fn refuse_existing(path: &Path, overwrite: bool) -> Result<()> {
-    if path.exists() && !overwrite {
-        return Err(Error::input(path.display().to_string(), "is there already", "give --force to replace it"));
-    }
-    Ok(())
-}
-
 fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
     if watch.interrupted() {
         return Err(Error::Interrupted(format!("{} was not written", path.display())));
     }
     Ok(())
-}
-
-/// Lets `write` write to a temporary name beside `path` and moves the result there, so that nothing half-written ever
-/// stands under the final name.
-pub fn in_place_of(path: &Path, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".part");
-    let temporary = path.with_file_name(name);
-    let result = write(&temporary)
-        .and_then(|()| std::fs::rename(&temporary, path).map_err(Error::io(path, "move the finished file into place")));
-    if result.is_err() {
-        let _ = std::fs::remove_file(&temporary);
-    }
-    result
 }

@@ -9,7 +9,11 @@ use super::mtl::{self, MtlMaterial};
 use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
 use super::{MaterialId, Mesh, Triangle};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::files::read_input;
+
+/// Bytes of a material file at most.
+const MOST_MATERIAL_BYTES: u64 = 256 << 20;
 
 /// Height over longest side below which a triangle is degenerate: its normal would be rounding noise.
 const THINNEST: f32 = 1e-6;
@@ -38,7 +42,7 @@ impl Geometry {
     /// Reads an OBJ file with its materials and adds it. Errors: files that are missing or unreadable, and those of
     /// [`obj::parse`] and [`mtl::parse`].
     pub(super) fn read(&mut self, path: &Path, warnings: &mut Vec<String>) -> Result<()> {
-        let bytes = std::fs::read(path).map_err(Error::io(path, "read the geometry"))?;
+        let bytes = read_input(path, "read the geometry", u64::MAX)?;
         let file = obj::parse(path, &bytes)?;
         drop(bytes);
         let first_material = self.materials.len();
@@ -76,7 +80,7 @@ impl Geometry {
                 warnings.push(problem);
                 continue;
             };
-            let text = std::fs::read(&mtl_path).map_err(Error::io(&mtl_path, "read the materials"))?;
+            let text = read_input(&mtl_path, "read the materials", MOST_MATERIAL_BYTES)?;
             let folder = mtl_path.parent().unwrap_or(Path::new("")).to_owned();
             let described = mtl::parse(&mtl_path, &String::from_utf8_lossy(&text))?;
             library.extend(described.into_iter().map(|material| (material, folder.clone())));

@@ -11,9 +11,13 @@ use super::looks::{Emission, colour};
 use super::rectangle::{self, Corner};
 use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, ies, names};
 use crate::error::{Error, Result};
+use crate::files::read_input;
 use crate::image::{LUMENS_PER_WATT, read_image};
 use crate::light::names::fits;
 use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
+
+/// Bytes of a photometric file at most.
+const MOST_PHOTOMETRY_BYTES: u64 = 16 << 20;
 
 /// Half angle under which the sun is seen from the earth, in degrees.
 const SUN_RADIUS_DEGREES: f32 = 0.2665;
@@ -259,7 +263,7 @@ impl Lights<'_> {
             LightEntryKind::Ies => {
                 let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
                 let path = self.folders.find(file, place)?;
-                let text = std::fs::read(&path).map_err(Error::io(&path, "read the photometric file"))?;
+                let text = read_input(&path, "read the photometric file", MOST_PHOTOMETRY_BYTES)?;
                 let photometry = ies::parse(&path, &String::from_utf8_lossy(&text))?;
                 if entry.emission.is_none() {
                     emission = [photometry.peak_candela / LUMENS_PER_WATT; 3];

@@ -13,8 +13,11 @@ use super::looks::Workshop;
 use super::textures::Textures;
 use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
 use crate::error::{Error, Result};
+use crate::files::read_input_text;
 use crate::light::names::fits;
 
+/// Bytes of a scene file at most.
+const MOST_TEXT_BYTES: u64 = 64 << 20;
 /// Size of a block in f32 above which a warning is given, in bytes.
 const LARGE_BLOCK_BYTES: u64 = 1 << 30;
 
@@ -38,7 +41,7 @@ pub struct LoadOptions {
 /// # Errors
 /// Those of [`load`].
 pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path, "read the scene"))?;
+    let text = read_input_text(path, "read the scene", MOST_TEXT_BYTES)?;
     let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
         file::parse(path, &text)?;
     let place = path.display().to_string();

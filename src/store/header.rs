@@ -117,6 +117,16 @@ impl UnverifiedHeader {
         Ok(page.iter().all(|&byte| byte == 0))
     }
 
+    /// Whether the file begins as one of ours.
+    pub(super) fn is_ours(storage: &impl Storage) -> std::io::Result<bool> {
+        let mut start = [0; MAGIC.len()];
+        if storage.length()? < start.len() as u64 {
+            return Ok(false);
+        }
+        read_exact(storage, 0, &mut start)?;
+        Ok(start == MAGIC)
+    }
+
     /// Believes the header once its checksum holds, its version is known, every field is in range and agrees with the
     /// layout, and the job description's checksum holds and describes the same shape.
     pub(super) fn verify(self, storage: &impl Storage, path: &Path) -> Result<Header> {

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, BlockSource};
 
-use super::{BlockDamage, StoreReader, StoreWriter};
+use super::record::Record;
+use super::{BlockDamage, StoreReader, StoreWriter, partial_path};
 
 /// What merging found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -14,23 +15,27 @@ pub struct MergeReport {
     pub blocks: u32,
     /// Blocks that were copied from an input.
     pub copied: u32,
-    /// Blocks that were there before.
+    /// Of these: blocks that the output had held damaged.
+    pub mended: u32,
+    /// Blocks that were there before, and were kept.
     pub present: u32,
-    /// Blocks that no input holds.
+    /// Blocks that neither the output nor an input holds.
     pub missing: Vec<BlockId>,
-    /// Blocks of an input that could not be trusted, and were not used.
+    /// Blocks of an input or of the output that cannot be trusted, and of which no other file holds a good copy.
     pub damaged: Vec<(PathBuf, BlockDamage)>,
 }
 
-/// Joins the blocks of `inputs` (finished or partial files of the same job and precision) into `output`.
+/// Joins the blocks of `inputs` (finished or partial files of the same job and precision) into `output`. `progress` is told (blocks
+/// done, blocks), and says whether to go on.
 ///
 /// Merging is idempotent: an output that exists already is kept and given what it lacks, so the same merge again
-/// changes nothing, and inputs may come one after the other. Damaged blocks are left out, and listed unless another
-/// input has them.
+/// changes nothing, and inputs may come one after the other. Blocks that the output and an input both hold are compared; a damaged one
+/// of the output is replaced by a good one. Other damaged blocks are left as they are, and listed unless another file has them.
 ///
-/// Errors: inputs of different jobs or precisions, two inputs that hold different bytes for the same block, an output
-/// of another job.
-pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u32)) -> Result<MergeReport> {
+/// # Errors
+/// Inputs of different jobs or precisions; two files that hold different bytes for the same block; an output of another job;
+/// [`Error::Interrupted`], then the same merge goes on.
+pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u32) -> bool) -> Result<MergeReport> {
     let readers: Vec<_> = inputs.iter().map(|path| StoreReader::open(path)).collect::<Result<_>>()?;
     let Some(first) = readers.first() else {
         return Err(Error::input("merge", "there is nothing to merge", "name the files to join"));
@@ -42,50 +47,90 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
         }
     }
     let options = first.options();
-    let writer = if output.exists() {
-        StoreWriter::reopen(output, first.job(), options)?
+    let (writer, before) = if output.exists() {
+        (StoreWriter::reopen(output, first.job(), options)?, StoreReader::open(output)?)
     } else {
-        StoreWriter::create_or_resume(output, first.job(), options)?
+        let writer = StoreWriter::create_or_resume(output, first.job(), options)?;
+        (writer, StoreReader::open(&partial_path(output))?)
     };
     let blocks = first.shape().block_count();
-    let mut report = MergeReport { blocks, present: writer.committed_count(), ..MergeReport::default() };
+    let mut report = MergeReport { blocks, ..MergeReport::default() };
     let mut scratch = Vec::with_capacity(first.layout().staging_bytes());
     for id in first.shape().blocks() {
-        let mut damaged = Vec::new();
-        let mut source: Option<&StoreReader> = None;
-        for reader in &readers {
-            let found = reader.record(id).and_then(|record| match record {
-                None => Ok(None),
-                Some(record) => reader.check_block(id, &record, &mut scratch).map(|()| Some(record)),
-            });
-            match found {
-                Ok(None) => {}
-                Ok(Some(record)) => match source {
-                    None => {
-                        if !writer.is_committed(id) {
-                            writer.copy_tile(id, &record, reader.storage(), &mut scratch)?;
-                            report.copied += 1;
-                        }
-                        source = Some(reader);
-                    }
-                    Some(other) if other.record(id)? == Some(record) => {}
-                    Some(other) => {
-                        let problem = format!("{id} differs from that in {}", other.path().display());
-                        let hint = "one of them was made by another program; merge without it";
-                        return Err(Error::input(reader.path().display().to_string(), problem, hint));
-                    }
-                },
-                Err(Error::Damaged { problem, path, .. }) => {
-                    damaged.push((path, BlockDamage { block: id, problem }));
+        let found = look_for(id, &readers, &before, &mut scratch)?;
+        match found.source {
+            // What is there is good, or nothing better is.
+            None if writer.is_committed(id) => report.present += 1,
+            None => {}
+            Some((reader, record)) => {
+                if writer.is_committed(id) {
+                    writer.discard(id)?;
+                    report.mended += 1;
                 }
-                Err(other) => return Err(other),
+                writer.copy_tile(id, &record, reader.storage(), &mut scratch)?;
+                report.copied += 1;
             }
         }
-        if !writer.is_committed(id) {
-            report.damaged.append(&mut damaged);
+        report.damaged.extend(found.damaged);
+        if !progress(id.0 + 1, blocks) {
+            return Err(Error::Interrupted(format!(
+                "{} keeps the joined blocks; the same command continues",
+                output.display()
+            )));
         }
-        progress(id.0 + 1, blocks);
     }
     report.missing = writer.finish()?.missing;
     Ok(report)
+}
+
+/// A block, as the files hold it.
+#[derive(Default)]
+struct Found<'a> {
+    /// The input to copy it from; none if the output has it already, or nobody does.
+    source: Option<(&'a StoreReader, Record)>,
+    /// Where it is damaged, if nobody has a good copy.
+    damaged: Vec<(PathBuf, BlockDamage)>,
+}
+
+/// Reads and compares every copy of a block. The output's own is read only where an input has one to compare.
+fn look_for<'a>(
+    id: BlockId,
+    readers: &'a [StoreReader],
+    before: &'a StoreReader,
+    scratch: &mut Vec<u8>,
+) -> Result<Found<'a>> {
+    let mut good: Option<(&StoreReader, Record)> = None;
+    let mut found = Found::default();
+    let mut take = |reader: &'a StoreReader| -> Result<()> {
+        let record = reader.record(id).and_then(|record| match record {
+            None => Ok(None),
+            Some(record) => reader.check_block(id, &record, scratch).map(|()| Some(record)),
+        });
+        match record {
+            Ok(None) => {}
+            Ok(Some(record)) => match &good {
+                None => good = Some((reader, record)),
+                Some((_, other)) if *other == record => {}
+                Some((other, _)) => {
+                    let problem = format!("{id} differs from that in {}", other.path().display());
+                    let hint = "one of them was made by another program; merge without it";
+                    return Err(Error::input(reader.path().display().to_string(), problem, hint));
+                }
+            },
+            Err(Error::Damaged { problem, path, .. }) => {
+                found.damaged.push((path, BlockDamage { block: id, problem }));
+            }
+            Err(other) => return Err(other),
+        }
+        Ok(())
+    };
+    if before.is_committed(id) && readers.iter().any(|reader| reader.is_committed(id)) {
+        take(before)?;
+    }
+    readers.iter().try_for_each(take)?;
+    if good.is_some() {
+        found.damaged.clear();
+    }
+    found.source = good.filter(|(reader, _)| !std::ptr::eq(*reader, before));
+    Ok(found)
 }

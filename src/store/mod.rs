@@ -58,7 +58,6 @@ pub use place::partial_path;
 pub use precision::Precision;
 pub use reader::{StoreReader, Tally};
 pub use record::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED, RECORD_FIELDS};
-pub use space::{check_free_space, free_bytes};
 pub use storage::{FileStorage, Storage};
 pub use verify::{BlockDamage, VerifyReport, mend, verify, verify_storage};
 pub use writer::{StoreOptions, StoreSummary, StoreWriter};

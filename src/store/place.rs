@@ -1,13 +1,11 @@
 //! Where a file grows and what it is called when it is finished.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use rustix::fs::FlockOperation;
-
 use crate::error::{Error, Result};
+use crate::files::{ContinuationFile, with_suffix};
 
-use super::space::folder_of;
+const ORIGIN_MARK: [u8; 8] = *b"LTMorig1";
 
 /// Under which names the file grows and stands.
 pub(super) struct Place {
@@ -19,49 +17,51 @@ pub(super) struct Place {
     pub(super) overwrite: bool,
     /// Whether the file is to be removed when dropped: nobody would continue a file without blocks.
     pub(super) remove_if_empty: bool,
+    /// Says beside a growing file where its blocks come from, if the job does not.
+    pub(super) origin: Option<ContinuationFile>,
 }
 
 /// The name under which a file grows: `NAME.part` beside it.
 pub fn partial_path(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".part");
-    name.into()
+    with_suffix(path, ".part")
 }
 
 impl Place {
     /// For storages that are not files.
     pub(super) fn unnamed() -> Self {
-        Self { grows: "(storage)".into(), becomes: None, overwrite: true, remove_if_empty: false }
+        Self { grows: "(storage)".into(), becomes: None, overwrite: true, remove_if_empty: false, origin: None }
     }
 }
 
-/// Refuses where something stands in the way.
-pub(super) fn refuse_existing(path: &Path, hint: &str) -> Result<()> {
-    if path.exists() { Err(Error::input(path.display().to_string(), "exists already", hint)) } else { Ok(()) }
-}
-
-/// Opens for reading and writing, held against other writing processes until closed (or killed).
-pub(super) fn open_locked(path: &Path, create: bool) -> Result<File> {
-    let action = if create { "create" } else { "open for writing" };
-    let file = File::options()
-        .read(true)
-        .write(true)
-        .create(create)
-        .truncate(false)
-        .open(path)
-        .map_err(Error::io(path, action))?;
-    match rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive) {
-        Ok(()) => Ok(file),
-        Err(rustix::io::Errno::WOULDBLOCK) => {
-            Err(Error::input(path.display().to_string(), "another process is writing it", "wait for it, or stop it"))
+/// Makes sure that the partial file of `path`, if there is one, holds blocks of this origin, and notes the origin beside it in
+/// `NAME.part.origin`. With `anew` the partial file is about to be begun again, whatever it holds.
+///
+/// # Errors
+/// The partial file is of another origin; another process is writing it; the folder cannot be written.
+pub(super) fn claim_origin(path: &Path, origin: Option<[u8; 32]>, anew: bool) -> Result<Option<ContinuationFile>> {
+    let partial = partial_path(path);
+    let note = with_suffix(&partial, ".origin");
+    // A note without its file was left by a process that was killed while it began or ended.
+    let anew = anew || !partial.exists();
+    let refuse = || {
+        let problem = "keeps blocks that another command made in another way";
+        let hint = "finish it with that command, choose another name, or say --force to begin anew";
+        Err(Error::input(partial.display().to_string(), problem, hint))
+    };
+    match origin {
+        None if !note.exists() => Ok(None),
+        None if !anew => refuse(),
+        None => {
+            ContinuationFile::open(&note, ORIGIN_MARK, [0; 32], 1, true)?.remove()?;
+            Ok(None)
         }
-        // A file system without locks: go on without.
-        Err(_) => Ok(file),
+        Some(_) if !anew && !note.exists() => refuse(),
+        Some(origin) => {
+            let note = ContinuationFile::open(&note, ORIGIN_MARK, origin, 1, anew)?;
+            if !note.has(0) {
+                note.append(0, &[])?;
+            }
+            Ok(Some(note))
+        }
     }
-}
-
-/// Makes the names in a file's folder durable.
-pub(super) fn sync_folder(path: &Path) -> Result<()> {
-    let folder = folder_of(path);
-    File::open(folder).and_then(|folder| folder.sync_all()).map_err(Error::io(folder, "sync the folder"))
 }

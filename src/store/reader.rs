@@ -6,6 +6,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::files::open_input;
 use crate::light::Job;
 use crate::matrix::{Block, BlockId, BlockNoise, BlockPlanes, BlockSource, MatrixShape, TracedBlock};
 
@@ -60,13 +61,11 @@ impl StoreReader<MappedStorage> {
 }
 
 fn open_file(path: &Path) -> Result<File> {
-    File::open(path).map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound if partial_path(path).exists() => {
-            let hint = format!("run its command again to finish it, or open {}", partial_path(path).display());
-            Error::input(path.display().to_string(), "is not finished", hint)
-        }
-        _ => Error::io(path, "open")(error),
-    })
+    if !path.exists() && partial_path(path).exists() {
+        let hint = format!("run its command again to finish it, or open {}", partial_path(path).display());
+        return Err(Error::input(path.display().to_string(), "is not finished", hint));
+    }
+    open_input(path, "open")
 }
 
 impl<S: Storage> StoreReader<S> {
@@ -311,6 +310,10 @@ impl<S: Storage> StoreReader<S> {
 impl<S: Storage> BlockSource for StoreReader<S> {
     fn shape(&self) -> MatrixShape {
         self.header.layout.shape
+    }
+
+    fn variant(&self) -> String {
+        self.precision().to_string()
     }
 
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {

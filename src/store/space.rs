@@ -1,29 +1,4 @@
-//! Room on the disk, and in the page cache.
-
-use std::path::Path;
-
-use crate::error::{Error, Result};
-
-/// Bytes that an unprivileged process may still write to the file system of `path`, a folder or file that exists.
-pub fn free_bytes(path: &Path) -> Result<u64> {
-    let volume = rustix::fs::statvfs(path).map_err(|e| Error::io(path, "ask for free space")(e.into()))?;
-    Ok(volume.f_bavail.saturating_mul(volume.f_frsize))
-}
-
-/// Refuses at once where the folder that will hold `path` has no room for `needed` bytes.
-pub fn check_free_space(path: &Path, needed: u64) -> Result<()> {
-    let folder = folder_of(path);
-    let free = free_bytes(folder)?;
-    if needed <= free {
-        return Ok(());
-    }
-    Err(Error::Resources {
-        what: format!("storing {}", path.display()),
-        needed: in_gib(needed),
-        available: format!("only {} are free in {}", in_gib(free), folder.display()),
-        hint: "make room, store in f16, or render fewer pixels or columns".into(),
-    })
-}
+//! Room in the page cache.
 
 /// Whether a file of this size should leave the page cache as soon as a block is written or read: one that is larger
 /// than half the memory would push everything else out, and itself, before it is used again.
@@ -31,13 +6,4 @@ pub(super) fn crowds_out(file_bytes: u64) -> bool {
     let system = rustix::system::sysinfo();
     let memory = (system.totalram as u64).saturating_mul(u64::from(system.mem_unit));
     file_bytes > memory / 2
-}
-
-/// The folder of a file, `.` for a bare name.
-pub(super) fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
-fn in_gib(bytes: u64) -> String {
-    format!("{:.2} GiB", bytes as f64 / (1u64 << 30) as f64)
 }

@@ -102,8 +102,8 @@ impl FileStorage {
     }
 
     /// The file.
-    pub fn file(&self) -> &File {
-        &self.file
+    pub fn into_file(self) -> File {
+        self.file
     }
 }
 

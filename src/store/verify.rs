@@ -46,20 +46,23 @@ impl VerifyReport {
     }
 }
 
-/// Reads and checks every byte of a file. `progress` is told (blocks done, bytes found good).
+/// Reads and checks every byte of a file. `progress` is told (blocks done, bytes found good), and says whether to go on.
 ///
-/// Errors: the header or the job description is damaged, so that nothing can be read, or the system refuses. Damaged
+/// # Errors
+/// The header or the job description is damaged, so that nothing can be read; the system refuses; [`Error::Interrupted`]. Damaged
 /// blocks are not an error but listed.
-pub fn verify(path: &Path, progress: impl FnMut(u32, u64)) -> Result<VerifyReport> {
+pub fn verify(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<VerifyReport> {
     verify_storage(&StoreReader::open(path)?, progress)
 }
 
 /// Opens a finished file to be mended where it stands: checks it, forgets what is damaged, and returns the writer with
 /// the blocks that are to be made again (damaged ones, then missing ones) and the job that they belong to.
 ///
-/// The file is valid at every instant; stopped half way, it lacks blocks, and mending it again goes on. Errors: as
-/// [`verify`]; a file whose header or description is damaged cannot be mended.
-pub fn mend(path: &Path, progress: impl FnMut(u32, u64)) -> Result<(StoreWriter, Vec<BlockId>, Job)> {
+/// The file is valid at every instant; stopped half way, it lacks blocks, and mending it again goes on.
+///
+/// # Errors
+/// Those of [`verify`]; a file whose header or description is damaged cannot be mended.
+pub fn mend(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<(StoreWriter, Vec<BlockId>, Job)> {
     let reader = StoreReader::open(path)?;
     let report = verify_storage(&reader, progress)?;
     let options = reader.options();
@@ -76,7 +79,10 @@ pub fn mend(path: &Path, progress: impl FnMut(u32, u64)) -> Result<(StoreWriter,
 }
 
 /// As [`verify`], over any storage.
-pub fn verify_storage<S: Storage>(reader: &StoreReader<S>, mut progress: impl FnMut(u32, u64)) -> Result<VerifyReport> {
+pub fn verify_storage<S: Storage>(
+    reader: &StoreReader<S>,
+    mut progress: impl FnMut(u32, u64) -> bool,
+) -> Result<VerifyReport> {
     let layout = reader.layout();
     let blocks = reader.shape().block_count();
     let mut report = VerifyReport { blocks, ..VerifyReport::default() };
@@ -110,7 +116,9 @@ pub fn verify_storage<S: Storage>(reader: &StoreReader<S>, mut progress: impl Fn
             Err(Error::Damaged { problem, .. }) => report.damaged.push(BlockDamage { block: id, problem }),
             Err(other) => return Err(other),
         }
-        progress(id.0 + 1, report.verified_bytes);
+        if !progress(id.0 + 1, report.verified_bytes) {
+            return Err(Error::Interrupted(format!("{} of {blocks} blocks were checked", id.0 + 1)));
+        }
     }
     Ok(report)
 }

@@ -6,14 +6,15 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::error::{Error, Result};
+use crate::files::{ContinuationFile, check_free_space, check_output, open_locked, publish, sync_folder};
 use crate::light::Job;
 use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
 
 use super::header::{Header, UnverifiedHeader};
 use super::layout::STAGING_BYTES;
-use super::place::{Place, open_locked, partial_path, refuse_existing, sync_folder};
+use super::place::{Place, claim_origin, partial_path};
 use super::record::{Record, UnverifiedRecord};
-use super::space::{check_free_space, crowds_out};
+use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact, write_all};
 use super::tile_writer::TileWriter;
 use super::{Layout, PAGE_BYTES, Precision, RECORD_BYTES};
@@ -32,11 +33,14 @@ pub struct StoreOptions {
     /// Whether disk space for every block is reserved up front. Without it a sparse matrix may grow on a disk that could not hold a
     /// full one, and may find the disk full later.
     pub reserve: bool,
+    /// Where the blocks come from, if not from what the job says: of the same job a renderer's blocks and those of a container differ.
+    /// A partial file is continued only by a writer of its origin.
+    pub origin: Option<[u8; 32]>,
 }
 
 impl Default for StoreOptions {
     fn default() -> Self {
-        Self { precision: Precision::F32, overwrite: false, max_probes: 16, planes: false, reserve: true }
+        Self { precision: Precision::F32, overwrite: false, max_probes: 16, planes: false, reserve: true, origin: None }
     }
 }
 
@@ -77,16 +81,30 @@ impl StoreWriter<FileStorage> {
     /// has no room, the folder cannot be written.
     pub fn create(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
         let partial = partial_path(path);
-        if !options.overwrite {
-            refuse_existing(path, "choose another name, or overwrite it")?;
-            refuse_existing(&partial, "continue it with the command that began it, or overwrite it")?;
-        }
+        check_output(path, options.overwrite)?;
         let existed = partial.exists();
-        let file = open_locked(&partial, true)?;
-        if existed {
-            file.set_len(0).map_err(Error::io(&partial, "empty"))?;
+        if existed && !options.overwrite {
+            let hint = "continue it with the command that began it, or overwrite it";
+            return Err(Error::input(partial.display().to_string(), "exists already", hint));
         }
-        Self::begin(path, file, job, options)
+        let held = match existed {
+            true => {
+                let storage = FileStorage::new(open_locked(&partial, false)?);
+                refuse_foreign(&storage, &partial, job, options)?;
+                Some(storage.into_file())
+            }
+            false => None,
+        };
+        // Before the file is made: one without this note would be taken for a renderer's.
+        let origin = claim_origin(path, options.origin, true)?;
+        let file = match held {
+            Some(file) => {
+                file.set_len(0).map_err(Error::io(&partial, "empty"))?;
+                file
+            }
+            None => open_locked(&partial, true)?,
+        };
+        Self::begin(path, file, job, options, origin)
     }
 
     /// Continues the partial file of `path`, which must be of the same job and precision.
@@ -94,20 +112,21 @@ impl StoreWriter<FileStorage> {
     /// Blocks whose commit record is damaged count as not committed and are to be written again.
     pub fn resume(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
         let partial = partial_path(path);
-        if !options.overwrite {
-            refuse_existing(path, "choose another name, or overwrite it")?;
-        }
+        check_output(path, options.overwrite)?;
+        let origin = claim_origin(path, options.origin, false)?;
         let storage = FileStorage::new(open_locked(&partial, false)?);
         if UnverifiedHeader::is_blank(&storage).map_err(Error::io(&partial, "read the header"))? {
+            refuse_foreign(&storage, &partial, job, options)?;
             // Stopped before its header was written: there is nothing to keep.
             storage.set_length(0).map_err(Error::io(&partial, "empty"))?;
-            return Self::begin(path, storage.file().try_clone().map_err(Error::io(&partial, "open"))?, job, options);
+            return Self::begin(path, storage.into_file(), job, options, origin);
         }
         let place = Place {
             grows: partial,
             becomes: Some(path.to_owned()),
             overwrite: options.overwrite,
             remove_if_empty: false,
+            origin,
         };
         Self::continue_over(storage, place, job, options)
     }
@@ -126,16 +145,24 @@ impl StoreWriter<FileStorage> {
     /// [`discard`](Self::discard)). It is a valid file at every instant.
     pub fn reopen(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
         let storage = FileStorage::new(open_locked(path, false)?);
-        let place = Place { grows: path.to_owned(), becomes: None, overwrite: true, remove_if_empty: false };
+        let place =
+            Place { grows: path.to_owned(), becomes: None, overwrite: true, remove_if_empty: false, origin: None };
         Self::continue_over(storage, place, job, options)
     }
 
-    fn begin(path: &Path, file: File, job: &Job, options: StoreOptions) -> Result<Self> {
+    fn begin(
+        path: &Path,
+        file: File,
+        job: &Job,
+        options: StoreOptions,
+        origin: Option<ContinuationFile>,
+    ) -> Result<Self> {
         let grows = partial_path(path);
         let place = Place {
             becomes: Some(path.to_owned()),
             overwrite: options.overwrite,
             remove_if_empty: true,
+            origin,
             grows: grows.clone(),
         };
         if options.reserve
@@ -151,6 +178,20 @@ impl StoreWriter<FileStorage> {
         }
         begun
     }
+}
+
+/// Refuses a partial file that no writer of this program began: it has neither a header nor, where it has none yet, the length that
+/// this job's file would have.
+fn refuse_foreign(storage: &FileStorage, path: &Path, job: &Job, options: StoreOptions) -> Result<()> {
+    let failed = || Error::io(path, "read the header");
+    let length = storage.length().map_err(failed())?;
+    let is_blank = UnverifiedHeader::is_blank(storage).map_err(failed())?;
+    let begun = Header::encode(job, &options).0.file_bytes();
+    if (is_blank && (length == 0 || length == begun)) || UnverifiedHeader::is_ours(storage).map_err(failed())? {
+        return Ok(());
+    }
+    let hint = "move it away, or choose another name for the output";
+    Err(Error::input(path.display().to_string(), "was made by another program", hint))
 }
 
 impl<S: Storage> StoreWriter<S> {
@@ -363,13 +404,13 @@ impl<S: Storage> StoreWriter<S> {
             false
         })?;
         self.storage.sync().map_err(failed("sync"))?;
+        self.check_length().map_err(failed("finish"))?;
         self.place.remove_if_empty = false;
         if let Some(path) = self.place.becomes.clone() {
-            if !self.place.overwrite {
-                refuse_existing(&path, "it was made meanwhile; rename the partial file by hand")?;
+            publish(&self.place.grows, &path, self.place.overwrite)?;
+            if let Some(origin) = self.place.origin.take() {
+                origin.remove()?;
             }
-            fs::rename(&self.place.grows, &path).map_err(Error::io(&path, "give the finished file its name"))?;
-            sync_folder(&path)?;
         }
         Ok(StoreSummary { blocks, missing, stored_bytes: stored.get() })
     }
@@ -396,13 +437,24 @@ impl<S: Storage> StoreWriter<S> {
         })
     }
 
+    /// Errors: another program has cut the file short, and blocks with it: writing on would hide that under a hole of zeros.
+    fn check_length(&self) -> std::io::Result<()> {
+        let (length, whole) = (self.storage.length()?, self.layout.file_bytes());
+        if length == whole {
+            return Ok(());
+        }
+        let problem =
+            format!("another program changed its length from {whole} to {length} bytes; run the command again");
+        Err(std::io::Error::other(problem))
+    }
+
     /// Runs `write_tile` on a block that nobody else is writing, makes what it wrote durable, then its record.
     fn commit(&self, id: BlockId, write_tile: impl FnOnce() -> std::io::Result<Record>) -> Result<()> {
         let state = &self.states[id.index()];
         if state.compare_exchange(EMPTY, BUSY, Ordering::AcqRel, Ordering::Acquire).is_err() {
             return Err(Error::input(format!("{id}"), "was written before", "this is a fault of the program"));
         }
-        let committed = write_tile().and_then(|record| {
+        let committed = self.check_length().and_then(|()| write_tile()).and_then(|record| {
             if record.length > 0 {
                 self.storage.sync()?;
                 if self.releases {
@@ -427,6 +479,7 @@ impl<S: Storage> Drop for StoreWriter<S> {
     fn drop(&mut self) {
         if self.place.remove_if_empty && self.committed_count() == 0 {
             let _ = fs::remove_file(&self.place.grows);
+            let _ = self.place.origin.take().map(ContinuationFile::remove);
         }
     }
 }

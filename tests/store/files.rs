@@ -41,7 +41,7 @@ fn what_is_written_comes_back_bit_for_bit_in_f32() {
             mapped.read_block(id, &mut target).unwrap();
             assert!(target == block(&job, id), "mapped, {columns} columns, {id}");
         }
-        assert!(verify(&path, |_, _| {}).unwrap().is_complete());
+        assert!(verify(&path, |_, _| true).unwrap().is_complete());
     }
 }
 
@@ -67,7 +67,7 @@ fn sixteen_bit_precisions_keep_their_stated_error() {
             let variances = |noise: TracedBlock| noise.noise.map(|n| (n.row_variance, n.column_variance));
             assert_eq!(variances(stored), variances(original));
         }
-        assert!(verify(&path, |_, _| {}).unwrap().is_complete());
+        assert!(verify(&path, |_, _| true).unwrap().is_complete());
     }
 }
 
@@ -151,7 +151,7 @@ fn zero_columns_and_blocks_take_no_disk() {
     assert!(on_disk < 200_000, "{on_disk} bytes on disk");
     let reader = StoreReader::open(&path).unwrap();
     assert_eq!(read(&reader, BlockId(5)).unwrap().block.entries()[3072 * 17], 1.0);
-    assert!(verify(&path, |_, _| {}).unwrap().is_complete());
+    assert!(verify(&path, |_, _| true).unwrap().is_complete());
 }
 
 #[test]
@@ -198,14 +198,14 @@ fn merging_joins_block_ranges_and_again_changes_nothing() {
     written(&at("a.ltm"), 40, 0..3);
     written(&at("b.ltm"), 40, 2..5);
     written(&at("c.ltm"), 40, 5..6);
-    let report = merge(&[at("a.ltm"), at("b.ltm")], &at("all.ltm"), |_, _| {}).unwrap();
+    let report = merge(&[at("a.ltm"), at("b.ltm")], &at("all.ltm"), |_, _| true).unwrap();
     assert_eq!((report.copied, report.present, report.missing), (5, 0, vec![BlockId(5)]));
-    let again = merge(&[at("a.ltm"), at("b.ltm")], &at("all.ltm"), |_, _| {}).unwrap();
+    let again = merge(&[at("a.ltm"), at("b.ltm")], &at("all.ltm"), |_, _| true).unwrap();
     assert_eq!((again.copied, again.present, again.missing), (0, 5, vec![BlockId(5)]));
-    assert!(merge(&[at("c.ltm")], &at("all.ltm"), |_, _| {}).unwrap().missing.is_empty());
+    assert!(merge(&[at("c.ltm")], &at("all.ltm"), |_, _| true).unwrap().missing.is_empty());
     assert!(fs::read(at("all.ltm")).unwrap() == fs::read(at("whole.ltm")).unwrap());
     written(&at("other.ltm"), 41, 0..6);
-    assert!(merge(&[at("a.ltm"), at("other.ltm")], &at("no.ltm"), |_, _| {}).is_err());
+    assert!(merge(&[at("a.ltm"), at("other.ltm")], &at("no.ltm"), |_, _| true).is_err());
     assert!(!at("no.ltm").exists());
 }
 
@@ -219,7 +219,7 @@ fn damaged_blocks_are_listed_and_can_be_mended() {
     let reader = StoreReader::open(&path).unwrap();
     let at = reader.layout().slot_offset(BlockId(2)) + 100;
     fs::File::options().write(true).open(&path).unwrap().write_at(&[0xff], at).unwrap();
-    let report = verify(&path, |_, _| {}).unwrap();
+    let report = verify(&path, |_, _| true).unwrap();
     assert_eq!(report.damaged.iter().map(|d| d.block).collect::<Vec<_>>(), [BlockId(2)]);
     assert!(report.damaged[0].problem.contains("column 1 "), "{:?}", report.damaged);
     for id in reader.shape().blocks() {
@@ -228,8 +228,8 @@ fn damaged_blocks_are_listed_and_can_be_mended() {
     // Bytes where none should be, too.
     let last = reader.layout().slot_offset(BlockId(1)) + reader.layout().slot_bytes(BlockId(1)) - 1;
     fs::File::options().write(true).open(&path).unwrap().write_at(&[0xff], last).unwrap();
-    assert_eq!(verify(&path, |_, _| {}).unwrap().stray.len(), 1);
-    let (writer, again, job) = mend(&path, |_, _| {}).unwrap();
+    assert_eq!(verify(&path, |_, _| true).unwrap().stray.len(), 1);
+    let (writer, again, job) = mend(&path, |_, _| true).unwrap();
     assert_eq!((again.as_slice(), &job), (&[BlockId(2)][..], reader.job()));
     assert!(!reader.is_committed(BlockId(2)), "a file under repair lacks the block, it does not show half of it");
     for id in again {
@@ -237,4 +237,70 @@ fn damaged_blocks_are_listed_and_can_be_mended() {
     }
     writer.finish().unwrap();
     assert!(fs::read(&path).unwrap() == sound);
+}
+
+fn flip(path: &Path, at: u64) {
+    use std::os::unix::fs::FileExt;
+    let file = fs::File::options().read(true).write(true).open(path).unwrap();
+    let mut byte = [0];
+    file.read_exact_at(&mut byte, at).unwrap();
+    file.write_all_at(&[!byte[0]], at).unwrap();
+}
+
+#[test]
+fn merging_replaces_a_damaged_block_of_the_output_and_tells_of_one_that_nobody_has_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    written(&at("good.ltm"), 40, 0..6);
+    written(&at("out.ltm"), 40, 0..6);
+    let whole = fs::read(at("good.ltm")).unwrap();
+    let slot = StoreReader::open(&at("out.ltm")).unwrap().layout().slot_offset(BlockId(2));
+    flip(&at("out.ltm"), slot + 100);
+    fs::copy(at("out.ltm"), at("bad.ltm")).unwrap();
+    let merged = |inputs: &[&str]| {
+        let inputs: Vec<_> = inputs.iter().map(|name| at(name)).collect();
+        merge(&inputs, &at("out.ltm"), |_, _| true)
+    };
+    let report = merged(&["bad.ltm"]).unwrap();
+    assert_eq!((report.copied, report.mended, report.present), (0, 0, 6));
+    assert!(report.damaged.iter().all(|(_, damage)| damage.block == BlockId(2)) && report.damaged.len() == 2);
+    let report = merged(&["bad.ltm", "good.ltm"]).unwrap();
+    assert_eq!((report.copied, report.mended, report.present), (1, 1, 5));
+    assert!(report.damaged.is_empty() && fs::read(at("out.ltm")).unwrap() == whole);
+}
+
+#[test]
+fn merging_refuses_an_input_that_contradicts_the_output_and_can_be_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    written(&at("a.ltm"), 40, 0..6);
+    let job = job(40);
+    let writer = StoreWriter::create(&at("b.ltm"), &job, options()).unwrap();
+    let mut other = block(&job, BlockId(1));
+    other.block.entries_mut()[0] += 1.0;
+    writer.write_block(BlockId(1), &other).unwrap();
+    writer.finish().unwrap();
+    written(&at("out.ltm"), 40, 0..6);
+    let before = fs::read(at("out.ltm")).unwrap();
+    let error = merge(&[at("b.ltm")], &at("out.ltm"), |_, _| true).unwrap_err().to_string();
+    assert!(error.contains("block 1 differs from that in"), "{error}");
+    assert!(fs::read(at("out.ltm")).unwrap() == before);
+    let stopped = merge(&[at("a.ltm")], &at("new.ltm"), |done, _| done < 3);
+    assert!(matches!(stopped, Err(Error::Interrupted(_))));
+    let report = merge(&[at("a.ltm")], &at("new.ltm"), |_, _| true).unwrap();
+    assert_eq!((report.copied, report.present), (3, 3));
+    assert!(fs::read(at("new.ltm")).unwrap() == before);
+}
+
+#[test]
+fn a_file_that_appears_while_another_is_finished_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ltm");
+    let writer = StoreWriter::create(&path, &job(5), options()).unwrap();
+    write_all(&job(5), &writer);
+    fs::write(&path, "another's").unwrap();
+    let error = writer.finish().unwrap_err().to_string();
+    assert!(error.contains("meanwhile"), "{error}");
+    assert_eq!(fs::read_to_string(&path).unwrap(), "another's");
+    assert!(partial_path(&path).exists());
 }

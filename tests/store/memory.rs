@@ -60,10 +60,10 @@ fn through(folder: &Path, job: &Job, options: StoreOptions) -> u64 {
     let writer = StoreWriter::create(&path, job, options).unwrap();
     job.shape.blocks().for_each(|id| writer.write_block(id, &traced).unwrap());
     writer.finish().unwrap();
-    verify(&path, |_, _| {}).unwrap();
+    verify(&path, |_, _| true).unwrap();
     let reader = StoreReader::open(&path).unwrap();
     job.shape.blocks().for_each(|id| reader.read_block(id, &mut target).unwrap());
-    merge(std::slice::from_ref(&path), &merged, |_, _| {}).unwrap();
+    merge(std::slice::from_ref(&path), &merged, |_, _| true).unwrap();
     std::fs::remove_file(&merged).unwrap();
     std::fs::remove_file(&path).unwrap();
     peak_bytes() - before

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::{LayerMatch, LayerRole, LightRow, LightSet, Source, TakeRow};
 use crate::error::{Error, Result};
+use crate::files::open_input;
 
 const MAX_SIDE: u64 = 65_536;
 const MAX_LIGHTS: u64 = 1 << 24;
@@ -111,7 +112,7 @@ fn is_archive(path: &Path) -> bool {
 }
 
 fn opened(path: &Path) -> Result<BufReader<File>> {
-    Ok(BufReader::with_capacity(1 << 16, File::open(path).map_err(Error::io(path, "open"))?))
+    Ok(BufReader::with_capacity(1 << 16, open_input(path, "open")?))
 }
 
 fn refuse(path: &Path, problem: String) -> Error {

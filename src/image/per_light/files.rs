@@ -6,6 +6,8 @@ use regex::Regex;
 
 use super::{LayerMatch, LayerRole, LightSet, Source, TakeRow, take_pixels};
 use crate::error::{Error, Result};
+use crate::files::{folder_of, open_input, read_input};
+use crate::image::read::place_in_frame;
 use crate::image::{LinearImage, image_size, read_image};
 
 /// Extensions of the image files that a pattern may find.
@@ -15,12 +17,12 @@ const MAX_SIDE: u64 = 65_536;
 /// Looks at the files of the folder of `pattern` whose names match its last part, `{light}` standing for the light's name
 /// and `*` for anything.
 pub(super) fn open(pattern: &Path) -> Result<LightSet> {
-    let place = || pattern.display().to_string();
-    let folder = pattern.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let place_of_pattern = || pattern.display().to_string();
+    let folder = folder_of(pattern);
     let name = pattern.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let Some(pattern_of_names) = expression(&name) else {
         let hint = "write for example renders/room_{light}.exr";
-        return Err(Error::input(place(), "the file name does not have {light} once", hint));
+        return Err(Error::input(place_of_pattern(), "the file name does not have {light} once", hint));
     };
     let entries = std::fs::read_dir(folder).map_err(Error::io(folder, "list"))?;
     let mut names: Vec<_> =
@@ -39,14 +41,24 @@ pub(super) fn open(pattern: &Path) -> Result<LightSet> {
         matches.push(LayerMatch { layer: file, role });
     }
     let Some(first) = paths.first() else {
-        return Err(Error::input(place(), "no image file matches", "write for example renders/room_{light}.exr"));
+        return Err(Error::input(
+            place_of_pattern(),
+            "no image file matches",
+            "write for example renders/room_{light}.exr",
+        ));
     };
     let (width, height) = size_of(first)?;
+    let place = |path: &Path| if is_float_map(path) { Ok(([0, 0], (width, height))) } else { place_in_frame(path) };
+    let first_place = place(first)?;
     for path in &paths[1..] {
         let size = size_of(path)?;
         if size != (width, height) {
             let problem = format!("has {} × {} pixels, {} has {width} × {height}", size.0, size.1, first.display());
             return Err(Error::input(path.display().to_string(), problem, "render all lights at one resolution"));
+        }
+        if place(path)? != first_place {
+            let problem = format!("holds another part of its frame (data window) than {}", first.display());
+            return Err(Error::input(path.display().to_string(), problem, "write all lights with one data window"));
         }
     }
     Ok(LightSet { width, height, lights, has_sum: false, matches, source: Source::Files(paths) })
@@ -83,7 +95,7 @@ fn size_of(path: &Path) -> Result<(u32, u32)> {
         return image_size(path);
     }
     let mut start = [0; 128];
-    let mut file = std::fs::File::open(path).map_err(Error::io(path, "open"))?;
+    let mut file = open_input(path, "open")?;
     let read = std::io::Read::read(&mut file, &mut start).map_err(Error::io(path, "read"))?;
     let header = Header::decode(&start[..read]).map_err(|problem| refuse(path, problem))?;
     Ok((header.width as u32, header.height as u32))
@@ -97,7 +109,7 @@ fn refuse(path: &Path, problem: String) -> Error {
 ///
 /// Errors: a file that cannot be read, is no such map, or is shorter than its header says.
 pub(super) fn read_pfm(path: &Path) -> Result<LinearImage> {
-    let bytes = std::fs::read(path).map_err(Error::io(path, "read"))?;
+    let bytes = read_input(path, "read", u64::MAX)?;
     decode_pfm(&bytes).map_err(|problem| refuse(path, problem))
 }
 

@@ -1,7 +1,6 @@
 //! Light groups in OpenEXR files: which layer is which light.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -13,6 +12,7 @@ use regex::Regex;
 
 use super::{LayerMatch, LayerRole, LightRow, LightSet, Source, TakeRow};
 use crate::error::{Error, Result};
+use crate::files::open_input;
 
 /// Names that begin a light's layer, before the light's name: Blender, Arnold, V-Ray, LuxCore.
 const PREFIXES: [&str; 7] =
@@ -40,6 +40,7 @@ type Places = [Option<(usize, usize)>; 3];
 /// Looks at the layers of an OpenEXR file, multi-part or interleaved.
 pub(super) fn open(path: &Path, pattern: Option<&Regex>) -> Result<LightSet> {
     let refuse = |problem: String, hint: &str| Error::input(path.display().to_string(), problem, hint);
+    open_input(path, "open")?;
     let meta = MetaData::read_from_file(path, false).map_err(|e| failed(path, e))?;
     let mut planes: BTreeMap<String, Places> = BTreeMap::new();
     for (part, header) in meta.headers.iter().enumerate().filter(|(_, header)| !header.deep) {
@@ -113,7 +114,7 @@ impl Layers {
 
     /// Reads the chunks of the file that hold images, in the order of the file.
     pub(super) fn read(&self, take: &mut TakeRow<'_>) -> Result<()> {
-        let file = BufReader::new(File::open(&self.path).map_err(Error::io(&self.path, "open"))?);
+        let file = BufReader::new(open_input(&self.path, "open")?);
         let reader = block::read(file, false).map_err(|e| failed(&self.path, e))?;
         if reader.headers().iter().map(|h| h.channels.list.len()).ne(self.places.iter().map(Vec::len)) {
             let place = self.path.display().to_string();

@@ -1,5 +1,8 @@
 //! What the three programs share: progress bars, Ctrl-C, and the way out.
 
+use std::io::Write;
+#[cfg(unix)]
+use std::os::fd::AsFd;
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -12,6 +15,8 @@ use ltm::host::Watch;
 const PATIENCE: Duration = Duration::from_millis(700);
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+/// Whether a stage runs: only then is there a block at hand to finish.
+static IN_STAGE: AtomicBool = AtomicBool::new(false);
 
 /// The exit codes, for `--help`.
 pub const EXIT_CODES: &str = "Exit codes: 0 success, 2 unusable arguments, 3 unusable input, 4 damaged file, \
@@ -38,15 +43,22 @@ struct Stage {
 }
 
 impl Console {
-    /// A console whose jobs stop after the blocks at hand on the first Ctrl-C, and at once on the second.
+    /// A console whose jobs stop after the blocks at hand on the first Ctrl-C (or SIGTERM), and at once on the second. Outside of a
+    /// stage, while files are opened for example, the first ends the program too: whatever it writes, the same command goes on.
     pub fn new() -> Self {
         end_with_the_reader();
         let _ = ctrlc::set_handler(|| {
             if INTERRUPTED.swap(true, Ordering::SeqCst) {
-                std::process::exit(130);
+                end_at_once();
             }
-            eprintln!("\nstopping after the blocks at hand; press Ctrl-C again to stop at once");
+            // Written without the lock of standard error, which a thread may hold that is stuck.
+            if !IN_STAGE.load(Ordering::SeqCst) {
+                write_unlocked("\ninterrupted\n");
+                end_at_once();
+            }
+            write_unlocked("\nstopping after the blocks at hand; press Ctrl-C again to stop at once\n");
         });
+        ltm::files::tell_missing_locks(|line| eprintln!("{line}"));
         Self::default()
     }
 }
@@ -60,6 +72,7 @@ impl Watch for Console {
         bar.set_message(stage.to_owned());
         self.work.store(0, Ordering::Relaxed);
         let begun = Instant::now();
+        IN_STAGE.store(true, Ordering::SeqCst);
         *self.stage.lock().expect("no panic holds it") =
             Some(Stage { bar, name: stage.to_owned(), begun, shown: false });
     }
@@ -79,6 +92,7 @@ impl Watch for Console {
     }
 
     fn end(&self) {
+        IN_STAGE.store(false, Ordering::SeqCst);
         if let Some(stage) = self.stage.lock().expect("no panic holds it").take() {
             stage.bar.finish_and_clear();
             if stage.shown && !stage.bar.is_hidden() {
@@ -108,6 +122,28 @@ fn end_with_the_reader() {
     unsafe {
         libc::signal(libc::SIGPIPE, libc::SIG_DFL);
     }
+}
+
+/// Ends the program without waiting for anything, not even for what is registered to run at its end.
+fn end_at_once() -> ! {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[expect(unsafe_code, reason = "there is no safe way to end a process without its exit handlers")]
+    // SAFETY: the call does not return, and files of this program survive a process that ends at any instant.
+    unsafe {
+        libc::_exit(130);
+    }
+    #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
+    std::process::exit(130);
+}
+
+/// Writes to standard error past its lock and buffer.
+fn write_unlocked(text: &str) {
+    #[cfg(unix)]
+    if let Ok(error) = std::io::stderr().as_fd().try_clone_to_owned() {
+        let _ = std::fs::File::from(error).write_all(text.as_bytes());
+    }
+    #[cfg(not(unix))]
+    eprint!("{text}");
 }
 
 /// A number with an SI prefix: 12.3 M.

@@ -210,7 +210,7 @@ fn write_light_groups(path: &Path) {
         row.iter_mut().enumerate().for_each(|(x, v)| *v = value(image, c, x, y));
         Ok(())
     };
-    ltm::image::write_exr_rows(path, &layers, size, &mut fetch).unwrap();
+    ltm::image::write_exr_rows(path, true, &layers, size, &mut fetch).unwrap();
 }
 
 #[test]

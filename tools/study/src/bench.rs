@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{StudyOptions, machine};
 use ltm::error::{Error, Result};
+use ltm::files::write_file;
 use ltm::host::Watch;
 use ltm::pipeline::{self, RenderOptions, job_of};
 use ltm::scene::{self, BuiltIn, LoadedScene};
@@ -117,7 +118,7 @@ impl<'a> Bench<'a> {
             ));
         };
         let path = self.cached(&format!("conference-panel-{texels}.toml"));
-        fs::write(&path, text).map_err(Error::io(&path, "write"))?;
+        write_file(&path, true, text.as_bytes())?;
         scene::load(&path)
     }
 
@@ -141,7 +142,7 @@ impl<'a> Bench<'a> {
                 fs::remove_file(entry.path()).map_err(Error::io(entry.path(), "remove"))?;
             }
         }
-        fs::write(&mark, program).map_err(Error::io(&mark, "write"))
+        write_file(&mark, true, program.as_bytes())
     }
 }
 

@@ -10,6 +10,7 @@ use plotters::prelude::*;
 use plotters::style::register_font;
 
 use ltm::error::{Error, Result};
+use ltm::image::write_rgb_png;
 
 /// Colours of lines, told apart also without colour vision (Okabe and Ito 2008), then darker ones.
 const COLOURS: [RGBColor; 10] = [
@@ -94,10 +95,7 @@ impl Chart {
         };
         drawn
             .map_err(|problem| Error::input(path.display().to_string(), format!("cannot be drawn ({problem})"), ""))?;
-        image::RgbImage::from_raw(width, height, pixels)
-            .expect("three bytes a pixel")
-            .save_with_format(path, image::ImageFormat::Png)
-            .map_err(|e| Error::io(path, "write the chart")(std::io::Error::other(e)))
+        write_rgb_png(path, width, height, pixels)
     }
 
     /// Names of lines in the order of their first appearance.

@@ -1,8 +1,6 @@
 //! Figure 6 of the paper: PSNR against the number of columns kept, for Algorithms 1 to 4, ours, and the bound that no
 //! approximation of that rank passes.
 
-use std::fs;
-
 use rayon::prelude::*;
 
 use super::bench::{Bench, Wanted};
@@ -12,7 +10,8 @@ use super::measured::Summary;
 use super::table::Table;
 use super::{StudyReport, svd};
 use ltm::compress::{CompressSettings, Compressor, Method, Target};
-use ltm::error::{Error, Result};
+use ltm::error::Result;
+use ltm::files::write_file;
 use ltm::light::Lighting;
 use ltm::look;
 use ltm::matrix::{BlockId, BlockSource, FactoredBlock, TracedBlock};
@@ -69,7 +68,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
     let scenes = bench.with_conference(plan.scenes);
     let lights = bench.out.join("fig6-lights.toml");
-    fs::write(&lights, LIGHTS).map_err(Error::io(&lights, "write"))?;
+    write_file(&lights, true, LIGHTS.as_bytes())?;
     let note = "Images of the factors, not quantised, against those of the raw matrix; mean and worst over the light set \
 (`fig6-lights.toml`). lin: peak = the reference's largest value; clip: exposed to the 95th luminance percentile, clipped. \
 Numbers kept: of a block's factors and sparse entries (two each) over (rows + columns), so that it equals the rank \

@@ -39,6 +39,7 @@ pub use measured::{Measured, Summary};
 
 use bench::Bench;
 use ltm::error::{Error, Result};
+use ltm::files::write_file;
 use ltm::host::Watch;
 
 /// The studies by name.
@@ -150,7 +151,7 @@ impl StudyReport {
         let markdown = table.to_markdown();
         for (extension, text) in [("csv", table.to_csv()), ("md", markdown.clone())] {
             let path = folder.join(format!("{stem}.{extension}"));
-            std::fs::write(&path, text).map_err(Error::io(&path, "write"))?;
+            write_file(&path, true, text.as_bytes())?;
             self.files.push(path);
         }
         self.markdown += &markdown;

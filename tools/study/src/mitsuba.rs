@@ -12,6 +12,7 @@ use std::process::{Command, Stdio};
 use serde_json::{Map, Value, json};
 
 use ltm::error::{Error, Result};
+use ltm::files::write_file;
 use ltm::image::LinearImage;
 use ltm::scene::{Emitter, LoadedScene, Mesh, Paint, Surface, Triangle};
 
@@ -95,7 +96,7 @@ fn write_scene(loaded: &LoadedScene, folder: &Path) -> Result<()> {
         let name = format!("part-{}", parts.len());
         let file = format!("{name}.ply");
         let path = folder.join(&file);
-        fs::write(&path, ply(&scene.mesh, &triangles, !flat)).map_err(Error::io(&path, "write"))?;
+        write_file(&path, true, &ply(&scene.mesh, &triangles, !flat))?;
         let surface = scene.materials[material as usize].surface;
         let radiance = emitter.map(|light| radiance(loaded, light as usize)).transpose()?;
         parts.insert(name, json!({ "file": file, "flat": flat, "bsdf": bsdf(surface)?, "radiance": radiance }));
@@ -114,7 +115,7 @@ fn write_scene(loaded: &LoadedScene, folder: &Path) -> Result<()> {
         "parts": parts,
     });
     let path = folder.join("scene.json");
-    fs::write(&path, described.to_string()).map_err(Error::io(&path, "write"))
+    write_file(&path, true, described.to_string().as_bytes())
 }
 
 /// Radiance of a light whose columns all have the same.

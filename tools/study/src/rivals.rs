@@ -13,6 +13,7 @@ use super::{kernel_nystrom, svd};
 use ltm::compress::CompressSettings;
 use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter};
 use ltm::error::{Error, Result};
+use ltm::files::write_file;
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
 use ltm::matrix::BlockReport;
@@ -149,7 +150,7 @@ impl BlockSvd {
             bytes.extend((rank as u16).to_le_bytes());
             bytes.extend(compressed);
         }
-        fs::write(&path, &bytes).map_err(Error::io(&path, "write"))?;
+        write_file(&path, true, &bytes)?;
         let relit = read_blocks(&path, &self.rows, self.columns)?;
         let relit: Vec<_> = relit.par_iter().map(|block| relit_factors(block, lightings)).collect();
         Ok(Packed {

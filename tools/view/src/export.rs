@@ -8,8 +8,7 @@ use super::groups::Groups;
 use super::mixer::Mix;
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
-use ltm::image::{LinearImage, write_exr, write_exr_layers, write_toned_png};
-use ltm::pipeline::in_place_of;
+use ltm::image::{LinearImage, write_exr, write_exr_layers, write_rgb_png, write_toned_png};
 use ltm::relight::{CpuRelighter, relight_streaming};
 
 /// Largest file of layers that is made in memory, in bytes.
@@ -21,23 +20,20 @@ const MOST_LAYER_BYTES: u64 = 4 << 30;
 pub fn write_png(path: &Path, image: &LinearImage, display: &Display) -> Result<()> {
     if display.false_colour {
         let shown = display.show(image);
-        return in_place_of(path, |path| write_rgba(path, shown.size, &shown.rgba));
+        return write_rgba(path, shown.size, &shown.rgba);
     }
-    in_place_of(path, |path| write_toned_png(path, image, display.tone))
+    write_toned_png(path, image, display.tone)
 }
 
 /// Writes the radiance, 32 bits for each channel. Errors: the system refuses.
 pub fn write_radiance(path: &Path, image: &LinearImage) -> Result<()> {
-    in_place_of(path, |path| write_exr(path, image))
+    write_exr(path, image)
 }
 
 /// Writes opaque 8-bit pixels, 4 bytes each, as a PNG. Errors: the system refuses, or the size does not fit.
 pub fn write_rgba(path: &Path, [width, height]: [usize; 2], rgba: &[u8]) -> Result<()> {
-    let failed = |error: image::ImageError| Error::io(path, "write the image")(std::io::Error::other(error));
     let rgb = rgba.chunks_exact(4).flat_map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect();
-    let image = image::RgbImage::from_raw(width as u32, height as u32, rgb)
-        .ok_or_else(|| Error::input(path.display().to_string(), "there is no picture yet", ""))?;
-    image.save_with_format(path, image::ImageFormat::Png).map_err(failed)
+    write_rgb_png(path, width as u32, height as u32, rgb)
 }
 
 /// Writes a layer for each light that shines, at its present setting: together they are the picture. Without a loaded
@@ -76,7 +72,7 @@ pub fn write_layers(
         });
     }
     let named: Vec<_> = shining.iter().map(|&light| basis.lights()[light].name.as_str()).zip(&images).collect();
-    in_place_of(path, |path| write_exr_layers(path, &named))
+    write_exr_layers(path, &named)
 }
 
 /// The mix with one of its lights alone.
@@ -145,19 +141,5 @@ mod tests {
     fn endings_are_added_once() {
         assert_eq!(with_ending(Path::new("a.PNG"), "png"), Path::new("a.PNG"));
         assert_eq!(with_ending(Path::new("v1.2"), "png"), Path::new("v1.2.png"));
-    }
-
-    #[test]
-    fn a_write_that_fails_leaves_what_was_there() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("x");
-        std::fs::write(&path, "old").unwrap();
-        let refused = || Err(Error::input("x", "no", ""));
-        assert!(
-            in_place_of(&path, |file| std::fs::write(file, "half").map_err(Error::io(file, "w")).and(refused()))
-                .is_err()
-        );
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -10,10 +10,10 @@ use super::groups::Groups;
 use super::mixer::{GroupMix, LightMix, Mix, Tint};
 use super::pattern::{Pattern, Shape};
 use ltm::error::{Error, Result};
+use ltm::files::write_file;
 use ltm::image::{LinearImage, luminance, read_image, write_exr};
 use ltm::light::{Light, LightBasis, Lighting};
 use ltm::look;
-use ltm::pipeline::in_place_of;
 
 /// What a lighting file holds for the window: how a mix makes the light that the rules say.
 #[derive(Deserialize, Serialize)]
@@ -162,13 +162,13 @@ pub fn save(path: &Path, basis: &LightBasis, groups: &Groups, mix: &Mix) -> Resu
         })?;
         text = format!("{text}\n{part}");
     }
-    in_place_of(path, |path| std::fs::write(path, &text).map_err(Error::io(path, "write the lighting")))
+    write_file(path, true, text.as_bytes())
 }
 
 fn write_texture(path: &Path, pattern: &Pattern) -> Result<()> {
     let (width, height) = pattern.size();
     let image = LinearImage { width, height, pixels: pattern.texels().to_vec() };
-    in_place_of(path, |path| write_exr(path, &image))
+    write_exr(path, &image)
 }
 
 /// What a rule says beside its image. The reader sets the colour at constant luminance, then multiplies by the stops;

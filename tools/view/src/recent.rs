@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ltm::error::{Error, Result};
-use ltm::pipeline::in_place_of;
+use ltm::files::write_file;
 
 /// Files of each kind that are remembered.
 const MOST: usize = 12;
@@ -72,7 +72,7 @@ impl Recent {
         let writable = |entry: &&(RecentKind, PathBuf)| entry.1.to_str().is_some_and(|path| !path.contains('\n'));
         let line = |(kind, path): &(RecentKind, PathBuf)| format!("{}\t{}\n", kind.word(), path.display());
         let text: String = self.entries.iter().filter(writable).map(line).collect();
-        in_place_of(&folder.join(FILE), |file| std::fs::write(file, &text).map_err(Error::io(file, "write")))
+        write_file(&folder.join(FILE), true, text.as_bytes())
     }
 }
 

@@ -107,6 +107,15 @@ impl Progress {
 pub enum Brought {
     /// Something was written; one line about it.
     Message(String),
+    /// A lighting file was written.
+    Wrote {
+        /// The file.
+        path: PathBuf,
+        /// What stands in it.
+        mix: Mix,
+        /// One line about it.
+        message: String,
+    },
     /// An image was read.
     Image {
         /// Its file.

@@ -17,6 +17,10 @@ impl Document {
     pub(super) fn take(&mut self, brought: Brought) -> Result<String> {
         match brought {
             Brought::Message(message) => Ok(message),
+            Brought::Wrote { path, mix, message } => {
+                self.look = Some((path, mix));
+                Ok(message)
+            }
             Brought::Look { path, mix } => {
                 self.mix = mix.clone();
                 let message = format!("Lit by {}", path.display());
@@ -71,10 +75,9 @@ impl Document {
 
     fn write_look_and_say(&mut self, path: PathBuf, message: String) {
         let (container, groups, mix) = (self.session.container.clone(), self.groups.clone(), self.mix.clone());
-        self.look = Some((path.clone(), mix.clone()));
         self.beside(move || {
             looks::save(&path, &container.job().basis, &groups, &mix)?;
-            Ok(Brought::Message(message))
+            Ok(Brought::Wrote { path, mix, message })
         });
     }
 

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser};
+use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{human_bytes, parse_bytes};
 use ltm::image::LightSet;
@@ -15,7 +16,6 @@ use ltm::light::Job;
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, ImportedMatrix, PackOptions};
 use ltm::store::StoreReader;
-use ltm::{Error, Result};
 use ltm_cli::compression::Compression;
 use ltm_cli::console::{self, Console, EXIT_CODES};
 use regex::Regex;
@@ -82,17 +82,12 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     console::use_threads(arguments.threads)?;
     let input = &*arguments.input;
     let output = arguments.output.clone().unwrap_or_else(|| default_output(input));
-    let refuse_existing = || match output.exists() && !arguments.force {
-        true => Err(Error::input(output.display().to_string(), "the file exists", "give --force to replace it")),
-        false => Ok(()),
-    };
     if input.extension().is_some_and(|e| e == "ltm" || e == "part") {
         let matrix = StoreReader::open(input)?;
-        refuse_existing()?;
         return pack(&matrix, matrix.job(), &output, arguments, console);
     }
     let set = LightSet::open(input, arguments.images.layers.as_ref())?;
-    refuse_existing()?;
+    pipeline::check_container_output(&output, arguments.force)?;
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
     let side = arguments.images.block_side;
     let matrix = ImportedMatrix::read(&set, &name, &output, side, &pack_options(arguments), console)?;

@@ -65,7 +65,9 @@ enum Command {
     #[command(after_help = "Example: ltm repair room.ltm room.toml --samples 256")]
     Repair(maintain::Repair),
     /// Join files that hold different blocks of the same job. Doing it again changes nothing.
-    #[command(after_help = "Example: ltm merge -o whole.ltm part-*.ltm")]
+    #[command(
+        after_help = "Exits with 4 where a block is damaged in every file, with 3 where one is missing. Example: ltm merge -o whole.ltm part-*.ltm"
+    )]
     Merge(maintain::Merge),
     /// Measure what the program reaches: each study writes CSV, a plot and a table. A program of its own, ltm-study.
     #[command(disable_help_flag = true)]
@@ -86,7 +88,7 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Info(options) => info::run(&options),
         Command::Verify(options) => verify::run(&options, console),
         Command::Repair(options) => maintain::repair(&options, console),
-        Command::Merge(options) => maintain::merge(&options),
+        Command::Merge(options) => maintain::merge(&options, console),
         Command::Study(options) => sibling::run("ltm-study", arguments.threads, &options),
     }
 }

@@ -3,10 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use ltm::Result;
-use ltm::host::{human_bytes, parse_bytes};
+use ltm::container::ContainerReader;
+use ltm::host::{Watch, human_bytes, parse_bytes};
+use ltm::matrix::BlockId;
 use ltm::pipeline;
 use ltm::scene::LoadOptions;
+use ltm::{Error, Result};
 
 use crate::input::{Kind, kind_of, parse_size, with_overrides};
 use ltm_cli::console::Console;
@@ -42,6 +44,9 @@ pub(crate) struct Merge {
     /// Replace a container that is there (a matrix is added to).
     #[arg(long)]
     force: bool,
+    /// Blocks may be missing still: more parts follow.
+    #[arg(long)]
+    partial: bool,
 }
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
@@ -52,25 +57,63 @@ pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
     Ok(())
 }
 
-pub(crate) fn merge(options: &Merge) -> Result<()> {
-    let Merge { parts, output, force } = options;
-    match kind_of(output)? {
+pub(crate) fn merge(options: &Merge, console: &Console) -> Result<()> {
+    let Merge { parts, output, force, partial } = options;
+    let begun = std::cell::Cell::new(false);
+    let progress = |_: u32, blocks: u32| {
+        if !begun.replace(true) {
+            console.begin("joining", u64::from(blocks), "blocks");
+        }
+        console.advance(1, 0, "B");
+        !console.interrupted()
+    };
+    let missing = match kind_of(output)? {
         Kind::Container => {
             let paths: Vec<&Path> = parts.iter().map(PathBuf::as_path).collect();
-            let summary = ltm::container::merge(&paths, output, *force)?;
+            let summary = ltm::container::merge(&paths, output, *force, progress);
+            console.end();
+            let summary = summary?;
             println!("{}: {} blocks, {}", output.display(), summary.blocks, human_bytes(summary.file_bytes));
+            let reader = ContainerReader::open(output)?;
+            reader.job().shape.blocks().filter(|&id| !reader.has_block(id)).collect()
         }
         Kind::Matrix => {
-            let report = ltm::store::merge(parts, output, |_, _| {})?;
+            let report = ltm::store::merge(parts, output, progress);
+            console.end();
+            let report = report?;
             println!("{}: {} blocks copied, {} were there", output.display(), report.copied, report.present);
+            match report.mended {
+                0 => {}
+                1 => println!("1 damaged block replaced"),
+                mended => println!("{mended} damaged blocks replaced"),
+            }
             for (path, damage) in &report.damaged {
                 println!("damaged: {}, {}: {}", path.display(), damage.block, damage.problem);
             }
-            if !report.missing.is_empty() {
-                let missing: Vec<_> = report.missing.iter().map(|id| id.0).collect();
-                println!("missing blocks: {missing:?}");
+            if let Some((path, damage)) = report.damaged.first() {
+                let problem = format!("{} is damaged, and no other part holds it whole", damage.block);
+                return Err(Error::damaged(path, problem, "render that block again and merge once more"));
             }
+            report.missing
         }
+    };
+    if missing.is_empty() {
+        return Ok(());
     }
-    Ok(())
+    let text = format!("{} blocks are missing: {}", missing.len(), ranges(&missing));
+    if *partial {
+        println!("{text}");
+        return Ok(());
+    }
+    Err(Error::input(output.display().to_string(), text, "merge the parts that hold them too, or say --partial"))
+}
+
+/// Numbers of blocks in order, as ranges.
+fn ranges(ids: &[BlockId]) -> String {
+    let runs = ids.chunk_by(|a, b| a.0 + 1 == b.0).map(|run| match run {
+        [one] => one.0.to_string(),
+        [first, .., last] => format!("{} to {}", first.0, last.0),
+        [] => String::new(),
+    });
+    runs.collect::<Vec<_>>().join(", ")
 }

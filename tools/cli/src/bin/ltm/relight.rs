@@ -1,5 +1,6 @@
 //! `ltm relight`.
 
+use std::cell::Cell;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
@@ -51,6 +52,9 @@ pub(crate) struct Relight {
     /// Memory to stay within, for example 64MiB: factors are read as they are needed [default: all are kept].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
+    /// Show a damaged container as far as it can be read. Without this, damage is an error and no image is written.
+    #[arg(long)]
+    allow_damage: bool,
     /// Memory of the GPU to stay within [default: all factors are kept there].
     #[arg(long, value_parser = parse_bytes)]
     gpu_memory: Option<u64>,
@@ -87,14 +91,36 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
             let (memory_bytes, gpu_memory_bytes) = (options.memory, options.gpu_memory);
             let settings = RelightOptions { device, memory_bytes, gpu_memory_bytes };
             let relighter = Relighter::open(&container, settings, console)?;
-            task.run(&|lighting| relighter.relight(lighting), console)?;
+            let relight = |lighting: &Lighting| {
+                let image = relighter.relight(lighting)?;
+                let damage = relighter.damage();
+                match damage.first() {
+                    Some(first) if !options.allow_damage => {
+                        let problem = format!("{} blocks are damaged; the first: {first}", damage.len());
+                        let hint = "--allow-damage shows the others; pack it again to have all";
+                        Err(Error::damaged(&options.input, problem, hint))
+                    }
+                    _ => Ok(image),
+                }
+            };
+            task.run(&relight, console)?;
             relighter.damage().iter().for_each(|line| console.note(line));
             println!("{}: relit by {}", options.output.display(), relighter.description());
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(&options.input)?;
             let task = Task::new(options, matrix.job(), format)?;
-            task.run(&|lighting| relight_matrix(&matrix, lighting, options.memory), console)?;
+            let unusable = Cell::new(0usize);
+            let relight = |lighting: &Lighting| {
+                let image = relight_matrix(&matrix, lighting, options.memory)?;
+                unusable.set(unusable.get() + image.values().iter().filter(|value| !value.is_finite()).count());
+                Ok(image)
+            };
+            task.run(&relight, console)?;
+            if unusable.get() > 0 {
+                let (input, count) = (options.input.display(), unusable.get());
+                console.note(&format!("{input}: {count} values of the image are infinite or not a number"));
+            }
             println!("{}: relit by the raw matrix", options.output.display());
         }
     }
