@@ -48,6 +48,7 @@
 //! | `rand`, `rand_pcg` | `compress`, `light` |
 //! | `glam` | `light`, `scene`, `trace` |
 //! | `tobj` | `scene` |
+//! | `obvhs` | `trace` |
 //! | `serde`, `toml` | `look`, `scene` |
 //! | `serde_json` | `look` |
 //! | `exr`, `image`, `npyz`, `regex` | `image` |
@@ -62,7 +63,7 @@
 //! | `pulp` | `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline` |
-//! | `thiserror` | `error` |
+//! | `thiserror` | `error`, `trace` |
 //! | `std::fs` | `container`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
 //! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
 //! | `std::thread` | `host`, `pipeline`, `store` |

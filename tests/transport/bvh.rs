@@ -103,6 +103,41 @@ fn the_tree_finds_what_testing_every_triangle_finds() {
     }
 }
 
+/// A tree over any triangles is sound, and its cost is that of a tree: far below testing every leaf.
+#[test]
+fn every_tree_is_sound() {
+    for triangles in [soup(20_000, 7), walls(), soup(1, 2), Vec::new()] {
+        let bvh = Bvh::build(&triangles);
+        let quality = bvh.validate(&triangles).unwrap();
+        assert_eq!(quality, bvh.quality());
+        assert!(quality.cost() <= 2.0 + triangles.len() as f64 / 16.0, "{quality:?}");
+        if !triangles.is_empty() {
+            assert!(bvh.validate(&triangles[1..]).is_err());
+        }
+    }
+}
+
+/// Walls that stand twice in the same place, in any order: of equally near triangles the one with the lowest index is
+/// hit, whatever tree the order leads to.
+#[test]
+fn hits_do_not_depend_on_the_tree() {
+    let triangles = walls();
+    let backwards: Vec<_> = triangles.iter().rev().copied().collect();
+    let (bvh, reversed) = (Bvh::build(&triangles), Bvh::build(&backwards));
+    let same_place = |a: u32, b: u32| triangles[a as usize].corners == triangles[b as usize].corners;
+    let (mut hits, mut twice) = (0, 0);
+    for ray in rays(20_000) {
+        let (Some(hit), Some(other)) = (bvh.closest(&ray), reversed.closest(&ray)) else { continue };
+        assert_eq!(hit.t, other.t);
+        let first = triangles.iter().position(|t| t.corners == triangles[hit.triangle as usize].corners);
+        assert_eq!(first, Some(hit.triangle as usize), "{ray:?}");
+        let unreversed = triangles.len() as u32 - 1 - other.triangle;
+        hits += 1;
+        twice += usize::from(unreversed != hit.triangle && same_place(unreversed, hit.triangle));
+    }
+    assert!(hits > 1000 && twice > 300, "{hits} hits, {twice} of them on triangles that stand twice");
+}
+
 #[test]
 fn occlusion_tells_opaque_from_see_through() {
     let triangles = soup(2000, 5);

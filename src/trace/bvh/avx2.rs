@@ -4,7 +4,7 @@
 use std::arch::x86_64::*;
 use std::mem::MaybeUninit;
 
-use super::scalar::{Prepared, WIDEN};
+use super::scalar::{Prepared, WIDEN, nothing_before};
 use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, STACK, WideNode, WideTree};
 use super::{Hit, Occlusion, Ray};
 
@@ -41,7 +41,7 @@ fn load(lanes: &[f32; LANES]) -> __m256 {
 
 #[inline]
 #[target_feature(enable = "avx2")]
-fn enter(node: &WideNode, ray: &Lanes, t_max: f32) -> (__m256, u32) {
+fn enter(node: &WideNode, ray: &Lanes, reach: f32) -> (__m256, u32) {
     let along = |bound: usize, axis: usize| {
         // SAFETY: `near` and `far` hold indices below 6 by construction.
         let bound = unsafe { node.bounds.get_unchecked(bound) };
@@ -53,7 +53,7 @@ fn enter(node: &WideNode, ray: &Lanes, t_max: f32) -> (__m256, u32) {
         near = _mm256_max_ps(along(ray.near[axis], axis), near);
         far = _mm256_min_ps(along(ray.far[axis], axis), far);
     }
-    far = _mm256_min_ps(_mm256_mul_ps(far, _mm256_set1_ps(WIDEN)), _mm256_set1_ps(t_max));
+    far = _mm256_min_ps(_mm256_mul_ps(far, _mm256_set1_ps(WIDEN)), _mm256_set1_ps(reach));
     (near, _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32)
 }
 
@@ -71,10 +71,10 @@ fn dot(a: &[__m256; 3], b: &[__m256; 3]) -> __m256 {
     _mm256_add_ps(xy, _mm256_mul_ps(a[2], b[2]))
 }
 
-/// Distances, barycentric weights and a mask of the lanes hit before `t_max`.
+/// Distances, barycentric weights and a mask of the lanes hit at `t_last` at most.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn intersect(packet: &Packet, ray: &Lanes, t_max: f32) -> (__m256, __m256, __m256, u32) {
+fn intersect(packet: &Packet, ray: &Lanes, t_last: f32) -> (__m256, __m256, __m256, u32) {
     let of = |field: &[[f32; LANES]; 3]| [load(&field[0]), load(&field[1]), load(&field[2])];
     let (corner, edge1, edge2) = (of(&packet.corner), of(&packet.edge1), of(&packet.edge2));
     let (zero, one) = (_mm256_setzero_ps(), _mm256_set1_ps(1.0));
@@ -94,7 +94,7 @@ fn intersect(packet: &Packet, ray: &Lanes, t_max: f32) -> (__m256, __m256, __m25
         _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_add_ps(u, v), one),
     );
     let between =
-        _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(t, zero), _mm256_cmp_ps::<_CMP_LT_OQ>(t, _mm256_set1_ps(t_max)));
+        _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(t, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(t, _mm256_set1_ps(t_last)));
     (t, u, v, _mm256_movemask_ps(_mm256_and_ps(inside, between)) as u32)
 }
 
@@ -166,13 +166,13 @@ impl Stack<(u32, f32)> {
 #[target_feature(enable = "avx2")]
 fn closest_lanes(tree: &WideTree, ray: &Ray) -> Option<Hit> {
     let lanes = Lanes::new(ray);
-    let mut best = Hit { t: ray.t_max, triangle: u32::MAX, u: 0.0, v: 0.0 };
+    let (mut best, mut reach) = (nothing_before(ray.t_max), ray.t_max);
     let mut stack = Stack::<(u32, f32)>::new();
     let mut code = if tree.nodes.is_empty() { return None } else { 0 };
     loop {
         if code & LEAF == 0 {
             let node = &tree.nodes[code as usize];
-            let (distances, mut mask) = enter(node, &lanes, best.t);
+            let (distances, mut mask) = enter(node, &lanes, reach);
             if mask != 0 {
                 let first = mask.trailing_zeros() as usize;
                 mask &= mask - 1;
@@ -198,9 +198,10 @@ fn closest_lanes(tree: &WideTree, ray: &Ray) -> Option<Hit> {
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
-                    if t[lane] < best.t {
-                        let triangle = packet.triangles[lane] & !SEE_THROUGH;
+                    let triangle = packet.triangles[lane] & !SEE_THROUGH;
+                    if t[lane] < best.t || t[lane] == best.t && triangle < best.triangle {
                         best = Hit { t: t[lane], triangle, u: u[lane], v: v[lane] };
+                        reach = best.t * WIDEN;
                     }
                 }
             }
@@ -208,7 +209,7 @@ fn closest_lanes(tree: &WideTree, ray: &Ray) -> Option<Hit> {
         code = loop {
             match stack.pop() {
                 None => return (best.triangle != u32::MAX).then_some(best),
-                Some((code, distance)) if distance < best.t => break code,
+                Some((code, distance)) if distance <= reach => break code,
                 Some(_) => {}
             }
         };
@@ -218,7 +219,7 @@ fn closest_lanes(tree: &WideTree, ray: &Ray) -> Option<Hit> {
 #[target_feature(enable = "avx2")]
 fn occlusion_lanes(tree: &WideTree, ray: &Ray) -> Occlusion {
     let lanes = Lanes::new(ray);
-    let mut found = Occlusion::Clear;
+    let (mut found, t_last) = (Occlusion::Clear, ray.t_max.next_down());
     let mut stack = Stack::<u32>::new();
     if !tree.nodes.is_empty() {
         stack.push(0);
@@ -233,7 +234,7 @@ fn occlusion_lanes(tree: &WideTree, ray: &Ray) -> Occlusion {
             }
         } else {
             let packet = &tree.packets[(code & !LEAF) as usize];
-            let mut mask = intersect(packet, &lanes, ray.t_max).3;
+            let mut mask = intersect(packet, &lanes, t_last).3;
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize;
                 mask &= mask - 1;

@@ -1,14 +1,13 @@
 //! The binary tree: binned surface area heuristic (Wald 2007, *On fast construction of SAH-based bounding volume
-//! hierarchies*), one triangle a leaf.
-//!
-//! A builder of our own because quick builders that sort along a space-filling curve make trees several times worse on
-//! flat, regularly tessellated walls, whose centroids share their codes; bins are tried on all three axes instead.
+//! hierarchies*), one triangle a leaf. Bins are tried on all three axes.
 
 use glam::Vec3;
 
 const BINS: usize = 32;
-/// Below this depth in the tree ranges are halved, so that no input makes it deeper than this plus 32.
-const DEEPEST_HEURISTIC: u32 = 48;
+/// Levels of the deepest tree there may be.
+pub(super) const DEEPEST: u32 = 80;
+/// Below this depth ranges are halved, which takes at most 32 levels for as many triangles as there can be.
+const DEEPEST_HEURISTIC: u32 = DEEPEST - 33;
 /// Ranges above this many triangles are built by two threads; the tree does not depend on it.
 const PARALLEL_ABOVE: usize = 8_192;
 

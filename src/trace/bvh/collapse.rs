@@ -5,10 +5,7 @@
 //! `C(n, j)` is the least cost of showing the subtree of `n` as at most `j` wide nodes or leaves side by side.
 
 use super::binary::BinaryTree;
-use super::wide::LANES;
-
-/// Cost of opening a node, in tests of a leaf. Both test eight lanes; a leaf's test is longer, a node's result is sorted.
-const NODE_COST: f32 = 1.0;
+use super::wide::{LANES, NODE_COST};
 
 /// How a subtree is shown as at most `j` parts.
 #[derive(Clone, Copy, Debug, PartialEq)]

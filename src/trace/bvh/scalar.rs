@@ -13,7 +13,8 @@ pub(super) struct Prepared {
 }
 
 /// Far distances are widened by this much, more than the rounding of the two operations before, so that a ray along a
-/// box's face cannot slip between two boxes (Ize 2013, *Robust BVH ray traversal*).
+/// box's face cannot slip between two boxes (Ize 2013, *Robust BVH ray traversal*), and a box is entered whose triangle
+/// is as far as the nearest hit.
 pub(super) const WIDEN: f32 = 1.000_000_5;
 
 impl Prepared {
@@ -39,8 +40,8 @@ fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Entry distances of a node's children and which of them the ray meets before `t_max`.
-fn enter(node: &WideNode, ray: &Prepared, t_max: f32) -> ([f32; LANES], u32) {
+/// Entry distances of a node's children and which of them the ray meets up to `reach`.
+fn enter(node: &WideNode, ray: &Prepared, reach: f32) -> ([f32; LANES], u32) {
     let mut distances = [0.0; LANES];
     let mut mask = 0;
     for (lane, distance) in distances.iter_mut().enumerate() {
@@ -49,15 +50,15 @@ fn enter(node: &WideNode, ray: &Prepared, t_max: f32) -> ([f32; LANES], u32) {
             near = max((node.bounds[ray.near[axis]][lane] - ray.origin[axis]) * ray.inverse[axis], near);
             far = min((node.bounds[ray.far(axis)][lane] - ray.origin[axis]) * ray.inverse[axis], far);
         }
-        far = min(far * WIDEN, t_max);
+        far = min(far * WIDEN, reach);
         *distance = near;
         mask |= u32::from(near <= far) << lane;
     }
     (distances, mask)
 }
 
-/// Möller and Trumbore's test on one lane: distance and barycentric weights.
-fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_max: f32) -> Option<(f32, f32, f32)> {
+/// Möller and Trumbore's test on one lane: distance, at most `t_last`, and barycentric weights.
+fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_last: f32) -> Option<(f32, f32, f32)> {
     let of = |field: &[[f32; LANES]; 3]| -> [f32; 3] { std::array::from_fn(|axis| field[axis][lane]) };
     let (corner, edge1, edge2) = (of(&packet.corner), of(&packet.edge1), of(&packet.edge2));
     let cross =
@@ -70,7 +71,7 @@ fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_max: f32) -> Option
     let q = cross(s, edge1);
     let v = dot(ray.direction, q) * inverse;
     let t = dot(edge2, q) * inverse;
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < t_max).then_some((t, u, v))
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t <= t_last).then_some((t, u, v))
 }
 
 /// Entries of a stack that need no allocation. Zeroing the deepest stack there can be would cost as much as the walk.
@@ -101,28 +102,38 @@ impl<T: Copy> Stack<T> {
         self.first.get(self.height).copied().or_else(|| self.rest.pop())
     }
 }
+
+/// No hit yet: any that ends before `t_max` is nearer, as one at the same distance has a lower index.
+pub(super) fn nothing_before(t_max: f32) -> Hit {
+    Hit { t: t_max.next_down(), triangle: u32::MAX, u: 0.0, v: 0.0 }
+}
+
 pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
     let prepared = Prepared::new(ray);
-    let mut best = Hit { t: ray.t_max, triangle: u32::MAX, u: 0.0, v: 0.0 };
+    let (mut best, mut reach) = (nothing_before(ray.t_max), ray.t_max);
     let mut stack = Stack::of((0u32, 0.0f32));
     if !tree.nodes.is_empty() {
         stack.push((0, 0.0));
     }
     while let Some((code, distance)) = stack.pop() {
-        if distance >= best.t {
+        if distance > reach {
             continue;
         }
         if code & LEAF != 0 {
             let packet = &tree.packets[(code & !LEAF) as usize];
             for lane in 0..LANES {
                 if let Some((t, u, v)) = intersect(packet, lane, &prepared, best.t) {
-                    best = Hit { t, triangle: packet.triangles[lane] & !SEE_THROUGH, u, v };
+                    let triangle = packet.triangles[lane] & !SEE_THROUGH;
+                    if t < best.t || triangle < best.triangle {
+                        best = Hit { t, triangle, u, v };
+                        reach = t * WIDEN;
+                    }
                 }
             }
             continue;
         }
         let node = &tree.nodes[code as usize];
-        let (distances, mut mask) = enter(node, &prepared, best.t);
+        let (distances, mut mask) = enter(node, &prepared, reach);
         // The farthest first, so that the nearest is on top; of equals the later one.
         let (mut sorted, mut count) = ([(0u32, 0.0f32); LANES], 0);
         while mask != 0 {
@@ -143,7 +154,7 @@ pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
 
 pub(super) fn occlusion(tree: &WideTree, ray: &Ray) -> Occlusion {
     let prepared = Prepared::new(ray);
-    let mut found = Occlusion::Clear;
+    let (mut found, t_last) = (Occlusion::Clear, ray.t_max.next_down());
     let mut stack = Stack::of(0u32);
     if !tree.nodes.is_empty() {
         stack.push(0);
@@ -152,7 +163,7 @@ pub(super) fn occlusion(tree: &WideTree, ray: &Ray) -> Occlusion {
         if code & LEAF != 0 {
             let packet = &tree.packets[(code & !LEAF) as usize];
             for lane in 0..LANES {
-                if intersect(packet, lane, &prepared, ray.t_max).is_some() {
+                if intersect(packet, lane, &prepared, t_last).is_some() {
                     if packet.triangles[lane] & SEE_THROUGH == 0 {
                         return Occlusion::Opaque;
                     }

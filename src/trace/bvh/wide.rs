@@ -1,10 +1,9 @@
 //! The wide tree: eight children a node, eight triangles a leaf, both laid out lane by lane.
 
-use glam::Vec3;
-
 use super::BvhTriangle;
-use super::binary::{BinaryTree, Bounds};
+use super::binary::{BinaryTree, DEEPEST};
 use super::collapse::Collapse;
+use super::reinsert::reinserted;
 
 /// Children of a node and triangles of a leaf.
 pub(super) const LANES: usize = 8;
@@ -12,8 +11,10 @@ pub(super) const LANES: usize = 8;
 pub(super) const LEAF: u32 = 1 << 31;
 /// Marks a triangle that may let light through; the other bits are its index.
 pub(super) const SEE_THROUGH: u32 = 1 << 31;
-/// A walk keeps at most seven entries for each level above the one it is in; the binary tree is at most 80 deep.
-pub(super) const STACK: usize = 80 * (LANES - 1) + LANES;
+/// Cost of opening a node, in tests of a leaf. Both test eight lanes; a leaf's test is longer, a node's result is sorted.
+pub(super) const NODE_COST: f32 = 1.0;
+/// A walk keeps at most seven entries for each level above the one it is in.
+pub(super) const STACK: usize = DEEPEST as usize * (LANES - 1) + LANES;
 
 /// Bounds of eight children, `bounds[0..3]` their minima and `bounds[3..6]` their maxima by axis, and what they are.
 /// Unused lanes have an empty box, which no ray enters.
@@ -26,7 +27,7 @@ pub(super) struct WideNode {
 
 /// Eight triangles as corner and two edges by axis. Unused lanes have no extent, so no ray hits them.
 #[repr(C, align(32))]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Packet {
     pub(super) corner: [[f32; LANES]; 3],
     pub(super) edge1: [[f32; LANES]; 3],
@@ -39,18 +40,6 @@ pub(super) struct Packet {
 pub(super) struct WideTree {
     pub(super) nodes: Vec<WideNode>,
     pub(super) packets: Vec<Packet>,
-}
-
-/// Expected work of a random ray that meets the scene's box: nodes opened and leaves tested, by the surface area
-/// heuristic (the ratio of areas is the chance to meet a box inside another).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TreeQuality {
-    /// Expected nodes opened.
-    pub nodes: f64,
-    /// Expected leaves tested.
-    pub leaves: f64,
-    /// Triangles in a leaf on average, of eight.
-    pub leaf_fill: f64,
 }
 
 const UNUSED_NODE: WideNode = WideNode {
@@ -67,7 +56,8 @@ const UNUSED_NODE: WideNode = WideNode {
 
 impl WideTree {
     pub(super) fn build(triangles: &[BvhTriangle]) -> Self {
-        let binary = BinaryTree::build(triangles.iter().map(|t| t.corners));
+        let binned = BinaryTree::build(triangles.iter().map(|t| t.corners));
+        let binary = reinserted(&binned).unwrap_or(binned);
         let mut tree = Self { nodes: Vec::new(), packets: Vec::new() };
         if !binary.nodes.is_empty() {
             tree.add_node(&binary, &Collapse::new(&binary), triangles, 0);
@@ -99,34 +89,10 @@ impl WideTree {
         }
         index as u32
     }
-
-    pub(super) fn quality(&self) -> TreeQuality {
-        let lane_area = |node: &WideNode, lane: usize| {
-            let corner = |at: usize| Vec3::from_array(std::array::from_fn(|axis| node.bounds[at + axis][lane]));
-            f64::from(Bounds { min: corner(0), max: corner(3) }.half_area())
-        };
-        let Some(root) = self.nodes.first() else { return TreeQuality { nodes: 0.0, leaves: 0.0, leaf_fill: 0.0 } };
-        let whole = (0..LANES).fold(Bounds::EMPTY, |b, lane| {
-            let corner = |at: usize| Vec3::from_array(std::array::from_fn(|axis| root.bounds[at + axis][lane]));
-            b.union(Bounds { min: corner(0), max: corner(3) })
-        });
-        let whole = f64::from(whole.half_area()).max(f64::MIN_POSITIVE);
-        let mut quality = TreeQuality { nodes: 1.0, leaves: 0.0, leaf_fill: 0.0 };
-        for node in &self.nodes {
-            for lane in 0..LANES {
-                let chance = lane_area(node, lane) / whole;
-                if node.children[lane] & LEAF == 0 { quality.nodes += chance } else { quality.leaves += chance }
-            }
-        }
-        let used = |p: &Packet| p.triangles.iter().filter(|&&t| t != u32::MAX).count();
-        let triangles: usize = self.packets.iter().map(used).sum();
-        quality.leaf_fill = triangles as f64 / self.packets.len() as f64;
-        quality
-    }
 }
 
 impl Packet {
-    fn new(members: &[u32], triangles: &[BvhTriangle]) -> Self {
+    pub(super) fn new(members: &[u32], triangles: &[BvhTriangle]) -> Self {
         let none = [[0.0; LANES]; 3];
         let mut packet = Self { corner: none, edge1: none, edge2: none, triangles: [u32::MAX; LANES] };
         for (lane, &member) in members.iter().enumerate() {
@@ -140,5 +106,11 @@ impl Packet {
             packet.triangles[lane] = member | if triangle.see_through { SEE_THROUGH } else { 0 };
         }
         packet
+    }
+
+    /// A triangle as it lies in a lane: corner, edges, index and mark.
+    pub(super) fn lane(&self, lane: usize) -> ([[f32; 3]; 3], u32) {
+        let of = |field: &[[f32; LANES]; 3]| std::array::from_fn(|axis| field[axis][lane]);
+        ([of(&self.corner), of(&self.edge1), of(&self.edge2)], self.triangles[lane])
     }
 }
