@@ -16,6 +16,11 @@
 //! Method: Lebedev, Karpuhin, Ilyin, Ignatenko, *Compression of light transport matrix* (GraphiCon); "the paper" and
 //! its section numbers in this documentation mean that text.
 //!
+//! # Features
+//!
+//! `scene` (on by default): scene files, lighting files and the tracer. Without it matrices come from elsewhere. `gpu` (on by
+//! default): relighting on a GPU. The rest works without both.
+//!
 //! # Who may know whom
 //!
 //! The stages never import each other; [`pipeline`] joins them. `tests/house.rs` reads this table and holds the code
@@ -78,12 +83,15 @@ pub mod files;
 pub mod host;
 pub mod image;
 pub mod light;
+#[cfg(feature = "scene")]
 pub mod look;
 pub mod matrix;
 pub mod pipeline;
 pub mod relight;
+#[cfg(feature = "scene")]
 pub mod scene;
 pub mod store;
+#[cfg(feature = "scene")]
 pub mod trace;
 
 pub use error::{Error, Result};

@@ -9,6 +9,9 @@ use super::memory::available_bytes;
 use crate::error::{Error, Result};
 use crate::files::{folder_of, free_bytes};
 
+/// The program itself, its threads and its tables.
+pub(crate) const PROGRAM_BYTES: u64 = 24 << 20;
+
 /// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block, and
 /// disk.
 #[derive(Clone, Copy, Debug, Default)]

@@ -7,7 +7,7 @@ mod peak;
 mod threads;
 mod watch;
 
-pub(crate) use budget::Need;
+pub(crate) use budget::{Need, PROGRAM_BYTES};
 pub use budget::{human_bytes, parse_bytes};
 pub use peak::PeakMemory;
 pub(crate) use threads::Threads;

@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use super::render::PROGRAM_BYTES;
 use crate::error::{Error, Result};
-use crate::host::{Need, Watch};
+use crate::host::{Need, PROGRAM_BYTES, Watch};
 use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
 use crate::matrix::{BlockSource, FEATURE_PLANES};
 use crate::store::{self, StoreReader};

@@ -4,14 +4,13 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use super::render::PROGRAM_BYTES;
 use super::rows::RowSpill;
 use super::spill::spill_path;
 use super::{PackOptions, pack};
 use crate::compress::Compressor;
 use crate::error::{Error, Result};
-use crate::host::Need;
 use crate::host::Watch;
+use crate::host::{Need, PROGRAM_BYTES};
 use crate::image::{LayerMatch, LightSet};
 use crate::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};

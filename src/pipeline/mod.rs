@@ -5,33 +5,44 @@
 
 mod clean;
 mod compare;
+#[cfg(feature = "scene")]
 pub mod demo;
 mod features;
+#[cfg(feature = "scene")]
 mod fused;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod import;
-mod maintain;
 #[cfg(not(feature = "gpu"))]
 mod no_gpu;
 mod pack;
+#[cfg(feature = "scene")]
 mod preview;
 mod relight;
+#[cfg(feature = "scene")]
 mod render;
+#[cfg(feature = "scene")]
+mod repair;
 mod rows;
 mod selection;
 mod spill;
 mod unpack;
+mod verify;
 
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
 pub use features::{FEATURE_CHANNELS, write_features};
+#[cfg(feature = "scene")]
 pub use fused::render_packed;
 pub use import::ImportedMatrix;
-pub use maintain::{Verified, repair, verify, verify_container};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, pack};
+#[cfg(feature = "scene")]
 pub use preview::{PreviewReport, preview};
 pub use relight::{Device, RelightOptions, Relighter, relight, relight_matrix};
+#[cfg(feature = "scene")]
 pub use render::{RenderOptions, RenderReport, job_of, render};
+#[cfg(feature = "scene")]
+pub use repair::repair;
 pub use selection::Selection;
 pub use spill::check_container_output;
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
+pub use verify::{Verified, verify, verify_container};

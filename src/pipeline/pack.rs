@@ -15,7 +15,6 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::clean::Cleaned;
-use super::render::PROGRAM_BYTES;
 use super::spill::{check_container_output, open_spill, spill_path};
 use crate::compress::{
     AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
@@ -24,7 +23,7 @@ use crate::compress::{
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
-use crate::host::{Need, Threads};
+use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::light::{Job, LightErrors};
 use crate::matrix::{BlockId, BlockSource, ColumnIndex, MatrixShape, TracedBlock};

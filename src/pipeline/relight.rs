@@ -4,10 +4,9 @@
 use super::gpu::OnGpu;
 #[cfg(not(feature = "gpu"))]
 use super::no_gpu::OnGpu;
-use super::render::PROGRAM_BYTES;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
-use crate::host::{Need, Threads};
+use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::host::{Watch, human_bytes};
 use crate::image::LinearImage;
 use crate::light::Lighting;

@@ -8,16 +8,13 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::host::{Need, Threads};
+use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::host::{PeakMemory, Watch};
 use crate::light::{Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
 use crate::scene::{LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
 use crate::trace::{BlockStats, TRACER_VERSION, TraceSettings, Tracer};
-
-/// The program itself, its threads and its tables.
-pub(super) const PROGRAM_BYTES: u64 = 24 << 20;
 
 /// Choices of a render that do not change the entries.
 #[derive(Clone, Debug, Default)]

@@ -5,14 +5,13 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::render::PROGRAM_BYTES;
 use super::rows::RowSpill;
 use super::selection::{Selected, Selection, overlap};
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, check_output, with_suffix};
 use crate::host::Watch;
-use crate::host::{Need, Threads};
+use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::image::{self, ImageSize};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, FactorSource, PixelRect, TracedBlock};
 use crate::store::{self, StoreOptions, StoreWriter};
