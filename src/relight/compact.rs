@@ -1,5 +1,6 @@
 //! Blocks of factors as they are held for relighting: 8 or 16 bits a value.
 
+#[cfg(feature = "gpu")]
 use std::ops::Range;
 
 use crate::error::{Error, Result};
@@ -91,12 +92,14 @@ impl<Q: Copy> Part<Q> {
     }
 
     /// Where some components stand. They stand in rising order.
+    #[cfg(feature = "gpu")]
     fn places(&self, components: &Range<u32>) -> Range<usize> {
         let place_of = |component| self.components.partition_point(|&k| k < component);
         place_of(components.start)..place_of(components.end)
     }
 
     /// Those of some components, which are counted from the first of them on.
+    #[cfg(feature = "gpu")]
     fn piece(&self, length: usize, components: &Range<u32>) -> Self {
         let places = self.places(components);
         Self {
@@ -143,10 +146,12 @@ impl Factor {
     }
 
     /// How many of some components are held in 8 bits, and how many in 16.
+    #[cfg(feature = "gpu")]
     pub(crate) fn count(&self, components: &Range<u32>) -> (usize, usize) {
         (self.narrow.places(components).len(), self.wide.places(components).len())
     }
 
+    #[cfg(feature = "gpu")]
     fn piece(&self, components: &Range<u32>) -> Self {
         let (narrow, wide) = (self.narrow.piece(self.length, components), self.wide.piece(self.length, components));
         Self { length: self.length, narrow, wide }
@@ -260,6 +265,7 @@ impl CompactBlock {
 
     /// Some of its components as a block of their own, with the sparse entries in the piece that begins at the first: the
     /// pieces of a block add up to it.
+    #[cfg(feature = "gpu")]
     pub(crate) fn piece(&self, components: Range<u32>) -> Self {
         let sparse = if components.start == 0 { self.sparse.clone() } else { SparseEntries::default() };
         let scales = self.scales[components.start as usize..components.end as usize].to_vec();

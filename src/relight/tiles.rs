@@ -13,6 +13,7 @@ pub(crate) struct Tile<'a> {
 
 impl Tile<'_> {
     /// Sets the pixels from those of the block, row by row; there may be more than it has.
+    #[cfg(feature = "gpu")]
     pub(crate) fn copy(&mut self, mut pixels: &[[f32; CHANNELS]]) {
         for row in &mut self.rows {
             let (these, rest) = pixels.split_at(row.len());
