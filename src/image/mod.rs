@@ -16,6 +16,7 @@ pub use exr_file::{
 };
 pub use kelvin::{KELVIN_RANGE, kelvin_to_linear};
 pub use linear::{LinearImage, luminance};
+pub(crate) use measure::percentile;
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;
 pub use per_light::{LayerMatch, LayerRole, LightRow, LightSet, TakeRow};

@@ -26,6 +26,8 @@ mod repair;
 mod rows;
 mod selection;
 mod spill;
+#[cfg(feature = "scene")]
+mod stop;
 mod unpack;
 mod verify;
 
@@ -44,5 +46,7 @@ pub use render::{RenderOptions, RenderReport, job_of, render};
 pub use repair::repair;
 pub use selection::Selection;
 pub use spill::check_container_output;
+#[cfg(feature = "scene")]
+pub use stop::{StopRule, choose_samples, expected_error, parse_error, parse_seconds};
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
 pub use verify::{Verified, verify, verify_container};

@@ -6,9 +6,9 @@ use clap::{Args, ValueEnum};
 use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{Watch, human_bytes, parse_bytes};
-use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport};
+use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport, StopRule, parse_error, parse_seconds};
 use ltm::scene::{LoadOptions, LoadedScene};
-use ltm::store::Precision;
+use ltm::store::{Precision, StoreReader};
 
 use crate::input::{parse_size, with_overrides};
 use ltm_cli::compression::Compression;
@@ -24,6 +24,13 @@ pub(crate) struct Render {
     /// Samples per pixel [default: the scene file's].
     #[arg(long)]
     samples: Option<u32>,
+    /// As many samples as bring the expected error of an exposed, relit image down to this, for example 2% (of white; the
+    /// worst of 16 lightings).
+    #[arg(long, value_parser = parse_error, conflicts_with_all = ["samples", "blocks"])]
+    error: Option<f64>,
+    /// As many samples as fit this time, for example 60s or 5min; with --error, at most so many.
+    #[arg(long, value_parser = parse_seconds, conflicts_with_all = ["samples", "blocks"])]
+    time: Option<f64>,
     /// Image size, WIDTHxHEIGHT [default: the scene file's].
     #[arg(long, value_parser = parse_size)]
     size: Option<(u32, u32)>,
@@ -70,17 +77,24 @@ enum Preview {
 }
 
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
-    let loaded = {
+    let mut loaded = {
         let allowed = LoadOptions { allow_missing: options.allow_missing };
         with_overrides(ltm::scene::load_with(&options.scene, allowed)?, options.samples, options.size)
     };
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));
     }
-    if options.pack {
-        return run_packed(options, loaded, console);
+    let extension = if options.pack { "ltc" } else { "ltm" };
+    let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, extension));
+    let rule = StopRule { error: options.error, seconds: options.time };
+    let has_rule = rule != StopRule::default();
+    if has_rule {
+        let unfinished = (!options.force).then_some(&*output);
+        loaded = pipeline::choose_samples(loaded, unfinished, rule, options.memory, console)?;
     }
-    let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltm"));
+    if options.pack {
+        return run_packed(options, loaded, &output, console);
+    }
     if let Some(when) = options.preview {
         let name = format!("{}-preview.png", output.file_stem().unwrap_or_default().to_string_lossy());
         let report = pipeline::preview(&loaded, &output.with_file_name(name), console)?;
@@ -109,6 +123,9 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let render = RenderOptions { store, blocks: options.blocks.clone(), memory_bytes: options.memory };
     let report = pipeline::render(loaded, &output, &render, console)?;
     print_report(&output, &report);
+    if has_rule && let Some(error) = pipeline::expected_error(&StoreReader::open(&output)?, console)? {
+        println!("expected error {:.2} % of white, the worst of the probe lightings", 100.0 * error);
+    }
     match report.blocks_missing {
         0 => println!("next: ltm-pack {}", output.display()),
         missing => println!("{missing} blocks are still missing: render them too, then ltm merge"),
@@ -116,15 +133,14 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     Ok(())
 }
 
-fn run_packed(options: &Render, loaded: LoadedScene, console: &Console) -> Result<()> {
-    let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, "ltc"));
+fn run_packed(options: &Render, loaded: LoadedScene, output: &Path, console: &Console) -> Result<()> {
     let (compress, denoise) = (options.compression.settings(), options.compression.denoise());
     let mut pack = PackOptions { compress, denoise, memory_bytes: options.memory, ..Default::default() };
     pack.container.overwrite = options.force;
-    let (render, packed) = pipeline::render_packed(loaded, &output, &pack, console)?;
-    print_report(&output, &render);
+    let (render, packed) = pipeline::render_packed(loaded, output, &pack, console)?;
+    print_report(output, &render);
     println!("{packed}");
-    let basis = ContainerReader::open(&output)?.job().basis.clone();
+    let basis = ContainerReader::open(output)?.job().basis.clone();
     ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| println!("{line}"));
     println!("next: ltm relight {} -o relit.png", output.display());
     Ok(())
