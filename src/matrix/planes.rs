@@ -143,7 +143,8 @@ const DROPPED: u32 = 15;
 /// range and of nine significant bits, an error of 2⁻⁹ at most. Negative values and NaN give 0, what is too large the
 /// largest.
 pub fn encode_unsigned(value: f32) -> u16 {
-    let bits = value.max(0.0).min(f32::MAX).to_bits();
+    // Also of −0, whose sign would be a bit.
+    let bits = if value > 0.0 { value.min(f32::MAX).to_bits() } else { 0 };
     // Half of the last bit, less one where the kept part is even: ties go to the even one.
     let rounded = (bits + (1 << (DROPPED - 1)) - 1 + (bits >> DROPPED & 1)) >> DROPPED;
     rounded.min(f32::MAX.to_bits() >> DROPPED) as u16
@@ -160,7 +161,7 @@ mod tests {
 
     #[test]
     fn unsigned_floats_keep_nine_bits_and_what_they_have_kept_once() {
-        let mut value = 1e-38f32;
+        let mut value = f32::MIN_POSITIVE;
         while value < 1e38 {
             let kept = decode_unsigned(encode_unsigned(value));
             assert!((kept - value).abs() <= value * 2f32.powi(-9), "{value} became {kept}");
