@@ -65,7 +65,7 @@
 //! | `sha2` | `container`, `light`, `pipeline`, `scene` |
 //! | `crc32fast` | `container`, `files`, `store` |
 //! | `bytemuck` | `compress`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
-//! | `pulp` | `compress`, `container`, `relight`, `store` |
+//! | `pulp` | `clean`, `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline` |
 //! | `thiserror` | `error`, `trace` |

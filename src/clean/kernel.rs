@@ -40,18 +40,23 @@ pub(super) fn weighted_means(
         for weights in weights.chunks_exact_mut(width) {
             weights.iter_mut().zip(&sums).for_each(|(w, scale)| *w *= scale);
         }
-        for (plane, out) in out.chunks_exact_mut(width).enumerate() {
-            for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact(width)) {
-                let Some(row) = y.checked_add_signed(down).filter(|&row| row < height) else { continue };
-                let span = span(width, across);
-                let from = (span.start as isize + across) as usize;
-                let from = &images.row(plane, row)[from..from + span.len()];
-                let pairs = weights[span.clone()].iter().zip(from);
-                out[span].iter_mut().zip(pairs).for_each(|(out, (w, v))| *out += w * v);
-            }
-            let kept = images.row(plane, y).iter().zip(&sums);
-            out.iter_mut().zip(kept).for_each(|(out, (v, &scale))| *out = if scale > 0.0 { *out } else { *v });
-        }
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for (plane, out) in out.chunks_exact_mut(width).enumerate() {
+                    for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact(width)) {
+                        let Some(row) = y.checked_add_signed(down).filter(|&row| row < height) else { continue };
+                        let span = span(width, across);
+                        let from = (span.start as isize + across) as usize;
+                        let from = &images.row(plane, row)[from..from + span.len()];
+                        let pairs = weights[span.clone()].iter().zip(from);
+                        out[span].iter_mut().zip(pairs).for_each(|(out, (w, v))| *out += w * v);
+                    }
+                    let kept = images.row(plane, y).iter().zip(&sums);
+                    out.iter_mut().zip(kept).for_each(|(out, (v, &scale))| *out = if scale > 0.0 { *out } else { *v });
+                }
+            },
+        );
     });
     means
 }
