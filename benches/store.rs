@@ -16,13 +16,12 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
+use ltm::container::ContainerOptions;
 use ltm::host::Quiet;
-use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
+use ltm::light::{Job, Light, LightBasis, LightKind, Lighting, Provenance};
 use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
-use ltm::pipeline::RenderOptions;
-use ltm::store::{
-    FileStorage, MappedStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify,
-};
+use ltm::pipeline::{PackOptions, RenderOptions};
+use ltm::store::{FileStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify};
 use ltm::trace::{TraceSettings, Tracer};
 use rayon::prelude::*;
 
@@ -96,18 +95,15 @@ fn main() {
     for write in WRITES.iter().filter(|write| write.threads == 1 && write.reserve) {
         let path = folder.path().join(write.name);
         let error = largest_error(&path, &traced);
+        let stored = open(&path).tally().unwrap().stored_bytes;
         for threads in [1, 2] {
-            for mapped in [false, true] {
-                let stored = open(&path).tally().unwrap().stored_bytes;
+            for (how, work) in READS {
                 let read = |cold| {
-                    let once = || {
-                        let file = File::open(&path).unwrap();
-                        if mapped {
-                            let storage = MappedStorage::new(file).unwrap();
-                            read_store(&StoreReader::over(storage, &path).unwrap(), threads);
-                        } else {
-                            read_store(&StoreReader::over(FileStorage::new(file), &path).unwrap(), threads);
+                    let once = || match how {
+                        Read::Positioned => {
+                            each_block(&Positioned(StoreReader::open_positioned(&path).unwrap()), threads, work);
                         }
+                        Read::Mapped => each_block(&open(&path), threads, work),
                     };
                     best(
                         || rate(stored, once),
@@ -118,11 +114,85 @@ fn main() {
                         },
                     )
                 };
-                let how = if mapped { "map" } else { "pread" };
-                let name = format!("store, {}, {how}, {threads} thread(s)", write.name);
+                let name = format!("store, {}, {work:?}, {how:?}, {threads}", write.name);
                 eprintln!("  {name:<36} {:>9.2}   {:>9.2}   {error:.1e}", read(true), read(false));
             }
         }
+        jobs(folder.path(), &job, &path, stored);
+    }
+}
+
+/// How a block comes to who works on it.
+#[derive(Clone, Copy, Debug)]
+enum Read {
+    /// Read into a block of the worker's own.
+    Positioned,
+    /// Borrowed from the map.
+    Mapped,
+}
+
+/// What is done with a block once it is there.
+#[derive(Clone, Copy, Debug)]
+enum Work {
+    Nothing,
+    Columns,
+}
+
+const READS: [(Read, Work); 4] = [
+    (Read::Positioned, Work::Nothing),
+    (Read::Mapped, Work::Nothing),
+    (Read::Positioned, Work::Columns),
+    (Read::Mapped, Work::Columns),
+];
+
+/// A store that gives its blocks in no other way than by reading them: what there was before maps.
+struct Positioned(StoreReader<FileStorage>);
+
+impl BlockSource for Positioned {
+    fn shape(&self) -> MatrixShape {
+        self.0.shape()
+    }
+
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> ltm::Result<()> {
+        self.0.read_block(id, target)
+    }
+}
+
+/// Warm: raw relighting under one lighting and under eight, and packing, in turns.
+fn jobs(folder: &Path, job: &Job, path: &Path, stored: u64) {
+    let (positioned, mapped) = (Positioned(StoreReader::open_positioned(path).unwrap()), || open(path));
+    let lighting = Lighting::uniform(job.basis.column_count(), [1.0; 3]).unwrap();
+    let packed = folder.join("packed.ltc");
+    let pack = |source: &dyn BlockSource| {
+        let options = PackOptions {
+            container: ContainerOptions { overwrite: true, ..Default::default() },
+            ..PackOptions::default()
+        };
+        ltm::pipeline::pack(source, job, &packed, &options, &Quiet).unwrap();
+    };
+    let relight = |source: &dyn BlockSource, count: usize| {
+        ltm::relight::relight_raw(source, &vec![lighting.clone(); count]).unwrap();
+    };
+    let mut seconds = [[f64::INFINITY; 2]; 3];
+    for _ in 0..ROUNDS {
+        let mut note = |job: usize, how: usize, work: &dyn Fn()| {
+            seconds[job][how] = seconds[job][how].min(timed(work));
+        };
+        for (job, count) in [(0, 1), (1, 8)] {
+            note(job, 0, &|| relight(&positioned, count));
+            note(job, 1, &|| relight(&mapped(), count));
+        }
+        note(2, 0, &|| pack(&positioned));
+        note(2, 1, &|| pack(&mapped()));
+    }
+    for (name, [before, after]) in ["relight, 1 lighting", "relight, 8", "pack"].into_iter().zip(seconds) {
+        let rate = |seconds: f64| stored as f64 / seconds / 1e9;
+        eprintln!(
+            "  {name:<28} positioned {before:>7.3} s ({:.2} GB/s)   mapped {after:>7.3} s ({:.2} GB/s)   {:.2} of the time",
+            rate(before),
+            rate(after),
+            after / before
+        );
     }
 }
 
@@ -159,7 +229,7 @@ fn stream(folder: &Path, job: &Job, traced: &mut TracedBlock, precision: Precisi
     report("verify", &mut || verify(&path, |_, _| true).unwrap().verified_bytes);
     evict(&path);
     report("read", &mut || {
-        read_store(&open(&path), 2);
+        each_block(&open(&path), 2, Work::Nothing);
         open(&path).tally().unwrap().stored_bytes
     });
 }
@@ -319,18 +389,27 @@ fn read_plain(path: &Path, blocks: u32, threads: u32) {
     });
 }
 
-fn read_store<S: Storage>(reader: &StoreReader<S>, threads: u32) {
-    let next = AtomicU32::new(0);
+fn each_block(source: &dyn BlockSource, threads: u32, work: Work) {
+    let (next, columns) = (AtomicU32::new(0), source.shape().columns() as u32);
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
-                let mut target = TracedBlock::default();
+                let mut scratch = TracedBlock::default();
                 loop {
                     let id = BlockId(next.fetch_add(1, Ordering::Relaxed));
-                    if id.0 >= reader.shape().block_count() {
+                    if id.0 >= source.shape().block_count() {
                         break;
                     }
-                    reader.read_block(id, &mut target).unwrap();
+                    match work {
+                        Work::Nothing => source.visit_block(id, &mut scratch, &mut |_| Ok(())).unwrap(),
+                        Work::Columns => source
+                            .visit_columns(id, 0..columns, &mut scratch, &mut |_, entries| {
+                                std::hint::black_box(
+                                    entries.iter().fold(0, |sum: u32, v| sum.wrapping_add(v.to_bits())),
+                                );
+                            })
+                            .unwrap(),
+                    }
                 }
             });
         }

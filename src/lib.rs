@@ -60,7 +60,7 @@
 //! | `bincode` | `container`, `light` |
 //! | `zstd` | `container` |
 //! | `half` | `image`, `store` |
-//! | `memmap2` | `store` |
+//! | `libc`, `memmap2` | `store` |
 //! | `rustix` | `files`, `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene` |
 //! | `crc32fast` | `container`, `files`, `store` |

@@ -12,6 +12,8 @@ mod files;
 mod format;
 #[path = "store/kill.rs"]
 mod kill;
+#[path = "store/mapped.rs"]
+mod mapped;
 #[path = "store/memory.rs"]
 mod memory;
 #[path = "store/storages.rs"]

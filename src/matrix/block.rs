@@ -49,6 +49,13 @@ impl Block {
         self.entries.resize(rows * columns, 0.0);
     }
 
+    /// Makes this a copy of a block, keeping its allocation.
+    pub fn copy_from(&mut self, block: BlockView<'_>) {
+        (self.rows, self.columns) = (block.rows, block.columns);
+        self.entries.clear();
+        self.entries.extend_from_slice(block.entries);
+    }
+
     /// Rows: pixels × channels.
     pub fn rows(&self) -> usize {
         self.rows

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{BlockId, FactoredBlock, MatrixShape, TracedBlock};
+use super::{Block, BlockId, BlockNoise, BlockPlanes, BlockView, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
 use crate::error::Result;
 
 /// Something that blocks of `T` can be read from: a stored matrix, a set of images, a tracer.
@@ -17,6 +17,75 @@ pub trait BlockSource: Sync {
 
     /// Reads or makes one block into `target`, whose allocations are reused.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()>;
+
+    /// Gives one block to `work`: from where the source keeps it, if it keeps it whole and as it is, or read into
+    /// `scratch`. Where this fails, what `work` has made of the block is void.
+    fn visit_block(
+        &self,
+        id: BlockId,
+        scratch: &mut TracedBlock,
+        work: &mut dyn FnMut(LentBlock<'_>) -> Result<()>,
+    ) -> Result<()> {
+        self.read_block(id, scratch)?;
+        work(LentBlock::Scratch(scratch))
+    }
+
+    /// Gives the columns of a range to `work`, one after the other, each with its rows of the block; columns that are
+    /// zero throughout may be left out. Where this fails, what `work` has made of them is void.
+    fn visit_columns(
+        &self,
+        id: BlockId,
+        columns: Range<u32>,
+        scratch: &mut TracedBlock,
+        work: &mut dyn FnMut(ColumnIndex, &[f32]),
+    ) -> Result<()> {
+        self.read_block(id, scratch)?;
+        columns.map(ColumnIndex).for_each(|column| work(column, scratch.block.view().column(column)));
+        Ok(())
+    }
+}
+
+/// A block that a source lends.
+pub enum LentBlock<'a> {
+    /// In the scratch block, which may be changed.
+    Scratch(&'a mut TracedBlock),
+    /// Where the source keeps it.
+    Source {
+        /// The entries.
+        block: BlockView<'a>,
+        /// The noise.
+        noise: Option<&'a BlockNoise>,
+        /// What its samples are.
+        planes: Option<&'a BlockPlanes>,
+        /// The scratch block, whose content is of no use: for a copy.
+        spare: &'a mut Block,
+    },
+}
+
+impl LentBlock<'_> {
+    /// The entries.
+    pub fn view(&self) -> BlockView<'_> {
+        match self {
+            Self::Scratch(traced) => traced.block.view(),
+            Self::Source { block, .. } => *block,
+        }
+    }
+
+    /// The noise.
+    pub fn noise(&self) -> Option<&BlockNoise> {
+        match self {
+            Self::Scratch(traced) => traced.noise.as_ref(),
+            Self::Source { noise, .. } => *noise,
+        }
+    }
+
+    /// What its samples are.
+    pub fn planes(&self) -> Option<&BlockPlanes> {
+        match self {
+            Self::Scratch(traced) => traced.planes.as_ref(),
+            Self::Source { planes, .. } => *planes,
+        }
+    }
 }
 
 /// Something that takes blocks of `T`, in any order, from any thread.

@@ -7,20 +7,29 @@ use super::tiles::for_each_tile;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
-use crate::matrix::{BlockId, BlockSource, BlockView, CHANNELS, ColumnIndex, TracedBlock};
+use crate::matrix::{BlockId, BlockSource, CHANNELS, TracedBlock};
 
 /// The images `T ℓ` under several lightings, from one pass over the blocks of `T`; sums are kept in f64.
 ///
-/// Holds one block for each thread, and the images twice. Errors: what the source reports, and a lighting with another number
-/// of columns than the matrix.
+/// Holds at most one block for each thread, and the images twice.
+///
+/// # Errors
+/// What the source reports, and a lighting with another number of columns than the matrix.
 pub fn relight_raw(source: &dyn BlockSource, lightings: &[Lighting]) -> Result<Vec<LinearImage>> {
     let shape = source.shape();
     lightings.iter().try_for_each(|lighting| check_columns(shape, lighting))?;
     let relit: Vec<Vec<Vec<f32>>> = (0..shape.block_count())
         .into_par_iter()
         .map_init(TracedBlock::default, |traced, id| {
-            source.read_block(BlockId(id), traced)?;
-            Ok(multiply(traced.block.view(), lightings))
+            let id = BlockId(id);
+            let mut sums = vec![vec![0.0f64; shape.rect(id).rows()]; lightings.len()];
+            source.visit_columns(id, 0..shape.columns() as u32, traced, &mut |column, entries| {
+                for (sums, lighting) in sums.iter_mut().zip(lightings) {
+                    let weight = lighting.weights()[column.index()];
+                    pulp::Arch::new().dispatch(AddColumn { entries, weight, sums });
+                }
+            })?;
+            Ok(sums.into_iter().map(|rows| rows.into_iter().map(|sum| sum as f32).collect()).collect())
         })
         .collect::<Result<_>>()?;
     let image_of = |l: usize| {
@@ -34,35 +43,24 @@ pub fn relight_raw(source: &dyn BlockSource, lightings: &[Lighting]) -> Result<V
     (0..lightings.len()).map(image_of).collect()
 }
 
-/// For each lighting, the rows of the block under it.
-fn multiply(block: BlockView, lightings: &[Lighting]) -> Vec<Vec<f32>> {
-    let mut sums = vec![vec![0.0f64; block.rows()]; lightings.len()];
-    pulp::Arch::new().dispatch(Multiply { block, lightings, sums: &mut sums });
-    sums.into_iter().map(|rows| rows.into_iter().map(|sum| sum as f32).collect()).collect()
+/// Adds a column times its weight, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled
+/// without them.
+struct AddColumn<'a> {
+    entries: &'a [f32],
+    weight: [f32; CHANNELS],
+    sums: &'a mut [f64],
 }
 
-/// The products, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without them.
-struct Multiply<'a> {
-    block: BlockView<'a>,
-    lightings: &'a [Lighting],
-    sums: &'a mut [Vec<f64>],
-}
-
-impl pulp::NullaryFnOnce for Multiply<'_> {
+impl pulp::NullaryFnOnce for AddColumn<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let pixels = self.block.rows() / CHANNELS;
-        for j in 0..self.block.columns() {
-            let column = self.block.column(ColumnIndex(j as u32));
-            for (sums, lighting) in self.sums.iter_mut().zip(self.lightings) {
-                let planes = sums.chunks_exact_mut(pixels).zip(column.chunks_exact(pixels));
-                for ((sums, entries), weight) in planes.zip(lighting.weights()[j]) {
-                    for (sum, entry) in sums.iter_mut().zip(entries) {
-                        *sum += f64::from(*entry) * f64::from(weight);
-                    }
-                }
+        let pixels = self.sums.len() / CHANNELS;
+        let planes = self.sums.chunks_exact_mut(pixels).zip(self.entries.chunks_exact(pixels));
+        for ((sums, entries), weight) in planes.zip(self.weight) {
+            for (sum, entry) in sums.iter_mut().zip(entries) {
+                *sum += f64::from(*entry) * f64::from(weight);
             }
         }
     }

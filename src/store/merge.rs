@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::matrix::{BlockId, BlockSource};
 
 use super::record::Record;
-use super::{BlockDamage, StoreReader, StoreWriter, partial_path};
+use super::{BlockDamage, FileStorage, StoreReader, StoreWriter, partial_path};
 
 /// What merging found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -36,7 +36,7 @@ pub struct MergeReport {
 /// Inputs of different jobs or precisions; two files that hold different bytes for the same block; an output of another job;
 /// [`Error::Interrupted`], then the same merge goes on.
 pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u32) -> bool) -> Result<MergeReport> {
-    let readers: Vec<_> = inputs.iter().map(|path| StoreReader::open(path)).collect::<Result<_>>()?;
+    let readers: Vec<_> = inputs.iter().map(|path| StoreReader::open_positioned(path)).collect::<Result<_>>()?;
     let Some(first) = readers.first() else {
         return Err(Error::input("merge", "there is nothing to merge", "name the files to join"));
     };
@@ -48,10 +48,10 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
     }
     let options = first.options();
     let (writer, before) = if output.exists() {
-        (StoreWriter::reopen(output, first.job(), options)?, StoreReader::open(output)?)
+        (StoreWriter::reopen(output, first.job(), options)?, StoreReader::open_positioned(output)?)
     } else {
         let writer = StoreWriter::create_or_resume(output, first.job(), options)?;
-        (writer, StoreReader::open(&partial_path(output))?)
+        (writer, StoreReader::open_positioned(&partial_path(output))?)
     };
     let blocks = first.shape().block_count();
     let mut report = MergeReport { blocks, ..MergeReport::default() };
@@ -87,7 +87,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
 #[derive(Default)]
 struct Found<'a> {
     /// The input to copy it from; none if the output has it already, or nobody does.
-    source: Option<(&'a StoreReader, Record)>,
+    source: Option<(&'a StoreReader<FileStorage>, Record)>,
     /// Where it is damaged, if nobody has a good copy.
     damaged: Vec<(PathBuf, BlockDamage)>,
 }
@@ -95,13 +95,13 @@ struct Found<'a> {
 /// Reads and compares every copy of a block. The output's own is read only where an input has one to compare.
 fn look_for<'a>(
     id: BlockId,
-    readers: &'a [StoreReader],
-    before: &'a StoreReader,
+    readers: &'a [StoreReader<FileStorage>],
+    before: &'a StoreReader<FileStorage>,
     scratch: &mut Vec<u8>,
 ) -> Result<Found<'a>> {
-    let mut good: Option<(&StoreReader, Record)> = None;
+    let mut good: Option<(&StoreReader<FileStorage>, Record)> = None;
     let mut found = Found::default();
-    let mut take = |reader: &'a StoreReader| -> Result<()> {
+    let mut take = |reader: &'a StoreReader<FileStorage>| -> Result<()> {
         let record = reader.record(id).and_then(|record| match record {
             None => Ok(None),
             Some(record) => reader.check_block(id, &record, scratch).map(|()| Some(record)),

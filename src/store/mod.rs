@@ -22,18 +22,30 @@
 //! of a record as a record. Checksums cover the header page, the description, each record, the side data, and each
 //! stored column, so that a few columns can be read, and trusted, without the rest.
 //!
-//! # Writing by `pwrite`, reading by `pread` or from a map
+//! # Written positioned, read through a memory map
 //!
-//! Positioned writing is faster than writing through a map (1.3 against 0.8 to 1.0 GB/s, 3 MiB tiles, `fsync`
+//! Writing is positioned (`pwrite`): that is faster than through a map (1.3 against 0.8 to 1.0 GB/s, 3 MiB tiles, `fsync`
 //! included), and a full disk is then an error, not the death of the process by SIGBUS; besides, space is reserved up
-//! front. For reading whole blocks into memory of one's own `pread` is the faster too, cold and warm (`benches/store.rs`:
-//! a map costs its page faults and copies all the same), and it cannot meet SIGBUS when the file is cut. So
-//! [`StoreReader::open`] reads positioned, and [`StoreReader::open_mapped`] is there to compare.
+//! front.
 //!
-//! A file larger than half the memory leaves the page cache block by block as it is written and read, so that it does
-//! not push out everything else and then itself. All access goes through [`Storage`], so that tests can put a storage
-//! in between that fails, tears and counts.
+//! Reading borrows from a map wherever a view will do: [`visit_block`](crate::matrix::BlockSource::visit_block) lends a
+//! block that stores every column in f32 without a copy (packing), and
+//! [`visit_columns`](crate::matrix::BlockSource::visit_columns) any column in f32, others decoded one by one (raw
+//! relighting, slices). Whoever wants a block in memory of its own gets it by `pread`, which is faster than copying from
+//! a map. How much this gains: `cargo bench --bench store`. @@
+//!
+//! * Checksums are checked as columns are touched, those of a block that is lent as a whole once for each opening.
+//! * The system is told what will be read ([`Access`]): whole blocks, of which it reads ahead, or single columns.
+//! * Pages leave the process when what was lent is given back, so its resident memory is that of the blocks at hand. A file
+//!   larger than half the memory leaves the page cache, too, block by block as it is written and read, so that it does not
+//!   push out everything else and then itself.
+//! * A file that is cut or written to while a block of it is lent makes that an error; no signal ends the process (`guard`
+//!   says how). From then on that file is read positioned.
+//! * A file that is still growing, one on a network file system, and one that cannot be mapped are read positioned.
+//!
+//! All access goes through [`Storage`], so that tests can put a storage in between that fails, tears and counts.
 
+mod guard;
 mod header;
 mod layout;
 mod mapped;
@@ -52,7 +64,7 @@ mod writer;
 
 pub use header::{HEADER_FIELDS, MAGIC, VERSION};
 pub use layout::{Layout, PAGE_BYTES, RECORD_BYTES, Requirements, requirements, requirements_of};
-pub use mapped::MappedStorage;
+pub use mapped::{Access, MappedStorage};
 pub use merge::{MergeReport, merge};
 pub use place::partial_path;
 pub use precision::Precision;

@@ -4,15 +4,18 @@ use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 use crate::files::open_input;
 use crate::light::Job;
-use crate::matrix::{Block, BlockId, BlockNoise, BlockPlanes, BlockSource, MatrixShape, TracedBlock};
+use crate::matrix::{
+    Block, BlockId, BlockNoise, BlockPlanes, BlockSource, BlockView, ColumnIndex, LentBlock, MatrixShape, TracedBlock,
+};
 
 use super::header::Header;
 use super::layout::READING_BYTES;
-use super::mapped::MappedStorage;
+use super::mapped::{Access, MappedStorage};
 use super::planes::decode_planes;
 use super::record::{Record, UnverifiedRecord};
 use super::space::crowds_out;
@@ -21,12 +24,14 @@ use super::tile::SideData;
 use super::{Layout, NOISE_NONE, NOISE_ZERO, Precision, RECORD_BYTES, StoreOptions, partial_path};
 
 /// Reads a `.ltm`. Everything that it returns has passed its checksum.
-pub struct StoreReader<S: Storage = FileStorage> {
+pub struct StoreReader<S: Storage = MappedStorage> {
     storage: S,
     path: PathBuf,
     header: Header,
     /// Whether read pages leave the page cache.
     releases: bool,
+    /// By block, whether all its columns have passed their checksums where they lie: once for each opening.
+    checked: Vec<AtomicBool>,
 }
 
 /// What a file's commit records say.
@@ -42,21 +47,38 @@ pub struct Tally {
 
 const REPAIR: &str = "repair it, or render it again";
 
-impl StoreReader<FileStorage> {
-    /// Opens a finished file, or one that is still growing under its partial name.
+impl StoreReader<MappedStorage> {
+    /// Opens a finished file, or one that is still growing under its partial name, to read whole blocks.
     ///
-    /// Errors: not there, not ours, of a newer version, or damaged before the first block. A file that is cut short
-    /// further on opens, and the blocks that are whole can be read.
+    /// # Errors
+    /// Not there, not ours, of a newer version, or damaged before the first block. A file that is cut short further on
+    /// opens, and the blocks that are whole can be read.
     pub fn open(path: &Path) -> Result<Self> {
-        Self::over(FileStorage::new(open_file(path)?), path)
+        Self::open_for(path, Access::Blocks)
+    }
+
+    /// As [`open`](Self::open), for what will be read of it.
+    ///
+    /// # Errors
+    /// Those of [`open`](Self::open).
+    pub fn open_for(path: &Path, access: Access) -> Result<Self> {
+        let file = open_file(path)?;
+        // Where a writer is at work, the file changes all the time.
+        let storage = match path.extension() {
+            Some(extension) if extension == "part" => Ok(MappedStorage::without_map(file)),
+            _ => MappedStorage::new(file, access),
+        };
+        Self::over(storage.map_err(Error::io(path, "ask for the length"))?, path)
     }
 }
 
-impl StoreReader<MappedStorage> {
-    /// As [`open`](StoreReader::open), but reads through a memory map; see [`MappedStorage`] for what that is worth.
-    pub fn open_mapped(path: &Path) -> Result<Self> {
-        let storage = MappedStorage::new(open_file(path)?).map_err(Error::io(path, "map"))?;
-        Self::over(storage, path)
+impl StoreReader<FileStorage> {
+    /// As [`open`](StoreReader::open), but without a memory map: for files that others are writing, and to compare.
+    ///
+    /// # Errors
+    /// Those of [`open`](StoreReader::open).
+    pub fn open_positioned(path: &Path) -> Result<Self> {
+        Self::over(FileStorage::new(open_file(path)?), path)
     }
 }
 
@@ -73,7 +95,8 @@ impl<S: Storage> StoreReader<S> {
     pub fn over(storage: S, path: &Path) -> Result<Self> {
         let header = Header::read(&storage, path)?;
         let releases = crowds_out(header.layout.file_bytes());
-        Ok(Self { storage, path: path.to_owned(), header, releases })
+        let checked = header.layout.shape.blocks().map(|_| AtomicBool::new(false)).collect();
+        Ok(Self { storage, path: path.to_owned(), header, releases, checked })
     }
 
     /// What was rendered.
@@ -146,12 +169,17 @@ impl<S: Storage> StoreReader<S> {
         verdict.map_err(|problem| self.damaged(id, problem))
     }
 
-    /// The record of a block that must be there.
-    fn committed_record(&self, id: BlockId) -> Result<Record> {
+    fn check_id(&self, id: BlockId) -> Result<()> {
         if id.0 >= self.shape().block_count() {
             let problem = format!("has {} blocks, there is no {id}", self.shape().block_count());
             return Err(Error::input(self.path.display().to_string(), problem, ""));
         }
+        Ok(())
+    }
+
+    /// The record of a block that must be there.
+    fn committed_record(&self, id: BlockId) -> Result<Record> {
+        self.check_id(id)?;
         self.record(id)?.ok_or_else(|| {
             let problem = format!("{id} is not committed");
             Error::input(self.path.display().to_string(), problem, "run the command that makes the file again")
@@ -248,6 +276,22 @@ impl<S: Storage> StoreReader<S> {
         Ok(())
     }
 
+    /// Reads the noise of a block that has a tile; what `noise` has allocated is used again.
+    fn read_noise(&self, id: BlockId, record: &Record, side: &SideData, noise: &mut Option<BlockNoise>) -> Result<()> {
+        let (rows, columns, stored) = (self.shape().rect(id).rows(), self.shape().columns(), side.columns.len());
+        *noise = if record.noise == super::NOISE_STORED {
+            let mut found = noise.take().unwrap_or_default();
+            found.probes.resize(record.probes as usize * rows, 0.0);
+            self.read_stored(id, side, stored..stored + record.probes as usize, &mut found.probes)?;
+            found.row_variance.clone_from(&side.row_variance);
+            found.column_variance.clone_from(&side.column_variance);
+            Some(found)
+        } else {
+            zero_noise(record, rows, columns)
+        };
+        Ok(())
+    }
+
     fn name_stored(&self, side: &SideData, stored: usize) -> String {
         match side.columns.get(stored) {
             Some(column) => format!("the checksum of column {column} does not hold"),
@@ -255,23 +299,91 @@ impl<S: Storage> StoreReader<S> {
         }
     }
 
-    /// Reads a range of columns of a block, without the rest of it and without its noise.
-    pub fn read_columns(&self, id: BlockId, columns: Range<u32>) -> Result<Block> {
-        let record = self.committed_record(id)?;
-        let rows = self.shape().rect(id).rows();
+    /// Gives stored columns `stored` (counting as in `read_stored`) to `work`, from where the storage keeps them or read
+    /// a few at a time, decoded one by one.
+    fn each_stored(
+        &self,
+        id: BlockId,
+        side: &SideData,
+        stored: Range<usize>,
+        work: &mut dyn FnMut(usize, &[f32]),
+    ) -> Result<()> {
+        let layout = &self.header.layout;
+        let rows = layout.shape.rect(id).rows();
+        let column_bytes = rows * layout.precision.entry_bytes();
+        let offset = |column: usize| layout.slot_offset(id) + (column * column_bytes) as u64;
+        let mut column = vec![0.0; rows];
+        let mut give = |bytes: &[u8], first: usize, is_checked: bool| -> Result<()> {
+            for (i, bytes) in bytes.chunks_exact(column_bytes).enumerate() {
+                let i = first + i;
+                if !is_checked && crc32fast::hash(bytes) != side.checksums[i] {
+                    return Err(self.damaged(id, self.name_stored(side, i)));
+                }
+                match bytemuck::try_cast_slice(bytes) {
+                    Ok(entries) if layout.precision == Precision::F32 => work(i, entries),
+                    _ => {
+                        let scale = side.scales.get(i).copied().unwrap_or(1.0);
+                        layout.precision.decode(bytes, scale, &mut column);
+                        work(i, &column);
+                    }
+                }
+            }
+            Ok(())
+        };
+        let length = (stored.len() * column_bytes) as u64;
+        if let Some(bytes) = self.storage.lend(offset(stored.start), length) {
+            let given = give(bytes, stored.start, self.is_checked(id));
+            self.give_back(id, offset(stored.start), length)?;
+            given?;
+            if stored == (0..side.columns.len()) {
+                self.checked[id.index()].store(true, Ordering::Relaxed);
+            }
+            return Ok(());
+        }
+        let at_once = (READING_BYTES / column_bytes).max(1);
+        let mut staging = vec![0.0f32; (at_once.min(stored.len()) * column_bytes).div_ceil(size_of::<f32>())];
+        for first in stored.clone().step_by(at_once) {
+            let count = at_once.min(stored.end - first);
+            let bytes = &mut bytemuck::cast_slice_mut(&mut staging)[..count * column_bytes];
+            self.read(id, "columns", offset(first), bytes)?;
+            give(bytes, first, false)?;
+        }
+        Ok(())
+    }
+
+    fn is_checked(&self, id: BlockId) -> bool {
+        self.checked[id.index()].load(Ordering::Relaxed)
+    }
+
+    fn give_back(&self, id: BlockId, offset: u64, length: u64) -> Result<()> {
+        self.storage.give_back(offset, length).map_err(|problem| self.damaged(id, problem))
+    }
+
+    /// The stored columns (counting stored ones only) of a range of columns.
+    fn stored_of(side: &SideData, columns: &Range<u32>) -> Range<usize> {
+        side.columns.partition_point(|&c| c < columns.start)..side.columns.partition_point(|&c| c < columns.end)
+    }
+
+    fn check_columns(&self, columns: &Range<u32>) -> Result<()> {
         if columns.start > columns.end || columns.end as usize > self.shape().columns() {
             let problem = format!("has {} columns, not {columns:?}", self.shape().columns());
             return Err(Error::input(self.path.display().to_string(), problem, ""));
         }
-        let mut block = Block::zeros(rows, columns.len());
-        if record.has_main(&self.header.layout, rows) {
-            let side = self.side_data(id, &record)?;
-            let range = side.columns.partition_point(|&c| c < columns.start)
-                ..side.columns.partition_point(|&c| c < columns.end);
-            self.read_stored(id, &side, range.clone(), &mut block.entries_mut()[..range.len() * rows])?;
-            let places: Vec<_> = side.columns[range].iter().map(|column| column - columns.start).collect();
-            spread(block.entries_mut(), rows, &places);
-        }
+        Ok(())
+    }
+
+    /// Reads a range of columns of a block, without the rest of it and without its noise.
+    ///
+    /// # Errors
+    /// No such block or columns; a block that is not committed, or a column of the range that is damaged.
+    pub fn read_columns(&self, id: BlockId, columns: Range<u32>) -> Result<Block> {
+        self.check_id(id)?;
+        self.check_columns(&columns)?;
+        let mut block = Block::zeros(self.shape().rect(id).rows(), columns.len());
+        let first = columns.start;
+        self.visit_columns(id, columns, &mut TracedBlock::default(), &mut |column, entries| {
+            block.column_mut(ColumnIndex(column.0 - first)).copy_from_slice(entries);
+        })?;
         Ok(block)
     }
 
@@ -316,6 +428,72 @@ impl<S: Storage> BlockSource for StoreReader<S> {
         self.precision().to_string()
     }
 
+    fn visit_block(
+        &self,
+        id: BlockId,
+        scratch: &mut TracedBlock,
+        work: &mut dyn FnMut(LentBlock<'_>) -> Result<()>,
+    ) -> Result<()> {
+        let record = self.committed_record(id)?;
+        let (rows, columns) = (self.shape().rect(id).rows(), self.shape().columns());
+        let (offset, length) = (self.header.layout.slot_offset(id), (rows * columns * size_of::<f32>()) as u64);
+        let is_whole = self.precision() == Precision::F32 && record.stored_columns as usize == columns;
+        let lent = if is_whole { self.storage.lend(offset, length) } else { None };
+        let Some(entries) = lent.and_then(|bytes| bytemuck::try_cast_slice::<u8, f32>(bytes).ok()) else {
+            self.read_block(id, scratch)?;
+            return work(LentBlock::Scratch(scratch));
+        };
+        self.storage.expect(offset, record.length);
+        let side = self.side_data(id, &record)?;
+        let mut borrow = || {
+            if !self.is_checked(id) {
+                for (i, column) in entries.chunks_exact(rows).enumerate() {
+                    if crc32fast::hash(bytemuck::cast_slice(column)) != side.checksums[i] {
+                        return Err(self.damaged(id, self.name_stored(&side, i)));
+                    }
+                }
+                self.checked[id.index()].store(true, Ordering::Relaxed);
+            }
+            self.read_noise(id, &record, &side, &mut scratch.noise)?;
+            scratch.planes = self.decode_planes(id, &record, scratch.planes.take())?;
+            let TracedBlock { block: spare, noise, planes } = &mut *scratch;
+            let (noise, planes) = (noise.as_ref(), planes.as_ref());
+            work(LentBlock::Source { block: BlockView::new(rows, columns, entries), noise, planes, spare })
+        };
+        let done = borrow();
+        self.give_back(id, offset, length)?;
+        if self.releases {
+            self.storage.release(offset, record.length);
+        }
+        done
+    }
+
+    fn visit_columns(
+        &self,
+        id: BlockId,
+        columns: Range<u32>,
+        _scratch: &mut TracedBlock,
+        work: &mut dyn FnMut(ColumnIndex, &[f32]),
+    ) -> Result<()> {
+        self.check_columns(&columns)?;
+        let record = self.committed_record(id)?;
+        if !record.has_main(&self.header.layout, self.shape().rect(id).rows()) {
+            return Ok(());
+        }
+        let offset = self.header.layout.slot_offset(id);
+        let is_whole = columns.len() == self.shape().columns();
+        if is_whole {
+            self.storage.expect(offset, record.length);
+        }
+        let side = self.side_data(id, &record)?;
+        let stored = Self::stored_of(&side, &columns);
+        self.each_stored(id, &side, stored, &mut |stored, entries| work(ColumnIndex(side.columns[stored]), entries))?;
+        if self.releases && is_whole {
+            self.storage.release(offset, record.length);
+        }
+        Ok(())
+    }
+
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let record = self.committed_record(id)?;
         let (rows, columns) = (self.shape().rect(id).rows(), self.shape().columns());
@@ -333,14 +511,7 @@ impl<S: Storage> BlockSource for StoreReader<S> {
         let stored = side.columns.len();
         self.read_stored(id, &side, 0..stored, &mut target.block.entries_mut()[..stored * rows])?;
         spread(target.block.entries_mut(), rows, &side.columns);
-        target.noise = if record.noise == super::NOISE_STORED {
-            let mut probes = target.noise.take().unwrap_or_default().probes;
-            probes.resize(record.probes as usize * rows, 0.0);
-            self.read_stored(id, &side, stored..stored + record.probes as usize, &mut probes)?;
-            Some(BlockNoise { row_variance: side.row_variance, column_variance: side.column_variance, probes })
-        } else {
-            zero_noise(&record, rows, columns)
-        };
+        self.read_noise(id, &record, &side, &mut target.noise)?;
         if self.releases {
             self.storage.release(self.header.layout.slot_offset(id), record.length);
         }

@@ -7,6 +7,8 @@ use std::os::unix::fs::FileExt;
 use rustix::fs::{Advice, FallocateFlags};
 use rustix::io::Errno;
 
+use super::Access;
+
 /// What the store asks of a file. Tests put storages in between that fail, tear, freeze and count.
 pub trait Storage: Send + Sync {
     /// Bytes of the file.
@@ -44,6 +46,22 @@ pub trait Storage: Send + Sync {
     /// Says that a range will not be read again soon, so that its pages need not crowd out others.
     fn release(&self, offset: u64, length: u64) {
         let _ = (offset, length);
+    }
+
+    /// Lends a range from memory, where the storage has it there; what is lent is given back with
+    /// [`give_back`](Self::give_back).
+    fn lend(&self, offset: u64, length: u64) -> Option<&[u8]> {
+        let _ = (offset, length);
+        None
+    }
+
+    /// Ends a loan: its memory need not stay resident.
+    ///
+    /// # Errors
+    /// What was lent may not have been the file's bytes all along: whatever was made of it is void.
+    fn give_back(&self, offset: u64, length: u64) -> io::Result<()> {
+        let _ = (offset, length);
+        Ok(())
     }
 }
 
@@ -87,6 +105,14 @@ impl<S: Storage + ?Sized> Storage for &S {
     fn release(&self, offset: u64, length: u64) {
         (**self).release(offset, length);
     }
+
+    fn lend(&self, offset: u64, length: u64) -> Option<&[u8]> {
+        (**self).lend(offset, length)
+    }
+
+    fn give_back(&self, offset: u64, length: u64) -> io::Result<()> {
+        (**self).give_back(offset, length)
+    }
 }
 
 /// A file, read and written at positions.
@@ -104,6 +130,17 @@ impl FileStorage {
     /// The file.
     pub fn into_file(self) -> File {
         self.file
+    }
+
+    /// The file.
+    pub(super) fn file(&self) -> &File {
+        &self.file
+    }
+
+    /// Says what will be read of it.
+    pub(super) fn will_read(&self, access: Access) {
+        let advice = if access == Access::Blocks { Advice::Sequential } else { Advice::Random };
+        let _ = rustix::fs::fadvise(&self.file, 0, None, advice);
     }
 }
 

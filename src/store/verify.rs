@@ -52,7 +52,7 @@ impl VerifyReport {
 /// The header or the job description is damaged, so that nothing can be read; the system refuses; [`Error::Interrupted`]. Damaged
 /// blocks are not an error but listed.
 pub fn verify(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<VerifyReport> {
-    verify_storage(&StoreReader::open(path)?, progress)
+    verify_storage(&StoreReader::open_positioned(path)?, progress)
 }
 
 /// Opens a finished file to be mended where it stands: checks it, forgets what is damaged, and returns the writer with
@@ -63,7 +63,7 @@ pub fn verify(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<Ver
 /// # Errors
 /// Those of [`verify`]; a file whose header or description is damaged cannot be mended.
 pub fn mend(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<(StoreWriter, Vec<BlockId>, Job)> {
-    let reader = StoreReader::open(path)?;
+    let reader = StoreReader::open_positioned(path)?;
     let report = verify_storage(&reader, progress)?;
     let options = reader.options();
     let writer = StoreWriter::reopen(path, reader.job(), options)?;

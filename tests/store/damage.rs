@@ -112,7 +112,7 @@ fn a_file_that_shrinks_while_it_is_read_gives_errors_and_keeps_the_rest() {
     std::fs::write(&path, small_file()).unwrap();
     shrinks(&path, &StoreReader::open(&path).unwrap());
     std::fs::write(&path, small_file()).unwrap();
-    shrinks(&path, &StoreReader::open_mapped(&path).unwrap());
+    shrinks(&path, &StoreReader::open_positioned(&path).unwrap());
 }
 
 /// A header whose fields are changed and whose checksum is made to hold: what a program with a fault, or with bad

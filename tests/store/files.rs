@@ -30,7 +30,7 @@ fn what_is_written_comes_back_bit_for_bit_in_f32() {
         let summary = writer.finish().unwrap();
         assert!(summary.missing.is_empty() && !partial_path(&path).exists());
         let reader = StoreReader::open(&path).unwrap();
-        let mapped = StoreReader::open_mapped(&path).unwrap();
+        let positioned = StoreReader::open_positioned(&path).unwrap();
         assert_eq!(*reader.job(), job);
         assert_eq!(reader.tally().unwrap().stored_bytes, summary.stored_bytes);
         // One target for all: what an earlier block left in it must not show.
@@ -38,8 +38,8 @@ fn what_is_written_comes_back_bit_for_bit_in_f32() {
         for id in job.shape.blocks() {
             reader.read_block(id, &mut target).unwrap();
             assert!(target == block(&job, id), "{columns} columns, {id}");
-            mapped.read_block(id, &mut target).unwrap();
-            assert!(target == block(&job, id), "mapped, {columns} columns, {id}");
+            positioned.read_block(id, &mut target).unwrap();
+            assert!(target == block(&job, id), "positioned, {columns} columns, {id}");
         }
         assert!(verify(&path, |_, _| true).unwrap().is_complete());
     }

@@ -114,9 +114,14 @@ impl<'a> Matrix<'a> {
     /// Works on blocks in parallel; results in the order of `blocks`.
     fn each<T: Send>(&self, blocks: &[BlockId], work: impl Fn(BlockId, BlockView<'_>) -> T + Sync) -> Result<Vec<T>> {
         let one = |block: &mut TracedBlock, &id: &BlockId| {
-            self.source.read_block(id, block)?;
-            let (entries, ..) = sanitise(block.block.view());
-            Ok(work(id, BlockView::new(block.block.rows(), block.block.columns(), &entries)))
+            let mut done = None;
+            self.source.visit_block(id, block, &mut |lent| {
+                let view = lent.view();
+                let (entries, ..) = sanitise(view);
+                done = Some(work(id, BlockView::new(view.rows(), view.columns(), &entries)));
+                Ok(())
+            })?;
+            Ok(done.expect("a source that has no error to report gives the block"))
         };
         blocks.par_iter().map_init(TracedBlock::default, one).collect()
     }
