@@ -32,7 +32,9 @@
 //! block that stores every column in f32 without a copy (packing), and
 //! [`visit_columns`](crate::matrix::BlockSource::visit_columns) any column in f32, others decoded one by one (raw
 //! relighting, slices). Whoever wants a block in memory of its own gets it by `pread`, which is faster than copying from
-//! a map. How much this gains: `cargo bench --bench store`. @@
+//! a map. Measured in one run on two busy cores, time of the map in that of positioned reading (`cargo bench --bench store`):
+//! raw relighting warm 0.52 to 0.58 in f32, 0.42 to 0.45 in f16, 0.33 to 0.35 in bf16, cold 0.60 to 0.96; a whole block and one
+//! pass over it 0.73 warm and 1.02 cold in f32; other precisions copy, as before.
 //!
 //! * Checksums are checked as columns are touched, those of a block that is lent as a whole once for each opening.
 //! * The system is told what will be read ([`Access`]): whole blocks, of which it reads ahead, or single columns.

@@ -22,7 +22,8 @@ fn written(folder: &Path, precision: Precision) -> std::path::PathBuf {
 fn visited<S: Storage>(reader: &StoreReader<S>, id: BlockId) -> ltm::Result<(TracedBlock, bool)> {
     let mut found = None;
     reader.visit_block(id, &mut TracedBlock::default(), &mut |lent| {
-        let mut copy = TracedBlock { noise: lent.noise().cloned(), planes: lent.planes().cloned(), ..TracedBlock::default() };
+        let mut copy =
+            TracedBlock { noise: lent.noise().cloned(), planes: lent.planes().cloned(), ..TracedBlock::default() };
         copy.block.copy_from(lent.view());
         found = Some((copy, matches!(lent, LentBlock::Source { .. })));
         Ok(())
