@@ -2,8 +2,27 @@
 
 use std::path::{Path, PathBuf};
 
+/// What a program can do about an [`enum@Error`]; see its variants.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// [`Error::Input`].
+    Input,
+    /// [`Error::Damaged`].
+    Damaged,
+    /// [`Error::Io`].
+    Io,
+    /// [`Error::Resources`].
+    Resources,
+    /// [`Error::Interrupted`].
+    Interrupted,
+    /// [`Error::NoGpu`].
+    NoGpu,
+}
+
 /// What went wrong, where, and what to do about it, as one line.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// What the user gave cannot be used: fix the input and run again.
     #[error("{place}: {problem}{}{hint}", if hint.is_empty() { "" } else { "; " })]
@@ -73,6 +92,18 @@ impl Error {
     pub fn io(path: impl AsRef<Path>, action: impl Into<String>) -> impl FnOnce(std::io::Error) -> Self {
         let (path, action) = (path.as_ref().to_owned(), action.into());
         move |source| Self::Io { path, action, source }
+    }
+
+    /// What can be done about it.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Input { .. } => ErrorKind::Input,
+            Self::Damaged { .. } => ErrorKind::Damaged,
+            Self::Io { .. } => ErrorKind::Io,
+            Self::Resources { .. } => ErrorKind::Resources,
+            Self::Interrupted(_) => ErrorKind::Interrupted,
+            Self::NoGpu(_) => ErrorKind::NoGpu,
+        }
     }
 
     /// Exit code of the programs for this error. 0 is success; 2 is clap's, for unusable arguments.

@@ -30,10 +30,10 @@
 //! |---|---|
 //! | `error` | nothing |
 //! | `files`, `matrix` | `error` |
-//! | `image` | `error`, `files` |
+//! | `image` | `error`, `files`, `matrix` |
 //! | `light` | `error`, `matrix` |
 //! | `look` | `error`, `files`, `light`, `image` |
-//! | `scene` | `error`, `files`, `light`, `image` |
+//! | `scene` | `error`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
 //! | `clean`, `compress` | `error`, `matrix`, `light` |
 //! | `store`, `container` | `error`, `files`, `matrix`, `light` |

@@ -15,6 +15,7 @@ use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, vali
 use crate::error::{Error, Result};
 use crate::files::read_input_text;
 use crate::light::names::fits;
+use crate::matrix::MatrixShape;
 
 /// Bytes of a scene file at most.
 const MOST_TEXT_BYTES: u64 = 64 << 20;
@@ -166,9 +167,14 @@ fn settings(entry: &RenderEntry, place: &str) -> Result<RenderSettings> {
         value => Ok(value.unwrap_or(default)),
     };
     Ok(RenderSettings {
-        samples_per_pixel: within("samples_per_pixel", entry.samples_per_pixel, default.samples_per_pixel, 1 << 20)?,
+        samples_per_pixel: within(
+            "samples_per_pixel",
+            entry.samples_per_pixel,
+            default.samples_per_pixel,
+            RenderSettings::MAX_SAMPLES_PER_PIXEL,
+        )?,
         seed: entry.seed.unwrap_or(default.seed),
-        block_side: within("block_side", entry.block_side, default.block_side, 256)?,
+        block_side: within("block_side", entry.block_side, default.block_side, MatrixShape::MAX_BLOCK_SIDE)?,
         max_depth: within("max_depth", entry.max_depth, default.max_depth, 1024)?,
     })
 }

@@ -33,6 +33,11 @@ pub struct RenderSettings {
     pub max_depth: u32,
 }
 
+impl RenderSettings {
+    /// Most samples per pixel: what the sample sequence distinguishes with light samples to spare.
+    pub const MAX_SAMPLES_PER_PIXEL: u32 = 1 << 24;
+}
+
 impl Default for RenderSettings {
     fn default() -> Self {
         Self { samples_per_pixel: 64, seed: 0, block_side: 32, max_depth: 12 }

@@ -14,7 +14,7 @@ use super::world::World;
 use crate::error::{Error, Result};
 use crate::light::{Clusters, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
-use crate::scene::Scene;
+use crate::scene::{RenderSettings, Scene};
 
 /// How well to trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,8 +54,8 @@ pub struct Tracer {
 }
 
 impl Tracer {
-    /// Most samples per pixel: what the sample sequence distinguishes with light samples to spare.
-    pub const MAX_SAMPLES_PER_PIXEL: u32 = 1 << 24;
+    /// Most samples per pixel.
+    pub const MAX_SAMPLES_PER_PIXEL: u32 = RenderSettings::MAX_SAMPLES_PER_PIXEL;
 
     /// Prepares a scene for tracing: builds its tree, which takes about a second for each million triangles and core.
     ///

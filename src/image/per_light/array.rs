@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use super::{LayerMatch, LayerRole, LightRow, LightSet, Source, TakeRow};
 use crate::error::{Error, Result};
 use crate::files::open_input;
+use crate::matrix::MatrixShape;
 
-const MAX_SIDE: u64 = 65_536;
-const MAX_LIGHTS: u64 = 1 << 24;
+const MAX_SIDE: u64 = MatrixShape::MAX_IMAGE_SIDE as u64;
+const MAX_LIGHTS: u64 = MatrixShape::MAX_COLUMNS as u64;
 
 /// An array on disk.
 #[derive(Clone, Debug)]

@@ -9,10 +9,11 @@ use crate::error::{Error, Result};
 use crate::files::{folder_of, open_input, read_input};
 use crate::image::read::place_in_frame;
 use crate::image::{LinearImage, image_size, read_image};
+use crate::matrix::MatrixShape;
 
 /// Extensions of the image files that a pattern may find.
 const EXTENSIONS: [&str; 8] = ["exr", "hdr", "pfm", "png", "jpg", "jpeg", "tga", "bmp"];
-const MAX_SIDE: u64 = 65_536;
+const MAX_SIDE: u64 = MatrixShape::MAX_IMAGE_SIDE as u64;
 
 /// Looks at the files of the folder of `pattern` whose names match its last part, `{light}` standing for the light's name
 /// and `*` for anything.
