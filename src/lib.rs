@@ -28,15 +28,16 @@
 //!
 //! | module | may import |
 //! |---|---|
-//! | `error` | nothing |
+//! | `error`, `encoding` | nothing |
 //! | `files`, `matrix` | `error` |
 //! | `image` | `error`, `files`, `matrix` |
-//! | `light` | `error`, `matrix` |
+//! | `light` | `error`, `encoding`, `matrix` |
 //! | `look` | `error`, `files`, `light`, `image` |
 //! | `scene` | `error`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
 //! | `clean`, `compress` | `error`, `matrix`, `light` |
-//! | `store`, `container` | `error`, `files`, `matrix`, `light` |
+//! | `store` | `error`, `files`, `matrix`, `light` |
+//! | `container` | `error`, `encoding`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `host` | `error`, `files` |
 //! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `host` |
@@ -52,32 +53,32 @@
 //! | `faer` | `clean`, `compress` |
 //! | `rand`, `rand_pcg` | `compress`, `light` |
 //! | `glam` | `light`, `scene`, `trace` |
-//! | `tobj` | `scene` |
 //! | `obvhs` | `trace` |
 //! | `serde`, `toml` | `look`, `scene` |
 //! | `serde_json` | `look` |
-//! | `exr`, `image`, `npyz`, `regex` | `image` |
-//! | `bincode` | `container`, `light` |
+//! | `exr`, `image`, `regex_lite`, `zip` | `image` |
+//! | `bincode` | `encoding` |
 //! | `zstd` | `container` |
 //! | `half` | `image`, `store` |
 //! | `libc`, `memmap2` | `store` |
 //! | `rustix` | `files`, `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene` |
 //! | `crc32fast` | `container`, `files`, `store` |
-//! | `bytemuck` | `compress`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
+//! | `bytemuck` | `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
 //! | `pulp` | `clean`, `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline` |
 //! | `thiserror` | `error`, `trace` |
 //! | `std::fs` | `container`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
 //! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
-//! | `std::thread` | `host`, `pipeline`, `store` |
+//! | `std::thread` | `host`, `image`, `pipeline`, `store` |
 //! | `std::env` | `scene` |
 //! | `std::process`, `std::net` | none |
 
 pub mod clean;
 pub mod compress;
 pub mod container;
+mod encoding;
 pub mod error;
 pub mod files;
 pub mod host;

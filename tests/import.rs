@@ -8,11 +8,10 @@ use std::sync::Mutex;
 use libtest_mimic::{Arguments, Trial};
 use ltm::compress::Target;
 use ltm::host::{Quiet, Watch, parse_bytes};
-use ltm::image::{ImageSize, LayerRole, LightSet, LinearImage, write_exr, write_exr_rows, write_npy};
+use ltm::image::{ImageSize, LayerPattern, LayerRole, LightSet, LinearImage, write_exr, write_exr_rows, write_npy};
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
 use ltm::pipeline::{self, ImportedMatrix, PackOptions};
 use ltm::{Error, Result};
-use regex::Regex;
 
 fn main() -> ExitCode {
     let scenes = std::env::var_os("LTM_SCENES").map(|folder| PathBuf::from(folder).join("lightgroups"));
@@ -87,7 +86,7 @@ fn write_layers(path: &Path, layers: &[&str], images: &[LinearImage]) {
 }
 
 fn import(path: &Path, layers: Option<&str>) -> Result<ImportedMatrix> {
-    let layers = layers.map(|layers| Regex::new(layers).unwrap());
+    let layers = layers.map(|layers| layers.parse::<LayerPattern>().unwrap());
     let beside = tempfile::tempdir().unwrap();
     let set = LightSet::open(path, layers.as_ref())?;
     ImportedMatrix::read(&set, "test", &beside.path().join("x"), 8, &PackOptions::default(), &Quiet)

@@ -227,7 +227,9 @@ fn named_looks_stand_on_the_rules_above_and_keys_blend_them() {
     let night = look.named("night").unwrap().weights();
     assert_eq!((night[0], night[2]), ([1.0; 3], [0.0; 3]));
     let frames = look.frames(4.0).unwrap();
-    assert_eq!(frames.iter().map(|f| f.weights()[0][0]).collect::<Vec<_>>(), [2.0, 1.75, 1.5, 1.25, 1.0]);
+    let weight = |frame: usize| frames.lighting(frame).unwrap().weights()[0][0];
+    assert_eq!((0..frames.count()).map(weight).collect::<Vec<_>>(), [2.0, 1.75, 1.5, 1.25, 1.0]);
+    assert!(frames.lighting(5).is_err());
     assert!(look.named("nigth").err().unwrap().to_string().contains("'night'"));
     assert!(look.frames(0.0).is_err());
 }

@@ -172,11 +172,15 @@ impl BlockRecord {
         bytes
     }
 
-    /// Reads a record; `None` where a flag or reserved byte has no meaning.
+    /// Reads a record; `None` where a flag or reserved byte has no meaning, or components are claimed without a layer.
     pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let figure = |at| f64::from(f32::from_bits(u32_at(bytes, at)));
+        let holds_something = bytes[4] > 0;
+        let claims_something = bytes[6..12] != [0; 6];
         let known = bytes[5] <= 1 && bytes[28..32] == [0; 4] && usize::from(bytes[4]) <= MAX_LAYERS;
-        known.then(|| Self {
+        // Without layers there are no components, and without the block no layers.
+        let fits = (holds_something || !claims_something) && (bytes[5] == 1 || !holds_something);
+        (known && fits).then(|| Self {
             first_layer: u32_at(bytes, 0),
             layers: bytes[4],
             present: bytes[5] == 1,

@@ -2,20 +2,19 @@
 
 use super::format::u32_at;
 use super::report::ContainerReport;
+use crate::encoding::{decode as decode_record, encode as encode_record};
 use crate::light::{Job, LightErrors, decode_job, encode_job};
 
 /// What any metadata may unpack to, and what each of its bytes on disk earns on top of that.
 const FREE_BYTES: usize = 1 << 16;
 const EARNED_PER_BYTE: usize = 256;
-/// Bound on the decoded report, so that no length field in it can ask for more.
-const MAX_REPORT_BYTES: usize = 1 << 24;
 
 /// Encodes job and report: two lengths, a flag, and their bytes, zstd-compressed unless that would look like a bomb.
 pub(super) fn encode(job: &Job, report: &ContainerReport, lights: Option<&LightErrors>) -> Vec<u8> {
     let job = encode_job(job);
-    let mut report = bincode::encode_to_vec(report, config()).expect("encoding into memory cannot fail");
+    let mut report = encode_record(report);
     if let Some(lights) = lights {
-        report.extend(bincode::encode_to_vec(lights, config()).expect("encoding into memory cannot fail"));
+        report.extend(encode_record(lights));
     }
     let plain = [job.as_slice(), report.as_slice()].concat();
     let packed = zstd::bulk::compress(&plain, 19).expect("compressing into memory cannot fail");
@@ -50,14 +49,14 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, Option<Light
         return Err("the metadata's lengths do not fit each other".into());
     }
     let job = decode_job(&plain[..job_bytes])?;
-    let (report, used): (ContainerReport, usize) = bincode::decode_from_slice(&plain[job_bytes..], config())
-        .map_err(|e| format!("the report does not decode ({e})"))?;
+    let (report, used): (ContainerReport, usize) =
+        decode_record(&plain[job_bytes..]).map_err(|e| format!("the report does not decode ({e})"))?;
     let rest = &plain[job_bytes + used..];
     if rest.is_empty() {
         return Ok((job, report, None));
     }
     let (lights, used): (LightErrors, usize) =
-        bincode::decode_from_slice(rest, config()).map_err(|e| format!("the errors of lights do not decode ({e})"))?;
+        decode_record(rest).map_err(|e| format!("the errors of lights do not decode ({e})"))?;
     if used != rest.len() {
         return Err(format!("the report has {} trailing bytes", rest.len() - used));
     }
@@ -65,10 +64,6 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, Option<Light
         return Err(format!("the errors of lights name column {}, beyond the last", lights.worst_column));
     }
     Ok((job, report, Some(lights)))
-}
-
-fn config() -> impl bincode::config::Config {
-    bincode::config::standard().with_limit::<MAX_REPORT_BYTES>()
 }
 
 fn allowed(packed_bytes: usize) -> usize {

@@ -2,13 +2,14 @@
 
 use std::fs::File;
 use std::ops::Range;
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
+use super::codec::claims;
 use super::format::{BlockRecord, HEADER_BYTES, HEADER_MAGIC, Header, TRAILER_BYTES, Trailer};
 use super::index::{Index, PIECE_BYTES};
 use super::layers::join_layers;
@@ -26,6 +27,11 @@ use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixSha
 const TAIL_SHARE: u64 = 64;
 const TAIL_LEAST: u64 = 1 << 16;
 const TAIL_MOST: u64 = 1 << 26;
+
+/// An index of more bytes than this must have been stored: of each byte on the disk, file systems that compress make no more
+/// than so many. A file may claim any length without holding it.
+const FREE_TAIL_BYTES: u64 = 64 << 20;
+const EARNED_PER_STORED_BYTE: u64 = 64;
 
 const CUT_SHORT: &str = "make it again, or fetch it again if it was copied";
 
@@ -83,9 +89,14 @@ impl ContainerReader {
                 });
             }
         };
-        let tail_bytes = trailer.tail_bytes() as usize;
-        if tail_bytes > end.len() {
-            end = read(trailer.metadata_offset, tail_bytes)?;
+        let tail_bytes = trailer.tail_bytes();
+        if tail_bytes > end.len() as u64 {
+            if tail_bytes > FREE_TAIL_BYTES && tail_bytes / EARNED_PER_STORED_BYTE > stored_bytes(&file, path)? {
+                let problem =
+                    format!("it claims an index of {tail_bytes} bytes, but the disk holds hardly any of them");
+                return Err(Error::damaged(path, problem, CUT_SHORT));
+            }
+            end = read(trailer.metadata_offset, tail_bytes as usize)?;
         }
         let (index, (job, report, light_errors)) =
             decode_tail(end, &trailer).map_err(|problem| Error::damaged(path, problem, CUT_SHORT))?;
@@ -241,16 +252,33 @@ impl ContainerReader {
             Error::Damaged { problem, .. } => problem,
             other => other.to_string(),
         })?;
-        let contradiction = if block.rank() != usize::from(record.rank) {
-            "its rank is not the index's"
-        } else if block.sparse.len() != record.sparse_entries as usize {
-            "its number of sparse entries is not the index's"
-        } else if !block.is_consistent() {
-            "its sparse entries overlap"
-        } else {
+        let found = (block.rank(), block.sparse.len());
+        match found == (usize::from(record.rank), record.sparse_entries as usize) {
+            true => Ok(()),
+            false => Err(format!("{}: its rank or number of sparse entries is not the index's", self.place(id))),
+        }
+    }
+
+    /// Holds what the chunks of layers from `first` on claim to the index, by which memory is reckoned, before they are
+    /// decoded.
+    fn hold_to_index(&self, id: BlockId, first: u32, chunks: &[Vec<u8>]) -> Result<(), String> {
+        let record = self.record(id);
+        let (mut rank, mut sparse_entries) = (0, 0);
+        for chunk in chunks {
+            let claims = claims(chunk)?;
+            rank = (rank + claims.components).max(claims.rank);
+            sparse_entries += claims.sparse_entries;
+        }
+        let whole = first == 0 && chunks.len() == usize::from(record.layers);
+        let known = (usize::from(record.rank), record.sparse_entries as usize);
+        let fits = if whole { (rank, sparse_entries) == known } else { rank <= known.0 && sparse_entries <= known.1 };
+        let (rank_there, entries_there) = known;
+        if fits {
             return Ok(());
-        };
-        Err(format!("{}: {contradiction}", self.place(id)))
+        }
+        Err(format!(
+            "it claims rank {rank} and {sparse_entries} sparse entries, the index rank {rank_there} and {entries_there}"
+        ))
     }
 
     /// Reads and checks the header against the trailer.
@@ -289,8 +317,10 @@ impl FactorSource for ContainerReader {
         let base = if layers.start > 0 { Some(self.read_layers(id, 0..1)?) } else { None };
         let chunks = (layers.start..layers.end).map(|layer| self.read_chunk(id, layer as usize));
         let chunks = chunks.collect::<Result<Vec<_>>>()?;
-        join_layers(&layout, chunks.iter().map(|chunk| Ok(chunk.as_slice())), base.as_ref())
-            .map_err(|problem: String| self.bad_block(id, layers.start as usize, &problem))
+        self.hold_to_index(id, layers.start, &chunks)
+            .and_then(|()| join_layers(&layout, chunks.iter().map(|chunk| Ok(chunk.as_slice())), base.as_ref()))
+            .and_then(usable)
+            .map_err(|problem| self.bad_block(id, layers.start as usize, &problem))
     }
 
     fn stored_layer(&self, id: BlockId, layer: u32) -> Result<Vec<u8>> {
@@ -302,8 +332,22 @@ impl FactorSource for ContainerReader {
             return self.read_layers(id, 0..0);
         }
         let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
-        join_layers(&layout, stored.iter().map(|chunk| Ok(chunk.as_slice())), None)
-            .map_err(|problem: String| self.bad_block(id, stored.len().saturating_sub(1), &problem))
+        self.hold_to_index(id, 0, stored)
+            .and_then(|()| join_layers(&layout, stored.iter().map(|chunk| Ok(chunk.as_slice())), None))
+            .and_then(usable)
+            .map_err(|problem| self.bad_block(id, stored.len().saturating_sub(1), &problem))
+    }
+}
+
+/// A decoded block, if its parts can be used together.
+fn usable(block: FactoredBlock) -> Result<FactoredBlock, String> {
+    let is_finite = |values: &[f32]| values.iter().all(|v| v.is_finite());
+    if !block.is_consistent() {
+        Err("its sparse entries overlap".into())
+    } else if !is_finite(&block.left) || !is_finite(&block.right) || !block.sparse.iter().all(|e| e.value.is_finite()) {
+        Err("it holds values that are not finite".into())
+    } else {
+        Ok(block)
     }
 }
 
@@ -318,6 +362,12 @@ fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Metadata), Str
         return Err(format!("the index has {} blocks, the job {blocks}", trailer.block_count));
     }
     Ok((index, metadata))
+}
+
+/// Bytes of the disk that a file takes, or its length where the file system does not say.
+fn stored_bytes(file: &File, path: &Path) -> Result<u64> {
+    let metadata = file.metadata().map_err(Error::io(path, "ask for the size"))?;
+    Ok(if metadata.blocks() == 0 { metadata.len() } else { metadata.blocks() * 512 })
 }
 
 fn not_ours(path: &Path) -> Error {

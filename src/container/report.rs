@@ -1,7 +1,9 @@
 //! How a container was made.
 
+use crate::encoding::{Decode, Encode};
+
 /// How a container was made, for people and programs; where each figure comes from.
-#[derive(Clone, Debug, Default, PartialEq, Eq, bincode::Encode, bincode::Decode)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct ContainerReport {
     /// Program and version that packed.
     pub program: String,

@@ -97,6 +97,19 @@ impl Need {
     }
 }
 
+/// The memory that a job was given or, without such, that the system has.
+pub fn budget_bytes(memory_bytes: Option<u64>) -> u64 {
+    memory_bytes.or_else(|| available_bytes(Path::new("/"))).unwrap_or(u64::MAX)
+}
+
+/// Holds what a caller is about to allocate to the memory that it was given or, without such, that the system has.
+///
+/// # Errors
+/// [`Error::Resources`] where it does not fit.
+pub fn hold_to_memory(job: &str, bytes: u64, memory_bytes: Option<u64>) -> Result<()> {
+    Need { fixed_bytes: bytes, ..Need::default() }.threads_within(job, memory_bytes).map(|_| ())
+}
+
 /// Bytes with a binary unit.
 pub fn human_bytes(bytes: u64) -> String {
     const UNITS: [&str; 4] = ["B", "KiB", "MiB", "GiB"];

@@ -8,7 +8,7 @@ mod threads;
 mod watch;
 
 pub(crate) use budget::{Need, PROGRAM_BYTES};
-pub use budget::{human_bytes, parse_bytes};
+pub use budget::{budget_bytes, hold_to_memory, human_bytes, parse_bytes};
 pub use peak::PeakMemory;
 pub(crate) use threads::Threads;
 pub use watch::{Quiet, Watch};

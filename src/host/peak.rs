@@ -37,6 +37,13 @@ impl PeakMemory {
         Self { peak, running: Some(running), sampler: Some(sampler) }
     }
 
+    /// The peak so far; none where the system does not tell.
+    pub fn so_far(&self) -> Option<u64> {
+        let peak = self.peak.fetch_max(anonymous_bytes().unwrap_or(0), Ordering::Relaxed);
+        let peak = peak.max(self.peak.load(Ordering::Relaxed));
+        (peak > 0).then_some(peak)
+    }
+
     /// The peak in bytes; none where the system does not tell (other systems than Linux).
     pub fn stop(mut self) -> Option<u64> {
         self.end();

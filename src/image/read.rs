@@ -14,6 +14,9 @@ use crate::files::open_input;
 /// Largest side of an image that is read, in pixels.
 const MAX_SIDE: u32 = 16_384;
 
+/// Bytes of a pixel as RGBA, and as RGB where alpha is dropped.
+const RETURNED_BYTES: u64 = 16 + 12;
+
 /// First four bytes of an OpenEXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 
@@ -38,12 +41,13 @@ pub fn read_image(path: &Path) -> Result<LinearImage> {
 
 /// Reads an image with its alpha. The format is told from the content, not from the name.
 ///
-/// Errors: a file that cannot be opened, is no image of a known format, is damaged, or is larger than 16,384 pixels
+/// # Errors
+/// A file that cannot be opened, is no image of a known format, is damaged, has no pixels, or is larger than 16,384 pixels
 /// along a side.
 pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
-    image_size(path)?;
+    let facts = image_facts(path)?;
     match format_of(path)? {
-        Format::Exr => read_exr(path),
+        Format::Exr => read_exr(path, &facts),
         Format::Hdr => read_with(path, hdr_decoder(path)?, true),
         Format::Other => {
             let mut reader = other_reader(path)?;
@@ -55,33 +59,61 @@ pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
     }
 }
 
-/// Width and height in pixels, without decoding. Errors: those of [`read_rgba`].
-pub fn image_size(path: &Path) -> Result<(u32, u32)> {
-    let size = match format_of(path)? {
+/// What an image file says of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageFacts {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Bytes of memory that [`read_image`] and [`read_rgba`] take at most, with what they return.
+    pub needs_bytes: u64,
+}
+
+/// Size of an image and what reading it takes, without decoding it.
+///
+/// # Errors
+/// Those of [`read_rgba`].
+pub fn image_facts(path: &Path) -> Result<ImageFacts> {
+    let ((width, height), decoder_bytes) = match format_of(path)? {
         Format::Exr => {
             let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| refuse(path, &e.to_string()))?;
-            let size = meta.headers.first().ok_or_else(|| refuse(path, "it has no layers"))?.layer_size;
-            (size.x() as u64, size.y() as u64)
+            let header = meta.headers.iter().find(|header| has_colours(header));
+            let header = header.ok_or_else(|| refuse(path, "it has no layer of red, green and blue"))?;
+            let chunk_bytes = meta.headers.iter().map(|header| header.max_block_byte_size() as u64).max().unwrap_or(0);
+            // The library takes a thread for each core, and two chunks more.
+            let threads = std::thread::available_parallelism().map_or(1, usize::from) as u64 + 2;
+            let size = header.layer_size;
+            ((size.x() as u64, size.y() as u64), chunk_bytes.saturating_mul(5 * threads))
         }
         Format::Hdr => {
             let (width, height) = hdr_decoder(path)?.dimensions();
-            (u64::from(width), u64::from(height))
+            let size = (u64::from(width), u64::from(height));
+            (size, size.0 * size.1 * 16)
         }
         Format::Other => {
             let size = other_reader(path)?.into_dimensions();
             let (width, height) = size.map_err(|e| refuse(path, &e.to_string()))?;
-            (u64::from(width), u64::from(height))
+            let size = (u64::from(width), u64::from(height));
+            (size, size.0 * size.1 * 16)
         }
     };
-    if size.0.max(size.1) > u64::from(MAX_SIDE) {
-        let problem = format!("the image has {} × {} pixels", size.0, size.1);
-        return Err(Error::input(
-            path.display().to_string(),
-            problem,
-            format!("give one of at most {MAX_SIDE} a side"),
-        ));
-    }
-    Ok((size.0 as u32, size.1 as u32))
+    let problem = match (width, height) {
+        (0, _) | (_, 0) => "the image has no pixels".to_owned(),
+        _ if width.max(height) > u64::from(MAX_SIDE) => format!("the image has {width} × {height} pixels"),
+        _ => {
+            let needs_bytes = (width * height * RETURNED_BYTES).saturating_add(decoder_bytes);
+            return Ok(ImageFacts { width: width as u32, height: height as u32, needs_bytes });
+        }
+    };
+    let hint = format!("give one of 1 to {MAX_SIDE} a side");
+    Err(Error::input(path.display().to_string(), problem, hint))
+}
+
+/// Whether a layer of an OpenEXR file is one that [`read_exr`] takes.
+fn has_colours(header: &exr::meta::header::Header) -> bool {
+    let has = |colour: &str| header.channels.list.iter().any(|channel| channel.name.eq(colour));
+    !header.deep && ["R", "G", "B"].into_iter().all(has)
 }
 
 /// Where an image's pixels lie in the frame that its camera saw: the offset of its top left corner, and the frame's size. OpenEXR
@@ -140,19 +172,28 @@ fn refuse(path: &Path, reason: &str) -> Error {
     Error::input(path.display().to_string(), format!("the image cannot be read ({reason})"), hint)
 }
 
-fn read_exr(path: &Path) -> Result<RgbaImage> {
-    // The layer with colours need not be the file's first, so the size is taken from it.
+/// Reads the first layer with colours, whose size `facts` are. Every pixel is set, or the file is refused, so that memory
+/// is touched no faster than chunks are decoded.
+fn read_exr(path: &Path, facts: &ImageFacts) -> Result<RgbaImage> {
+    let (width, height) = (facts.width as usize, facts.height as usize);
     let result = exr::prelude::read_first_rgba_layer_from_file(
         path,
-        |size, _| (size, vec![[0.0, 0.0, 0.0, 1.0]; size.area()]),
-        |(size, pixels), position, (r, g, b, a): (f32, f32, f32, f32)| {
-            pixels[position.y() * size.x() + position.x()] = [r, g, b, a];
+        move |size, _| {
+            let fits = (size.x(), size.y()) == (width, height);
+            if fits { vec![[0.0; 4]; width * height] } else { Vec::new() }
+        },
+        move |pixels, position, (r, g, b, a): (f32, f32, f32, f32)| {
+            if let Some(pixel) = pixels.get_mut(position.y() * width + position.x()) {
+                *pixel = [r, g, b, a];
+            }
         },
     );
     let channels = result.map_err(|e| refuse(path, &e.to_string()))?.layer_data.channel_data;
-    let (size, pixels) = channels.pixels;
     let has_alpha = channels.channels.3.is_some();
-    Ok(RgbaImage { width: size.x() as u32, height: size.y() as u32, pixels, has_alpha })
+    if channels.pixels.len() != width * height {
+        return Err(refuse(path, "its layers of red, green and blue differ in size"));
+    }
+    Ok(RgbaImage { width: facts.width, height: facts.height, pixels: channels.pixels, has_alpha })
 }
 
 fn read_with(path: &Path, decoder: impl ImageDecoder, linear: bool) -> Result<RgbaImage> {
@@ -160,8 +201,15 @@ fn read_with(path: &Path, decoder: impl ImageDecoder, linear: bool) -> Result<Rg
     let has_alpha = decoded.color().has_alpha();
     let decode = |v: f32| if linear { v } else { decode_srgb(v) };
     let image = decoded.into_rgba32f();
-    let pixels = image.pixels().map(|image::Rgba([r, g, b, a])| [decode(*r), decode(*g), decode(*b), *a]).collect();
-    Ok(RgbaImage { width: image.width(), height: image.height(), pixels, has_alpha })
+    let (width, height) = (image.width(), image.height());
+    let values = image.into_raw();
+    let mut pixels: Vec<[f32; 4]> = match bytemuck::try_cast_vec(values) {
+        Ok(pixels) => pixels,
+        // Where the room was not given out in whole pixels.
+        Err((_, values)) => values.as_chunks::<4>().0.to_vec(),
+    };
+    pixels.iter_mut().flat_map(|pixel| &mut pixel[..3]).for_each(|value| *value = decode(*value));
+    Ok(RgbaImage { width, height, pixels, has_alpha })
 }
 
 /// Inverse of the sRGB transfer function (IEC 61966-2-1).
@@ -189,7 +237,8 @@ mod tests {
         let image = LinearImage { width: 3, height: 2, pixels: (0..6).map(|i| [i as f32, 0.5, 7e3]).collect() };
         write_exr(&path, &image).unwrap();
         assert_eq!(read_image(&path).unwrap(), image);
-        assert_eq!(image_size(&path).unwrap(), (3, 2));
+        let facts = image_facts(&path).unwrap();
+        assert_eq!((facts.width, facts.height), (3, 2));
         assert!(!read_rgba(&path).unwrap().has_alpha);
     }
 

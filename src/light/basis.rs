@@ -4,11 +4,12 @@ use std::collections::HashMap;
 use std::fmt;
 use std::ops::Range;
 
+use crate::encoding::{Decode, Encode};
 use crate::error::{Error, Result};
 use crate::matrix::{ColumnIndex, MatrixShape};
 
 /// What a light is, and how its columns are laid out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, bincode::Encode, bincode::Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum LightKind {
     /// An emissive material or object group: one column.
     Lamp,
@@ -44,7 +45,7 @@ pub enum LightKind {
 }
 
 /// The unit of a weight 1 on a column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, bincode::Encode, bincode::Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum LightUnit {
     /// Radiance, W·sr⁻¹·m⁻² per channel.
     Radiance,
@@ -57,7 +58,7 @@ pub enum LightUnit {
 }
 
 /// One light: a name, what it is, and the contiguous columns that it owns.
-#[derive(Clone, Debug, PartialEq, bincode::Encode, bincode::Decode)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Light {
     /// Name, unique in the basis.
     pub name: String,

@@ -1,11 +1,12 @@
 //! What images under lightings of every kind lose by compression.
 
 use super::LightBasis;
+use crate::encoding::{Decode, Encode};
 use crate::matrix::ColumnIndex;
 
 /// How far whole images are from those of the stored matrix, relative L2, after quantisation, over lightings
 /// of every kind. NaN means not known.
-#[derive(Clone, Copy, Debug, PartialEq, bincode::Encode, bincode::Decode)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct LightErrors {
     /// Under the prior's lightings, as it was expected when ranks and steps were chosen.
     pub prior: f32,

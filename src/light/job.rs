@@ -5,6 +5,7 @@ use std::fmt;
 use sha2::{Digest, Sha256};
 
 use super::{LightBasis, metadata};
+use crate::encoding::{Decode, Encode};
 use crate::matrix::MatrixShape;
 
 /// Identity of a job: SHA-256 over its encoded description and its scene's content. Two files with the same hash hold
@@ -13,7 +14,7 @@ use crate::matrix::MatrixShape;
 pub struct JobHash(pub [u8; 32]);
 
 /// Where a matrix comes from.
-#[derive(Clone, Debug, Default, PartialEq, bincode::Encode, bincode::Decode)]
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub struct Provenance {
     /// Scene name or source file name, without its folder.
     pub source: String,

@@ -1,22 +1,12 @@
-//! The bytes of a [`Job`]: the only place that knows bincode.
-//!
-//! Layout: bincode 2, little-endian, variable-length integers, the fields of `JobRecord` in order, and after them the
-//! weights of the scene's lighting that are not their lights' emission, if there are any; `formats/` writes it down. A
-//! checksum is the containing file's business.
-
-use bincode::config::{Configuration, Limit, LittleEndian, Varint};
+//! The bytes of a [`Job`]: a `JobRecord`, and after it the weights of the scene's lighting that are not their lights'
+//! emission, if there are any.
 
 use super::{Job, Light, LightBasis, Provenance};
+use crate::encoding::{Decode, Encode, MAX_BYTES, decode, encode};
 use crate::error::Result;
 use crate::matrix::MatrixShape;
 
-/// Largest description, and bound on what encoding and decoding count.
-const MAX_BYTES: usize = 1 << 30;
-/// Bytes that a decoded item takes in memory for each byte that it takes here, at most: a light without columns is the
-/// worst, with 18 bytes here and some 120 in memory.
-const MEMORY_PER_BYTE: usize = 8;
-
-#[derive(bincode::Encode, bincode::Decode)]
+#[derive(Encode, Decode)]
 struct JobRecord {
     width: u32,
     height: u32,
@@ -29,28 +19,6 @@ struct JobRecord {
 /// First column and weights of each light that the scene lights texel by texel.
 type SceneWeights = Vec<(u32, Vec<[f32; 3]>)>;
 
-type Config = Configuration<LittleEndian, Varint, Limit<MAX_BYTES>>;
-
-fn config() -> Config {
-    bincode::config::standard().with_limit::<MAX_BYTES>()
-}
-
-/// Decodes with a limit that the bytes at hand have earned.
-///
-/// A length field makes bincode allocate for as many items at once, up to its limit, and the limit is a constant. So
-/// it is chosen from a ladder: a damaged length cannot ask for more than 32 times the bytes at hand, or 4 KiB.
-fn decode_within<T: bincode::Decode<()>>(bytes: &[u8]) -> Result<(T, usize), bincode::error::DecodeError> {
-    macro_rules! first_that_fits {
-        ($($limit:expr),*) => {
-            $(if bytes.len() * MEMORY_PER_BYTE <= $limit {
-                return bincode::decode_from_slice(bytes, config().with_limit::<{ $limit }>());
-            })*
-        };
-    }
-    first_that_fits!(1 << 12, 1 << 14, 1 << 16, 1 << 18, 1 << 20, 1 << 22, 1 << 24, 1 << 26, 1 << 28);
-    bincode::decode_from_slice(bytes, config())
-}
-
 /// Encodes a job.
 pub fn encode_job(job: &Job) -> Vec<u8> {
     let record = JobRecord {
@@ -61,10 +29,10 @@ pub fn encode_job(job: &Job) -> Vec<u8> {
         lights: job.basis.lights().to_vec(),
         provenance: job.provenance.clone(),
     };
-    let mut bytes = bincode::encode_to_vec(record, config()).expect("encoding into memory cannot fail");
+    let mut bytes = encode(record);
     let weights = job.basis.own_scene_weights();
     if !weights.is_empty() {
-        bytes.extend(bincode::encode_to_vec(weights, config()).expect("encoding into memory cannot fail"));
+        bytes.extend(encode(weights));
     }
     bytes
 }
@@ -75,11 +43,11 @@ pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
     if bytes.len() > MAX_BYTES {
         return Err(format!("the job description has {} bytes, more than {MAX_BYTES}", bytes.len()));
     }
-    let undecodable = |e| format!("the job description does not decode ({e})");
-    let (record, used): (JobRecord, usize) = decode_within(bytes).map_err(undecodable)?;
+    let undecodable = |e: String| format!("the job description does not decode ({e})");
+    let (record, used): (JobRecord, usize) = decode(bytes).map_err(undecodable)?;
     let rest = &bytes[used..];
     let (weights, used): (SceneWeights, usize) =
-        if rest.is_empty() { Default::default() } else { decode_within(rest).map_err(undecodable)? };
+        if rest.is_empty() { Default::default() } else { decode(rest).map_err(undecodable)? };
     // An empty list is never written: a description has one form.
     if used != rest.len() || (weights.is_empty() && !rest.is_empty()) {
         return Err(format!("the job description has {} trailing bytes", rest.len()));
@@ -108,6 +76,7 @@ pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
 mod tests {
     use super::super::{LightKind, LightUnit};
     use super::*;
+    use crate::encoding::MEMORY_PER_BYTE;
 
     fn job() -> Job {
         let mut basis = LightBasis::new();
@@ -169,7 +138,7 @@ mod tests {
             places: vec![],
             extents: vec![],
         };
-        let bytes = bincode::encode_to_vec(&bare, config()).unwrap().len();
+        let bytes = encode(&bare).len();
         assert!(size_of::<Light>() <= bytes * MEMORY_PER_BYTE, "{} for {bytes}", size_of::<Light>());
     }
 

@@ -45,7 +45,11 @@ use crate::light::names::suggest;
 use crate::light::{LightBasis, Lighting};
 
 /// Bytes of a look file at most.
-const MOST_TEXT_BYTES: u64 = 64 << 20;
+const MOST_TEXT_BYTES: u64 = 16 << 20;
+/// Most memory that the lightings of a file may take.
+const MAX_LIGHTING_BYTES: u64 = 1 << 30;
+/// Most memory that reading an image may take.
+const MAX_IMAGE_BYTES: u64 = 4 << 30;
 
 /// The lightings of a look file over one light basis.
 #[derive(Clone, Debug)]
@@ -53,7 +57,8 @@ pub struct Look {
     place: String,
     lighting: Lighting,
     named: Vec<(String, Lighting)>,
-    keys: Vec<(f32, Lighting)>,
+    /// Time and index of a named look.
+    keys: Vec<(f32, usize)>,
     groups: Vec<(String, Vec<u32>)>,
 }
 
@@ -64,6 +69,7 @@ pub struct Look {
 pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
     let text = read_input_text(path, "read the look", MOST_TEXT_BYTES)?;
     let place = path.display().to_string();
+    let text = read_input_text(path, "read the look", MOST_TEXT_BYTES)?;
     let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
     let file = if json { file::parse_json(&place, &text) } else { file::parse_toml(&place, &text) }?;
     resolve::resolve(&place, path.parent().unwrap_or(Path::new("")), &file, basis)
@@ -99,31 +105,66 @@ impl Look {
 
     /// The lightings at the keys: no frame of the animation has more on any column than the brightest of them.
     pub fn keys(&self) -> impl Iterator<Item = &Lighting> {
-        self.keys.iter().map(|(_, lighting)| lighting)
+        self.keys.iter().map(|&(_, look)| &self.named[look].1)
     }
 
-    /// The animation, `frames_per_sec` lightings a second from the first key to the last: weights between keys are
-    /// blended linearly. Empty without keys.
+    /// The animation, `frames_per_sec` lightings a second from the first key to the last, each made when it is asked for:
+    /// weights between keys are blended linearly. Empty without keys.
     ///
-    /// Errors: a rate that is not positive, or more than 100,000 frames.
-    pub fn frames(&self, frames_per_sec: f32) -> Result<Vec<Lighting>> {
-        let (Some((begin, _)), Some((end, _))) = (self.keys.first(), self.keys.last()) else {
-            return Ok(Vec::new());
+    /// # Errors
+    /// A rate that is not positive, or more than 100,000 frames.
+    pub fn frames(&self, frames_per_sec: f32) -> Result<Frames<'_>> {
+        let count = match (self.keys.first(), self.keys.last()) {
+            (Some((begin, _)), Some((end, _))) => ((end - begin) * frames_per_sec).floor() + 1.0,
+            _ => 0.0,
         };
-        let count = ((end - begin) * frames_per_sec).floor() + 1.0;
         if !(frames_per_sec > 0.0 && count <= 100_000.0) {
             return Err(Error::input(&self.place, format!("{frames_per_sec} frames a second cannot be made"), ""));
         }
-        (0..count as usize).map(|frame| self.at(begin + frame as f32 / frames_per_sec)).collect()
+        Ok(Frames { look: self, frames_per_sec, count: count as usize })
+    }
+
+    /// Bytes of memory that its lightings hold.
+    pub fn bytes(&self) -> u64 {
+        ((self.named.len() + 1) * self.lighting.weights().len() * size_of::<[f32; 3]>()) as u64
     }
 
     /// The animation at a time within its keys.
     fn at(&self, time_secs: f32) -> Result<Lighting> {
         let after = self.keys.partition_point(|(time, _)| *time <= time_secs).clamp(1, self.keys.len());
-        let (begin, from) = &self.keys[after - 1];
-        let Some((end, to)) = self.keys.get(after) else { return Ok(from.clone()) };
+        let (begin, from) = self.keys[after - 1];
+        let from = &self.named[from].1;
+        let Some(&(end, to)) = self.keys.get(after) else { return Ok(from.clone()) };
+        let to = &self.named[to].1;
         let part = (time_secs - begin) / (end - begin);
         let pairs = from.weights().iter().zip(to.weights());
         Lighting::new(pairs.map(|(a, b)| [0, 1, 2].map(|ch: usize| a[ch] * (1.0 - part) + b[ch] * part)).collect())
+    }
+}
+
+/// The frames of an animation.
+#[derive(Clone, Copy, Debug)]
+pub struct Frames<'a> {
+    look: &'a Look,
+    frames_per_sec: f32,
+    count: usize,
+}
+
+impl Frames<'_> {
+    /// Number of frames.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The lighting of a frame, counted from 0.
+    ///
+    /// # Errors
+    /// There is no such frame; a weight that is not finite.
+    pub fn lighting(&self, frame: usize) -> Result<Lighting> {
+        if frame >= self.count {
+            let problem = format!("has no frame {frame}, but 0..{}", self.count);
+            return Err(Error::input(&self.look.place, problem, ""));
+        }
+        self.look.at(self.look.keys[0].0 + frame as f32 / self.frames_per_sec)
     }
 }

@@ -1,19 +1,30 @@
 //! From what a look file says to weights on columns.
 
+use std::collections::HashMap;
 use std::f32::consts::PI;
 use std::path::Path;
 
-use super::Look;
 use super::file::{Base, Color, LookFile, Rule};
 use super::pattern::{image_mask, shape_mask};
+use super::{Look, MAX_IMAGE_BYTES, MAX_LIGHTING_BYTES};
 use crate::error::{Error, Result};
-use crate::image::{KELVIN_RANGE, LinearImage, decode_srgb, kelvin_to_linear, luminance, read_image};
+use crate::image::{KELVIN_RANGE, LinearImage, decode_srgb, image_facts, kelvin_to_linear, luminance, read_image};
 use crate::light::names::{fits, suggest};
 use crate::light::{Light, LightBasis, LightKind, Lighting};
 
 /// Applies a file's rules to a basis.
 pub(super) fn resolve(place: &str, folder: &Path, file: &LookFile, basis: &LightBasis) -> Result<Look> {
     let resolver = Resolver { place, folder, file, basis };
+    let bytes = (file.look.len() as u64 + 2).saturating_mul(basis.column_count() as u64 * 12);
+    if bytes > MAX_LIGHTING_BYTES {
+        return Err(Error::Resources {
+            what: place.to_owned(),
+            needed: format!("{bytes} bytes for its {} looks over {} columns", file.look.len(), basis.column_count()),
+            available: format!("a file's lightings may take {MAX_LIGHTING_BYTES}"),
+            hint: "split it into files of fewer looks".into(),
+        });
+    }
+    let mut indices = HashMap::new();
     let mut base = match file.base {
         Base::Scene => Lighting::of_scene(basis).weights().to_vec(),
         Base::Off => vec![[0.0; 3]; basis.column_count()],
@@ -29,7 +40,7 @@ pub(super) fn resolve(place: &str, folder: &Path, file: &LookFile, basis: &Light
     for named in &file.look {
         let mut weights = base.clone();
         resolver.apply(&named.light, &mut weights)?;
-        if look.names().any(|name| name == named.name) {
+        if indices.insert(named.name.as_str(), look.named.len()).is_some() {
             return Err(Error::input(place, format!("look '{}' stands there twice", named.name), "rename one"));
         }
         look.named.push((named.name.clone(), Lighting::new(weights)?));
@@ -40,8 +51,11 @@ pub(super) fn resolve(place: &str, folder: &Path, file: &LookFile, basis: &Light
             let problem = format!("the key at {} s does not come after the one before", key.time_secs);
             return Err(Error::input(place, problem, "put keys in order of time"));
         }
-        let lighting = look.named(&key.look)?.clone();
-        look.keys.push((key.time_secs, lighting));
+        match indices.get(key.look.as_str()) {
+            Some(&index) => look.keys.push((key.time_secs, index)),
+            // Says which names are near.
+            None => return Err(look.named(&key.look).expect_err("no look has the name")),
+        }
     }
     Ok(look)
 }
@@ -194,6 +208,19 @@ impl Resolver<'_> {
 
     fn read(&self, file: &str) -> Result<LinearImage> {
         let path = self.folder.join(file);
+        if !path.is_file() {
+            let problem = format!("the image {} is missing", path.display());
+            return Err(Error::input(self.place, problem, "put it beside the look file"));
+        }
+        let needed = image_facts(&path)?.needs_bytes;
+        if needed > MAX_IMAGE_BYTES {
+            return Err(Error::Resources {
+                what: format!("reading {}", path.display()),
+                needed: format!("{needed} bytes of memory"),
+                available: format!("a look's image may take {MAX_IMAGE_BYTES}"),
+                hint: "scale it down".into(),
+            });
+        }
         let image = read_image(&path)?;
         if image.pixels.is_empty() || !image.values().iter().all(|v| v.is_finite()) {
             return Err(Error::input(path.display().to_string(), "has no pixels, or some that are not finite", ""));

@@ -9,9 +9,8 @@ use super::spill::spill_path;
 use super::{PackOptions, pack};
 use crate::compress::Compressor;
 use crate::error::{Error, Result};
-use crate::host::Watch;
-use crate::host::{Need, PROGRAM_BYTES};
-use crate::image::{LayerMatch, LightSet};
+use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
+use crate::image::{LayerMatch, LightRow, LightSet};
 use crate::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 
@@ -62,13 +61,13 @@ impl ImportedMatrix {
         need.most_disk_bytes = need.disk_bytes + packing.most_disk_bytes;
         need.disk_bytes += packing.disk_bytes;
         let there = spill_path(beside);
-        need.admit("reading the images, then packing", beside, &[&there], options.memory_bytes, watch)?;
+        let threads = need.admit("reading the images, then packing", beside, &[&there], options.memory_bytes, watch)?;
         let (width, height) = (set.width as usize, set.height as usize);
         let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;
         let rows = RowSpill::create(beside, set.images(), width, height)?;
         let mut looks = vec![Look::default(); set.images()];
         watch.begin("reading images", (set.images() * height) as u64, "rows");
-        let result = set.read(&mut |row| {
+        let mut take = |row: LightRow<'_>| {
             if watch.interrupted() {
                 return Err(Error::Interrupted("nothing was written".into()));
             }
@@ -82,16 +81,18 @@ impl ImportedMatrix {
             let done = usize::from(row.channel + 1 == CHANNELS && row.x + row.values.len() == width);
             watch.advance(done as u64, size_of_val(row.values) as u64, "B");
             rows.write((row.image, row.channel, row.y), row.x, row.values)
-        });
+        };
+        let result = Threads::new(threads)?.run(|| set.read(&mut take));
         watch.end();
         result?;
         let mut imported = Self {
             job: Job { shape, basis: LightBasis::new(), provenance: Provenance::default() },
             rows,
             matches: set.matches.clone(),
-            warnings: set.lights.iter().zip(&looks).flat_map(|(light, look)| look.warnings(light)).collect(),
+            warnings: set.warnings.clone(),
             sum_difference: None,
         };
+        imported.warnings.extend(set.lights.iter().zip(&looks).flat_map(|(light, look)| look.warnings(light)));
         let denoised = |m: &LayerMatch| ["denois", "noisy"].iter().any(|word| m.layer.to_lowercase().contains(word));
         if set.matches.iter().any(denoised) {
             imported.warnings.push("the file has denoising passes: denoised light groups no longer add up".into());
@@ -135,12 +136,12 @@ impl ImportedMatrix {
         if set.has_sum {
             let difference = (squared_rest / squared_sum.max(f64::MIN_POSITIVE)).sqrt();
             self.sum_difference = Some(difference);
-            if difference > SUM_TOLERANCE && !names.iter().any(|name| name == REST) {
-                let share = 100.0 * difference;
+            if difference > SUM_TOLERANCE {
+                let (share, rest) = (100.0 * difference, name_of_rest(&names));
                 self.warnings.push(format!(
-                    "the lights lack {share:.2} % of the image under all lights; added as light '{REST}'"
+                    "the lights lack {share:.2} % of the image under all lights; added as light '{rest}'"
                 ));
-                names.push(REST.into());
+                names.push(rest);
             }
         }
         self.job.basis = basis_of(&names)?;
@@ -158,7 +159,8 @@ impl ImportedMatrix {
 /// What reading images takes; they wait on disk.
 fn reading_need(set: &LightSet) -> Need {
     let disk_bytes = RowSpill::bytes(set.images(), set.width as usize, set.height as usize);
-    Need { fixed_bytes: PROGRAM_BYTES + set.needs_bytes(), disk_bytes, ..Need::default() }
+    let fixed_bytes = PROGRAM_BYTES.saturating_add(set.needs_bytes());
+    Need { fixed_bytes, per_thread_bytes: set.needs_bytes_per_thread(), disk_bytes, ..Need::default() }
 }
 
 /// What packing the images takes.
@@ -166,14 +168,21 @@ fn reading_need(set: &LightSet) -> Need {
 /// Errors: the memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
 fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions) -> Result<Need> {
     let mut names = set.lights.clone();
-    if set.has_sum && !names.iter().any(|name| name == REST) {
-        names.push(REST.into());
+    if set.has_sum {
+        names.push(name_of_rest(&names));
     }
     let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
     let compressor = Compressor::new(&basis_of(&names)?, shape, options.compress.clone())?;
     let need = pack::need_of(&compressor, shape, Need::default());
     need.threads_within("packing", options.memory_bytes)?;
     Ok(need)
+}
+
+/// `Rest`, or with a number where a light is called so.
+fn name_of_rest(names: &[String]) -> String {
+    let numbered = (2..).map(|n| format!("{REST} {n}"));
+    let free = std::iter::once(REST.to_owned()).chain(numbered).find(|name| !names.contains(name));
+    free.expect("numbers do not end")
 }
 
 /// A light of one column for each image.

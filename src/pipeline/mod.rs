@@ -39,9 +39,11 @@ pub use import::ImportedMatrix;
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, pack};
 #[cfg(feature = "scene")]
 pub use preview::{PreviewReport, preview};
-pub use relight::{Device, RelightOptions, Relighter, relight, relight_matrix};
+pub use relight::{
+    Device, RelightOptions, Relighter, relight, relight_matrix, relit_layers_need_bytes, write_relit_layers,
+};
 #[cfg(feature = "scene")]
-pub use render::{RenderOptions, RenderReport, job_of, render};
+pub use render::{RenderOptions, RenderReport, job_of, load_scene, render};
 #[cfg(feature = "scene")]
 pub use repair::repair;
 pub use selection::Selection;
@@ -49,4 +51,4 @@ pub use spill::check_container_output;
 #[cfg(feature = "scene")]
 pub use stop::{StopRule, choose_samples, expected_error, parse_error, parse_seconds};
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
-pub use verify::{Verified, verify, verify_container};
+pub use verify::{admit_merge, Verified, verify, verify_container};

@@ -1,18 +1,21 @@
 //! `.ltc` + lighting → image.
 
+use std::path::Path;
+
 #[cfg(feature = "gpu")]
 use super::gpu::OnGpu;
 #[cfg(not(feature = "gpu"))]
 use super::no_gpu::OnGpu;
+use super::rows::RowSpill;
+use super::unpack::safe_names;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
-use crate::host::{Need, PROGRAM_BYTES, Threads};
-use crate::host::{Watch, human_bytes};
-use crate::image::LinearImage;
+use crate::host::{Need, PROGRAM_BYTES, Threads, Watch, budget_bytes, human_bytes};
+use crate::image::{self, ImageSize, LinearImage};
 use crate::light::Lighting;
-use crate::matrix::{BlockSource, FactorSource, MatrixShape};
+use crate::matrix::{BlockSource, CHANNELS, FactorSource, MatrixShape};
 use crate::relight::{CpuRelighter, PagedRelighter, relight_raw};
-use crate::store::StoreReader;
+use crate::store::{self, StoreOptions, StoreReader};
 
 /// Where to relight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,7 +34,7 @@ pub enum Device {
 pub struct RelightOptions {
     /// Where.
     pub device: Device,
-    /// Anonymous memory to stay within; none: as much as all factors take.
+    /// Anonymous memory to stay within; none: as much as all factors take, or less where the system has less.
     pub memory_bytes: Option<u64>,
     /// Memory of the GPU to stay within; none: as much as all factors take.
     pub gpu_memory_bytes: Option<u64>,
@@ -57,17 +60,14 @@ impl<'a> Relighter<'a> {
     /// decoded; [`Error::NoGpu`] if a GPU is demanded and there is none.
     pub fn open(container: &'a ContainerReader, options: RelightOptions, watch: &dyn Watch) -> Result<Self> {
         let need = need_of(container);
-        let threads = match options.memory_bytes {
-            Some(_) => need.threads_within("relighting", options.memory_bytes)?,
-            None => rayon::current_num_threads(),
-        };
-        let paged = || {
-            let budget_bytes = options.memory_bytes.map_or(u64::MAX, |bytes| bytes - need.bytes(threads));
-            PagedRelighter::new(container, budget_bytes)
-        };
+        let threads = need.threads_within("relighting", options.memory_bytes)?;
+        let left = |bytes: u64| bytes.saturating_sub(need.bytes(threads));
+        let too_small = |bytes: &u64| factors_bytes(container) > left(*bytes);
+        let budget = options.memory_bytes.or_else(|| Some(budget_bytes(None)).filter(too_small));
+        let paged = || PagedRelighter::new(container, budget.map_or(u64::MAX, left));
         let kind = match gpu(container, &options, &paged, watch)? {
             Some(gpu) => gpu,
-            None if options.memory_bytes.is_some() => Kind::Paged(Box::new(paged())),
+            None if budget.is_some() => Kind::Paged(Box::new(paged())),
             None => Kind::Cpu(Box::new(CpuRelighter::load(container)?)),
         };
         Ok(Self { kind, threads: Threads::new(threads)? })
@@ -145,6 +145,16 @@ fn need_of(container: &ContainerReader) -> Need {
     Need { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..Need::default() }
 }
 
+/// Memory of all factors as they are held for relighting: 16 bits a value at most.
+fn factors_bytes(container: &ContainerReader) -> u64 {
+    let shape = container.job().shape;
+    let block = |id| {
+        let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());
+        (values * 2 + container.rank(id) * 12 + container.sparse_entries(id) * 16 + 512) as u64
+    };
+    shape.blocks().map(block).sum()
+}
+
 /// Memory of the largest block while it is decoded.
 pub(super) fn decoding_bytes(container: &ContainerReader) -> u64 {
     let shape = container.job().shape;
@@ -159,6 +169,39 @@ pub(super) fn decoding_bytes(container: &ContainerReader) -> u64 {
 /// The image, and what an encoder makes of it.
 fn image_bytes(shape: MatrixShape) -> u64 {
     3 * shape.rows() * 4
+}
+
+/// Writes one layer for each name into one OpenEXR file at `path`: the images that `relight` gives for their indices, one
+/// after the other. They wait in a temporary file beside it, so that memory holds one of them and what
+/// [`relit_layers_need_bytes`] says. Signs that other programs cannot read in names are replaced.
+///
+/// # Errors
+/// Those of `relight`; the system refuses to write.
+pub fn write_relit_layers(
+    path: &Path,
+    shape: MatrixShape,
+    names: &[String],
+    relight: &mut dyn FnMut(usize) -> Result<LinearImage>,
+) -> Result<()> {
+    let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
+    let spill = RowSpill::create(path, names.len(), size.width, size.height)?;
+    let mut row = vec![0.0; size.width];
+    for index in 0..names.len() {
+        let image = relight(index)?;
+        for (y, pixels) in image.pixels.chunks_exact(size.width).enumerate() {
+            for channel in 0..CHANNELS {
+                row.iter_mut().zip(pixels).for_each(|(value, pixel)| *value = pixel[channel]);
+                spill.write((index, channel, y), 0, &row)?;
+            }
+        }
+    }
+    let names = safe_names(names.iter().map(String::as_str));
+    image::write_exr_rows(path, &names, size, &mut |layer, channel, y, row| spill.read((layer, channel, y), 0, row))
+}
+
+/// Bytes of memory that [`write_relit_layers`] takes at most beside an image.
+pub fn relit_layers_need_bytes(layers: usize, shape: MatrixShape) -> u64 {
+    image::exr_rows_need_bytes(layers, ImageSize { width: shape.width() as usize, height: shape.height() as usize })
 }
 
 /// Relights a container under each lighting. Also says, as text, what did it. Damage is noted to `watch`.
@@ -181,7 +224,11 @@ pub fn relight(
 /// Errors: those of reading the matrix; [`Error::Resources`] where not even one block fits.
 pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, memory_bytes: Option<u64>) -> Result<LinearImage> {
     let shape = BlockSource::shape(matrix);
-    let per_thread_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
+    let options =
+        StoreOptions { precision: matrix.precision(), max_probes: matrix.layout().max_probes(), ..Default::default() };
+    // A block with its noise, as it is stored and as it is multiplied, and its sums.
+    let block_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
+    let per_thread_bytes = block_bytes + store::requirements(matrix.job(), &options).memory_bytes;
     let need = Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes, ..Need::default() };
     let threads = Threads::new(need.threads_within("relighting", memory_bytes)?)?;
     threads.run(|| Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))

@@ -8,11 +8,10 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::host::{Need, PROGRAM_BYTES, Threads};
-use crate::host::{PeakMemory, Watch};
+use crate::host::{Need, PROGRAM_BYTES, PeakMemory, Threads, Watch, budget_bytes};
 use crate::light::{Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
-use crate::scene::{LoadedScene, Triangle};
+use crate::scene::{self, LoadOptions, LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
 use crate::trace::{BlockStats, TRACER_VERSION, TraceSettings, Tracer};
 
@@ -161,6 +160,15 @@ pub(super) fn trace_into(
     });
     watch.end();
     result.map(|()| report)
+}
+
+/// Reads a scene file and everything that it names, within the memory given or, without such, that the system has.
+///
+/// # Errors
+/// Those of [`scene::load_with`].
+pub fn load_scene(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
+    let memory_bytes = budget_bytes(options.memory_bytes).saturating_sub(PROGRAM_BYTES);
+    scene::load_with(path, LoadOptions { memory_bytes: Some(memory_bytes), ..options })
 }
 
 /// How a loaded scene asks to be traced.

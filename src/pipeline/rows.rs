@@ -31,7 +31,7 @@ impl RowSpill {
 
     /// Disk that so many images take.
     pub(super) fn bytes(images: usize, width: usize, height: usize) -> u64 {
-        (images * CHANNELS * width * height * 4) as u64
+        [CHANNELS, width, height, 4].iter().fold(images as u64, |bytes, &side| bytes.saturating_mul(side as u64))
     }
 
     /// Writes a piece of a row, from column `x` on.

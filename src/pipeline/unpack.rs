@@ -1,5 +1,6 @@
 //! `.ltc` → `.ltm`, images or arrays, block by block.
 
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -95,7 +96,7 @@ pub fn unpack_to_exr(
     watch: &dyn Watch,
 ) -> Result<Vec<PathBuf>> {
     let selected = options.selection.of(source.job())?;
-    let names = safe_names(&selected);
+    let names = safe_names(selected.lights.iter().map(|light| light.name.as_str()));
     let text = path.display().to_string();
     if text.contains("{light}") {
         let paths: Vec<PathBuf> = names.iter().map(|name| text.replace("{light}", name).into()).collect();
@@ -246,16 +247,26 @@ fn factor_bytes(source: &ContainerReader) -> u64 {
 
 /// Names that every program can read as layers and files: letters, digits, spaces, and a few signs; each once. Blender keeps
 /// 63 bytes of a pass's name, of which `Combined_` and a number take some.
-fn safe_names(selected: &Selected) -> Vec<String> {
-    let mut names: Vec<String> = Vec::new();
-    for light in &selected.lights {
-        let safe = |c: char| if c.is_ascii_alphanumeric() || " _-+#()[]".contains(c) { c } else { '_' };
-        let plain: String = light.name.chars().map(safe).take(48).collect();
-        let numbered = (2..).map(|n| format!("{plain}_{n}"));
-        let free = std::iter::once(plain.clone()).chain(numbered).find(|name| !names.contains(name));
-        names.push(free.expect("numbers do not end"));
-    }
-    names
+pub(super) fn safe_names<'a>(lights: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let mut free_from: HashMap<String, usize> = HashMap::new();
+    let safe = |c: char| if c.is_ascii_alphanumeric() || " _-+#()[]".contains(c) { c } else { '_' };
+    lights
+        .map(|light| {
+            let plain: String = light.chars().map(safe).take(48).collect();
+            if taken.insert(plain.clone()) {
+                return plain;
+            }
+            let number = free_from.entry(plain.clone()).or_insert(2);
+            loop {
+                let name = format!("{plain}_{number}");
+                *number += 1;
+                if taken.insert(name.clone()) {
+                    return name;
+                }
+            }
+        })
+        .collect()
 }
 
 fn size_of_rect(rect: PixelRect) -> ImageSize {

@@ -1,7 +1,7 @@
 //! Checking stored matrices and containers.
 
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::relight::decoding_bytes;
@@ -9,6 +9,7 @@ use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
+use crate::matrix::FactorSource;
 use crate::store::{self, StoreReader};
 
 /// What checking a matrix or a container found and took. Displayed as one line, without what is wrong.
@@ -99,6 +100,32 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watc
         seconds: begun.elapsed().as_secs_f64(),
         peak_memory_bytes: memory.stop(),
     })
+}
+
+/// Holds joining `parts` to the memory given or, without such, to what the system has: of each part its description and its
+/// index are held, and one block or chunk at a time.
+///
+/// # Errors
+/// Those of opening the parts; [`Error::Resources`] where the memory is too small.
+pub fn admit_merge(parts: &[PathBuf], memory_bytes: Option<u64>) -> Result<()> {
+    let (mut fixed_bytes, mut largest) = (PROGRAM_BYTES, 0);
+    for path in parts {
+        let is_container = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ltc"));
+        if is_container {
+            let reader = ContainerReader::open(path)?;
+            let shape = reader.job().shape;
+            let chunk = shape.blocks().map(|id| reader.encoded_bytes(id, 0..reader.layer_count(id))).max();
+            // Each part's index, the records of the whole, and the index that is written.
+            fixed_bytes += 2 * reader.index_bytes() + u64::from(shape.block_count()) * 128;
+            largest = largest.max(chunk.unwrap_or(0));
+        } else {
+            let reader = StoreReader::open(path)?;
+            let need = reading_need(&reader);
+            fixed_bytes += need.fixed_bytes - PROGRAM_BYTES;
+        }
+        Need { fixed_bytes: fixed_bytes + largest, ..Need::default() }.threads_within("joining", memory_bytes)?;
+    }
+    Ok(())
 }
 
 pub(super) fn reading_need(reader: &StoreReader) -> Need {

@@ -21,6 +21,11 @@ impl Folders {
         Self { beside: scene_file.parent().unwrap_or(Path::new("")).to_owned(), library }
     }
 
+    /// The same for a file that the scene names: its own folder, then the library.
+    pub(super) fn beside(&self, file: &Path) -> Self {
+        Self { beside: file.parent().unwrap_or(Path::new("")).to_owned(), library: self.library.clone() }
+    }
+
     /// The file that `name` means. Errors: there is none, saying where it was looked for.
     pub(super) fn find(&self, name: &str, asked_by: &str) -> Result<PathBuf> {
         let candidates: Vec<_> = [Some(&self.beside), self.library.as_ref()].into_iter().flatten().collect();

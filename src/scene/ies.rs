@@ -30,7 +30,7 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     let mut numbers = lines.flat_map(|line| line.split([' ', '\t', ',', '\r'])).filter(|word| !word.is_empty());
     let mut next = || -> Result<f32> {
         let word = numbers.next().ok_or_else(|| refuse("ends before its numbers do"))?;
-        word.parse().ok().filter(|v: &f32| v.is_finite()).ok_or_else(|| refuse(&format!("'{word}' is not a number")))
+        word.parse().ok().filter(|v: &f32| v.is_finite()).ok_or_else(|| refuse("has a word where a number should be"))
     };
     match tilt.trim() {
         "NONE" => {}

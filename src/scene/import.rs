@@ -1,22 +1,27 @@
 //! Geometry files into one mesh, with the material description and the object name of every triangle.
 
+use std::collections::HashMap;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 
 use super::folders::Folders;
+use super::memory::Memory;
 use super::mtl::{self, MtlMaterial};
 use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
 use super::{MaterialId, Mesh, Triangle};
-use crate::error::Result;
-use crate::files::read_input;
+use crate::error::{Error, Result};
+use crate::files::{open_input, read_input};
 
 /// Bytes of a material file at most.
 const MOST_MATERIAL_BYTES: u64 = 256 << 20;
 
 /// Height over longest side below which a triangle is degenerate: its normal would be rounding noise.
 const THINNEST: f32 = 1e-6;
+/// Names that are compared with misspelt ones, in all: each comparison takes the product of their lengths.
+const MOST_GUESSES: usize = 10_000;
 
 /// All geometry of a scene before its materials and lights are made.
 #[derive(Debug, Default)]
@@ -39,19 +44,34 @@ pub(super) struct SourceMaterial {
 }
 
 impl Geometry {
-    /// Reads an OBJ file with its materials and adds it. Errors: files that are missing or unreadable, and those of
-    /// [`obj::parse`] and [`mtl::parse`].
-    pub(super) fn read(&mut self, path: &Path, warnings: &mut Vec<String>) -> Result<()> {
-        let bytes = read_input(path, "read the geometry", u64::MAX)?;
-        let file = obj::parse(path, &bytes)?;
-        drop(bytes);
+    /// Reads an OBJ file with its materials and adds it.
+    ///
+    /// # Errors
+    /// Files that are missing or unreadable, what does not fit `memory`, and those of [`obj::parse`] and [`mtl::parse`].
+    pub(super) fn read(
+        &mut self,
+        path: &Path,
+        folders: &Folders,
+        memory: &mut Memory,
+        warnings: &mut Vec<String>,
+    ) -> Result<()> {
+        let mut reader = BufReader::new(open_input(path, "read the geometry")?);
+        let file = obj::parse(path, &mut reader, memory)?;
         let first_material = self.materials.len();
-        self.describe(path, &file, warnings)?;
+        self.describe(path, &file, folders, memory, warnings)?;
         let (mut degenerate, mut turned) = (0, 0);
-        for part in &file.parts {
+        let before = self.bytes();
+        for part in file.parts() {
             let material = MaterialId((first_material + part.material) as u32);
-            self.add(part, material, &mut degenerate, &mut turned);
+            let object = &file.objects.as_slice()[part.object];
+            self.add(&part, object, material, &mut degenerate, &mut turned);
+            memory.check(file.bytes() + self.bytes() - before, path)?;
+            if self.mesh.positions.len() > u32::MAX as usize {
+                let problem = "the scene has more vertices than 32-bit numbers count";
+                return Err(Error::input(path.display().to_string(), problem, "simplify the geometry"));
+            }
         }
+        memory.take(self.bytes() - before, path)?;
         if degenerate > 0 {
             warnings.push(format!("{}: {degenerate} triangles without area were left out", path.display()));
         }
@@ -59,6 +79,13 @@ impl Geometry {
             warnings.push(format!("{}: {turned} triangles wound against their normals were turned", path.display()));
         }
         Ok(())
+    }
+
+    /// Bytes that the geometry holds.
+    fn bytes(&self) -> u64 {
+        let Mesh { positions, normals, uvs, triangles } = &self.mesh;
+        let vertices = (positions.capacity() + normals.capacity()) * 12 + uvs.capacity() * 8;
+        (vertices + triangles.capacity() * size_of::<Triangle>() + self.object_of.capacity() * 4) as u64
     }
 
     /// Leaves out the triangles for which `keep` says no.
@@ -70,9 +97,16 @@ impl Geometry {
         self.object_of.retain(|_| *each.next().unwrap_or(&true));
     }
 
-    fn describe(&mut self, path: &Path, file: &ObjFile, warnings: &mut Vec<String>) -> Result<()> {
-        let beside = Folders::of(path);
-        let mut library = Vec::new();
+    fn describe(
+        &mut self,
+        path: &Path,
+        file: &ObjFile,
+        folders: &Folders,
+        memory: &mut Memory,
+        warnings: &mut Vec<String>,
+    ) -> Result<()> {
+        let beside = folders.beside(path);
+        let mut library: Vec<(MtlMaterial, PathBuf)> = Vec::new();
         for name in &file.libraries {
             let Ok(mtl_path) = beside.find(name, "") else {
                 let problem =
@@ -80,16 +114,25 @@ impl Geometry {
                 warnings.push(problem);
                 continue;
             };
+            // The text, and the materials that it describes: fewer bytes than 32 for each of it.
             let text = read_input(&mtl_path, "read the materials", MOST_MATERIAL_BYTES)?;
+            memory.take((text.len() as u64).saturating_mul(32), &mtl_path)?;
             let folder = mtl_path.parent().unwrap_or(Path::new("")).to_owned();
             let described = mtl::parse(&mtl_path, &String::from_utf8_lossy(&text))?;
             library.extend(described.into_iter().map(|material| (material, folder.clone())));
         }
-        for name in &file.materials {
-            let found = library.iter().find(|(material, _)| material.name == *name);
+        // The first of several of one name counts.
+        let mut described: HashMap<&str, usize> = HashMap::new();
+        for (index, (material, _)) in library.iter().enumerate() {
+            described.entry(&material.name).or_insert(index);
+        }
+        let mut guesses = MOST_GUESSES;
+        for name in file.materials.as_slice() {
+            let found = described.get(name.as_str()).map(|&index| &library[index]);
             let (mut description, folder) = found.cloned().unwrap_or_else(|| {
                 if !library.is_empty() {
-                    let known = library.iter().map(|(material, _)| material.name.as_str());
+                    let known = library.iter().map(|(material, _)| material.name.as_str()).take(guesses);
+                    guesses -= guesses.min(library.len());
                     let hint =
                         names::nearest(name, known).map(|n| format!(" (did you mean '{n}'?)")).unwrap_or_default();
                     warnings.push(format!("{}: material '{name}' is not described{hint}; it is grey", path.display()));
@@ -104,7 +147,7 @@ impl Geometry {
         Ok(())
     }
 
-    fn add(&mut self, part: &ObjPart, material: MaterialId, degenerate: &mut usize, turned: &mut usize) {
+    fn add(&mut self, part: &ObjPart, object: &str, material: MaterialId, degenerate: &mut usize, turned: &mut usize) {
         let first = self.mesh.positions.len() as u32;
         let count = part.positions.len();
         self.mesh.positions.extend_from_slice(&part.positions);
@@ -121,7 +164,7 @@ impl Geometry {
         debug_assert!(
             self.mesh.normals.len() == first as usize + count && self.mesh.uvs.len() == first as usize + count
         );
-        let object = self.objects.position(&part.object);
+        let object = self.objects.position(object);
         for indices in &part.triangles {
             let [a, b, c] = indices.map(|i| part.positions[i as usize]);
             let normal = (b - a).cross(c - a);

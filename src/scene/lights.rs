@@ -1,6 +1,7 @@
 //! The `[[light]]` entries of a scene file: each becomes one or more lights of the basis.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use glam::{Mat3, Quat, Vec3};
 
@@ -8,11 +9,12 @@ use super::assembly::{Assembly, Panel};
 use super::file::{LightEntry, LightEntryKind, MappingEntry, SideEntry};
 use super::folders::Folders;
 use super::looks::{Emission, colour};
+use super::memory::Memory;
 use super::rectangle::{self, Corner};
 use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, ies, names};
 use crate::error::{Error, Result};
 use crate::files::read_input;
-use crate::image::{LUMENS_PER_WATT, read_image};
+use crate::image::{LUMENS_PER_WATT, image_facts, read_image};
 use crate::light::names::fits;
 use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
 
@@ -21,6 +23,9 @@ const MOST_PHOTOMETRY_BYTES: u64 = 16 << 20;
 
 /// Half angle under which the sun is seen from the earth, in degrees.
 const SUN_RADIUS_DEGREES: f32 = 0.2665;
+
+/// Memory of a column in the basis, with its weight in the scene's lighting, twice: as they are made, they are copied.
+const COLUMN_BYTES: u64 = 64;
 
 /// A scene under construction, with what its lights are chosen by.
 pub(super) struct Lights<'a> {
@@ -33,6 +38,8 @@ pub(super) struct Lights<'a> {
     pub(super) folders: &'a Folders,
     /// Weights that differ from their light's emission: first column, weights.
     pub(super) weights: Vec<(u32, Vec<[f32; 3]>)>,
+    /// What is left for environment maps and photometric files while they are read.
+    pub(super) memory: Memory,
 }
 
 /// Triangles that become one light.
@@ -57,6 +64,12 @@ impl Lights<'_> {
         }
     }
 
+    /// Refuses columns that a matrix cannot have or that do not fit the memory.
+    fn admit_columns(&mut self, more: u64, place: &str) -> Result<()> {
+        check_columns(&self.assembly.basis, more, place)?;
+        self.memory.take(more * COLUMN_BYTES, Path::new(place))
+    }
+
     fn surfaces(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
         let (across, down) = texels(entry.texels.unwrap_or([1, 1]), place)?;
         let groups = self.groups(entry, place)?;
@@ -65,7 +78,8 @@ impl Lights<'_> {
             let hint = "leave the name out, choose one, or say join = true";
             return Err(Error::input(place, problem, hint));
         }
-        check_columns(&self.assembly.basis, groups.len() as u64 * u64::from(across) * u64::from(down), place)?;
+        let texels = u64::from(across) * u64::from(down);
+        self.admit_columns(texels.saturating_mul(groups.len() as u64), place)?;
         for group in groups {
             let name = entry.name.clone().unwrap_or(group.name);
             let mut emission = group.emission;
@@ -206,7 +220,7 @@ impl Lights<'_> {
             normal = -normal;
         }
         let texels = texels(entry.texels.unwrap_or([32, 32]), place)?;
-        check_columns(&self.assembly.basis, u64::from(texels.0) * u64::from(texels.1), place)?;
+        self.admit_columns(u64::from(texels.0) * u64::from(texels.1), place)?;
         let two_sided = entry.side == Some(SideEntry::Both);
         let panel = Panel { origin, edge_u, edge_v, normal, texels, two_sided };
         let material = self.assembly.material(&name, Surface::Black);
@@ -227,12 +241,14 @@ impl Lights<'_> {
                 return Err(Error::input(place, "an octahedral environment is a square of texels", hint));
             }
         };
-        check_columns(&self.assembly.basis, u64::from(across) * u64::from(down), place)?;
+        self.admit_columns(u64::from(across) * u64::from(down), place)?;
         let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
         let emission = entry.emission.unwrap_or([1.0; 3]);
         self.assembly.environment(&name, mapping, Quat::from_rotation_y(turn), emission)?;
         if let Some(map) = &entry.map {
-            let image = read_image(&self.folders.find(map, place)?)?;
+            let path = self.folders.find(map, place)?;
+            self.memory.check(image_facts(&path)?.needs_bytes, &path)?;
+            let image = read_image(&path)?;
             let scale = |[r, g, b]: [f32; 3]| [r * emission[0], g * emission[1], b * emission[2]];
             let weights =
                 mapping.resample((image.width, image.height), &image.pixels, 0.0).into_iter().map(scale).collect();
@@ -283,7 +299,7 @@ impl Lights<'_> {
                 ("sun", PointEmitter::Sun { towards, angular_radius_radians: degrees.to_radians() })
             }
         };
-        check_columns(&self.assembly.basis, 1, place)?;
+        self.admit_columns(1, place)?;
         self.assembly.point(&entry.name.clone().unwrap_or_else(|| name.into()), emitter, emission)
     }
 }
@@ -321,7 +337,7 @@ fn lamp(name: &str, triangles: &[[Corner; 3]], radiance: [f32; 3], place: &str) 
 
 /// Errors: more columns than a matrix can have, saying what they would need.
 fn check_columns(basis: &LightBasis, more: u64, place: &str) -> Result<()> {
-    let columns = basis.column_count() as u64 + more;
+    let columns = (basis.column_count() as u64).saturating_add(more);
     if columns <= u64::from(LightBasis::MAX_COLUMNS) {
         return Ok(());
     }

@@ -10,6 +10,7 @@ use super::folders::Folders;
 use super::import::Geometry;
 use super::lights::Lights;
 use super::looks::Workshop;
+use super::memory::Memory;
 use super::textures::Textures;
 use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
 use crate::error::{Error, Result};
@@ -24,25 +25,33 @@ const LARGE_BLOCK_BYTES: u64 = 1 << 30;
 
 /// Reads a scene file (TOML, see `formats/scene.md`) and everything that it names, and checks the result.
 ///
-/// Relative paths are looked up beside the scene file, then in the folder that `LTM_SCENES` names. Errors: one line
-/// that names the file and what is wrong in it; what can be mended is mended and becomes a warning.
+/// Relative paths are looked up beside the scene file, then in the folder that `LTM_SCENES` names. What can be mended is
+/// mended and becomes a warning.
+///
+/// # Errors
+/// One line that names the file and what is wrong in it. No error quotes what stands in a file that the scene names.
 pub fn load(path: &Path) -> Result<LoadedScene> {
     load_with(path, LoadOptions::default())
 }
 
-/// What a scene is allowed to lack.
+/// What a scene is allowed to lack and to take.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
     /// Whether texture files that materials name may be missing: the materials' colours stand for them, with a warning.
     pub allow_missing: bool,
+    /// Memory that geometry, textures and maps stay within, with what reading them takes; none: any amount.
+    pub memory_bytes: Option<u64>,
 }
 
 /// As [`load`], with options.
 ///
 /// # Errors
-/// Those of [`load`].
+/// Those of [`load`]; [`Error::Resources`] where the memory is too small.
 pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
+    let mut memory = Memory::of(options.memory_bytes.unwrap_or(u64::MAX));
     let text = read_input_text(path, "read the scene", MOST_TEXT_BYTES)?;
+    // The text, its tree and the records made of it.
+    memory.check((text.len() as u64).saturating_mul(64), path)?;
     let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
         file::parse(path, &text)?;
     let place = path.display().to_string();
@@ -57,14 +66,14 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
     let mut warnings = Vec::new();
     let mut geometry = Geometry::default();
     for name in &files {
-        geometry.read(&folders.find(name, &place)?, &mut warnings)?;
+        geometry.read(&folders.find(name, &place)?, &folders, &mut memory, &mut warnings)?;
     }
     for (index, entry) in entries.iter().enumerate() {
         replace(entry, &mut geometry, &light_place(&place, index, entry))?;
     }
 
-    let mut workshop =
-        Workshop { textures: Textures::default(), warnings, overrides: &overrides, folders: &folders, place: &place };
+    let textures = Textures::within(memory);
+    let mut workshop = Workshop { textures, warnings, overrides: &overrides, folders: &folders, place: &place };
     let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };
     let mut emissions = Vec::new();
     for source in &geometry.materials {
@@ -83,6 +92,7 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
         }
     }
     let Workshop { textures, mut warnings, .. } = workshop;
+    let memory = textures.memory;
     assembly.textures = textures.list;
 
     let mut lights = Lights {
@@ -92,6 +102,7 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
         object_of: &geometry.object_of,
         folders: &folders,
         weights: Vec::new(),
+        memory,
     };
     for (index, entry) in entries.iter().enumerate() {
         lights.add(entry, &light_place(&place, index, entry))?;

@@ -15,6 +15,7 @@ mod load;
 mod loaded;
 mod looks;
 mod material;
+mod memory;
 mod mesh;
 mod mtl;
 mod names;

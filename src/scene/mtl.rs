@@ -1,6 +1,7 @@
 //! MTL files: material descriptions as they are written, with the PBR extension.
 //!
-//! Read here and not by tobj, which panics on a colour of one or two numbers.
+//! Errors name the line and the statement, and quote nothing else: the file may be any file that a scene from elsewhere
+//! names.
 
 use std::path::Path;
 
@@ -48,12 +49,12 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Vec<MtlMaterial>> {
             Error::input(place, problem, "mend the material file")
         };
         let Some(material) = materials.last_mut() else {
-            return Err(refuse(format!("'{key}' stands before the first newmtl")));
+            return Err(refuse("a statement stands before the first newmtl".into()));
         };
-        let number = || number_of(rest).ok_or_else(|| refuse(format!("'{line}' should give one number")));
+        let number = || number_of(rest).ok_or_else(|| refuse(format!("'{key}' should give one number")));
         let colour = || {
-            let colour = colour_of(rest).ok_or_else(|| refuse(format!("'{line}' should give one or three numbers")))?;
-            if colour.min_element() < 0.0 { Err(refuse(format!("'{line}' is negative"))) } else { Ok(colour) }
+            let colour = colour_of(rest).ok_or_else(|| refuse(format!("'{key}' should give one or three numbers")))?;
+            if colour.min_element() < 0.0 { Err(refuse(format!("'{key}' is negative"))) } else { Ok(colour) }
         };
         match key {
             "Kd" => material.diffuse = Some(colour()?),

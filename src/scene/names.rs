@@ -9,6 +9,7 @@ use crate::light::names::edit_distance;
 pub(super) struct NameList {
     names: Vec<String>,
     index: HashMap<String, usize>,
+    text_bytes: usize,
 }
 
 impl NameList {
@@ -17,9 +18,15 @@ impl NameList {
         if let Some(&index) = self.index.get(name) {
             return index;
         }
+        self.text_bytes += name.len();
         self.names.push(name.to_owned());
         self.index.insert(name.to_owned(), self.names.len() - 1);
         self.names.len() - 1
+    }
+
+    /// Bytes that it holds: each text twice, and its places in list and table.
+    pub(super) fn bytes(&self) -> u64 {
+        (2 * self.text_bytes + 160 * self.names.len()) as u64
     }
 
     pub(super) fn as_slice(&self) -> &[String] {

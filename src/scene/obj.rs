@@ -1,21 +1,29 @@
 //! OBJ files: text to triangles with one material and one object name each.
 //!
-//! The text is first rewritten into a plain form (vertices first, absolute indices, one corner format per group) and
-//! checked on the way, so that every error has its line; tobj then joins the index streams and triangulates. Without
-//! the rewriting tobj shifts normals where only some faces of a group have them, and refuses tabs behind `usemtl`.
+//! One pass over the lines keeps the three vertex streams and the corners of the faces, which may stand before their
+//! vertices; the parts are then made one at a time. Errors name the line and the statement, and quote nothing else: the
+//! file may be any file that a scene from elsewhere names.
 
-use std::fmt::Write;
+use std::collections::HashMap;
+use std::io::{BufRead, Read};
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
+use super::memory::Memory;
 use super::names::NameList;
 use crate::error::{Error, Result};
+
+/// Longest line, with those that it continues. A line is held as text.
+const MAX_LINE_BYTES: u64 = 16 << 20;
+/// Lines after which the memory is looked at.
+const LINES_BETWEEN_LOOKS: usize = 1 << 12;
 
 /// Triangles of one object and one material, with their own vertices.
 #[derive(Debug, Default)]
 pub(super) struct ObjPart {
-    pub(super) object: String,
+    /// Index into [`ObjFile::objects`].
+    pub(super) object: usize,
     /// Index into [`ObjFile::materials`].
     pub(super) material: usize,
     pub(super) positions: Vec<Vec3>,
@@ -29,76 +37,145 @@ pub(super) struct ObjPart {
 /// What an OBJ file holds.
 #[derive(Debug, Default)]
 pub(super) struct ObjFile {
-    pub(super) parts: Vec<ObjPart>,
     /// Material files that it names.
     pub(super) libraries: Vec<String>,
     /// Names of the materials that its faces use, the empty one for faces without.
-    pub(super) materials: Vec<String>,
+    pub(super) materials: NameList,
+    /// Names of its objects, the empty one for faces without.
+    pub(super) objects: NameList,
+    positions: Vec<Vec3>,
+    uvs: Vec<Vec2>,
+    normals: Vec<Vec3>,
+    /// Corners of all faces: places in the three streams, 0 where a group has no such stream.
+    corners: Vec<[u32; 3]>,
+    /// Corners of each face.
+    arities: Vec<u32>,
+    groups: Vec<Group>,
+    /// Largest index used of each stream, counted from 1, with its line.
+    largest: [(i64, usize); 3],
 }
 
-/// Reads an OBJ file's bytes; `path` is for messages. Polygons are cut into fans, so they must be convex.
+/// Faces that follow each other with one object, one material and one corner format.
+#[derive(Debug)]
+struct Group {
+    object: usize,
+    material: usize,
+    format: CornerFormat,
+    faces: usize,
+    corners: usize,
+}
+
+/// Whether a face's corners have texture coordinates and normals.
+type CornerFormat = (bool, bool);
+
+/// Reads an OBJ file; `path` is for messages. Polygons are cut into fans, so they must be convex.
 ///
-/// Errors: numbers that are none or not finite, indices out of range, no faces at all.
-pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<ObjFile> {
-    let mut plain = Plain::default();
-    let text = String::from_utf8_lossy(bytes);
-    for (number, line) in text.lines().enumerate() {
-        plain.line(line).map_err(|problem| at_line(path, number + 1, problem))?;
+/// # Errors
+/// What cannot be read, numbers that are none or not finite, indices out of range, no faces at all, more than `memory`
+/// holds.
+pub(super) fn parse(path: &Path, mut reader: &mut dyn BufRead, memory: &Memory) -> Result<ObjFile> {
+    let mut parser = Parser::default();
+    let mut line = Vec::new();
+    loop {
+        line.clear();
+        let read = (&mut reader).take(MAX_LINE_BYTES).read_until(b'\n', &mut line);
+        if read.map_err(Error::io(path, "read the geometry"))? == 0 {
+            break;
+        }
+        if line.len() as u64 == MAX_LINE_BYTES {
+            return Err(at_line(path, parser.lines + 1, "the line is too long to be one".into()));
+        }
+        let text = String::from_utf8_lossy(&line);
+        parser.line(&text).map_err(|problem| at_line(path, parser.lines, problem))?;
+        if parser.lines.is_multiple_of(LINES_BETWEEN_LOOKS) {
+            memory.check(parser.file.bytes(), path)?;
+        }
     }
-    plain.check_ranges(path)?;
-    if plain.faces == 0 {
+    let file = parser.file;
+    memory.check(file.bytes(), path)?;
+    file.check_ranges(path)?;
+    if file.arities.is_empty() {
         let hint = "give a mesh of polygons (f lines)";
         return Err(Error::input(path.display().to_string(), "the OBJ file has no faces", hint));
     }
-    let options = tobj::LoadOptions { single_index: true, triangulate: true, ..Default::default() };
-    let named = || {
-        let count = plain.materials.as_slice().len();
-        let index = (0..count).map(|i| (i.to_string(), i)).collect();
-        Ok((vec![tobj::Material::default(); count], index))
-    };
-    let text = format!("mtllib -\n{}{}", plain.vertices, plain.groups);
-    let (models, _) = tobj::load_obj_buf(&mut text.as_bytes(), &options, |_| named()).map_err(|error| {
-        Error::input(path.display().to_string(), format!("the OBJ file cannot be read ({error})"), "mend the file")
-    })?;
-    let parts = models.into_iter().map(|model| part(model, plain.objects.as_slice())).collect();
-    Ok(ObjFile { parts, libraries: plain.libraries, materials: plain.materials.as_slice().to_vec() })
-}
-
-fn part(model: tobj::Model, objects: &[String]) -> ObjPart {
-    let mesh = model.mesh;
-    let triples = |values: &[f32]| values.chunks_exact(3).map(Vec3::from_slice).collect::<Vec<_>>();
-    ObjPart {
-        object: model.name.parse().ok().and_then(|i: usize| objects.get(i)).cloned().unwrap_or_default(),
-        material: mesh.material_id.unwrap_or(0),
-        positions: triples(&mesh.positions),
-        normals: triples(&mesh.normals).into_iter().map(Vec3::normalize_or_zero).collect(),
-        uvs: mesh.texcoords.chunks_exact(2).map(Vec2::from_slice).collect(),
-        triangles: mesh.indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
-    }
+    Ok(file)
 }
 
 fn at_line(path: &Path, line: usize, problem: String) -> Error {
     Error::input(format!("{}, line {line}", path.display()), problem, "mend the file or export it again")
 }
 
-/// Which of `v/vt/vn` a face's corners have.
-type CornerFormat = (bool, bool);
+impl ObjFile {
+    /// Bytes that it holds.
+    pub(super) fn bytes(&self) -> u64 {
+        let streams = (self.positions.capacity() + self.normals.capacity() + self.corners.capacity()) * 12;
+        let faces = self.arities.capacity() * 4 + self.groups.capacity() * size_of::<Group>();
+        let names: usize = self.libraries.iter().map(|name| name.len() + size_of::<String>()).sum();
+        (streams + self.uvs.capacity() * 8 + faces + names) as u64 + self.materials.bytes() + self.objects.bytes()
+    }
 
-/// An OBJ file in plain form: object and material names as numbers, vertices before faces.
+    /// Its parts, each made when it is asked for.
+    pub(super) fn parts(&self) -> impl Iterator<Item = ObjPart> {
+        let (mut corners, mut arities) = (self.corners.as_slice(), self.arities.as_slice());
+        self.groups.iter().map(move |group| {
+            let (here, there) = corners.split_at(group.corners);
+            let (faces, after) = arities.split_at(group.faces);
+            (corners, arities) = (there, after);
+            self.part(group, here, faces)
+        })
+    }
+
+    /// Vertices in the order in which they first occur, one for each triple of indices.
+    fn part(&self, group: &Group, mut corners: &[[u32; 3]], faces: &[u32]) -> ObjPart {
+        let mut part = ObjPart { object: group.object, material: group.material, ..ObjPart::default() };
+        let mut known: HashMap<[u32; 3], u32> = HashMap::new();
+        for &arity in faces {
+            let (face, rest) = corners.split_at(arity as usize);
+            corners = rest;
+            let mut vertex = |corner: &[u32; 3]| {
+                let next = part.positions.len() as u32;
+                *known.entry(*corner).or_insert_with(|| {
+                    let [v, vt, vn] = corner.map(|place| place as usize);
+                    part.positions.push(self.positions[v]);
+                    if group.format.0 {
+                        part.uvs.push(self.uvs[vt]);
+                    }
+                    if group.format.1 {
+                        part.normals.push(self.normals[vn].normalize_or_zero());
+                    }
+                    next
+                })
+            };
+            let (first, mut last) = (vertex(&face[0]), vertex(&face[1]));
+            for corner in &face[2..] {
+                let next = vertex(corner);
+                part.triangles.push([first, last, next]);
+                last = next;
+            }
+        }
+        part
+    }
+
+    fn check_ranges(&self, path: &Path) -> Result<()> {
+        let counts = [self.positions.len(), self.uvs.len(), self.normals.len()];
+        for (stream, what) in ["vertices", "texture coordinates", "normals"].into_iter().enumerate() {
+            let ((largest, line), count) = (self.largest[stream], counts[stream].min(u32::MAX as usize));
+            if largest > count as i64 {
+                let problem = format!("the face asks for number {largest} of {count} {what}");
+                return Err(at_line(path, line, problem));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A file while its lines go by.
 #[derive(Default)]
-struct Plain {
-    vertices: String,
-    groups: String,
-    libraries: Vec<String>,
-    materials: NameList,
-    objects: NameList,
+struct Parser {
+    file: ObjFile,
     /// Lines read, for messages.
     lines: usize,
-    faces: usize,
-    /// Number of `v`, `vt`, `vn` so far.
-    counts: [i64; 3],
-    /// Largest index used of each, with its line.
-    largest: [(i64, usize); 3],
+    /// Format of the group that faces are added to; none where the next face begins one.
     format: Option<CornerFormat>,
     object: usize,
     material: usize,
@@ -106,13 +183,16 @@ struct Plain {
     unfinished: String,
 }
 
-impl Plain {
+impl Parser {
     fn line(&mut self, line: &str) -> Result<(), String> {
         self.lines += 1;
         let line = line.split('#').next().unwrap_or_default().trim();
         if let Some(begin) = line.strip_suffix('\\') {
             self.unfinished.push_str(begin);
             self.unfinished.push(' ');
+            if self.unfinished.len() as u64 > MAX_LINE_BYTES {
+                return Err("the statement is too long to be one".into());
+            }
             return Ok(());
         }
         if self.unfinished.is_empty() {
@@ -126,162 +206,154 @@ impl Plain {
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim();
         match key {
-            "v" => self.vertex(0, "v", 3, rest),
-            "vt" => self.vertex(1, "vt", 2, rest),
-            "vn" => self.vertex(2, "vn", 3, rest),
-            "f" => self.face(rest),
+            "v" => self.file.positions.push(Vec3::from_array(numbers("v", rest)?)),
+            "vn" => self.file.normals.push(Vec3::from_array(numbers("vn", rest)?)),
+            "vt" => self.file.uvs.push(Vec2::from_array(numbers("vt", rest)?)),
+            "f" => self.face(rest)?,
             "o" | "g" => {
-                self.object = self.objects.position(rest);
+                self.object = self.file.objects.position(rest);
                 self.format = None;
-                Ok(())
             }
             "usemtl" => {
-                self.material = self.materials.position(rest);
+                self.material = self.file.materials.position(rest);
                 self.format = None;
-                Ok(())
             }
-            "mtllib" => {
-                self.libraries.push(rest.to_owned());
-                Ok(())
-            }
-            _ => Ok(()),
+            "mtllib" => self.file.libraries.push(rest.to_owned()),
+            _ => {}
         }
-    }
-
-    fn vertex(&mut self, stream: usize, key: &str, wanted: usize, rest: &str) -> Result<(), String> {
-        self.vertices.push_str(key);
-        let mut words = rest.split_whitespace();
-        for i in 0..wanted {
-            let word = match words.next() {
-                Some(word) => word,
-                // A texture coordinate of one number lies on the line v = 0.
-                None if stream == 1 && i == 1 => "0",
-                None => return Err(format!("'{key} {rest}' has fewer than {wanted} numbers")),
-            };
-            match word.parse::<f32>() {
-                Ok(value) if value.is_finite() => {}
-                Ok(_) => return Err(format!("'{key} {rest}' is not finite")),
-                Err(_) => return Err(format!("'{word}' in '{key} {rest}' is not a number")),
-            }
-            self.vertices.push(' ');
-            self.vertices.push_str(word);
-        }
-        self.vertices.push('\n');
-        self.counts[stream] += 1;
         Ok(())
     }
 
     fn face(&mut self, rest: &str) -> Result<(), String> {
-        let mut corners = Vec::with_capacity(4);
+        let begin = self.file.corners.len();
+        // Corners that differ in what they have: keep what all of them have.
+        let (mut common, mut arity) = ((true, true), 0);
         for word in rest.split_whitespace() {
             let mut corner = [None; 3];
             for (stream, index) in word.split('/').enumerate() {
-                let slot = corner.get_mut(stream).ok_or_else(|| format!("the corner '{word}' has too many parts"))?;
+                let slot = corner.get_mut(stream).ok_or("a corner of the face has more than three parts")?;
                 if !index.is_empty() {
-                    *slot = Some(self.index(stream, index).ok_or_else(|| format!("'{word}' is not a face corner"))?);
+                    *slot = Some(self.index(stream, index).ok_or("a corner of the face is not made of indices")?);
                 }
             }
-            corners.push(corner);
+            let [Some(v), vt, vn] = corner else {
+                return Err("a corner of the face has no vertex".into());
+            };
+            common = (common.0 && vt.is_some(), common.1 && vn.is_some());
+            self.file.corners.push([v, vt.unwrap_or(0), vn.unwrap_or(0)]);
+            arity += 1;
         }
-        let formats = |c: &[Option<i64>; 3]| (c[1].is_some(), c[2].is_some());
-        if corners.len() < 3 || corners.iter().any(|c| c[0].is_none()) {
-            return Err(format!("the face 'f {rest}' has fewer than three corners"));
+        if arity < 3 {
+            return Err("the face has fewer than three corners".into());
         }
-        // Corners that differ in what they have: keep what all of them have.
-        let common = corners.iter().map(formats).fold((true, true), |a, b| (a.0 && b.0, a.1 && b.1));
+        for corner in &mut self.file.corners[begin..] {
+            let [_, vt, vn] = corner;
+            *vt *= u32::from(common.0);
+            *vn *= u32::from(common.1);
+        }
         if self.format != Some(common) {
             self.format = Some(common);
-            if self.materials.as_slice().is_empty() {
-                self.material = self.materials.position("");
+            if self.file.materials.as_slice().is_empty() {
+                self.material = self.file.materials.position("");
             }
-            if self.objects.as_slice().is_empty() {
-                self.object = self.objects.position("");
+            if self.file.objects.as_slice().is_empty() {
+                self.object = self.file.objects.position("");
             }
-            let _ = write!(self.groups, "g {}\nusemtl {}\n", self.object, self.material);
+            let (object, material) = (self.object, self.material);
+            self.file.groups.push(Group { object, material, format: common, faces: 0, corners: 0 });
         }
-        self.groups.push('f');
-        for [v, vt, vn] in corners {
-            let part = |wanted: bool, index: Option<i64>| index.filter(|_| wanted).map(|i| i.to_string());
-            let (vt, vn) = (part(common.0, vt), part(common.1, vn));
-            let v = v.unwrap_or_default();
-            let _ = match (vt, vn) {
-                (None, None) => write!(self.groups, " {v}"),
-                (Some(vt), None) => write!(self.groups, " {v}/{vt}"),
-                (vt, Some(vn)) => write!(self.groups, " {v}/{}/{vn}", vt.unwrap_or_default()),
-            };
-        }
-        self.groups.push('\n');
-        self.faces += 1;
+        let group = self.file.groups.last_mut().expect("a face has a group");
+        group.faces += 1;
+        group.corners += arity as usize;
+        self.file.arities.push(arity);
         Ok(())
     }
 
-    /// An index counted from 1, made absolute and kept for the range check.
-    fn index(&mut self, stream: usize, text: &str) -> Option<i64> {
+    /// The place in a stream of an index that is counted from 1, or backwards from -1; its range is checked at the end.
+    fn index(&mut self, stream: usize, text: &str) -> Option<u32> {
         let index: i64 = text.parse().ok()?;
-        let absolute = if index < 0 { self.counts[stream].checked_add(index)? + 1 } else { index };
-        if absolute > self.largest[stream].0 {
-            self.largest[stream] = (absolute, self.lines);
+        let count = [self.file.positions.len(), self.file.uvs.len(), self.file.normals.len()][stream] as i64;
+        let absolute = if index < 0 { count.checked_add(index)? + 1 } else { index };
+        if absolute > self.file.largest[stream].0 {
+            self.file.largest[stream] = (absolute, self.lines);
         }
-        (absolute >= 1).then_some(absolute)
+        (absolute >= 1).then(|| (absolute - 1) as u32)
     }
+}
 
-    fn check_ranges(&self, path: &Path) -> Result<()> {
-        for (stream, what) in ["vertices", "texture coordinates", "normals"].into_iter().enumerate() {
-            let ((largest, line), count) = (self.largest[stream], self.counts[stream]);
-            if largest > count {
-                let problem = format!("the face asks for number {largest} of {count} {what}");
-                return Err(at_line(path, line, problem));
+/// The first `N` numbers of a statement. A texture coordinate of one number lies on the line v = 0.
+fn numbers<const N: usize>(key: &str, rest: &str) -> Result<[f32; N], String> {
+    let mut words = rest.split_whitespace();
+    let mut numbers = [0.0f32; N];
+    for (i, number) in numbers.iter_mut().enumerate() {
+        let Some(word) = words.next() else {
+            if key == "vt" && i == 1 {
+                break;
             }
+            return Err(format!("the statement '{key}' has fewer than {N} numbers"));
+        };
+        *number = word.parse().map_err(|_| format!("number {} of the statement '{key}' is none", i + 1))?;
+        if !number.is_finite() {
+            return Err(format!("number {} of the statement '{key}' is not finite", i + 1));
         }
-        Ok(())
     }
+    Ok(numbers)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn read(text: &str) -> ObjFile {
-        parse(Path::new("a.obj"), text.as_bytes()).unwrap()
+    fn parsed(text: &str) -> Result<ObjFile> {
+        parse(Path::new("a.obj"), &mut text.as_bytes(), &Memory::of(u64::MAX))
+    }
+
+    fn read(text: &str) -> (ObjFile, Vec<ObjPart>) {
+        let file = parsed(text).unwrap();
+        let parts = file.parts().collect();
+        (file, parts)
     }
 
     const SQUARE: &str = "v 0 0 0\nv\t1 0 0\r\nv 1 1 0\nv 0 1 0 1.0\n";
 
     #[test]
     fn negative_indices_tabs_and_polygons_are_read() {
-        let file = read(&format!("{SQUARE}o quad\nusemtl\tred wall\nf -4 -3 -2 -1\nf 1\t2 3\n"));
-        assert_eq!(file.materials, ["red wall"]);
-        assert_eq!(file.parts.len(), 1);
-        let part = &file.parts[0];
-        assert_eq!((part.object.as_str(), part.triangles.len(), part.positions.len()), ("quad", 3, 4));
+        let (file, parts) = read(&format!("{SQUARE}o quad\nusemtl\tred wall\nf -4 -3 -2 -1\nf 1\t2 3\n"));
+        assert_eq!(file.materials.as_slice(), ["red wall"]);
+        assert_eq!(parts.len(), 1);
+        let part = &parts[0];
+        assert_eq!(file.objects.as_slice()[part.object], "quad");
+        assert_eq!((part.triangles.len(), part.positions.len()), (3, 4));
         assert_eq!(part.positions[part.triangles[1][2] as usize], Vec3::Y);
     }
 
     #[test]
     fn faces_with_and_without_normals_do_not_mix() {
-        let file =
+        let (_, parts) =
             read(&format!("{SQUARE}vn 0 0 1\nvt 0.5 0.5\nf 1 2 3\nf 1//1 2//1 3//1\nf 1/1/1 2/1/1 3/1\nf 1 3 4\n"));
-        for part in &file.parts {
+        for part in &parts {
             assert!(part.normals.is_empty() || part.normals.len() == part.positions.len());
             assert!(part.uvs.is_empty() || part.uvs.len() == part.positions.len());
         }
-        assert_eq!(file.parts.iter().map(|p| p.triangles.len()).sum::<usize>(), 4);
-        assert_eq!(file.parts.iter().filter(|p| !p.normals.is_empty()).count(), 1);
+        assert_eq!(parts.iter().map(|p| p.triangles.len()).sum::<usize>(), 4);
+        assert_eq!(parts.iter().filter(|p| !p.normals.is_empty()).count(), 1);
     }
 
     #[test]
     fn faces_may_stand_before_their_vertices_and_lines_may_go_on() {
-        let file = read(&format!("f 1 2 \\\n 3\n{SQUARE}"));
-        assert_eq!(file.parts[0].triangles.len(), 1);
-        assert_eq!(file.materials, [""]);
+        let (file, parts) = read(&format!("f 1 2 \\\n 3\n{SQUARE}"));
+        assert_eq!(parts[0].triangles.len(), 1);
+        assert_eq!(file.materials.as_slice(), [""]);
     }
 
     #[test]
     fn materials_change_within_an_object() {
-        let file =
+        let (file, parts) =
             read(&format!("{SQUARE}g a\nusemtl x\nf 1 2 3\nusemtl y\nf 1 3 4\ng b\nf 1 2 4\nusemtl x\nf 1 2 3\n"));
-        let found: Vec<_> =
-            file.parts.iter().map(|p| (p.object.as_str(), file.materials[p.material].as_str())).collect();
+        let found: Vec<_> = parts
+            .iter()
+            .map(|p| (file.objects.as_slice()[p.object].as_str(), file.materials.as_slice()[p.material].as_str()))
+            .collect();
         assert_eq!(found, [("a", "x"), ("a", "y"), ("b", "y"), ("b", "x")]);
     }
 
@@ -304,8 +376,27 @@ mod tests {
             ("", "no faces"),
         ];
         for (text, part) in bad {
-            let error = parse(Path::new("a.obj"), text.as_bytes()).unwrap_err().to_string();
+            let error = parsed(text).unwrap_err().to_string();
             assert!(error.contains("a.obj") && error.contains(part), "{text:?}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_polygon_is_a_fan_and_memory_is_counted_while_lines_are_read() {
+        let (_, parts) = read(&format!("{SQUARE}v 0 0.5 0\nf 1 2 3 4 5\n"));
+        assert_eq!(parts[0].triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
+        let many = "v 0 0 0\n".repeat(10_000);
+        let error = parse(Path::new("a.obj"), &mut many.as_bytes(), &Memory::of(50_000)).unwrap_err();
+        assert!(matches!(error, Error::Resources { .. }), "{error}");
+        let endless =
+            parse(Path::new("a.obj"), &mut std::io::BufReader::new(std::io::repeat(b'v')), &Memory::of(1 << 20));
+        assert!(endless.unwrap_err().to_string().contains("too long"));
+    }
+
+    #[test]
+    fn errors_quote_nothing_of_the_file() {
+        for text in ["v secret 0 0\n", "vt secret\n", "f secret 1 1\n", "f 1/2/3/secret 1 1\n", "f 1 2secret 3\n"] {
+            assert!(!parsed(text).unwrap_err().to_string().contains("secret"), "{text}");
         }
     }
 }

@@ -3,9 +3,10 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use super::memory::Memory;
 use super::{Texture, TextureId};
 use crate::error::{Error, Result};
-use crate::image::{image_size, read_rgba};
+use crate::image::{image_facts, read_rgba};
 
 /// Most memory that the textures of a scene may take, in bytes.
 const BUDGET_BYTES: u64 = 2 << 30;
@@ -25,9 +26,10 @@ pub(super) enum Use {
 }
 
 /// The textures read so far.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Textures {
     pub(super) list: Vec<Texture>,
+    pub(super) memory: Memory,
     known: HashMap<(PathBuf, Use), TextureId>,
     bytes: u64,
     /// Files that materials name and that are not there, with who names them first.
@@ -37,6 +39,11 @@ pub(super) struct Textures {
 }
 
 impl Textures {
+    /// None yet; they and what reading them takes stay within `memory`.
+    pub(super) fn within(memory: Memory) -> Self {
+        Self { list: Vec::new(), memory, known: HashMap::new(), bytes: 0, missing: Vec::new(), respelled: Vec::new() }
+    }
+
     /// The texture that a material names in a folder: `name` as it is written, else the file whose name differs in upper
     /// and lower case only, as on the machines of other systems. None where there is no such file, which
     /// [`report`](Self::report) will say.
@@ -91,7 +98,10 @@ impl Textures {
         Err(Error::input(place, problem, hint))
     }
 
-    /// The texture of a file. Errors: a file that is missing or no image, or more textures than fit.
+    /// The texture of a file.
+    ///
+    /// # Errors
+    /// A file that is missing or no image, or more textures than fit.
     pub(super) fn get(
         &mut self,
         path: &Path,
@@ -106,7 +116,8 @@ impl Textures {
             let problem = format!("the texture {} is missing", path.display());
             return Err(Error::input(asked_by, problem, "put it there, or take the map out of the material"));
         }
-        let (width, height) = image_size(path)?;
+        let facts = image_facts(path)?;
+        let (width, height) = (facts.width, facts.height);
         let bytes = u64::from(width) * u64::from(height) * size_of::<[f32; 4]>() as u64;
         self.bytes += bytes;
         if self.bytes > BUDGET_BYTES {
@@ -121,24 +132,28 @@ impl Textures {
             let name = path.display();
             warnings.push(format!("{name}: the texture has {width} × {height} pixels and takes {}", gib(bytes)));
         }
-        let image = read_rgba(path)?;
+        // The image as it is read, and the texels that are made of it.
+        self.memory.check(facts.needs_bytes, path)?;
+        let mut image = read_rgba(path)?;
+        self.memory.take(bytes, path)?;
         let largest = if usage == Use::Emission { f32::MAX } else { 1.0 };
+        let has_alpha = image.has_alpha;
         let mut mended = false;
         let mut mend = |v: f32| {
             let clamped = if v.is_finite() { v.clamp(0.0, largest) } else { 0.0 };
             mended |= clamped != v;
             clamped
         };
-        let texel = |[r, g, b, a]: [f32; 4]| match usage {
-            Use::CutOut => [r, g, b, if image.has_alpha { a } else { r }],
+        let mut texel = |[r, g, b, a]: [f32; 4]| match usage {
+            Use::CutOut => [r, g, b, if has_alpha { a } else { r }],
             Use::Reflectance | Use::Emission => [mend(r), mend(g), mend(b), a],
         };
-        let texels = image.pixels.iter().copied().map(texel).collect();
+        image.pixels.iter_mut().for_each(|pixel| *pixel = texel(*pixel));
         if mended {
             warnings.push(format!("{}: values that no surface can have were clamped", path.display()));
         }
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        self.list.push(Texture { name, width, height, texels });
+        self.list.push(Texture { name, width: image.width, height: image.height, texels: image.pixels });
         let id = TextureId(self.list.len() as u32 - 1);
         self.known.insert((path.to_owned(), usage), id);
         Ok(id)

@@ -40,6 +40,9 @@ disk_structure! {
 
 /// First byte of the header page that its checksum covers: the one after the checksum.
 const CHECKED_FROM: usize = 12;
+/// Longest job description: of the scene and settings, and of each column with its light's name.
+const JOB_BYTES: u64 = 1 << 20;
+const JOB_BYTES_PER_COLUMN: u64 = 512;
 const PAGE: usize = PAGE_BYTES as usize;
 
 /// A header page as read: not to be believed.
@@ -146,6 +149,13 @@ impl UnverifiedHeader {
         let length = storage.length().map_err(Error::io(path, "ask for the length"))?;
         if fields.job_bytes > length.saturating_sub(PAGE_BYTES) {
             let problem = format!("the file is cut short inside the job description: {length} bytes");
+            return Err(damaged(problem));
+        }
+        // A sparse file may have any length: memory for the description is earned by the columns that it describes.
+        let most = JOB_BYTES + JOB_BYTES_PER_COLUMN * u64::from(fields.columns);
+        if fields.job_bytes > most {
+            let problem =
+                format!("the job description claims {} bytes, its columns take {most} at most", fields.job_bytes);
             return Err(damaged(problem));
         }
         let HeaderBytes { max_probes, clusters, job_bytes, .. } = fields;

@@ -12,6 +12,8 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("bad_cameras_are_one_clear_line", bad_cameras),
     ("a_camera_inside_something_solid_is_warned_of", a_camera_inside_something_solid),
     ("columns_that_do_not_fit_say_what_they_would_need", columns_that_do_not_fit),
+    ("memory_is_counted_while_a_scene_is_loaded", memory_is_counted_while_a_scene_is_loaded),
+    ("errors_quote_no_file_that_a_scene_names", errors_quote_no_file_that_a_scene_names),
     ("no_cut_or_changed_byte_of_an_input_panics", no_damaged_input_panics),
 ];
 
@@ -135,6 +137,58 @@ fn columns_that_do_not_fit() {
     refused(&room("[[light]]\nkind = \"environment\"\ntexels = [5000, 5000]\n"), &words);
     let panel = "kind = \"panel\"\norigin = [0, 2, 0]\nedge_u = [1, 0, 0]\nedge_v = [0, 0, 1]\n";
     refused(&room(&format!("[[light]]\n{panel}texels = [5000, 5000]\n")), &words);
+    // Four lights of 2³¹ × 2³¹ texels each are 2⁶⁴ columns, which 64 bits hold as none.
+    let lamps = ["1", "2", "3", "4"].map(|n| format!("newmtl lamp{n}\nKe 1 1 1\n")).concat();
+    let square = |n: usize| {
+        let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, z)| format!("v {x} {n} {z}\n")).concat();
+        format!("usemtl lamp{n}\n{corners}f -4 -3 -2 -1\n")
+    };
+    let squares = format!("mtllib room.mtl\n{}", (1..=4).map(square).collect::<String>());
+    let entry = "[[light]]\nmaterial = \"lamp*\"\ntexels = [2147483648, 2147483648]\n";
+    refused(&room(entry).with("room.mtl", lamps).with("room.obj", squares), &["light 1", "columns", "fewer texels"]);
+}
+
+/// Geometry, textures, maps and columns are counted against the memory before they are made.
+fn memory_is_counted_while_a_scene_is_loaded() {
+    let load = |folder: &Folder, bytes: u64| {
+        let options = ltm::scene::LoadOptions { memory_bytes: Some(bytes), ..Default::default() };
+        ltm::scene::load_with(&folder.path("scene.toml"), options)
+    };
+    let small = room("");
+    assert!(load(&small, 1 << 20).is_ok());
+    let big_obj: String = (0..20_000).map(|i| format!("v {i} 0 0\nf -1 1 2\n")).collect();
+    let header = |width: u32| format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1024 +X {width}\n");
+    let texture = room("").with("room.mtl", "newmtl ground\nmap_Kd wood.hdr\nnewmtl lamp\nKe 1 1 1\n");
+    let sky = room("[[light]]\nkind = \"environment\"\nmap = \"sky.hdr\"\n");
+    let panel = "[[light]]\nkind = \"panel\"\norigin = [0, 2, 0]\nedge_u = [1, 0, 0]\nedge_v = [0, 0, 1]\n";
+    for (folder, named) in [
+        (room("").with("room.obj", format!("{ROOM_OBJ}{big_obj}")), "room.obj"),
+        (texture.with("wood.hdr", header(1024)), "wood.hdr"),
+        (sky.with("sky.hdr", header(1024)), "sky.hdr"),
+        (room(&format!("{panel}texels = [1000, 1000]\n")), "light 1"),
+        (room(&format!("#{}\n", "x".repeat(1 << 20))), "scene.toml"),
+    ] {
+        let error = load(&folder, 1 << 20).unwrap_err();
+        assert!(matches!(error, Error::Resources { .. }) && error.to_string().contains(named), "{named}: {error}");
+    }
+}
+
+/// A scene from elsewhere may name any file as geometry or materials: what stands in it is not repeated.
+fn errors_quote_no_file_that_a_scene_names() {
+    let secret = "root:x:0:0:root:/root:/bin/sh\nusers:x:100:\n";
+    let light = "[[light]]\nkind = \"ies\"\nposition = [0, 1, 0]\nfile = \"a.ies\"\n";
+    for folder in [
+        room("").with("room.mtl", secret),
+        room("").with("room.obj", secret),
+        room("").with("room.obj", format!("v {secret}")),
+        room("").with("room.obj", format!("{ROOM_OBJ}f {secret}")),
+        room("").with("room.mtl", format!("newmtl ground\nKd {secret}")),
+        room(light).with("a.ies", format!("TILT=NONE\n{secret}")),
+        room(light).with("a.ies", secret),
+    ] {
+        let error = folder.load().unwrap_err().to_string();
+        assert!(!error.contains("root") && !error.contains("users"), "{error}");
+    }
 }
 
 fn no_damaged_input_panics() {

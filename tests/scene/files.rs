@@ -392,7 +392,7 @@ fn missing_textures() {
         assert!(refused.contains(name), "{name} is not in: {refused}");
     }
     assert!(!refused.contains('\n'));
-    let options = ltm::scene::LoadOptions { allow_missing: true };
+    let options = ltm::scene::LoadOptions { allow_missing: true, ..Default::default() };
     let loaded = ltm::scene::load_with(&folder.path("scene.toml"), options).unwrap();
     let Surface::Lambert { reflectance } = loaded.scene.materials[0].surface else { panic!("a floor of one colour") };
     assert_eq!(reflectance.at(&[], Vec2::ZERO), Vec3::new(0.5, 0.4, 0.3));

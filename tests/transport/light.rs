@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use glam::{DVec3, Mat3, Vec3};
 use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::{CHANNELS, TracedBlock};
-use ltm::scene::{Emitter, EnvironmentEmitter, IesProfile, Paint, PointEmitter, Scene, Surface};
+use ltm::scene::{Emitter, EnvironmentEmitter, IesProfile, Paint, PixelFilter, PointEmitter, Scene, Surface};
 use ltm::trace::BlockStats;
 
 use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
@@ -86,6 +86,123 @@ fn point_like_lights_light_the_floor_by_the_square_of_the_distance() {
         // No variance but the disc's; the pixels' extent of 1/1000 adds some 1e-4.
         assert!((found - expected).abs() <= 2e-3 * expected, "{name}: {found} for {expected}");
     }
+}
+
+/// Intensity between the cones falls with the square of a smooth step in the cosine: 3 t² − 2 t³.
+#[test]
+fn a_spots_light_falls_smoothly_between_its_cones() {
+    let (inner, outer) = (0.3f32, 0.7f32);
+    let mut before = f64::INFINITY;
+    for step in 0..=8 {
+        let angle = inner + (outer - inner) * step as f32 / 8.0;
+        let direction = Vec3::new(angle.sin(), -angle.cos(), 0.0);
+        let position = Vec3::Y * 2.0;
+        let spot = PointEmitter::Spot { position, direction, inner_radians: inner, outer_radians: outer };
+        let mut builder = floor();
+        builder.bodiless("spot", LightKind::Spot, Emitter::Point(spot));
+        let found = mean(&all_on(&trace(builder.build(), settings(64, 4))));
+        let t = f64::from((angle.cos() - outer.cos()) / (inner.cos() - outer.cos())).clamp(0.0, 1.0);
+        let expected = (3.0 * t * t - 2.0 * t * t * t) / 4.0 * f64::from(FLOOR / PI);
+        // The pixels' extent of 1/1000 turns the direction by as much, and the step's slope is below 8 there.
+        assert!((found - expected).abs() <= 4e-3 * f64::from(FLOOR / PI) / 4.0, "{angle}: {found} for {expected}");
+        assert!(found <= before, "it never grows outwards");
+        before = found;
+    }
+}
+
+/// A web of five planes that differ, over the whole circle, met at and between its planes.
+#[test]
+fn a_photometric_web_is_read_bilinearly_in_both_angles() {
+    let horizontal_radians: Vec<f32> = [0.0f32, 90.0, 180.0, 270.0, 360.0].map(f32::to_radians).to_vec();
+    // Two vertical angles a plane: nadir and 60°. All planes agree at the nadir.
+    let intensity = vec![1.0, 0.2, 1.0, 0.8, 1.0, 0.4, 1.0, 0.6, 1.0, 0.2];
+    let profile = IesProfile {
+        vertical_radians: vec![0.0, 60f32.to_radians()],
+        horizontal_radians,
+        intensity: intensity.clone(),
+    };
+    // The luminaire's nadir −z points down: its z axis is the world's y, and its x the world's z.
+    let axes = Mat3::from_cols(Vec3::Z, Vec3::X, Vec3::Y);
+    for turn_degrees in [0.0f32, 45.0, 90.0, 150.0, 200.0, 315.0] {
+        for vertical_degrees in [15.0f32, 40.0] {
+            let (turn, vertical) = (turn_degrees.to_radians(), vertical_degrees.to_radians());
+            // From the light to the origin, in the luminaire's axes.
+            let away = Vec3::new(turn.cos() * vertical.sin(), turn.sin() * vertical.sin(), -vertical.cos());
+            let position = axes * away * -2.0;
+            let ies = PointEmitter::Ies { position, world_from_luminaire: axes, profile: profile.clone() };
+            let mut builder = floor();
+            builder.bodiless("ies", LightKind::Ies, Emitter::Point(ies));
+            let found = mean(&all_on(&trace(builder.build(), settings(64, 4))));
+            let plane = |i: usize| f64::from(1.0 + (intensity[2 * i + 1] - 1.0) * vertical_degrees / 60.0);
+            let (at, part) = ((turn_degrees / 90.0) as usize, f64::from(turn_degrees / 90.0).fract());
+            let relative = plane(at) * (1.0 - part) + plane(at + 1) * part;
+            let expected = relative * f64::from(vertical.cos()) / 4.0 * f64::from(FLOOR / PI);
+            // The pixels' extent of 1/1000, as above.
+            assert!(
+                (found - expected).abs() <= 3e-3 * expected,
+                "{turn_degrees}°, {vertical_degrees}°: {found} for {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_two_sided_lamp_lights_both_ways_and_a_one_sided_one_only_before_it() {
+    let (origin, u, v) = (Vec3::new(-0.4, 0.8, -0.4), Vec3::X * 0.8, Vec3::Z * 0.8);
+    let expected = irradiance(&[origin, origin + u, origin + u + v, origin + v]) * f64::from(FLOOR / PI);
+    // The front is the side of `u × v`, which looks down; with the edges swapped it looks up.
+    for (edges, two_sided, share) in
+        [((u, v), false, 1.0), ((v, u), false, 0.0), ((u, v), true, 1.0), ((v, u), true, 1.0)]
+    {
+        let mut builder = floor();
+        let triangles = builder.quad(origin, edges.0, edges.1, Surface::Black);
+        match two_sided {
+            true => builder.two_sided_lamp("lamp", &triangles),
+            false => builder.lamp("lamp", &triangles),
+        }
+        let found = mean(&all_on(&trace(builder.build(), settings(256, 3))));
+        // As for the panel above: stratified, a deviation below 0.2 %.
+        assert!((found - share * expected).abs() <= 0.01 * expected, "{two_sided} {share}: {found} for {expected}");
+    }
+}
+
+/// An edge between black and light is blurred by the filter: a pixel at a distance from it holds the filter's integral beyond.
+#[test]
+fn filters_blur_an_edge_by_their_integral() {
+    for (filter, beyond) in [
+        (PixelFilter::Tent { radius: 2.0 }, tent as fn(f64) -> f64),
+        (PixelFilter::Gaussian { deviation: 0.5 }, gaussian),
+    ] {
+        // The light fills the right half of a view of 16 × 16 pixels.
+        let mut camera = camera(Vec3::Z * 2.0, Vec3::ZERO, 20.0, 16);
+        camera.filter = filter;
+        let mut builder = Builder::new(camera);
+        builder.panel("panel", Vec3::new(0.0, -4.0, 0.0), Vec3::X * 8.0, Vec3::Y * 8.0, (1, 1));
+        let blocks = trace(builder.build(), settings(4096, 2));
+        let image = all_on(&blocks);
+        // Blocks of 8 × 8 pixels: rows of the first channel, of the block at the left and at its right.
+        for (x, column) in (4..12).enumerate().map(|(i, column)| (i as f64 - 3.5, column)) {
+            let block = &image[usize::from(column >= 8) * 192..];
+            let found = (0..8).map(|y| f64::from(block[y * 8 + column % 8])).sum::<f64>() / 8.0;
+            // 8 × 4,096 samples of a coin: a deviation of at most 0.28 %.
+            assert!((found - beyond(-x)).abs() < 0.015, "{filter:?} at {x}: {found} for {}", beyond(-x));
+        }
+    }
+}
+
+/// Share of a tent of radius 2 beyond `x`.
+fn tent(x: f64) -> f64 {
+    let inside = (1.0 - x.abs() / 2.0).max(0.0).powi(2) / 2.0;
+    if x > 0.0 { inside } else { 1.0 - inside }
+}
+
+/// Share of a Gaussian beyond `x`, cut at three standard deviations, a radius of 1.5.
+fn gaussian(x: f64) -> f64 {
+    let density = |t: f64| (-0.5 * (t / 0.5) * (t / 0.5)).exp();
+    let sum = |from: f64| {
+        (0..3000).map(|i| from + (1.5 - from) * (f64::from(i) + 0.5) / 3000.0).map(density).sum::<f64>() * (1.5 - from)
+    };
+    sum(x.clamp(-1.5, 1.5)) / sum(-1.5)
 }
 
 #[test]

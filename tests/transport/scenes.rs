@@ -136,6 +136,13 @@ impl Builder {
         triangles.iter().for_each(|&t| self.scene.mesh.triangles[t as usize].emitter = Some(index));
     }
 
+    /// As [`lamp`](Self::lamp), shining from both sides of its triangles.
+    pub(crate) fn two_sided_lamp(&mut self, name: &str, triangles: &[u32]) {
+        self.lamp(name, triangles);
+        let Some(Emitter::Area(emitter)) = self.scene.emitters.last_mut() else { unreachable!("a lamp was added") };
+        emitter.two_sided = true;
+    }
+
     /// A black quad that is a light of `across × down` texels.
     pub(crate) fn panel(&mut self, name: &str, origin: Vec3, edge_u: Vec3, edge_v: Vec3, (across, down): (u32, u32)) {
         let triangles = self.quad(origin, edge_u, edge_v, Surface::Black).to_vec();

@@ -18,6 +18,25 @@ pub fn shared_components(bytes: &[u8]) -> usize {
     Chunk::parse(bytes).map_or(0, |chunk| chunk.shared)
 }
 
+/// What a layer claims to hold before it is decoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Claims {
+    /// Components beyond those that refine the base layer's.
+    pub(crate) components: usize,
+    /// All of its components.
+    pub(crate) rank: usize,
+    pub(crate) sparse_entries: usize,
+}
+
+/// What the bytes of a layer claim.
+///
+/// # Errors
+/// As plain text: they are no layer.
+pub(crate) fn claims(bytes: &[u8]) -> Result<Claims, String> {
+    let Chunk { shared, rank, sparse_entries, .. } = Chunk::parse(bytes)?;
+    Ok(Claims { components: rank.saturating_sub(shared), rank, sparse_entries })
+}
+
 /// Number of trailing components of a decoded layer that only correct `R` for the base layer's `L`; they are skipped where
 /// layers are merged rather than added.
 pub fn correcting_components(bytes: &[u8]) -> usize {

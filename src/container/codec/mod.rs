@@ -15,5 +15,6 @@ mod sparse;
 mod step;
 mod transform;
 
+pub(crate) use decode::claims;
 pub use decode::{correcting_components, decode_layer, shared_components};
 pub use layer::{CodecSettings, LayerPart, encode_layer, sparse_step};

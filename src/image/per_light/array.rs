@@ -4,13 +4,17 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
-use super::{LayerMatch, LayerRole, LightRow, LightSet, Source, TakeRow};
+use zip::ZipArchive;
+
+use super::{LayerMatch, LayerRole, LightRow, LightSet, MAX_LIGHTS, MAX_SIDE, Source, TakeRow};
 use crate::error::{Error, Result};
 use crate::files::open_input;
-use crate::matrix::MatrixShape;
+use crate::image::npy::NpyHeader;
 
-const MAX_SIDE: u64 = MatrixShape::MAX_IMAGE_SIDE as u64;
-const MAX_LIGHTS: u64 = MatrixShape::MAX_COLUMNS as u64;
+/// Most bytes that deflate makes of one: 258 of two bits each, rounded up.
+const MOST_INFLATION: u64 = 1_040;
+/// Longest name of a light, in characters.
+const MAX_NAME: usize = 4_096;
 
 /// An array on disk.
 #[derive(Clone, Debug)]
@@ -19,8 +23,14 @@ pub(super) struct Array {
     lights: usize,
 }
 
-/// Lights, height, width, and how values are stored.
-type Layout = (usize, usize, usize, Kind);
+/// Shape of an array of images, and how its values are stored.
+#[derive(Clone, Copy)]
+struct Layout {
+    lights: usize,
+    height: usize,
+    width: usize,
+    kind: Kind,
+}
 
 /// How values are stored.
 #[derive(Clone, Copy)]
@@ -33,26 +43,18 @@ enum Kind {
 /// Looks at an array `[lights, height, width, 3]` in an NPY file, or at `images` and optionally `lights` (names) in an
 /// NPZ file.
 ///
-/// Errors: a file that cannot be read, an array of another shape or type than f16, f32 or f64, names of another number.
+/// # Errors
+/// A file that cannot be read or is shorter than its header says, an array of another shape or type than f16, f32 or f64,
+/// names of another number.
 pub(super) fn open(path: &Path) -> Result<LightSet> {
-    let mut names = None;
-    let mut shape = [0; 3];
-    with_array(path, &mut |(lights, height, width, _), _| {
-        shape = [lights, height, width];
+    let mut layout = None;
+    with_array(path, &mut |found, _| {
+        layout = Some(found);
         Ok(())
     })?;
-    if is_archive(path) {
-        let failed = |e: std::io::Error| refuse(path, e.to_string());
-        let mut archive = npyz::npz::NpzArchive::new(opened(path)?).map_err(failed)?;
-        if let Some(lights) = archive.by_name("lights").map_err(failed)? {
-            names = Some(read_names(lights).map_err(|problem| refuse(path, problem))?);
-        }
-    }
-    let [count, height, width] = shape;
+    let Layout { lights: count, height, width, .. } = layout.expect("it is called once");
+    let names = if is_archive(path) { names_in_archive(path, count)? } else { None };
     let names = names.unwrap_or_else(|| (0..count).map(|i| format!("light {i}")).collect());
-    if names.len() != count {
-        return Err(refuse(path, format!("it names {} lights but holds {count} images", names.len())));
-    }
     let role = |name: &String| LayerMatch { layer: name.clone(), role: LayerRole::Light(name.clone()) };
     Ok(LightSet {
         width: width as u32,
@@ -60,6 +62,7 @@ pub(super) fn open(path: &Path) -> Result<LightSet> {
         matches: names.iter().map(role).collect(),
         lights: names,
         has_sum: false,
+        warnings: Vec::new(),
         source: Source::Array(Array { path: path.to_owned(), lights: count }),
     })
 }
@@ -68,7 +71,11 @@ impl Array {
     /// Reads the values in the order of the file.
     pub(super) fn read(&self, (width, height): (usize, usize), take: &mut TakeRow<'_>) -> Result<()> {
         let mut failed: Option<Error> = None;
-        let read = with_array(&self.path, &mut |(.., kind), reader| {
+        let read = with_array(&self.path, &mut |layout, reader| {
+            if (layout.lights, layout.height, layout.width) != (self.lights, height, width) {
+                return Err("changed while it was read".into());
+            }
+            let kind = layout.kind;
             let mut bytes = vec![0; width * 3 * kind.bytes()];
             let mut row = Vec::with_capacity(width);
             for image in 0..self.lights {
@@ -116,61 +123,97 @@ fn opened(path: &Path) -> Result<BufReader<File>> {
     Ok(BufReader::with_capacity(1 << 16, open_input(path, "open")?))
 }
 
-fn refuse(path: &Path, problem: String) -> Error {
+fn refuse(path: &Path, problem: impl Into<String>) -> Error {
     Error::input(path.display().to_string(), problem, "save it as float32 [lights, height, width, 3]")
 }
 
-/// Calls `work` with the layout of the images' array and a reader of its values.
-fn with_array(path: &Path, work: &mut dyn FnMut(Layout, &mut dyn Read) -> Result<(), String>) -> Result<()> {
-    let failed = |e: std::io::Error| refuse(path, e.to_string());
-    let refused = |problem: String| refuse(path, problem);
-    let file = opened(path)?;
-    if is_archive(path) {
-        let mut archive = npyz::npz::NpzArchive::new(file).map_err(failed)?;
-        let array = archive.by_name("images").map_err(failed)?;
-        let array = array.ok_or_else(|| refuse(path, "it has no array 'images'".into()))?;
-        let layout = layout(&array).map_err(refused)?;
-        return work(layout, &mut array.into_inner()).map_err(refused);
-    }
-    let array = npyz::NpyFile::new(file).map_err(failed)?;
-    let layout = layout(&array).map_err(refused)?;
-    work(layout, &mut array.into_inner()).map_err(refused)
+/// A member of an NPZ file and the bytes that it can hold at most; none where there is no such member.
+type Member<'a> = Option<(Box<dyn Read + 'a>, u64)>;
+
+/// Opens the array `name` of an archive. Members are stored or deflated, as NumPy writes them.
+fn member<'a>(archive: &'a mut ZipArchive<BufReader<File>>, name: &str) -> Result<Member<'a>, String> {
+    let Some(index) = archive.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
+    let file = archive.by_index(index).map_err(|e| format!("its array '{name}' cannot be read ({e})"))?;
+    let most = file.size().min(file.compressed_size().saturating_mul(MOST_INFLATION));
+    Ok(Some((Box::new(BufReader::new(file)), most)))
 }
 
-fn layout<R: Read>(array: &npyz::NpyFile<R>) -> Result<Layout, String> {
-    let shape = array.shape();
-    let &[lights, height, width, 3] = shape else {
-        return Err(format!("its array has the shape {shape:?}"));
+fn archive(path: &Path) -> Result<ZipArchive<BufReader<File>>> {
+    ZipArchive::new(opened(path)?).map_err(|e| refuse(path, format!("is not a NumPy archive ({e})")))
+}
+
+/// What is done with the layout of the images' array and a reader of its values.
+type Work<'a> = dyn FnMut(Layout, &mut dyn Read) -> Result<(), String> + 'a;
+
+/// Calls `work` once, unless the array is refused.
+fn with_array(path: &Path, work: &mut Work<'_>) -> Result<()> {
+    let mut work_on = |reader: &mut dyn Read, most_bytes: u64| {
+        let header = NpyHeader::read(reader)?;
+        let layout = layout(&header)?;
+        let values = header.values().ok_or("its array is too large")?;
+        let needed = values.saturating_mul(layout.kind.bytes() as u64).saturating_add(header.bytes);
+        if needed > most_bytes {
+            return Err(format!("its array is cut short: {needed} bytes are claimed, at most {most_bytes} are there"));
+        }
+        work(layout, reader)
+    };
+    if is_archive(path) {
+        let mut archive = archive(path)?;
+        let images = member(&mut archive, "images").map_err(|problem| refuse(path, problem))?;
+        let (mut reader, most_bytes) = images.ok_or_else(|| refuse(path, "it has no array 'images'"))?;
+        return work_on(&mut *reader, most_bytes).map_err(|problem| refuse(path, problem));
+    }
+    let mut file = opened(path)?;
+    let bytes = file.get_ref().metadata().map_err(Error::io(path, "ask for the length"))?.len();
+    work_on(&mut file, bytes).map_err(|problem| refuse(path, problem))
+}
+
+fn layout(header: &NpyHeader) -> Result<Layout, String> {
+    let of_shape = || {
+        let shape: Vec<_> = header.shape.iter().map(ToString::to_string).collect();
+        format!("its array has the shape [{}]", shape.join(", "))
+    };
+    let &[lights, height, width, 3] = header.shape.as_slice() else {
+        return Err(of_shape());
     };
     let sides = 1..=MAX_SIDE;
-    if !(1..=MAX_LIGHTS).contains(&lights) || !sides.contains(&height) || !sides.contains(&width) {
-        return Err(format!("its array has the shape {shape:?}"));
+    if !sides.contains(&height) || !sides.contains(&width) || lights == 0 {
+        return Err(of_shape());
     }
-    if array.order() != npyz::Order::C {
-        return Err("its array is in Fortran order".into());
+    if lights > MAX_LIGHTS as u64 {
+        return Err(format!("{}; it may hold {MAX_LIGHTS} lights at most", of_shape()));
     }
-    let npyz::DType::Plain(dtype) = array.dtype() else {
-        return Err("its array is a structured one".into());
-    };
-    let kind = match dtype.to_string().as_str() {
+    if header.fortran_order {
+        return Err("its array is in Fortran order; save numpy.ascontiguousarray of it".into());
+    }
+    let kind = match header.descr.as_str() {
         "<f2" => Kind::F16,
         "<f4" => Kind::F32,
         "<f8" => Kind::F64,
-        other => return Err(format!("its array is of type {other}, neither float16, float32 nor float64")),
+        other => {
+            let other = other.escape_debug();
+            return Err(format!("its array is of type {other}, neither little-endian float16, float32 nor float64"));
+        }
     };
-    Ok((lights as usize, height as usize, width as usize, kind))
+    Ok(Layout { lights: lights as usize, height: height as usize, width: width as usize, kind })
+}
+
+/// The array `lights` of an archive: as many texts of one length as there are images.
+fn names_in_archive(path: &Path, count: usize) -> Result<Option<Vec<String>>> {
+    let mut archive = archive(path)?;
+    let refused = |problem: String| refuse(path, problem);
+    let Some((mut reader, _)) = member(&mut archive, "lights").map_err(refused)? else { return Ok(None) };
+    read_names(&mut *reader, count).map(Some).map_err(refused)
 }
 
 /// Reads an array of texts of one length (`<U…`: 32-bit code points, padded with zeros).
-fn read_names<R: Read>(array: npyz::NpyFile<R>) -> Result<Vec<String>, String> {
-    let npyz::DType::Plain(dtype) = array.dtype() else {
-        return Err("its names are not texts".into());
-    };
-    let dtype = dtype.to_string();
-    let length = dtype.strip_prefix("<U").and_then(|n| n.parse::<usize>().ok()).filter(|n| (1..=4096).contains(n));
-    let length = length.ok_or(format!("its names are of the type {dtype}"))?;
-    let count = array.shape().iter().product::<u64>();
-    let mut reader = array.into_inner();
+fn read_names(reader: &mut dyn Read, count: usize) -> Result<Vec<String>, String> {
+    let NpyHeader { descr, shape, .. } = NpyHeader::read(reader)?;
+    let length = descr.strip_prefix("<U").and_then(|n| n.parse::<usize>().ok()).filter(|n| (1..=MAX_NAME).contains(n));
+    let length = length.ok_or_else(|| format!("its names are of the type {}", descr.escape_debug()))?;
+    if shape != [count as u64] {
+        return Err(format!("it holds {count} images, but its names have the shape {shape:?}"));
+    }
     let mut names = Vec::new();
     let mut bytes = vec![0; 4 * length];
     for _ in 0..count {

@@ -1,19 +1,22 @@
 //! A file for each light, and portable float maps.
 
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use regex::Regex;
+use regex_lite::Regex;
 
-use super::{LayerMatch, LayerRole, LightSet, Source, TakeRow, take_pixels};
+use super::{LayerMatch, LayerRole, LightSet, MAX_SIDE, Source, TakeRow, take_pixels};
 use crate::error::{Error, Result};
-use crate::files::{folder_of, open_input, read_input};
+use crate::files::{folder_of, open_input};
 use crate::image::read::place_in_frame;
-use crate::image::{LinearImage, image_size, read_image};
-use crate::matrix::MatrixShape;
+use crate::image::{ImageFacts, LinearImage, image_facts, read_image};
 
 /// Extensions of the image files that a pattern may find.
 const EXTENSIONS: [&str; 8] = ["exr", "hdr", "pfm", "png", "jpg", "jpeg", "tga", "bmp"];
-const MAX_SIDE: u64 = MatrixShape::MAX_IMAGE_SIDE as u64;
+
+/// Longest start of a portable float map that is looked at: four words.
+const LONGEST_HEADER: u64 = 128;
 
 /// Looks at the files of the folder of `pattern` whose names match its last part, `{light}` standing for the light's name
 /// and `*` for anything.
@@ -48,21 +51,24 @@ pub(super) fn open(pattern: &Path) -> Result<LightSet> {
             "write for example renders/room_{light}.exr",
         ));
     };
-    let (width, height) = size_of(first)?;
+    let ImageFacts { width, height, mut needs_bytes } = facts_of(first)?;
     let place = |path: &Path| if is_float_map(path) { Ok(([0, 0], (width, height))) } else { place_in_frame(path) };
     let first_place = place(first)?;
     for path in &paths[1..] {
-        let size = size_of(path)?;
-        if size != (width, height) {
-            let problem = format!("has {} × {} pixels, {} has {width} × {height}", size.0, size.1, first.display());
+        let facts = facts_of(path)?;
+        if (facts.width, facts.height) != (width, height) {
+            let size = format!("{} × {}", facts.width, facts.height);
+            let problem = format!("has {size} pixels, {} has {width} × {height}", first.display());
             return Err(Error::input(path.display().to_string(), problem, "render all lights at one resolution"));
         }
         if place(path)? != first_place {
             let problem = format!("holds another part of its frame (data window) than {}", first.display());
             return Err(Error::input(path.display().to_string(), problem, "write all lights with one data window"));
         }
+        needs_bytes = needs_bytes.max(facts.needs_bytes);
     }
-    Ok(LightSet { width, height, lights, has_sum: false, matches, source: Source::Files(paths) })
+    let source = Source::Files { paths, needs_bytes };
+    Ok(LightSet { width, height, lights, has_sum: false, matches, warnings: Vec::new(), source })
 }
 
 /// Reads the files one after the other.
@@ -83,7 +89,7 @@ pub(super) fn read(paths: &[PathBuf], size: (u32, u32), take: &mut TakeRow<'_>) 
 /// The expression for a name with `{light}` once and `*`s.
 fn expression(pattern: &str) -> Option<Regex> {
     let (before, after) = pattern.split_once("{light}").filter(|(_, after)| !after.contains("{light}"))?;
-    let parts = |text: &str, any: &str| text.split('*').map(regex::escape).collect::<Vec<_>>().join(any);
+    let parts = |text: &str, any: &str| text.split('*').map(regex_lite::escape).collect::<Vec<_>>().join(any);
     Regex::new(&format!("^{}(.+){}$", parts(before, ".*?"), parts(after, ".*"))).ok()
 }
 
@@ -91,15 +97,15 @@ fn is_float_map(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("pfm"))
 }
 
-fn size_of(path: &Path) -> Result<(u32, u32)> {
+fn facts_of(path: &Path) -> Result<ImageFacts> {
     if !is_float_map(path) {
-        return image_size(path);
+        return image_facts(path);
     }
-    let mut start = [0; 128];
-    let mut file = open_input(path, "open")?;
-    let read = std::io::Read::read(&mut file, &mut start).map_err(Error::io(path, "read"))?;
-    let header = Header::decode(&start[..read]).map_err(|problem| refuse(path, problem))?;
-    Ok((header.width as u32, header.height as u32))
+    let header = open_pfm(path)?.1;
+    let (width, height) = (header.width as u32, header.height as u32);
+    // The pixels, and a row as the file has it.
+    let needs_bytes = u64::from(width) * (u64::from(height) + 1) * 12;
+    Ok(ImageFacts { width, height, needs_bytes })
 }
 
 fn refuse(path: &Path, problem: String) -> Error {
@@ -109,9 +115,33 @@ fn refuse(path: &Path, problem: String) -> Error {
 /// Reads a portable float map (`PF` or `Pf`), whose rows run from the bottom up.
 ///
 /// Errors: a file that cannot be read, is no such map, or is shorter than its header says.
-pub(super) fn read_pfm(path: &Path) -> Result<LinearImage> {
-    let bytes = read_input(path, "read", u64::MAX)?;
-    decode_pfm(&bytes).map_err(|problem| refuse(path, problem))
+fn read_pfm(path: &Path) -> Result<LinearImage> {
+    let (mut file, header) = open_pfm(path)?;
+    let mut image = LinearImage::black(header.width as u32, header.height as u32);
+    let mut bytes = vec![0; header.row_bytes()];
+    for row in image.pixels.chunks_exact_mut(header.width).rev() {
+        file.read_exact(&mut bytes).map_err(Error::io(path, "read"))?;
+        header.decode_row(&bytes, row);
+    }
+    Ok(image)
+}
+
+/// Opens a portable float map: its header, and a reader of its rows.
+fn open_pfm(path: &Path) -> Result<(BufReader<File>, Header)> {
+    let mut file = open_input(path, "open")?;
+    let mut start = Vec::new();
+    let failed = || Error::io(path, "read");
+    Read::by_ref(&mut file).take(LONGEST_HEADER).read_to_end(&mut start).map_err(failed())?;
+    let header = Header::decode(&start).map_err(|problem| refuse(path, problem))?;
+    let length = file.metadata().map_err(failed())?.len();
+    let needed = (header.bytes + header.height * header.row_bytes()) as u64;
+    if length < needed {
+        let problem =
+            format!("it is cut short: {} × {} pixels take more than its {length} bytes", header.width, header.height);
+        return Err(refuse(path, problem));
+    }
+    file.seek(SeekFrom::Start(header.bytes as u64)).map_err(failed())?;
+    Ok((BufReader::new(file), header))
 }
 
 /// The start of a portable float map.
@@ -140,45 +170,67 @@ impl Header {
         };
         let (width, height) = (word().parse::<u64>().unwrap_or(0), word().parse::<u64>().unwrap_or(0));
         let scale: f32 = word().parse().unwrap_or(0.0);
-        if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) || scale == 0.0 {
+        let is_scale = scale.is_finite() && scale != 0.0;
+        if !(1..=MAX_SIDE).contains(&width) || !(1..=MAX_SIDE).contains(&height) || !is_scale {
             return Err("its header does not say size and scale".into());
         }
         Ok(Self { channels, width: width as usize, height: height as usize, scale, bytes: at + 1 })
     }
-}
 
-fn decode_pfm(bytes: &[u8]) -> Result<LinearImage, String> {
-    let Header { channels, width, height, scale, bytes: start } = Header::decode(bytes)?;
-    let body = bytes.get(start..).unwrap_or(&[]);
-    if (body.len() as u64) < (width * height * channels * 4) as u64 {
-        return Err(format!("it is cut short: {width} × {height} pixels take more than its {} bytes", body.len()));
+    fn row_bytes(&self) -> usize {
+        self.width * self.channels * 4
     }
-    let value = |i: usize| {
-        let word = body[4 * i..4 * i + 4].try_into().expect("4 bytes");
-        if scale < 0.0 { f32::from_le_bytes(word) } else { f32::from_be_bytes(word) }
-    };
-    let mut pixels = Vec::with_capacity(width * height);
-    for y in (0..height).rev() {
-        for x in 0..width {
-            let at = (y * width + x) * channels;
-            pixels.push(if channels == 3 { [value(at), value(at + 1), value(at + 2)] } else { [value(at); 3] });
+
+    /// A negative scale says that the lowest byte comes first. One channel is grey.
+    fn decode_row(&self, bytes: &[u8], row: &mut [[f32; 3]]) {
+        let value =
+            |word: &[u8; 4]| if self.scale < 0.0 { f32::from_le_bytes(*word) } else { f32::from_be_bytes(*word) };
+        let words = bytes.as_chunks::<4>().0;
+        for (pixel, words) in row.iter_mut().zip(words.chunks_exact(self.channels)) {
+            *pixel = match words {
+                [r, g, b] => [value(r), value(g), value(b)],
+                _ => [value(&words[0]); 3],
+            };
         }
     }
-    Ok(LinearImage { width: width as u32, height: height as u32, pixels })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn read_bytes(bytes: &[u8]) -> Result<LinearImage> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("map.pfm");
+        std::fs::write(&path, bytes).unwrap();
+        read_pfm(&path)
+    }
+
     #[test]
     fn a_float_map_is_read_from_the_bottom_up() {
         let mut bytes = b"PF\n2 2\n-1.0\n".to_vec();
         (0..12).for_each(|i| bytes.extend((i as f32).to_le_bytes()));
-        let image = decode_pfm(&bytes).unwrap();
+        let image = read_bytes(&bytes).unwrap();
         assert_eq!(image.pixels, [[6.0, 7.0, 8.0], [9.0, 10.0, 11.0], [0.0, 1.0, 2.0], [3.0, 4.0, 5.0]]);
         for length in 0..bytes.len() {
-            assert!(decode_pfm(&bytes[..length]).is_err(), "cut at {length}");
+            assert!(read_bytes(&bytes[..length]).is_err(), "cut at {length}");
+        }
+    }
+
+    #[test]
+    fn grey_and_big_endian_float_maps_are_read() {
+        let mut bytes = b"Pf\n3 1\n2.5\n".to_vec();
+        [1.0f32, -2.0, 0.25].iter().for_each(|v| bytes.extend(v.to_be_bytes()));
+        assert_eq!(read_bytes(&bytes).unwrap().pixels, [[1.0; 3], [-2.0; 3], [0.25; 3]]);
+        let mut bytes = b"PF 1 1 1 ".to_vec();
+        [1.0f32, 2.0, 3.0].iter().for_each(|v| bytes.extend(v.to_be_bytes()));
+        assert_eq!(read_bytes(&bytes).unwrap().pixels, [[1.0, 2.0, 3.0]]);
+    }
+
+    #[test]
+    fn a_float_map_that_claims_more_than_it_holds_is_refused_before_memory_is_taken() {
+        for text in ["PF\n65536 65536\n-1\n", "PF 99999999 2 -1\n", "PF\n2 2\nnan\n", "PF\n2 2\n0\n", "P6 1 1 1\n"] {
+            assert!(matches!(read_bytes(text.as_bytes()), Err(Error::Input { .. })), "{text}");
         }
     }
 

@@ -8,9 +8,9 @@ use exr::block::reader::ChunksReader;
 use exr::block::{self, UncompressedBlock};
 use exr::meta::MetaData;
 use exr::prelude::{SampleType, f16};
-use regex::Regex;
+use rayon::prelude::*;
 
-use super::{LayerMatch, LayerRole, LightRow, LightSet, Source, TakeRow};
+use super::{LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, Source, TakeRow};
 use crate::error::{Error, Result};
 use crate::files::open_input;
 
@@ -38,7 +38,7 @@ pub(super) struct Layers {
 type Places = [Option<(usize, usize)>; 3];
 
 /// Looks at the layers of an OpenEXR file, multi-part or interleaved.
-pub(super) fn open(path: &Path, pattern: Option<&Regex>) -> Result<LightSet> {
+pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightSet> {
     let refuse = |problem: String, hint: &str| Error::input(path.display().to_string(), problem, hint);
     open_input(path, "open")?;
     let meta = MetaData::read_from_file(path, false).map_err(|e| failed(path, e))?;
@@ -61,6 +61,10 @@ pub(super) fn open(path: &Path, pattern: Option<&Regex>) -> Result<LightSet> {
     let colours: Vec<&str> =
         planes.iter().filter(|(_, p)| p.iter().all(Option::is_some)).map(|(name, _)| name.as_str()).collect();
     let roles = roles(&colours, pattern);
+    let chosen = sum_of(&roles).map_err(|[first, second]| {
+        let problem = format!("'{first}' and '{second}' are each the image under some of the lights");
+        refuse(problem, "name the layers of one view layer with --layers")
+    })?;
     let (mut matches, mut lights, mut images, mut sum) = (Vec::new(), Vec::new(), Vec::new(), None);
     for (name, planes) in &planes {
         let role = roles.get(name.as_str()).cloned().unwrap_or(LayerRole::Ignored);
@@ -69,9 +73,10 @@ pub(super) fn open(path: &Path, pattern: Option<&Regex>) -> Result<LightSet> {
                 lights.push(light.clone());
                 images.push((name, planes));
             }
-            LayerRole::Sum => sum = Some((name, planes)),
-            LayerRole::Ignored => {}
+            LayerRole::Sum if chosen == Some(name) => sum = Some((name, planes)),
+            LayerRole::Sum | LayerRole::Ignored => {}
         }
+        let role = if role == LayerRole::Sum && chosen != Some(name) { LayerRole::Ignored } else { role };
         matches.push(LayerMatch { layer: name.clone(), role });
     }
     images.extend(sum);
@@ -102,6 +107,7 @@ pub(super) fn open(path: &Path, pattern: Option<&Regex>) -> Result<LightSet> {
         lights,
         has_sum: sum.is_some(),
         matches,
+        warnings: Vec::new(),
         source: Source::Layers(Layers { path: path.to_owned(), places, chunk_bytes }),
     })
 }
@@ -121,22 +127,25 @@ impl Layers {
             return Err(Error::input(place, "changed while it was read", "run the command again"));
         }
         let wanted = |part: usize| self.places[part].iter().any(Option::is_some);
-        let chunks = reader
+        let mut chunks = reader
             .filter_chunks(false, |_, tile, block| {
                 wanted(block.layer) && (tile.level_index.0, tile.level_index.1) == (0, 0)
             })
             .map_err(|e| failed(&self.path, e))?;
-        let mut refused = None;
+        let meta = chunks.meta_data().clone();
         let mut values = Vec::new();
-        let result = chunks.decompress_parallel(false, |meta, block| {
-            self.hand_over(meta, &block, &mut values, take).map_err(|error| {
-                refused = Some(error);
-                exr::error::Error::Aborted
-            })
-        });
-        match refused {
-            Some(error) => Err(error),
-            None => result.map_err(|e| failed(&self.path, e)),
+        // As many chunks at a time as there are threads to decompress them: the library's own way takes a thread for each
+        // core, and more chunks than that, whatever the pool.
+        loop {
+            let batch: Vec<_> = chunks.by_ref().take(rayon::current_num_threads()).collect();
+            if batch.is_empty() {
+                return Ok(());
+            }
+            let decompressed = |chunk: exr::error::Result<_>| UncompressedBlock::decompress_chunk(chunk?, &meta, false);
+            let blocks: Vec<_> = batch.into_par_iter().map(decompressed).collect();
+            for block in blocks {
+                self.hand_over(&meta, &block.map_err(|e| failed(&self.path, e))?, &mut values, take)?;
+            }
         }
     }
 
@@ -171,20 +180,39 @@ fn failed(path: &Path, error: exr::error::Error) -> Error {
     }
 }
 
+/// Of the layers that show all lights, the one that shows the lights found: a file may have a view layer of them, a composite
+/// and others beside it. Each light belongs to the sum with the longest path of names before it.
+///
+/// # Errors
+/// Two sums that each have lights.
+fn sum_of<'a>(roles: &BTreeMap<&'a str, LayerRole>) -> Result<Option<&'a str>, [&'a str; 2]> {
+    let path = |name: &'a str| name.rsplit_once('.').map_or("", |(path, _)| path);
+    let sums: Vec<&str> = roles.iter().filter(|(_, role)| **role == LayerRole::Sum).map(|(&name, _)| name).collect();
+    let owns = |sum: &'a str, light: &str| {
+        let path = path(sum);
+        path.is_empty() || light.strip_prefix(path).is_some_and(|rest| rest.starts_with('.'))
+    };
+    let mut chosen: Option<&str> = None;
+    for (light, _) in roles.iter().filter(|(_, role)| matches!(role, LayerRole::Light(_))) {
+        let owner = sums.iter().copied().filter(|sum| owns(sum, light)).max_by_key(|sum| path(sum).len());
+        match (chosen, owner) {
+            (Some(first), Some(second)) if path(first) != path(second) => return Err([first, second]),
+            (None, Some(_)) => chosen = owner,
+            _ => {}
+        }
+    }
+    Ok(chosen.or(sums.last().copied()))
+}
+
 /// What each layer of three colours is.
-fn roles<'a>(layers: &[&'a str], pattern: Option<&Regex>) -> BTreeMap<&'a str, LayerRole> {
+fn roles<'a>(layers: &[&'a str], pattern: Option<&LayerPattern>) -> BTreeMap<&'a str, LayerRole> {
     // The part of a name after Blender's view layer.
     let last = |name: &'a str| name.rsplit_once('.').map_or(name, |(_, last)| last);
     let sum_or_ignored = |name: &'a str| {
         if SUMS.contains(&last(name)) { LayerRole::Sum } else { LayerRole::Ignored }
     };
     if let Some(pattern) = pattern {
-        let light = |name: &'a str| {
-            let found = pattern.captures(name)?;
-            let light = found.name("light").or_else(|| found.get(1)).or_else(|| found.get(0))?.as_str();
-            Some(light.to_owned()).filter(|light| !light.is_empty())
-        };
-        let role = |name| light(name).map_or(sum_or_ignored(name), LayerRole::Light);
+        let role = |name| pattern.light(name).map_or(sum_or_ignored(name), LayerRole::Light);
         return layers.iter().map(|&name| (name, role(name))).collect();
     }
     let by_prefix = |name: &'a str| {
@@ -216,7 +244,7 @@ mod tests {
     use super::*;
 
     fn lights(layers: &[&'static str], pattern: Option<&str>) -> Vec<String> {
-        let pattern = pattern.map(|pattern| Regex::new(pattern).unwrap());
+        let pattern = pattern.map(|pattern| pattern.parse().unwrap());
         let roles = roles(layers, pattern.as_ref());
         roles.into_values().filter_map(|r| if let LayerRole::Light(name) = r { Some(name) } else { None }).collect()
     }
@@ -230,6 +258,18 @@ mod tests {
         assert_eq!(lights(&["", "LightSelect_sun", "diffuseFilter"], None), ["sun"]);
         assert_eq!(lights(&["", "RADIANCE_GROUP_0", "RADIANCE_GROUP_1"], None), ["0", "1"]);
         assert_eq!(lights(&["", "env", "spot", "albedo"], None), ["env", "spot"]);
+    }
+
+    #[test]
+    fn the_image_under_all_lights_is_that_of_their_view_layer() {
+        let sum = |layers: &[&'static str]| sum_of(&roles(layers, None)).map(|sum| sum.map(str::to_owned));
+        let composite = ["Composite.Combined", "View.Combined", "View.Combined_a.b", "View.Combined_c"];
+        assert_eq!(sum(&composite), Ok(Some("View.Combined".into())));
+        assert_eq!(sum(&["Z.Combined", "View.Combined", "View.Combined_a"]), Ok(Some("View.Combined".into())));
+        assert_eq!(sum(&["RGBA", "RGBA_key", "RGBA_fill"]), Ok(Some("RGBA".into())));
+        assert_eq!(sum(&["RGBA_key"]), Ok(None));
+        let two = ["A.Combined", "A.Combined_a", "B.Combined", "B.Combined_b"];
+        assert_eq!(sum(&two), Err(["A.Combined", "B.Combined"]));
     }
 
     #[test]

@@ -7,11 +7,42 @@ mod array;
 mod files;
 mod layers;
 
+use std::collections::HashSet;
 use std::path::Path;
 
-use regex::Regex;
-
 use crate::error::{Error, Result};
+
+/// Longest side of an image, in pixels.
+const MAX_SIDE: u64 = 65_536;
+/// Most lights of a set: each takes some hundred bytes of memory for its names alone.
+const MAX_LIGHTS: usize = 1 << 18;
+
+/// Bytes of the buffers before an array, and of the window of what is deflated.
+const ARRAY_BUFFERS: u64 = 1 << 18;
+
+/// An expression that tells which layers of an OpenEXR file are lights: the group `light`, else its first group, else all
+/// of the match is the light's name. Syntax: that of the `regex-lite` crate.
+#[derive(Clone, Debug)]
+pub struct LayerPattern(regex_lite::Regex);
+
+impl std::str::FromStr for LayerPattern {
+    type Err = String;
+
+    fn from_str(expression: &str) -> Result<Self, String> {
+        regex_lite::Regex::new(expression)
+            .map(Self)
+            .map_err(|e| format!("'{expression}' is no regular expression ({e})"))
+    }
+}
+
+impl LayerPattern {
+    /// The light's name in a layer's, where the layer is a light.
+    fn light(&self, layer: &str) -> Option<String> {
+        let found = self.0.captures(layer)?;
+        let light = found.name("light").or_else(|| found.get(1)).or_else(|| found.get(0))?.as_str();
+        Some(light.to_owned()).filter(|light| !light.is_empty())
+    }
+}
 
 /// What a layer, file or array was taken for.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -49,7 +80,7 @@ pub struct LightRow<'a> {
 }
 
 /// What takes the rows.
-pub type TakeRow<'a> = dyn FnMut(LightRow<'_>) -> Result<()> + 'a;
+pub type TakeRow<'a> = dyn FnMut(LightRow<'_>) -> Result<()> + Send + 'a;
 
 /// A set of per-light images of one size.
 #[derive(Clone, Debug)]
@@ -64,12 +95,14 @@ pub struct LightSet {
     pub has_sum: bool,
     /// What each layer was taken for.
     pub matches: Vec<LayerMatch>,
+    /// What looks wrong with the choice of layers, one line each, for people.
+    pub warnings: Vec<String>,
     source: Source,
 }
 
 #[derive(Clone, Debug)]
 enum Source {
-    Files(Vec<std::path::PathBuf>),
+    Files { paths: Vec<std::path::PathBuf>, needs_bytes: u64 },
     Layers(layers::Layers),
     Array(array::Array),
 }
@@ -78,12 +111,13 @@ impl LightSet {
     /// Looks at images of lights: a folder (each image file is a light), a file name with `{light}` in the light's place
     /// and `*` for anything, an NPY or NPZ file, or an OpenEXR file with light groups.
     ///
-    /// `layers` says which layers of an OpenEXR file are lights: the group `light` of the expression, else its first, else
-    /// all of the match is the light's name. Without it the conventions of Blender, Arnold, V-Ray and LuxCore are tried,
-    /// then any layer of three colours beside the one under all lights.
+    /// `layers` says which layers of an OpenEXR file are lights. Without it the conventions of Blender, Arnold, V-Ray and
+    /// LuxCore are tried, then any layer of three colours beside the one under all lights.
     ///
-    /// Errors: what cannot be read, nothing that looks like a light, two lights of one name, images of different sizes.
-    pub fn open(path: &Path, layers: Option<&Regex>) -> Result<Self> {
+    /// # Errors
+    /// What cannot be read, nothing that looks like a light, two lights of one name, images of different sizes, more
+    /// lights than 262,144.
+    pub fn open(path: &Path, layers: Option<&LayerPattern>) -> Result<Self> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         let set = match extension.as_deref() {
             _ if path.is_dir() => files::open(&path.join("{light}.*"))?,
@@ -97,10 +131,12 @@ impl LightSet {
                 "say which are with --layers 'RGBA_(.+)', or name the files by a pattern such as 'room_{light}.exr'";
             return refuse("no layer looks like a light's".into(), hint);
         }
-        for (i, light) in set.lights.iter().enumerate() {
-            if set.lights[..i].contains(light) {
-                return refuse(format!("two layers are of light '{light}'"), "name the layers by a narrower pattern");
-            }
+        if set.lights.len() > MAX_LIGHTS {
+            return refuse(format!("it has {} lights", set.lights.len()), "give 262,144 at most");
+        }
+        let mut names = HashSet::new();
+        if let Some(light) = set.lights.iter().find(|light| !names.insert(light.as_str())) {
+            return refuse(format!("two layers are of light '{light}'"), "name the layers by a narrower pattern");
         }
         Ok(set)
     }
@@ -110,22 +146,33 @@ impl LightSet {
         self.lights.len() + usize::from(self.has_sum)
     }
 
-    /// Bytes of memory that [`read`](Self::read) takes at most.
-    pub fn needs_bytes(&self) -> u64 {
-        let image = u64::from(self.width) * u64::from(self.height);
+    /// Bytes of memory that [`read`](Self::read) takes at most for each thread of the current pool, beside
+    /// [`needs_bytes`](Self::needs_bytes).
+    pub fn needs_bytes_per_thread(&self) -> u64 {
         match &self.source {
-            // One image as its decoder gives it, in RGBA, and in RGB.
-            Source::Files(_) => image * (16 + 16 + 12),
-            Source::Layers(layers) => layers.chunk_bytes() * 2 * (rayon::current_num_threads() as u64 + 1),
-            Source::Array(_) => u64::from(self.width) * 64,
+            // Compressed, decompressed, and on the way between: twice, for planes of bytes and for their differences.
+            Source::Layers(layers) => layers.chunk_bytes().saturating_mul(5),
+            Source::Files { .. } | Source::Array(_) => 0,
         }
+    }
+
+    /// Bytes of memory that [`read`](Self::read) takes at most on any number of threads.
+    pub fn needs_bytes(&self) -> u64 {
+        let names: usize = self.matches.iter().map(|m| 2 * (m.layer.len() + size_of::<LayerMatch>())).sum();
+        let reading = match &self.source {
+            // One image at a time.
+            Source::Files { needs_bytes, .. } => *needs_bytes,
+            Source::Layers(layers) => layers.chunk_bytes(),
+            Source::Array(_) => u64::from(self.width) * 64 + ARRAY_BUFFERS,
+        };
+        reading + 2 * names as u64
     }
 
     /// Hands over every value, in the order of the files. Errors: a file that cannot be read or has changed; those of
     /// `take`.
     pub fn read(&self, take: &mut TakeRow<'_>) -> Result<()> {
         match &self.source {
-            Source::Files(paths) => files::read(paths, (self.width, self.height), take),
+            Source::Files { paths, .. } => files::read(paths, (self.width, self.height), take),
             Source::Layers(layers) => layers.read(take),
             Source::Array(array) => array.read((self.width as usize, self.height as usize), take),
         }

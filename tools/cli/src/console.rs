@@ -1,15 +1,16 @@
 //! What the three programs share: progress bars, Ctrl-C, and the way out.
 
+use std::borrow::Cow;
 use std::io::Write;
 #[cfg(unix)]
 use std::os::fd::AsFd;
 use std::process::ExitCode;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use ltm::host::Watch;
+use ltm::host::{PeakMemory, Watch};
 
 /// A stage shows a bar only when it has run this long.
 const PATIENCE: Duration = Duration::from_millis(700);
@@ -17,10 +18,19 @@ const PATIENCE: Duration = Duration::from_millis(700);
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Whether a stage runs: only then is there a block at hand to finish.
 static IN_STAGE: AtomicBool = AtomicBool::new(false);
+/// Memory of the whole run, from the first console on.
+static RUN_MEMORY: OnceLock<PeakMemory> = OnceLock::new();
 
 /// The exit codes, for `--help`.
 pub const EXIT_CODES: &str = "Exit codes: 0 success, 2 unusable arguments, 3 unusable input, 4 damaged file, \
-5 input or output failed, 6 not enough memory or disk, 7 no GPU where one was demanded, 130 interrupted.";
+5 input or output failed, 6 not enough memory or disk, 7 no GPU where one was demanded, 70 a fault of the program, 130 interrupted.";
+
+/// Exit code of a fault of the program itself: that of BSD's `sysexits.h` for it.
+const FAULT: i32 = 70;
+/// Most threads that are started for each core: more cost time and bring nothing.
+const THREADS_PER_CORE: usize = 4;
+/// As many threads are started on any machine that wants them.
+const MOST_THREADS_ANYWHERE: usize = 64;
 
 /// Progress on standard error: a bar on a terminal, nothing but notes elsewhere.
 #[derive(Default)]
@@ -46,6 +56,8 @@ impl Console {
     /// A console whose jobs stop after the blocks at hand on the first Ctrl-C (or SIGTERM), and at once on the second. Outside of a
     /// stage, while files are opened for example, the first ends the program too: whatever it writes, the same command goes on.
     pub fn new() -> Self {
+        report_faults();
+        RUN_MEMORY.get_or_init(PeakMemory::start);
         end_with_the_reader();
         let _ = ctrlc::set_handler(|| {
             if INTERRUPTED.swap(true, Ordering::SeqCst) {
@@ -103,8 +115,8 @@ impl Watch for Console {
 
     fn note(&self, line: &str) {
         match self.stage.lock().expect("no panic holds it").as_ref() {
-            Some(stage) if stage.shown && !stage.bar.is_hidden() => stage.bar.suspend(|| eprintln!("{line}")),
-            _ => eprintln!("{line}"),
+            Some(stage) if stage.shown && !stage.bar.is_hidden() => stage.bar.suspend(|| eprintln!("{}", plain(line))),
+            _ => eprintln!("{}", plain(line)),
         }
     }
 
@@ -146,6 +158,56 @@ fn write_unlocked(text: &str) {
     eprint!("{text}");
 }
 
+/// Ends the program with one line where it would panic: what no check foresaw is a fault of the program, not of its input.
+pub fn report_faults() {
+    std::panic::set_hook(Box::new(|panic| {
+        let said = panic.payload_as_str().unwrap_or("no reason was given");
+        let place =
+            panic.location().map_or_else(String::new, |at| format!(" at {}:{}", source_of(at.file()), at.line()));
+        let program = std::env::args().next().unwrap_or_default();
+        let name = std::path::Path::new(&program).file_name().map(|name| name.to_string_lossy().into_owned());
+        let version = env!("CARGO_PKG_VERSION");
+        eprintln!(
+            "{}: fault of the program{place}: {}; please report this line, the version ({version}) and the command",
+            plain(&name.unwrap_or_default()),
+            plain(said),
+        );
+        std::process::exit(FAULT);
+    }));
+}
+
+/// A source file without the folders of the machine that compiled it.
+fn source_of(file: &str) -> &str {
+    let after = |mark: &str| file.split_once(mark).and_then(|(_, rest)| rest.split_once('/')).map(|(_, rest)| rest);
+    after("/registry/src/").or_else(|| after("/rustc/")).unwrap_or(file)
+}
+
+/// The peak of the program's anonymous memory since it began; none where the system does not tell.
+pub fn peak_memory_bytes() -> Option<u64> {
+    RUN_MEMORY.get().and_then(PeakMemory::so_far)
+}
+
+/// A text as one line that a terminal only shows: control characters, among them line ends, and marks that turn the
+/// direction of writing are escaped. Names in files of others may hold any.
+pub fn plain(text: &str) -> Cow<'_, str> {
+    let is_harmful = |c: char| {
+        let turns =
+            matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+        c.is_control() || turns || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}')
+    };
+    if !text.contains(is_harmful) {
+        return Cow::Borrowed(text);
+    }
+    let escaped = |c: char| if is_harmful(c) { c.escape_default().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(escaped).collect())
+}
+
+/// Prints one line to standard output, as [`plain`](crate::console::plain) shows it.
+#[macro_export]
+macro_rules! say {
+    ($($what:tt)*) => { println!("{}", $crate::console::plain(&format!($($what)*))) };
+}
+
 /// A number with an SI prefix: 12.3 M.
 fn engineering(value: f64) -> String {
     let (scaled, prefix) = match value {
@@ -162,7 +224,7 @@ pub fn finish(program: &str, result: ltm::Result<()>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("{program}: {error}");
+            eprintln!("{program}: {}", plain(&error.to_string()));
             ExitCode::from(error.exit_code())
         }
     }
@@ -174,9 +236,38 @@ pub fn use_threads(threads: Option<usize>) -> ltm::Result<()> {
         None => Ok(()),
         Some(0) => Err(ltm::Error::input("--threads", "0 threads cannot work", "give 1 or more")),
         Some(count) => {
+            let cores = std::thread::available_parallelism().map_or(1, usize::from);
+            let most = MOST_THREADS_ANYWHERE.max(THREADS_PER_CORE * cores);
+            if count > most {
+                let problem = format!("{count} threads are more than {cores} cores can use");
+                return Err(ltm::Error::input("--threads", problem, format!("give {most} at most")));
+            }
             // The pool exists already only if something ran before: then its size stays, which costs time, not results.
             let _ = rayon::ThreadPoolBuilder::new().num_threads(count).build_global();
             Ok(())
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_command_a_terminal() {
+        assert!(matches!(plain("Küche, 灯 1"), Cow::Borrowed(_)));
+        assert_eq!(plain("a\u{1b}[2Jb\nc\u{202e}d\u{9b}"), "a\\u{1b}[2Jb\\nc\\u{202e}d\\u{9b}");
+    }
+
+    #[test]
+    fn sources_are_named_without_the_machine_that_compiled_them() {
+        assert_eq!(source_of("/home/a/.cargo/registry/src/index.crates.io-1/exr-1.7/src/lib.rs"), "exr-1.7/src/lib.rs");
+        assert_eq!(source_of("src/image/read.rs"), "src/image/read.rs");
+    }
+
+    #[test]
+    fn more_threads_than_help_are_refused() {
+        let error = use_threads(Some(4000)).unwrap_err();
+        assert!(error.to_string().contains("--threads"), "{error}");
     }
 }

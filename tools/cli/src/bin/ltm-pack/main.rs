@@ -11,14 +11,14 @@ use clap::{Args, Parser};
 use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{human_bytes, parse_bytes};
-use ltm::image::LightSet;
+use ltm::image::{LayerPattern, LightSet};
 use ltm::light::Job;
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, ImportedMatrix, PackOptions};
 use ltm::store::StoreReader;
 use ltm_cli::compression::Compression;
-use ltm_cli::console::{self, Console, EXIT_CODES};
-use regex::Regex;
+use ltm_cli::console::{self, Console, EXIT_CODES, peak_memory_bytes};
+use ltm_cli::say;
 
 /// Compress a stored light transport matrix (.ltm), or images of single lights that other programs rendered, into a
 /// container (.ltc).
@@ -66,7 +66,7 @@ struct Images {
     /// Which layers of an OpenEXR file are lights, as a regular expression; its group (`light`, else the first) is the
     /// light's name [default: the conventions of Blender, Arnold, V-Ray, LuxCore].
     #[arg(long, value_name = "REGEX")]
-    layers: Option<Regex>,
+    layers: Option<LayerPattern>,
     /// Side of a block in pixels.
     #[arg(long, default_value_t = MatrixShape::DEFAULT_BLOCK_SIDE)]
     block_side: u32,
@@ -117,18 +117,18 @@ fn pack_options(arguments: &Arguments) -> PackOptions {
 
 fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
     let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
-    println!("{}: {report}", output.display());
-    ltm::light::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| println!("{line}"));
-    println!(
+    say!("{}: {report}", output.display());
+    ltm::light::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| say!("{line}"));
+    say!(
         "{:.1} s, {}/s of raw input, peak memory {}",
         report.seconds,
         human_bytes((report.raw_bytes as f64 / report.seconds) as u64),
-        report.peak_memory_bytes.map_or("unknown".into(), human_bytes),
+        peak_memory_bytes().map_or("unknown".into(), human_bytes),
     );
     if arguments.verify {
         let packed = ContainerReader::open(output)?;
         tables::print_comparison(&pipeline::compare_matrices(matrix, &packed, console)?, job);
     }
-    println!("next: ltm relight {} -o relit.png", output.display());
+    say!("next: ltm relight {} -o relit.png", output.display());
     Ok(())
 }

@@ -4,6 +4,8 @@ use ltm::image::LayerRole;
 use ltm::light::Job;
 use ltm::light::column_name;
 use ltm::pipeline::{BlockComparison, ImportedMatrix, Place, total_relative_l2};
+use ltm_cli::console::plain;
+use ltm_cli::say;
 
 /// Blocks that the table of a comparison lists at most.
 const MOST_BLOCKS: usize = 48;
@@ -14,11 +16,11 @@ const MOST_IGNORED: usize = 12;
 pub(crate) fn print_matches(matrix: &ImportedMatrix) {
     let longest = matrix.matches.iter().map(|m| m.layer.chars().count()).max().unwrap_or(0).clamp(5, 48);
     let shown = |layer: &str| if layer.is_empty() { "(R, G, B)".to_owned() } else { layer.to_owned() };
-    println!("{:<longest$}  taken for", "layer");
+    say!("{:<longest$}  taken for", "layer");
     for found in &matrix.matches {
         match &found.role {
-            LayerRole::Light(light) => println!("{:<longest$}  light '{light}'", shown(&found.layer)),
-            LayerRole::Sum => println!("{:<longest$}  all lights together", shown(&found.layer)),
+            LayerRole::Light(light) => say!("{:<longest$}  light '{light}'", shown(&found.layer)),
+            LayerRole::Sum => say!("{:<longest$}  all lights together", shown(&found.layer)),
             LayerRole::Ignored => {}
         }
     }
@@ -26,15 +28,15 @@ pub(crate) fn print_matches(matrix: &ImportedMatrix) {
         matrix.matches.iter().filter(|m| m.role == LayerRole::Ignored).map(|m| shown(&m.layer)).collect();
     if !ignored.is_empty() {
         let more = if ignored.len() > MOST_IGNORED { " …" } else { "" };
-        println!("ignored: {}{more}", ignored[..ignored.len().min(MOST_IGNORED)].join(", "));
+        say!("ignored: {}{more}", ignored[..ignored.len().min(MOST_IGNORED)].join(", "));
     }
     match matrix.sum_difference {
         Some(difference) => {
-            println!("the lights' sum is {difference:.1e} (relative L2) from the image under all of them")
+            say!("the lights' sum is {difference:.1e} (relative L2) from the image under all of them")
         }
-        None => println!("no image under all lights: whether the lights add up cannot be checked"),
+        None => say!("no image under all lights: whether the lights add up cannot be checked"),
     }
-    matrix.warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+    matrix.warnings.iter().for_each(|warning| eprintln!("warning: {}", plain(warning)));
 }
 
 /// The error of each block (of the worst ones, where there are many) and the worst place.
@@ -42,18 +44,18 @@ pub(crate) fn print_comparison(blocks: &[BlockComparison], job: &Job) {
     let mut order: Vec<&BlockComparison> = blocks.iter().collect();
     if blocks.len() > MOST_BLOCKS {
         order.sort_by(|a, b| b.relative_l2().total_cmp(&a.relative_l2()).then(a.id.cmp(&b.id)));
-        println!("the {MOST_BLOCKS} blocks of largest relative error, of {}:", blocks.len());
+        say!("the {MOST_BLOCKS} blocks of largest relative error, of {}:", blocks.len());
     }
-    println!("{:>6}  {:<18} {:>11}  largest difference", "block", "pixels", "relative L2");
+    say!("{:>6}  {:<18} {:>11}  largest difference", "block", "pixels", "relative L2");
     for block in order.iter().take(MOST_BLOCKS) {
         let rect = block.rect;
         let pixels = format!("{},{},{}x{}", rect.x, rect.y, rect.width, rect.height);
-        println!("{:>6}  {pixels:<18} {:>11.2e}  {}", block.id.0, block.relative_l2(), place(&block.worst, job));
+        say!("{:>6}  {pixels:<18} {:>11.2e}  {}", block.id.0, block.relative_l2(), place(&block.worst, job));
     }
     let worst = blocks.iter().map(|block| &block.worst).max_by(|a, b| a.difference().total_cmp(&b.difference()));
-    println!("whole matrix: relative L2 {:.3e}, over {} blocks", total_relative_l2(blocks), blocks.len());
+    say!("whole matrix: relative L2 {:.3e}, over {} blocks", total_relative_l2(blocks), blocks.len());
     if let Some(worst) = worst {
-        println!("worst place: {}", place(worst, job));
+        say!("worst place: {}", place(worst, job));
     }
 }
 

@@ -13,6 +13,7 @@ use ltm::matrix::PixelRect;
 use ltm::pipeline::{self, Selection, UnpackOptions};
 use ltm::{Error, Result};
 use ltm_cli::console::{self, Console, EXIT_CODES};
+use ltm_cli::say;
 
 /// Multiply a container (.ltc) out: into a stored matrix, one image for each light, an array, or one relit image.
 #[derive(Parser)]
@@ -91,23 +92,23 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     match output.extension().and_then(|e| e.to_str()) {
         Some("exr") if relit => {
             pipeline::unpack_relit(&container, output, &options, console)?;
-            println!("{}: written", output.display());
+            say!("{}: written", output.display());
         }
         _ if relit => return refuse("one relit image is an OpenEXR file", "name it x.exr, or use ltm relight"),
         Some("exr") => {
             let written = pipeline::unpack_to_exr(&container, output, &options, console)?;
-            written.iter().for_each(|path| println!("{}: written", path.display()));
+            written.iter().for_each(|path| say!("{}: written", path.display()));
         }
         Some("ltm") => {
             let blocks = pipeline::unpack_to_store(&container, output, &options, console)?;
-            println!("{}: {blocks} blocks written", output.display());
+            say!("{}: {blocks} blocks written", output.display());
         }
         Some("npy") => {
             pipeline::unpack_to_npy(&container, output, &options, console)?;
-            println!("{}: written", output.display());
+            say!("{}: written", output.display());
         }
         _ => return refuse("the name ends in none of .ltm, .exr, .npy", "choose the output by its extension"),
     }
-    println!("peak memory {}", memory.stop().map_or("unknown".into(), human_bytes));
+    say!("peak memory {}", memory.stop().map_or("unknown".into(), human_bytes));
     Ok(())
 }

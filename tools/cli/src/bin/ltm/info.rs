@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use ltm::Result;
 use ltm::container::ContainerReader;
-use ltm::host::human_bytes;
+use ltm::host::{hold_to_memory, human_bytes, parse_bytes};
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::Job;
 use ltm::light::{column_name, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
 use ltm::store::StoreReader;
+use ltm_cli::say;
 use serde_json::{Value, json};
 
 use crate::input::{Kind, kind_of};
@@ -19,6 +20,10 @@ use crate::input::{Kind, kind_of};
 const MOST_LIGHTS: usize = 40;
 /// Characters of a row of the rank map.
 const MAP_CHARACTERS: u32 = 76;
+/// Bytes of memory for each colour value of the rank map's image: as ranks, in colours, tone mapped and encoded.
+const MAP_BYTES_PER_VALUE: u64 = 16;
+/// Bytes of memory for each block that is listed as JSON: as a tree and as text.
+const LISTED_BYTES: u64 = 2048;
 /// Shades of the rank map, from none to the highest rank.
 const SHADES: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
@@ -32,6 +37,9 @@ pub(crate) struct Info {
     /// Write the rank of each block as an image in false colours, black for none, as large as the picture (.ltc).
     #[arg(long, value_name = "FILE.png")]
     rank_map: Option<PathBuf>,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
 }
 
 pub(crate) fn run(options: &Info) -> Result<()> {
@@ -39,6 +47,10 @@ pub(crate) fn run(options: &Info) -> Result<()> {
     match kind_of(path)? {
         Kind::Container => {
             let container = ContainerReader::open(path)?;
+            let map_bytes = options.rank_map.as_ref().map_or(0, |_| container.shape().rows() * MAP_BYTES_PER_VALUE);
+            let listed_bytes = if options.json { u64::from(container.shape().block_count()) * LISTED_BYTES } else { 0 };
+            let bytes = container.index_bytes() + map_bytes.max(listed_bytes);
+            hold_to_memory("looking into the container", bytes, options.memory)?;
             let figures = Figures::of(&container);
             if let Some(map) = &options.rank_map {
                 write_rank_map(map, &container)?;
@@ -64,14 +76,14 @@ pub(crate) fn run(options: &Info) -> Result<()> {
                 print_json(json);
             } else {
                 print_job(path, matrix.job());
-                println!("precision    {}", format!("{:?}", matrix.precision()).to_lowercase());
+                say!("precision    {}", format!("{:?}", matrix.precision()).to_lowercase());
                 let planes = if matrix.layout().has_planes() { "layers and features of its samples" } else { "none" };
-                println!("planes       {planes}");
-                println!("committed    {} of {} blocks", tally.committed, matrix.job().shape.block_count());
+                say!("planes       {planes}");
+                say!("committed    {} of {} blocks", tally.committed, matrix.job().shape.block_count());
                 if tally.damaged > 0 {
-                    println!("damaged      {} commit records; ltm verify names them", tally.damaged);
+                    say!("damaged      {} commit records; ltm verify names them", tally.damaged);
                 }
-                println!("size         {} in the committed blocks", human_bytes(tally.stored_bytes));
+                say!("size         {} in the committed blocks", human_bytes(tally.stored_bytes));
             }
         }
     }
@@ -124,27 +136,22 @@ impl Figures {
 
 fn print_job(path: &Path, job: &Job) {
     let shape = job.shape;
-    println!("{}", path.display());
-    println!("source       {} ({})", job.provenance.source, job.provenance.program);
+    say!("{}", path.display());
+    say!("source       {} ({})", job.provenance.source, job.provenance.program);
     if !job.provenance.settings.is_empty() {
-        println!("settings     {}", job.provenance.settings);
+        say!("settings     {}", job.provenance.settings);
     }
-    println!("job          {}", job.hash());
-    println!("image        {} × {} pixels", shape.width(), shape.height());
-    println!(
-        "matrix       {} rows × {} columns, {} in f32",
-        shape.rows(),
-        shape.columns(),
-        human_bytes(shape.raw_bytes())
-    );
-    println!("blocks       {} of {side} × {side} pixels", shape.block_count(), side = shape.block_side());
-    println!("lights       {}", job.basis.lights().len());
+    say!("job          {}", job.hash());
+    say!("image        {} × {} pixels", shape.width(), shape.height());
+    say!("matrix       {} rows × {} columns, {} in f32", shape.rows(), shape.columns(), human_bytes(shape.raw_bytes()));
+    say!("blocks       {} of {side} × {side} pixels", shape.block_count(), side = shape.block_side());
+    say!("lights       {}", job.basis.lights().len());
     for light in job.basis.lights().iter().take(MOST_LIGHTS) {
         let [r, g, b] = light.emission;
-        println!("  {:<24} {}, emission {r:.3} {g:.3} {b:.3} {}", light.name, light.kind, light.unit);
+        say!("  {:<24} {}, emission {r:.3} {g:.3} {b:.3} {}", light.name, light.kind, light.unit);
     }
     if job.basis.lights().len() > MOST_LIGHTS {
-        println!("  … and {} more (all with --json)", job.basis.lights().len() - MOST_LIGHTS);
+        say!("  … and {} more (all with --json)", job.basis.lights().len() - MOST_LIGHTS);
     }
 }
 
@@ -153,31 +160,33 @@ fn print_container(container: &ContainerReader, figures: &Figures) {
     let said = |text: &str| if text.is_empty() { "not said".to_owned() } else { text.to_owned() };
     let known = |figure: f64, text: String| if figure.is_nan() { "not known".to_owned() } else { text };
     let (bytes, base) = (container.file_bytes(), figures.base_bytes);
-    println!(
+    say!(
         "packed by    {}: method {}, for {}, prior {}",
         said(&report.program),
         said(&report.method),
         said(&report.target),
         said(&report.prior)
     );
-    println!("size         {}, {:.0}× smaller than f32", human_bytes(bytes), shape.raw_bytes() as f64 / bytes as f64);
-    println!(
+    say!("size         {}, {:.0}× smaller than f32", human_bytes(bytes), shape.raw_bytes() as f64 / bytes as f64);
+    say!(
         "base layer   {}, {:.1} % of the file, gives the first whole image",
         human_bytes(base),
         100.0 * base as f64 / bytes as f64
     );
     if figures.present_blocks < shape.block_count() as usize {
-        println!(
+        say!(
             "holds        {} of {} blocks; ltm merge joins it with the others",
             figures.present_blocks,
             shape.block_count()
         );
     }
-    println!(
+    say!(
         "rank         mean {:.2}, largest {}; {} sparse entries",
-        figures.mean_rank, figures.largest_rank, figures.sparse_entries
+        figures.mean_rank,
+        figures.largest_rank,
+        figures.sparse_entries
     );
-    println!(
+    say!(
         "error        {}",
         known(
             figures.relative_l2,
@@ -186,23 +195,23 @@ fn print_container(container: &ContainerReader, figures: &Figures) {
     );
     if let Some((id, error)) = figures.worst {
         let rect = shape.rect(id);
-        println!("  worst      {error:.2e} in {id} (pixels from {}, {})", rect.x, rect.y);
+        say!("  worst      {error:.2e} in {id} (pixels from {}, {})", rect.x, rect.y);
     }
-    println!(
+    say!(
         "  all on     {}",
         known(figures.worst_uniform, format!("at most {:.2e} relative L2 of a block's pixels", figures.worst_uniform))
     );
     match container.light_errors() {
         Some(errors) => {
             let lines = light_errors_lines(errors, &container.job().basis);
-            lines.iter().for_each(|line| println!("  {line}"));
+            lines.iter().for_each(|line| say!("  {line}"));
         }
-        None => println!("  images under single lights and at random: not known"),
+        None => say!("  images under single lights and at random: not known"),
     }
     let noise = figures.noise_rms / figures.signal_rms;
-    println!("noise        {}", known(noise, format!("{noise:.2e} of the matrix's root mean square, before packing")));
-    println!("rank map     ' ' is 0, '█' is {}", figures.largest_rank);
-    rank_map(container, figures.largest_rank.max(1)).iter().for_each(|row| println!("  {row}"));
+    say!("noise        {}", known(noise, format!("{noise:.2e} of the matrix's root mean square, before packing")));
+    say!("rank map     ' ' is 0, '█' is {}", figures.largest_rank);
+    rank_map(container, figures.largest_rank.max(1)).iter().for_each(|row| say!("  {row}"));
 }
 
 /// A character for each block, or for as many blocks as it takes to fit: their highest rank.
@@ -219,7 +228,7 @@ fn rank_map(container: &ContainerReader, largest: usize) -> Vec<String> {
         let cells = (0..shape.blocks_across()).step_by(step as usize).map(|x| {
             let ranks = (y..y + step_down).flat_map(|y| (x..x + step).map(move |x| (x, y))).map(|(x, y)| rank(x, y));
             let highest = ranks.max().unwrap_or(0);
-            SHADES[(highest * (SHADES.len() - 1)).div_ceil(largest)].to_string().repeat(wide)
+            SHADES[(highest * (SHADES.len() - 1)).div_ceil(largest).min(SHADES.len() - 1)].to_string().repeat(wide)
         });
         cells.collect::<String>()
     };

@@ -12,6 +12,7 @@ use ltm::{Error, Result};
 
 use crate::input::{Kind, kind_of, parse_size, with_overrides};
 use ltm_cli::console::Console;
+use ltm_cli::say;
 
 #[derive(Args)]
 pub(crate) struct Repair {
@@ -47,18 +48,22 @@ pub(crate) struct Merge {
     /// Blocks may be missing still: more parts follow.
     #[arg(long)]
     partial: bool,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
 }
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
-    let allowed = LoadOptions { allow_missing: options.allow_missing };
-    let loaded = with_overrides(ltm::scene::load_with(&options.scene, allowed)?, options.samples, options.size);
+    let allowed = LoadOptions { allow_missing: options.allow_missing, memory_bytes: options.memory };
+    let loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
     let repaired = pipeline::repair(loaded, &options.file, options.memory, console)?;
-    println!("{}: {} blocks rendered again", options.file.display(), repaired.len());
+    say!("{}: {} blocks rendered again", options.file.display(), repaired.len());
     Ok(())
 }
 
 pub(crate) fn merge(options: &Merge, console: &Console) -> Result<()> {
-    let Merge { parts, output, force, partial } = options;
+    let Merge { parts, output, force, partial, memory } = options;
+    pipeline::admit_merge(parts, *memory)?;
     let begun = std::cell::Cell::new(false);
     let progress = |_: u32, blocks: u32| {
         if !begun.replace(true) {
@@ -73,7 +78,7 @@ pub(crate) fn merge(options: &Merge, console: &Console) -> Result<()> {
             let summary = ltm::container::merge(&paths, output, *force, progress);
             console.end();
             let summary = summary?;
-            println!("{}: {} blocks, {}", output.display(), summary.blocks, human_bytes(summary.file_bytes));
+            say!("{}: {} blocks, {}", output.display(), summary.blocks, human_bytes(summary.file_bytes));
             let reader = ContainerReader::open(output)?;
             reader.job().shape.blocks().filter(|&id| !reader.has_block(id)).collect()
         }
@@ -81,14 +86,14 @@ pub(crate) fn merge(options: &Merge, console: &Console) -> Result<()> {
             let report = ltm::store::merge(parts, output, progress);
             console.end();
             let report = report?;
-            println!("{}: {} blocks copied, {} were there", output.display(), report.copied, report.present);
+            say!("{}: {} blocks copied, {} were there", output.display(), report.copied, report.present);
             match report.mended {
                 0 => {}
-                1 => println!("1 damaged block replaced"),
-                mended => println!("{mended} damaged blocks replaced"),
+                1 => say!("1 damaged block replaced"),
+                mended => say!("{mended} damaged blocks replaced"),
             }
             for (path, damage) in &report.damaged {
-                println!("damaged: {}, {}: {}", path.display(), damage.block, damage.problem);
+                say!("damaged: {}, {}: {}", path.display(), damage.block, damage.problem);
             }
             if let Some((path, damage)) = report.damaged.first() {
                 let problem = format!("{} is damaged, and no other part holds it whole", damage.block);

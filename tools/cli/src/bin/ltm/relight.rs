@@ -5,18 +5,19 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use ltm::container::ContainerReader;
-use ltm::host::{Watch, parse_bytes};
+use ltm::host::{Watch, hold_to_memory, parse_bytes};
 use ltm::image::LinearImage;
 use ltm::light::names::{fits, suggest};
 use ltm::light::{Job, Light, Lighting};
 use ltm::look::{self, Look};
-use ltm::pipeline::{Device, RelightOptions, Relighter, relight_matrix};
+use ltm::pipeline::{Device, RelightOptions, Relighter, relight_matrix, relit_layers_need_bytes, write_relit_layers};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
 use crate::input::{Kind, kind_of};
 use crate::picture::{Format, Picture, format_of, frame_path};
 use ltm_cli::console::Console;
+use ltm_cli::say;
 
 #[derive(Args)]
 pub(crate) struct Relight {
@@ -88,7 +89,7 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
                 DeviceName::Cpu => Device::Cpu,
                 DeviceName::Gpu => Device::Gpu,
             };
-            let (memory_bytes, gpu_memory_bytes) = (options.memory, options.gpu_memory);
+            let (memory_bytes, gpu_memory_bytes) = (task.memory_left()?, options.gpu_memory);
             let settings = RelightOptions { device, memory_bytes, gpu_memory_bytes };
             let relighter = Relighter::open(&container, settings, console)?;
             let relight = |lighting: &Lighting| {
@@ -105,14 +106,15 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
             };
             task.run(&relight, console)?;
             relighter.damage().iter().for_each(|line| console.note(line));
-            println!("{}: relit by {}", options.output.display(), relighter.description());
+            say!("{}: relit by {}", options.output.display(), relighter.description());
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(&options.input)?;
             let task = Task::new(options, matrix.job(), format)?;
             let unusable = Cell::new(0usize);
+            let memory = task.memory_left()?;
             let relight = |lighting: &Lighting| {
-                let image = relight_matrix(&matrix, lighting, options.memory)?;
+                let image = relight_matrix(&matrix, lighting, memory)?;
                 unusable.set(unusable.get() + image.values().iter().filter(|value| !value.is_finite()).count());
                 Ok(image)
             };
@@ -121,7 +123,7 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
                 let (input, count) = (options.input.display(), unusable.get());
                 console.note(&format!("{input}: {count} values of the image are infinite or not a number"));
             }
-            println!("{}: relit by the raw matrix", options.output.display());
+            say!("{}: relit by the raw matrix", options.output.display());
         }
     }
     Ok(())
@@ -151,8 +153,10 @@ struct Task<'a> {
     job: &'a Job,
     lighting: Lighting,
     look: Option<Look>,
-    /// Lightings of an animation; empty for a still.
-    frames: Vec<Lighting>,
+    /// The columns that are on.
+    on: Option<Vec<u32>>,
+    /// Frames of an animation; none for a still.
+    frames: usize,
 }
 
 impl<'a> Task<'a> {
@@ -163,53 +167,83 @@ impl<'a> Task<'a> {
             (Some(look), None) => look.lighting().clone(),
             (None, _) => Lighting::of_scene(&job.basis),
         };
-        let columns = chosen(job, &options.on)?;
-        let restrict =
-            |lighting: Lighting| if options.on.is_empty() { lighting } else { lighting.only(columns.clone()) };
+        let on = if options.on.is_empty() { None } else { Some(chosen(job, &options.on)?) };
         let place = options.output.display().to_string();
         let frames = match (frame_path(&options.output, 0), &look) {
-            (None, _) => Vec::new(),
-            (Some(_), Some(look)) => look.frames(options.fps)?.into_iter().map(restrict).collect(),
-            (Some(_), None) => Vec::new(),
+            (Some(_), Some(look)) => look.frames(options.fps)?.count(),
+            _ => 0,
         };
-        if frame_path(&options.output, 0).is_some() && frames.is_empty() {
+        if frame_path(&options.output, 0).is_some() && frames == 0 {
             return Err(Error::input(place, "a sequence needs keys to go between", "give a look file with [[key]]"));
         }
-        if options.frames.is_some() && frames.is_empty() {
+        if options.frames.is_some() && frames == 0 {
             return Err(Error::input(place, "--frames is of a sequence", "put #### into the name"));
         }
-        if let Some(range) = options.frames.as_ref().filter(|range| range.is_empty() || range.end > frames.len()) {
+        if let Some(range) = options.frames.as_ref().filter(|range| range.is_empty() || range.end > frames) {
             let problem = format!("there are no frames {}..{}", range.start, range.end);
-            return Err(Error::input(place, problem, format!("the animation has frames 0..{}", frames.len())));
+            return Err(Error::input(place, problem, format!("the animation has frames 0..{frames}")));
         }
-        if options.layers.is_some() && (format != Format::Exr || !frames.is_empty()) {
+        if options.layers.is_some() && (format != Format::Exr || frames > 0) {
             return Err(Error::input(place, "layers go into one EXR", "name the image x.exr"));
         }
         options.picture.check(format, &options.output, job)?;
-        Ok(Self { options, job, lighting: restrict(lighting), look, frames })
+        let mut task = Self { options, job, lighting, look, on, frames };
+        task.lighting = task.restricted(task.lighting.clone());
+        Ok(task)
+    }
+
+    /// A lighting with only the lights that are on.
+    fn restricted(&self, lighting: Lighting) -> Lighting {
+        match &self.on {
+            Some(columns) => lighting.only(columns.iter().copied()),
+            None => lighting,
+        }
+    }
+
+    /// Memory that is taken beside relighting one image: the look's lightings and two more, and what writes the image or
+    /// its layers.
+    fn reserved_bytes(&self) -> u64 {
+        let lightings = self.look.as_ref().map_or(0, Look::bytes) + 2 * self.lighting.weights().len() as u64 * 12;
+        let layers = match self.options.layers {
+            None | Some(Layers::Features) => 1,
+            Some(Layers::Lights) => self.job.basis.lights().len(),
+            Some(Layers::Groups) => self.look.as_ref().map_or(0, |look| look.groups().len()) + 1,
+        };
+        lightings + relit_layers_need_bytes(layers, self.job.shape)
+    }
+
+    /// What of `--memory` is left for relighting.
+    fn memory_left(&self) -> Result<Option<u64>> {
+        let reserved = self.reserved_bytes();
+        let Some(memory) = self.options.memory else { return Ok(None) };
+        hold_to_memory("writing the layers", reserved, Some(memory))?;
+        Ok(Some(memory - reserved))
     }
 
     fn run(&self, relight: &dyn Fn(&Lighting) -> Result<LinearImage>, console: &Console) -> Result<()> {
         let output = &self.options.output;
-        let mut say = |line: String| println!("{}: {line}", output.display());
+        let mut say = |line: String| say!("{}: {line}", output.display());
         if let Some(layers) = self.options.layers {
             return self.write_layers(layers, relight);
         }
         let picture = &self.options.picture;
-        if self.frames.is_empty() {
+        if self.frames == 0 {
             let image = relight(&self.lighting)?;
             return picture.writer(format_of(output)?, &image, &mut say).write(output, &image);
         }
         let brightest = self.brightest_key(relight)?;
         let writer = picture.writer(format_of(output)?, &brightest, &mut say);
-        let range = self.options.frames.clone().unwrap_or(0..self.frames.len());
+        let range = self.options.frames.clone().unwrap_or(0..self.frames);
+        let look = self.look.as_ref().expect("frames are those of a look");
+        let frames = look.frames(self.options.fps)?;
         console.begin("frames", range.len() as u64, "frames");
         let written = range.clone().try_for_each(|frame| {
             if console.interrupted() {
                 return Err(Error::Interrupted(format!("frames before {frame} are written")));
             }
             let path = frame_path(output, frame).unwrap_or_else(|| output.clone());
-            writer.write(&path, &relight(&self.frames[frame])?)?;
+            let lighting = self.restricted(frames.lighting(frame)?);
+            writer.write(&path, &relight(&lighting)?)?;
             console.advance(1, 1, "frames");
             Ok(())
         });
@@ -235,26 +269,24 @@ impl<'a> Task<'a> {
     }
 
     fn write_layers(&self, layers: Layers, relight: &dyn Fn(&Lighting) -> Result<LinearImage>) -> Result<()> {
-        let columns = match layers {
+        let columns: Vec<(String, Vec<u32>)> = match layers {
             Layers::Lights => {
                 self.job.basis.lights().iter().map(|light| (light.name.clone(), light.columns().collect())).collect()
             }
             Layers::Groups => self.groups()?,
             Layers::Features => unreachable!("features are written before anything is relit"),
         };
-        let mut images = Vec::new();
-        for (name, columns) in columns {
-            let lighting = self.lighting.only(columns);
-            // Lights that are off are left out, but a file needs one layer.
-            if lighting.weights().iter().any(|weight| *weight != [0.0; 3]) {
-                images.push((name, relight(&lighting)?));
-            }
+        // Lights that are off are left out, but a file needs one layer.
+        let weights = self.lighting.weights();
+        let shines =
+            |(_, columns): &(String, Vec<u32>)| columns.iter().any(|&column| weights[column as usize] != [0.0; 3]);
+        let mut layers: Vec<(String, Vec<u32>)> = columns.into_iter().filter(shines).collect();
+        if layers.is_empty() {
+            layers.push(("dark".to_owned(), Vec::new()));
         }
-        if images.is_empty() {
-            images.push(("dark".to_owned(), relight(&self.lighting)?));
-        }
-        let named: Vec<(&str, &LinearImage)> = images.iter().map(|(name, image)| (name.as_str(), image)).collect();
-        ltm::image::write_exr_layers(&self.options.output, &named)
+        let names: Vec<String> = layers.iter().map(|(name, _)| name.clone()).collect();
+        let mut relit = |layer: usize| relight(&self.lighting.only(layers[layer].1.iter().copied()));
+        write_relit_layers(&self.options.output, self.job.shape, &names, &mut relit)
     }
 
     /// The groups of the look file, and the lights of none of them as "others".

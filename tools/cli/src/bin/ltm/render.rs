@@ -12,7 +12,8 @@ use ltm::store::{Precision, StoreReader};
 
 use crate::input::{parse_size, with_overrides};
 use ltm_cli::compression::Compression;
-use ltm_cli::console::Console;
+use ltm_cli::console::{Console, peak_memory_bytes};
+use ltm_cli::say;
 
 #[derive(Args)]
 pub(crate) struct Render {
@@ -77,10 +78,8 @@ enum Preview {
 }
 
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
-    let mut loaded = {
-        let allowed = LoadOptions { allow_missing: options.allow_missing };
-        with_overrides(ltm::scene::load_with(&options.scene, allowed)?, options.samples, options.size)
-    };
+    let allowed = LoadOptions { allow_missing: options.allow_missing, memory_bytes: options.memory };
+    let mut loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));
     }
@@ -98,7 +97,7 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     if let Some(when) = options.preview {
         let name = format!("{}-preview.png", output.file_stem().unwrap_or_default().to_string_lossy());
         let report = pipeline::preview(&loaded, &output.with_file_name(name), console)?;
-        println!(
+        say!(
             "{}: {}×{} pixels, {} samples per pixel, {:.1} s (the first after {:.1} s)",
             report.path.display(),
             report.width,
@@ -124,11 +123,11 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let report = pipeline::render(loaded, &output, &render, console)?;
     print_report(&output, &report);
     if has_rule && let Some(error) = pipeline::expected_error(&StoreReader::open(&output)?, console)? {
-        println!("expected error {:.2} % of white, the worst of the probe lightings", 100.0 * error);
+        say!("expected error {:.2} % of white, the worst of the probe lightings", 100.0 * error);
     }
     match report.blocks_missing {
-        0 => println!("next: ltm-pack {}", output.display()),
-        missing => println!("{missing} blocks are still missing: render them too, then ltm merge"),
+        0 => say!("next: ltm-pack {}", output.display()),
+        missing => say!("{missing} blocks are still missing: render them too, then ltm merge"),
     }
     Ok(())
 }
@@ -139,24 +138,24 @@ fn run_packed(options: &Render, loaded: LoadedScene, output: &Path, console: &Co
     pack.container.overwrite = options.force;
     let (render, packed) = pipeline::render_packed(loaded, output, &pack, console)?;
     print_report(output, &render);
-    println!("{packed}");
+    say!("{packed}");
     let basis = ContainerReader::open(output)?.job().basis.clone();
-    ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| println!("{line}"));
-    println!("next: ltm relight {} -o relit.png", output.display());
+    ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| say!("{line}"));
+    say!("next: ltm relight {} -o relit.png", output.display());
     Ok(())
 }
 
 fn print_report(output: &Path, report: &RenderReport) {
-    println!(
+    say!(
         "{}: {} blocks in {:.1} s, {:.2} M rays/s, peak memory {}",
         output.display(),
         report.blocks_traced,
         report.seconds,
         report.rays as f64 / report.seconds / 1e6,
-        report.peak_memory_bytes.map_or("unknown".into(), human_bytes),
+        peak_memory_bytes().map_or("unknown".into(), human_bytes),
     );
     if report.non_finite > 0 {
-        println!("{} contributions were not finite and were dropped", report.non_finite);
+        say!("{} contributions were not finite and were dropped", report.non_finite);
     }
 }
 

@@ -8,7 +8,8 @@ use ltm::pipeline;
 use ltm::{Error, Result};
 
 use crate::input::{Kind, kind_of};
-use ltm_cli::console::Console;
+use ltm_cli::console::{Console, peak_memory_bytes};
+use ltm_cli::say;
 
 #[derive(Args)]
 pub(crate) struct Verify {
@@ -22,18 +23,19 @@ pub(crate) struct Verify {
 pub(crate) fn run(options: &Verify, console: &Console) -> Result<()> {
     let path = &*options.file;
     let kind = kind_of(path)?;
-    let verified = match kind {
+    let mut verified = match kind {
         Kind::Container => pipeline::verify_container(path, options.memory, console)?,
         Kind::Matrix => pipeline::verify(path, options.memory, console)?,
     };
-    println!("{}: {verified}", path.display());
-    verified.faults.iter().for_each(|fault| println!("damaged: {fault}"));
+    verified.peak_memory_bytes = peak_memory_bytes();
+    say!("{}: {verified}", path.display());
+    verified.faults.iter().for_each(|fault| say!("damaged: {fault}"));
     if verified.missing > 0 {
-        println!("{} blocks were never written", verified.missing);
+        say!("{} blocks were never written", verified.missing);
     }
     let places = match verified.faults.len() {
         0 => {
-            println!("sound");
+            say!("sound");
             return Ok(());
         }
         1 => "1 place is damaged".to_owned(),

@@ -1,0 +1,335 @@
+//! Files that other programs or people write: whatever their bytes are, reading them ends, without a panic and within the
+//! memory that the reader was given. Shared by the fuzz targets and by `tests/fuzz.rs`, which needs no fuzzer.
+
+use std::io::{Cursor, Write};
+use std::path::Path;
+
+use ltm::image::{ImageSize, LightSet, LinearImage, image_facts, read_rgba, write_exr, write_exr_rows, write_npy};
+use ltm::light::{Light, LightBasis, LightKind};
+use ltm::look;
+
+use crate::limit::within;
+
+/// Memory that readers are given.
+const MEMORY: u64 = 16 << 20;
+/// What may be held beside it: buffers, thread stacks' bookkeeping, what was read.
+const BESIDE: usize = 8 << 20;
+
+/// A kind of input.
+pub(crate) struct Target {
+    pub(crate) name: &'static str,
+    /// Sound files, from which changed ones are made.
+    pub(crate) seeds: fn() -> Vec<Vec<u8>>,
+    /// Reads an input in a folder of its own. Returns whether it was accepted.
+    pub(crate) look: fn(&[u8], &Path) -> bool,
+}
+
+/// All kinds but our own files.
+pub(crate) static TARGETS: [Target; 10] = [
+    Target { name: "scene", seeds: || vec![SCENE.into()], look: |bytes, folder| scene(bytes, folder, "scene.toml") },
+    Target { name: "obj", seeds: || vec![OBJ.into()], look: |bytes, folder| scene(bytes, folder, "room.obj") },
+    Target { name: "mtl", seeds: || vec![MTL.into()], look: |bytes, folder| scene(bytes, folder, "room.mtl") },
+    Target { name: "ies", seeds: || vec![IES.into()], look: |bytes, folder| scene(bytes, folder, "lamp.ies") },
+    Target { name: "look", seeds: || vec![LOOK.into()], look: read_look },
+    Target { name: "exr", seeds: exr_seeds, look: |bytes, folder| image_and_lights(bytes, folder, "input.exr") },
+    Target { name: "hdr", seeds: hdr_seeds, look: |bytes, folder| image_and_lights(bytes, folder, "one {light}.hdr") },
+    Target { name: "pfm", seeds: pfm_seeds, look: |bytes, folder| lights(bytes, folder, "one {light}.pfm") },
+    Target { name: "npy", seeds: npy_seeds, look: |bytes, folder| lights(bytes, folder, "input.npy") },
+    Target { name: "npz", seeds: npz_seeds, look: |bytes, folder| lights(bytes, folder, "input.npz") },
+];
+
+/// What numbers and words in texts are changed to.
+pub(crate) const WORDS: [&str; 22] = [
+    "0",
+    "-1",
+    "1e38",
+    "-1e-40",
+    "nan",
+    "inf",
+    "4294967295",
+    "2147483648",
+    "18446744073709551615",
+    "65536",
+    "[",
+    "]",
+    "{",
+    "}",
+    "\"",
+    "'",
+    "\n",
+    "../",
+    "[[light]]",
+    "texels = [65536, 65536]",
+    "f 1 2 3",
+    "é",
+];
+
+const SCENE: &str = r#"name = "room"
+geometry = ["room.obj"]
+metres_per_unit = 1.0
+[camera]
+eye = [0, 1, 4]
+look_at = [0, 1, 0]
+width = 32
+height = 24
+filter = "tent"
+[render]
+samples_per_pixel = 4
+block_side = 16
+[[light]]
+material = "lamp"
+texels = [2, 3]
+[[light]]
+kind = "panel"
+origin = [-1, 3, -1]
+edge_u = [1, 0, 0]
+edge_v = [0, 0, 1]
+texels = [3, 2]
+[[light]]
+kind = "environment"
+texels = [8, 4]
+map = "map.hdr"
+[[light]]
+kind = "spot"
+position = [0, 2, 0]
+inner_degrees = 20
+outer_degrees = 40
+[[light]]
+kind = "ies"
+position = [0, 2, 1]
+file = "lamp.ies"
+[[light]]
+kind = "sun"
+towards = [0.3, 1, 0.2]
+[[material]]
+match = "ground"
+roughness = 0.4
+reflectance_map = "wood.png"
+"#;
+const OBJ: &str = "mtllib room.mtl\no floor\nusemtl ground\nv -5 0 -5\nv 5 0 -5\nv 5 0 5\nv -5 0 5\nvt 0 0\nvt 1 1\nvn 0 1 0\n\
+f 1/1/1 4/2/1 3/1/1 2/2/1\no lamp\nusemtl lamp\nv -1 2 -1\nv 1 2 -1\nv 1 2 1\nv -1 2 1\nf -4 -3 -2 -1\n";
+const MTL: &str = "newmtl ground\nKd 0.5 0.4 0.3\nKs 0.1 0.1 0.1\nNs 40\nillum 2\nmap_Kd -s 1 1 1 wood.png\nnewmtl lamp\nKe 3 2 1\n\
+Ni 1.5\nd 1\nTr 0\nPr 0.3\nPm 0.1\nTf 1 1 1\n";
+const IES: &str = "IESNA:LM-63-2002\n[TEST] x\nTILT=NONE\n1 1000 1.0 3 3 1 2 -.12 0 0 1.0 1.0 75\n0 45 90\n0 45 90\n100 50 25\n\
+90 40 20\n80 30 10\n";
+const LOOK: &str = r##"base = "scene"
+[groups]
+both = ["panel", "l*"]
+[[light]]
+name = "both"
+stops = -1.0
+color = { kelvin = 2700 }
+[[light]]
+name = "panel"
+intensity = 4.0
+shape = { kind = "disc", center = [0.5, 0.5], radius = 0.2 }
+[[light]]
+name = "sky"
+environment = { file = "map.hdr", rotation_degrees = 30, stops = 1 }
+[[look]]
+name = "night"
+[[look.light]]
+name = "*"
+on = false
+[[look.light]]
+name = "panel"
+image = { file = "wood.png" }
+color = { srgb = "#ffcc88" }
+[[key]]
+time_secs = 0
+look = "night"
+[[key]]
+time_secs = 2
+look = "night"
+"##;
+
+/// Loads a scene of which one file is the input.
+fn scene(bytes: &[u8], folder: &Path, name: &str) -> bool {
+    let whole: [(&str, &[u8]); 6] = [
+        ("scene.toml", SCENE.as_bytes()),
+        ("room.obj", OBJ.as_bytes()),
+        ("room.mtl", MTL.as_bytes()),
+        ("lamp.ies", IES.as_bytes()),
+        ("wood.png", &png()),
+        ("map.hdr", &hdr_seeds()[0]),
+    ];
+    for (file, sound) in whole {
+        let path = folder.join(file);
+        if file == name {
+            std::fs::write(path, bytes).expect("the folder can be written");
+        } else if !path.exists() {
+            std::fs::write(path, sound).expect("the folder can be written");
+        }
+    }
+    let options = ltm::scene::LoadOptions { memory_bytes: Some(MEMORY), ..Default::default() };
+    within(MEMORY as usize + BESIDE, || match ltm::scene::load_with(&folder.join("scene.toml"), options) {
+        Ok(_) => true,
+        Err(error) => {
+            one_line(&error);
+            false
+        }
+    })
+}
+
+/// An error is one line; what it quotes may be ugly, but not long.
+fn one_line(error: &ltm::Error) {
+    let text = error.to_string();
+    assert!(!text.contains('\n') && text.len() < 20_000, "{text}");
+}
+
+fn read_look(bytes: &[u8], folder: &Path) -> bool {
+    let mut basis = LightBasis::new();
+    basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: 8, down: 4 })).expect("it fits");
+    basis.push(Light::unplaced("sky", LightKind::LatLong { across: 8, down: 4 })).expect("it fits");
+    basis.push(Light::unplaced("lamp", LightKind::Lamp)).expect("it fits");
+    if !folder.join("wood.png").exists() {
+        std::fs::write(folder.join("wood.png"), png()).expect("the folder can be written");
+        std::fs::write(folder.join("map.hdr"), &hdr_seeds()[0]).expect("the folder can be written");
+    }
+    let path = folder.join("look.toml");
+    std::fs::write(&path, bytes).expect("the folder can be written");
+    within(MEMORY as usize, || match look::load(&path, &basis) {
+        Ok(found) => {
+            if let Ok(frames) = found.frames(2.0) {
+                (0..frames.count().min(4)).for_each(|frame| drop(frames.lighting(frame)));
+            }
+            true
+        }
+        Err(error) => {
+            one_line(&error);
+            false
+        }
+    })
+}
+
+/// Reads a file as an image, and as images of lights.
+fn image_and_lights(bytes: &[u8], folder: &Path, name: &str) -> bool {
+    let path = folder.join(name.replace("{light}", "a"));
+    std::fs::write(&path, bytes).expect("the folder can be written");
+    let read = within(MEMORY as usize + BESIDE, || match image_facts(&path) {
+        Ok(facts) if facts.needs_bytes <= MEMORY => match read_rgba(&path) {
+            Ok(image) => {
+                assert_eq!(image.pixels.len(), image.width as usize * image.height as usize);
+                assert_eq!((image.width, image.height), (facts.width, facts.height));
+                true
+            }
+            Err(error) => {
+                one_line(&error);
+                false
+            }
+        },
+        Ok(_) => false,
+        Err(error) => {
+            one_line(&error);
+            false
+        }
+    });
+    lights(bytes, folder, name) || read
+}
+
+/// Reads a file as images of lights.
+fn lights(bytes: &[u8], folder: &Path, name: &str) -> bool {
+    std::fs::write(folder.join(name.replace("{light}", "a")), bytes).expect("the folder can be written");
+    let path = folder.join(name);
+    within(MEMORY as usize + BESIDE, || {
+        let set = match LightSet::open(&path, None) {
+            Ok(set) => set,
+            Err(error) => {
+                one_line(&error);
+                return false;
+            }
+        };
+        let needed = set.needs_bytes() + set.needs_bytes_per_thread() * rayon::current_num_threads() as u64;
+        if needed > MEMORY {
+            return false;
+        }
+        let (images, width, height) = (set.images(), set.width as usize, set.height as usize);
+        let mut take = |row: ltm::image::LightRow<'_>| {
+            assert!(row.image < images && row.channel < 3 && row.y < height && row.x + row.values.len() <= width);
+            Ok(())
+        };
+        match set.read(&mut take) {
+            Ok(()) => true,
+            Err(error) => {
+                one_line(&error);
+                false
+            }
+        }
+    })
+}
+
+fn image(seed: u32) -> LinearImage {
+    let value = |i: u32| ((i * 7919 + seed * 104_729) % 1000) as f32 / 500.0;
+    let pixels = (0..6 * 4).map(|i| [value(3 * i), value(3 * i + 1), value(3 * i + 2)]).collect();
+    LinearImage { width: 6, height: 4, pixels }
+}
+
+fn png() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let pixels: Vec<u8> = (0..4 * 4 * 4).map(|i| (i * 13) as u8).collect();
+    let image = image::RgbaImage::from_raw(4, 4, pixels).expect("16 pixels");
+    image.write_to(&mut Cursor::new(&mut bytes), image::ImageFormat::Png).expect("into memory");
+    bytes
+}
+
+/// What `write` leaves at a path.
+fn written(write: impl FnOnce(&Path)) -> Vec<u8> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("seed");
+    write(&path);
+    std::fs::read(path).expect("it was written")
+}
+
+const SIZE: ImageSize = ImageSize { width: 6, height: 4 };
+
+fn fetch(image: usize, channel: usize, y: usize, row: &mut [f32]) -> ltm::Result<()> {
+    row.iter_mut().enumerate().for_each(|(x, value)| *value = (image * 7 + channel + y * 3 + x) as f32 / 9.0);
+    Ok(())
+}
+
+fn exr_seeds() -> Vec<Vec<u8>> {
+    let layers = ["View.Combined", "View.Combined_key", "View.Combined_fill"].map(String::from);
+    vec![
+        written(|path| write_exr(path, &image(1)).expect("it can be written")),
+        written(|path| write_exr_rows(path, &layers, SIZE, &mut fetch).expect("it can be written")),
+    ]
+}
+
+fn hdr_seeds() -> Vec<Vec<u8>> {
+    let pixels: Vec<image::Rgb<f32>> = image(2).pixels.into_iter().map(image::Rgb).collect();
+    let mut wide = Vec::new();
+    image::codecs::hdr::HdrEncoder::new(&mut wide).encode(&pixels.repeat(4), 24, 4).expect("into memory");
+    let mut flat = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
+    flat.extend([128, 64, 0, 129, 128, 128, 128, 132]);
+    vec![wide, flat]
+}
+
+fn pfm_seeds() -> Vec<Vec<u8>> {
+    let mut colour = b"PF\n6 4\n-1.0\n".to_vec();
+    colour.extend(image(3).pixels.iter().flatten().flat_map(|v| v.to_le_bytes()));
+    let mut grey = b"Pf\n4 2\n1.0\n".to_vec();
+    (0..8).for_each(|i| grey.extend((i as f32).to_be_bytes()));
+    vec![colour, grey]
+}
+
+fn npy_seeds() -> Vec<Vec<u8>> {
+    vec![written(|path| write_npy(path, false, 2, SIZE, &mut fetch).expect("it can be written"))]
+}
+
+fn npz_seeds() -> Vec<Vec<u8>> {
+    let mut names = b"\x93NUMPY\x01\x00\x76\x00{'descr': '<U4', 'fortran_order': False, 'shape': (2,)}".to_vec();
+    names.resize(10 + 0x76, b' ');
+    for name in ["key ", "fill"] {
+        names.extend(name.chars().flat_map(|c| (c as u32).to_le_bytes()));
+    }
+    let archive = |method| {
+        let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        let options = zip::write::SimpleFileOptions::default().compression_method(method);
+        for (name, bytes) in [("images.npy", &npy_seeds()[0]), ("lights.npy", &names)] {
+            zip.start_file(name, options).expect("into memory");
+            zip.write_all(bytes).expect("into memory");
+        }
+        zip.finish().expect("into memory").into_inner()
+    };
+    vec![archive(zip::CompressionMethod::Stored), archive(zip::CompressionMethod::Deflated)]
+}
