@@ -120,9 +120,10 @@ fn has_colours(header: &exr::meta::header::Header) -> bool {
 /// files may hold a part of the frame only, their data window.
 ///
 /// # Errors
-/// Those of [`image_size`].
+/// Those of [`image_facts`].
 pub(super) fn place_in_frame(path: &Path) -> Result<([i64; 2], (u32, u32))> {
-    let size = image_size(path)?;
+    let ImageFacts { width, height, .. } = image_facts(path)?;
+    let size = (width, height);
     let Format::Exr = format_of(path)? else { return Ok(([0, 0], size)) };
     let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| refuse(path, &e.to_string()))?;
     let header = meta.headers.first().ok_or_else(|| refuse(path, "it has no layers"))?;

@@ -67,7 +67,6 @@ pub struct Look {
 /// Errors: a file that cannot be read, unknown keys, names that fit no light (with the nearest names), values out of
 /// range, images that cannot be read.
 pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
-    let text = read_input_text(path, "read the look", MOST_TEXT_BYTES)?;
     let place = path.display().to_string();
     let text = read_input_text(path, "read the look", MOST_TEXT_BYTES)?;
     let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));

@@ -196,7 +196,9 @@ pub fn write_relit_layers(
         }
     }
     let names = safe_names(names.iter().map(String::as_str));
-    image::write_exr_rows(path, &names, size, &mut |layer, channel, y, row| spill.read((layer, channel, y), 0, row))
+    image::write_exr_rows(path, true, &names, size, &mut |layer, channel, y, row| {
+        spill.read((layer, channel, y), 0, row)
+    })
 }
 
 /// Bytes of memory that [`write_relit_layers`] takes at most beside an image.

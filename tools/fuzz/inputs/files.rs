@@ -291,7 +291,7 @@ fn exr_seeds() -> Vec<Vec<u8>> {
     let layers = ["View.Combined", "View.Combined_key", "View.Combined_fill"].map(String::from);
     vec![
         written(|path| write_exr(path, &image(1)).expect("it can be written")),
-        written(|path| write_exr_rows(path, &layers, SIZE, &mut fetch).expect("it can be written")),
+        written(|path| write_exr_rows(path, false, &layers, SIZE, &mut fetch).expect("it can be written")),
     ]
 }
 
