@@ -51,4 +51,4 @@ pub use spill::check_container_output;
 #[cfg(feature = "scene")]
 pub use stop::{StopRule, choose_samples, expected_error, parse_error, parse_seconds};
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
-pub use verify::{admit_merge, Verified, verify, verify_container};
+pub use verify::{Verified, admit_merge, verify, verify_container};

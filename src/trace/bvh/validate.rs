@@ -156,7 +156,10 @@ mod tests {
 
     fn triangles() -> Vec<BvhTriangle> {
         let at = |i: u32| Vec3::new((i % 11) as f32, (i / 11 % 7) as f32, (i / 77) as f32);
-        let of = |i: u32| BvhTriangle { corners: [at(i), at(i) + Vec3::X, at(i) + Vec3::Y], see_through: i.is_multiple_of(3) };
+        let of = |i: u32| BvhTriangle {
+            corners: [at(i), at(i) + Vec3::X, at(i) + Vec3::Y],
+            see_through: i.is_multiple_of(3),
+        };
         let mut triangles: Vec<BvhTriangle> = (0..500).map(of).collect();
         triangles[7].corners[1] = Vec3::NAN;
         triangles
