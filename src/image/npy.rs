@@ -154,8 +154,9 @@ pub fn write_npy(path: &Path, overwrite: bool, images: usize, size: ImageSize, f
                 for (channel, row) in rows.iter_mut().enumerate() {
                     fetch(image, channel, y, row)?;
                 }
-                for x in 0..size.width {
-                    let pixel = [rows[0][x], rows[1][x], rows[2][x]].map(f32::to_le_bytes);
+                let [red, green, blue] = &rows;
+                for ((red, green), blue) in red.iter().zip(green).zip(blue) {
+                    let pixel = [red, green, blue].map(|value| value.to_le_bytes());
                     writer.write_all(pixel.as_flattened()).map_err(failed())?;
                 }
             }
