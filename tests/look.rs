@@ -37,7 +37,7 @@ fn basis() -> LightBasis {
 fn folder_with(name: &str, text: &str) -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
-    std::fs::write(&path, text).unwrap();
+    fs::write(&path, text).unwrap();
     (folder, path)
 }
 
