@@ -7,7 +7,7 @@ use std::path::Path;
 
 use ltm::host::Quiet;
 use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
-use ltm::matrix::{Block, BlockSink, CHANNELS, ColumnIndex, MatrixShape, TracedBlock};
+use ltm::matrix::{Block, BlockSink, ColumnIndex, MatrixShape, TracedBlock};
 use ltm::pipeline::{self, PackOptions};
 use ltm::store::{StoreOptions, StoreReader, StoreWriter};
 
@@ -34,12 +34,12 @@ fn main() -> ltm::Result<()> {
         for lamp in 0..LAMPS {
             // Rows: all pixels of red, then of green, then of blue; pixels row by row.
             let column = block.column_mut(ColumnIndex(lamp));
-            for row in 0..CHANNELS * rect.pixels() {
+            for (row, entry) in column.iter_mut().enumerate() {
                 let pixel = row % rect.pixels();
                 let x = (rect.x as usize + pixel % rect.width as usize) as f32 + 0.5;
                 let y = (rect.y as usize + pixel / rect.width as usize) as f32 + 0.5;
                 let across = x - (lamp as f32 + 0.5) * 8.0;
-                column[row] = 100.0 / (across * across + y * y + 25.0);
+                *entry = 100.0 / (across * across + y * y + 25.0);
             }
         }
         // Other renders know nothing of their noise.

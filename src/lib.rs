@@ -56,7 +56,7 @@
 //! | `obvhs` | `trace` |
 //! | `serde`, `toml` | `look`, `scene` |
 //! | `serde_json` | `look` |
-//! | `exr`, `image`, `regex_lite`, `zip` | `image` |
+//! | `exr`, `flate2`, `image`, `regex_lite`, `zip` | `image` |
 //! | `bincode` | `encoding` |
 //! | `zstd` | `container` |
 //! | `half` | `image`, `store` |

@@ -23,7 +23,7 @@ use ltm::store::{StoreOptions, StoreReader, StoreWriter, partial_path};
 
 /// Set in the child that runs a test on the small disk.
 const DISK: &str = "LTM_TEST_FULL_DISK";
-const DISK_BYTES: u64 = 20 << 20;
+const DISK_BYTES: u64 = 32 << 20;
 
 /// A test, given the folder at which the small disk is mounted.
 type OnDisk = fn(&Path);

@@ -68,7 +68,8 @@ fn code_lines(text: &str) -> Vec<Line<'_>> {
         lines.push(Line { number: i + 1, code: line.split("//").next().unwrap(), is_test });
         // The end of a test module, or the declaration of one in a file of its own.
         let is_attribute = line.starts_with("#[");
-        is_test &= !(line == "}" || !is_attribute && !line.starts_with(' ') && line.ends_with(';'));
+        let ends_declaration = !is_attribute && !line.starts_with(' ') && line.ends_with(';');
+        is_test &= line != "}" && !ends_declaration;
     }
     lines
 }

@@ -172,8 +172,7 @@ fn write_part(path: &Path, image: &LinearImage, (x, y): (i32, i32)) {
         let [r, g, b] = image.pixels[at.y() * image.width as usize + at.x()];
         (r, g, b)
     };
-    let mut attributes = LayerAttributes::default();
-    attributes.layer_position = Vec2(x, y);
+    let attributes = LayerAttributes { layer_position: Vec2(x, y), ..LayerAttributes::default() };
     let size = Vec2(image.width as usize, image.height as usize);
     let layer = Layer::new(size, attributes, Encoding::UNCOMPRESSED, SpecificChannels::rgb(pixel));
     let frame = ImageAttributes::new(IntegerBounds::from_dimensions((64, 48)));

@@ -15,7 +15,7 @@ use crate::image::{self, ImageSize, LinearImage};
 use crate::light::Lighting;
 use crate::matrix::{BlockSource, CHANNELS, FactorSource, MatrixShape};
 use crate::relight::{CpuRelighter, PagedRelighter, relight_raw};
-use crate::store::{self, StoreOptions, StoreReader};
+use crate::store::{self, StoreReader};
 
 /// Where to relight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,6 +36,8 @@ pub struct RelightOptions {
     pub device: Device,
     /// Anonymous memory to stay within; none: as much as all factors take, or less where the system has less.
     pub memory_bytes: Option<u64>,
+    /// Of that memory: what the caller holds beside relighting one image.
+    pub beside_bytes: u64,
     /// Memory of the GPU to stay within; none: as much as all factors take.
     pub gpu_memory_bytes: Option<u64>,
 }
@@ -59,7 +61,8 @@ impl<'a> Relighter<'a> {
     /// Errors: those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
     /// decoded; [`Error::NoGpu`] if a GPU is demanded and there is none.
     pub fn open(container: &'a ContainerReader, options: RelightOptions, watch: &dyn Watch) -> Result<Self> {
-        let need = need_of(container);
+        let mut need = need_of(container);
+        need.fixed_bytes += options.beside_bytes;
         let threads = need.threads_within("relighting", options.memory_bytes)?;
         let left = |bytes: u64| bytes.saturating_sub(need.bytes(threads));
         let too_small = |bytes: &u64| factors_bytes(container) > left(*bytes);
@@ -221,17 +224,19 @@ pub fn relight(
     Ok((images, relighter.description()))
 }
 
-/// The direct product with a stored matrix, on as many threads as hold a block each within the memory given.
+/// The direct product with a stored matrix on the CPU, on as many threads as hold a block each within the memory given.
 ///
 /// Errors: those of reading the matrix; [`Error::Resources`] where not even one block fits.
-pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, memory_bytes: Option<u64>) -> Result<LinearImage> {
+pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, options: RelightOptions) -> Result<LinearImage> {
     let shape = BlockSource::shape(matrix);
-    let options =
-        StoreOptions { precision: matrix.precision(), max_probes: matrix.layout().max_probes(), ..Default::default() };
     // A block with its noise, as it is stored and as it is multiplied, and its sums.
     let block_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
-    let per_thread_bytes = block_bytes + store::requirements(matrix.job(), &options).memory_bytes;
-    let need = Need { fixed_bytes: PROGRAM_BYTES + image_bytes(shape), per_thread_bytes, ..Need::default() };
-    let threads = Threads::new(need.threads_within("relighting", memory_bytes)?)?;
+    let per_thread_bytes = block_bytes + store::requirements(matrix.job(), &matrix.options()).memory_bytes;
+    let need = Need {
+        fixed_bytes: PROGRAM_BYTES + image_bytes(shape) + options.beside_bytes,
+        per_thread_bytes,
+        ..Need::default()
+    };
+    let threads = Threads::new(need.threads_within("relighting", options.memory_bytes)?)?;
     threads.run(|| Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))
 }

@@ -8,8 +8,9 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::files::check_output;
 use crate::host::{Need, PROGRAM_BYTES, PeakMemory, Threads, Watch, budget_bytes};
-use crate::light::{Job, Provenance};
+use crate::light::{Clusters, Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
 use crate::scene::{self, LoadOptions, LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
@@ -85,9 +86,9 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     // A finished file that lacks blocks is filled in where it stands, part by part.
     let fill_in = options.blocks.is_some() && path.exists() && !options.store.overwrite;
     let lazy = StoreOptions { reserve: false, ..stored };
-    if path.exists() && !options.store.overwrite && !fill_in {
-        // Refuses, before anything is said of memory and disk.
-        StoreWriter::create(path, &job, lazy)?;
+    if !fill_in {
+        // Before anything is said of memory and disk.
+        check_output(path, options.store.overwrite)?;
     }
     let there = if fill_in { path.to_owned() } else { partial_path(path) };
     let threads = need.admit("rendering", path, &[&there], options.memory_bytes, watch)?;
@@ -197,5 +198,5 @@ fn scene_bytes(loaded: &LoadedScene) -> u64 {
 /// Memory of a thread that traces a block: the block, and what tracing it takes beside it.
 fn block_need(job: &Job) -> u64 {
     let block = job.shape.max_block_rows() as u64 * job.shape.columns() as u64 * 4;
-    block + Tracer::block_needs_bytes(job.shape)
+    block + Tracer::block_needs_bytes(job.shape, Clusters::of_basis(&job.basis).count())
 }

@@ -147,10 +147,6 @@ impl UnverifiedHeader {
         let shape = MatrixShape::new(fields.width, fields.height, fields.columns, fields.block_side)
             .map_err(|e| damaged(format!("the header's shape is impossible: {e}")))?;
         let length = storage.length().map_err(Error::io(path, "ask for the length"))?;
-        if fields.job_bytes > length.saturating_sub(PAGE_BYTES) {
-            let problem = format!("the file is cut short inside the job description: {length} bytes");
-            return Err(damaged(problem));
-        }
         // A sparse file may have any length: memory for the description is earned by the columns that it describes.
         let most = JOB_BYTES + JOB_BYTES_PER_COLUMN * u64::from(fields.columns);
         if fields.job_bytes > most {
@@ -171,10 +167,10 @@ impl UnverifiedHeader {
         if said != (layout.table_offset(), layout.slots_offset(), layout.file_bytes()) {
             return Err(damaged("the header's offsets do not fit its shape".into()));
         }
-        if length < layout.slots_offset() {
-            let needed = layout.slots_offset();
+        if length < layout.table_offset() {
+            let needed = layout.table_offset();
             return Err(damaged(format!(
-                "the file is cut short before its blocks: {length} bytes of at least {needed}"
+                "the file is cut short inside the job description: {length} bytes of at least {needed}"
             )));
         }
         let mut description = vec![0; (layout.table_offset() - layout.job_offset()) as usize];

@@ -94,6 +94,12 @@ impl<S: Storage> StoreReader<S> {
     /// Reads from any storage; `path` is for messages.
     pub fn over(storage: S, path: &Path) -> Result<Self> {
         let header = Header::read(&storage, path)?;
+        let (length, needed) =
+            (storage.length().map_err(Error::io(path, "ask for the length"))?, header.layout.slots_offset());
+        if length < needed {
+            let problem = format!("the file is cut short before its blocks: {length} bytes of at least {needed}");
+            return Err(Error::damaged(path, problem, "render it again, or take it from a copy"));
+        }
         let releases = crowds_out(header.layout.file_bytes());
         let checked = header.layout.shape.blocks().map(|_| AtomicBool::new(false)).collect();
         Ok(Self { storage, path: path.to_owned(), header, releases, checked })

@@ -61,8 +61,7 @@ impl<'a> PlaneSums<'a> {
     }
 
     /// Bytes of the sums, and of the planes that they fill in a block of `pixels`.
-    pub(super) fn needs_bytes(pixels: u64, columns: u64) -> u64 {
-        let clusters = columns.min(Clusters::MAX as u64);
+    pub(super) fn needs_bytes(pixels: u64, columns: u64, clusters: u64) -> u64 {
         let sums = size_of::<ClusterLight>() as u64 * clusters + PixelSums::needs_bytes(columns);
         sums + BlockPlanes::fixed_bytes(pixels, clusters) + emission_bytes(pixels, columns)
     }

@@ -79,11 +79,11 @@ impl Tracer {
     }
 
     /// Bytes that tracing a block of this shape takes at most beside the block: sums and means of the pixels at hand, and
-    /// the noise and the planes, which stay with the block.
-    pub fn block_needs_bytes(shape: MatrixShape) -> u64 {
+    /// the noise and the planes of so many clusters, which stay with the block.
+    pub fn block_needs_bytes(shape: MatrixShape, clusters: usize) -> u64 {
         let (rows, columns) = (shape.max_block_rows() as u64, shape.columns() as u64);
         let sums = PixelSums::needs_bytes(columns) + Tile::needs_bytes(columns);
-        let planes = PlaneSums::needs_bytes(rows / CHANNELS as u64, columns);
+        let planes = PlaneSums::needs_bytes(rows / CHANNELS as u64, columns, clusters as u64);
         sums + NoiseSums::needs_bytes(rows, columns) + planes
     }
 

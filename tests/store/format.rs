@@ -183,7 +183,7 @@ const BAD: &[(&str, Change, Fate)] = &[
     ("ltm-width-zero", |b| set_header(b, "width", &0u32.to_le_bytes()), Refused("image width")),
     ("ltm-columns-absurd", |b| set_header(b, "columns", &u32::MAX.to_le_bytes()), Refused("number of columns")),
     ("ltm-clusters-in-version-1", |b| set_header(b, "clusters", &3u32.to_le_bytes()), Refused("out of range")),
-    ("ltm-job-absurd", |b| set_header(b, "job_bytes", &u64::MAX.to_le_bytes()), Refused("cut short inside the job")),
+    ("ltm-job-absurd", |b| set_header(b, "job_bytes", &u64::MAX.to_le_bytes()), Refused("its columns take")),
     ("ltm-table-elsewhere", |b| set_header(b, "table_offset", &0u64.to_le_bytes()), Refused("offsets do not fit")),
     ("ltm-job-flipped", |b| b[4100] ^= 1, Refused("job description's checksum")),
     (

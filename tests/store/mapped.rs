@@ -112,7 +112,10 @@ fn a_file_cut_while_a_block_is_lent_is_an_error_and_no_signal() {
         assert!(matches!(lent, LentBlock::Source { .. }));
         file.set_len(layout.slot_offset(BlockId(4)) + 10).unwrap();
         // Every page of it, those that are gone too.
-        touched = lent.view().entries().iter().map(|entry| entry.to_bits() as u64 & 1).count();
+        for entry in lent.view().entries() {
+            std::hint::black_box(entry.to_bits());
+            touched += 1;
+        }
         Ok(())
     });
     assert_eq!(touched, job(40).shape.rect(BlockId(4)).rows() * 40);

@@ -189,9 +189,9 @@ fn scenes_that_cannot_be_rendered_say_why() {
 #[test]
 fn a_folder_that_cannot_be_written_is_named() {
     let folder = room();
-    fail(folder.path(), "ltm", &["render", "room.toml", "-o", "no/such/folder/t.ltm"], 5, &["no/such/folder"]);
+    fail(folder.path(), "ltm", &["render", "room.toml", "-o", "no/such/folder/t.ltm"], 3, &["no/such/folder"]);
     succeed(folder.path(), "ltm", &["render", "room.toml"]);
-    fail(folder.path(), "ltm-pack", &["room.ltm", "-o", "no/such/t.ltc"], 5, &["no/such"]);
+    fail(folder.path(), "ltm-pack", &["room.ltm", "-o", "no/such/t.ltc"], 3, &["no/such"]);
 }
 
 #[test]
@@ -328,10 +328,13 @@ fn memory_stays_below_what_is_said_over_many_blocks() {
     let at = folder.path();
     let texels = "[render]\nsamples_per_pixel = 2\n\n[[light]]\nmaterial = \"lamp\"\ntexels = [6, 4]\n";
     write_room(at, texels);
-    succeed(at, "ltm", &["render", "room.toml", "--size", "1536x1024"]);
-    let (_, need, said) = stated_need(at, "ltm-pack", &["room.ltm"]);
-    let peak = mebibytes(said.split("peak memory ").nth(1).unwrap_or_else(|| panic!("{said}")));
-    assert!(peak <= need, "{peak} MiB of {need} MiB");
+    // Cleaning takes long where code is not optimised.
+    for (size, denoise) in [("1536x1024", "off"), ("288x192", "auto")] {
+        succeed(at, "ltm", &["render", "room.toml", "--force", "--size", size]);
+        let (_, need, said) = stated_need(at, "ltm-pack", &["room.ltm", "--force", "--denoise", denoise]);
+        let peak = mebibytes(said.split("peak memory ").nth(1).unwrap_or_else(|| panic!("{said}")));
+        assert!(peak <= need, "{peak} MiB of {need} MiB");
+    }
 }
 
 #[test]
@@ -357,6 +360,6 @@ fn info_says_what_a_container_is_to_people_and_programs() {
     assert!(lights["single_worst"].as_f64().unwrap() >= lights["single_mean"].as_f64().unwrap());
     assert!(["'key'", "'fill light'"].contains(&lights["worst_light"].as_str().unwrap()), "{lights}");
     assert!(said.contains("one light alone: ") && said.contains("noise of the samples not known"), "{said}");
-    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/formats/golden/v1.ltc");
+    let old = concat!(env!("CARGO_MANIFEST_DIR"), "/../../formats/golden/v1.ltc");
     assert!(succeed(at, "ltm", &["info", old]).contains("under single lights and at random: not known"));
 }

@@ -27,11 +27,13 @@ texels = [4, 4]
 
 [[light]]
 kind = "point"
+name = "point_1"
 position = [0.5, 1.5, 0.5]
 emission = [1.0, 2.0, 3.0]
 
 [[light]]
 kind = "point"
+name = "point_2"
 position = [-0.5, 1.5, 0.5]
 emission = [3.0, 2.0, 1.0]
 "#;
@@ -183,9 +185,9 @@ fn programs_killed_at_any_instant_lose_nothing_and_show_nothing_half_written() {
             assert!(wrong.is_empty(), "{what}: {wrong:?} differ after {kills} kills");
             clear(&folder, case);
         }
-        println!("{what}: {kills} kills in {rounds} rounds");
+        eprintln!("{what}: {kills} kills in {rounds} rounds");
         assert!(kills >= per_case, "{what}: only {kills} kills fell into its run");
         all_kills += kills;
     }
-    println!("{all_kills} kills over {} commands: nothing lost, nothing half-written", CASES.len());
+    eprintln!("{all_kills} kills over {} commands: nothing lost, nothing half-written", CASES.len());
 }

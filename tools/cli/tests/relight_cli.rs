@@ -204,12 +204,16 @@ fn damage_is_reported_and_the_rest_is_shown() {
     bytes[70] ^= 0xff;
     fs::write(at.join("bad.ltc"), bytes).unwrap();
     for budget in [&[][..], &["--memory", "64MiB"]] {
-        let output = run(at, "ltm", &[&["relight", "--device", "cpu", "bad.ltc", "-o", "b.exr"], budget].concat());
+        let command = [&["relight", "--device", "cpu", "bad.ltc", "-o", "b.exr"], budget].concat();
+        refused(at, &[&["bad.ltc", "-o", "b.exr"], budget].concat(), &["block 0", "--allow-damage"]);
+        assert!(!at.join("b.exr").exists(), "only where it is asked for");
+        let output = run(at, "ltm", &[&command[..], &["--allow-damage"]].concat());
         let error = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.success() && error.contains("block 0"), "{error}");
+        assert!(output.status.code() == Some(4) && error.contains("block 0"), "{error}");
         let (whole, hurt) = (read_image(&at.join("a.exr")).unwrap(), read_image(&at.join("b.exr")).unwrap());
         let differ = whole.pixels.iter().zip(&hurt.pixels).filter(|(a, b)| a != b).count();
         assert!((1..=64).contains(&differ), "{differ} pixels differ, of a block of 8 × 8");
+        fs::remove_file(at.join("b.exr")).unwrap();
     }
 }
 

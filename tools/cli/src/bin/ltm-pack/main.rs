@@ -1,7 +1,5 @@
 //! `ltm-pack`: a stored matrix or images of single lights in, a container out.
 
-#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
-
 mod tables;
 
 use std::path::{Path, PathBuf};

@@ -1,7 +1,5 @@
 //! `ltm-unpack`: a container in, a stored matrix, images or an array out.
 
-#![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
-
 use std::ops::Range;
 use std::path::PathBuf;
 use std::process::ExitCode;

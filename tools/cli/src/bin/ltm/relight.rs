@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use ltm::container::ContainerReader;
-use ltm::host::{Watch, hold_to_memory, parse_bytes};
+use ltm::host::{Watch, parse_bytes};
 use ltm::image::LinearImage;
 use ltm::light::names::{fits, suggest};
 use ltm::light::{Job, Light, Lighting};
@@ -53,7 +53,7 @@ pub(crate) struct Relight {
     /// Memory to stay within, for example 64MiB: factors are read as they are needed [default: all are kept].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
-    /// Show a damaged container as far as it can be read. Without this, damage is an error and no image is written.
+    /// Show a damaged container as far as it can be read. It is an error still; without this, no image is written.
     #[arg(long)]
     allow_damage: bool,
     /// Memory of the GPU to stay within [default: all factors are kept there].
@@ -89,32 +89,35 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
                 DeviceName::Cpu => Device::Cpu,
                 DeviceName::Gpu => Device::Gpu,
             };
-            let (memory_bytes, gpu_memory_bytes) = (task.memory_left()?, options.gpu_memory);
-            let settings = RelightOptions { device, memory_bytes, gpu_memory_bytes };
+            let settings = RelightOptions { device, ..task.memory() };
             let relighter = Relighter::open(&container, settings, console)?;
             let relight = |lighting: &Lighting| {
                 let image = relighter.relight(lighting)?;
                 let damage = relighter.damage();
                 match damage.first() {
                     Some(first) if !options.allow_damage => {
-                        let problem = format!("{} blocks are damaged; the first: {first}", damage.len());
-                        let hint = "--allow-damage shows the others; pack it again to have all";
+                        let problem = format!("damaged blocks: {}; {first}", damage.len());
+                        let hint = "--allow-damage writes the image with the others";
                         Err(Error::damaged(&options.input, problem, hint))
                     }
                     _ => Ok(image),
                 }
             };
             task.run(&relight, console)?;
-            relighter.damage().iter().for_each(|line| console.note(line));
             say!("{}: relit by {}", options.output.display(), relighter.description());
+            let damage = relighter.damage();
+            damage.iter().for_each(|line| console.note(line));
+            if !damage.is_empty() {
+                let problem = format!("{} damaged blocks are not shown as they were", damage.len());
+                return Err(Error::damaged(&options.input, problem, "pack it again to have all"));
+            }
         }
         Kind::Matrix => {
             let matrix = StoreReader::open(&options.input)?;
             let task = Task::new(options, matrix.job(), format)?;
             let unusable = Cell::new(0usize);
-            let memory = task.memory_left()?;
             let relight = |lighting: &Lighting| {
-                let image = relight_matrix(&matrix, lighting, memory)?;
+                let image = relight_matrix(&matrix, lighting, task.memory())?;
                 unusable.set(unusable.get() + image.values().iter().filter(|value| !value.is_finite()).count());
                 Ok(image)
             };
@@ -202,7 +205,7 @@ impl<'a> Task<'a> {
 
     /// Memory that is taken beside relighting one image: the look's lightings and two more, and what writes the image or
     /// its layers.
-    fn reserved_bytes(&self) -> u64 {
+    fn beside_bytes(&self) -> u64 {
         let lightings = self.look.as_ref().map_or(0, Look::bytes) + 2 * self.lighting.weights().len() as u64 * 12;
         let layers = match self.options.layers {
             None | Some(Layers::Features) => 1,
@@ -212,12 +215,14 @@ impl<'a> Task<'a> {
         lightings + relit_layers_need_bytes(layers, self.job.shape)
     }
 
-    /// What of `--memory` is left for relighting.
-    fn memory_left(&self) -> Result<Option<u64>> {
-        let reserved = self.reserved_bytes();
-        let Some(memory) = self.options.memory else { return Ok(None) };
-        hold_to_memory("writing the layers", reserved, Some(memory))?;
-        Ok(Some(memory - reserved))
+    /// What relighting must stay within, and what is taken beside it.
+    fn memory(&self) -> RelightOptions {
+        RelightOptions {
+            memory_bytes: self.options.memory,
+            beside_bytes: self.beside_bytes(),
+            gpu_memory_bytes: self.options.gpu_memory,
+            ..RelightOptions::default()
+        }
     }
 
     fn run(&self, relight: &dyn Fn(&Lighting) -> Result<LinearImage>, console: &Console) -> Result<()> {
