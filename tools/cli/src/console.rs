@@ -202,7 +202,7 @@ pub fn plain(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(escaped).collect())
 }
 
-/// Prints one line to standard output, as [`plain`](crate::console::plain) shows it.
+/// Prints one line to standard output, as [`plain`] shows it.
 #[macro_export]
 macro_rules! say {
     ($($what:tt)*) => { println!("{}", $crate::console::plain(&format!($($what)*))) };
