@@ -3,6 +3,7 @@
 //! A matrix and an interrupted pack are continued, filled in and merged by that number. Where one of these tests fails, raise
 //! the number that it names and write the new pair here.
 
+use ltm::clean::{CLEANER_VERSION, Rows, Tally, Window, clean};
 use ltm::compress::{COMPRESSOR_VERSION, CompressSettings, Compressor, Target};
 use ltm::container::{ContainerOptions, ContainerWriter};
 use ltm::light::Job;
@@ -19,6 +20,9 @@ const KEPT: (u32, &[(usize, usize)]) =
     (1, &[(1, 0), (1, 225), (1, 0), (1, 0), (1, 0), (1, 0), (6, 196), (4, 289), (3, 0), (2, 0), (3, 0), (2, 0)]);
 /// Version of the compressor, and the checksum of the bytes that given factors are encoded to.
 const ENCODED: (u32, &str) = (1, "52c137da5cad8bb7");
+
+/// Version of cleaning, and what it makes of some pixels of a given window.
+const CLEANED: (u32, [f32; 8]) = (1, [0.691_6, 0.609_9, 0.923_8, 0.921_3, 0.142_4, 0.591, 0.161_1, 0.627_4]);
 
 /// Two rooms that have between them texelled lights in view, an environment, glass and mirrors; and their blocks.
 fn rooms() -> [(Job, Vec<TracedBlock>); 2] {
@@ -80,6 +84,41 @@ fn what_is_kept_changes_only_with_the_compressors_version() {
         (COMPRESSOR_VERSION, found.as_slice()),
         KEPT,
         "what is kept has changed: raise COMPRESSOR_VERSION in src/compress/mod.rs, and write the new pair into KEPT"
+    );
+}
+
+/// To a thousandth, as sums of products are the machine's.
+#[test]
+fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
+    const SIZE: (usize, usize) = (24, 16);
+    let rows = |planes| Rows::zeros(SIZE.0, SIZE.1, planes);
+    let mut window = Window { direct: rows(12), indirect: rows(12), features: rows(10), feature_variance: rows(10) };
+    let grain = |i: usize| 0.5 + ((i as u32).wrapping_mul(2_654_435_769) >> 20) as f32 / 4096.0;
+    for y in 0..SIZE.1 {
+        for x in 0..SIZE.0 {
+            let floor = y > 9;
+            let albedo = if floor { 0.75 } else { 0.5 };
+            let features = [albedo, albedo, albedo, 0.0, f32::from(floor), f32::from(!floor), 4.0, 0.0, 0.0, 1.0];
+            features.iter().enumerate().for_each(|(plane, &value)| window.features.row_mut(plane, y)[x] = value);
+            for plane in 0..12 {
+                // The second cluster leaves a third in shadow.
+                let direct = if plane % 6 > 2 && x < 8 { 0.0 } else { albedo };
+                let at = (plane * SIZE.1 + y) * SIZE.0 + x;
+                window.direct.row_mut(plane, y)[x] = direct * grain(2 * at);
+                window.indirect.row_mut(plane, y)[x] = 0.25 * albedo * grain(2 * at + 1);
+            }
+        }
+    }
+    let mut tally = Tally::new(2);
+    tally.add(&window);
+    let images = clean(window, &tally.guides());
+    let at = [(0, 2, 2), (0, 9, 11), (1, 10, 3), (2, 15, 23), (3, 4, 7), (3, 4, 8), (4, 12, 0), (5, 0, 16)];
+    let found = at.map(|(plane, y, x)| images.row(plane, y)[x]);
+    let is_same = CLEANER_VERSION == CLEANED.0 && found.iter().zip(CLEANED.1).all(|(a, b)| (a - b).abs() < 1e-3);
+    assert!(
+        is_same,
+        "{CLEANER_VERSION}, {found:?}: what images are cleaned to has changed: raise CLEANER_VERSION in src/clean/mod.rs, \
+         and write the new pair into CLEANED"
     );
 }
 

@@ -38,5 +38,7 @@ pub(super) const RISK_REACH: usize = 7;
 pub(super) const LEAST_SHARE: f32 = 0.1;
 pub(super) const WHOLE_SHARE: f32 = 0.5;
 
+/// Added to the weight of the pixels beside one: it counts only where none is alike.
+pub(super) const BESIDE: f32 = 1e-3;
 /// Share of the radius at which the distance itself takes a weight to 1/√e.
 pub(super) const NEARNESS: f32 = 1.0 / 1.7;

@@ -214,6 +214,19 @@ mod tests {
         assert!(images.row(0, 30)[20] < 3.0, "a mean of 25.8 became {}", images.row(0, 30)[20]);
     }
 
+    /// On an edge a pixel may see a bit of each surface, and be like none of its neighbours.
+    #[test]
+    fn a_pixel_like_no_other_does_not_keep_its_grain() {
+        let (mut window, _) = room((48, 40), 0.3);
+        (3..6).for_each(|plane| window.features.row_mut(plane, 30)[20] = 0.6);
+        for light in [&mut window.direct, &mut window.indirect] {
+            (0..3).for_each(|channel| light.row_mut(channel, 30)[20] += 5.0);
+        }
+        let images = clean(window.clone(), &guides(&window));
+        let (found, beside) = (images.row(0, 30)[20], images.row(0, 30)[23]);
+        assert!((found - beside).abs() < 2.0, "{found}, and {beside} beside it");
+    }
+
     #[test]
     fn windows_and_threads_give_the_same_images() {
         let size = (190, 24);

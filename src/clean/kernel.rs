@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::constants::BESIDE;
 use super::rows::Rows;
 
 /// Offsets (across, down) that a filter reads.
@@ -17,8 +18,9 @@ pub(super) fn span(width: usize, across: isize) -> Range<usize> {
 }
 
 /// For each pixel the mean of its neighbours in each plane of `images`. `weigh` fills the weights of the pixels of row `y` for
-/// one offset, given the columns whose neighbours there are in the image; the others count nothing. A pixel without any
-/// weight keeps its value.
+/// one offset, given the columns whose neighbours there are in the image; the others count nothing. A pixel weighs for itself
+/// as much as the one most alike, so that one that is like no other, on the edge of two surfaces say, does not keep its
+/// grain: it becomes what is beside it. A pixel without any weight keeps its value.
 pub(super) fn weighted_means(
     images: &Rows,
     offsets: &[(isize, isize)],
@@ -28,13 +30,22 @@ pub(super) fn weighted_means(
     let mut means = Rows::zeros(width, height, images.planes());
     means.fill_rows(|y, out| {
         let mut weights = vec![0.0f32; offsets.len() * width];
-        let mut sums = vec![0.0f32; width];
-        for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact_mut(width)) {
+        let (mut sums, mut most) = (vec![0.0f32; width], vec![0.0f32; width]);
+        let others = || offsets.iter().enumerate().filter(|(_, offset)| **offset != (0, 0));
+        for (at, &(across, down)) in others() {
             if y.checked_add_signed(down).is_some_and(|row| row < height) {
-                let span = span(width, across);
-                weigh(y, (across, down), span.clone(), &mut weights[span]);
+                let (weights, span) = (&mut weights[at * width..][..width], span(width, across));
+                weigh(y, (across, down), span.clone(), &mut weights[span.clone()]);
+                if across.abs() <= 1 && down.abs() <= 1 {
+                    weights[span].iter_mut().for_each(|w| *w += BESIDE);
+                }
                 sums.iter_mut().zip(&*weights).for_each(|(sum, w)| *sum += w);
+                most.iter_mut().zip(&*weights).for_each(|(most, w)| *most = most.max(*w));
             }
+        }
+        if let Some(own) = offsets.iter().position(|offset| *offset == (0, 0)) {
+            weights[own * width..][..width].copy_from_slice(&most);
+            sums.iter_mut().zip(&most).for_each(|(sum, w)| *sum += w);
         }
         sums.iter_mut().for_each(|sum| *sum = if *sum > 0.0 { 1.0 / *sum } else { 0.0 });
         for weights in weights.chunks_exact_mut(width) {

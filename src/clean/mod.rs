@@ -24,6 +24,9 @@ mod spread;
 mod surfaces;
 mod tally;
 
+/// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
+pub const CLEANER_VERSION: u32 = 1;
+
 pub use filter::{HALO, Window, clean, pixel_bytes};
 pub use rows::Rows;
 pub use spread::spread;

@@ -16,6 +16,7 @@ use sha2::{Digest, Sha256};
 
 use super::clean::Cleaned;
 use super::spill::{check_container_output, open_spill, spill_path};
+use crate::clean::CLEANER_VERSION;
 use crate::compress::{
     AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
     Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
@@ -251,7 +252,10 @@ impl Packing {
         let threads = Threads::new(need.admit("packing", path, &[&there], options.memory_bytes, watch)?)?;
         let mut hash = Sha256::new();
         hash.update(job.hash().0);
-        hash.update(format!("{variant} compressor {COMPRESSOR_VERSION} {:?} {}", options.compress, options.denoise));
+        hash.update(format!("{variant} compressor {COMPRESSOR_VERSION} {:?}", options.compress));
+        if options.denoise {
+            hash.update(format!("cleaner {CLEANER_VERSION}"));
+        }
         let fingerprint = hash.finalize().into();
         let writer = ContainerWriter::create(path, job, container)?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
@@ -529,7 +533,10 @@ fn report_of(options: &PackOptions) -> ContainerReport {
         ("noise variance", "from the two half-sample estimates of the source; NaN where it has none"),
     ];
     ContainerReport {
-        program: format!("ltm compressor {COMPRESSOR_VERSION}"),
+        program: match options.denoise {
+            true => format!("ltm compressor {COMPRESSOR_VERSION}, cleaner {CLEANER_VERSION}"),
+            false => format!("ltm compressor {COMPRESSOR_VERSION}"),
+        },
         method: match options.denoise {
             true => format!("{}, images cleaned", settings.method),
             false => settings.method.to_string(),

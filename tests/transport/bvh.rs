@@ -158,9 +158,7 @@ fn occlusion_tells_opaque_from_see_through() {
 
 #[test]
 fn every_walk_gives_the_same_hits_to_the_last_bit() {
-    if Walk::detect() == Walk::Scalar {
-        return;
-    }
+    // Where a machine has the plain walk alone, it is compared with itself, and the count of hits below is what is tested.
     for triangles in [soup(20_000, 7), walls()] {
         let (fast, plain) = (Bvh::build(&triangles), Bvh::build(&triangles).with_walk(Walk::Scalar));
         let mut hits = 0;
