@@ -26,7 +26,7 @@ cargo run --release --locked -- demo --out "$demo/out"
 test -s "$demo/out/all-on.png"
 step "the Python package, installed into a fresh environment"
 if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then
-    (cd tools/python && cargo fmt --check && cargo clippy --locked -- -D warnings)
+    (cd tools/python && cargo fmt --check && cargo clippy --release --locked -- -D warnings)
     python3 -m venv "$demo/venv"
     "$demo/venv/bin/pip" install --quiet './tools/python[test]'
     "$demo/venv/bin/python" -m pytest --quiet tools/python

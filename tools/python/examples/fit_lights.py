@@ -35,7 +35,9 @@ def fit(m: ltm.Matrix, picture: np.ndarray) -> np.ndarray:
 
         operator = LinearOperator((height * width, columns), matvec=relight, rmatvec=adjoint, dtype=float)
         target = picture[..., channel].ravel().astype(float) / scale
-        found = lsq_linear(operator, target, bounds=(0, np.inf), lsq_solver="lsmr", tol=1e-12, max_iter=200)
+        # Lights that look alike take more steps than there are columns.
+        steps = {"max_iter": 200, "lsmr_maxiter": 20 * columns + 100}
+        found = lsq_linear(operator, target, bounds=(0, np.inf), lsq_solver="lsmr", tol=1e-10, **steps)
         weights[:, channel] = found.x * scale
     return weights
 

@@ -65,7 +65,7 @@ def test_weights_by_name_and_glob(m):
 def test_looks(m, tmp_path):
     path = tmp_path / "look.toml"
     path.write_text(
-        'base = "off"\n[[light]]\nname = "desk"\nstops = 1.0\n[[look]]\nname = "day"\n[[look.light]]\nname = "sky"\nstops = 0.0\n'
+        'base = "off"\n[[light]]\nname = "desk"\nintensity = 2.0\n[[look]]\nname = "day"\n[[look.light]]\nname = "sky"\nintensity = 1.0\n'
     )
     weights = ltm.Look.read(path).to_weights(m)
     np.testing.assert_allclose(weights, m.weights({"desk": 2.0}))

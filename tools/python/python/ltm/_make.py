@@ -136,18 +136,23 @@ def _images(images: Any, folder: str) -> tuple[NDArray[np.float32], Any]:
     if not isinstance(images, Iterable):
         raise TypeError("images: give an array (lights, height, width, 3), an iterable of images, or the path of a .ltm")
     spill = tempfile.TemporaryFile(dir=folder)
-    count, shape = 0, None
-    for image in images:
-        image = real_array(image, f"image {count}")
-        shape = image.shape if shape is None else shape
-        if image.ndim != 3 or image.shape != shape or shape[2] != 3 or 0 in shape:
-            raise ValueError(f"image {count}: has the shape {image.shape}, not {shape if count else '(height, width, 3)'}")
-        spill.write(np.ascontiguousarray(image).tobytes())
-        count += 1
-    if shape is None:
-        raise ValueError("images: there are none")
-    spill.flush()
-    return np.memmap(spill, np.float32, "r", shape=(count, *shape)), spill
+    try:
+        count, shape = 0, None
+        for image in images:
+            image = real_array(image, f"image {count}")
+            shape = image.shape if shape is None else shape
+            if image.ndim != 3 or image.shape != shape or shape[2] != 3 or 0 in shape:
+                wanted = shape if count else "(height, width, 3)"
+                raise ValueError(f"image {count}: has the shape {image.shape}, not {wanted}")
+            spill.write(np.ascontiguousarray(image).tobytes())
+            count += 1
+        if shape is None:
+            raise ValueError("images: there are none")
+        spill.flush()
+        return np.memmap(spill, np.float32, "r", shape=(count, *shape)), spill
+    except BaseException:
+        spill.close()
+        raise
 
 
 def pack(
