@@ -9,7 +9,6 @@ import time
 import ltm
 import numpy as np
 import pytest
-
 from conftest import COLUMNS, copy_of
 
 

@@ -10,7 +10,6 @@ import time
 import ltm
 import numpy as np
 import pytest
-
 from conftest import COLUMNS, HEIGHT, WIDTH, copy_of, lights
 
 ROOM = ltm.BuiltIn("diffuse", width=48, height=32, texels=3)

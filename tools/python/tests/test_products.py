@@ -1,9 +1,10 @@
 """Relighting and its adjoint."""
 
+from pathlib import Path
+
 import ltm
 import numpy as np
 import pytest
-
 from conftest import COLUMNS, HEIGHT, WIDTH
 
 
@@ -80,9 +81,10 @@ def test_looks(m, tmp_path):
         ltm.Look.read(path).to_weights(m)
 
 
-@pytest.mark.parametrize("memory", [None, 40 << 20])
+@pytest.mark.parametrize("memory", [None, 1000])
 def test_the_adjoint_is_the_transpose(path, random, memory):
-    with ltm.open(path, memory=memory) as m:
+    # With so little memory factors are not kept.
+    with ltm.open(path, memory=memory) as m, ltm.open(path) as rich:
         x = random.normal(size=(HEIGHT, WIDTH, 3)).astype(np.float32)
         weights = random.normal(size=(COLUMNS, 3)).astype(np.float32)
         image, sums = m.relight(weights).astype(np.float64), m.adjoint(x)
@@ -93,7 +95,9 @@ def test_the_adjoint_is_the_transpose(path, random, memory):
             scale = np.linalg.norm(of_image) * np.linalg.norm(x_channel)
             # Rounding of sums in f32.
             assert abs(of_image @ x_channel - weights[:, channel] @ of_columns) < 1e-6 * scale
-        close(m, sums, np.einsum("yxcj,yxc->jc", m[...].astype(np.float64), x))
+        np.testing.assert_array_equal(m.relight(weights), rich.relight(weights))
+        np.testing.assert_array_equal(sums, rich.adjoint(x))
+        close(m, sums, np.einsum("yxcj,yxc->jc", rich[...].astype(np.float64), x))
         out = np.zeros((COLUMNS, 3))
         assert m.adjoint(np.asfortranarray(x), out=out) is out
         np.testing.assert_array_equal(out.astype(np.float32), sums)
@@ -136,7 +140,6 @@ def test_inputs_that_do_not_fit_are_refused(m):
 
 def test_a_hidden_lighting_is_recovered(container_path):
     import runpy
-    from pathlib import Path
 
     pytest.importorskip("scipy")
     example = runpy.run_path(str(Path(__file__).parent.parent / "examples" / "fit_lights.py"))
@@ -144,3 +147,15 @@ def test_a_hidden_lighting_is_recovered(container_path):
         hidden = np.array([[0.0, 1.5, 0.2]] * 2 + [[2.0, 0.0, 1.0]] * (COLUMNS - 2))
         found = example["fit"](m, m.relight(hidden))
         np.testing.assert_allclose(found, hidden, atol=0.02)
+
+
+def test_the_torch_function_of_the_documentation(m, random):
+    torch = pytest.importorskip("torch")
+    text = (Path(__file__).parent.parent / "README.md").read_text()
+    code = next(part.split("```")[0] for part in text.split("```python\n") if part.startswith("class Relight"))
+    names = {"torch": torch}
+    exec(code, names)
+    weights = torch.tensor(random.uniform(size=(COLUMNS, 3)), dtype=torch.float32, requires_grad=True)
+    target = torch.tensor(random.uniform(size=(HEIGHT, WIDTH, 3)), dtype=torch.float32)
+    (names["Relight"].apply(weights, m) * target).sum().backward()
+    np.testing.assert_allclose(weights.grad.numpy(), m.adjoint(target.numpy()), rtol=1e-6)

@@ -1,9 +1,8 @@
 """Opening, what is known beside the entries, and slices."""
 
-import numpy as np
 import ltm
+import numpy as np
 import pytest
-
 from conftest import COLUMNS, HEIGHT, NAMES, WIDTH
 
 
@@ -45,7 +44,7 @@ SLICES = [
     np.s_[5, 40, 2, 1],
     np.s_[4:4],
     np.s_[:, :, :, 100:],
-    np.s_[..., 3:9, ],
+    np.s_[..., 3:9],
     np.s_[15:17, 15:17, ...],
 ]
 

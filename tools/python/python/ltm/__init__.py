@@ -12,8 +12,8 @@ light (a lamp, a texel of an area light or of an environment). The image under a
 Images are linear Rec. 709, rows from the top. A column's weight is in the unit of its light (see ``Light.unit``).
 """
 
-from ._ltm import BUILT_IN_SCENES, DamagedError, NoGpuError, __version__
 from ._lights import Light, Lights
+from ._ltm import BUILT_IN_SCENES, DamagedError, NoGpuError, __version__
 from ._make import BuiltIn, PackReport, RenderReport, Verified, info, merge, pack, render, verify, write
 from ._matrix import Block, Blocks, Look, Matrix, open
 

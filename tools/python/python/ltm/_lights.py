@@ -37,7 +37,15 @@ class Light:
         down, across = self.grid
         places = np.zeros((down * across, 3)) if self.places is None else np.asarray(self.places)
         extents = np.ones(down * across) if self.extents is None else np.asarray(self.extents)
-        return (self.name, self.kind, self.unit, (across, down), tuple(self.emission), places.tolist(), extents.tolist())
+        return (
+            self.name,
+            self.kind,
+            self.unit,
+            (across, down),
+            tuple(self.emission),
+            places.tolist(),
+            extents.tolist(),
+        )
 
 
 def light_tuples(lights: Sequence[str | Light] | None, columns: int) -> list[Any]:
@@ -49,7 +57,7 @@ def light_tuples(lights: Sequence[str | Light] | None, columns: int) -> list[Any
     return [(Light(light) if isinstance(light, str) else light)._tuple() for light in lights]
 
 
-class Lights(Sequence[Light], Mapping[str, Light]):  # type: ignore[misc]
+class Lights(Sequence[Light], Mapping[str, Light]):
     """The lights of a matrix in column order: a sequence, and a mapping by name.
 
     ``lights[0]`` and ``lights["desk"]`` are lights; iterating gives lights, ``keys()`` names; ``"desk" in lights``.
@@ -71,7 +79,7 @@ class Lights(Sequence[Light], Mapping[str, Light]):  # type: ignore[misc]
     def __len__(self) -> int:
         return len(self._lights)
 
-    def __iter__(self) -> Iterator[Light]:  # type: ignore[override]
+    def __iter__(self) -> Iterator[Light]:
         return iter(self._lights)
 
     @overload

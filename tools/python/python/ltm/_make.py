@@ -134,7 +134,9 @@ def _images(images: Any, folder: str) -> tuple[NDArray[np.float32], Any]:
             raise ValueError(f"images: have the shape {array.shape}, not (lights, height, width, 3)")
         return np.ascontiguousarray(array), None
     if not isinstance(images, Iterable):
-        raise TypeError("images: give an array (lights, height, width, 3), an iterable of images, or the path of a .ltm")
+        raise TypeError(
+            "images: give an array (lights, height, width, 3), an iterable of images, or the path of a .ltm"
+        )
     spill = tempfile.TemporaryFile(dir=folder)
     try:
         count, shape = 0, None
@@ -249,11 +251,11 @@ def render(
     if path.lower().endswith(".ltc") != pack:
         raise ValueError(f"{path}: a packed render ends with .ltc and is asked for with pack=True")
     choices = _choices(target, rank, keep_noise, denoise, overwrite, memory) if pack else None
-    given: Any = (scene.name, scene.width, scene.height, scene.texels) if isinstance(scene, BuiltIn) else os.fspath(scene)
-    wide = None if size is None else (size[1], size[0])
-    said = _ltm.render(
-        given, path, samples, wide, seed, block_side, choices, overwrite, memory, _progress(progress)
+    given: Any = (
+        (scene.name, scene.width, scene.height, scene.texels) if isinstance(scene, BuiltIn) else os.fspath(scene)
     )
+    wide = None if size is None else (size[1], size[0])
+    said = _ltm.render(given, path, samples, wide, seed, block_side, choices, overwrite, memory, _progress(progress))
     own = {key: said.pop(key) for key in ("rays", "blocks_traced", "non_finite")}
     seconds, kept = said["seconds"], said.pop("blocks_kept")
     packed = PackReport(blocks_kept=kept, **said) if pack else None

@@ -201,12 +201,14 @@ class Matrix:
     def _columns(self, names: Any) -> Any:
         if isinstance(names, str):
             lights = self.lights.match(names)
-            if names in self.lights and len(lights[0].columns) == 1:
+            if names in self.lights.keys() and len(lights[0].columns) == 1:
                 return lights[0].columns.start
             names = [names]
         columns: list[int] = []
         for name in names:
-            columns += [c for light in self.lights.match(name) for c in light.columns] if isinstance(name, str) else [name]
+            columns += (
+                [c for light in self.lights.match(name) for c in light.columns] if isinstance(name, str) else [name]
+            )
         return columns
 
     def to_numpy(self, max_bytes: int | None = None) -> NDArray[np.float32]:
@@ -216,7 +218,8 @@ class Matrix:
                 f"{self.path}: the matrix has {self.nbytes / 2**30:.1f} GiB, more than {max_bytes / 2**30:.1f} GiB; take a "
                 "slice, iterate over blocks, or call to_numpy()"
             )
-        return self[...]
+        entries: NDArray[np.float32] = self[...]
+        return entries
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is False:
@@ -235,7 +238,7 @@ class Matrix:
     def to_xarray(self, **key: Any) -> Any:
         """All entries, or those of ``key`` by dimension, as an ``xarray.DataArray`` with the dimensions y, x, channel,
         light. Raises ModuleNotFoundError without xarray."""
-        import xarray  # type: ignore[import-not-found]
+        import xarray
 
         dims = ("y", "x", "channel", "light")
         if unknown := set(key) - set(dims):
