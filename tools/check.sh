@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration.
-# The README's test command for the whole workspace; the tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
+# Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration, the
+# Python package. The README's test command for the whole workspace; the tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
 # missing adapter into a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -24,4 +24,13 @@ demo=$(mktemp -d)
 trap 'rm -rf "$demo"' EXIT
 cargo run --release --locked -- demo --out "$demo/out"
 test -s "$demo/out/all-on.png"
+step "the Python package, installed into a fresh environment"
+if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then
+    (cd tools/python && cargo fmt --check && cargo clippy --release --locked -- -D warnings)
+    python3 -m venv "$demo/venv"
+    "$demo/venv/bin/pip" install --quiet './tools/python[test]'
+    "$demo/venv/bin/python" -m pytest --quiet tools/python
+else
+    echo "no python3 of 3.10 or newer with venv: the Python package is not tested"
+fi
 step "done"

@@ -73,6 +73,11 @@ impl CpuRelighter {
         &self.damage
     }
 
+    /// The factors of a block; none where nothing of it could be read.
+    pub(super) fn block(&self, id: BlockId) -> Option<&CompactBlock> {
+        self.blocks[id.index()].as_ref()
+    }
+
     /// Bytes that the factors take in memory: what one full relight reads.
     pub fn factor_bytes(&self) -> u64 {
         self.blocks.iter().flatten().map(|block| block.bytes() as u64).sum()
@@ -256,6 +261,15 @@ pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &PlanarLight
     }
 }
 
+/// The rows of a block under a lighting, channel-planar: the bits that [`relight_block`] sets.
+pub(super) fn relit_planes(block: &CompactBlock, lighting: &PlanarLighting) -> Vec<f32> {
+    let (mut projected, mut planes) = (Vec::new(), Vec::new());
+    let arch = pulp::Arch::new();
+    arch.dispatch(Project { block, lighting, projected: &mut projected });
+    arch.dispatch(Rows { block, projected: &projected, lighting, planes: &mut planes });
+    planes
+}
+
 fn finish_block(block: &CompactBlock, projected: &[[f32; CHANNELS]], lighting: &PlanarLighting, tile: &mut Tile) {
     pulp::Arch::new().dispatch(Finish { block, projected, lighting, tile });
 }
@@ -273,6 +287,24 @@ impl pulp::NullaryFnOnce for Project<'_> {
     #[inline(always)]
     fn call(self) {
         project(self.block, self.lighting, self.projected);
+    }
+}
+
+/// `L y + S ℓ`, compiled as [`Project`].
+struct Rows<'a> {
+    block: &'a CompactBlock,
+    projected: &'a [[f32; CHANNELS]],
+    lighting: &'a PlanarLighting,
+    planes: &'a mut Vec<f32>,
+}
+
+impl pulp::NullaryFnOnce for Rows<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        reconstruct(self.block, self.projected, self.planes);
+        scatter(self.block, self.lighting, self.planes);
     }
 }
 

@@ -45,3 +45,10 @@ pub(crate) fn read_compact(
     let block = readable.block.map(|block| CompactBlock::new(shape, id, &block)).transpose()?;
     Ok((block, readable.damage.map(|damage| damage.to_string())))
 }
+
+/// A whole block in compact form.
+///
+/// Errors: those of reading, damage among them, and factors that do not fit the shape or are not finite.
+pub(crate) fn read_undamaged(source: &dyn FactorSource, shape: MatrixShape, id: BlockId) -> Result<CompactBlock> {
+    CompactBlock::new(shape, id, &source.read_layers(id, 0..source.layer_count(id))?)
+}

@@ -8,6 +8,7 @@
 //! Factors stay in the compact form of [`CompactBlock`], 8 or 16 bits a value, wherever they are kept. What does not fit
 //! into a budget passes through: [`Pager`] decides what stays.
 
+mod adjoint;
 mod compact;
 mod cpu;
 mod damage;
@@ -18,9 +19,11 @@ mod pager;
 mod project;
 mod raw;
 mod reconstruct;
+mod region;
 mod scatter;
 mod tiles;
 
+pub use adjoint::{adjoint_raw, adjoint_streaming};
 pub use compact::CompactBlock;
 pub use cpu::{CpuRelighter, Relit, relight_streaming};
 #[cfg(feature = "gpu")]
@@ -28,3 +31,4 @@ pub use gpu::{GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, ShownAs};
 pub use paged::{PagedRelighter, Reads};
 pub use pager::{Admission, Detail, Pager, plan};
 pub use raw::relight_raw;
+pub use region::{relight_region_raw, relight_region_streaming};

@@ -20,17 +20,7 @@ pub fn relight_raw(source: &dyn BlockSource, lightings: &[Lighting]) -> Result<V
     lightings.iter().try_for_each(|lighting| check_columns(shape, lighting))?;
     let relit: Vec<Vec<Vec<f32>>> = (0..shape.block_count())
         .into_par_iter()
-        .map_init(TracedBlock::default, |traced, id| {
-            let id = BlockId(id);
-            let mut sums = vec![vec![0.0f64; shape.rect(id).rows()]; lightings.len()];
-            source.visit_columns(id, 0..shape.columns() as u32, traced, &mut |column, entries| {
-                for (sums, lighting) in sums.iter_mut().zip(lightings) {
-                    let weight = lighting.weights()[column.index()];
-                    pulp::Arch::new().dispatch(AddColumn { entries, weight, sums });
-                }
-            })?;
-            Ok(sums.into_iter().map(|rows| rows.into_iter().map(|sum| sum as f32).collect()).collect())
-        })
+        .map_init(TracedBlock::default, |traced, id| relit_rows(source, BlockId(id), lightings, traced))
         .collect::<Result<_>>()?;
     let image_of = |l: usize| {
         let mut image = LinearImage::black(shape.width(), shape.height());
@@ -41,6 +31,24 @@ pub fn relight_raw(source: &dyn BlockSource, lightings: &[Lighting]) -> Result<V
         Ok(image)
     };
     (0..lightings.len()).map(image_of).collect()
+}
+
+/// The rows of a block under each lighting, channel-planar; `scratch` is reused.
+pub(super) fn relit_rows(
+    source: &dyn BlockSource,
+    id: BlockId,
+    lightings: &[Lighting],
+    scratch: &mut TracedBlock,
+) -> Result<Vec<Vec<f32>>> {
+    let shape = source.shape();
+    let mut sums = vec![vec![0.0f64; shape.rect(id).rows()]; lightings.len()];
+    source.visit_columns(id, 0..shape.columns() as u32, scratch, &mut |column, entries| {
+        for (sums, lighting) in sums.iter_mut().zip(lightings) {
+            let weight = lighting.weights()[column.index()];
+            pulp::Arch::new().dispatch(AddColumn { entries, weight, sums });
+        }
+    })?;
+    Ok(sums.into_iter().map(|rows| rows.into_iter().map(|sum| sum as f32).collect()).collect())
 }
 
 /// Adds a column times its weight, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled

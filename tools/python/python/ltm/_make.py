@@ -1,0 +1,283 @@
+"""Making, checking and joining files."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _ltm
+from ._lights import Light, light_tuples, real_array
+from ._matrix import Matrix, open
+
+_Path = str | os.PathLike[str]
+#: Called with the stage, what is done of it and how much that is in all; True: a bar of tqdm.
+Progress = Callable[[str, int, int], object] | bool | None
+
+
+@dataclass(frozen=True)
+class PackReport:
+    """What packing did. ``relative_l2`` is ‖T − T'‖/‖T‖ of the file against what was packed, measured to about 1 %."""
+
+    seconds: float
+    raw_bytes: int
+    packed_bytes: int
+    mean_rank: float
+    sparse_entries: int
+    relative_l2: float
+    #: Entries that were not finite, or too large, and were replaced.
+    replaced_entries: int
+    #: Where the target was not reached: how near, as text.
+    short_of_target: str | None
+    #: Blocks that an earlier, interrupted run had done.
+    blocks_kept: int
+
+
+@dataclass(frozen=True)
+class RenderReport:
+    """What rendering did; ``packed`` is None for a stored matrix."""
+
+    seconds: float
+    rays: int
+    blocks_traced: int
+    #: Blocks that an earlier, interrupted run had done.
+    blocks_kept: int
+    #: Path contributions that were not finite and were dropped.
+    non_finite: int
+    packed: PackReport | None = None
+
+
+@dataclass(frozen=True)
+class Verified:
+    """What checking found; true if nothing is wrong."""
+
+    blocks: int
+    #: What is damaged, one line each.
+    faults: list[str]
+    #: Blocks that were never written.
+    missing: int
+    bytes: int
+    seconds: float
+
+    def __bool__(self) -> bool:
+        return not self.faults
+
+
+@dataclass(frozen=True)
+class BuiltIn:
+    """A scene that needs no file; names are in ``ltm.BUILT_IN_SCENES``. ``texels``: along each side of its light."""
+
+    name: str = "mixed"
+    width: int = 256
+    height: int = 192
+    texels: int = 32
+
+
+def _progress(progress: Progress) -> Callable[[str, int, int], object] | None:
+    if progress is None or progress is False:
+        return None
+    if progress is not True:
+        if not callable(progress):
+            raise TypeError("progress: give a function of (stage, done, total), True or None")
+        return progress
+    try:
+        from tqdm.auto import tqdm  # type: ignore[import-untyped]
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError("progress=True needs tqdm; install it, or give a function") from None
+    bars: dict[str, Any] = {}
+
+    def show(stage: str, done: int, total: int) -> None:
+        if stage not in bars:
+            bars.clear()
+            bars[stage] = tqdm(total=total, desc=stage, unit="block")
+        bars[stage].update(done - bars[stage].n)
+        if done >= total:
+            bars[stage].close()
+
+    return show
+
+
+def _output(path: _Path, overwrite: bool) -> str:
+    path = os.path.abspath(os.fspath(path))
+    if not overwrite and os.path.isfile(path):
+        raise FileExistsError(f"{path}: exists already; choose another name, or overwrite=True")
+    if not os.path.isdir(os.path.dirname(path)):
+        raise FileNotFoundError(f"{path}: there is no folder {os.path.dirname(path)}")
+    return path
+
+
+def _choices(
+    target: str | None, rank: int | None, keep_noise: bool, denoise: bool, overwrite: bool, memory: int | None
+) -> dict[str, Any]:
+    if target is not None and not isinstance(target, str):
+        raise TypeError("target: is text, as '45dB', '0.01' or '2MiB'")
+    return {
+        "target": target,
+        "rank": rank,
+        "keep_noise": keep_noise,
+        "denoise": denoise,
+        "overwrite": overwrite,
+        "memory_bytes": memory,
+    }
+
+
+def _images(images: Any, folder: str) -> tuple[NDArray[np.float32], Any]:
+    """Images as one array in C order, those of an iterator in a file beside the output."""
+    if isinstance(images, (np.ndarray, Sequence)) or hasattr(images, "__array__"):
+        array = real_array(images, "images")
+        if array.ndim != 4 or array.shape[3] != 3 or 0 in array.shape:
+            raise ValueError(f"images: have the shape {array.shape}, not (lights, height, width, 3)")
+        return np.ascontiguousarray(array), None
+    if not isinstance(images, Iterable):
+        raise TypeError(
+            "images: give an array (lights, height, width, 3), an iterable of images, or the path of a .ltm"
+        )
+    spill = tempfile.TemporaryFile(dir=folder)
+    try:
+        count, shape = 0, None
+        for image in images:
+            image = real_array(image, f"image {count}")
+            shape = image.shape if shape is None else shape
+            if image.ndim != 3 or image.shape != shape or shape[2] != 3 or 0 in shape:
+                wanted = shape if count else "(height, width, 3)"
+                raise ValueError(f"image {count}: has the shape {image.shape}, not {wanted}")
+            spill.write(np.ascontiguousarray(image).tobytes())
+            count += 1
+        if shape is None:
+            raise ValueError("images: there are none")
+        spill.flush()
+        return np.memmap(spill, np.float32, "r", shape=(count, *shape)), spill
+    except BaseException:
+        spill.close()
+        raise
+
+
+def pack(
+    images: Any,
+    path: _Path,
+    *,
+    lights: Sequence[str | Light] | None = None,
+    target: str | None = None,
+    rank: int | None = None,
+    keep_noise: bool = False,
+    denoise: bool = True,
+    source: str = "array",
+    block_side: int = 32,
+    overwrite: bool = False,
+    memory: int | None = None,
+    progress: Progress = None,
+) -> PackReport:
+    """Compresses a matrix into a container (``.ltc``).
+
+    ``images``: an array (lights, height, width, 3) of linear radiance, any real dtype and order; an iterable of images
+    (height, width, 3), one a light, which wait in a temporary file beside ``path``; or the path of a stored matrix
+    (``.ltm``). ``lights``: a name for each image, or :class:`Light` for lights of several columns.
+
+    ``target``: "45dB" (PSNR), "0.01" (relative L2 error), "2MiB" (size); None: as near as the noise lets it be of use.
+    ``rank``: components of a block at most. ``keep_noise``: follow the matrix through its noise. ``denoise``: clean the
+    images first, where a renderer kept the samples apart. Ctrl-C keeps what is analysed; the same call continues.
+
+    Entries that are not finite are replaced and counted in the report. Raises ValueError for shapes and names,
+    FileExistsError, FileNotFoundError, MemoryError for a budget, KeyboardInterrupt.
+    """
+    path = _output(path, overwrite)
+    choices = _choices(target, rank, keep_noise, denoise, overwrite, memory)
+    if isinstance(images, Matrix):
+        images = images.path
+    if isinstance(images, (str, os.PathLike)):
+        if lights is not None:
+            raise ValueError("lights: a stored matrix has its own")
+        return PackReport(**_ltm.pack_store(images, path, choices, _progress(progress)))
+    array, spill = _images(images, os.path.dirname(path))
+    try:
+        tuples = light_tuples(lights, array.shape[0])
+        return PackReport(**_ltm.pack_array(array, path, tuples, source, block_side, choices, _progress(progress)))
+    finally:
+        if spill is not None:
+            spill.close()
+
+
+def write(
+    images: Any,
+    path: _Path,
+    *,
+    lights: Sequence[str | Light] | None = None,
+    source: str = "array",
+    block_side: int = 32,
+    overwrite: bool = False,
+    progress: Progress = None,
+) -> None:
+    """Writes a matrix as it is (``.ltm``); ``images`` and ``lights`` as for :func:`pack`. Raises as :func:`pack`."""
+    path = _output(path, overwrite)
+    array, spill = _images(images, os.path.dirname(path))
+    try:
+        tuples = light_tuples(lights, array.shape[0])
+        _ltm.write_array(array, path, tuples, source, block_side, overwrite, _progress(progress))
+    finally:
+        if spill is not None:
+            spill.close()
+
+
+def render(
+    scene: _Path | BuiltIn,
+    path: _Path,
+    *,
+    samples: int | None = None,
+    size: tuple[int, int] | None = None,
+    seed: int | None = None,
+    block_side: int | None = None,
+    pack: bool = False,
+    target: str | None = None,
+    rank: int | None = None,
+    keep_noise: bool = False,
+    denoise: bool = True,
+    overwrite: bool = False,
+    memory: int | None = None,
+    progress: Progress = None,
+) -> RenderReport:
+    """Renders a scene file, or a :class:`BuiltIn` scene, into a matrix (``.ltm``) or, with ``pack``, a container (``.ltc``).
+
+    ``samples``: paths a pixel; ``size``: (height, width) in pixels; what is None is as the scene says. ``target``, ``rank``,
+    ``keep_noise`` and ``denoise`` are those of :func:`pack`. Ctrl-C keeps the finished blocks; the same call continues.
+
+    Raises FileNotFoundError, ValueError for a scene that cannot be used, FileExistsError, MemoryError, KeyboardInterrupt.
+    """
+    path = _output(path, overwrite)
+    if path.lower().endswith(".ltc") != pack:
+        raise ValueError(f"{path}: a packed render ends with .ltc and is asked for with pack=True")
+    choices = _choices(target, rank, keep_noise, denoise, overwrite, memory) if pack else None
+    given: Any = (
+        (scene.name, scene.width, scene.height, scene.texels) if isinstance(scene, BuiltIn) else os.fspath(scene)
+    )
+    wide = None if size is None else (size[1], size[0])
+    said = _ltm.render(given, path, samples, wide, seed, block_side, choices, overwrite, memory, _progress(progress))
+    own = {key: said.pop(key) for key in ("rays", "blocks_traced", "non_finite")}
+    seconds, kept = said["seconds"], said.pop("blocks_kept")
+    packed = PackReport(blocks_kept=kept, **said) if pack else None
+    return RenderReport(seconds=seconds, blocks_kept=kept, packed=packed, **own)
+
+
+def verify(path: _Path, *, progress: Progress = None) -> Verified:
+    """Reads and checks every byte of a file; what is damaged is listed. Raises if it cannot even be opened."""
+    return Verified(*_ltm.verify(os.fspath(path), _progress(progress)))
+
+
+def info(path: _Path) -> dict[str, Any]:
+    """What a file says of itself: :attr:`Matrix.attrs`, its shape, and the names of its lights."""
+    with open(path) as m:
+        return {"shape": m.shape, "lights": list(m.lights.keys()), **m.attrs}
+
+
+def merge(parts: Iterable[_Path], path: _Path, *, overwrite: bool = False, progress: Progress = None) -> int:
+    """Joins files that hold blocks of one job; says how many blocks the result lacks.
+
+    Raises ValueError for parts of different jobs, FileExistsError for a container that exists, DamagedError.
+    """
+    if str(path).lower().endswith(".ltc"):
+        path = _output(path, overwrite)
+    return _ltm.merge([os.fspath(part) for part in parts], os.fspath(path), overwrite, _progress(progress))[1]

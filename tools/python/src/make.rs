@@ -1,0 +1,331 @@
+//! Making, checking and joining files.
+
+use std::path::{Path, PathBuf};
+
+use ltm::compress::Target;
+use ltm::host::{Watch, parse_bytes};
+use ltm::light::{Job, Provenance};
+use ltm::matrix::{BlockId, BlockSink, BlockSource, CHANNELS, MatrixShape, TracedBlock};
+use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport};
+use ltm::scene::{BuiltIn, LoadOptions, LoadedScene};
+use ltm::store::{self, StoreOptions, StoreReader, StoreWriter};
+use ltm::{Error, Result, container};
+use numpy::PyReadonlyArrayDyn;
+use numpy::prelude::*;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sha2::{Digest, Sha256};
+
+use crate::errors::exception;
+use crate::light::{LightTuple, basis_of};
+use crate::watch::run;
+
+/// Options of packing as Python gives them.
+#[derive(Clone, FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct PackChoices {
+    target: Option<String>,
+    rank: Option<usize>,
+    keep_noise: bool,
+    denoise: bool,
+    overwrite: bool,
+    memory_bytes: Option<u64>,
+}
+
+impl PackChoices {
+    fn options(&self) -> Result<PackOptions> {
+        let mut options = PackOptions {
+            denoise: self.denoise && !self.keep_noise,
+            memory_bytes: self.memory_bytes,
+            ..PackOptions::default()
+        };
+        if let Some(target) = &self.target {
+            options.compress.target = target_of(target)?;
+        }
+        options.compress.rank = self.rank.unwrap_or(options.compress.rank);
+        if self.keep_noise {
+            options.compress.noise_factor = None;
+        }
+        options.container.overwrite = self.overwrite;
+        Ok(options)
+    }
+}
+
+/// What a target says: a PSNR (45dB), a relative error below 1, or a size (2MiB).
+fn target_of(text: &str) -> Result<Target> {
+    let hint = "write a PSNR as 45dB, a relative error below 1 as 0.01, or a size as 2MiB";
+    let refuse = || Error::input("target", format!("'{text}' is none"), hint);
+    if let Some(decibels) = text.strip_suffix("dB").or_else(|| text.strip_suffix("db")) {
+        return decibels.trim().parse().map(Target::PsnrDb).map_err(|_| refuse());
+    }
+    match text.parse::<f64>() {
+        Ok(error) if error > 0.0 && error < 1.0 => Ok(Target::RelativeL2(error)),
+        Ok(_) => Err(refuse()),
+        Err(_) => parse_bytes(text).map(Target::Bytes).map_err(|_| refuse()),
+    }
+}
+
+/// A matrix in memory: lights × height × width × 3.
+struct Images<'a> {
+    shape: MatrixShape,
+    values: &'a [[f32; CHANNELS]],
+}
+
+impl BlockSource for Images<'_> {
+    fn shape(&self) -> MatrixShape {
+        self.shape
+    }
+
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        let (rect, width) = (self.shape.rect(id), self.shape.width() as usize);
+        target.block.reset(rect.rows(), self.shape.columns());
+        (target.noise, target.planes) = (None, None);
+        let images = self.values.chunks_exact(width * self.shape.height() as usize);
+        for (image, column) in images.zip(target.block.entries_mut().chunks_exact_mut(rect.rows())) {
+            for (channel, plane) in column.chunks_exact_mut(rect.pixels()).enumerate() {
+                for (y, row) in plane.chunks_exact_mut(rect.width as usize).enumerate() {
+                    let pixels = &image[(rect.y as usize + y) * width + rect.x as usize..];
+                    row.iter_mut().zip(pixels).for_each(|(entry, pixel)| *entry = pixel[channel]);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Runs `work` with a matrix in memory and the job that describes it.
+fn with_images<T: Send>(
+    py: Python<'_>,
+    array: &PyReadonlyArrayDyn<'_, f32>,
+    (lights, source, block_side): (Vec<LightTuple>, String, u32),
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Images, &Job, &dyn Watch) -> Result<T> + Send,
+) -> PyResult<T> {
+    let &[columns, height, width, CHANNELS] = array.shape() else {
+        return Err(PyValueError::new_err("the array has not the shape lights × height × width × 3"));
+    };
+    if !array.is_c_contiguous() {
+        return Err(PyValueError::new_err("the array is not contiguous in C order"));
+    }
+    let (values, _) = array.as_slice()?.as_chunks::<CHANNELS>();
+    run(py, progress, |watch| {
+        let side = |value: usize| u32::try_from(value).unwrap_or(u32::MAX);
+        let shape = MatrixShape::new(side(width), side(height), side(columns), block_side)?;
+        let basis = basis_of(lights)?;
+        if basis.column_count() != columns {
+            let problem = format!("have {} columns, the array {columns}", basis.column_count());
+            return Err(Error::input("lights", problem, "give one name for each image"));
+        }
+        let content = values.chunks(1 << 16).fold(Sha256::new(), |mut hash, values| {
+            let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+            hash.update(&bytes);
+            hash
+        });
+        let program = format!("ltm for Python {}", env!("CARGO_PKG_VERSION"));
+        let provenance = Provenance { source, program, content: content.finalize().into(), ..Default::default() };
+        let job = Job { shape, basis, provenance };
+        work(&Images { shape, values }, &job, watch)
+    })
+}
+
+/// Packs an array into a container.
+#[pyfunction]
+#[pyo3(signature = (array, path, lights, source, block_side, choices, progress))]
+#[allow(clippy::too_many_arguments, reason = "Python's layer passes what its users chose")]
+pub(crate) fn pack_array<'py>(
+    py: Python<'py>,
+    array: PyReadonlyArrayDyn<'py, f32>,
+    path: PathBuf,
+    lights: Vec<LightTuple>,
+    source: String,
+    block_side: u32,
+    choices: PackChoices,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let options = choices.options().map_err(|error| exception(&error))?;
+    let report = with_images(py, &array, (lights, source, block_side), progress.as_ref(), |images, job, watch| {
+        pipeline::pack(images, job, &path, &options, watch)
+    })?;
+    pack_report(py, &report)
+}
+
+/// Writes an array as a stored matrix.
+#[pyfunction]
+#[pyo3(signature = (array, path, lights, source, block_side, overwrite, progress))]
+#[allow(clippy::too_many_arguments, reason = "Python's layer passes what its users chose")]
+pub(crate) fn write_array<'py>(
+    py: Python<'py>,
+    array: PyReadonlyArrayDyn<'py, f32>,
+    path: PathBuf,
+    lights: Vec<LightTuple>,
+    source: String,
+    block_side: u32,
+    overwrite: bool,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<()> {
+    with_images(py, &array, (lights, source, block_side), progress.as_ref(), |images, job, watch| {
+        let writer = StoreWriter::create(&path, job, StoreOptions { overwrite, ..Default::default() })?;
+        watch.begin("writing", u64::from(job.shape.block_count()), "blocks");
+        let mut block = TracedBlock::default();
+        for id in job.shape.blocks() {
+            if watch.interrupted() {
+                return Err(Error::Interrupted("the matrix is not finished".into()));
+            }
+            images.read_block(id, &mut block)?;
+            writer.write_block(id, &block)?;
+            watch.advance(1, 0, "B");
+        }
+        watch.end();
+        writer.finish().map(|_| ())
+    })
+}
+
+/// Packs a stored matrix into a container.
+#[pyfunction]
+pub(crate) fn pack_store<'py>(
+    py: Python<'py>,
+    matrix: PathBuf,
+    path: PathBuf,
+    choices: PackChoices,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let options = choices.options().map_err(|error| exception(&error))?;
+    let report = run(py, progress.as_ref(), |watch| {
+        let matrix = StoreReader::open(&matrix)?;
+        pipeline::pack(&matrix, matrix.job(), &path, &options, watch)
+    })?;
+    pack_report(py, &report)
+}
+
+/// A scene file, or a built-in scene: name, width, height, texels.
+#[derive(FromPyObject)]
+pub(crate) enum SceneChoice {
+    BuiltIn((String, u32, u32, u32)),
+    File(PathBuf),
+}
+
+impl SceneChoice {
+    fn load(self, memory_bytes: Option<u64>) -> Result<LoadedScene> {
+        match self {
+            Self::BuiltIn((name, width, height, texels)) => BuiltIn { width, height, texels }.named(&name),
+            Self::File(path) => pipeline::load_scene(&path, LoadOptions { memory_bytes, ..Default::default() }),
+        }
+    }
+}
+
+/// Renders a scene into a stored matrix or, with `pack`, into a container.
+#[pyfunction]
+#[pyo3(signature = (scene, path, samples, size, seed, block_side, pack, overwrite, memory_bytes, progress))]
+#[allow(clippy::too_many_arguments, reason = "Python's layer passes what its users chose")]
+pub(crate) fn render<'py>(
+    py: Python<'py>,
+    scene: SceneChoice,
+    path: PathBuf,
+    samples: Option<u32>,
+    size: Option<(u32, u32)>,
+    seed: Option<u64>,
+    block_side: Option<u32>,
+    pack: Option<PackChoices>,
+    overwrite: bool,
+    memory_bytes: Option<u64>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let pack = pack.map(|choices| choices.options()).transpose().map_err(|error| exception(&error))?;
+    let (render, packed) = run(py, progress.as_ref(), |watch| {
+        let mut loaded = scene.load(memory_bytes)?;
+        loaded.warnings.iter().for_each(|line| watch.note(line));
+        if let Some((width, height)) = size {
+            loaded = loaded.sized(width, height);
+        }
+        let settings = &mut loaded.settings;
+        settings.samples_per_pixel = samples.unwrap_or(settings.samples_per_pixel);
+        settings.seed = seed.unwrap_or(settings.seed);
+        settings.block_side = block_side.unwrap_or(settings.block_side);
+        match pack {
+            Some(options) => {
+                let (render, packed) = pipeline::render_packed(loaded, &path, &options, watch)?;
+                Ok((render, Some(packed)))
+            }
+            None => {
+                let store = StoreOptions { overwrite, ..Default::default() };
+                let options = RenderOptions { store, memory_bytes, ..Default::default() };
+                Ok((pipeline::render(loaded, &path, &options, watch)?, None))
+            }
+        }
+    })?;
+    let report = match packed {
+        Some(packed) => pack_report(py, &packed)?,
+        None => PyDict::new(py),
+    };
+    let RenderReport { seconds, rays, blocks_traced, blocks_kept, non_finite, .. } = render;
+    report.set_item("seconds", seconds)?;
+    report.set_item("rays", rays)?;
+    report.set_item("blocks_traced", blocks_traced)?;
+    report.set_item("blocks_kept", blocks_kept)?;
+    report.set_item("non_finite", non_finite)?;
+    Ok(report)
+}
+
+fn pack_report<'py>(py: Python<'py>, report: &PackReport) -> PyResult<Bound<'py, PyDict>> {
+    let said = PyDict::new(py);
+    said.set_item("seconds", report.seconds)?;
+    said.set_item("raw_bytes", report.raw_bytes)?;
+    said.set_item("packed_bytes", report.packed_bytes)?;
+    said.set_item("mean_rank", report.mean_rank)?;
+    said.set_item("sparse_entries", report.sparse_entries)?;
+    said.set_item("relative_l2", report.relative_l2)?;
+    said.set_item("replaced_entries", report.replaced.count())?;
+    said.set_item("short_of_target", report.short_of_target.map(|shortfall| shortfall.to_string()))?;
+    said.set_item("blocks_kept", report.blocks_kept)?;
+    Ok(said)
+}
+
+fn is_container(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ltc"))
+}
+
+/// Checks every byte of a file: blocks looked at, faults, blocks missing, bytes, seconds.
+#[pyfunction]
+pub(crate) fn verify(
+    py: Python<'_>,
+    path: PathBuf,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<(u32, Vec<String>, usize, u64, f64)> {
+    let found = run(py, progress.as_ref(), |watch| match is_container(&path) {
+        true => pipeline::verify_container(&path, None, watch),
+        false => pipeline::verify(&path, None, watch),
+    })?;
+    Ok((found.blocks, found.faults, found.missing, found.verified_bytes, found.seconds))
+}
+
+/// Joins parts of one job; says how many blocks the result has and how many it lacks.
+#[pyfunction]
+pub(crate) fn merge(
+    py: Python<'_>,
+    parts: Vec<PathBuf>,
+    path: PathBuf,
+    overwrite: bool,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<(u32, usize)> {
+    run(py, progress.as_ref(), |watch| {
+        pipeline::admit_merge(&parts, None)?;
+        let mut told = 0;
+        let mut step = |done: u32, total: u32| {
+            if told == 0 {
+                watch.begin("joining", u64::from(total), "blocks");
+            }
+            watch.advance(u64::from(done - told), 0, "B");
+            told = done;
+            !watch.interrupted()
+        };
+        if is_container(&path) {
+            let parts: Vec<&Path> = parts.iter().map(PathBuf::as_path).collect();
+            let joined = container::merge(&parts, &path, overwrite, &mut step)?;
+            let all = container::ContainerReader::open(&path)?.job().shape.block_count();
+            return Ok((joined.blocks, (all - joined.blocks) as usize));
+        }
+        let joined = store::merge(&parts, &path, &mut step)?;
+        Ok((joined.blocks - joined.missing.len() as u32, joined.missing.len()))
+    })
+}

@@ -1,0 +1,306 @@
+//! An open matrix, stored or packed.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+
+use ltm::container::ContainerReader;
+use ltm::host::{budget_bytes, hold_to_memory};
+use ltm::image::LinearImage;
+use ltm::light::{Job, Lighting};
+use ltm::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape, PixelRect};
+use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
+use ltm::store::StoreReader;
+use ltm::{Error, Result};
+use numpy::prelude::*;
+use numpy::{PyArray1, PyArrayDyn, PyReadonlyArrayDyn, PyReadwriteArrayDyn};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::errors::{exception, unlocked};
+use crate::light::{LightTuple, lightings_of, to_tuple};
+use crate::slice::{Wanted, read};
+use crate::threads::on_pool;
+
+/// Where the entries come from.
+pub(crate) enum Source {
+    Container(ContainerReader),
+    Matrix(StoreReader),
+}
+
+impl Source {
+    /// Opens either kind, by its name or else by what it holds.
+    fn open(path: &Path) -> Result<Self> {
+        let is = |wanted: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted));
+        if is("ltc") {
+            return ContainerReader::open(path).map(Self::Container);
+        }
+        if is("ltm") || is("part") {
+            return StoreReader::open(path).map(Self::Matrix);
+        }
+        match ContainerReader::open(path) {
+            Err(Error::Input { .. }) => StoreReader::open(path).map(Self::Matrix),
+            other => other.map(Self::Container),
+        }
+    }
+
+    pub(crate) fn job(&self) -> &Job {
+        match self {
+            Self::Container(container) => container.job(),
+            Self::Matrix(matrix) => matrix.job(),
+        }
+    }
+
+    pub(crate) fn shape(&self) -> MatrixShape {
+        self.job().shape
+    }
+}
+
+/// A matrix and, once something was relit, its factors.
+struct Opened {
+    source: Source,
+    /// None: not asked for yet.
+    relighter: Mutex<Option<Option<Arc<CpuRelighter>>>>,
+    memory_bytes: Option<u64>,
+}
+
+impl Opened {
+    /// The factors, kept; none where they do not fit the memory, where some are damaged (what is strict then says so, of
+    /// the blocks that are asked for), or where there are none.
+    fn relighter(&self) -> Result<Option<Arc<CpuRelighter>>> {
+        let Source::Container(container) = &self.source else { return Ok(None) };
+        let shape = self.source.shape();
+        let block = |id| {
+            let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());
+            (values * 2 + container.sparse_entries(id) * 16 + 512) as u64
+        };
+        // Not from a thread of the pool: while one waits there it would take up other work, which may want this lock.
+        let mut kept = self.relighter.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(decided) = &*kept {
+            return Ok(decided.clone());
+        }
+        let fits = shape.blocks().map(block).sum::<u64>() <= budget_bytes(self.memory_bytes);
+        let made = if fits { Some(on_pool(|| CpuRelighter::load(container))?) } else { None };
+        let decided = made.filter(|made| made.damage().is_empty()).map(Arc::new);
+        *kept = Some(decided.clone());
+        Ok(decided)
+    }
+
+    fn relight(&self, lightings: &[Lighting], region: PixelRect, pixels: &mut [[f32; CHANNELS]]) -> Result<()> {
+        let relighter = self.relighter()?;
+        on_pool(|| match (&self.source, relighter) {
+            (_, Some(relighter)) => relighter.relight_region(lightings, region, pixels),
+            (Source::Container(container), None) => relight_region_streaming(container, lightings, region, pixels),
+            (Source::Matrix(matrix), None) => relight_region_raw(matrix, lightings, region, pixels),
+        })
+    }
+
+    fn adjoint(&self, image: &LinearImage) -> Result<Vec<[f64; CHANNELS]>> {
+        let relighter = self.relighter()?;
+        on_pool(|| match (&self.source, relighter) {
+            (_, Some(relighter)) => relighter.adjoint(image),
+            (Source::Container(container), None) => adjoint_streaming(container, image),
+            (Source::Matrix(matrix), None) => adjoint_raw(matrix, image),
+        })
+    }
+}
+
+/// An open `.ltm` or `.ltc`, in exact types; `ltm.Matrix` is what users see.
+#[pyclass(frozen, module = "ltm._ltm")]
+pub(crate) struct Native {
+    path: PathBuf,
+    opened: RwLock<Option<Arc<Opened>>>,
+}
+
+impl Native {
+    fn opened(&self) -> PyResult<Arc<Opened>> {
+        let held = self.opened.read().unwrap_or_else(PoisonError::into_inner);
+        held.clone().ok_or_else(|| PyValueError::new_err(format!("{}: the matrix is closed", self.path.display())))
+    }
+}
+
+/// An array of `f32` whose values lie one after the other in C order.
+fn contiguous<'a>(array: &'a PyReadonlyArrayDyn<'_, f32>) -> PyResult<&'a [f32]> {
+    if !array.is_c_contiguous() {
+        return Err(PyValueError::new_err("the array is not contiguous in C order"));
+    }
+    Ok(array.as_slice()?)
+}
+
+#[pymethods]
+impl Native {
+    #[new]
+    #[pyo3(signature = (path, memory_bytes=None))]
+    fn new(py: Python<'_>, path: PathBuf, memory_bytes: Option<u64>) -> PyResult<Self> {
+        let source = unlocked(py, || on_pool(|| Source::open(&path)))?;
+        let opened = Opened { source, relighter: Mutex::new(None), memory_bytes };
+        Ok(Self { path, opened: RwLock::new(Some(Arc::new(opened))) })
+    }
+
+    /// Forgets the file; work that is under way ends first where it is.
+    fn close(&self) {
+        *self.opened.write().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+
+    #[getter]
+    fn closed(&self) -> bool {
+        self.opened.read().unwrap_or_else(PoisonError::into_inner).is_none()
+    }
+
+    /// Height, width, columns, side of a block.
+    fn shape(&self) -> PyResult<(u32, u32, usize, u32)> {
+        let shape = self.opened()?.source.shape();
+        Ok((shape.height(), shape.width(), shape.columns(), shape.block_side()))
+    }
+
+    fn lights(&self) -> PyResult<Vec<LightTuple>> {
+        Ok(self.opened()?.source.job().basis.lights().iter().map(to_tuple).collect())
+    }
+
+    /// The weights of the scene's own lighting: columns × 3.
+    fn scene_weights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let weights = self.opened()?.source.job().basis.scene_weights();
+        let shape = [weights.len(), CHANNELS];
+        PyArray1::from_vec(py, weights.into_flattened()).reshape(shape.to_vec())
+    }
+
+    /// What is known beside the entries, as a dictionary.
+    fn attrs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let opened = self.opened()?;
+        let job = opened.source.job();
+        let known = PyDict::new(py);
+        known.set_item("path", &self.path)?;
+        known.set_item("job", job.hash().0.map(|byte| format!("{byte:02x}")).concat())?;
+        known.set_item("block_side", job.shape.block_side())?;
+        let provenance = &job.provenance;
+        known.set_item("source", &provenance.source)?;
+        known.set_item("content", provenance.content.map(|byte| format!("{byte:02x}")).concat())?;
+        known.set_item("program", &provenance.program)?;
+        known.set_item("samples_per_pixel", provenance.samples_per_pixel)?;
+        known.set_item("seed", provenance.seed)?;
+        known.set_item("settings", &provenance.settings)?;
+        known.set_item("metres_per_unit", provenance.metres_per_unit)?;
+        known.set_item("raw_bytes", job.shape.raw_bytes())?;
+        match &opened.source {
+            Source::Container(container) => {
+                known.set_item("kind", "ltc")?;
+                known.set_item("bytes", container.file_bytes())?;
+                let report = container.report();
+                known.set_item("packed_by", &report.program)?;
+                known.set_item("method", &report.method)?;
+                known.set_item("target", &report.target)?;
+                known.set_item("prior", &report.prior)?;
+                known.set_item("pack_settings", &report.settings)?;
+                let figures = PyDict::new(py);
+                report.provenance.iter().try_for_each(|(figure, origin)| figures.set_item(figure, origin))?;
+                known.set_item("provenance_of_errors", figures)?;
+            }
+            Source::Matrix(matrix) => {
+                known.set_item("kind", "ltm")?;
+                known.set_item("precision", matrix.precision().to_string())?;
+                let tally = unlocked(py, || matrix.tally())?;
+                known.set_item("bytes", tally.stored_bytes)?;
+                known.set_item("blocks_committed", tally.committed)?;
+                known.set_item("blocks_damaged", tally.damaged)?;
+            }
+        }
+        Ok(known)
+    }
+
+    /// One block: x, y, width, height, whether it is there; of a container also rank, sparse entries, bytes, relative error
+    /// and noise variance.
+    #[allow(clippy::type_complexity, reason = "a tuple for Python, named there")]
+    fn block(&self, index: u32) -> PyResult<((u32, u32, u32, u32), bool, Option<(usize, usize, u64, f64, f64)>)> {
+        let opened = self.opened()?;
+        let shape = opened.source.shape();
+        if index >= shape.block_count() {
+            return Err(pyo3::exceptions::PyIndexError::new_err(format!("there are {} blocks", shape.block_count())));
+        }
+        let id = BlockId(index);
+        let PixelRect { x, y, width, height } = shape.rect(id);
+        let (there, known) = match &opened.source {
+            Source::Matrix(matrix) => (matrix.is_committed(id), None),
+            Source::Container(container) => {
+                let report = container.block_report(id);
+                let bytes = container.encoded_bytes(id, 0..container.layer_count(id));
+                let (rank, sparse) = (container.rank(id), container.sparse_entries(id));
+                (container.has_block(id), Some((rank, sparse, bytes, report.relative_error(), report.noise_variance)))
+            }
+        };
+        Ok(((x, y, width, height), there, known))
+    }
+
+    /// The entries at ascending indices: rows × across × channels × columns.
+    fn read<'py>(
+        &self,
+        py: Python<'py>,
+        rows: Vec<u32>,
+        across: Vec<u32>,
+        channels: Vec<u32>,
+        columns: Vec<u32>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let opened = self.opened()?;
+        let shape = vec![rows.len(), across.len(), channels.len(), columns.len()];
+        let wanted = Wanted { rows, across, channels, columns };
+        let entries = wanted.check(opened.source.shape()).map_err(|error| exception(&error))?;
+        let bytes = entries as u64 * 4;
+        let hold = hold_to_memory("the slice", bytes, opened.memory_bytes);
+        hold.map_err(|error| exception(&error))?;
+        let entries = unlocked(py, || on_pool(|| read(&opened.source, &wanted)))?;
+        PyArray1::from_vec(py, entries).reshape(shape)
+    }
+
+    /// Sets `out` (lightings × height × width × 3 of the region) from `weights` (lightings × columns × 3). The region is
+    /// x, y, width, height.
+    fn relight(
+        &self,
+        py: Python<'_>,
+        weights: PyReadonlyArrayDyn<'_, f32>,
+        region: (u32, u32, u32, u32),
+        mut out: PyReadwriteArrayDyn<'_, f32>,
+    ) -> PyResult<()> {
+        let opened = self.opened()?;
+        let weights = contiguous(&weights)?;
+        let lightings = lightings_of(weights, opened.source.shape().columns()).map_err(|error| exception(&error))?;
+        if !out.is_c_contiguous() {
+            return Err(PyValueError::new_err("the array is not contiguous in C order"));
+        }
+        let (pixels, _) = out.as_slice_mut()?.as_chunks_mut::<CHANNELS>();
+        let (x, y, width, height) = region;
+        unlocked(py, || opened.relight(&lightings, PixelRect { x, y, width, height }, pixels))
+    }
+
+    /// `Tᵀ x` of an image (height × width × 3): columns × 3.
+    fn adjoint<'py>(
+        &self,
+        py: Python<'py>,
+        image: PyReadonlyArrayDyn<'py, f32>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let opened = self.opened()?;
+        let shape = opened.source.shape();
+        let (pixels, _) = contiguous(&image)?.as_chunks::<CHANNELS>();
+        if pixels.len() as u64 * CHANNELS as u64 != shape.rows() {
+            return Err(PyValueError::new_err("the image has another size than the matrix"));
+        }
+        let sums = unlocked(py, || {
+            let image = LinearImage { width: shape.width(), height: shape.height(), pixels: pixels.to_vec() };
+            opened.adjoint(&image)
+        })?;
+        let sums = sums.as_flattened().iter().map(|&sum| sum as f32).collect();
+        PyArray1::from_vec(py, sums).reshape(vec![shape.columns(), CHANNELS])
+    }
+
+    /// The lightings of a look file, its own first: names and columns × 3 weights.
+    fn look<'py>(&self, py: Python<'py>, path: PathBuf, name: Option<String>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let opened = self.opened()?;
+        let weights = unlocked(py, || {
+            on_pool(|| {
+                let look = ltm::look::load(&path, &opened.source.job().basis)?;
+                let lighting = name.map_or(Ok(look.lighting()), |name| look.named(&name))?;
+                Ok(lighting.weights().to_vec())
+            })
+        })?;
+        let shape = vec![weights.len(), CHANNELS];
+        PyArray1::from_vec(py, weights.into_flattened()).reshape(shape)
+    }
+}

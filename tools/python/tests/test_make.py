@@ -1,0 +1,213 @@
+"""Packing, rendering, checking, joining; progress and Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import ltm
+import numpy as np
+import pytest
+from conftest import COLUMNS, HEIGHT, WIDTH, copy_of, lights
+
+ROOM = ltm.BuiltIn("diffuse", width=48, height=32, texels=3)
+
+
+def test_a_pack_is_near_what_was_packed(images, tmp_path):
+    path = tmp_path / "a.ltc"
+    told = []
+    report = ltm.pack(images, path, lights=lights(), target="60dB", progress=lambda *step: told.append(step))
+    assert report.packed_bytes == path.stat().st_size < report.raw_bytes == images.nbytes
+    assert report.relative_l2 < 0.01 and report.replaced_entries == 0
+    with ltm.open(path) as m:
+        lost = np.linalg.norm(m[...] - images.transpose(1, 2, 3, 0)) / np.linalg.norm(images)
+        assert lost == pytest.approx(report.relative_l2, rel=0.05)
+    stages = {stage for stage, _, _ in told}
+    assert len(stages) >= 1 and all(0 <= done <= total for _, done, total in told)
+    assert told[-1][1] == told[-1][2]
+
+
+def test_arrays_of_any_kind_and_iterators_pack_alike(images, tmp_path):
+    def pack(images, name):
+        ltm.pack(images, tmp_path / name, target="50dB")
+        return (tmp_path / name).read_bytes()
+
+    wanted = pack(images, "a.ltc")
+    assert pack(np.asfortranarray(images.astype(np.float64)), "b.ltc") == wanted
+    assert pack(iter(images), "c.ltc") == wanted
+    assert pack((image for image in images), "d.ltc") == wanted
+    ltm.write(images, tmp_path / "e.ltm")
+    ltm.pack(tmp_path / "e.ltm", tmp_path / "e.ltc", target="50dB")
+    with ltm.open(tmp_path / "e.ltc") as e, ltm.open(tmp_path / "a.ltc") as a:
+        np.testing.assert_array_equal(e[...], a[...])
+        assert e.lights == a.lights and list(e.lights.keys())[:2] == ["light 0", "light 1"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.ltc", "b.ltc", "c.ltc", "d.ltc", "e.ltc", "e.ltm"]
+
+
+def test_lights_of_a_matrix_are_given_on(container_path, images, tmp_path):
+    with ltm.open(container_path) as m:
+        ltm.write(images, tmp_path / "a.ltm", lights=list(m.lights))
+        with ltm.open(tmp_path / "a.ltm") as again:
+            assert again.lights == m.lights
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "text"),
+    [
+        ({"images": np.ones((3, 4, 5))}, ValueError, "shape"),
+        ({"images": np.ones((3, 4, 5, 4))}, ValueError, "shape"),
+        ({"images": np.ones((0, 4, 5, 3))}, ValueError, "shape"),
+        ({"images": np.ones((3, 4, 5, 3), complex)}, TypeError, "dtype"),
+        ({"images": np.full((3, 4, 5, 3), "x")}, TypeError, "dtype"),
+        ({"images": 7}, TypeError, "array"),
+        ({"images": iter([])}, ValueError, "none"),
+        ({"images": iter([np.ones((4, 5, 3)), np.ones((5, 4, 3))])}, ValueError, "image 1"),
+        ({"lights": ["a", "b"]}, ValueError, "2 columns"),
+        ({"lights": ["a", "a", "b"]}, ValueError, "taken"),
+        ({"lights": "abc"}, TypeError, "names"),
+        ({"lights": [ltm.Light("a", kind="candle"), "b", "c"]}, ValueError, "candle"),
+        ({"target": "much"}, ValueError, "45dB"),
+        ({"target": 45}, TypeError, "45dB"),
+        ({"block_side": 0}, ValueError, "block side"),
+        ({"memory": 1000}, MemoryError, "needs"),
+        ({"progress": 7}, TypeError, "progress"),
+    ],
+)
+def test_what_cannot_be_packed_is_refused(tmp_path, arguments, error, text):
+    given = {"images": np.ones((3, 4, 5, 3), np.float32), **arguments}
+    with pytest.raises(error, match=text):
+        ltm.pack(given.pop("images"), tmp_path / "a.ltc", **given)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_entries_that_are_not_finite_are_counted(tmp_path):
+    images = np.ones((3, 8, 8, 3), np.float32)
+    images[1, 2, 3] = np.nan
+    assert ltm.pack(images, tmp_path / "a.ltc").replaced_entries == 3
+
+
+def test_outputs_are_not_replaced_unasked(images, tmp_path):
+    path = tmp_path / "a.ltc"
+    ltm.pack(images, path)
+    with pytest.raises(FileExistsError):
+        ltm.pack(images, path)
+    ltm.pack(images, path, overwrite=True)
+    with pytest.raises(FileNotFoundError):
+        ltm.pack(images, tmp_path / "none" / "a.ltc")
+
+
+def test_a_scene_is_rendered_and_packed(tmp_path):
+    report = ltm.render(ROOM, tmp_path / "a.ltm", samples=4, block_side=16)
+    assert report.blocks_traced == 6 and report.rays > 0 and report.packed is None
+    packed = ltm.render(ROOM, tmp_path / "a.ltc", samples=4, block_side=16, pack=True)
+    assert packed.packed.packed_bytes == (tmp_path / "a.ltc").stat().st_size
+    with ltm.open(tmp_path / "a.ltm") as raw, ltm.open(tmp_path / "a.ltc") as m:
+        assert raw.shape == m.shape and raw.shape[:2] == (32, 48)
+        assert raw.attrs["samples_per_pixel"] == 4
+        a, b = raw.relight(raw.scene_weights), m.relight(m.scene_weights)
+        assert a.max() > 0 and np.linalg.norm(a - b) < 0.3 * np.linalg.norm(a)
+    assert ltm.verify(tmp_path / "a.ltm") and ltm.verify(tmp_path / "a.ltc")
+    small = ltm.render(ROOM, tmp_path / "b.ltm", samples=2, size=(8, 20), seed=7)
+    assert small.blocks_traced == 1
+    assert ltm.info(tmp_path / "b.ltm")["shape"][:2] == (8, 20)
+
+
+def test_scenes_that_cannot_be_used_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="nowhere"):
+        ltm.render(ltm.BuiltIn("nowhere"), tmp_path / "a.ltm")
+    with pytest.raises(FileNotFoundError, match="none.toml"):
+        ltm.render(tmp_path / "none.toml", tmp_path / "a.ltm")
+    (tmp_path / "bad.toml").write_text("name = [")
+    with pytest.raises(ValueError, match="bad.toml"):
+        ltm.render(tmp_path / "bad.toml", tmp_path / "a.ltm")
+    with pytest.raises(ValueError, match="pack=True"):
+        ltm.render(ROOM, tmp_path / "a.ltc")
+    with pytest.raises(MemoryError):
+        ltm.render(ROOM, tmp_path / "a.ltm", memory=1000)
+
+
+class Stop(Exception):
+    pass
+
+
+def test_a_callback_that_raises_stops_the_work_and_it_goes_on_later(tmp_path):
+    scene = ltm.BuiltIn("diffuse", width=128, height=96, texels=4)
+
+    def stop(stage, done, total):
+        if done >= 2:
+            raise Stop
+
+    with pytest.raises(Stop):
+        ltm.render(scene, tmp_path / "a.ltm", samples=64, block_side=16, progress=stop)
+    assert not (tmp_path / "a.ltm").exists()
+    report = ltm.render(scene, tmp_path / "a.ltm", samples=64, block_side=16)
+    assert report.blocks_kept >= 2 and report.blocks_kept + report.blocks_traced == 48
+
+
+def test_ctrl_c_stops_the_work_and_keeps_it(tmp_path):
+    code = """
+        import ltm, sys
+        scene = ltm.BuiltIn("diffuse", width=256, height=192, texels=4)
+        try:
+            ltm.render(scene, sys.argv[1], samples=1024, block_side=16, progress=lambda *step: print(*step, flush=True))
+        except KeyboardInterrupt:
+            print("stopped", flush=True)
+    """
+    path = tmp_path / "a.ltm"
+    process = subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(code), str(path)], stdout=subprocess.PIPE, text=True
+    )
+    for line in process.stdout:
+        if int(line.split()[1]) > 0:
+            break
+    begun = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    rest = process.communicate(timeout=60)[0]
+    assert rest.splitlines()[-1] == "stopped" and process.returncode == 0
+    # It would have taken a minute and more.
+    assert time.monotonic() - begun < 30
+    assert not path.exists() and (tmp_path / "a.ltm.part").exists()
+
+
+def test_damage_is_found(path, tmp_path):
+    copy = copy_of(path, tmp_path)
+    found = ltm.verify(copy)
+    assert found and found.blocks == 12 and found.missing == 0
+    data = bytearray(copy.read_bytes())
+    copy.write_bytes(data[: len(data) // 2])
+    with pytest.raises(ltm.DamagedError):
+        assert not ltm.verify(copy)
+        raise ltm.DamagedError
+    (tmp_path / "text.ltc").write_text("no container")
+    with pytest.raises(ValueError, match="not a container"):
+        ltm.verify(tmp_path / "text.ltc")
+
+
+def test_parts_are_joined(matrix_path, tmp_path):
+    assert ltm.merge([matrix_path, copy_of(matrix_path, tmp_path)], tmp_path / "b.ltm") == 0
+    with ltm.open(matrix_path) as a, ltm.open(tmp_path / "b.ltm") as b:
+        np.testing.assert_array_equal(a[...], b[...])
+    ltm.write(np.zeros((COLUMNS, HEIGHT, WIDTH, 3)), tmp_path / "c.ltm")
+    with pytest.raises(ValueError, match="c.ltm"):
+        ltm.merge([matrix_path, tmp_path / "c.ltm"], tmp_path / "d.ltm")
+
+
+def test_containers_are_joined(container_path, tmp_path):
+    assert ltm.merge([container_path, container_path], tmp_path / "b.ltc") == 0
+    assert ltm.verify(tmp_path / "b.ltc")
+    with pytest.raises(FileExistsError):
+        ltm.merge([container_path], tmp_path / "b.ltc")
+
+
+def test_a_signal_that_does_not_raise_does_not_stop(tmp_path):
+    seen = []
+    before = signal.signal(signal.SIGUSR1, lambda *_: seen.append(1))
+    try:
+        ltm.render(
+            ROOM, tmp_path / "a.ltm", samples=64, progress=lambda *_: seen or os.kill(os.getpid(), signal.SIGUSR1)
+        )
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert seen and (tmp_path / "a.ltm").exists()

@@ -1,0 +1,161 @@
+"""Relighting and its adjoint."""
+
+from pathlib import Path
+
+import ltm
+import numpy as np
+import pytest
+from conftest import COLUMNS, HEIGHT, WIDTH
+
+
+@pytest.fixture
+def random():
+    return np.random.default_rng(5)
+
+
+def product(m, weights):
+    """What numpy makes of the entries."""
+    return np.einsum("yxcj,...jc->...yxc", m[...].astype(np.float64), weights)
+
+
+def close(m, found, wanted):
+    # Factors of a container are kept in 8 and 16 bits for relighting.
+    tolerance = 1e-5 if m.attrs["kind"] == "ltm" else 3e-3
+    np.testing.assert_allclose(found, wanted, atol=tolerance * np.abs(wanted).max())
+
+
+def test_relighting_is_the_product_with_the_weights(m, random):
+    weights = random.uniform(0, 2, (COLUMNS, 3))
+    image = m.relight(weights)
+    assert image.shape == (HEIGHT, WIDTH, 3) and image.dtype == np.float32
+    close(m, image, product(m, weights))
+    grey = random.uniform(0, 2, COLUMNS)
+    close(m, m.relight(grey), product(m, np.repeat(grey[:, None], 3, 1)))
+    close(m, m.relight(list(grey)), m.relight(grey))
+
+
+def test_batches_regions_and_targets(m, random):
+    weights = random.uniform(-1, 2, (5, COLUMNS, 3)).astype(np.float32)
+    images = m.relight(weights)
+    assert images.shape == (5, HEIGHT, WIDTH, 3)
+    for image, w in zip(images, weights, strict=True):
+        np.testing.assert_array_equal(image, m.relight(w))
+    part = m.relight(weights, roi=np.s_[10:33, 15:-1])
+    np.testing.assert_array_equal(part, images[:, 10:33, 15:-1])
+    out = np.full((HEIGHT, WIDTH, 3), 9, np.float32)
+    assert m.relight(weights[1], out=out) is out
+    np.testing.assert_array_equal(out, images[1])
+    assert m.relight(weights, roi=np.s_[4:4, :]).shape == (5, 0, WIDTH, 3)
+    assert m.relight(np.zeros((0, COLUMNS, 3))).shape == (0, HEIGHT, WIDTH, 3)
+
+
+def test_weights_by_name_and_glob(m):
+    weights = m.weights({"*": 0.5, "lamp *": [1, 2, 3], "lamp 2": 4.0, "sky": np.arange(6)})
+    assert weights.shape == (COLUMNS, 3)
+    np.testing.assert_array_equal(weights[0], [0.5] * 3)
+    np.testing.assert_array_equal(weights[1], [1, 2, 3])
+    np.testing.assert_array_equal(weights[2], [4] * 3)
+    np.testing.assert_array_equal(weights[3:, 1], np.arange(6))
+    np.testing.assert_array_equal(m.relight({"desk": 1.0}), m.relight(np.eye(COLUMNS)[0]))
+    with pytest.raises(KeyError, match="sea"):
+        m.relight({"sea": 1.0})
+    with pytest.raises(ValueError, match="sky"):
+        m.relight({"sky": np.ones(4)})
+
+
+def test_looks(m, tmp_path):
+    path = tmp_path / "look.toml"
+    path.write_text(
+        'base = "off"\n[[light]]\nname = "desk"\nintensity = 2.0\n[[look]]\nname = "day"\n[[look.light]]\nname = "sky"\nintensity = 1.0\n'
+    )
+    weights = ltm.Look.read(path).to_weights(m)
+    np.testing.assert_allclose(weights, m.weights({"desk": 2.0}))
+    np.testing.assert_array_equal(m.relight(ltm.Look.read(path)), m.relight(weights))
+    np.testing.assert_allclose(ltm.Look.read(path, "day").to_weights(m), m.weights({"desk": 2.0, "sky": 1.0}))
+    with pytest.raises(ValueError, match="no look 'night'"):
+        ltm.Look.read(path, "night").to_weights(m)
+    with pytest.raises(FileNotFoundError):
+        ltm.Look.read(tmp_path / "none.toml")
+    path.write_text('[[light]]\nname = "dask"\n')
+    with pytest.raises(ValueError, match="desk"):
+        ltm.Look.read(path).to_weights(m)
+
+
+@pytest.mark.parametrize("memory", [None, 1000])
+def test_the_adjoint_is_the_transpose(path, random, memory):
+    # With so little memory factors are not kept.
+    with ltm.open(path, memory=memory) as m, ltm.open(path) as rich:
+        x = random.normal(size=(HEIGHT, WIDTH, 3)).astype(np.float32)
+        weights = random.normal(size=(COLUMNS, 3)).astype(np.float32)
+        image, sums = m.relight(weights).astype(np.float64), m.adjoint(x)
+        assert sums.shape == (COLUMNS, 3) and sums.dtype == np.float32
+        for channel in range(3):
+            of_image, of_columns = image[..., channel].ravel(), sums[:, channel].astype(np.float64)
+            x_channel = x[..., channel].ravel().astype(np.float64)
+            scale = np.linalg.norm(of_image) * np.linalg.norm(x_channel)
+            # Rounding of sums in f32.
+            assert abs(of_image @ x_channel - weights[:, channel] @ of_columns) < 1e-6 * scale
+        np.testing.assert_array_equal(m.relight(weights), rich.relight(weights))
+        np.testing.assert_array_equal(sums, rich.adjoint(x))
+        close(m, sums, np.einsum("yxcj,yxc->jc", rich[...].astype(np.float64), x))
+        out = np.zeros((COLUMNS, 3))
+        assert m.adjoint(np.asfortranarray(x), out=out) is out
+        np.testing.assert_array_equal(out.astype(np.float32), sums)
+
+
+def test_inputs_that_do_not_fit_are_refused(m):
+    good = np.ones((COLUMNS, 3), np.float32)
+    nan = good.copy()
+    nan[2, 1] = np.nan
+    huge = np.full((COLUMNS, 3), 1e300)
+    for weights in (np.ones(COLUMNS - 1), np.ones((3, COLUMNS)), np.ones((1, 1, COLUMNS, 3)), nan, huge):
+        with pytest.raises(ValueError, match="weights|weight"):
+            m.relight(weights)
+    for weights in ("desk", good.astype(complex), None):
+        with pytest.raises(TypeError):
+            m.relight(weights)
+    image = np.ones((HEIGHT, WIDTH, 3), np.float32)
+    for out in (image[:-1], np.asfortranarray(image), image[:, ::-1]):
+        with pytest.raises(ValueError, match="out"):
+            m.relight(good, out=out)
+    with pytest.raises(TypeError, match="out"):
+        m.relight(good, out=image.astype(np.float64))
+    frozen = image.copy()
+    frozen.flags.writeable = False
+    with pytest.raises(ValueError, match="out"):
+        m.relight(good, out=frozen)
+    with pytest.raises(ValueError, match="roi"):
+        m.relight(good, roi=np.s_[::2, :])
+    with pytest.raises(ValueError, match="image"):
+        m.adjoint(image[1:])
+    image[3, 7, 1] = np.inf
+    with pytest.raises(ValueError, match="pixel 7, 3"):
+        m.adjoint(image)
+    with pytest.raises(ltm.NoGpuError):
+        m.relight(good, device="gpu")
+    with pytest.raises(ValueError, match="device"):
+        m.relight(good, device="abacus")
+    np.testing.assert_array_equal(m.relight(np.asfortranarray(good)), m.relight(good))
+
+
+def test_a_hidden_lighting_is_recovered(container_path):
+    import runpy
+
+    pytest.importorskip("scipy")
+    example = runpy.run_path(str(Path(__file__).parent.parent / "examples" / "fit_lights.py"))
+    with ltm.open(container_path) as m:
+        hidden = np.array([[0.0, 1.5, 0.2]] * 2 + [[2.0, 0.0, 1.0]] * (COLUMNS - 2))
+        found = example["fit"](m, m.relight(hidden))
+        np.testing.assert_allclose(found, hidden, atol=0.02)
+
+
+def test_the_torch_function_of_the_documentation(m, random):
+    torch = pytest.importorskip("torch")
+    text = (Path(__file__).parent.parent / "README.md").read_text()
+    code = next(part.split("```")[0] for part in text.split("```python\n") if part.startswith("class Relight"))
+    names = {"torch": torch}
+    exec(code, names)
+    weights = torch.tensor(random.uniform(size=(COLUMNS, 3)), dtype=torch.float32, requires_grad=True)
+    target = torch.tensor(random.uniform(size=(HEIGHT, WIDTH, 3)), dtype=torch.float32)
+    (names["Relight"].apply(weights, m) * target).sum().backward()
+    np.testing.assert_allclose(weights.grad.numpy(), m.adjoint(target.numpy()), rtol=1e-6)
