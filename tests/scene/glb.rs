@@ -74,9 +74,16 @@ impl Glb {
         self.push("extensionsUsed", json!(extension));
     }
 
-    /// The JSON, without the lists that are empty, which the format does not allow.
+    /// The JSON, with the bounds that positions must state, and without the lists that are empty, which the format does not
+    /// allow.
     pub(super) fn document(&self) -> Value {
         let mut json = self.json.clone();
+        let primitives =
+            self.json["meshes"].as_array().unwrap().iter().flat_map(|m| m["primitives"].as_array().unwrap());
+        for accessor in primitives.filter_map(|p| p["attributes"]["POSITION"].as_u64()) {
+            let accessor = &mut json["accessors"][accessor as usize];
+            (accessor["min"], accessor["max"]) = (json!([-1e3, -1e3, -1e3]), json!([1e3, 1e3, 1e3]));
+        }
         json.as_object_mut().unwrap().retain(|_, v| v.as_array().is_none_or(|list| !list.is_empty()));
         json
     }

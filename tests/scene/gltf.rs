@@ -412,6 +412,9 @@ fn masks_cut_out() {
     let mut file = room();
     file.json["materials"][0]["alphaMode"] = json!("MASK");
     file.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"][3] = json!(0.4);
+    // From below, where the lamp alone is in view.
+    file.json["nodes"][2]["rotation"] = json!([FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2]);
+    file.json["nodes"][2]["translation"] = json!([0.0, 1.0, 0.5]);
     assert_eq!(floor_area(&scene(&file)), 0.0);
 }
 

@@ -189,7 +189,9 @@ fn memory_is_counted() {
         let corners: Vec<[f32; 3]> = (0..300).map(|i| [i as f32, (i * i % 7) as f32, (i % 5) as f32]).collect();
         let positions = f.vectors(&corners);
         f.push("meshes", json!({ "primitives": [{ "attributes": { "POSITION": positions } }] }));
-        (0..10_000).for_each(|i| drop(f.root(json!({ "mesh": 2, "translation": [i, 0, 0] }))));
+        for i in 0..10_000 {
+            f.root(json!({ "mesh": 2, "translation": [i, 0, 0] }));
+        }
     });
     let error = load(crowd, 64 << 20).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }), "{error}");
