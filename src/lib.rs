@@ -50,6 +50,7 @@
 //! | crate | rooms |
 //! |---|---|
 //! | `wgpu`, `pollster` | `relight/gpu` |
+//! | `gltf` | `scene/gltf` |
 //! | `faer` | `clean`, `compress` |
 //! | `rand`, `rand_pcg` | `compress`, `light` |
 //! | `glam` | `light`, `scene`, `trace` |

@@ -5,6 +5,12 @@
 mod bad;
 #[path = "scene/files.rs"]
 mod files;
+#[path = "scene/glb.rs"]
+mod glb;
+#[path = "scene/gltf.rs"]
+mod gltf;
+#[path = "scene/gltf_bad.rs"]
+mod gltf_bad;
 #[path = "scene/real.rs"]
 mod real;
 #[path = "transport/z_test.rs"]
@@ -65,7 +71,7 @@ fn trial(name: &str, test: fn()) -> Trial {
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut trials: Vec<Trial> = Vec::new();
-    for (name, test) in files::TESTS.iter().chain(bad::TESTS) {
+    for (name, test) in files::TESTS.iter().chain(bad::TESTS).chain(gltf::TESTS).chain(gltf_bad::TESTS) {
         trials.push(trial(name, *test));
     }
     let without_folder = std::env::var_os("LTM_SCENES").is_none();

@@ -1,7 +1,7 @@
 //! Reading images: EXR and HDR as they are, PNG, JPEG, TGA and BMP decoded from sRGB.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufReader, Cursor, Read};
 use std::path::Path;
 
 use image::ImageDecoder;
@@ -98,6 +98,11 @@ pub fn image_facts(path: &Path) -> Result<ImageFacts> {
             (size, size.0 * size.1 * 16)
         }
     };
+    facts_of(path, (width, height), decoder_bytes)
+}
+
+/// The facts of an image of this size. Errors: no pixels, or too many.
+fn facts_of(path: &Path, (width, height): (u64, u64), decoder_bytes: u64) -> Result<ImageFacts> {
     let problem = match (width, height) {
         (0, _) | (_, 0) => "the image has no pixels".to_owned(),
         _ if width.max(height) > u64::from(MAX_SIDE) => format!("the image has {width} × {height} pixels"),
@@ -108,6 +113,39 @@ pub fn image_facts(path: &Path) -> Result<ImageFacts> {
     };
     let hint = format!("give one of 1 to {MAX_SIDE} a side");
     Err(Error::input(path.display().to_string(), problem, hint))
+}
+
+/// As [`image_facts`] of a PNG or JPEG file that is in memory; `name` is for messages.
+///
+/// # Errors
+/// Those of [`image_facts`].
+pub fn embedded_facts(name: &Path, bytes: &[u8]) -> Result<ImageFacts> {
+    let size = embedded_reader(name, bytes)?.into_dimensions();
+    let (width, height) = size.map_err(|e| refuse(name, &e.to_string()))?;
+    let size = (u64::from(width), u64::from(height));
+    facts_of(name, size, size.0 * size.1 * 16)
+}
+
+/// As [`read_rgba`] of a PNG or JPEG file that is in memory; `name` is for messages.
+///
+/// # Errors
+/// Those of [`read_rgba`].
+pub fn read_embedded(name: &Path, bytes: &[u8]) -> Result<RgbaImage> {
+    embedded_facts(name, bytes)?;
+    let mut reader = embedded_reader(name, bytes)?;
+    reader.limits(limits());
+    let mut decoder = reader.into_decoder().map_err(|e| refuse(name, &e.to_string()))?;
+    decoder.set_limits(limits()).map_err(|e| refuse(name, &e.to_string()))?;
+    read_with(name, decoder, false)
+}
+
+fn embedded_reader<'a>(name: &Path, bytes: &'a [u8]) -> Result<image::ImageReader<Cursor<&'a [u8]>>> {
+    let format = match bytes {
+        [0x89, b'P', b'N', b'G', ..] => image::ImageFormat::Png,
+        [0xff, 0xd8, ..] => image::ImageFormat::Jpeg,
+        _ => return Err(refuse(name, "it is neither PNG nor JPEG")),
+    };
+    Ok(image::ImageReader::with_format(Cursor::new(bytes), format))
 }
 
 /// Whether a layer of an OpenEXR file is one that [`read_exr`] takes.

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::{Vec2, Vec3};
 
 use super::folders::Folders;
+use super::gltf::{FileExtras, GltfMaterial, is_gltf, read as read_gltf};
 use super::memory::Memory;
 use super::mtl::{self, MtlMaterial};
 use super::names::{self, NameList};
@@ -35,20 +36,42 @@ pub(super) struct Geometry {
     pub(super) object_of: Vec<u32>,
 }
 
-/// A material as an MTL file describes it.
+/// A material as its file describes it.
 #[derive(Debug)]
 pub(super) struct SourceMaterial {
-    pub(super) description: MtlMaterial,
-    /// Folder of its textures.
-    pub(super) folder: PathBuf,
+    pub(super) name: String,
+    pub(super) description: Description,
+}
+
+/// What a file says of a material.
+#[derive(Debug)]
+pub(super) enum Description {
+    /// An MTL file, with the folder of its textures.
+    Mtl(Box<MtlMaterial>, PathBuf),
+    /// A glTF file.
+    Gltf(Box<GltfMaterial>),
 }
 
 impl Geometry {
-    /// Reads an OBJ file with its materials and adds it.
+    /// Reads an OBJ or glTF file with its materials and adds it. Returns what else the file has.
     ///
     /// # Errors
-    /// Files that are missing or unreadable, what does not fit `memory`, and those of [`obj::parse`] and [`mtl::parse`].
+    /// Files that are missing or unreadable, what does not fit `memory`, and those of the format's reader.
     pub(super) fn read(
+        &mut self,
+        path: &Path,
+        folders: &Folders,
+        memory: &mut Memory,
+        warnings: &mut Vec<String>,
+    ) -> Result<FileExtras> {
+        if is_gltf(path) {
+            return read_gltf(path, self, memory, warnings);
+        }
+        self.read_obj(path, folders, memory, warnings)?;
+        Ok(FileExtras::default())
+    }
+
+    fn read_obj(
         &mut self,
         path: &Path,
         folders: &Folders,
@@ -82,7 +105,7 @@ impl Geometry {
     }
 
     /// Bytes that the geometry holds.
-    fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         let Mesh { positions, normals, uvs, triangles } = &self.mesh;
         let vertices = (positions.capacity() + normals.capacity()) * 12 + uvs.capacity() * 8;
         (vertices + triangles.capacity() * size_of::<Triangle>() + self.object_of.capacity() * 4) as u64
@@ -142,12 +165,21 @@ impl Geometry {
             if description.name.is_empty() {
                 description.name = "unnamed".into();
             }
-            self.materials.push(SourceMaterial { description, folder });
+            let name = description.name.clone();
+            self.materials.push(SourceMaterial { name, description: Description::Mtl(Box::new(description), folder) });
         }
         Ok(())
     }
 
-    fn add(&mut self, part: &ObjPart, object: &str, material: MaterialId, degenerate: &mut usize, turned: &mut usize) {
+    /// Adds the triangles of a part, and counts those that are left out or turned.
+    pub(super) fn add(
+        &mut self,
+        part: &ObjPart,
+        object: &str,
+        material: MaterialId,
+        degenerate: &mut usize,
+        turned: &mut usize,
+    ) {
         let first = self.mesh.positions.len() as u32;
         let count = part.positions.len();
         self.mesh.positions.extend_from_slice(&part.positions);

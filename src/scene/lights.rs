@@ -64,6 +64,37 @@ impl Lights<'_> {
         }
     }
 
+    /// Makes a light of each object's surfaces of each emissive material, named after the object, and after the material too
+    /// where an object has several. `two_sided` says which materials emit from their backs too.
+    pub(super) fn instances(&mut self, two_sided: &[bool], place: &str) -> Result<()> {
+        let mut groups: Vec<((u32, u32), Vec<u32>)> = Vec::new();
+        let mut group_of: HashMap<(u32, u32), usize> = HashMap::new();
+        let mut lit_materials: HashMap<u32, usize> = HashMap::new();
+        for (index, triangle) in self.assembly.mesh.triangles.iter().enumerate() {
+            let key = (self.object_of[index], triangle.material.0);
+            if self.emissions[key.1 as usize].is_none() {
+                continue;
+            }
+            let slot = *group_of.entry(key).or_insert_with(|| {
+                *lit_materials.entry(key.0).or_default() += 1;
+                groups.push((key, Vec::new()));
+                groups.len() - 1
+            });
+            groups[slot].1.push(index as u32);
+        }
+        self.admit_columns(groups.len() as u64, place)?;
+        for ((object, material), triangles) in groups {
+            let Some(emission) = self.emissions[material as usize] else { continue };
+            let mut name = self.objects[object as usize].clone();
+            if lit_materials[&object] > 1 {
+                name = format!("{name} {}", self.assembly.materials[material as usize].name);
+            }
+            let side = if two_sided[material as usize] { SideEntry::Both } else { SideEntry::Front };
+            self.surface(name, emission, triangles, None, side, place)?;
+        }
+        Ok(())
+    }
+
     /// Refuses columns that a matrix cannot have or that do not fit the memory.
     fn admit_columns(&mut self, more: u64, place: &str) -> Result<()> {
         check_columns(&self.assembly.basis, more, place)?;

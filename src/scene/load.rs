@@ -5,9 +5,10 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::assembly::Assembly;
-use super::file::{self, CameraEntry, FilterEntry, LightEntry, LightEntryKind, RenderEntry, SceneFile};
+use super::file::{self, CameraEntry, FilterEntry, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
 use super::folders::Folders;
-use super::import::Geometry;
+use super::gltf::{FileCamera, is_gltf, seeing_all};
+use super::import::{Description, Geometry, SourceMaterial};
 use super::lights::Lights;
 use super::looks::Workshop;
 use super::memory::Memory;
@@ -23,7 +24,7 @@ const MOST_TEXT_BYTES: u64 = 64 << 20;
 /// Size of a block in f32 above which a warning is given, in bytes.
 const LARGE_BLOCK_BYTES: u64 = 1 << 30;
 
-/// Reads a scene file (TOML, see `formats/scene.md`) and everything that it names, and checks the result.
+/// Reads a scene file (TOML, or glTF with its own camera and lights; see `formats/scene.md`) and everything that it names, and checks the result.
 ///
 /// Relative paths are looked up beside the scene file, then in the folder that `LTM_SCENES` names. What can be mended is
 /// mended and becomes a warning.
@@ -35,12 +36,14 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
 }
 
 /// What a scene is allowed to lack and to take.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
     /// Whether texture files that materials name may be missing: the materials' colours stand for them, with a warning.
     pub allow_missing: bool,
     /// Memory that geometry, textures and maps stay within, with what reading them takes; none: any amount.
     pub memory_bytes: Option<u64>,
+    /// Which camera of a glTF file is used, by the name of its node or its own; none: the first.
+    pub camera: Option<String>,
 }
 
 /// As [`load`], with options.
@@ -48,13 +51,41 @@ pub struct LoadOptions {
 /// # Errors
 /// Those of [`load`]; [`Error::Resources`] where the memory is too small.
 pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
-    let mut memory = Memory::of(options.memory_bytes.unwrap_or(u64::MAX));
+    let memory = Memory::of(options.memory_bytes.unwrap_or(u64::MAX));
+    if is_gltf(path) {
+        return load_gltf(path, &options, memory);
+    }
+    load_toml(path, &options, memory)
+}
+
+/// A scene whose geometry has been read.
+struct Read<'a> {
+    place: &'a str,
+    folders: &'a Folders,
+    name: String,
+    geometry: Geometry,
+    overrides: &'a [MaterialEntry],
+    entries: &'a [LightEntry],
+    camera: Camera,
+    settings: RenderSettings,
+    metres_per_unit: f32,
+    memory: Memory,
+    warnings: Vec<String>,
+    /// Whether each emissive object is a light of its own, before the entries.
+    by_instance: bool,
+}
+
+fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<LoadedScene> {
+    let place = path.display().to_string();
+    if options.camera.is_some() {
+        let problem = "a camera is chosen by name, but a scene file has one only, [camera]";
+        return Err(Error::input(place, problem, "leave the name out, or give the glTF file itself"));
+    }
     let text = read_input_text(path, "read the scene", MOST_TEXT_BYTES)?;
     // The text, its tree and the records made of it.
     memory.check((text.len() as u64).saturating_mul(64), path)?;
     let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
         file::parse(path, &text)?;
-    let place = path.display().to_string();
     let folders = Folders::of(path);
     let settings = settings(&render, &place)?;
     let camera = self::camera(&camera, &place)?;
@@ -66,24 +97,119 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
     let mut warnings = Vec::new();
     let mut geometry = Geometry::default();
     for name in &files {
-        geometry.read(&folders.find(name, &place)?, &folders, &mut memory, &mut warnings)?;
+        let extras = geometry.read(&folders.find(name, &place)?, &folders, &mut memory, &mut warnings)?;
+        if !extras.lamps.is_empty() {
+            let count = extras.lamps.len();
+            warnings.push(format!("{name}: {count} lamps of the file are not used; state them as [[light]] entries"));
+        }
     }
     for (index, entry) in entries.iter().enumerate() {
         replace(entry, &mut geometry, &light_place(&place, index, entry))?;
     }
+    build(
+        Read {
+            place: &place,
+            folders: &folders,
+            name: name.unwrap_or_else(|| stem(path)),
+            geometry,
+            overrides: &overrides,
+            entries: &entries,
+            camera,
+            settings,
+            metres_per_unit,
+            memory,
+            warnings,
+            by_instance: false,
+        },
+        options,
+    )
+}
 
-    let textures = Textures::within(memory);
-    let mut workshop = Workshop { textures, warnings, overrides: &overrides, folders: &folders, place: &place };
+/// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
+fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<LoadedScene> {
+    let place = path.display().to_string();
+    let folders = Folders::of(path);
+    let (mut warnings, mut geometry) = (Vec::new(), Geometry::default());
+    let extras = geometry.read(path, &folders, &mut memory, &mut warnings)?;
+    if geometry.mesh.triangles.is_empty() {
+        return Err(Error::input(place, "has no triangles", "give a file with meshes of triangles"));
+    }
+    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, &place, &mut warnings)?;
+    build(
+        Read {
+            place: &place,
+            folders: &folders,
+            name: stem(path),
+            geometry,
+            overrides: &[],
+            entries: &extras.lamps,
+            camera,
+            settings: RenderSettings::default(),
+            metres_per_unit: 1.0,
+            memory,
+            warnings,
+            by_instance: true,
+        },
+        options,
+    )
+}
+
+/// The camera of that name, else the first, else one that sees everything; which one is said where there is a choice.
+fn choose_camera(
+    cameras: &[FileCamera],
+    name: Option<&str>,
+    geometry: &Geometry,
+    place: &str,
+    warnings: &mut Vec<String>,
+) -> Result<Camera> {
+    let known = || cameras.iter().map(|camera| camera.name.as_str());
+    let list = || known().take(20).map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+    let chosen = match name {
+        Some(name) => {
+            let by_node = cameras.iter().find(|camera| camera.name == name);
+            let found = by_node.or_else(|| cameras.iter().find(|camera| camera.own_name.as_deref() == Some(name)));
+            let hint = if cameras.is_empty() {
+                "it has none; leave the name out".into()
+            } else {
+                format!("it has {}", list())
+            };
+            Some(found.ok_or_else(|| Error::input(place, format!("has no camera '{name}'"), hint))?)
+        }
+        None => cameras.first(),
+    };
+    let Some(chosen) = chosen else {
+        warnings.push(format!("{place}: has no perspective camera: one from which all of it is seen is used"));
+        return seeing_all(&geometry.mesh);
+    };
+    if cameras.len() > 1 {
+        let count = cameras.len();
+        warnings.push(format!("{place}: camera '{}' of {count} is used ({}); --camera chooses", chosen.name, list()));
+    }
+    chosen.camera().map_err(|error| match error {
+        Error::Input { problem, hint, .. } => Error::input(format!("{place}, camera '{}'", chosen.name), problem, hint),
+        other => other,
+    })
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// Makes materials and lights, and checks the whole.
+fn build(read: Read<'_>, options: &LoadOptions) -> Result<LoadedScene> {
+    let Read { place, folders, name, geometry, overrides, entries, camera, settings, metres_per_unit, .. } = read;
+    let textures = Textures::within(read.memory);
+    let mut workshop = Workshop { textures, warnings: read.warnings, overrides, folders, place };
     let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };
     let mut emissions = Vec::new();
     for source in &geometry.materials {
-        let (material, emission) = workshop.make(&source.description, &source.folder)?;
+        let (material, emission) = workshop.make(source)?;
         assembly.materials.push(material);
         emissions.push(emission);
     }
-    workshop.textures.report(&place, options.allow_missing, &mut workshop.warnings)?;
-    let known = geometry.materials.iter().map(|m| m.description.name.as_str());
-    for entry in &overrides {
+    workshop.textures.report(place, options.allow_missing, &mut workshop.warnings)?;
+    let known = geometry.materials.iter().map(|m| m.name.as_str());
+    for entry in overrides {
         if !known.clone().any(|name| fits(&entry.pattern, name)) {
             let nearest = names::nearest(&entry.pattern, known);
             let hint = nearest.map_or("look up the names in the MTL files".into(), |n| format!("did you mean '{n}'?"));
@@ -100,20 +226,28 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
         emissions: &emissions,
         objects: geometry.objects.as_slice(),
         object_of: &geometry.object_of,
-        folders: &folders,
+        folders,
         weights: Vec::new(),
         memory,
     };
-    for (index, entry) in entries.iter().enumerate() {
-        lights.add(entry, &light_place(&place, index, entry))?;
+    if read.by_instance {
+        let both = |m: &SourceMaterial| matches!(&m.description, Description::Gltf(g) if g.two_sided);
+        lights.instances(&geometry.materials.iter().map(both).collect::<Vec<_>>(), place)?;
     }
-    if entries.is_empty() && emissions.iter().any(Option::is_some) {
-        lights.add(&LightEntry::default(), &place)?;
+    for (index, entry) in entries.iter().enumerate() {
+        lights.add(entry, &light_place(place, index, entry))?;
+    }
+    if !read.by_instance && entries.is_empty() && emissions.iter().any(Option::is_some) {
+        lights.add(&LightEntry::default(), place)?;
     }
     let weights = std::mem::take(&mut lights.weights);
     warn_of_unused(&assembly, emissions.iter().map(Option::is_some), &mut warnings);
+    if read.by_instance && assembly.emitters.is_empty() {
+        let hint = "give a material emission or add a lamp (KHR_lights_punctual), or name the file as geometry of a \
+            scene file with [[light]] entries";
+        return Err(Error::input(place, "has no light", hint));
+    }
 
-    let name = name.unwrap_or_else(|| path.file_stem().unwrap_or_default().to_string_lossy().into_owned());
     let Assembly { mesh, materials, textures, emitters, mut basis } = assembly;
     for (first, weights) in weights {
         basis.set_scene_weights(first, weights)?;
@@ -142,13 +276,13 @@ fn replace(entry: &LightEntry, geometry: &mut Geometry, place: &str) -> Result<(
     let Some(pattern) = entry.replaces.as_ref().filter(|_| entry.kind == LightEntryKind::Panel) else {
         return Ok(());
     };
-    let replaced: Vec<bool> = geometry.materials.iter().map(|m| fits(pattern, &m.description.name)).collect();
+    let replaced: Vec<bool> = geometry.materials.iter().map(|m| fits(pattern, &m.name)).collect();
     let before = geometry.mesh.triangles.len();
     geometry.retain(|triangle| !replaced[triangle.material.0 as usize]);
     if geometry.mesh.triangles.len() < before {
         return Ok(());
     }
-    let nearest = names::nearest(pattern, geometry.materials.iter().map(|m| m.description.name.as_str()));
+    let nearest = names::nearest(pattern, geometry.materials.iter().map(|m| m.name.as_str()));
     let hint = nearest.map_or("look up the names in the MTL files".into(), |n| format!("did you mean '{n}'?"));
     Err(Error::input(place, format!("there is no surface of material \"{pattern}\" to replace"), hint))
 }

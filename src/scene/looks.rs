@@ -8,9 +8,11 @@ use glam::Vec3;
 
 use super::file::{MaterialEntry, SurfaceEntry};
 use super::folders::Folders;
+use super::gltf::{Alpha, GltfMaterial};
+use super::import::{Description, SourceMaterial};
 use super::mtl::MtlMaterial;
 use super::textures::{Textures, Use};
-use super::{Material, Paint, Surface};
+use super::{Material, Paint, Surface, TextureId};
 use crate::error::{Error, Result};
 use crate::light::names::fits;
 
@@ -46,6 +48,14 @@ struct Look {
     transmittance: Vec3,
 }
 
+/// A material before the scene file's overrides.
+struct Draft {
+    look: Look,
+    cutout: Option<TextureId>,
+    radiance: Vec3,
+    pattern: Option<Paint>,
+}
+
 /// Builds materials; textures and warnings gather in it.
 pub(super) struct Workshop<'a> {
     pub(super) textures: Textures,
@@ -57,15 +67,64 @@ pub(super) struct Workshop<'a> {
 }
 
 impl Workshop<'_> {
-    /// The material that an MTL description and the scene file's overrides make. `folder` holds its textures.
-    pub(super) fn make(&mut self, source: &MtlMaterial, folder: &Path) -> Result<(Material, Option<Emission>)> {
+    /// The material that a description and the scene file's overrides make.
+    pub(super) fn make(&mut self, source: &SourceMaterial) -> Result<(Material, Option<Emission>)> {
+        let draft = match &source.description {
+            Description::Mtl(mtl, folder) => self.of_mtl(mtl, folder)?,
+            Description::Gltf(gltf) => self.of_gltf(gltf, &source.name)?,
+        };
+        self.finish(draft, &source.name)
+    }
+
+    /// What a glTF material means here. `formats/scene.md` states it.
+    fn of_gltf(&mut self, source: &GltfMaterial, name: &str) -> Result<Draft> {
+        let asked_by = format!("material '{name}'");
+        let usage = match source.alpha {
+            Alpha::Cut(scale) => Use::Masked(scale.to_bits()),
+            Alpha::Opaque | Alpha::Sheet(_) => Use::Reflectance,
+        };
+        let mut map = |image: &Option<_>, usage: Use| match image {
+            Some(image) => self.textures.source(image, usage, &asked_by, &mut self.warnings),
+            None => Ok(None),
+        };
+        let base_map = map(&source.base_image, usage)?;
+        let emission_map = map(&source.emission_image, Use::Emission)?;
+        let averages = match &source.metallic_roughness_image {
+            Some(image) => self.textures.average(image, &asked_by)?,
+            None => None,
+        };
+        let [_, roughness, metallic] = averages.unwrap_or([1.0; 3]);
+        let (roughness, metallic) = (roughness * source.roughness, metallic * source.metallic);
+        let mut look = Look {
+            kind: SurfaceEntry::Coated,
+            reflectance: base_map.map_or(Paint::Constant(source.base), |id| Paint::Textured(id, source.base)),
+            specular: (source.specular * normal_reflectance(source.ior)).min(Vec3::ONE),
+            alpha: roughness.clamp(0.0, 1.0).powi(2),
+            ior: source.ior,
+            transmittance: source.base,
+        };
+        if metallic >= 0.5 {
+            look.kind = SurfaceEntry::RoughConductor;
+        } else if source.transmission >= 0.5 {
+            look.kind = if source.is_body { SurfaceEntry::Dielectric } else { SurfaceEntry::ThinDielectric };
+        } else if let Alpha::Sheet(share) = source.alpha {
+            look.kind = SurfaceEntry::ThinDielectric;
+            look.transmittance = Vec3::ONE.lerp(source.base, share);
+        }
+        let cutout = matches!(source.alpha, Alpha::Cut(_)).then_some(base_map).flatten();
+        let pattern = emission_map.map(|id| Paint::Textured(id, Vec3::ONE));
+        Ok(Draft { look, cutout, radiance: source.emission, pattern })
+    }
+
+    /// What an MTL description means here. `folder` holds its textures.
+    fn of_mtl(&mut self, source: &MtlMaterial, folder: &Path) -> Result<Draft> {
         let asked_by = format!("material '{}'", source.name);
         let mut map = |name: &Option<String>, usage: Use| match name {
             Some(name) => self.textures.named((folder, name), usage, &asked_by, &mut self.warnings),
             None => Ok(None),
         };
         let diffuse_map = map(&source.diffuse_map, Use::Reflectance)?;
-        let mut cutout = map(&source.dissolve_map, Use::CutOut)?;
+        let cutout = map(&source.dissolve_map, Use::CutOut)?;
         let emission_map = map(&source.emission_map, Use::Emission)?;
         let diffuse = source.diffuse.unwrap_or(Vec3::splat(if source.emission.is_some() { 0.0 } else { 0.5 }));
         let base = match diffuse_map {
@@ -76,7 +135,7 @@ impl Workshop<'_> {
             None if source.diffuse_map.is_some() && diffuse == Vec3::ZERO => Paint::Constant(Vec3::splat(0.5)),
             None => Paint::Constant(diffuse),
         };
-        let mut look = look_of(source, base);
+        let look = look_of(source, base);
         let transparent = matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric);
         if source.dissolve.is_some_and(|d| d < 0.999) && !transparent {
             let advice = "a cut-out needs map_d, glass needs illum 4, 6, 7 or 9 or an override";
@@ -87,7 +146,14 @@ impl Workshop<'_> {
         if pattern.is_some() && radiance == Vec3::ZERO {
             radiance = Vec3::ONE;
         }
-        for entry in self.overrides.iter().filter(|entry| fits(&entry.pattern, &source.name)) {
+        Ok(Draft { look, cutout, radiance, pattern })
+    }
+
+    /// Applies the scene file's overrides.
+    fn finish(&mut self, draft: Draft, name: &str) -> Result<(Material, Option<Emission>)> {
+        let Draft { mut look, mut cutout, mut radiance, pattern } = draft;
+        let asked_by = format!("material '{name}'");
+        for entry in self.overrides.iter().filter(|entry| fits(&entry.pattern, name)) {
             let place = format!("{}, material \"{}\"", self.place, entry.pattern);
             look.change(entry, &place)?;
             let mut map = |name: &Option<String>, usage: Use| {
@@ -106,7 +172,7 @@ impl Workshop<'_> {
             self.warnings.push(format!("{asked_by}: reflects or transmits more than it receives; clamped to 1"));
         }
         let emission = (radiance != Vec3::ZERO).then_some(Emission { radiance, pattern });
-        Ok((Material { name: source.name.clone(), surface: look.surface(), cutout }, emission))
+        Ok((Material { name: name.to_owned(), surface: look.surface(), cutout }, emission))
     }
 }
 

@@ -8,6 +8,7 @@ mod camera;
 mod emitter;
 mod file;
 mod folders;
+mod gltf;
 mod ies;
 mod import;
 mod lights;

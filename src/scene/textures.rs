@@ -3,10 +3,11 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use super::gltf::ImageSource;
 use super::memory::Memory;
 use super::{Texture, TextureId};
 use crate::error::{Error, Result};
-use crate::image::{image_facts, read_rgba};
+use crate::image::{ImageFacts, RgbaImage, embedded_facts, encode_srgb, image_facts, read_embedded, read_rgba};
 
 /// Most memory that the textures of a scene may take, in bytes.
 const BUDGET_BYTES: u64 = 2 << 30;
@@ -23,6 +24,8 @@ pub(super) enum Use {
     Emission,
     /// Cut-out: the alpha channel, or the red one of an image without alpha.
     CutOut,
+    /// Reflectance that is also a cut-out: alpha times the number with these bits.
+    Masked(u32),
 }
 
 /// The textures read so far.
@@ -117,6 +120,66 @@ impl Textures {
             return Err(Error::input(asked_by, problem, "put it there, or take the map out of the material"));
         }
         let facts = image_facts(path)?;
+        self.keep(path, facts, usage, warnings, || read_rgba(path))
+    }
+
+    /// The texture that a glTF file names; none where it is missing, as with [`named`](Self::named).
+    ///
+    /// # Errors
+    /// What is no image, or more textures than fit.
+    pub(super) fn source(
+        &mut self,
+        source: &ImageSource,
+        usage: Use,
+        asked_by: &str,
+        warnings: &mut Vec<String>,
+    ) -> Result<Option<TextureId>> {
+        match source {
+            ImageSource::File(folder, name) => self.named((folder, name), usage, asked_by, warnings),
+            ImageSource::Embedded(name, bytes) => {
+                if let Some(&id) = self.known.get(&(name.clone(), usage)) {
+                    return Ok(Some(id));
+                }
+                let facts = embedded_facts(name, bytes)?;
+                self.keep(name, facts, usage, warnings, || read_embedded(name, bytes)).map(Some)
+            }
+        }
+    }
+
+    /// The average of an image that holds numbers and no colours; none where it is missing.
+    ///
+    /// # Errors
+    /// What is no image, or does not fit the memory.
+    pub(super) fn average(&mut self, source: &ImageSource, asked_by: &str) -> Result<Option<[f32; 3]>> {
+        let (facts, path, bytes) = match source {
+            ImageSource::Embedded(name, bytes) => (embedded_facts(name, bytes)?, name.clone(), Some(bytes)),
+            ImageSource::File(folder, name) => match find_ignoring_case(folder, name) {
+                Some(path) => (image_facts(&path)?, path, None),
+                None => {
+                    self.missing.push((folder.join(name), asked_by.to_owned()));
+                    return Ok(None);
+                }
+            },
+        };
+        self.memory.check(facts.needs_bytes, &path)?;
+        let image = bytes.map_or_else(|| read_rgba(&path), |bytes| read_embedded(&path, bytes))?;
+        let mut sums = [0.0f64; 3];
+        for pixel in &image.pixels {
+            // What was decoded from sRGB was no colour.
+            sums.iter_mut().zip(pixel).for_each(|(sum, v)| *sum += f64::from(encode_srgb(*v)));
+        }
+        Ok(Some(sums.map(|sum| (sum / image.pixels.len() as f64) as f32)))
+    }
+
+    /// Reads an image and keeps it as a texture.
+    fn keep(
+        &mut self,
+        path: &Path,
+        facts: ImageFacts,
+        usage: Use,
+        warnings: &mut Vec<String>,
+        read: impl FnOnce() -> Result<RgbaImage>,
+    ) -> Result<TextureId> {
         let (width, height) = (facts.width, facts.height);
         let bytes = u64::from(width) * u64::from(height) * size_of::<[f32; 4]>() as u64;
         self.bytes += bytes;
@@ -134,7 +197,7 @@ impl Textures {
         }
         // The image as it is read, and the texels that are made of it.
         self.memory.check(facts.needs_bytes, path)?;
-        let mut image = read_rgba(path)?;
+        let mut image = read()?;
         self.memory.take(bytes, path)?;
         let largest = if usage == Use::Emission { f32::MAX } else { 1.0 };
         let has_alpha = image.has_alpha;
@@ -146,6 +209,7 @@ impl Textures {
         };
         let mut texel = |[r, g, b, a]: [f32; 4]| match usage {
             Use::CutOut => [r, g, b, if has_alpha { a } else { r }],
+            Use::Masked(scale) => [mend(r), mend(g), mend(b), a * f32::from_bits(scale)],
             Use::Reflectance | Use::Emission => [mend(r), mend(g), mend(b), a],
         };
         image.pixels.iter_mut().for_each(|pixel| *pixel = texel(*pixel));

@@ -25,10 +25,11 @@ pub(crate) struct Target {
 }
 
 /// All kinds but our own files.
-pub(crate) static TARGETS: [Target; 10] = [
+pub(crate) static TARGETS: [Target; 11] = [
     Target { name: "scene", seeds: || vec![SCENE.into()], look: |bytes, folder| scene(bytes, folder, "scene.toml") },
     Target { name: "obj", seeds: || vec![OBJ.into()], look: |bytes, folder| scene(bytes, folder, "room.obj") },
     Target { name: "mtl", seeds: || vec![MTL.into()], look: |bytes, folder| scene(bytes, folder, "room.mtl") },
+    Target { name: "gltf", seeds: gltf_seeds, look: read_gltf },
     Target { name: "ies", seeds: || vec![IES.into()], look: |bytes, folder| scene(bytes, folder, "lamp.ies") },
     Target { name: "look", seeds: || vec![LOOK.into()], look: read_look },
     Target { name: "exr", seeds: exr_seeds, look: |bytes, folder| image_and_lights(bytes, folder, "input.exr") },
@@ -169,6 +170,73 @@ fn scene(bytes: &[u8], folder: &Path, name: &str) -> bool {
             false
         }
     })
+}
+
+/// Loads a glTF file as a scene of its own.
+fn read_gltf(bytes: &[u8], folder: &Path) -> bool {
+    if !folder.join("wood.png").exists() {
+        std::fs::write(folder.join("wood.png"), png()).expect("the folder can be written");
+    }
+    let path = folder.join("room.glb");
+    std::fs::write(&path, bytes).expect("the folder can be written");
+    let options = ltm::scene::LoadOptions { memory_bytes: Some(MEMORY), ..Default::default() };
+    within(MEMORY as usize + BESIDE, || match ltm::scene::load_with(&path, options) {
+        Ok(_) => true,
+        Err(error) => {
+            one_line(&error);
+            false
+        }
+    })
+}
+
+/// The JSON of a small room; its buffer follows in the GLB.
+const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,2,3,4]}],
+"extensionsUsed":["KHR_lights_punctual","KHR_texture_transform"],"extensions":{"KHR_lights_punctual":{"lights":[
+{"type":"spot","intensity":683,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.5}}]}},
+"nodes":[{"mesh":0,"children":[1],"scale":[1,1,-1]},{"name":"lamp","mesh":1,"translation":[0,2,0],"rotation":[1,0,0,0]},
+{"name":"eye","camera":0,"translation":[0,1,4]},{"name":"spot","translation":[0,2,0],"extensions":{"KHR_lights_punctual":{"light":0}}},
+{"mesh":1,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,3,1,0,1]}],
+"cameras":[{"type":"perspective","perspective":{"yfov":0.8,"znear":0.1}}],
+"materials":[{"name":"wood","alphaMode":"MASK","pbrMetallicRoughness":{"metallicFactor":0,"baseColorTexture":{"index":0,
+"extensions":{"KHR_texture_transform":{"offset":[0.5,0],"rotation":0.3,"scale":[2,2]}}}}},{"emissiveFactor":[1,1,1]}],
+"textures":[{"source":0}],"images":[{"bufferView":4,"mimeType":"image/png"}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":1},"indices":2,"material":0}]},
+{"primitives":[{"attributes":{"POSITION":3},"mode":5,"material":1}]}],
+"accessors":[{"bufferView":0,"componentType":5126,"type":"VEC3","min":[-2,0,-2],"max":[2,0,2],"count":4},
+{"bufferView":1,"componentType":5121,"normalized":true,"type":"VEC2","count":4},
+{"bufferView":2,"componentType":5123,"type":"SCALAR","count":6},
+{"bufferView":0,"componentType":5126,"type":"VEC3","min":[-2,0,-2],"max":[2,0,2],"count":4,"sparse":{"count":1,"indices":{"bufferView":3,"componentType":5121},
+"values":{"bufferView":0,"byteOffset":12}}}],
+"bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteStride":4,"byteLength":16},
+{"buffer":0,"byteOffset":64,"byteLength":12},{"buffer":0,"byteOffset":76,"byteLength":1},
+{"buffer":0,"byteOffset":80,"byteLength":PNG}],"buffers":[{"byteLength":ALL}]}"#;
+
+fn gltf_seeds() -> Vec<Vec<u8>> {
+    let corners = [[-2.0f32, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, -2.0], [2.0, 0.0, 2.0]];
+    let mut bytes: Vec<u8> = corners.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+    bytes.extend([0, 0, 9, 9, 0, 255, 9, 9, 255, 0, 9, 9, 255, 255, 9, 9]);
+    bytes.extend([0u16, 1, 2, 2, 1, 3].iter().flat_map(|i| i.to_le_bytes()));
+    bytes.extend([1, 0, 0, 0]);
+    let png = png();
+    bytes.extend(&png);
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    let json = GLTF.replace("PNG", &png.len().to_string()).replace("ALL", &bytes.len().to_string());
+    // The same with the image beside the file.
+    let beside = json.replace(r#""bufferView":4,"mimeType":"image/png""#, r#""uri":"wood.png""#);
+    [json, beside]
+        .map(|json| {
+            let mut json = json.into_bytes();
+            json.resize(json.len().next_multiple_of(4), b' ');
+            let mut file = b"glTF\x02\0\0\0".to_vec();
+            file.extend((28 + json.len() as u32 + bytes.len() as u32).to_le_bytes());
+            for (kind, chunk) in [(b"JSON", &json), (b"BIN\0", &bytes)] {
+                file.extend((chunk.len() as u32).to_le_bytes());
+                file.extend(kind);
+                file.extend(chunk);
+            }
+            file
+        })
+        .into()
 }
 
 /// An error is one line; what it quotes may be ugly, but not long.

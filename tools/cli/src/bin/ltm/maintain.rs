@@ -26,6 +26,9 @@ pub(crate) struct Repair {
     /// Image size it was rendered with, WIDTHxHEIGHT [default: the scene file's].
     #[arg(long, value_parser = parse_size)]
     size: Option<(u32, u32)>,
+    /// Camera of a glTF file that it was rendered with [default: the first].
+    #[arg(long)]
+    camera: Option<String>,
     /// Textures may be missing, as when it was rendered.
     #[arg(long)]
     allow_missing: bool,
@@ -54,7 +57,8 @@ pub(crate) struct Merge {
 }
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
-    let allowed = LoadOptions { allow_missing: options.allow_missing, memory_bytes: options.memory };
+    let camera = options.camera.clone();
+    let allowed = LoadOptions { allow_missing: options.allow_missing, memory_bytes: options.memory, camera };
     let loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
     let repaired = pipeline::repair(loaded, &options.file, options.memory, console)?;
     say!("{}: {} blocks rendered again", options.file.display(), repaired.len());

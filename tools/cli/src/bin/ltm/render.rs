@@ -17,7 +17,7 @@ use ltm_cli::say;
 
 #[derive(Args)]
 pub(crate) struct Render {
-    /// The scene file.
+    /// The scene file, or a glTF file (.glb, .gltf) with its own camera and lights.
     scene: PathBuf,
     /// The file to write [default: the scene file's name with .ltm, or .ltc with --pack, in this folder].
     #[arg(short, long)]
@@ -48,6 +48,9 @@ pub(crate) struct Render {
     /// Replace a matrix that is there.
     #[arg(long)]
     force: bool,
+    /// Which camera of a glTF file [default: the first].
+    #[arg(long)]
+    camera: Option<String>,
     /// Render although textures are missing, with the materials' colours in their place.
     #[arg(long)]
     allow_missing: bool,
@@ -78,7 +81,8 @@ enum Preview {
 }
 
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
-    let allowed = LoadOptions { allow_missing: options.allow_missing, memory_bytes: options.memory };
+    let camera = options.camera.clone();
+    let allowed = LoadOptions { allow_missing: options.allow_missing, memory_bytes: options.memory, camera };
     let mut loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));

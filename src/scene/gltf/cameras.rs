@@ -1,0 +1,74 @@
+//! Cameras of a file, and one where it has none.
+
+use std::path::Path;
+
+use glam::{DMat3, Vec3};
+use gltf::camera::Projection;
+
+use super::super::{Camera, Mesh, PixelFilter};
+use super::nodes::Placed;
+use super::plain;
+use crate::error::Result;
+
+/// Pixels along the height of an image whose size nobody states.
+const USUAL_HEIGHT: u32 = 480;
+
+/// A perspective camera.
+#[derive(Clone, Debug)]
+pub(in super::super) struct FileCamera {
+    /// Name of its node.
+    pub(in super::super) name: String,
+    /// Its own name, which may differ.
+    pub(in super::super) own_name: Option<String>,
+    eye: Vec3,
+    forward: Vec3,
+    up: Vec3,
+    vertical_fov_radians: f32,
+    width_over_height: f32,
+}
+
+/// The perspective cameras of the nodes.
+pub(super) fn of(path: &Path, nodes: &[Placed<'_>], warnings: &mut Vec<String>) -> Vec<FileCamera> {
+    let mut cameras = Vec::new();
+    for placed in nodes {
+        let Some(camera) = placed.node.camera() else { continue };
+        let Projection::Perspective(perspective) = camera.projection() else {
+            let problem = "is orthographic, which is not traced; it is left out";
+            warnings.push(format!("{}: the camera '{}' {problem}", path.display(), placed.name));
+            continue;
+        };
+        let axes = DMat3::from_mat4(placed.world);
+        cameras.push(FileCamera {
+            name: placed.name.clone(),
+            own_name: camera.name().map(plain),
+            eye: placed.world.w_axis.truncate().as_vec3(),
+            forward: (-axes.z_axis).normalize_or_zero().as_vec3(),
+            up: axes.y_axis.normalize_or_zero().as_vec3(),
+            vertical_fov_radians: perspective.yfov(),
+            width_over_height: perspective.aspect_ratio().unwrap_or(4.0 / 3.0),
+        });
+    }
+    cameras
+}
+
+impl FileCamera {
+    /// The camera, 480 pixels high. Errors: those of [`Camera::looking`].
+    pub(in super::super) fn camera(&self) -> Result<Camera> {
+        let width = (USUAL_HEIGHT as f32 * self.width_over_height).round().clamp(1.0, 16_384.0) as u32;
+        let size = (width, USUAL_HEIGHT);
+        Camera::looking(self.eye, self.forward, self.up, self.vertical_fov_radians, size, PixelFilter::Box)
+    }
+}
+
+/// A camera before the scene and above it that has all of it in view.
+pub(in super::super) fn seeing_all(mesh: &Mesh) -> Result<Camera> {
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for position in &mesh.positions {
+        (low, high) = (low.min(*position), high.max(*position));
+    }
+    let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(f32::MIN_POSITIVE));
+    let fov = 45f32.to_radians();
+    let towards = Vec3::new(0.5, 0.4, 1.0).normalize();
+    let distance = 1.05 * radius / (0.5 * fov).sin();
+    Camera::looking(centre + distance * towards, -towards, Vec3::Y, fov, (640, USUAL_HEIGHT), PixelFilter::Box)
+}

@@ -1,0 +1,63 @@
+//! glTF 2.0: `.gltf` and `.glb` files to triangles, materials, cameras and lamps.
+//!
+//! The crate gives the tree of the JSON, checked; what the tree names is read here, within bounds: no accessor is taken at
+//! its word, and nothing is made that is larger than the file's own bytes and the memory allow.
+
+mod accessors;
+mod base64;
+mod buffers;
+mod cameras;
+mod document;
+mod lamps;
+mod materials;
+mod nodes;
+mod primitives;
+
+use std::path::Path;
+
+pub(super) use cameras::{FileCamera, seeing_all};
+pub(super) use materials::{Alpha, GltfMaterial, ImageSource};
+
+use super::file::LightEntry;
+use super::import::Geometry;
+use super::memory::Memory;
+use crate::error::Result;
+
+/// What a file has beside its geometry and its materials.
+#[derive(Debug, Default)]
+pub(super) struct FileExtras {
+    /// Perspective cameras, in the order of the nodes.
+    pub(super) cameras: Vec<FileCamera>,
+    /// Its lamps, as a scene file would state them.
+    pub(super) lamps: Vec<LightEntry>,
+}
+
+/// Whether a path names a glTF file.
+pub(super) fn is_gltf(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("glb") || e.eq_ignore_ascii_case("gltf"))
+}
+
+/// Reads a file and adds its geometry and materials.
+///
+/// # Errors
+/// One line that names the file, what is wrong in it and where.
+pub(super) fn read(
+    path: &Path,
+    geometry: &mut Geometry,
+    memory: &mut Memory,
+    warnings: &mut Vec<String>,
+) -> Result<FileExtras> {
+    let mut file = document::open(path, memory, warnings)?;
+    let buffers = buffers::load(path, &file.document, file.binary.take(), memory)?;
+    let nodes = nodes::walk(path, &file.document)?;
+    let materials = materials::describe(path, &file.document, &buffers, warnings)?;
+    let first_material = geometry.materials.len();
+    geometry.materials.extend(materials);
+    primitives::add(path, &nodes, &buffers, first_material, geometry, memory, warnings)?;
+    Ok(FileExtras { cameras: cameras::of(path, &nodes, warnings), lamps: lamps::of(path, &nodes, warnings)? })
+}
+
+/// A name from the file as one line of bounded length.
+fn plain(name: &str) -> String {
+    name.chars().take(200).map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
