@@ -125,6 +125,10 @@ fn bad_nodes() {
     refused(changed(|f| f.json["nodes"][0]["rotation"] = json!([0.0, 0.0, 0.0, 0.0])), &["node 0", "not finite"]);
     refused(changed(|f| f.json["nodes"][0]["scale"] = json!([1e38, 1.0, 1.0])), &["not finite in the world"]);
     let lens = |yfov: f32| changed(|f| f.json["cameras"][0]["perspective"]["yfov"] = json!(yfov));
+    // A camera whose type is not what it has: read as what it has.
+    let type_of_none = changed(|f| f.json["cameras"][0]["type"] = json!("orthographic"));
+    let folder = Folder::new().with("room.glb", type_of_none);
+    assert!(load(&folder.path("room.glb")).is_ok());
     refused(lens(4.0), &["camera 'eye'", "field of view"]);
     refused(changed(|f| f.json["nodes"][2]["scale"] = json!([0.0, 0.0, 0.0])), &["camera 'eye'", "no direction"]);
     refused(changed(|f| f.json["materials"][1]["emissiveFactor"] = json!([0.0, 0.0, 0.0])), &["no light", "[[light]]"]);
@@ -145,6 +149,9 @@ fn bad_images() {
     };
     refused(with(json!({ "uri": "wood.png" })), &["'ground'", "wood.png", "missing", "--allow-missing"]);
     refused(with(json!({ "uri": "../wood.png" })), &["'ground'", "not in the folder"]);
+    refused(with(json!({ "name": "empty" })), &["'ground'", "image 0 has no data"]);
+    // What it is is seen from its bytes: a MIME type may be missing.
+    refused(with(json!({ "bufferView": 0 })), &["image 0", "neither PNG nor JPEG"]);
     refused(with(json!({ "bufferView": 0, "mimeType": "image/png" })), &["image 0", "neither PNG nor JPEG"]);
     // A PNG that claims 65,535 × 65,535 pixels in its header.
     let huge = changed(|f| {

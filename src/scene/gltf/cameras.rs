@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::{DMat3, Vec3};
-use gltf::camera::Projection;
+use gltf::Document;
 
 use super::super::{Camera, Mesh, PixelFilter};
 use super::nodes::Placed;
@@ -28,11 +28,17 @@ pub(in super::super) struct FileCamera {
 }
 
 /// The perspective cameras of the nodes.
-pub(super) fn of(path: &Path, nodes: &[Placed<'_>], warnings: &mut Vec<String>) -> Vec<FileCamera> {
+pub(super) fn of(
+    path: &Path,
+    document: &Document,
+    nodes: &[Placed<'_>],
+    warnings: &mut Vec<String>,
+) -> Vec<FileCamera> {
     let mut cameras = Vec::new();
     for placed in nodes {
         let Some(camera) = placed.node.camera() else { continue };
-        let Projection::Perspective(perspective) = camera.projection() else {
+        // As it is written: the crate's own way to it panics where the type says one and the other is given.
+        let Some(perspective) = &document.as_json().cameras[camera.index()].perspective else {
             let problem = "is orthographic, which is not traced; it is left out";
             warnings.push(format!("{}: the camera '{}' {problem}", path.display(), placed.name));
             continue;
@@ -44,8 +50,8 @@ pub(super) fn of(path: &Path, nodes: &[Placed<'_>], warnings: &mut Vec<String>) 
             eye: placed.world.w_axis.truncate().as_vec3(),
             forward: (-axes.z_axis).normalize_or_zero().as_vec3(),
             up: axes.y_axis.normalize_or_zero().as_vec3(),
-            vertical_fov_radians: perspective.yfov(),
-            width_over_height: perspective.aspect_ratio().unwrap_or(4.0 / 3.0),
+            vertical_fov_radians: perspective.yfov,
+            width_over_height: perspective.aspect_ratio.unwrap_or(4.0 / 3.0),
         });
     }
     cameras

@@ -64,7 +64,7 @@ pub(super) fn describe(
     buffers: &Buffers,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<SourceMaterial>> {
-    let mut images = Images { path, buffers, known: vec![None; document.images().len()] };
+    let mut images = Images { path, document, buffers, known: vec![None; document.images().len()] };
     let mut described = Vec::new();
     let mut unused: Vec<(&str, Vec<String>)> = Vec::new();
     for (index, material) in document.materials().enumerate() {
@@ -154,6 +154,7 @@ pub(super) fn is_absent(material: &Material<'_>) -> bool {
 
 struct Images<'a> {
     path: &'a Path,
+    document: &'a Document,
     buffers: &'a Buffers,
     known: Vec<SourceImage>,
 }
@@ -218,9 +219,16 @@ impl Images<'_> {
         // Told apart from the others of the file, for messages and for what is read once.
         let name = format!("{}, image {}", self.path.display(), image.index());
         let embedded = |bytes: &[u8]| ImageSource::Embedded(name.clone().into(), bytes.into());
-        let source = match image.source() {
-            gltf::image::Source::View { view, .. } => embedded(self.buffers.view(&view)?),
-            gltf::image::Source::Uri { uri: text, .. } => match uri(text) {
+        // As it is written: the crate's own way to it panics where an image has neither, or a view without a MIME type.
+        let written = &self.document.as_json().images[image.index()];
+        let view = written.buffer_view.and_then(|view| self.document.views().nth(view.value()));
+        let source = match (view, &written.uri) {
+            (Some(view), _) => embedded(self.buffers.view(&view)?),
+            (None, None) => {
+                let problem = format!("image {} has no data", image.index());
+                return Err(Error::input(place, problem, "export the file again with its images"));
+            }
+            (None, Some(text)) => match uri(text) {
                 Ok(Uri::Data(bytes)) => embedded(&bytes),
                 Ok(Uri::File(file)) => {
                     ImageSource::File(self.path.parent().unwrap_or(Path::new("")).to_owned(), plain(&file))

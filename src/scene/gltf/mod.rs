@@ -54,7 +54,10 @@ pub(super) fn read(
     let first_material = geometry.materials.len();
     geometry.materials.extend(materials);
     primitives::add(path, &nodes, &buffers, first_material, geometry, memory, warnings)?;
-    Ok(FileExtras { cameras: cameras::of(path, &nodes, warnings), lamps: lamps::of(path, &nodes, warnings)? })
+    Ok(FileExtras {
+        cameras: cameras::of(path, &file.document, &nodes, warnings),
+        lamps: lamps::of(path, &nodes, warnings)?,
+    })
 }
 
 /// A name from the file as one line of bounded length.
