@@ -171,9 +171,9 @@ impl pulp::NullaryFnOnce for AddCompact<'_> {
 fn weigh<Q: Quantum>(part: &Part<Q>, planes: &[f32], weights: &mut [[f32; CHANNELS]]) {
     let pixels = planes.len() / CHANNELS;
     for (&k, values) in part.components.iter().zip(part.values.chunks_exact(planes.len())) {
-        for channel in 0..CHANNELS {
-            let range = channel * pixels..(channel + 1) * pixels;
-            weights[k as usize][channel] = dot(&values[range.clone()], &planes[range]);
+        let channels = values.chunks_exact(pixels).zip(planes.chunks_exact(pixels));
+        for (weight, (values, plane)) in weights[k as usize].iter_mut().zip(channels) {
+            *weight = dot(values, plane);
         }
     }
 }

@@ -156,7 +156,7 @@ fn for_each_part(
             }
         }
     }
-    parts.par_iter_mut().try_for_each(|part| work(part))
+    parts.par_iter_mut().try_for_each(&work)
 }
 
 #[cfg(test)]

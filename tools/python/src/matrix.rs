@@ -169,7 +169,7 @@ impl Native {
         let opened = self.opened()?;
         let job = opened.source.job();
         let known = PyDict::new(py);
-        known.set_item("path", &self.path)?;
+        known.set_item("path", self.path.as_os_str())?;
         known.set_item("job", job.hash().0.map(|byte| format!("{byte:02x}")).concat())?;
         known.set_item("block_side", job.shape.block_side())?;
         let provenance = &job.provenance;

@@ -211,3 +211,9 @@ def test_a_signal_that_does_not_raise_does_not_stop(tmp_path):
     finally:
         signal.signal(signal.SIGUSR1, before)
     assert seen and (tmp_path / "a.ltm").exists()
+
+
+def test_a_bar_is_shown(images, tmp_path, capfd):
+    pytest.importorskip("tqdm")
+    ltm.pack(images, tmp_path / "a.ltc", progress=True)
+    assert "packing: 100%" in capfd.readouterr().err

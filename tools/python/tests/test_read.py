@@ -15,7 +15,7 @@ def test_shape_lights_and_attributes(m):
     assert [light.name for light in m.lights.match("lamp ?")] == ["lamp 1", "lamp 2"]
     with pytest.raises(KeyError, match="nearest names are 'sky'"):
         m.lights["skye"]
-    assert m.attrs["source"] == "array" and m.attrs["block_side"] == 16
+    assert m.attrs["path"] == m.path and m.attrs["source"] == "array" and m.attrs["block_side"] == 16
     assert m.scene_weights.shape == (COLUMNS, 3) and (m.scene_weights == 1).all()
     assert ltm.info(m.path)["lights"] == NAMES
 

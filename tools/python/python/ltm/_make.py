@@ -93,6 +93,8 @@ def _progress(progress: Progress) -> Callable[[str, int, int], object] | None:
 
     def show(stage: str, done: int, total: int) -> None:
         if stage not in bars:
+            for bar in bars.values():
+                bar.close()
             bars.clear()
             bars[stage] = tqdm(total=total, desc=stage, unit="block")
         bars[stage].update(done - bars[stage].n)
