@@ -71,6 +71,8 @@ fn bad_trees() {
     }
     refused(changed(|f| f.json["nodes"][0]["mesh"] = json!(99)), &["breaks the rules", "nodes[0].mesh"]);
     refused(changed(|f| f.json["scenes"] = json!([])), &["room.glb"]);
+    let positions = |f: &mut Glb| f.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(99);
+    refused(changed(positions), &["breaks the rules", "an accessor that is not there"]);
     refused(changed(|f| f.json["accessors"][0]["componentType"] = json!(1)), &["accessors[0].componentType"]);
 }
 

@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use gltf::Document;
+use gltf::json::mesh::Semantic;
+use gltf::json::validation::Checked;
 
 use super::super::memory::Memory;
 use super::plain;
@@ -108,6 +110,12 @@ fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Document
     }
     if let Some(list) = unknown(&root.extensions_used) {
         warnings.push(format!("{}: extensions that are not read are left out: {list}", path.display()));
+    }
+    // The crate looks these up before it checks them.
+    let position = Checked::Valid(Semantic::Positions);
+    let positions = root.meshes.iter().flat_map(|mesh| &mesh.primitives).filter_map(|p| p.attributes.get(&position));
+    if positions.into_iter().any(|index| index.value() >= root.accessors.len()) {
+        return Err(refuse(path, "breaks the rules of glTF (positions of a mesh name an accessor that is not there)"));
     }
     // Checked above, by a list that has more in it than the crate's.
     root.extensions_required.clear();
