@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use ltm::Error;
 use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter, merge};
+use ltm::files::ContinuationFile;
 use ltm::host::{Quiet, Watch};
 use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{Block, BlockId, BlockSource, MatrixShape, TracedBlock};
@@ -218,6 +219,14 @@ fn an_interrupted_unpack_is_continued_by_the_same_command_only() {
     assert_eq!(unpack("a.ltc", &watch).unwrap(), 6);
     assert!(watch.said.lock().unwrap().iter().any(|line| line.contains("continuing")));
     assert!(fs::read(&path).unwrap() == whole);
+    // Killed right after the file had its name: the next command finds what was left.
+    let note = at("a.ltm.part.origin");
+    let left = ContinuationFile::open(&note, *b"LTMorig1", open("a.ltc").fingerprint(), 1, false).unwrap();
+    left.append(0, &[]).unwrap();
+    drop(left);
+    let made = fs::metadata(&path).unwrap().modified().unwrap();
+    fs::File::options().write(true).open(&note).unwrap().set_modified(made).unwrap();
+    assert!(unpack("a.ltc", &Quiet).unwrap_err().to_string().contains("exists already"));
     fs::remove_file(&path).unwrap();
     assert_eq!(names(folder.path()), before, "the note of the origin went with the file");
 

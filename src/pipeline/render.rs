@@ -8,7 +8,6 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::files::check_output;
 use crate::host::{Need, PROGRAM_BYTES, PeakMemory, Threads, Watch, budget_bytes};
 use crate::light::{Clusters, Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
@@ -88,7 +87,7 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     let lazy = StoreOptions { reserve: false, ..stored };
     if !fill_in {
         // Before anything is said of memory and disk.
-        check_output(path, options.store.overwrite)?;
+        store::check_output(path, options.store.overwrite)?;
     }
     let there = if fill_in { path.to_owned() } else { partial_path(path) };
     let threads = need.admit("rendering", path, &[&there], options.memory_bytes, watch)?;

@@ -41,7 +41,7 @@ pub fn unpack_to_store(
     options: &UnpackOptions,
     watch: &dyn Watch,
 ) -> Result<usize> {
-    check_output(path, options.overwrite)?;
+    store::check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let job = selected.job(source.job())?;
     let origin = Some(source.fingerprint());

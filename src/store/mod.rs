@@ -68,7 +68,7 @@ pub use header::{HEADER_FIELDS, MAGIC, VERSION};
 pub use layout::{Layout, PAGE_BYTES, RECORD_BYTES, Requirements, requirements, requirements_of};
 pub use mapped::{Access, MappedStorage};
 pub use merge::{MergeReport, merge};
-pub use place::partial_path;
+pub use place::{check_output, partial_path};
 pub use precision::Precision;
 pub use reader::{StoreReader, Tally};
 pub use record::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED, RECORD_FIELDS};

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::files::{ContinuationFile, with_suffix};
+use crate::files::{self, ContinuationFile, with_suffix};
 
 const ORIGIN_MARK: [u8; 8] = *b"LTMorig1";
 
@@ -24,6 +24,20 @@ pub(super) struct Place {
 /// The name under which a file grows: `NAME.part` beside it.
 pub fn partial_path(path: &Path) -> PathBuf {
     with_suffix(path, ".part")
+}
+
+/// As [`files::check_output`], of a matrix: where the finished file is in the way, what a process left beside it that was killed
+/// right after it had given it its name is removed.
+///
+/// # Errors
+/// Those of [`files::check_output`].
+pub fn check_output(path: &Path, overwrite: bool) -> Result<()> {
+    let checked = files::check_output(path, overwrite);
+    let partial = partial_path(path);
+    if checked.is_err() && path.is_file() && !partial.exists() {
+        ContinuationFile::remove_leftover(&with_suffix(&partial, ".origin"), ORIGIN_MARK, 1, path);
+    }
+    checked
 }
 
 impl Place {

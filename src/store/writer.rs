@@ -6,13 +6,13 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use crate::error::{Error, Result};
-use crate::files::{ContinuationFile, check_free_space, check_output, open_locked, publish, sync_folder};
+use crate::files::{ContinuationFile, check_free_space, open_locked, publish, sync_folder};
 use crate::light::Job;
 use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
 
 use super::header::{Header, UnverifiedHeader};
 use super::layout::STAGING_BYTES;
-use super::place::{Place, claim_origin, partial_path};
+use super::place::{Place, check_output, claim_origin, partial_path};
 use super::record::{Record, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact, write_all};
