@@ -20,6 +20,21 @@ const CONFERENCE_FILES: [(u32, &str); 2] = [
     (64, include_str!("../../../formats/scenes/conference-panel-64.toml")),
 ];
 
+/// The Conference Room with its ceiling luminaires, one column each.
+pub(super) const CONFERENCE_LAMPS: &str = "conference-24";
+/// Three boxes that are files, with one light each.
+pub(super) const GLOSSY: &str = "cornell-glossy";
+pub(super) const WATER: &str = "cornell-water";
+pub(super) const SHIRLEY: &str = "erw5-scene3";
+
+/// Scene files by name. Lights of 32 × 32 texels get as many as are wanted.
+const FILES: [(&str, &str); 4] = [
+    (CONFERENCE_LAMPS, include_str!("../../../formats/scenes/conference-24.toml")),
+    (GLOSSY, include_str!("../../../formats/scenes/cornell-glossy.toml")),
+    (WATER, include_str!("../../../formats/scenes/cornell-water.toml")),
+    (SHIRLEY, include_str!("../../../formats/scenes/erw5-scene3.toml")),
+];
+
 /// The place of one study.
 pub(super) struct Bench<'a> {
     pub(super) out: PathBuf,
@@ -95,6 +110,7 @@ impl<'a> Bench<'a> {
         let (width, height) = wanted.size;
         let mut loaded = match wanted.scene {
             CONFERENCE => self.conference(wanted.texels)?.sized(width, height),
+            name if FILES.iter().any(|file| file.0 == name) => self.file(name, wanted.texels)?.sized(width, height),
             name => BuiltIn { width, height, texels: wanted.texels }.named(name)?,
         };
         loaded.settings.samples_per_pixel = wanted.samples;
@@ -107,6 +123,18 @@ impl<'a> Bench<'a> {
     pub(super) fn with_conference(&self, scenes: &[&'static str]) -> Vec<&'static str> {
         let there = !self.quick && self.conference(32).is_ok();
         scenes.iter().copied().chain(there.then_some(CONFERENCE)).collect()
+    }
+
+    /// Whether a scene is built in, or its files are there.
+    pub(super) fn has(&self, name: &str) -> bool {
+        !FILES.iter().any(|file| file.0 == name) || self.file(name, 16).is_ok()
+    }
+
+    fn file(&self, name: &str, texels: u32) -> Result<LoadedScene> {
+        let text = FILES.iter().find(|file| file.0 == name).map_or("", |file| file.1);
+        let path = self.cached(&format!("{name}-{texels}.toml"));
+        write_file(&path, true, text.replace("[32, 32]", &format!("[{texels}, {texels}]")).as_bytes())?;
+        scene::load(&path)
     }
 
     fn conference(&self, texels: u32) -> Result<LoadedScene> {

@@ -165,7 +165,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
 
 fn measure(bench: &Bench<'_>, plan: &Plan, matrix: &StoreReader) -> Result<Vec<Point>> {
     let shape = matrix.shape();
-    let Judged { lightings, references } = Judged::of(matrix)?;
+    let Judged { lightings, references, .. } = Judged::of(matrix)?;
     let mut points = Vec::new();
     let mut keep = |method, precision, packed: Packed| {
         let summary = Summary::of(&packed.images, &references);

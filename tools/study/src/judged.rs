@@ -20,6 +20,7 @@ millionth of that with everything on, as of a spot at the part of the sky below 
 
 /// Lightings, and the reference's image under each.
 pub(super) struct Judged {
+    pub(super) names: Vec<&'static str>,
     pub(super) lightings: Vec<Lighting>,
     pub(super) references: Vec<LinearImage>,
 }
@@ -27,13 +28,19 @@ pub(super) struct Judged {
 impl Judged {
     /// Those of a reference matrix that light something. The first has every column on.
     pub(super) fn of(reference: &StoreReader) -> Result<Self> {
-        let lightings: Vec<Lighting> =
-            evaluation_lightings(&reference.job().basis, LIGHTINGS_SEED).into_iter().map(|l| l.1).collect();
+        let (names, lightings): (Vec<_>, Vec<_>) =
+            evaluation_lightings(&reference.job().basis, LIGHTINGS_SEED).into_iter().unzip();
         let references = relight_raw(reference, &lightings)?;
         let all_on = norm(&references[0]);
-        let lit = lightings.into_iter().zip(references).filter(|(_, image)| norm(image) > DARK * all_on);
-        let (lightings, references) = lit.unzip();
-        Ok(Self { lightings, references })
+        let mut judged = Self { names: Vec::new(), lightings: Vec::new(), references: Vec::new() };
+        for ((name, lighting), image) in names.into_iter().zip(lightings).zip(references) {
+            if norm(&image) > DARK * all_on {
+                judged.names.push(name);
+                judged.lightings.push(lighting);
+                judged.references.push(image);
+            }
+        }
+        Ok(judged)
     }
 }
 

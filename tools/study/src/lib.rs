@@ -8,6 +8,7 @@ mod bench;
 mod chart;
 mod curve;
 mod dct;
+mod exchange;
 mod factors;
 mod fig5;
 mod fig6;
@@ -21,9 +22,12 @@ mod measured;
 mod mitsuba;
 mod mosaic;
 mod noise;
+mod oidn;
+mod picture;
 mod rank;
 mod rivals;
 mod scaling;
+mod seen;
 mod shared;
 mod speed;
 mod svd;
@@ -57,6 +61,8 @@ pub enum Study {
     Rank,
     /// Error against a converged reference before and after compression.
     Noise,
+    /// Relit images as one sees them, beside a denoiser's.
+    Picture,
     /// Seconds from a scene to relit images.
     Speed,
     /// Time and memory against sizes.
@@ -87,7 +93,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -96,6 +102,7 @@ impl Study {
         Self::Fig7,
         Self::Rank,
         Self::Noise,
+        Self::Picture,
         Self::Shared,
         Self::Speed,
         Self::Scaling,
@@ -110,6 +117,7 @@ impl Study {
             Self::Fig9 => "fig9",
             Self::Rank => "rank",
             Self::Noise => "noise",
+            Self::Picture => "picture",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
             Self::Shared => "shared",
@@ -133,6 +141,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
             Study::Fig9 => fig9::run(&bench)?,
             Study::Rank => rank::run(&bench)?,
             Study::Noise => noise::run(&bench)?,
+            Study::Picture => picture::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,
             Study::Shared => shared::run(&bench)?,

@@ -11,6 +11,7 @@ use std::process::{Command, Stdio};
 
 use serde_json::{Map, Value, json};
 
+use super::exchange::read_f32;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::image::LinearImage;
@@ -65,14 +66,7 @@ pub(super) fn render(loaded: &LoadedScene, folder: &Path, variant: &str, samples
         Some((samples.parse().ok()?, seconds.parse().ok()?))
     });
     let read = |(samples, seconds): (u32, f64)| -> Result<Rendered> {
-        let path = folder.join(format!("{samples}.f32"));
-        let bytes = fs::read(&path).map_err(Error::io(&path, "read"))?;
-        let mut image = LinearImage::black(camera.width, camera.height);
-        if bytes.len() != size_of_val(image.values()) {
-            return Err(Error::input(path.display().to_string(), format!("has {} bytes", bytes.len()), ""));
-        }
-        let values = bytes.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().expect("4 bytes")));
-        image.pixels.as_flattened_mut().iter_mut().zip(values).for_each(|(to, value)| *to = value);
+        let image = read_f32(&folder.join(format!("{samples}.f32")), camera.width, camera.height)?;
         Ok(Rendered { samples, seconds, image })
     };
     let images = timed.map(read).collect::<Result<Vec<_>>>()?;

@@ -76,7 +76,7 @@ chooses by itself. lin: peak = the reference's largest value; clip: exposed to i
         let wanted =
             Wanted { scene, size: plan.size, texels: plan.texels, samples: plan.converged, seed: 1, block_side: 32 };
         let converged = bench.matrix(wanted)?;
-        let Judged { lightings, references } = Judged::of(&converged)?;
+        let Judged { lightings, references, .. } = Judged::of(&converged)?;
         let mut lines: Vec<Line> = std::iter::once(RAW)
             .chain(methods.iter().map(|m| m.0))
             .map(|name| Line { name: name.into(), points: Vec::new() })

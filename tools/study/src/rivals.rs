@@ -44,9 +44,18 @@ pub(super) fn product(
     settings: &CompressSettings,
     lightings: &[Lighting],
 ) -> Result<Packed> {
+    packed(bench, matrix, PackOptions { compress: settings.clone(), ..Default::default() }, lightings)
+}
+
+/// `ltm-pack` with all its options, and relighting on the CPU.
+pub(super) fn packed(
+    bench: &Bench<'_>,
+    matrix: &StoreReader,
+    mut options: PackOptions,
+    lightings: &[Lighting],
+) -> Result<Packed> {
     bench.stop_if_interrupted()?;
     let path = bench.cached("packed.ltc");
-    let mut options = PackOptions { compress: settings.clone(), ..Default::default() };
     options.container.overwrite = true;
     let report = pipeline::pack(matrix, matrix.job(), &path, &options, &bench.silent())?;
     let relighter = CpuRelighter::load(&ContainerReader::open(&path)?)?;

@@ -473,7 +473,7 @@ mod tests {
             block(1, [[0.3, 0.9], [0.7, 0.1]], [1, 2]),
             block(2, [[1.0, 0.0], [0.3, 0.6]], [5, 9]),
         ];
-        let judged = Judged { lightings: Vec::new(), references: Vec::new() };
+        let judged = Judged { names: Vec::new(), lightings: Vec::new(), references: Vec::new() };
         let subject =
             Subject { shape, lights: LightLayout::of(&basis), prior: LightingPrior::of_basis(&basis), judged };
         (subject, blocks)

@@ -93,7 +93,7 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     );
     let reference = bench.matrix(wanted)?;
     let shape = reference.shape();
-    let Judged { lightings, references } = Judged::of(&reference)?;
+    let Judged { lightings, references, .. } = Judged::of(&reference)?;
     let mut last = Vec::new();
     let mut error_lines: Vec<Line> = Vec::new();
     for &samples in plan.samples {
