@@ -76,6 +76,8 @@
 //! | `std::env` | `scene` |
 //! | `std::process`, `std::net` | none |
 
+#![warn(clippy::missing_errors_doc, clippy::missing_panics_doc, clippy::return_self_not_must_use)]
+
 pub mod clean;
 pub mod compress;
 pub mod container;

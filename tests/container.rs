@@ -483,6 +483,54 @@ fn written_as_documented(heading: &str, values: &[(&str, Value)]) -> Vec<u8> {
     bytes.collect::<Vec<_>>().concat()
 }
 
+/// The metadata of a container without their compression, and how many of those bytes are the job.
+fn metadata_of(path: &Path) -> (Vec<u8>, usize) {
+    let file = std::fs::read(path).unwrap();
+    let number = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
+    let (metadata, end) = (number(file.len() - 40), file.len() - 64);
+    let (job_bytes, report_bytes) = (number(metadata), number(metadata + 4));
+    let frame = &file[metadata + 12..metadata + number(end + 20)];
+    let plain = match number(metadata + 8) {
+        1 => zstd::bulk::decompress(frame, job_bytes + report_bytes).unwrap(),
+        _ => frame.to_vec(),
+    };
+    (plain, job_bytes)
+}
+
+/// The job of the test below, with one light, as the document has it.
+fn documented_job(panel: &Light) -> Vec<u8> {
+    let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let light = written_as_documented(
+        "Light",
+        &[
+            ("name", Value::Text("panel")),
+            ("kind", Value::Raw(vec![1, 20, 15])),
+            ("unit", Value::Raw(vec![2])),
+            ("emission", Value::Floats(vec![1.0, 2.0, 3.0])),
+            ("first column", Value::Integer(0)),
+            ("places", Value::List(300, floats(panel.places.as_flattened()))),
+            ("extents", Value::List(300, floats(&panel.extents))),
+        ],
+    );
+    written_as_documented(
+        "Job",
+        &[
+            ("width", Value::Integer(300)),
+            ("height", Value::Integer(200)),
+            ("columns", Value::Integer(300)),
+            ("block side", Value::Integer(256)),
+            ("lights", Value::List(1, light)),
+            ("source", Value::Text("room")),
+            ("content", Value::Raw(vec![9; 32])),
+            ("program", Value::Text("p")),
+            ("samples per pixel", Value::Integer(70_000)),
+            ("seed", Value::Integer(1 << 40)),
+            ("settings", Value::Text("s")),
+            ("metres per unit", Value::Floats(vec![0.5])),
+        ],
+    )
+}
+
 #[test]
 fn the_metadata_is_written_as_the_document_says() {
     let mut basis = LightBasis::new();
@@ -525,46 +573,8 @@ fn the_metadata_is_written_as_the_document_says() {
     writer.state_light_errors(errors);
     writer.finish().unwrap();
     assert_eq!(ContainerReader::open(&path).unwrap().light_errors(), Some(&errors));
-    let file = std::fs::read(&path).unwrap();
-    let number = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
-    let (metadata, end) = (number(file.len() - 40), file.len() - 64);
-    let (job_bytes, report_bytes) = (number(metadata), number(metadata + 4));
-    let frame = &file[metadata + 12..metadata + number(end + 20)];
-    let plain = match number(metadata + 8) {
-        1 => zstd::bulk::decompress(frame, job_bytes + report_bytes).unwrap(),
-        _ => frame.to_vec(),
-    };
-    let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
-    let light = written_as_documented(
-        "Light",
-        &[
-            ("name", Value::Text("panel")),
-            ("kind", Value::Raw(vec![1, 20, 15])),
-            ("unit", Value::Raw(vec![2])),
-            ("emission", Value::Floats(vec![1.0, 2.0, 3.0])),
-            ("first column", Value::Integer(0)),
-            ("places", Value::List(300, floats(panel.places.as_flattened()))),
-            ("extents", Value::List(300, floats(&panel.extents))),
-        ],
-    );
-    let job = written_as_documented(
-        "Job",
-        &[
-            ("width", Value::Integer(300)),
-            ("height", Value::Integer(200)),
-            ("columns", Value::Integer(300)),
-            ("block side", Value::Integer(256)),
-            ("lights", Value::List(1, light)),
-            ("source", Value::Text("room")),
-            ("content", Value::Raw(vec![9; 32])),
-            ("program", Value::Text("p")),
-            ("samples per pixel", Value::Integer(70_000)),
-            ("seed", Value::Integer(1 << 40)),
-            ("settings", Value::Text("s")),
-            ("metres per unit", Value::Floats(vec![0.5])),
-        ],
-    );
-    assert_eq!(plain[..job_bytes], job);
+    let (plain, job_bytes) = metadata_of(&path);
+    assert_eq!(plain[..job_bytes], documented_job(&panel));
     let report = written_as_documented(
         "Report",
         &[

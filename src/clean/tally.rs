@@ -46,7 +46,10 @@ impl Tally {
         self.indirect.add(&window.indirect, self.clusters);
     }
 
-    /// Adds what another has seen. Panics if that is of another number of clusters.
+    /// Adds what another has seen.
+    ///
+    /// # Panics
+    /// If that is of another number of clusters.
     pub fn merge(&mut self, other: &Self) {
         assert_eq!(self.clusters, other.clusters);
         for (into, from) in [(&mut self.direct, &other.direct), (&mut self.indirect, &other.indirect)] {

@@ -130,8 +130,10 @@ impl Candidate {
         out
     }
 
-    /// Decodes what [`to_bytes`](Self::to_bytes) wrote. Errors, as plain text for the caller to place: bytes that are
-    /// not a candidate, cut short, or too many.
+    /// Decodes what [`to_bytes`](Self::to_bytes) wrote.
+    ///
+    /// # Errors
+    /// As text for the caller to place: bytes that are not a candidate, cut short, or too many.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
         let short = || "a spilled candidate is cut short".to_owned();
         let rest = bytes.strip_prefix(&MAGIC).ok_or("this is not a spilled candidate")?;

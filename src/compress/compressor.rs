@@ -34,7 +34,8 @@ pub struct Compressor {
 impl Compressor {
     /// A compressor for matrices of this shape over this basis.
     ///
-    /// Errors: settings out of range, or a basis with another number of columns than the matrix.
+    /// # Errors
+    /// Settings out of range, or a basis with another number of columns than the matrix.
     pub fn new(basis: &LightBasis, shape: MatrixShape, settings: CompressSettings) -> Result<Self> {
         settings.check()?;
         let n = shape.columns();
@@ -56,7 +57,8 @@ impl Compressor {
     /// passes over the blocks and one over those that hold chosen rows, on the current thread pool. The same for any
     /// number of threads. Does nothing for [`Scope::Block`].
     ///
-    /// Errors: those of reading, and a source of another shape.
+    /// # Errors
+    /// Those of reading, and a source of another shape.
     pub fn choose_globally(&mut self, source: &dyn BlockSource) -> Result<()> {
         if self.settings.scope == Scope::Global {
             if source.shape() != self.shape {
@@ -129,7 +131,8 @@ impl Compressor {
     /// Analyses one block: replaces unusable entries, takes out what stands alone, finds the range, and notes what each
     /// part brings and how much of it is noise.
     ///
-    /// Panics if the block has another number of columns than the matrix, or the scope is global and
+    /// # Panics
+    /// If the block has another number of columns than the matrix, or the scope is global and
     /// [`choose_globally`](Self::choose_globally) has not been called.
     pub fn analyse(&self, id: BlockId, block: BlockView<'_>, noise: Option<&BlockNoise>) -> Candidate {
         let (entries, survey, replaced) = sanitise(block);

@@ -181,6 +181,9 @@ impl Residual {
     }
 
     /// Reads what [`append_to`](Self::append_to) wrote.
+    ///
+    /// # Panics
+    /// Never: the slices have the lengths that are asked for.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (fixed, rest) = bytes.split_at_checked(HEAD_BYTES)?;
         let scalar = |i: usize| f64::from_le_bytes(fixed[8 * i..][..8].try_into().expect("8 bytes"));

@@ -9,12 +9,16 @@ use crate::files::check_output;
 use crate::matrix::BlockId;
 
 /// Joins containers of the same job into one at `target`; each block is taken, byte for byte, from the first part that
-/// holds it undamaged. The report is the first part's. The result may itself lack blocks and be merged again. `progress` is told
-/// (blocks looked at, blocks), and says whether to go on.
+/// holds it undamaged. The report is the first part's. The result may itself lack blocks and be merged again.
+/// `progress` is told (blocks looked at, blocks), and says whether to go on.
 ///
 /// # Errors
-/// No parts; parts of different jobs or made with different settings; two parts that hold different bytes for the same block; a block
-/// of which every part's copy is damaged; `target` exists and may not be replaced; [`Error::Interrupted`].
+/// No parts; parts of different jobs or made with different settings; two parts that hold different bytes for the same
+/// block; a block of which every part's copy is damaged; `target` exists and may not be replaced;
+/// [`Error::Interrupted`].
+///
+/// # Panics
+/// Never: only blocks that a part has are asked for.
 pub fn merge(
     parts: &[&Path],
     target: &Path,

@@ -52,7 +52,8 @@ pub struct ContainerReader {
 impl ContainerReader {
     /// Opens a container: one read at its end, checked by its checksums.
     ///
-    /// Errors: the file is missing, is no container, is of another version, is cut short or damaged in its index.
+    /// # Errors
+    /// The file is missing, is no container, is of another version, is cut short or damaged in its index.
     pub fn open(path: &Path) -> Result<Self> {
         let file = open_input(path, "open")?;
         let file_bytes = file.metadata().map_err(Error::io(path, "read"))?.len();
@@ -164,6 +165,9 @@ impl ContainerReader {
     }
 
     /// The whole of a block: all its layers.
+    ///
+    /// # Errors
+    /// As [`read_layers`](FactorSource::read_layers).
     pub fn read_block(&self, id: BlockId) -> Result<FactoredBlock> {
         self.read_layers(id, 0..self.layer_count(id))
     }
@@ -394,8 +398,10 @@ pub struct Verification {
     pub faults: Vec<Fault>,
 }
 
-/// Opens a container, then reads and decodes every byte of it. Errors: it cannot even be opened; bad blocks are listed,
-/// not errors.
+/// Opens a container, then reads and decodes every byte of it.
+///
+/// # Errors
+/// It cannot even be opened; bad blocks are listed, not errors.
 pub fn verify(path: &Path) -> Result<Verification> {
     Ok(ContainerReader::open(path)?.verify(|_| true))
 }

@@ -108,7 +108,8 @@ pub struct ContainerWriter {
 impl ContainerWriter {
     /// Starts, or continues, a container at `path`.
     ///
-    /// Errors: the file exists and may not be replaced; its folder cannot be written; another process packs into it.
+    /// # Errors
+    /// The file exists and may not be replaced; its folder cannot be written; another process packs into it.
     pub fn create(path: &Path, job: &Job, options: ContainerOptions) -> Result<Self> {
         let mut hash = Sha256::new();
         hash.update(metadata::encode(job, &options.report, None));
@@ -139,7 +140,8 @@ impl ContainerWriter {
 
     /// Encodes a block without writing it, so that its real error can be measured first.
     ///
-    /// Errors: a block that is not of this job's shape or whose parts do not fit each other.
+    /// # Errors
+    /// A block that is not of this job's shape or whose parts do not fit each other.
     pub fn encode(&self, id: BlockId, block: &FactoredBlock) -> Result<EncodedBlock> {
         let layout = self.layout(id);
         if block.rows != layout.rows() || block.columns != layout.columns() || !block.is_consistent() {
@@ -162,6 +164,9 @@ impl ContainerWriter {
     }
 
     /// What a reader will get of an encoded block.
+    ///
+    /// # Errors
+    /// The bytes are not a block of this container.
     pub fn decode(&self, id: BlockId, block: &EncodedBlock) -> Result<FactoredBlock> {
         let layout = self.layout(id);
         let chunks = block.layers.iter().map(|layer| Ok(layer.as_slice()));
@@ -169,6 +174,9 @@ impl ContainerWriter {
     }
 
     /// Writes an encoded block. A block may be written again; the last one counts.
+    ///
+    /// # Errors
+    /// A block that is larger than the format can say; the system refuses to write.
     pub fn write_encoded(&self, id: BlockId, block: &EncodedBlock, report: &BlockReport) -> Result<EncodedSize> {
         let too_large = || {
             let problem =
@@ -188,6 +196,9 @@ impl ContainerWriter {
     }
 
     /// Encodes and writes a block; encoding runs in the calling thread, outside any lock.
+    ///
+    /// # Errors
+    /// A value that is not finite; as [`write_encoded`](Self::write_encoded).
     pub fn write_block(&self, id: BlockId, block: &FactoredBlock, report: &BlockReport) -> Result<EncodedSize> {
         self.write_encoded(id, &self.encode(id, block)?, report)
     }
@@ -202,7 +213,11 @@ impl ContainerWriter {
 
     /// Assembles the file and gives it its final name.
     ///
-    /// Errors: blocks are missing (unless the options allow it); the system refuses to write.
+    /// # Errors
+    /// Blocks are missing (unless the options allow it); the system refuses to write.
+    ///
+    /// # Panics
+    /// Never: only blocks that were written are asked for.
     pub fn finish(self) -> Result<ContainerSummary> {
         let blocks = self.spill.blocks().clone();
         let missing = blocks.iter().filter(|block| block.is_none()).count();

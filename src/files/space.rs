@@ -6,12 +6,18 @@ use super::names::folder_of;
 use crate::error::{Error, Result};
 
 /// Bytes that an unprivileged process may still write to the file system of `path`, a folder or file that exists.
+///
+/// # Errors
+/// There is nothing at `path`, or the system does not tell.
 pub fn free_bytes(path: &Path) -> Result<u64> {
     let volume = rustix::fs::statvfs(path).map_err(|e| Error::io(path, "ask for free space")(e.into()))?;
     Ok(volume.f_bavail.saturating_mul(volume.f_frsize))
 }
 
 /// Refuses at once where the folder that will hold `path` has no room for `needed` bytes.
+///
+/// # Errors
+/// There is less room, in one line with both numbers; as [`free_bytes`].
 pub fn check_free_space(path: &Path, needed: u64) -> Result<()> {
     let folder = folder_of(path);
     let free = free_bytes(folder)?;

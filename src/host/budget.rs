@@ -33,7 +33,8 @@ impl Need {
     /// Admits a job that writes `output`: the number of threads that stay within the memory, after one line on what is
     /// needed. `there` names files of an earlier run whose space the job will use.
     ///
-    /// Errors: the memory is too small for one thread, or the disk has no room.
+    /// # Errors
+    /// The memory is too small for one thread, or the disk has no room.
     pub(crate) fn admit(
         self,
         job: &str,
@@ -77,7 +78,8 @@ impl Need {
     /// The number of threads, at most those of the current pool, that stay within a budget; without one, within the
     /// memory that the system, and the container around the program, have available.
     ///
-    /// Errors: not even one thread does.
+    /// # Errors
+    /// Not even one thread does.
     pub(crate) fn threads_within(self, job: &str, budget_bytes: Option<u64>) -> Result<usize> {
         let wanted = rayon::current_num_threads();
         let limit = budget_bytes.or_else(|| available_bytes(Path::new("/"))).unwrap_or(u64::MAX);
@@ -124,7 +126,8 @@ pub fn human_bytes(bytes: u64) -> String {
 
 /// Reads a size such as `512MiB`, `1.5GiB`, `2G` or plain bytes.
 ///
-/// Errors, as text: not a number, an unknown unit, or a size of nothing.
+/// # Errors
+/// As text: not a number, an unknown unit, or a size of nothing.
 pub fn parse_bytes(text: &str) -> Result<u64, String> {
     let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
     let (number, unit) = text.split_at(split);

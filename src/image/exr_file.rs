@@ -160,8 +160,13 @@ fn encode_channels(
     }
 }
 
-/// Writes one layer for each named image, as [`write_exr_rows`] does. Panics if there are no images; all must have the same
-/// size.
+/// Writes one layer for each named image, as [`write_exr_rows`] does.
+///
+/// # Panics
+/// If there are no images; all must have the same size.
+///
+/// # Errors
+/// As [`write_exr_rows`].
 pub fn write_exr_layers(path: &Path, images: &[(&str, &LinearImage)]) -> Result<()> {
     let layers: Vec<String> = images.iter().map(|(name, _)| (*name).to_owned()).collect();
     let size = ImageSize { width: images[0].1.width as usize, height: images[0].1.height as usize };

@@ -15,7 +15,10 @@ pub struct ImageError {
     pub peak: f32,
 }
 
-/// Compares an image with its reference. Panics if their sizes differ.
+/// Compares an image with its reference.
+///
+/// # Panics
+/// If their sizes differ.
 pub fn compare(image: &LinearImage, reference: &LinearImage) -> ImageError {
     assert_eq!((image.width, image.height), (reference.width, reference.height));
     let pairs = || image.values().iter().zip(reference.values()).map(|(&a, &b)| (f64::from(a), f64::from(b)));

@@ -33,7 +33,10 @@ pub struct RgbaImage {
     pub has_alpha: bool,
 }
 
-/// Reads an image, dropping its alpha. Errors: those of [`read_rgba`].
+/// Reads an image, dropping its alpha.
+///
+/// # Errors
+/// Those of [`read_rgba`].
 pub fn read_image(path: &Path) -> Result<LinearImage> {
     let RgbaImage { width, height, pixels, .. } = read_rgba(path)?;
     Ok(LinearImage { width, height, pixels: pixels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect() })

@@ -45,6 +45,7 @@ pub struct ToneMapping {
 
 impl ToneMapping {
     /// Exposed so that the 95th luminance percentile of `image` maps to `white`, before the curve.
+    #[must_use]
     pub fn auto_exposed(self, image: &LinearImage, white: f32) -> Self {
         let level = percentile(image.luminances().collect(), 0.95).max(1e-12);
         Self { exposure_stops: self.exposure_stops + (white / level).log2(), ..self }
@@ -135,7 +136,9 @@ pub(super) fn neutral(color: [f32; 3]) -> [f32; 3] {
 /// of `(high / low)^⅙`; the image that comes back is linear, for [`ToneMapping::default`].
 ///
 /// Luminance is Rec. 709's of the pixel, in its unit: where that is W·sr⁻¹·m⁻², [`LUMENS_PER_WATT`] makes it cd·m⁻².
-/// Errors: limits that are not positive and in order.
+///
+/// # Errors
+/// Limits that are not positive and in order.
 pub fn false_colour(image: &LinearImage, low: f32, high: f32) -> Result<LinearImage> {
     const COLOURS: [[f32; 3]; 7] = [
         [0.0, 0.0, 0.0],

@@ -199,7 +199,8 @@ impl LightBasis {
 
     /// Appends a light with one column for each of `places`; its `first_column` is set here.
     ///
-    /// Errors: an empty or taken name, a layout that does not have as many texels as there are places, extents of
+    /// # Errors
+    /// An empty or taken name, a layout that does not have as many texels as there are places, extents of
     /// another length, values that are not finite, or more columns than a matrix can have.
     pub fn push(&mut self, mut light: Light) -> Result<()> {
         let refuse = |problem: &str| Err(Error::input(format!("light '{}'", light.name), problem, ""));
@@ -232,7 +233,8 @@ impl LightBasis {
     /// Says how the scene lights a light's columns where its emission does not: an environment's map, one weight for
     /// each texel. `first_column` is the light's.
     ///
-    /// Errors: no light begins there, it has another number of columns, or a weight is not finite.
+    /// # Errors
+    /// No light begins there, it has another number of columns, or a weight is not finite.
     pub fn set_scene_weights(&mut self, first_column: u32, weights: Vec<[f32; 3]>) -> Result<()> {
         let refuse = |problem: &str| Err(Error::input(format!("weights of column {first_column}"), problem, ""));
         match self.lights.binary_search_by_key(&first_column, |light| light.first_column) {

@@ -10,7 +10,10 @@ pub struct Lighting {
 }
 
 impl Lighting {
-    /// A lighting from its weights. Errors: a weight that is not finite, naming the column.
+    /// A lighting from its weights.
+    ///
+    /// # Errors
+    /// A weight that is not finite, naming the column.
     pub fn new(weights: Vec<[f32; 3]>) -> Result<Self> {
         match weights.iter().position(|w| !w.iter().all(|v| v.is_finite())) {
             Some(column) => Err(Error::input(
@@ -23,6 +26,9 @@ impl Lighting {
     }
 
     /// Every column with the same weight.
+    ///
+    /// # Errors
+    /// A weight that is not finite.
     pub fn uniform(columns: usize, weight: [f32; 3]) -> Result<Self> {
         Self::new(vec![weight; columns])
     }
@@ -33,6 +39,7 @@ impl Lighting {
     }
 
     /// The same with all columns dark but those of `columns`.
+    #[must_use]
     pub fn only(&self, columns: impl IntoIterator<Item = u32>) -> Self {
         let mut weights = vec![[0.0; 3]; self.weights.len()];
         for column in columns {

@@ -37,8 +37,10 @@ pub fn encode_job(job: &Job) -> Vec<u8> {
     bytes
 }
 
-/// Decodes a job. Errors, as plain text for the caller to place: anything that does not decode, trailing bytes, or
-/// parts that do not fit each other.
+/// Decodes a job.
+///
+/// # Errors
+/// As text for the caller to place: anything that does not decode, trailing bytes, or parts that do not fit each other.
 pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
     if bytes.len() > MAX_BYTES {
         return Err(format!("the job description has {} bytes, more than {MAX_BYTES}", bytes.len()));

@@ -196,10 +196,13 @@ fn pivoted_cholesky(sites: &[Site], kernel: impl Fn(&Site, &Site) -> f64) -> (Ve
     (factor, rest)
 }
 
-/// The twelve lightings by which a compressed matrix is judged, with their names. Eight are smooth or coarse: all on, the
-/// scene's own, two gradients, one half, two wide soft spots in colour, a wide spot, a coarse coloured pattern; four
-/// are not: a narrow spot (width 0.06 of the light), a tiny one (0.04), a single column, and every column at random.
-/// Each acts on all lights at once; places and colours are drawn from `seed`.
+/// The twelve lightings by which a compressed matrix is judged, with their names. Eight are smooth or coarse: all on,
+/// the scene's own, two gradients, one half, two wide soft spots in colour, a wide spot, a coarse coloured pattern;
+/// four are not: a narrow spot (width 0.06 of the light), a tiny one (0.04), a single column, and every column at
+/// random. Each acts on all lights at once; places and colours are drawn from `seed`.
+///
+/// # Panics
+/// Never: the weights are finite.
 pub fn evaluation_lightings(basis: &LightBasis, seed: u64) -> Vec<(&'static str, Lighting)> {
     let sites = sites(basis);
     let mut random = Pcg64Mcg::seed_from_u64(seed ^ 0x6576_616c);

@@ -64,7 +64,8 @@ pub struct Look {
 
 /// Reads a look file (JSON if its name ends so, else TOML) for a light basis. Images are found beside the file.
 ///
-/// Errors: a file that cannot be read, unknown keys, names that fit no light (with the nearest names), values out of
+/// # Errors
+/// A file that cannot be read, unknown keys, names that fit no light (with the nearest names), values out of
 /// range, images that cannot be read.
 pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
     let place = path.display().to_string();
@@ -85,7 +86,10 @@ impl Look {
         self.named.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The look of this name. Errors: there is none (with the nearest names).
+    /// The look of this name.
+    ///
+    /// # Errors
+    /// There is none (with the nearest names).
     pub fn named(&self, name: &str) -> Result<&Lighting> {
         match self.named.iter().find(|(has, _)| has == name) {
             Some((_, lighting)) => Ok(lighting),

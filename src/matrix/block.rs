@@ -35,7 +35,10 @@ impl Block {
         Self { rows, columns, entries: vec![0.0; rows * columns] }
     }
 
-    /// A block over `entries`, column-major. Panics if there are not `rows · columns` of them.
+    /// A block over `entries`, column-major.
+    ///
+    /// # Panics
+    /// If there are not `rows · columns` of them.
     pub fn from_entries(rows: usize, columns: usize, entries: Vec<f32>) -> Self {
         assert_eq!(entries.len(), rows * columns);
         Self { rows, columns, entries }
@@ -88,7 +91,10 @@ impl Block {
 }
 
 impl<'a> BlockView<'a> {
-    /// A view of `entries`, column-major. Panics if there are not `rows · columns` of them.
+    /// A view of `entries`, column-major.
+    ///
+    /// # Panics
+    /// If there are not `rows · columns` of them.
     pub fn new(rows: usize, columns: usize, entries: &'a [f32]) -> Self {
         assert_eq!(entries.len(), rows * columns);
         Self { rows, columns, entries }

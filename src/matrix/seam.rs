@@ -16,10 +16,16 @@ pub trait BlockSource: Sync {
     }
 
     /// Reads or makes one block into `target`, whose allocations are reused.
+    ///
+    /// # Errors
+    /// The block is missing or damaged; reading or making it fails.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()>;
 
     /// Gives one block to `work`: from where the source keeps it, if it keeps it whole and as it is, or read into
     /// `scratch`. Where this fails, what `work` has made of the block is void.
+    ///
+    /// # Errors
+    /// As [`read_block`](Self::read_block); those of `work`.
     fn visit_block(
         &self,
         id: BlockId,
@@ -32,6 +38,9 @@ pub trait BlockSource: Sync {
 
     /// Gives the columns of a range to `work`, one after the other, each with its rows of the block; columns that are
     /// zero throughout may be left out. Where this fails, what `work` has made of them is void.
+    ///
+    /// # Errors
+    /// As [`read_block`](Self::read_block).
     fn visit_columns(
         &self,
         id: BlockId,
@@ -91,6 +100,9 @@ impl LentBlock<'_> {
 /// Something that takes blocks of `T`, in any order, from any thread.
 pub trait BlockSink: Sync {
     /// Takes one block. When this returns, the block is committed.
+    ///
+    /// # Errors
+    /// The block does not fit the matrix; the system refuses to write.
     fn write_block(&self, id: BlockId, block: &TracedBlock) -> Result<()>;
 }
 
@@ -108,16 +120,25 @@ pub trait FactorSource: Send + Sync {
     fn encoded_bytes(&self, id: BlockId, layers: Range<u32>) -> u64;
 
     /// The factors of a range of layers alone: their components and sparse entries.
+    ///
+    /// # Errors
+    /// The block is damaged or cannot be read.
     fn read_layers(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock>;
 
     /// One layer as it is stored, to be decoded by [`decode_layers`](Self::decode_layers) with those before it: so that
     /// a block can be read layer by layer and no layer twice. A source without stored bytes gives none, and reads when
     /// it decodes.
+    ///
+    /// # Errors
+    /// The layer cannot be read.
     fn stored_layer(&self, _id: BlockId, _layer: u32) -> Result<Vec<u8>> {
         Ok(Vec::new())
     }
 
     /// The factors of the first layers of a block, from their stored bytes.
+    ///
+    /// # Errors
+    /// The bytes are not those layers; for a source without stored bytes, as [`read_layers`](Self::read_layers).
     fn decode_layers(&self, id: BlockId, stored: &[Vec<u8>]) -> Result<FactoredBlock> {
         self.read_layers(id, 0..stored.len() as u32)
     }

@@ -52,7 +52,8 @@ impl MatrixShape {
 
     /// A matrix over a `width` × `height` image with `columns` basis lights, in blocks of `block_side` pixels.
     ///
-    /// Errors: a size of zero or beyond the stated maxima.
+    /// # Errors
+    /// A size of zero or beyond the stated maxima.
     pub fn new(width: u32, height: u32, columns: u32, block_side: u32) -> Result<Self> {
         let within = |name: &str, value: u32, max: u32| {
             if (1..=max).contains(&value) {
@@ -122,7 +123,10 @@ impl MatrixShape {
         (0..self.block_count()).map(BlockId)
     }
 
-    /// The pixels of a block. Panics if `id` is not below [`Self::block_count`].
+    /// The pixels of a block.
+    ///
+    /// # Panics
+    /// If `id` is not below [`Self::block_count`].
     pub fn rect(self, id: BlockId) -> PixelRect {
         assert!(id.0 < self.block_count(), "{id} of {}", self.block_count());
         let x = (id.0 % self.blocks_across()) * self.block_side;

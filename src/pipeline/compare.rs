@@ -64,7 +64,8 @@ fn relative(squared_error: f64, squared_norm: f64) -> f64 {
 
 /// Reads every block from both and compares them, in index order.
 ///
-/// Errors: different shapes; those of reading.
+/// # Errors
+/// Different shapes; those of reading.
 pub fn compare_matrices(
     source: &dyn BlockSource,
     packed: &dyn FactorSource,

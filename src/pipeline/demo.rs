@@ -41,7 +41,8 @@ struct Stage {
 /// Renders `loaded` into `folder/demo.ltm`, packs it to `folder/demo.ltc`, relights it under four lightings, and writes
 /// an EXR and a PNG of each.
 ///
-/// Errors: those of the stages; an existing `demo.ltm` or `demo.ltc` is replaced.
+/// # Errors
+/// Those of the stages; an existing `demo.ltm` or `demo.ltc` is replaced.
 pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Watch) -> Result<DemoReport> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
     let (matrix_path, container_path) = (folder.join("demo.ltm"), folder.join("demo.ltc"));

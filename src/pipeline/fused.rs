@@ -16,7 +16,8 @@ use crate::trace::Tracer;
 /// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render()) in f32 and then
 /// [`pack`](super::pack()) give, without the space for the matrix. Continues where an interrupted run stopped.
 ///
-/// Errors: those of the tracer, the compressor and the container; a global scope, which needs the matrix more than once; [`crate::Error::Interrupted`] when the watch says so,
+/// # Errors
+/// Those of the tracer, the compressor and the container; a global scope, which needs the matrix more than once; [`crate::Error::Interrupted`] when the watch says so,
 /// with every analysed block kept.
 pub fn render_packed(
     loaded: LoadedScene,

@@ -45,7 +45,8 @@ impl ImportedMatrix {
     ///
     /// What reading takes and the disk for packing with `options` too is admitted before anything is read.
     ///
-    /// Errors: values that are not finite, naming the light; sizes beyond what a matrix can have; a budget that does not
+    /// # Errors
+    /// Values that are not finite, naming the light; sizes beyond what a matrix can have; a budget that does not
     /// hold one image as its decoder wants it, or in which the images could not be packed then; a disk without room;
     /// those of the readers in `image`.
     pub fn read(
@@ -165,7 +166,8 @@ fn reading_need(set: &LightSet) -> Need {
 
 /// What packing the images takes.
 ///
-/// Errors: the memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
+/// # Errors
+/// The memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
 fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions) -> Result<Need> {
     let mut names = set.lights.clone();
     if set.has_sum {

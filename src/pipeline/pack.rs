@@ -184,7 +184,8 @@ impl std::fmt::Display for Shortfall {
 /// Compresses `source`, the matrix of `job`, into a container at `path`. Continues where an interrupted run of the same
 /// job and settings stopped.
 ///
-/// Errors: those of reading, compressing and writing; [`Error::Interrupted`] when the watch says so, with every analysed
+/// # Errors
+/// Those of reading, compressing and writing; [`Error::Interrupted`] when the watch says so, with every analysed
 /// block kept and nothing under the final name.
 pub fn pack(
     source: &dyn BlockSource,

@@ -43,7 +43,8 @@ pub struct PreviewReport {
 /// Writes a small, noisy image of a scene under its own lighting (all lights at 1 where it gives none) to `path`: first
 /// with four samples per pixel, then once more with as many as a few seconds allow.
 ///
-/// Errors: those of the tracer, and of writing the image; [`Error::Interrupted`] when the watch says so.
+/// # Errors
+/// Those of the tracer, and of writing the image; [`Error::Interrupted`] when the watch says so.
 pub fn preview(loaded: &LoadedScene, path: &Path, watch: &dyn Watch) -> Result<PreviewReport> {
     let begun = Instant::now();
     let scene = reduced(&loaded.scene);

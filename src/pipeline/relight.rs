@@ -58,7 +58,8 @@ impl<'a> Relighter<'a> {
     /// Makes a container ready: reads its factors to where they will be used or, where a budget is given, leaves that
     /// to the relighting.
     ///
-    /// Errors: those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
+    /// # Errors
+    /// Those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
     /// decoded; [`Error::NoGpu`] if a GPU is demanded and there is none.
     pub fn open(container: &'a ContainerReader, options: RelightOptions, watch: &dyn Watch) -> Result<Self> {
         let mut need = need_of(container);
@@ -76,7 +77,10 @@ impl<'a> Relighter<'a> {
         Ok(Self { kind, threads: Threads::new(threads)? })
     }
 
-    /// The image under a lighting. Errors: those of the relighters.
+    /// The image under a lighting.
+    ///
+    /// # Errors
+    /// Those of the relighters.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
         self.threads.run(|| match &self.kind {
             Kind::Cpu(cpu) => cpu.relight(lighting),
@@ -211,7 +215,8 @@ pub fn relit_layers_need_bytes(layers: usize, shape: MatrixShape) -> u64 {
 
 /// Relights a container under each lighting. Also says, as text, what did it. Damage is noted to `watch`.
 ///
-/// Errors: as [`Relighter::open`] and [`Relighter::relight`].
+/// # Errors
+/// As [`Relighter::open`] and [`Relighter::relight`].
 pub fn relight(
     container: &ContainerReader,
     lightings: &[Lighting],
@@ -226,7 +231,8 @@ pub fn relight(
 
 /// The direct product with a stored matrix on the CPU, on as many threads as hold a block each within the memory given.
 ///
-/// Errors: those of reading the matrix; [`Error::Resources`] where not even one block fits.
+/// # Errors
+/// Those of reading the matrix; [`Error::Resources`] where not even one block fits.
 pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, options: RelightOptions) -> Result<LinearImage> {
     let shape = BlockSource::shape(matrix);
     // A block with its noise, as it is stored and as it is multiplied, and its sums.

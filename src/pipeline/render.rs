@@ -47,7 +47,8 @@ pub struct RenderReport {
 
 /// The job that rendering a scene makes.
 ///
-/// Errors: a shape that a matrix cannot have.
+/// # Errors
+/// A shape that a matrix cannot have.
 pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
     let (scene, settings) = (&loaded.scene, &loaded.settings);
     let columns = u32::try_from(scene.basis.column_count()).unwrap_or(u32::MAX);
@@ -69,7 +70,8 @@ pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
 
 /// Renders a scene into `path`. Continues where an interrupted run of the same job stopped.
 ///
-/// Errors: those of the tracer and the store; [`Error::Interrupted`] when the watch says so, with every finished block
+/// # Errors
+/// Those of the tracer and the store; [`Error::Interrupted`] when the watch says so, with every finished block
 /// kept.
 pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: &dyn Watch) -> Result<RenderReport> {
     let begun = Instant::now();

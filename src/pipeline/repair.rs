@@ -13,7 +13,8 @@ use crate::trace::Tracer;
 
 /// Renders the damaged and missing blocks of a finished matrix again, where it stands. Returns which ones.
 ///
-/// Errors: the matrix was made from another scene or with other settings; its header cannot be read; what tracing and
+/// # Errors
+/// The matrix was made from another scene or with other settings; its header cannot be read; what tracing and
 /// writing refuse; [`Error::Interrupted`]: then the file lacks the blocks that are still to be repaired, and the same
 /// command goes on.
 pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Vec<BlockId>> {

@@ -191,14 +191,20 @@ fn probed(traced: &TracedBlock, probes: &[f32]) -> Option<Vec<Vec<(f32, f32)>>> 
     Some(relit.collect())
 }
 
-/// Reads an error such as `2%` or `0.02`. Errors, as text: not a number.
+/// Reads an error such as `2%` or `0.02`.
+///
+/// # Errors
+/// As text: not a number.
 pub fn parse_error(text: &str) -> Result<f64, String> {
     let (number, scale) = text.strip_suffix('%').map_or((text, 1.0), |number| (number, 0.01));
     let value: f64 = number.trim().parse().map_err(|_| format!("'{text}' is not an error; write 2% or 0.02"))?;
     Ok(value * scale)
 }
 
-/// Reads a time such as `60s`, `5min`, `2h` or plain seconds. Errors, as text: not a time.
+/// Reads a time such as `60s`, `5min`, `2h` or plain seconds.
+///
+/// # Errors
+/// As text: not a time.
 pub fn parse_seconds(text: &str) -> Result<f64, String> {
     let split = text.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(text.len());
     let (number, unit) = text.split_at(split);

@@ -34,7 +34,8 @@ pub struct UnpackOptions {
 /// Multiplies blocks out into a stored matrix at `path`. Returns the number of blocks that it holds. Continues where an interrupted
 /// run over the same container stopped.
 ///
-/// Errors: those of the selection, of reading the container and of writing the store.
+/// # Errors
+/// Those of the selection, of reading the container and of writing the store.
 pub fn unpack_to_store(
     source: &ContainerReader,
     path: &Path,
@@ -88,7 +89,8 @@ pub fn unpack_to_store(
 /// module reads the layers, types and values that `.npy` has; Nuke by its documentation only. A path with `{light}` asks for a file of plain RGB for each light instead.
 /// Returns the files written.
 ///
-/// Errors: those of the selection, of reading the container and of writing the files.
+/// # Errors
+/// Those of the selection, of reading the container and of writing the files.
 pub fn unpack_to_exr(
     source: &ContainerReader,
     path: &Path,
@@ -167,7 +169,8 @@ fn unpack_to_files(
 
 /// Writes one image under all selected lights, as the scene lights them, as plain RGB to an OpenEXR file at `path`.
 ///
-/// Errors: those of the selection, of reading the container and of writing the file.
+/// # Errors
+/// Those of the selection, of reading the container and of writing the file.
 pub fn unpack_relit(source: &ContainerReader, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
@@ -179,7 +182,8 @@ pub fn unpack_relit(source: &ContainerReader, path: &Path, options: &UnpackOptio
 
 /// Writes an f32 array `[lights, height, width, 3]` of the lights' images, as the scene lights them, to `path`.
 ///
-/// Errors: those of the selection, of reading the container and of writing the file.
+/// # Errors
+/// Those of the selection, of reading the container and of writing the file.
 pub fn unpack_to_npy(source: &ContainerReader, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;

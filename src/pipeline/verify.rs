@@ -45,7 +45,8 @@ impl fmt::Display for Verified {
 
 /// Checks every byte of a stored matrix, block by block: the disk is slower than one thread.
 ///
-/// Errors: those of [`store::verify`]; [`Error::Resources`] where the memory is too small.
+/// # Errors
+/// Those of [`store::verify`]; [`Error::Resources`] where the memory is too small.
 pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Verified> {
     let begun = Instant::now();
     let memory = PeakMemory::start();
@@ -73,7 +74,8 @@ pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Resu
 
 /// Reads and decodes every byte of a container, blocks side by side on all threads that the memory allows.
 ///
-/// Errors: those of [`ContainerReader::open`]; [`Error::Resources`] where the memory is too small; [`Error::Interrupted`].
+/// # Errors
+/// Those of [`ContainerReader::open`]; [`Error::Resources`] where the memory is too small; [`Error::Interrupted`].
 pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Verified> {
     let begun = Instant::now();
     let memory = PeakMemory::start();

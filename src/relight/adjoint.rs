@@ -27,7 +27,8 @@ impl CpuRelighter {
     /// `Tᵀ x` for each channel: one value a column. Of a damaged block what stands is taken, as in relighting; a hole gives
     /// nothing.
     ///
-    /// Errors: an image of another size than the matrix, or with a value that is not finite.
+    /// # Errors
+    /// An image of another size than the matrix, or with a value that is not finite.
     pub fn adjoint(&self, image: &LinearImage) -> Result<Vec<[f64; CHANNELS]>> {
         let shape = self.shape();
         sum_blocks(shape, image, |id, planes, sums| {

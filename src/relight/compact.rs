@@ -207,7 +207,8 @@ fn wide(value: f32, inverse_scale: f64) -> Wide {
 impl CompactBlock {
     /// Takes the factors of block `id` into compact form.
     ///
-    /// Errors: parts that do not fit each other or the shape, and values that are not finite.
+    /// # Errors
+    /// Parts that do not fit each other or the shape, and values that are not finite.
     pub fn new(shape: MatrixShape, id: BlockId, block: &FactoredBlock) -> Result<Self> {
         let rect = shape.rect(id);
         let refuse = |problem: String| Err(Error::input(id.to_string(), problem, "pack the matrix again"));

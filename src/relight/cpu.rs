@@ -36,7 +36,8 @@ impl CpuRelighter {
     /// Reads all factors of `source`. A damaged block keeps the layers before the damage, or becomes a hole; each is
     /// reported by [`damage`](Self::damage).
     ///
-    /// Errors: what the source reports other than damage, and factors that do not fit the shape or are not finite.
+    /// # Errors
+    /// What the source reports other than damage, and factors that do not fit the shape or are not finite.
     pub fn load(source: &dyn FactorSource) -> Result<Self> {
         let shape = source.shape();
         let read: Vec<_> = (0..shape.block_count())
@@ -50,7 +51,11 @@ impl CpuRelighter {
     /// Reads some blocks again, with the layers that `source` gives by now: how a picture grows while its container
     /// streams in.
     ///
-    /// Errors: as [`load`](Self::load); the blocks stay as they were then. Panics if the source has another shape.
+    /// # Errors
+    /// As [`load`](Self::load); the blocks stay as they were then.
+    ///
+    /// # Panics
+    /// If the source has another shape.
     pub fn refine(&mut self, source: &dyn FactorSource, ids: &[BlockId]) -> Result<()> {
         let shape = self.shape;
         assert_eq!(source.shape(), shape);
@@ -91,7 +96,8 @@ impl CpuRelighter {
 
     /// The image under `lighting`.
     ///
-    /// Errors: a lighting with another number of columns than the matrix.
+    /// # Errors
+    /// A lighting with another number of columns than the matrix.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
         let mut image = LinearImage::black(self.shape.width(), self.shape.height());
         self.relight_into(lighting, &mut image)?;
@@ -100,7 +106,8 @@ impl CpuRelighter {
 
     /// As [`relight`](Self::relight), into an image of the same size, all of whose pixels are set.
     ///
-    /// Errors: a lighting with another number of columns than the matrix, or an image of another size.
+    /// # Errors
+    /// A lighting with another number of columns than the matrix, or an image of another size.
     pub fn relight_into(&self, lighting: &Lighting, image: &mut LinearImage) -> Result<()> {
         check_columns(self.shape, lighting)?;
         check_size(self.shape, image)?;
@@ -113,7 +120,8 @@ impl CpuRelighter {
 
     /// The image under `lighting`, kept so that [`change`](Self::change) can alter it.
     ///
-    /// Errors: a lighting with another number of columns than the matrix.
+    /// # Errors
+    /// A lighting with another number of columns than the matrix.
     pub fn relight_kept(&self, lighting: &Lighting) -> Result<Relit> {
         check_columns(self.shape, lighting)?;
         let planar = PlanarLighting::new(lighting);
@@ -132,7 +140,8 @@ impl CpuRelighter {
     /// Puts new weights on some columns of a kept image: costs those columns of `R` and one pass over `L`, not a pass
     /// over `R`. Blocks that the columns do not reach are not touched.
     ///
-    /// Errors: a column that the matrix does not have, a weight that is not finite, or an image that was not relit
+    /// # Errors
+    /// A column that the matrix does not have, a weight that is not finite, or an image that was not relit
     /// with a matrix of this shape; nothing is changed then.
     pub fn change(&self, relit: &mut Relit, changes: &[(ColumnIndex, [f32; CHANNELS])]) -> Result<()> {
         check_size(self.shape, &relit.image)?;
@@ -209,7 +218,11 @@ impl CompactBlock {
 /// Relights without keeping factors: each thread holds one block at a time. Returns the image and one line for each
 /// damaged block.
 ///
-/// Errors: as [`CpuRelighter::load`] and [`CpuRelighter::relight`].
+/// # Errors
+/// As [`CpuRelighter::load`] and [`CpuRelighter::relight`].
+///
+/// # Panics
+/// If another thread that relights has panicked.
 pub fn relight_streaming(source: &dyn FactorSource, lighting: &Lighting) -> Result<(LinearImage, Vec<String>)> {
     let shape = source.shape();
     check_columns(shape, lighting)?;

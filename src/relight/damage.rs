@@ -14,7 +14,8 @@ struct Readable {
 
 /// Reads all layers of a block or, where one is damaged, those before it.
 ///
-/// Errors: everything that is not damage of this block.
+/// # Errors
+/// Everything that is not damage of this block.
 fn read_what_stands(source: &dyn FactorSource, id: BlockId) -> Result<Readable> {
     let mut layers = source.layer_count(id);
     let mut damage = None;
@@ -35,7 +36,8 @@ fn read_what_stands(source: &dyn FactorSource, id: BlockId) -> Result<Readable> 
 
 /// What stands of a block, in compact form, and what was damaged of it, in words.
 ///
-/// Errors: as [`read_what_stands`], and factors that do not fit the shape or are not finite.
+/// # Errors
+/// As [`read_what_stands`], and factors that do not fit the shape or are not finite.
 pub(crate) fn read_compact(
     source: &dyn FactorSource,
     shape: MatrixShape,
@@ -48,7 +50,8 @@ pub(crate) fn read_compact(
 
 /// A whole block in compact form.
 ///
-/// Errors: those of reading, damage among them, and factors that do not fit the shape or are not finite.
+/// # Errors
+/// Those of reading, damage among them, and factors that do not fit the shape or are not finite.
 pub(crate) fn read_undamaged(source: &dyn FactorSource, shape: MatrixShape, id: BlockId) -> Result<CompactBlock> {
     CompactBlock::new(shape, id, &source.read_layers(id, 0..source.layer_count(id))?)
 }

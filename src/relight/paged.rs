@@ -107,7 +107,8 @@ impl<'a> PagedRelighter<'a> {
 
     /// The image under `lighting`: every block with all its layers.
     ///
-    /// Errors: a lighting with another number of columns than the matrix, what the source reports other than damage, and
+    /// # Errors
+    /// A lighting with another number of columns than the matrix, what the source reports other than damage, and
     /// factors that do not fit the shape or are not finite.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
         let mut image = LinearImage::black(self.shape.width(), self.shape.height());
@@ -120,7 +121,8 @@ impl<'a> PagedRelighter<'a> {
     /// [`Detail::Base`], blocks of which more is at hand show it, and of the others only base layers are read: a first
     /// picture, to be followed by one with [`Detail::Whole`].
     ///
-    /// Errors: as [`relight`](Self::relight), and an image of another size than the matrix.
+    /// # Errors
+    /// As [`relight`](Self::relight), and an image of another size than the matrix.
     pub fn relight_view(
         &self,
         lighting: &Lighting,
@@ -153,7 +155,8 @@ impl<'a> PagedRelighter<'a> {
     /// Decodes what the view lacks and then what lies nearby, base layers before the rest, until the budget is full;
     /// then reads of what is left the chunks for which there is room. Evicts nothing that is in view.
     ///
-    /// Errors: as [`relight`](Self::relight).
+    /// # Errors
+    /// As [`relight`](Self::relight).
     pub fn prefetch(&self, view: &[BlockId], nearby: &[BlockId]) -> Result<()> {
         // What lies nearby must not drive out what else lies there, but gives way to what will be seen.
         self.set_view(&[view, nearby].concat());

@@ -16,7 +16,8 @@ impl CpuRelighter {
     /// The pixels of `region` under each lighting, one image after the other, each row by row. The bits are those of
     /// [`relight`](Self::relight). A block of which nothing could be read stays as it is in `pixels`.
     ///
-    /// Errors: a lighting with another number of columns than the matrix; a region that is empty or not inside the image;
+    /// # Errors
+    /// A lighting with another number of columns than the matrix; a region that is empty or not inside the image;
     /// another number of pixels than lightings × region.
     pub fn relight_region(
         &self,

@@ -32,11 +32,17 @@ impl Default for BuiltIn {
 
 /// The room that is shown when no scene is asked for: a ceiling light of 32 × 32 texels in view, a mirror ball and a
 /// glass ball, 256 × 192 pixels.
+///
+/// # Panics
+/// Never: the scene is valid.
 pub fn built_in() -> LoadedScene {
     built_in_named("mixed").expect("the built-in scene of default size is valid")
 }
 
-/// A built-in scene of default size. Errors: a name that is not in [`BUILT_IN_NAMES`].
+/// A built-in scene of default size.
+///
+/// # Errors
+/// A name that is not in [`BUILT_IN_NAMES`].
 pub fn built_in_named(name: &str) -> Result<LoadedScene> {
     BuiltIn::default().named(name)
 }
@@ -50,7 +56,8 @@ impl BuiltIn {
     /// - `caustics`: two glass balls, the light out of view;
     /// - `environment`: balls and a box on a floor under an environment.
     ///
-    /// Errors: an unknown name, an image or light of size 0, more columns than a matrix can have.
+    /// # Errors
+    /// An unknown name, an image or light of size 0, more columns than a matrix can have.
     pub fn named(self, name: &str) -> Result<LoadedScene> {
         let mut assembly = Assembly::default();
         let white = assembly.material("white", lambert(0.73, 0.73, 0.73));

@@ -46,7 +46,8 @@ pub struct Camera {
 impl Camera {
     /// A camera at `eye` that looks along `direction`, with `up` as near to the top of the image as that allows.
     ///
-    /// Errors: values that are not finite, a direction of no length or along `up`, a field of view outside (0, π), an
+    /// # Errors
+    /// Values that are not finite, a direction of no length or along `up`, a field of view outside (0, π), an
     /// image without pixels.
     pub fn looking(
         eye: Vec3,

@@ -53,6 +53,7 @@ impl LoadedScene {
     }
 
     /// The same scene in an image of so many pixels.
+    #[must_use]
     pub fn sized(mut self, width: u32, height: u32) -> Self {
         (self.scene.camera.width, self.scene.camera.height) = (width, height);
         self.content = content_hash(&self.scene, self.settings.max_depth);

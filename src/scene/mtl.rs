@@ -30,7 +30,8 @@ pub(super) struct MtlMaterial {
 
 /// Reads the text of an MTL file. Statements that say nothing about light transport here are skipped.
 ///
-/// Errors: a number that is none, with its line; a property before the first `newmtl`.
+/// # Errors
+/// A number that is none, with its line; a property before the first `newmtl`.
 pub(super) fn parse(path: &Path, text: &str) -> Result<Vec<MtlMaterial>> {
     let mut materials: Vec<MtlMaterial> = Vec::new();
     for (number, line) in text.lines().enumerate() {

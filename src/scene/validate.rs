@@ -16,9 +16,11 @@ const LARGE_BYTES: u128 = 1 << 40;
 
 /// Checks that a scene can be traced: something to see, something that emits, indices and numbers in order.
 ///
-/// Returns warnings, one line each, for what can be traced but is hardly meant. Errors: no triangles or no light, an
-/// index out of range, a position that is not finite, a light without area, a camera that sees nothing or stands in a
-/// wall.
+/// Returns warnings, one line each, for what can be traced but is hardly meant.
+///
+/// # Errors
+/// No triangles or no light, an index out of range, a position that is not finite, a light without area, a camera that
+/// sees nothing or stands in a wall.
 pub fn validate(scene: &Scene) -> Result<Vec<String>> {
     let mut warnings = Vec::new();
     check_mesh(scene)?;

@@ -38,13 +38,17 @@ pub struct Requirements {
 }
 
 /// What storing `job` will need, known before anything is begun.
+///
+/// # Panics
+/// Never: all blocks are a range of them.
 pub fn requirements(job: &Job, options: &StoreOptions) -> Requirements {
     requirements_of(job, options, 0..job.shape.block_count()).expect("all blocks are a range of them")
 }
 
 /// What storing a range of blocks will need.
 ///
-/// Errors: there are no such blocks.
+/// # Errors
+/// There are no such blocks.
 pub fn requirements_of(job: &Job, options: &StoreOptions, blocks: Range<u32>) -> Result<Requirements> {
     let layout = Layout::new(job, options, encode_job(job).len() as u64);
     let job_bytes = layout.job_bytes;

@@ -28,13 +28,14 @@
 //! included), and a full disk is then an error, not the death of the process by SIGBUS; besides, space is reserved up
 //! front.
 //!
-//! Reading borrows from a map wherever a view will do: [`visit_block`](crate::matrix::BlockSource::visit_block) lends a
-//! block that stores every column in f32 without a copy (packing), and
-//! [`visit_columns`](crate::matrix::BlockSource::visit_columns) any column in f32, others decoded one by one (raw
-//! relighting, slices). Whoever wants a block in memory of its own gets it by `pread`, which is faster than copying from
-//! a map. Measured in one run on two busy cores, time of the map in that of positioned reading (`cargo bench --bench store`):
-//! raw relighting warm 0.52 to 0.58 in f32, 0.42 to 0.45 in f16, 0.33 to 0.35 in bf16, cold 0.60 to 0.96; a whole block and one
-//! pass over it 0.73 warm and 1.02 cold in f32; other precisions copy, as before.
+//! Reading borrows from a map wherever a view will do: [`visit_columns`](crate::matrix::BlockSource::visit_columns) lends
+//! any column in f32 without a copy, others decoded one by one (raw relighting, slices), and
+//! [`visit_block`](crate::matrix::BlockSource::visit_block) a block that stores every column in f32 (what chooses rows and
+//! columns for the whole matrix). Packing takes what stands alone out of each block where it lies, so it reads blocks into
+//! memory of its own by `pread`, which is faster than copying from a map. Measured in one run on two busy cores, time of
+//! the map in that of positioned reading (`cargo bench --bench store`): raw relighting warm 0.52 to 0.58 in f32, 0.42 to 0.45
+//! in f16, 0.33 to 0.35 in bf16, cold 0.60 to 0.96; a whole block and one pass over it 0.73 warm and 1.02 cold in f32; other
+//! precisions copy, as before. Of a pack's time reading is a few hundredths.
 //!
 //! * Checksums are checked as columns are touched, those of a block that is lent as a whole once for each opening.
 //! * The system is told what will be read ([`Access`]): whole blocks, of which it reads ahead, or single columns.

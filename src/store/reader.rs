@@ -92,6 +92,9 @@ fn open_file(path: &Path) -> Result<File> {
 
 impl<S: Storage> StoreReader<S> {
     /// Reads from any storage; `path` is for messages.
+    ///
+    /// # Errors
+    /// The storage cannot be read, holds no stored matrix, or a damaged header.
     pub fn over(storage: S, path: &Path) -> Result<Self> {
         let header = Header::read(&storage, path)?;
         let (length, needed) =
@@ -143,7 +146,8 @@ impl<S: Storage> StoreReader<S> {
     /// Counts the committed blocks and their bytes, by their commit records alone: a record that is damaged counts as
     /// such, and the others all the same.
     ///
-    /// Errors: the system refuses to read.
+    /// # Errors
+    /// The system refuses to read.
     pub fn tally(&self) -> Result<Tally> {
         let mut tally = Tally::default();
         for id in self.shape().blocks() {
@@ -232,6 +236,9 @@ impl<S: Storage> StoreReader<S> {
 
     /// Reads what the samples of a block are into `target`, whose allocations are reused, without its entries. None
     /// where the file does not tell.
+    ///
+    /// # Errors
+    /// The block is missing or damaged, or cannot be read.
     pub fn read_planes(&self, id: BlockId, target: Option<BlockPlanes>) -> Result<Option<BlockPlanes>> {
         self.decode_planes(id, &self.committed_record(id)?, target)
     }

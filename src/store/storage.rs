@@ -12,28 +12,52 @@ use super::Access;
 /// What the store asks of a file. Tests put storages in between that fail, tear, freeze and count.
 pub trait Storage: Send + Sync {
     /// Bytes of the file.
+    ///
+    /// # Errors
+    /// Those of the system.
     fn length(&self) -> io::Result<u64>;
 
     /// Sets the length; what is added reads as zero.
+    ///
+    /// # Errors
+    /// Those of the system.
     fn set_length(&self, length: u64) -> io::Result<()>;
 
     /// Reads some bytes from `offset`, at least one unless the file ends there; may be fewer than asked for.
+    ///
+    /// # Errors
+    /// Those of the system.
     fn read_at(&self, offset: u64, bytes: &mut [u8]) -> io::Result<usize>;
 
     /// Writes some bytes at `offset`; may be fewer than given.
+    ///
+    /// # Errors
+    /// Those of the system.
     fn write_at(&self, offset: u64, bytes: &[u8]) -> io::Result<usize>;
 
     /// Returns when everything written so far would survive a loss of power.
+    ///
+    /// # Errors
+    /// Those of the system.
     fn sync(&self) -> io::Result<()>;
 
     /// Reserves disk space for a range, so that writing it cannot fail for want of it; what is there stays. Where the
     /// file system cannot do that, does nothing: a write then fails with an error when the disk is full.
+    ///
+    /// # Errors
+    /// Those of the system.
     fn reserve(&self, offset: u64, length: u64) -> io::Result<()>;
 
     /// Makes a range read as zero, giving its space back where the file system can.
+    ///
+    /// # Errors
+    /// Those of the system.
     fn clear(&self, offset: u64, length: u64) -> io::Result<()>;
 
     /// Start of the next range at or after `offset` that is not known to be a hole; `None` if only holes follow.
+    ///
+    /// # Errors
+    /// Those of the system.
     fn next_data(&self, offset: u64) -> io::Result<Option<u64>> {
         Ok((offset < self.length()?).then_some(offset))
     }

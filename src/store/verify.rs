@@ -79,6 +79,9 @@ pub fn mend(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<(Stor
 }
 
 /// As [`verify`], over any storage.
+///
+/// # Errors
+/// As [`verify`].
 pub fn verify_storage<S: Storage>(
     reader: &StoreReader<S>,
     mut progress: impl FnMut(u32, u64) -> bool,

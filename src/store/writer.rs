@@ -77,7 +77,8 @@ const DONE: u8 = 2;
 impl StoreWriter<FileStorage> {
     /// Begins the file `path` under its partial name.
     ///
-    /// Errors: the file or a partial one is there and may not be overwritten, another process is writing it, the disk
+    /// # Errors
+    /// The file or a partial one is there and may not be overwritten, another process is writing it, the disk
     /// has no room, the folder cannot be written.
     pub fn create(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
         let partial = partial_path(path);
@@ -110,6 +111,9 @@ impl StoreWriter<FileStorage> {
     /// Continues the partial file of `path`, which must be of the same job and precision.
     ///
     /// Blocks whose commit record is damaged count as not committed and are to be written again.
+    ///
+    /// # Errors
+    /// There is no partial file, another program holds it, or it is of another job or precision; those of the system.
     pub fn resume(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
         let partial = partial_path(path);
         check_output(path, options.overwrite)?;
@@ -133,6 +137,9 @@ impl StoreWriter<FileStorage> {
 
     /// Continues the partial file of `path` if there is one, else begins it: what a command does that may be run again
     /// after it was stopped. With `overwrite` it begins anew.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create) and [`resume`](Self::resume).
     pub fn create_or_resume(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
         if partial_path(path).exists() && !options.overwrite {
             Self::resume(path, job, options)
@@ -143,6 +150,9 @@ impl StoreWriter<FileStorage> {
 
     /// Opens the finished file `path` where it stands, to fill in blocks that it lacks or to mend damaged ones (see
     /// [`discard`](Self::discard)). It is a valid file at every instant.
+    ///
+    /// # Errors
+    /// There is no such file, another program holds it, or it is of another job or precision; those of the system.
     pub fn reopen(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
         let storage = FileStorage::new(open_locked(path, false)?);
         let place =
@@ -196,11 +206,17 @@ fn refuse_foreign(storage: &FileStorage, path: &Path, job: &Job, options: StoreO
 
 impl<S: Storage> StoreWriter<S> {
     /// Begins a file over an empty storage.
+    ///
+    /// # Errors
+    /// The storage is not empty; those of the storage.
     pub fn create_over(storage: S, job: &Job, options: StoreOptions) -> Result<Self> {
         Self::begin_over(storage, Place::unnamed(), job, options)
     }
 
     /// Continues a file over a storage that holds one.
+    ///
+    /// # Errors
+    /// The storage holds another job or precision; those of the storage.
     pub fn resume_over(storage: S, job: &Job, options: StoreOptions) -> Result<Self> {
         Self::continue_over(storage, Place::unnamed(), job, options)
     }
@@ -283,7 +299,8 @@ impl<S: Storage> StoreWriter<S> {
     /// Reserves disk space for a range of blocks: what a writer does that was opened without
     /// [`reserve`](StoreOptions::reserve), or over a file that gave back what it did not use.
     ///
-    /// Errors: the disk has no room for them, or there are no such blocks.
+    /// # Errors
+    /// The disk has no room for them, or there are no such blocks.
     pub fn reserve(&self, blocks: Range<u32>) -> Result<()> {
         let bytes = self.layout.slots_of(blocks)?;
         self.storage
@@ -312,6 +329,9 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Forgets a committed block, durably, so that it can be written again: the first step of mending it.
+    ///
+    /// # Errors
+    /// The system refuses to write.
     pub fn discard(&self, id: BlockId) -> Result<()> {
         self.clear_record(id)?;
         self.states[id.index()].store(EMPTY, Ordering::Release);
@@ -389,6 +409,9 @@ impl<S: Storage> StoreWriter<S> {
 
     /// Ends the writing: gives back the space of blocks that were not committed, makes all durable, and gives the file
     /// its name.
+    ///
+    /// # Errors
+    /// The system refuses to write or to rename; the partial file is kept.
     pub fn finish(mut self) -> Result<StoreSummary> {
         let failed = |action: &str| Error::io(&self.place.grows, action.to_owned());
         let blocks = self.layout.shape.block_count();

@@ -59,7 +59,8 @@ impl Tracer {
 
     /// Prepares a scene for tracing: builds its tree, which takes about a second for each million triangles and core.
     ///
-    /// Errors: a shape that is not the camera's and the basis's, settings out of range, a scene whose parts do not fit
+    /// # Errors
+    /// A shape that is not the camera's and the basis's, settings out of range, a scene whose parts do not fit
     /// each other, lights of no area.
     pub fn new(scene: impl Into<Arc<Scene>>, shape: MatrixShape, settings: TraceSettings) -> Result<Self> {
         let scene: Arc<Scene> = scene.into();
@@ -87,7 +88,10 @@ impl Tracer {
         sums + NoiseSums::needs_bytes(rows, columns) + planes
     }
 
-    /// The same scene with other settings. Errors: settings out of range.
+    /// The same scene with other settings.
+    ///
+    /// # Errors
+    /// Settings out of range.
     pub fn with_settings(self, settings: TraceSettings) -> Result<Self> {
         check(settings)?;
         Ok(Self { settings, ..self })

@@ -60,7 +60,8 @@ pub(in crate::compress) fn needs_bytes(shape: MatrixShape, settings: &CompressSe
 /// Chooses rows and columns of the whole matrix; on the current thread pool, the same for any number of threads. A
 /// matrix of one block gives what [`Compressor`](crate::compress::Compressor) chooses for that block.
 ///
-/// Errors: those of reading; a method without a global form.
+/// # Errors
+/// Those of reading; a method without a global form.
 pub(in crate::compress) fn choose(source: &dyn BlockSource, settings: &CompressSettings) -> Result<GlobalCur> {
     check(settings)?;
     let matrix = Matrix::new(source);

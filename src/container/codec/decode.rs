@@ -45,10 +45,11 @@ pub fn correcting_components(bytes: &[u8]) -> usize {
 
 /// Decodes a layer, so that it adds to the base layer. `base` is the base layer where this is not it.
 ///
-/// With `L + ΔL` and `R + ΔR` for the base layer's `L R`, the layer is `ΔL (R + ΔR) + L ΔR`: its first components are the
-/// first product, its last ones the second.
+/// With `L + ΔL` and `R + ΔR` for the base layer's `L R`, the layer is `ΔL (R + ΔR) + L ΔR`: its first components are
+/// the first product, its last ones the second.
 ///
-/// Errors, as plain text for the caller to place: anything that cannot be a layer of this layout.
+/// # Errors
+/// As text for the caller to place: anything that cannot be a layer of this layout.
 pub fn decode_layer(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> Result<FactoredBlock, String> {
     pulp::Arch::new().dispatch(Decoding { layout, bytes, base })
 }

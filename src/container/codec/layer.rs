@@ -38,7 +38,8 @@ pub struct LayerPart {
 
 /// Encodes all components and sparse entries of `block` as one layer.
 ///
-/// Errors, as plain text for the caller to place: a value that is not finite, more shared components than there are.
+/// # Errors
+/// As text for the caller to place: a value that is not finite, more shared components than there are.
 pub fn encode_layer(
     layout: &BlockLayout,
     block: &FactoredBlock,

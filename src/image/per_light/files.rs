@@ -114,7 +114,8 @@ fn refuse(path: &Path, problem: String) -> Error {
 
 /// Reads a portable float map (`PF` or `Pf`), whose rows run from the bottom up.
 ///
-/// Errors: a file that cannot be read, is no such map, or is shorter than its header says.
+/// # Errors
+/// A file that cannot be read, is no such map, or is shorter than its header says.
 fn read_pfm(path: &Path) -> Result<LinearImage> {
     let (mut file, header) = open_pfm(path)?;
     let mut image = LinearImage::black(header.width as u32, header.height as u32);

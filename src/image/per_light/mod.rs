@@ -168,8 +168,10 @@ impl LightSet {
         reading + 2 * names as u64
     }
 
-    /// Hands over every value, in the order of the files. Errors: a file that cannot be read or has changed; those of
-    /// `take`.
+    /// Hands over every value, in the order of the files.
+    ///
+    /// # Errors
+    /// A file that cannot be read or has changed; those of `take`.
     pub fn read(&self, take: &mut TakeRow<'_>) -> Result<()> {
         match &self.source {
             Source::Files { paths, .. } => files::read(paths, (self.width, self.height), take),

@@ -64,7 +64,8 @@ impl<'a, 's> Gather<'a, 's> {
 
     /// The next bank; none when all have come.
     ///
-    /// Errors: what the source reports other than damage, and a block one component of which does not fit.
+    /// # Errors
+    /// What the source reports other than damage, and a block one component of which does not fit.
     pub(super) fn next(&mut self) -> Result<Option<Gathered>> {
         if let Some((id, detail, piece)) = self.pieces.pop_front() {
             return Ok(Some(Self::piece(id, detail, &piece)));

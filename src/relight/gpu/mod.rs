@@ -64,7 +64,8 @@ impl GpuRelighter {
     /// Uploads all factors of `source`. A damaged block keeps the layers before the damage, or becomes a hole; see
     /// [`damage`](Self::damage).
     ///
-    /// Errors: [`Error::NoGpu`] without a loader, an adapter or enough memory; what the source reports other than
+    /// # Errors
+    /// [`Error::NoGpu`] without a loader, an adapter or enough memory; what the source reports other than
     /// damage; a block or a lighting that is too large for one binding.
     pub fn new(source: &dyn FactorSource) -> Result<Self> {
         Self::with_settings(source, GpuSettings::default())
@@ -72,7 +73,8 @@ impl GpuRelighter {
 
     /// As [`new`](Self::new), with settings.
     ///
-    /// Errors: as [`new`](Self::new).
+    /// # Errors
+    /// As [`new`](Self::new).
     pub fn with_settings(source: &dyn FactorSource, settings: GpuSettings) -> Result<Self> {
         Self::on(Gpu::open(settings.subgroups)?, source, settings)
     }
@@ -80,7 +82,8 @@ impl GpuRelighter {
     /// As [`with_settings`](Self::with_settings), on a device that is open already. What the device reports outside
     /// calls of this type goes to the handler that its owner has set.
     ///
-    /// Errors: as [`new`](Self::new).
+    /// # Errors
+    /// As [`new`](Self::new).
     pub fn on_device(
         device: wgpu::Device,
         queue: wgpu::Queue,
@@ -173,7 +176,8 @@ impl GpuRelighter {
 
     /// The image under `lighting`.
     ///
-    /// Errors: a lighting with another number of columns than the matrix, and [`Error::NoGpu`] where the device fails.
+    /// # Errors
+    /// A lighting with another number of columns than the matrix, and [`Error::NoGpu`] where the device fails.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
         check_columns(self.shape, lighting)?;
         let _turn = self.turn();
@@ -184,7 +188,8 @@ impl GpuRelighter {
 
     /// The image under the lighting of the newest call, read back once more; black before the first.
     ///
-    /// Errors: [`Error::NoGpu`] where the device fails.
+    /// # Errors
+    /// [`Error::NoGpu`] where the device fails.
     pub fn radiance(&self) -> Result<LinearImage> {
         let _turn = self.turn();
         let encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -211,7 +216,8 @@ impl GpuRelighter {
 
     /// Relights and waits, leaving the image in GPU memory: what a display would cost.
     ///
-    /// Errors: as [`relight`](Self::relight).
+    /// # Errors
+    /// As [`relight`](Self::relight).
     pub fn relight_resident(&self, lighting: &Lighting) -> Result<()> {
         check_columns(self.shape, lighting)?;
         let _turn = self.turn();

@@ -76,7 +76,8 @@ struct Canvas {
 impl<'a> PagedGpuRelighter<'a> {
     /// A relighter that takes at most `budget_bytes` of GPU memory. Uploads nothing yet.
     ///
-    /// Errors: [`Error::NoGpu`] without a loader or an adapter; a lighting that does not fit.
+    /// # Errors
+    /// [`Error::NoGpu`] without a loader or an adapter; a lighting that does not fit.
     pub fn new(host: PagedRelighter<'a>, budget_bytes: u64, settings: GpuSettings) -> Result<Self> {
         Self::on(Gpu::open(settings.subgroups)?, host, budget_bytes, settings)
     }
@@ -84,7 +85,8 @@ impl<'a> PagedGpuRelighter<'a> {
     /// As [`new`](Self::new), on a device that is open already. What the device reports outside calls of this type goes
     /// to the handler that its owner has set.
     ///
-    /// Errors: as [`new`](Self::new).
+    /// # Errors
+    /// As [`new`](Self::new).
     pub fn on_device(
         device: wgpu::Device,
         queue: wgpu::Queue,
@@ -118,7 +120,8 @@ impl<'a> PagedGpuRelighter<'a> {
 
     /// The image under `lighting`: every block with all its layers.
     ///
-    /// Errors: as [`relight_view`](Self::relight_view).
+    /// # Errors
+    /// As [`relight_view`](Self::relight_view).
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
         let shape = self.host.shape();
         let mut image = LinearImage::black(shape.width(), shape.height());
@@ -131,7 +134,8 @@ impl<'a> PagedGpuRelighter<'a> {
     /// in memory as far as the budgets go. `detail` as in [`PagedRelighter::relight_view`]. One call at a time runs;
     /// others wait.
     ///
-    /// Errors: a lighting with another number of columns than the matrix, an image of another size; what the source
+    /// # Errors
+    /// A lighting with another number of columns than the matrix, an image of another size; what the source
     /// reports other than damage; a block one component of which does not fit the budget or one binding;
     /// [`Error::NoGpu`] where the device fails.
     pub fn relight_view(
@@ -195,7 +199,8 @@ impl<'a> PagedGpuRelighter<'a> {
     /// Uploads what the view lacks and then what lies nearby, base layers before the rest, until the budget is full.
     /// Evicts nothing that is in view.
     ///
-    /// Errors: as [`relight_view`](Self::relight_view).
+    /// # Errors
+    /// As [`relight_view`](Self::relight_view).
     pub fn prefetch(&self, view: &[BlockId], nearby: &[BlockId]) -> Result<()> {
         let mut state = self.lock();
         let seen = view.iter().copied().collect();

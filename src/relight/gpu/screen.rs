@@ -63,7 +63,8 @@ pub struct GpuScreen {
 impl GpuScreen {
     /// Gives a relighter a screen of the picture's size, black but for the stripes of holes.
     ///
-    /// Errors: a picture that is larger than a texture may be; [`Error::NoGpu`] where the device fails.
+    /// # Errors
+    /// A picture that is larger than a texture may be; [`Error::NoGpu`] where the device fails.
     pub fn new(relighter: GpuRelighter) -> Result<Self> {
         let (gpu, shape) = (&relighter.gpu, relighter.shape);
         let (width, height) = (shape.width(), shape.height());
@@ -127,7 +128,8 @@ impl GpuScreen {
     /// Shows the picture under `lighting`, or, without one, that of the newest call in another way. It stands in the
     /// texture when this returns.
     ///
-    /// Errors: as [`GpuRelighter::relight`].
+    /// # Errors
+    /// As [`GpuRelighter::relight`].
     pub fn show(&self, lighting: Option<&Lighting>, shown_as: ShownAs) -> Result<()> {
         let GpuRelighter { gpu, shape, shared, banks, .. } = &self.relighter;
         if let Some(lighting) = lighting {

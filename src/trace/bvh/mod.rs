@@ -112,6 +112,7 @@ impl Bvh {
     }
 
     /// The same tree walked in another way; a way that the processor lacks falls back to the scalar one.
+    #[must_use]
     pub fn with_walk(self, walk: Walk) -> Self {
         Self { walk: if walk == Walk::detect() { walk } else { Walk::Scalar }, ..self }
     }

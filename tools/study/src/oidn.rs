@@ -59,10 +59,10 @@ fn python() -> OsString {
     std::env::var_os("LTM_OIDN").unwrap_or_else(|| "python3".into())
 }
 
-/// Cleans each image, and says how many seconds that took alone; `folder` takes what is exchanged.
+/// Cleans each image; `folder` takes what is exchanged.
 ///
 /// Errors: files that cannot be written; a script that fails, with its last line.
-pub(super) fn denoise(images: &[LinearImage], surfaces: &Surfaces, folder: &Path) -> Result<(Vec<LinearImage>, f64)> {
+pub(super) fn denoise(images: &[LinearImage], surfaces: &Surfaces, folder: &Path) -> Result<Vec<LinearImage>> {
     fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
     let (width, height) = (surfaces.albedo.width, surfaces.albedo.height);
     let described = json!({ "width": width, "height": height, "images": images.len() });
@@ -75,15 +75,11 @@ pub(super) fn denoise(images: &[LinearImage], surfaces: &Surfaces, folder: &Path
     }
     let output = Command::new(python()).args(["-c", SCRIPT]).arg(folder).output();
     let output = output.map_err(Error::io(folder, "start Python for"))?;
-    let failed = |text: &[u8]| {
-        let text = String::from_utf8_lossy(text);
-        let last = text.lines().last().unwrap_or("no message").to_owned();
-        Error::input("pyoidn", format!("failed ({last})"), "try it by hand")
-    };
     if !output.status.success() {
-        return Err(failed(&output.stderr));
+        let text = String::from_utf8_lossy(&output.stderr);
+        let last = text.lines().last().unwrap_or("no message").to_owned();
+        return Err(Error::input("pyoidn", format!("failed ({last})"), "try it by hand"));
     }
-    let seconds = String::from_utf8_lossy(&output.stdout).trim().parse().map_err(|_| failed(&output.stdout))?;
     let read = |which: usize| read_f32(&folder.join(format!("clean-{which}.f32")), width, height);
-    Ok(((0..images.len()).map(read).collect::<Result<_>>()?, seconds))
+    (0..images.len()).map(read).collect()
 }

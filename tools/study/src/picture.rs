@@ -7,15 +7,15 @@ use super::bench::{Bench, CONFERENCE_LAMPS, GLOSSY, SHIRLEY, WATER, Wanted};
 use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::mosaic::Picture;
 use super::oidn::{self, Surfaces};
-use super::rivals::packed;
+use super::rivals::{Packed, packed};
 use super::seen::Seen;
-use super::table::Table;
-use ltm::compress::CompressSettings;
+use super::table::{Cell, Table};
 use ltm::error::Result;
 use ltm::image::LinearImage;
 use ltm::matrix::BlockSource;
 use ltm::pipeline::PackOptions;
 use ltm::relight::relight_raw;
+use ltm::store::StoreReader;
 
 struct Plan {
     scenes: &'static [PlannedScene],
@@ -53,7 +53,7 @@ const FULL: Plan = Plan {
 /// The lighting whose images are shown: a narrow one, where noise is worst.
 const SHOWN: &str = "narrow spot";
 
-const NOTE: &str = "Images against those of a matrix of another seed (samples in the note above each table's rows), mean \
+const NOTE: &str = "Images against those of a matrix of another seed (samples: see below), mean \
 over the lightings; worst where it says so. ꟻLIP: 67 pixels a degree, exposed to the reference's 95th luminance percentile, \
 extended Reinhard (white at 4, times 1.6), sRGB. clip: PSNR after the same exposure, clipped. Seams: the error's mean jump across \
 block edges over that inside, after a median of three along the edge. Glow: pixels where the raw matrix is exactly black and \
@@ -64,9 +64,47 @@ Open Image Denoise on each raw relit image, high quality, with the reference's o
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
     let with_denoiser = oidn::is_there();
+    let mut table = table(bench, plan, with_denoiser);
+    let scenes: Vec<_> = plan.scenes.iter().filter(|scene| bench.has(scene.name)).collect();
+    let mut report = StudyReport::default();
+    let mut pictures = Vec::new();
+    bench.watch.begin("picture", (scenes.len() * plan.samples.len()) as u64, "matrices");
+    for scene in scenes {
+        let wanted = Wanted {
+            scene: scene.name,
+            size: scene.size,
+            texels: scene.texels,
+            samples: plan.converged,
+            seed: 1,
+            block_side: 32,
+        };
+        let reference = bench.matrix(wanted)?;
+        let judged = Judged::of(&reference)?;
+        let surfaces = Surfaces::of(&reference)?.filter(|_| with_denoiser);
+        let mut rows = Vec::new();
+        for &samples in plan.samples {
+            let matrix = bench.matrix(Wanted { samples, seed: 0, ..wanted })?;
+            let rivals = rivals(bench, &matrix, &judged, surfaces.as_ref())?;
+            for rival in &rivals {
+                table.push(row(scene, &matrix, rival, &judged, &rivals));
+            }
+            rows.push(shown(scene, samples, &rivals, &judged));
+            bench.watch.advance(1, matrix.shape().raw_bytes(), "B");
+        }
+        pictures.push((format!("picture-{}", scene.name), rows));
+    }
+    bench.watch.end();
+    report.add_table(&bench.out, "picture", &table)?;
+    for (stem, rows) in &pictures {
+        report.add_pictures(&bench.out, stem, rows, 1)?;
+    }
+    Ok(report)
+}
+
+fn table(bench: &Bench<'_>, plan: &Plan, with_denoiser: bool) -> Table {
     let absent = if with_denoiser { "" } else { "The denoiser was not measured: no Python with `pyoidn` was found." };
     let converged = format!("References: {} samples.", plan.converged);
-    let mut table = Table::new(
+    Table::new(
         "The picture, beside a denoiser on each image",
         bench.notes(&[NOTE, &converged, LIGHTINGS_NOTE, absent]),
         &[
@@ -88,92 +126,76 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
             ("glow_permille", 2),
             ("negative_permille", 2),
         ],
-    );
-    let scenes: Vec<_> = plan.scenes.iter().filter(|scene| bench.has(scene.name)).collect();
-    let mut rows = Vec::new();
-    bench.watch.begin("picture", (scenes.len() * plan.samples.len()) as u64, "matrices");
-    for scene in scenes {
-        let wanted = Wanted {
-            scene: scene.name,
-            size: scene.size,
-            texels: scene.texels,
-            samples: plan.converged,
-            seed: 1,
-            block_side: 32,
-        };
-        let reference = bench.matrix(wanted)?;
-        let Judged { names, lightings, references } = Judged::of(&reference)?;
-        let shown = names.iter().position(|name| *name == SHOWN).unwrap_or(0);
-        let surfaces = Surfaces::of(&reference)?.filter(|_| with_denoiser);
-        for &samples in plan.samples {
-            let matrix = bench.matrix(Wanted { samples, seed: 0, ..wanted })?;
-            let shape = matrix.shape();
-            let raw = relight_raw(&matrix, &lightings)?;
-            let as_is = PackOptions { compress: CompressSettings::default(), ..PackOptions::default() };
-            let cleaned = packed(bench, &matrix, PackOptions { denoise: true, ..as_is.clone() }, &lightings)?;
-            let plain = packed(bench, &matrix, as_is, &lightings)?;
-            let mut results = vec![
-                ("ours", cleaned.rank, Some(cleaned.bytes), cleaned.images),
-                ("ours, without cleaning", plain.rank, Some(plain.bytes), plain.images),
-            ];
-            if let Some(surfaces) = &surfaces {
-                let (images, _) = oidn::denoise(&raw, surfaces, &bench.cached("oidn"))?;
-                results.push(("denoiser on each image", None, None, images));
-            }
-            results.push(("raw matrix", None, Some(shape.raw_bytes()), raw));
-            let raw = results.last().map(|last| last.3.clone()).unwrap_or_default();
-            let mut pictures = Vec::new();
-            for (method, rank, bytes, images) in results {
-                let seen = seen(&images, &references, &raw, shape.block_side());
-                let mean = |part: fn(&Seen) -> f64| seen.iter().map(part).sum::<f64>() / seen.len() as f64;
-                let worst = |part: fn(&Seen) -> f64| seen.iter().map(part).fold(f64::NEG_INFINITY, f64::max);
-                table.push(vec![
-                    scene.name.into(),
-                    if scene.tuned_on { "yes" } else { "no" }.into(),
-                    samples.into(),
-                    method.into(),
-                    shape.rows().into(),
-                    shape.columns().into(),
-                    rank.into(),
-                    bytes.map(|bytes| bytes as f64).into(),
-                    mean(|s| s.flip).into(),
-                    worst(|s| s.flip).into(),
-                    mean(|s| s.psnr_clipped).into(),
-                    (-worst(|s| -s.psnr_clipped)).into(),
-                    mean(|s| s.psnr_linear).into(),
-                    mean(|s| s.relative_l2).into(),
-                    mean(|s| s.seams).into(),
-                    mean(|s| 1e3 * s.glow).into(),
-                    mean(|s| 1e3 * s.negative).into(),
-                ]);
-                pictures.push(Picture::shown(
-                    &images[shown],
-                    &references[shown],
-                    format!("{}, {samples} samples: {method}", scene.name),
-                ));
-            }
-            pictures.push(Picture::shown(&references[shown], &references[shown], "reference"));
-            rows.push((scene.name, pictures));
-            bench.watch.advance(1, shape.raw_bytes(), "B");
-        }
-    }
-    bench.watch.end();
-    let mut report = StudyReport::default();
-    report.add_table(&bench.out, "picture", &table)?;
-    for scene in plan.scenes {
-        let of_scene: Vec<Vec<Picture>> = rows.iter().filter(|row| row.0 == scene.name).map(|r| r.1.clone()).collect();
-        if !of_scene.is_empty() {
-            report.add_pictures(&bench.out, &format!("picture-{}", scene.name), &of_scene, 1)?;
-        }
-    }
-    Ok(report)
+    )
 }
 
-fn seen(images: &[LinearImage], references: &[LinearImage], raw: &[LinearImage], block_side: u32) -> Vec<Seen> {
-    images
+/// One way from samples to images.
+struct Rival {
+    method: &'static str,
+    rank: Option<f64>,
+    bytes: Option<u64>,
+    /// One for each lighting.
+    images: Vec<LinearImage>,
+}
+
+const RAW: &str = "raw matrix";
+
+fn rivals(bench: &Bench<'_>, matrix: &StoreReader, judged: &Judged, surfaces: Option<&Surfaces>) -> Result<Vec<Rival>> {
+    let lightings = &judged.lightings;
+    let ours = |method, denoise| -> Result<Rival> {
+        let Packed { rank, bytes, images, .. } =
+            packed(bench, matrix, PackOptions { denoise, ..PackOptions::default() }, lightings)?;
+        Ok(Rival { method, rank, bytes: Some(bytes), images })
+    };
+    let mut rivals = vec![ours("ours", true)?, ours("ours, without cleaning", false)?];
+    let raw = relight_raw(matrix, lightings)?;
+    if let Some(surfaces) = surfaces {
+        let images = oidn::denoise(&raw, surfaces, &bench.cached("oidn"))?;
+        rivals.push(Rival { method: "denoiser on each image", rank: None, bytes: None, images });
+    }
+    rivals.push(Rival { method: RAW, rank: None, bytes: Some(matrix.shape().raw_bytes()), images: raw });
+    Ok(rivals)
+}
+
+fn row(scene: &PlannedScene, matrix: &StoreReader, rival: &Rival, judged: &Judged, rivals: &[Rival]) -> Vec<Cell> {
+    let shape = matrix.shape();
+    let raw = rivals.iter().find(|rival| rival.method == RAW).map_or(&[][..], |raw| &raw.images);
+    let seen: Vec<Seen> = rival
+        .images
         .par_iter()
-        .zip(references)
+        .zip(&judged.references)
         .zip(raw)
-        .map(|((image, reference), raw)| Seen::of(image, reference, raw, block_side))
-        .collect()
+        .map(|((image, reference), raw)| Seen::of(image, reference, raw, shape.block_side()))
+        .collect();
+    let mean = |part: fn(&Seen) -> f64| seen.iter().map(part).sum::<f64>() / seen.len() as f64;
+    let worst = |part: fn(&Seen) -> f64| seen.iter().map(part).fold(f64::NEG_INFINITY, f64::max);
+    vec![
+        scene.name.into(),
+        if scene.tuned_on { "yes" } else { "no" }.into(),
+        matrix.job().provenance.samples_per_pixel.into(),
+        rival.method.into(),
+        shape.rows().into(),
+        shape.columns().into(),
+        rival.rank.into(),
+        rival.bytes.map(|bytes| bytes as f64).into(),
+        mean(|s| s.flip).into(),
+        worst(|s| s.flip).into(),
+        mean(|s| s.psnr_clipped).into(),
+        (-worst(|s| -s.psnr_clipped)).into(),
+        mean(|s| s.psnr_linear).into(),
+        mean(|s| s.relative_l2).into(),
+        mean(|s| s.seams).into(),
+        mean(|s| 1e3 * s.glow).into(),
+        mean(|s| 1e3 * s.negative).into(),
+    ]
+}
+
+/// The images of one lighting by every way, and the reference.
+fn shown(scene: &PlannedScene, samples: u32, rivals: &[Rival], judged: &Judged) -> Vec<Picture> {
+    let at = judged.names.iter().position(|name| *name == SHOWN).unwrap_or(0);
+    let reference = &judged.references[at];
+    let picture = |rival: &Rival| {
+        Picture::shown(&rival.images[at], reference, format!("{}, {samples} samples: {}", scene.name, rival.method))
+    };
+    rivals.iter().map(picture).chain([Picture::shown(reference, reference, "reference")]).collect()
 }
