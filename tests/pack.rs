@@ -9,10 +9,11 @@ use ltm::Error;
 use ltm::compress::{CompressSettings, Method, Scope, Target};
 use ltm::container::ContainerReader;
 use ltm::host::{Quiet, Watch};
-use ltm::image::LinearImage;
-use ltm::light::evaluation_lightings;
+use ltm::image::{LightSet, LinearImage, compare, write_exr_layers};
+use ltm::light::{Lighting, evaluation_lightings};
 use ltm::matrix::{BlockSource, FactorSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions, RelightOptions, RenderOptions};
+use ltm::relight::relight_raw;
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
 use rand::{RngExt, SeedableRng};
@@ -135,6 +136,60 @@ fn cleaning_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
         fs::remove_file(&path).unwrap();
     }
     assert!(stops > 2, "stopped {stops} times: a stop in a stage that all threads have begun comes too late");
+}
+
+#[test]
+fn images_cleaned_elsewhere_go_out_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, matrix) = render(&folder, "diffuse");
+    let at = |name: &str| folder.path().join(name);
+    let images = pipeline::write_basis(&matrix, &at("basis.exr"), None, &Quiet).unwrap();
+    assert_eq!(images, 16);
+    // Nothing is done to them: then the sum of all columns is the matrix's own.
+    let options = |name: &str| PackOptions { denoise: true, basis: Some(at(name)), ..PackOptions::default() };
+    pack(&matrix, &at("as-it-is.ltc"), &options("basis.exr"));
+    let lighting = [Lighting::uniform(64, [1.0; 3]).unwrap()];
+    let relit = |name: &str| {
+        let container = ContainerReader::open(&at(name)).unwrap();
+        pipeline::relight(&container, &lighting, RelightOptions::default(), &Quiet).unwrap().0.remove(0)
+    };
+    let raw = relight_raw(&matrix, &lighting).unwrap().remove(0);
+    let error = compare(&relit("as-it-is.ltc"), &raw).relative_l2;
+    assert!(error < 2e-3, "{error}");
+    // Brighter images make a brighter matrix, but for the lamps in view.
+    let set = LightSet::open(&at("basis.exr"), Some(&r"^(basis\.\d+)$".parse().unwrap())).unwrap();
+    let mut layers = vec![LinearImage::black(72, 40); images];
+    set.read(&mut |row| {
+        for (i, value) in row.values.iter().enumerate() {
+            layers[row.image].pixels[row.y * 72 + row.x + i][row.channel] = 2.0 * value;
+        }
+        Ok(())
+    })
+    .unwrap();
+    let named = |count: usize| -> Vec<(&str, &LinearImage)> {
+        set.lights.iter().map(String::as_str).zip(&layers).take(count).collect()
+    };
+    write_exr_layers(&at("brighter.exr"), &named(images)).unwrap();
+    pack(&matrix, &at("brighter.ltc"), &options("brighter.exr"));
+    let (once, twice) = (relit("as-it-is.ltc"), relit("brighter.ltc"));
+    // The lower half of the picture sees no lamp, nor a mirror that does.
+    let sum = |image: &LinearImage| image.pixels[72 * 20..].as_flattened().iter().sum::<f32>();
+    assert!((sum(&twice) / sum(&once) - 2.0).abs() < 0.02, "{} and {}", sum(&once), sum(&twice));
+
+    write_exr_layers(&at("few.exr"), &named(images - 1)).unwrap();
+    layers[0].pixels[5][1] = f32::NAN;
+    let named: Vec<_> = set.lights.iter().map(String::as_str).zip(&layers).collect();
+    write_exr_layers(&at("nan.exr"), &named).unwrap();
+    let refused = |options: &PackOptions| {
+        let error = pipeline::pack(&matrix, matrix.job(), &at("no.ltc"), options, &Quiet).unwrap_err().to_string();
+        assert!(!at("no.ltc").exists());
+        error
+    };
+    assert!(refused(&options("few.exr")).contains("layer basis.15 is missing"));
+    assert!(refused(&options("nan.exr")).contains("not finite"));
+    assert!(
+        refused(&PackOptions { denoise: false, ..options("basis.exr") }).contains("is for a matrix that is cleaned")
+    );
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! 1. *Gathering*: of each block, wherever it comes from, the planes go to a file: light of the clusters of columns in two
 //!    halves, features, emission seen.
 //! 2. *Filtering*, window by window over the whole image, with as much of the neighbourhood as the filter reads: the
-//!    images `D` of the clusters, cleaned. They do not know of blocks.
+//!    images `D` of the clusters, cleaned. They do not know of blocks. Or the images come from a file, cleaned elsewhere.
 //! 3. *Spreading*, when a block is asked for: `T̂ = D M + E`, with `M = (Sᵀ K S)⁻¹ Sᵀ K` and the emission `E` as it is. `K` is
 //!    the covariance of lightings, `S` says which column is in which cluster: `M ℓ` are the weights of the clusters that
 //!    stand best for a lighting `ℓ` (Nyström's approximation, with sums of columns as landmarks).
@@ -17,6 +17,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
+use super::basis::Basis;
 use super::pack::stop_if_interrupted;
 use super::spill::{CLEANED, GATHERED, open_spill};
 use crate::clean::{self, Guides, Rows, Tally, Window};
@@ -165,6 +166,24 @@ impl Cleaned {
         });
         watch.end();
         done
+    }
+
+    /// Takes images that were cleaned elsewhere, in place of filtering.
+    ///
+    /// # Errors
+    /// Those of reading the images and of the disk.
+    pub(super) fn take(&self, basis: &Basis, watch: &dyn Watch) -> Result<()> {
+        if self.shape.blocks().all(|id| self.images.has(id.0)) {
+            return Ok(());
+        }
+        watch.begin("reading cleaned images", u64::from(self.shape.block_count()), "blocks");
+        let images = basis.read()?;
+        for id in self.shape.blocks().filter(|id| !self.images.has(id.0)) {
+            self.images.append(id.0, &[&images.bytes_of(self.shape.rect(id))])?;
+            watch.advance(1, 0, "px");
+        }
+        watch.end();
+        Ok(())
     }
 
     /// Filters the blocks of one window.

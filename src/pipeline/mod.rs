@@ -3,6 +3,7 @@
 //! Each job is a function from paths and settings to a report; what a person sees while it runs is the business of the
 //! [`Watch`](crate::host::Watch) that the caller passes in.
 
+mod basis;
 mod clean;
 mod compare;
 #[cfg(feature = "scene")]
@@ -31,6 +32,7 @@ mod stop;
 mod unpack;
 mod verify;
 
+pub use basis::write_basis;
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
 pub use features::{FEATURE_CHANNELS, write_features};
 #[cfg(feature = "scene")]

@@ -14,6 +14,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
+use super::basis::Basis;
 use super::clean::Cleaned;
 use super::spill::{check_container_output, open_spill, spill_path};
 use crate::clean::CLEANER_VERSION;
@@ -33,8 +34,9 @@ use crate::store;
 /// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
 const SAMPLE_BLOCKS: usize = 48;
 
-/// What [`Target::Automatic`] is for cleaned images: there is no noise that would hide more, and one lamp of many shows the
-/// error of all.
+/// What [`Target::Automatic`] is for cleaned images of one light: there is no noise that would hide more. Of several lights
+/// one alone is exposed brighter than all: where the error is spread over `n` lights, its image is `10 log₁₀ n` dB worse than
+/// that of all, so the target is as much higher.
 const CLEANED_DB: f64 = 60.0;
 
 /// Choices of a pack.
@@ -48,18 +50,21 @@ pub struct PackOptions {
     /// their noise is heeded ([`CompressSettings::noise_factor`]). The container then holds the cleaned matrix, and what is
     /// said of its errors is against that.
     pub denoise: bool,
+    /// Cleaned images to take in place of one's own: an EXR as [`write_basis`](super::write_basis) writes it, same layers, same size.
+    pub basis: Option<PathBuf>,
     /// Anonymous memory to stay within; none: what the system has.
     pub memory_bytes: Option<u64>,
 }
 
 impl PackOptions {
-    /// These, for blocks that come with planes or without.
-    fn for_source(&self, has_planes: bool) -> Self {
+    /// These, for blocks that come with planes or without, of so many lights.
+    fn for_source(&self, has_planes: bool, lights: usize) -> Self {
         let mut options = self.clone();
         let compress = &mut options.compress;
         options.denoise &= has_planes && compress.method == Method::Auto && compress.noise_factor.is_some();
         if options.denoise && compress.target == Target::Automatic {
-            compress.target = Target::PsnrDb(CLEANED_DB);
+            let db = CLEANED_DB + 10.0 * (lights.max(1) as f64).log10();
+            compress.target = Target::PsnrDb((10.0 * db).round() / 10.0);
         }
         options
     }
@@ -221,6 +226,7 @@ pub(super) struct Packing {
     /// Of the job, how its entries are stored, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
+    basis: Option<Basis>,
     overwrite: bool,
     threads: Threads,
 }
@@ -237,10 +243,12 @@ impl Packing {
         watch: &dyn Watch,
     ) -> Result<Self> {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
-        let options = &options.for_source(has_planes);
+        let options = &options.for_source(has_planes, job.basis.lights().len());
         let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
         let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
+        let basis = open_basis(options, job)?;
         let mut need = need_of(&compressor, job.shape, source);
+        need.fixed_bytes += basis.as_ref().map_or(0, Basis::needs_bytes);
         if options.denoise {
             need.fixed_bytes += Cleaned::needs_bytes(job);
             need.disk_bytes += Cleaned::disk_bytes(job);
@@ -257,11 +265,27 @@ impl Packing {
         if options.denoise {
             hash.update(format!("cleaner {CLEANER_VERSION}"));
         }
+        if let Some(basis) = &basis {
+            hash.update(basis.hash);
+        }
         let fingerprint = hash.finalize().into();
         let writer = ContainerWriter::create(path, job, container)?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
-        Ok(Self { begun, memory, path, job, compressor, writer, spill, fingerprint, denoise, overwrite, threads })
+        Ok(Self {
+            begun,
+            memory,
+            path,
+            job,
+            compressor,
+            writer,
+            spill,
+            fingerprint,
+            denoise,
+            basis,
+            overwrite,
+            threads,
+        })
     }
 
     /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
@@ -291,7 +315,10 @@ impl Packing {
         }
         let mut cleaned = Cleaned::begin(&self.job, &self.path, self.fingerprint, self.overwrite)?;
         let blocks_kept = cleaned.gather(&self.threads, (stage, work_unit), watch, make)?;
-        cleaned.filter(&self.threads, watch)?;
+        match &self.basis {
+            Some(basis) => cleaned.take(basis, watch)?,
+            None => cleaned.filter(&self.threads, watch)?,
+        }
         let packed = self.compress("analysing", "B", watch, |id, block| {
             cleaned.read_block(id, block)?;
             Ok(size_of_val(block.block.entries()) as u64)
@@ -452,7 +479,25 @@ impl Packing {
     }
 }
 
-/// Errors: the watch says to stop.
+/// The cleaned images that the options name.
+///
+/// # Errors
+/// The matrix is not cleaned at all; those of [`Basis::open`].
+fn open_basis(options: &PackOptions, job: &Job) -> Result<Option<Basis>> {
+    let Some(path) = &options.basis else { return Ok(None) };
+    if !options.denoise {
+        let hint = "it takes a matrix whose samples were kept apart, the method auto, and neither --denoise off nor --keep-noise";
+        return Err(Error::input(
+            path.display().to_string(),
+            "is for a matrix that is cleaned, which this is not",
+            hint,
+        ));
+    }
+    Basis::open(path, job).map(Some)
+}
+
+/// # Errors
+/// The watch says to stop.
 pub(super) fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
     if watch.interrupted() {
         let kept = spill_path(path);
@@ -538,9 +583,10 @@ fn report_of(options: &PackOptions) -> ContainerReport {
             true => format!("ltm compressor {COMPRESSOR_VERSION}, cleaner {CLEANER_VERSION}"),
             false => format!("ltm compressor {COMPRESSOR_VERSION}"),
         },
-        method: match options.denoise {
-            true => format!("{}, images cleaned", settings.method),
-            false => settings.method.to_string(),
+        method: match (options.denoise, &options.basis) {
+            (true, None) => format!("{}, images cleaned", settings.method),
+            (true, Some(_)) => format!("{}, images cleaned elsewhere", settings.method),
+            (false, _) => settings.method.to_string(),
         },
         target,
         prior: format!("{:?}", settings.prior).to_lowercase(),

@@ -27,6 +27,7 @@ use ltm_cli::say;
   ltm-pack room.ltm -o paper.ltc --method proposed --rank 32
   ltm-pack room.ltm -o global.ltc --method algorithm4 --scope global --rank 64
   ltm-pack room.ltm --verify             compares every entry with the matrix afterwards
+  ltm-pack room.ltm --basis clean.exr    with images that another denoiser has cleaned
   ltm-pack blender.exr -o room.ltc       light groups of Blender, Arnold, V-Ray, LuxCore
   ltm-pack any.exr -o room.ltc --layers '^beauty_(.+)$'
   ltm-pack 'renders/room_{{light}}.exr' -o room.ltc
@@ -49,6 +50,9 @@ struct Arguments {
     /// Compare every entry with the input afterwards; prints the error of each block and the worst place.
     #[arg(long)]
     verify: bool,
+    /// Take the images of `ltm-unpack --basis` back, cleaned by a denoiser of your choice, in place of cleaning them here.
+    #[arg(long, value_name = "EXR")]
+    basis: Option<PathBuf>,
     #[command(flatten)]
     images: Images,
     #[command(flatten)]
@@ -108,7 +112,8 @@ fn default_output(input: &Path) -> PathBuf {
 fn pack_options(arguments: &Arguments) -> PackOptions {
     let compress = arguments.compression.settings();
     let denoise = arguments.compression.denoise();
-    let mut options = PackOptions { compress, denoise, memory_bytes: arguments.memory, ..Default::default() };
+    let basis = arguments.basis.clone();
+    let mut options = PackOptions { compress, denoise, basis, memory_bytes: arguments.memory, ..Default::default() };
     options.container.overwrite = arguments.force;
     options
 }

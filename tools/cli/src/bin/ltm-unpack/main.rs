@@ -9,6 +9,7 @@ use ltm::container::ContainerReader;
 use ltm::host::{PeakMemory, human_bytes, parse_bytes};
 use ltm::matrix::PixelRect;
 use ltm::pipeline::{self, Selection, UnpackOptions};
+use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::console::{self, Console, EXIT_CODES};
 use ltm_cli::say;
@@ -23,14 +24,19 @@ use ltm_cli::say;
   ltm-unpack room.ltc -o room.exr --relit      one image with all lights on
   ltm-unpack room.ltc -o desk.exr --on 'desk*' one image with some lights on
   ltm-unpack room.ltc -o part.npy --crop 64,32,256x128 --lights 'sun,key*'
+  ltm-unpack room.ltm --basis b.exr            images to clean elsewhere, for ltm-pack --basis
 
 {EXIT_CODES}"))]
 struct Arguments {
-    /// The container.
+    /// The container; with --basis, the stored matrix (.ltm).
     input: PathBuf,
     /// What to write; the extension decides: .ltm, .exr or .npy. With {light} in the name: a file for each light.
-    #[arg(short, long)]
-    output: PathBuf,
+    #[arg(short, long, required_unless_present = "basis")]
+    output: Option<PathBuf>,
+    /// Write the images that cleaning works on, with albedo and normals, as one EXR: to be cleaned by a denoiser of your choice
+    /// and given to ltm-pack --basis.
+    #[arg(long, value_name = "EXR", conflicts_with_all = ["output", "relit", "on", "lights", "crop", "blocks"])]
+    basis: Option<PathBuf>,
     /// Replace a file that is there.
     #[arg(long)]
     force: bool,
@@ -79,8 +85,8 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     console::use_threads(arguments.threads)?;
+    let Some(output) = arguments.output.as_deref() else { return write_basis(arguments, console) };
     let container = ContainerReader::open(&arguments.input)?;
-    let output = &*arguments.output;
     let relit = arguments.relit || !arguments.on.is_empty();
     let lights = if arguments.on.is_empty() { arguments.lights.clone() } else { arguments.on.clone() };
     let selection = Selection { blocks: arguments.blocks.clone(), crop: arguments.crop, lights };
@@ -108,5 +114,17 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         _ => return refuse("the name ends in none of .ltm, .exr, .npy", "choose the output by its extension"),
     }
     say!("peak memory {}", memory.stop().map_or("unknown".into(), human_bytes));
+    Ok(())
+}
+
+fn write_basis(arguments: &Arguments, console: &Console) -> Result<()> {
+    let Some(output) = arguments.basis.as_deref() else { return Ok(()) };
+    let memory = PeakMemory::start();
+    ltm::files::check_output(output, arguments.force)?;
+    let matrix = StoreReader::open(&arguments.input)?;
+    let images = pipeline::write_basis(&matrix, output, arguments.memory, console)?;
+    say!("{}: {images} images and what their pixels show", output.display());
+    say!("peak memory {}", memory.stop().map_or("unknown".into(), human_bytes));
+    say!("next: clean them into clean.exr, say, then ltm-pack {} --basis clean.exr", arguments.input.display());
     Ok(())
 }

@@ -1,0 +1,201 @@
+//! The images that cleaning works on, out to an EXR and back: so that a denoiser of one's own serves every lighting.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::features::FEATURE_CHANNELS;
+use crate::error::{Error, Result};
+use crate::files::open_input;
+use crate::host::{Need, PROGRAM_BYTES, Watch};
+use crate::image::{ImageSize, LayerPattern, LightRow, LightSet, exr_rows_need_bytes, write_exr_channels};
+use crate::light::{Clusters, Job};
+use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect};
+use crate::store::{self, StoreReader};
+
+/// Begins the name of each layer; two or more digits follow, the number of the cluster.
+const LAYER: &str = "basis.";
+
+/// Writes the images of the clusters of columns of a matrix as one EXR of 32-bit channels: layers `basis.00` onwards with R,
+/// G, B, and [`FEATURE_CHANNELS`]. An image is the sum of the columns of a cluster (`light::Clusters`) in their unit, without
+/// the emitters in view, which are exact as they are. `pack` takes the file back, cleaned
+/// ([`PackOptions::basis`](super::PackOptions::basis)). Returns the number of images.
+///
+/// # Errors
+/// The matrix lacks blocks or knows nothing of its samples; a block is damaged; the memory is too small;
+/// [`Error::Interrupted`]; what writing refuses.
+pub fn write_basis(matrix: &StoreReader, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<usize> {
+    let shape = BlockSource::shape(matrix);
+    let clusters = Clusters::of_basis(&matrix.job().basis).count();
+    let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
+    let planes = CHANNELS * clusters + FEATURE_PLANES;
+    let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
+    let strip = (planes * size.width * shape.block_side() as usize * 4) as u64;
+    let fixed_bytes = PROGRAM_BYTES + reading + strip + exr_rows_need_bytes(planes.div_ceil(3), size);
+    Need { fixed_bytes, ..Need::default() }.threads_within("writing the basis images", memory_bytes)?;
+    let layers = (0..clusters).flat_map(|k| ["R", "G", "B"].map(|colour| format!("{LAYER}{k:02}.{colour}")));
+    let names: Vec<String> = layers.chain(FEATURE_CHANNELS.map(str::to_owned)).collect();
+    let mut strip = Strip { matrix, shape, clusters, row_of_blocks: None, values: Vec::new() };
+    watch.begin("writing the basis images", u64::from(shape.blocks_down()), "rows of blocks");
+    let written = write_exr_channels(path, &names, size, &mut |channel, y, row| {
+        strip.fill(y, watch)?;
+        let y = y % shape.block_side() as usize;
+        row.copy_from_slice(&strip.values[(channel * shape.block_side() as usize + y) * size.width..][..size.width]);
+        Ok(())
+    });
+    watch.end();
+    written.map(|()| clusters)
+}
+
+/// A row of blocks as planes: of each cluster three, then the features.
+struct Strip<'a> {
+    matrix: &'a StoreReader,
+    shape: MatrixShape,
+    clusters: usize,
+    row_of_blocks: Option<u32>,
+    /// Planes × side of a block × width.
+    values: Vec<f32>,
+}
+
+impl Strip<'_> {
+    /// Holds the row of blocks of row `y` of the image.
+    fn fill(&mut self, y: usize, watch: &dyn Watch) -> Result<()> {
+        let (side, width) = (self.shape.block_side() as usize, self.shape.width() as usize);
+        let wanted = (y / side) as u32;
+        if self.row_of_blocks == Some(wanted) {
+            return Ok(());
+        }
+        if watch.interrupted() {
+            return Err(Error::Interrupted("nothing was written".to_owned()));
+        }
+        self.values.clear();
+        self.values.resize((CHANNELS * self.clusters + FEATURE_PLANES) * side * width, 0.0);
+        for id in self.shape.blocks().filter(|id| id.0 / self.shape.blocks_across() == wanted) {
+            let planes = self.matrix.read_planes(id, None)?.ok_or_else(|| {
+                let hint = "render it again with this program and at least 2 samples per pixel";
+                Error::input(id.to_string(), "the matrix does not know what its samples are", hint)
+            })?;
+            let rect = self.shape.rect(id);
+            let images = images_of(&planes, self.matrix.job().provenance.samples_per_pixel);
+            for (plane, values) in
+                images.chunks_exact(rect.pixels()).chain(planes.features.chunks_exact(rect.pixels())).enumerate()
+            {
+                for (y, row) in values.chunks_exact(rect.width as usize).enumerate() {
+                    self.values[(plane * side + y) * width + rect.x as usize..][..row.len()].copy_from_slice(row);
+                }
+            }
+        }
+        self.row_of_blocks = Some(wanted);
+        watch.advance(1, 0, "px");
+        Ok(())
+    }
+}
+
+/// The images of a block, direct and indirect light together: the mean of the halves, of which the first has one sample more
+/// where their number is odd.
+fn images_of(planes: &BlockPlanes, samples: u32) -> Vec<f32> {
+    let second = if samples > 1 { (samples / 2) as f32 / samples as f32 } else { 0.5 };
+    let mean = |halves: &[Vec<f32>; 2], i: usize| halves[0][i] + second * (halves[1][i] - halves[0][i]);
+    (0..planes.direct[0].len()).map(|i| mean(&planes.direct, i) + mean(&planes.indirect, i)).collect()
+}
+
+/// Cleaned images that a file brings.
+pub(super) struct Basis {
+    path: PathBuf,
+    set: LightSet,
+    /// The cluster of each image.
+    clusters: Vec<usize>,
+    /// SHA-256 of the file.
+    pub(super) hash: [u8; 32],
+}
+
+impl Basis {
+    /// Looks at a file and checks that it has the images of this job.
+    ///
+    /// # Errors
+    /// No EXR, another size, an image that is missing or not known.
+    pub(super) fn open(path: &Path, job: &Job) -> Result<Self> {
+        let refuse = |problem: String| {
+            let hint = "write the images with ltm-unpack --basis and keep their size and the names of their layers";
+            Error::input(path.display().to_string(), problem, hint)
+        };
+        let pattern: LayerPattern = r"^basis\.([0-9]+)$".parse().expect("the expression is valid");
+        let set = LightSet::open(path, Some(&pattern))?;
+        let (width, height) = (job.shape.width(), job.shape.height());
+        if (set.width, set.height) != (width, height) {
+            return Err(refuse(format!("it is {} × {} pixels, the matrix {width} × {height}", set.width, set.height)));
+        }
+        let count = Clusters::of_basis(&job.basis).count();
+        let clusters: Vec<usize> = set.lights.iter().map(|name| name.parse().unwrap_or(usize::MAX)).collect();
+        if let Some(missing) = (0..count).find(|cluster| !clusters.contains(cluster)) {
+            return Err(refuse(format!("layer {LAYER}{missing:02} is missing, of {count}")));
+        }
+        if clusters.len() != count {
+            return Err(refuse(format!("it has {} layers {LAYER}…, the matrix needs {count}", clusters.len())));
+        }
+        let hash = hash_of(path)?;
+        Ok(Self { path: path.to_owned(), set, clusters, hash })
+    }
+
+    /// Bytes that reading it takes at most.
+    pub(super) fn needs_bytes(&self) -> u64 {
+        let images =
+            (self.clusters.len() * CHANNELS * 4) as u64 * u64::from(self.set.width) * u64::from(self.set.height);
+        images + self.set.needs_bytes()
+    }
+
+    /// The images: clusters × channels × pixels of the whole picture.
+    ///
+    /// # Errors
+    /// The file cannot be read or has changed; a value that is not finite.
+    pub(super) fn read(&self) -> Result<BasisImages> {
+        let (width, height) = (self.set.width as usize, self.set.height as usize);
+        let mut values = vec![0.0f32; self.clusters.len() * CHANNELS * width * height];
+        self.set.read(&mut |LightRow { image, channel, x, y, values: row }| {
+            // Beyond the clusters' comes the image under all lights, where the file has one.
+            if let Some(cluster) = self.clusters.get(image) {
+                if row.iter().any(|value| !value.is_finite()) {
+                    let place = format!("{}, layer {LAYER}{cluster:02}, row {y}", self.path.display());
+                    return Err(Error::input(place, "holds a value that is not finite", "clean the images again"));
+                }
+                values[((cluster * CHANNELS + channel) * height + y) * width + x..][..row.len()].copy_from_slice(row);
+            }
+            Ok(())
+        })?;
+        Ok(BasisImages { width, height, values })
+    }
+}
+
+/// SHA-256 of a file.
+fn hash_of(path: &Path) -> Result<[u8; 32]> {
+    let mut file = open_input(path, "open")?;
+    let (mut hash, mut buffer) = (Sha256::new(), vec![0u8; 1 << 16]);
+    loop {
+        match file.read(&mut buffer).map_err(Error::io(path, "read"))? {
+            0 => return Ok(hash.finalize().into()),
+            length => hash.update(&buffer[..length]),
+        }
+    }
+}
+
+/// See [`Basis::read`].
+pub(super) struct BasisImages {
+    width: usize,
+    height: usize,
+    values: Vec<f32>,
+}
+
+impl BasisImages {
+    /// The pixels of a rectangle as bytes, plane by plane.
+    pub(super) fn bytes_of(&self, rect: PixelRect) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(4 * self.values.len() / (self.width * self.height) * rect.pixels());
+        for plane in self.values.chunks_exact(self.width * self.height) {
+            for y in rect.y..rect.y + rect.height {
+                let row = &plane[y as usize * self.width + rect.x as usize..][..rect.width as usize];
+                bytes.extend_from_slice(bytemuck::cast_slice(row));
+            }
+        }
+        bytes
+    }
+}
