@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::constants::CHROMA;
 use super::kernel::span as overlap;
 use super::rows::Rows;
 
@@ -97,18 +98,24 @@ impl Guide {
     }
 }
 
-/// Mixtures of the clusters' images, summed over channels, of each half: `mix` is clusters × guides, guide by guide.
+/// Mixtures of the clusters' images, summed over channels, of each half: `mix` is clusters × guides, guide by guide. Two more
+/// say how the first of them is coloured: red and blue less green, [`CHROMA`] times.
 pub(super) fn mixtures(halves: &Rows, mix: &[f32]) -> Rows {
     let (width, clusters) = (halves.width(), halves.planes() / 6);
     let guides = mix.len() / clusters;
-    let mut images = Rows::zeros(width, halves.height(), 2 * guides);
+    let chroma = [[CHROMA, -CHROMA, 0.0], [0.0, -CHROMA, CHROMA]];
+    let mut images = Rows::zeros(width, halves.height(), 2 * (guides + chroma.len()));
     images.fill_rows(|y, out| {
-        for (guide, out) in out.chunks_exact_mut(width).enumerate() {
-            let (half, guide) = (guide / guides, guide % guides);
+        for (plane, out) in out.chunks_exact_mut(width).enumerate() {
+            let (half, guide) = (plane / (guides + chroma.len()), plane % (guides + chroma.len()));
+            let (guide, channels) = match guide.checked_sub(guides) {
+                Some(colour) => (0, chroma[colour]),
+                None => (guide, [1.0; 3]),
+            };
             for (cluster, weight) in mix[guide * clusters..][..clusters].iter().enumerate() {
-                for channel in 0..3 {
+                for (channel, share) in channels.iter().enumerate().filter(|(_, share)| **share != 0.0) {
                     let row = halves.row((half * clusters + cluster) * 3 + channel, y);
-                    out.iter_mut().zip(row).for_each(|(o, v)| *o += weight * v);
+                    out.iter_mut().zip(row).for_each(|(o, v)| *o += weight * share * v);
                 }
             }
         }

@@ -25,7 +25,7 @@ mod surfaces;
 mod tally;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 1;
+pub const CLEANER_VERSION: u32 = 2;
 
 pub use filter::{HALO, Window, clean, pixel_bytes};
 pub use rows::Rows;

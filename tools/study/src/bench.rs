@@ -22,15 +22,17 @@ const CONFERENCE_FILES: [(u32, &str); 2] = [
 
 /// The Conference Room with its ceiling luminaires, one column each.
 pub(super) const CONFERENCE_LAMPS: &str = "conference-24";
-/// Three boxes that are files, with one light each.
+/// Four boxes that are files, with one light each.
 pub(super) const GLOSSY: &str = "cornell-glossy";
+pub(super) const MIRROR: &str = "cornell-mirror";
 pub(super) const WATER: &str = "cornell-water";
 pub(super) const SHIRLEY: &str = "erw5-scene3";
 
 /// Scene files by name. Lights of 32 × 32 texels get as many as are wanted.
-const FILES: [(&str, &str); 4] = [
+const FILES: [(&str, &str); 5] = [
     (CONFERENCE_LAMPS, include_str!("../../../formats/scenes/conference-24.toml")),
     (GLOSSY, include_str!("../../../formats/scenes/cornell-glossy.toml")),
+    (MIRROR, include_str!("../../../formats/scenes/cornell-mirror.toml")),
     (WATER, include_str!("../../../formats/scenes/cornell-water.toml")),
     (SHIRLEY, include_str!("../../../formats/scenes/erw5-scene3.toml")),
 ];

@@ -158,13 +158,22 @@ impl StudyReport {
     /// Writes a table as `STEM.csv` and `STEM.md`.
     fn add_table(&mut self, folder: &Path, stem: &str, table: &table::Table) -> Result<()> {
         let markdown = table.to_markdown();
-        for (extension, text) in [("csv", table.to_csv()), ("md", markdown.clone())] {
-            let path = folder.join(format!("{stem}.{extension}"));
-            write_file(&path, true, text.as_bytes())?;
-            self.files.push(path);
-        }
+        self.add_text(folder, &format!("{stem}.csv"), &table.to_csv())?;
+        self.add_text(folder, &format!("{stem}.md"), &markdown)?;
         self.markdown += &markdown;
         self.markdown.push('\n');
+        Ok(())
+    }
+
+    /// Writes a table that is too long to read as `STEM.csv` alone.
+    fn add_csv(&mut self, folder: &Path, stem: &str, table: &table::Table) -> Result<()> {
+        self.add_text(folder, &format!("{stem}.csv"), &table.to_csv())
+    }
+
+    fn add_text(&mut self, folder: &Path, name: &str, text: &str) -> Result<()> {
+        let path = folder.join(name);
+        write_file(&path, true, text.as_bytes())?;
+        self.files.push(path);
         Ok(())
     }
 

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::StudyReport;
-use super::bench::{Bench, CONFERENCE_LAMPS, GLOSSY, SHIRLEY, WATER, Wanted};
+use super::bench::{Bench, CONFERENCE_LAMPS, GLOSSY, MIRROR, SHIRLEY, WATER, Wanted};
 use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::mosaic::Picture;
 use super::oidn::{self, Surfaces};
@@ -41,10 +41,11 @@ const QUICK: Plan = Plan {
 const FULL: Plan = Plan {
     scenes: &[
         PlannedScene { name: "mixed", size: (256, 192), texels: 16, tuned_on: true },
-        PlannedScene { name: CONFERENCE_LAMPS, size: (384, 288), texels: 1, tuned_on: true },
-        PlannedScene { name: GLOSSY, size: (256, 256), texels: 16, tuned_on: false },
-        PlannedScene { name: WATER, size: (256, 256), texels: 16, tuned_on: false },
-        PlannedScene { name: SHIRLEY, size: (256, 256), texels: 16, tuned_on: false },
+        PlannedScene { name: CONFERENCE_LAMPS, size: (256, 192), texels: 1, tuned_on: true },
+        PlannedScene { name: GLOSSY, size: (192, 192), texels: 16, tuned_on: true },
+        PlannedScene { name: MIRROR, size: (192, 192), texels: 16, tuned_on: false },
+        PlannedScene { name: WATER, size: (192, 192), texels: 16, tuned_on: false },
+        PlannedScene { name: SHIRLEY, size: (192, 192), texels: 16, tuned_on: false },
     ],
     samples: &[16, 64, 256],
     converged: 2048,
@@ -65,6 +66,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
     let with_denoiser = oidn::is_there();
     let mut table = table(bench, plan, with_denoiser);
+    let mut each = each_table(bench, plan);
     let scenes: Vec<_> = plan.scenes.iter().filter(|scene| bench.has(scene.name)).collect();
     let mut report = StudyReport::default();
     let mut pictures = Vec::new();
@@ -86,7 +88,9 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
             let matrix = bench.matrix(Wanted { samples, seed: 0, ..wanted })?;
             let rivals = rivals(bench, &matrix, &judged, surfaces.as_ref())?;
             for rival in &rivals {
-                table.push(row(scene, &matrix, rival, &judged, &rivals));
+                let seen = seen(&matrix, rival, &judged, &rivals);
+                table.push(row(scene, &matrix, rival, &seen));
+                each_rows(&mut each, scene, samples, rival, &judged, &seen);
             }
             rows.push(shown(scene, samples, &rivals, &judged));
             bench.watch.advance(1, matrix.shape().raw_bytes(), "B");
@@ -95,6 +99,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     }
     bench.watch.end();
     report.add_table(&bench.out, "picture", &table)?;
+    report.add_csv(&bench.out, "picture-lightings", &each)?;
     for (stem, rows) in &pictures {
         report.add_pictures(&bench.out, stem, rows, 1)?;
     }
@@ -102,11 +107,12 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
 }
 
 fn table(bench: &Bench<'_>, plan: &Plan, with_denoiser: bool) -> Table {
-    let absent = if with_denoiser { "" } else { "The denoiser was not measured: no Python with `pyoidn` was found." };
+    let absent = "The denoiser was not measured: no Python with `pyoidn` was found.";
     let converged = format!("References: {} samples.", plan.converged);
+    let notes = [NOTE, &converged, LIGHTINGS_NOTE, absent];
     Table::new(
         "The picture, beside a denoiser on each image",
-        bench.notes(&[NOTE, &converged, LIGHTINGS_NOTE, absent]),
+        bench.notes(if with_denoiser { &notes[..3] } else { &notes }),
         &[
             ("scene", 0),
             ("tuned_on", 0),
@@ -157,16 +163,35 @@ fn rivals(bench: &Bench<'_>, matrix: &StoreReader, judged: &Judged, surfaces: Op
     Ok(rivals)
 }
 
-fn row(scene: &PlannedScene, matrix: &StoreReader, rival: &Rival, judged: &Judged, rivals: &[Rival]) -> Vec<Cell> {
-    let shape = matrix.shape();
+fn seen(matrix: &StoreReader, rival: &Rival, judged: &Judged, rivals: &[Rival]) -> Vec<Seen> {
     let raw = rivals.iter().find(|rival| rival.method == RAW).map_or(&[][..], |raw| &raw.images);
-    let seen: Vec<Seen> = rival
+    rival
         .images
         .par_iter()
         .zip(&judged.references)
         .zip(raw)
-        .map(|((image, reference), raw)| Seen::of(image, reference, raw, shape.block_side()))
-        .collect();
+        .map(|((image, reference), raw)| Seen::of(image, reference, raw, matrix.shape().block_side()))
+        .collect()
+}
+
+fn each_table(bench: &Bench<'_>, plan: &Plan) -> Table {
+    let converged = format!("References: {} samples; measures as in `picture.csv`.", plan.converged);
+    Table::new(
+        "The picture under each lighting",
+        bench.notes(&[&converged]),
+        &[("scene", 0), ("samples_per_px", 0), ("lighting", 0), ("method", 0), ("flip", 4), ("psnr_clip_db", 2)],
+    )
+}
+
+fn each_rows(table: &mut Table, scene: &PlannedScene, samples: u32, rival: &Rival, judged: &Judged, seen: &[Seen]) {
+    for (name, seen) in judged.names.iter().zip(seen) {
+        let who = [scene.name.into(), samples.into(), (*name).into(), rival.method.into()];
+        table.push(who.into_iter().chain([seen.flip.into(), seen.psnr_clipped.into()]).collect());
+    }
+}
+
+fn row(scene: &PlannedScene, matrix: &StoreReader, rival: &Rival, seen: &[Seen]) -> Vec<Cell> {
+    let shape = matrix.shape();
     let mean = |part: fn(&Seen) -> f64| seen.iter().map(part).sum::<f64>() / seen.len() as f64;
     let worst = |part: fn(&Seen) -> f64| seen.iter().map(part).fold(f64::NEG_INFINITY, f64::max);
     vec![
