@@ -330,6 +330,31 @@ fn options_that_would_be_passed_over_are_refused() {
     );
 }
 
+/// Whatever the system refuses, and when: one line and the exit code of memory, and no abort with a trace.
+#[test]
+fn a_program_that_is_refused_memory_says_so_in_one_line() {
+    let folder = room();
+    let at = folder.path();
+    let mut refused = 0;
+    for mebibytes in [150, 200, 300, 6000] {
+        let script =
+            format!("ulimit -v {} && {} room.ltm -o o.ltc --force", mebibytes << 10, env!("CARGO_BIN_EXE_ltm-pack"));
+        let output = Command::new("sh").args(["-c", &script]).current_dir(at).output().unwrap();
+        let text = said(&output);
+        match output.status.code() {
+            Some(0) => {}
+            Some(6) => {
+                refused += 1;
+                assert!(text.contains("memory") && !text.contains("backtrace"), "{mebibytes} MiB: {text}");
+            }
+            code => panic!("{mebibytes} MiB: {code:?}: {text}"),
+        }
+    }
+    assert!(refused > 0, "no run was refused memory");
+    succeed(at, "ltm-pack", &["room.ltm", "-o", "o.ltc", "--force"]);
+    assert!(fs::read(at.join("o.ltc")).unwrap() == fs::read(at.join("room.ltc")).unwrap());
+}
+
 /// Options of packing and rendering do what they say, seen in the files.
 #[test]
 fn options_of_programs_reach_the_files() {
