@@ -187,7 +187,7 @@ fn textures_beyond_what_a_scene_may_hold() {
 fn files_outside_of_the_scenes_folder() {
     let outside = Folder::new().with("room.obj", ROOM_OBJ).with("room.mtl", ROOM_MTL);
     let outside = outside.with("lamp.ies", "TILT=NONE\n1 1 1 2 2 1 1 0 0 0 1 1 1 0 90 0 90 4 3 2 1\n");
-    let outside = outside.with("sky.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\u{1}\u{1}\u{1}\u{7f}");
+    let outside = outside.with("sky.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n@@@\u{7f}");
     let at = |name: &str| outside.path(name).display().to_string();
     let texture = |name: &str| format!("newmtl ground\nmap_Kd {name}\nnewmtl lamp\nKe 1 1 1\n");
     let geometry = |name: &str| ROOM_TOML.replace("room.obj", name);

@@ -57,7 +57,9 @@ pub(crate) fn look(input: &[u8]) -> bool {
 
 /// Makes the checksums of the description, the header, the records and all that the tiles hold fit their bytes.
 fn seal(bytes: &mut [u8]) {
-    (0..BLOCKS).for_each(|block| drop(seal_tile(bytes, block)));
+    for block in 0..BLOCKS {
+        let _ = seal_tile(bytes, block);
+    }
     let job = crc32fast::hash(&bytes[4096..TABLE]);
     bytes[40..44].copy_from_slice(&job.to_le_bytes());
     let header = crc32fast::hash(&bytes[12..4096]);
