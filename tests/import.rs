@@ -221,9 +221,9 @@ fn a_group_named_rest() {
         &[all[0].clone(), all[1].clone(), sum(&all)],
     );
     let matrix = import(&path, None).unwrap();
-    assert_eq!(names(&matrix), ["fill", "Rest", "Rest 2"]);
+    assert_eq!(names(&matrix), ["Rest", "fill", "Rest 2"]);
     assert!(matrix.warnings[0].contains("'Rest 2'"), "{:?}", matrix.warnings);
-    let [rest, missing] = [1, 2].map(|column| column_of(&matrix, ColumnIndex(column)));
+    let [rest, missing] = [0, 2].map(|column| column_of(&matrix, ColumnIndex(column)));
     assert_eq!(rest, all[1]);
     assert!(missing.values().iter().zip(all[2].values()).all(|(a, b)| (a - b).abs() < 1e-5));
 }
