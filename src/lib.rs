@@ -73,7 +73,7 @@
 //! | `std::fs` | `container`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
 //! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
 //! | `std::thread` | `host`, `image`, `pipeline`, `store` |
-//! | `std::env` | `scene` |
+//! | `std::env` | `files` |
 //! | `std::process`, `std::net` | none |
 
 #![warn(clippy::missing_errors_doc, clippy::missing_panics_doc, clippy::return_self_not_must_use)]

@@ -32,6 +32,8 @@ fn main() -> ExitCode {
     let tests = vec![
         own("what_is_exported_is_imported", what_is_exported_is_imported),
         own("missing_light_becomes_a_rest", missing_light_becomes_a_rest),
+        own("a_group_named_rest_does_not_take_what_is_missing", a_group_named_rest),
+        own("layers_of_two_views_are_refused", layers_of_two_views_are_refused),
         own("a_folder_of_files_is_a_light_each", a_folder_of_files_is_a_light_each),
         own("images_of_other_parts_of_the_frame_are_refused", images_of_other_parts_of_the_frame_are_refused),
         own("what_cannot_be_imported_is_refused", what_cannot_be_imported_is_refused),
@@ -206,6 +208,37 @@ fn missing_light_becomes_a_rest() {
     let rest = column_of(&matrix, ColumnIndex(2));
     // Two subtractions in f32 of values below 8.
     assert!(rest.values().iter().zip(all[2].values()).all(|(a, b)| (a - b).abs() < 1e-5));
+}
+
+/// A light may have the name that what is missing would get.
+fn a_group_named_rest() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let all = images();
+    write_layers(
+        &path,
+        &["V.Combined_fill", "V.Combined_Rest", "V.Combined"],
+        &[all[0].clone(), all[1].clone(), sum(&all)],
+    );
+    let matrix = import(&path, None).unwrap();
+    assert_eq!(names(&matrix), ["Rest", "fill", "Rest 2"]);
+    assert!(matrix.warnings[0].contains("'Rest 2'"), "{:?}", matrix.warnings);
+    let [rest, missing] = [0, 2].map(|column| column_of(&matrix, ColumnIndex(column)));
+    assert_eq!(rest, all[1]);
+    assert!(missing.values().iter().zip(all[2].values()).all(|(a, b)| (a - b).abs() < 1e-5));
+}
+
+/// Which of two images under all lights belongs to which lights is not guessed.
+fn layers_of_two_views_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    let all = images();
+    let four = [all[0].clone(), all[0].clone(), all[1].clone(), all[1].clone()];
+    write_layers(&path, &["A.Combined_a", "A.Combined", "B.Combined_b", "B.Combined"], &four);
+    let error = import(&path, None).unwrap_err().to_string();
+    assert!(error.contains("'A.Combined' and 'B.Combined'") && error.contains("--layers"), "{error}");
+    let one = import(&path, Some("^B.Combined_(.+)$")).unwrap();
+    assert_eq!((names(&one), column_of(&one, ColumnIndex(0))), (vec!["b".to_owned()], all[1].clone()));
 }
 
 fn what_cannot_be_imported_is_refused() {

@@ -240,6 +240,57 @@ fn json_says_the_same() {
     assert_eq!(look::load(&path, &basis()).unwrap().lighting().weights()[0], [4.0; 3]);
 }
 
+/// Whoever wrote a look may be a stranger: it reads its own folder, and nothing else unless that is allowed.
+#[test]
+fn images_outside_of_the_looks_folder_are_read_only_on_demand() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::create_dir_all(at("looks/below")).unwrap();
+    let image = LinearImage { width: 1, height: 1, pixels: vec![[0.5; 3]] };
+    for name in ["outside.exr", "looks/inside.exr", "looks/below/deep.exr"] {
+        write_exr(&at(name), &image).unwrap();
+    }
+    std::os::unix::fs::symlink(at("outside.exr"), at("looks/link.exr")).unwrap();
+    let path = at("looks/look.toml");
+    let write = |file: &str| {
+        let sky = format!("[[light]]\nname = 'sky'\nenvironment = {{ file = '{file}' }}\n");
+        fs::write(&path, format!("[[light]]\nname = 'panel'\nimage = {{ file = '{file}' }}\n{sky}")).unwrap();
+    };
+    for file in ["inside.exr", "below/deep.exr", "../looks/inside.exr"] {
+        write(file);
+        assert_eq!(look::load(&path, &basis()).unwrap().lighting().weights()[2], [1.0; 3], "{file}");
+    }
+    for file in ["../outside.exr", "link.exr", &at("outside.exr").display().to_string()] {
+        write(file);
+        let said = look::load(&path, &basis()).unwrap_err().to_string();
+        assert!(said.contains("outside") && said.contains("--allow-outside"), "{file}: {said}");
+        let allowed = look::load_reaching_outside(&path, &basis()).unwrap();
+        assert_eq!(allowed.lighting().weights()[2], [1.0; 3], "{file}");
+    }
+}
+
+#[test]
+fn images_that_are_pipes_or_too_large_are_refused_at_once() {
+    let (folder, path) = folder_with("look.toml", "[[light]]\nname = 'panel'\nimage = { file = 'x.tga' }\n");
+    let image = folder.path().join("x.tga");
+    assert!(std::process::Command::new("mkfifo").arg(&image).status().unwrap().success());
+    let said = look::load(&path, &basis()).unwrap_err().to_string();
+    assert!(said.contains("x.tga") && said.contains("is a pipe"), "{said}");
+    fs::remove_file(&image).unwrap();
+    // Uncompressed true colour of 16,384² pixels, without any: 18 bytes for 4 GiB.
+    let mut header = [0u8; 18];
+    (header[2], header[16], header[13], header[15]) = (2, 24, 0x40, 0x40);
+    fs::write(&image, header).unwrap();
+    let error = look::load(&path, &basis()).unwrap_err();
+    assert!(matches!(error, ltm::Error::Resources { .. }) && error.to_string().contains("x.tga"), "{error}");
+}
+
+#[test]
+fn a_group_of_groups_is_refused_by_name() {
+    let said = refused("[groups]\na = ['b']\nb = ['a']\n[[light]]\nname = 'a'\nstops = 1\n");
+    assert!(said.contains("'a' names 'b', a group") && !said.contains("nearest"), "{said}");
+}
+
 #[test]
 fn errors_name_the_light_and_the_nearest_names() {
     assert!(refused("[[light]]\nname = 'pannel'\n").contains("nearest names are 'panel'"));

@@ -9,6 +9,9 @@ use crate::light::{Job, LightErrors, decode_job, encode_job};
 const FREE_BYTES: usize = 1 << 16;
 const EARNED_PER_BYTE: usize = 256;
 
+/// From so many bytes on, those of some thousand lights, the strongest compression would take seconds for each million.
+const LARGE_BYTES: usize = 1 << 20;
+
 /// Encodes job and report: two lengths, a flag, and their bytes, zstd-compressed unless that would look like a bomb.
 pub(super) fn encode(job: &Job, report: &ContainerReport, lights: Option<&LightErrors>) -> Vec<u8> {
     let job = encode_job(job);
@@ -17,7 +20,8 @@ pub(super) fn encode(job: &Job, report: &ContainerReport, lights: Option<&LightE
         report.extend(encode_record(lights));
     }
     let plain = [job.as_slice(), report.as_slice()].concat();
-    let packed = zstd::bulk::compress(&plain, 19).expect("compressing into memory cannot fail");
+    let packed = zstd::bulk::compress(&plain, if plain.len() < LARGE_BYTES { 19 } else { 9 })
+        .expect("compressing into memory cannot fail");
     let compressed = packed.len() < plain.len() && plain.len() <= allowed(packed.len());
     let mut bytes = Vec::new();
     bytes.extend((job.len() as u32).to_le_bytes());

@@ -184,6 +184,9 @@ fn format_of(path: &Path) -> Result<Format> {
     let mut file = open_input(path, "open the image")?;
     // A file too short for its magic is left to the decoders to refuse.
     let _ = file.read_exact(&mut magic);
+    if file.metadata().is_ok_and(|found| found.len() == 0) {
+        return Err(refuse(path, "it is empty"));
+    }
     Ok(match magic {
         EXR_MAGIC => Format::Exr,
         [b'#', b'?', ..] => Format::Hdr,
@@ -199,7 +202,12 @@ fn hdr_decoder(path: &Path) -> Result<HdrDecoder<BufReader<File>>> {
 
 fn other_reader(path: &Path) -> Result<image::ImageReader<BufReader<File>>> {
     let reader = image::ImageReader::open(path).and_then(|r| r.with_guessed_format());
-    reader.map_err(Error::io(path, "open the image"))
+    let reader = reader.map_err(Error::io(path, "open the image"))?;
+    // Where the content tells nothing, the name counts.
+    match reader.format().is_some_and(|format| format.reading_enabled()) {
+        true => Ok(reader),
+        false => Err(refuse(path, "it is of no format that is known")),
+    }
 }
 
 fn limits() -> image::Limits {
@@ -312,6 +320,13 @@ mod tests {
         let path = folder.path().join("text.png");
         std::fs::write(&path, "no image").unwrap();
         assert!(read_image(&path).unwrap_err().to_string().contains("text.png"));
+        for (name, content, reason) in
+            [("empty.exr", "", "is empty"), ("text.exr", "no image", "no format that is known")]
+        {
+            std::fs::write(folder.path().join(name), content).unwrap();
+            let said = read_image(&folder.path().join(name)).unwrap_err().to_string();
+            assert!(said.contains(name) && said.contains(reason), "{said}");
+        }
         std::fs::write(&path, [EXR_MAGIC.as_slice(), &[2, 0, 0, 0, 9, 9]].concat()).unwrap();
         assert!(read_image(&path).unwrap_err().to_string().contains("text.png"));
         assert!(read_image(&folder.path().join("none.exr")).is_err());

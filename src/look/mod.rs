@@ -40,7 +40,7 @@ mod resolve;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::read_input_text;
+use crate::files::{Reach, read_input_text};
 use crate::light::names::suggest;
 use crate::light::{LightBasis, Lighting};
 
@@ -62,17 +62,29 @@ pub struct Look {
     groups: Vec<(String, Vec<u32>)>,
 }
 
-/// Reads a look file (JSON if its name ends so, else TOML) for a light basis. Images are found beside the file.
+/// Reads a look file (JSON if its name ends so, else TOML) for a light basis. Images are found beside the file; those
+/// that lie neither in its folder nor in that of `LTM_SCENES` are refused.
 ///
 /// # Errors
 /// A file that cannot be read, unknown keys, names that fit no light (with the nearest names), values out of
 /// range, images that cannot be read.
 pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
+    load_within(path, basis, &Reach::of(path))
+}
+
+/// As [`load`], with images from anywhere: for a file whose author is trusted.
+///
+/// Errors: those of [`load`].
+pub fn load_reaching_outside(path: &Path, basis: &LightBasis) -> Result<Look> {
+    load_within(path, basis, &Reach::everywhere())
+}
+
+fn load_within(path: &Path, basis: &LightBasis, reach: &Reach) -> Result<Look> {
     let place = path.display().to_string();
     let text = read_input_text(path, "read the look", MOST_TEXT_BYTES)?;
     let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
     let file = if json { file::parse_json(&place, &text) } else { file::parse_toml(&place, &text) }?;
-    resolve::resolve(&place, path.parent().unwrap_or(Path::new("")), &file, basis)
+    resolve::resolve(&place, (path.parent().unwrap_or(Path::new("")), reach), &file, basis)
 }
 
 impl Look {

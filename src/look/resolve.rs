@@ -8,13 +8,19 @@ use super::file::{Base, Color, LookFile, Rule};
 use super::pattern::{image_mask, shape_mask};
 use super::{Look, MAX_IMAGE_BYTES, MAX_LIGHTING_BYTES};
 use crate::error::{Error, Result};
+use crate::files::Reach;
 use crate::image::{KELVIN_RANGE, LinearImage, decode_srgb, image_facts, kelvin_to_linear, luminance, read_image};
 use crate::light::names::{fits, suggest};
 use crate::light::{Light, LightBasis, LightKind, Lighting};
 
-/// Applies a file's rules to a basis.
-pub(super) fn resolve(place: &str, folder: &Path, file: &LookFile, basis: &LightBasis) -> Result<Look> {
-    let resolver = Resolver { place, folder, file, basis };
+/// Applies a file's rules to a basis. `folder` is the file's own, where its images are looked for within `reach`.
+pub(super) fn resolve(
+    place: &str,
+    (folder, reach): (&Path, &Reach),
+    file: &LookFile,
+    basis: &LightBasis,
+) -> Result<Look> {
+    let resolver = Resolver { place, folder, reach, file, basis };
     let bytes = (file.look.len() as u64 + 2).saturating_mul(basis.column_count() as u64 * 12);
     if bytes > MAX_LIGHTING_BYTES {
         return Err(Error::Resources {
@@ -63,6 +69,7 @@ pub(super) fn resolve(place: &str, folder: &Path, file: &LookFile, basis: &Light
 struct Resolver<'a> {
     place: &'a str,
     folder: &'a Path,
+    reach: &'a Reach,
     file: &'a LookFile,
     basis: &'a LightBasis,
 }
@@ -98,6 +105,10 @@ impl Resolver<'_> {
             let before = found.len();
             found.extend(self.basis.lights().iter().filter(meant));
             if found.len() == before {
+                if self.file.groups.contains_key(pattern) {
+                    let problem = format!("the group '{name}' names '{pattern}', a group");
+                    return Err(Error::input(self.place, problem, "a group holds lights; name those of the other"));
+                }
                 let known = self.basis.lights().iter().map(|light| light.name.as_str());
                 let hint = suggest(pattern, known.chain(self.file.groups.keys().map(String::as_str)));
                 return Err(Error::input(self.place, format!("no light is called '{pattern}'"), hint));
@@ -208,10 +219,11 @@ impl Resolver<'_> {
 
     fn read(&self, file: &str) -> Result<LinearImage> {
         let path = self.folder.join(file);
-        if !path.is_file() {
+        if !path.exists() {
             let problem = format!("the image {} is missing", path.display());
             return Err(Error::input(self.place, problem, "put it beside the look file"));
         }
+        self.reach.admit(&path, self.place)?;
         let needed = image_facts(&path)?.needs_bytes;
         if needed > MAX_IMAGE_BYTES {
             return Err(Error::Resources {

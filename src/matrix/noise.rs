@@ -2,7 +2,8 @@
 
 /// Noise of a block, from its two half-sample estimates `A` and `B`.
 ///
-/// The block is `(A + B) / 2`; `D = (A − B) / 2` has the same variance and, the halves being independent, no signal.
+/// The block is the mean of all samples. `D = √(m n) / (m + n) · (A − B)`, where the halves have `m` and `n` samples, has the
+/// variance of that mean and, the halves being independent, no signal; with as many in both it is `(A − B) / 2`.
 /// What is kept is small beside the block: marginals of `D²`, and `D Ω` for a few *probe* lightings `Ω`
 /// (`light::probe_lightings`), which show noise that columns share and
 /// independent entries would hide.

@@ -161,9 +161,13 @@ impl std::fmt::Display for Shortfall {
             Target::PsnrDb(asked) => (format!("{:.1} dB", self.psnr_db), format!("{asked} dB")),
             Target::Bytes(asked) => {
                 let over = self.file_bytes.saturating_sub(asked);
+                let further = match self.relative_l2 < 0.999 {
+                    true => "a smaller target leaves out more",
+                    false => "nothing is left in it that could be left out",
+                };
                 return write!(
                     f,
-                    "the file has {}, {over} B more than the target, {}; a smaller target leaves out more",
+                    "the file has {}, {over} B more than the target, {}; {further}",
                     human_bytes(self.file_bytes),
                     human_bytes(asked)
                 );

@@ -65,7 +65,7 @@ impl Geometry {
         warnings: &mut Vec<String>,
     ) -> Result<FileExtras> {
         if is_gltf(path) {
-            return read_gltf(path, self, memory, warnings);
+            return read_gltf(path, self, folders, memory, warnings);
         }
         self.read_obj(path, folders, memory, warnings)?;
         Ok(FileExtras::default())
@@ -131,7 +131,7 @@ impl Geometry {
         let beside = folders.beside(path);
         let mut library: Vec<(MtlMaterial, PathBuf)> = Vec::new();
         for name in &file.libraries {
-            let Ok(mtl_path) = beside.find(name, "") else {
+            let Some(mtl_path) = beside.look_up(name, &path.display().to_string())? else {
                 let problem =
                     format!("{}: the material file \"{name}\" is missing; its materials are grey", path.display());
                 warnings.push(problem);

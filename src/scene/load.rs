@@ -26,8 +26,8 @@ const LARGE_BLOCK_BYTES: u64 = 1 << 30;
 
 /// Reads a scene file (TOML, or glTF with its own camera and lights; see `formats/scene.md`) and everything that it names, and checks the result.
 ///
-/// Relative paths are looked up beside the scene file, then in the folder that `LTM_SCENES` names. What can be mended is
-/// mended and becomes a warning.
+/// Relative paths are looked up beside the scene file, then in the folder that `LTM_SCENES` names; files elsewhere are refused.
+/// What can be mended is mended and becomes a warning.
 ///
 /// # Errors
 /// One line that names the file and what is wrong in it. No error quotes what stands in a file that the scene names.
@@ -35,11 +35,14 @@ pub fn load(path: &Path) -> Result<LoadedScene> {
     load_with(path, LoadOptions::default())
 }
 
-/// What a scene is allowed to lack and to take.
+/// What a scene is allowed to lack, to read and to take.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LoadOptions {
     /// Whether texture files that materials name may be missing: the materials' colours stand for them, with a warning.
     pub allow_missing: bool,
+    /// Whether files may be read that lie neither in the scene's folder nor in that of `LTM_SCENES`: a scene of someone else
+    /// could name any.
+    pub allow_outside: bool,
     /// Memory that geometry, textures and maps stay within, with what reading them takes; none: any amount.
     pub memory_bytes: Option<u64>,
     /// Which camera of a glTF file is used, by the name of its node or its own; none: the first.
@@ -86,7 +89,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<L
     memory.check((text.len() as u64).saturating_mul(64), path)?;
     let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
         file::parse(path, &text)?;
-    let folders = Folders::of(path);
+    let folders = Folders::of(path, options.allow_outside);
     let settings = settings(&render, &place)?;
     let camera = self::camera(&camera, &place)?;
     let metres_per_unit = metres_per_unit.unwrap_or(0.0);
@@ -128,7 +131,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<L
 /// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
 fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<LoadedScene> {
     let place = path.display().to_string();
-    let folders = Folders::of(path);
+    let folders = Folders::of(path, options.allow_outside);
     let (mut warnings, mut geometry) = (Vec::new(), Geometry::default());
     let extras = geometry.read(path, &folders, &mut memory, &mut warnings)?;
     if geometry.mesh.triangles.is_empty() {
@@ -198,7 +201,7 @@ fn stem(path: &Path) -> String {
 /// Makes materials and lights, and checks the whole.
 fn build(read: Read<'_>, options: &LoadOptions) -> Result<LoadedScene> {
     let Read { place, folders, name, geometry, overrides, entries, camera, settings, metres_per_unit, .. } = read;
-    let textures = Textures::within(read.memory);
+    let textures = Textures::within(read.memory, folders.reach.clone());
     let mut workshop = Workshop { textures, warnings: read.warnings, overrides, folders, place };
     let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };
     let mut emissions = Vec::new();

@@ -7,6 +7,7 @@ use super::gltf::ImageSource;
 use super::memory::Memory;
 use super::{Texture, TextureId};
 use crate::error::{Error, Result};
+use crate::files::Reach;
 use crate::image::{ImageFacts, RgbaImage, embedded_facts, encode_srgb, image_facts, read_embedded, read_rgba};
 
 /// Most memory that the textures of a scene may take, in bytes.
@@ -33,6 +34,7 @@ pub(super) enum Use {
 pub(super) struct Textures {
     pub(super) list: Vec<Texture>,
     pub(super) memory: Memory,
+    reach: Reach,
     known: HashMap<(PathBuf, Use), TextureId>,
     bytes: u64,
     /// Files that materials name and that are not there, with who names them first.
@@ -42,9 +44,10 @@ pub(super) struct Textures {
 }
 
 impl Textures {
-    /// None yet; they and what reading them takes stay within `memory`.
-    pub(super) fn within(memory: Memory) -> Self {
-        Self { list: Vec::new(), memory, known: HashMap::new(), bytes: 0, missing: Vec::new(), respelled: Vec::new() }
+    /// None yet; they and what reading them takes stay within `memory`, and their files within `reach`.
+    pub(super) fn within(memory: Memory, reach: Reach) -> Self {
+        let (known, missing, respelled) = (HashMap::new(), Vec::new(), Vec::new());
+        Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, respelled }
     }
 
     /// The texture that a material names in a folder: `name` as it is written, else the file whose name differs in upper
@@ -52,7 +55,7 @@ impl Textures {
     /// [`report`](Self::report) will say.
     ///
     /// # Errors
-    /// A file that is no image, or more textures than fit.
+    /// A file that is no image or may not be opened, or more textures than fit.
     pub(super) fn named(
         &mut self,
         (folder, name): (&Path, &str),
@@ -67,6 +70,7 @@ impl Textures {
             }
             return Ok(None);
         };
+        self.reach.admit(&found, asked_by)?;
         if found != written && self.respelled.iter().all(|(known, _)| *known != written) {
             self.respelled.push((written, found.clone()));
         }
@@ -154,7 +158,10 @@ impl Textures {
         let (facts, path, bytes) = match source {
             ImageSource::Embedded(name, bytes) => (embedded_facts(name, bytes)?, name.clone(), Some(bytes)),
             ImageSource::File(folder, name) => match find_ignoring_case(folder, name) {
-                Some(path) => (image_facts(&path)?, path, None),
+                Some(path) => {
+                    self.reach.admit(&path, asked_by)?;
+                    (image_facts(&path)?, path, None)
+                }
                 None => {
                     self.missing.push((folder.join(name), asked_by.to_owned()));
                     return Ok(None);

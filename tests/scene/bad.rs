@@ -13,6 +13,8 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("a_camera_inside_something_solid_is_warned_of", a_camera_inside_something_solid),
     ("columns_that_do_not_fit_say_what_they_would_need", columns_that_do_not_fit),
     ("memory_is_counted_while_a_scene_is_loaded", memory_is_counted_while_a_scene_is_loaded),
+    ("textures_beyond_what_a_scene_may_hold_are_refused_unread", textures_beyond_what_a_scene_may_hold),
+    ("files_outside_of_the_scenes_folder_are_read_only_on_demand", files_outside_of_the_scenes_folder),
     ("errors_quote_no_file_that_a_scene_names", errors_quote_no_file_that_a_scene_names),
     ("no_cut_or_changed_byte_of_an_input_panics", no_damaged_input_panics),
 ];
@@ -170,6 +172,51 @@ fn memory_is_counted_while_a_scene_is_loaded() {
     ] {
         let error = load(&folder, 1 << 20).unwrap_err();
         assert!(matches!(error, Error::Resources { .. }) && error.to_string().contains(named), "{named}: {error}");
+    }
+}
+
+fn textures_beyond_what_a_scene_may_hold() {
+    // Uncompressed true colour of 16,384² pixels, without any.
+    let mut header = [0u8; 18];
+    (header[2], header[16], header[13], header[15]) = (2, 24, 0x40, 0x40);
+    let folder = room("").with("room.mtl", "newmtl ground\nmap_Kd a.tga\nnewmtl lamp\nKe 1 1 1\n");
+    refused(&folder.with("a.tga", header), &["a.tga", "4.0 GiB", "2.0 GiB", "scale"]);
+}
+
+/// Whoever wrote a scene may be a stranger: whatever names a file, and however.
+fn files_outside_of_the_scenes_folder() {
+    let outside = Folder::new().with("room.obj", ROOM_OBJ).with("room.mtl", ROOM_MTL);
+    let outside = outside.with("lamp.ies", "TILT=NONE\n1 1 1 2 2 1 1 0 0 0 1 1 1 0 90 0 90 4 3 2 1\n");
+    let outside = outside.with("sky.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n@@@\u{7f}");
+    let at = |name: &str| outside.path(name).display().to_string();
+    let texture = |name: &str| format!("newmtl ground\nmap_Kd {name}\nnewmtl lamp\nKe 1 1 1\n");
+    let geometry = |name: &str| ROOM_TOML.replace("room.obj", name);
+    let light =
+        |kind: &str, name: &str| format!("[[light]]\nmaterial = \"lamp\"\n[[light]]\nkind = \"{kind}\"\n{name}\n");
+    let ies = format!("position = [0, 1, 0]\nfile = \"{}\"", at("lamp.ies"));
+    let material = format!("[[material]]\nmatch = \"ground\"\nreflectance_map = \"{}\"\n", at("sky.hdr"));
+    let linked = |name: &str, to: &str| {
+        let folder = room("").with("room.mtl", texture("sky.hdr"));
+        let _ = std::fs::remove_file(folder.path(name));
+        std::os::unix::fs::symlink(outside.path(to), folder.path(name)).expect("a link");
+        folder
+    };
+    let up = outside.path("").file_name().map(|name| format!("../{}/room.obj", name.to_string_lossy()));
+    let cases = [
+        room("").with("scene.toml", geometry(&at("room.obj"))),
+        room("").with("scene.toml", geometry(&up.expect("a temporary folder has a name"))),
+        room("").with("room.obj", ROOM_OBJ.replace("room.mtl", &at("room.mtl"))),
+        room("").with("room.mtl", texture(&at("sky.hdr"))),
+        room(&light("ies", &ies)),
+        room(&light("environment", &format!("map = \"{}\"", at("sky.hdr")))),
+        room(&material),
+        linked("sky.hdr", "sky.hdr"),
+    ];
+    let allowed = ltm::scene::LoadOptions { allow_outside: true, allow_missing: true, ..Default::default() };
+    for (index, folder) in cases.iter().enumerate() {
+        refused(folder, &["outside", "--allow-outside"]);
+        let loaded = ltm::scene::load_with(&folder.path("scene.toml"), allowed.clone());
+        assert!(loaded.is_ok(), "case {index}: {}", loaded.expect_err("not allowed"));
     }
 }
 

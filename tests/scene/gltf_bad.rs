@@ -17,6 +17,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("counts_that_no_byte_stands_for_take_no_memory", absurd_counts),
     ("gltf_geometry_and_textures_are_counted_against_the_memory", memory_is_counted),
     ("no_cut_glb_panics", no_cut_glb_panics),
+    ("a_buffer_that_is_a_link_is_read_only_on_demand", links_that_lead_elsewhere),
 ];
 
 /// Holds an error to its promise.
@@ -218,4 +219,20 @@ fn no_cut_glb_panics() {
         std::fs::write(folder.path("room.glb"), &whole[..at]).unwrap();
         assert!(load(&folder.path("room.glb")).is_err(), "{at} bytes of it were accepted");
     }
+}
+
+/// A link beside the file that leads out of its folder.
+fn links_that_lead_elsewhere() {
+    let mut bytes = Vec::new();
+    let file = changed(|f| {
+        f.json["buffers"] = json!([{ "byteLength": f.bytes.len(), "uri": "a.bin" }]);
+        bytes = std::mem::take(&mut f.bytes);
+    });
+    let outside = Folder::new().with("a.bin", bytes);
+    let folder = Folder::new().with("room.glb", file);
+    std::os::unix::fs::symlink(outside.path("a.bin"), folder.path("a.bin")).unwrap();
+    let error = load(&folder.path("room.glb")).unwrap_err().to_string();
+    assert!(error.contains("outside") && error.contains("--allow-outside"), "{error}");
+    let options = LoadOptions { allow_outside: true, ..Default::default() };
+    load_with(&folder.path("room.glb"), options).unwrap();
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ltm::Error;
-use ltm::matrix::{BlockId, TracedBlock};
+use ltm::matrix::{BlockId, BlockSink, TracedBlock};
 use ltm::store::{Storage, StoreReader, StoreWriter, verify_storage};
 
 use crate::blocks::{block, job, options, read, write_all};
@@ -117,6 +117,41 @@ fn a_file_that_shrinks_while_it_is_read_gives_errors_and_keeps_the_rest() {
 
 /// A header whose fields are changed and whose checksum is made to hold: what a program with a fault, or with bad
 /// intent, would write.
+/// What a killed write left where no block is committed: nobody sees it, and finishing the file clears it.
+#[test]
+fn what_lies_in_the_slot_of_a_block_that_is_not_committed_is_never_seen() {
+    let job = job(3);
+    let begun = Memory::default();
+    let writer = StoreWriter::create_over(&begun, &job, options()).unwrap();
+    writer.write_block(BlockId(0), &block(&job, BlockId(0))).unwrap();
+    drop(writer);
+    let layout = *open(&begun).unwrap().layout();
+    let mut bytes = begun.content();
+    for id in job.shape.blocks().skip(1) {
+        let slot = layout.slot_offset(id) as usize..(layout.slot_offset(id) + layout.slot_bytes(id)) as usize;
+        bytes[slot].fill(0xa5);
+    }
+    let left = Memory::holding(bytes);
+    let report = verify_storage(&open(&left).unwrap(), |_, _| true).unwrap();
+    assert_eq!((report.missing.len(), report.damaged.len(), report.stray.len()), (5, 0, 0), "{report:?}");
+    assert!(read(&open(&left).unwrap(), BlockId(1)).is_err());
+    // As it is, and with all blocks.
+    let finished = |memory: Memory, all: bool| {
+        let writer = StoreWriter::resume_over(&memory, &job, options()).unwrap();
+        for id in job.shape.blocks().filter(|_| all).filter(|&id| !writer.is_committed(id)).collect::<Vec<_>>() {
+            writer.write_block(id, &block(&job, id)).unwrap();
+        }
+        writer.finish().unwrap();
+        memory.content()
+    };
+    assert!(finished(Memory::holding(left.content()), true) == small_file());
+    let bytes = finished(left, false);
+    for id in job.shape.blocks().skip(1) {
+        let slot = layout.slot_offset(id) as usize..(layout.slot_offset(id) + layout.slot_bytes(id)) as usize;
+        assert!(bytes[slot].iter().all(|&byte| byte == 0), "{id}");
+    }
+}
+
 fn with_header_field(bytes: &[u8], name: &str, value: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     let (_, offset, size) = *ltm::store::HEADER_FIELDS.iter().find(|field| field.0 == name).unwrap();

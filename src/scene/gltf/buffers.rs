@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use gltf::Document;
 use gltf::buffer::{Source, View};
 
+use super::super::folders::Folders;
 use super::super::memory::Memory;
 use super::document::MOST_BYTES;
 use super::{base64, plain};
@@ -31,6 +32,7 @@ pub(super) fn load(
     path: &Path,
     document: &Document,
     mut binary: Option<Vec<u8>>,
+    folders: &Folders,
     memory: &mut Memory,
 ) -> Result<Buffers> {
     let place = path.display().to_string();
@@ -52,6 +54,7 @@ pub(super) fn load(
                     let length = std::fs::metadata(&file)
                         .map_err(|_| refuse(format!("is the file \"{}\", which is missing", plain(&name))))?
                         .len();
+                    folders.reach.admit(&file, &place)?;
                     memory.take(length, &file)?;
                     read_input(&file, "read the buffer", MOST_BYTES)?
                 }

@@ -19,6 +19,7 @@ pub(super) use cameras::{FileCamera, seeing_all};
 pub(super) use materials::{Alpha, GltfMaterial, ImageSource};
 
 use super::file::LightEntry;
+use super::folders::Folders;
 use super::import::Geometry;
 use super::memory::Memory;
 use crate::error::Result;
@@ -44,11 +45,12 @@ pub(super) fn is_gltf(path: &Path) -> bool {
 pub(super) fn read(
     path: &Path,
     geometry: &mut Geometry,
+    folders: &Folders,
     memory: &mut Memory,
     warnings: &mut Vec<String>,
 ) -> Result<FileExtras> {
     let mut file = document::open(path, memory, warnings)?;
-    let buffers = buffers::load(path, &file.document, file.binary.take(), memory)?;
+    let buffers = buffers::load(path, &file.document, file.binary.take(), folders, memory)?;
     let nodes = nodes::walk(path, &file.document)?;
     let materials = materials::describe(path, &file.document, &buffers, warnings)?;
     let first_material = geometry.materials.len();

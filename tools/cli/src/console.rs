@@ -25,6 +25,8 @@ static RUN_MEMORY: OnceLock<PeakMemory> = OnceLock::new();
 pub const EXIT_CODES: &str = "Exit codes: 0 success, 2 unusable arguments, 3 unusable input, 4 damaged file, \
 5 input or output failed, 6 not enough memory or disk, 7 no GPU where one was demanded, 70 a fault of the program, 130 interrupted.";
 
+/// Exit code of a program that was interrupted.
+const INTERRUPTED_CODE: i32 = 130;
 /// Exit code of a fault of the program itself: that of BSD's `sysexits.h` for it.
 const FAULT: i32 = 70;
 /// Most threads that are started for each core: more cost time and bring nothing.
@@ -38,12 +40,6 @@ pub struct Console {
     stage: Mutex<Option<Stage>>,
     work: AtomicU64,
 }
-
-/// Keeps what the programs say of memory true. Matrices are allocated on cache lines, and glibc finds no use for the room
-/// that they leave: packing 216 MiB of 24 columns grew by 0.3 MiB with each block, to five times its stated need, and 9 GiB
-/// peaked at 563 MiB. mimalloc holds freed blocks of a render long enough to pass its need by an eighth.
-#[global_allocator]
-static ALLOCATOR: tikv_jemallocator::Jemalloc = tikv_jemallocator::Jemalloc;
 
 struct Stage {
     bar: ProgressBar,
@@ -61,12 +57,12 @@ impl Console {
         end_with_the_reader();
         let _ = ctrlc::set_handler(|| {
             if INTERRUPTED.swap(true, Ordering::SeqCst) {
-                end_at_once();
+                end_at_once(INTERRUPTED_CODE);
             }
             // Written without the lock of standard error, which a thread may hold that is stuck.
             if !IN_STAGE.load(Ordering::SeqCst) {
                 write_unlocked("\ninterrupted\n");
-                end_at_once();
+                end_at_once(INTERRUPTED_CODE);
             }
             write_unlocked("\nstopping after the blocks at hand; press Ctrl-C again to stop at once\n");
         });
@@ -137,19 +133,19 @@ fn end_with_the_reader() {
 }
 
 /// Ends the program without waiting for anything, not even for what is registered to run at its end.
-fn end_at_once() -> ! {
+pub(crate) fn end_at_once(code: i32) -> ! {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     #[expect(unsafe_code, reason = "there is no safe way to end a process without its exit handlers")]
     // SAFETY: the call does not return, and files of this program survive a process that ends at any instant.
     unsafe {
-        libc::_exit(130);
+        libc::_exit(code);
     }
     #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
-    std::process::exit(130);
+    std::process::exit(code);
 }
 
 /// Writes to standard error past its lock and buffer.
-fn write_unlocked(text: &str) {
+pub(crate) fn write_unlocked(text: &str) {
     #[cfg(unix)]
     if let Ok(error) = std::io::stderr().as_fd().try_clone_to_owned() {
         let _ = std::fs::File::from(error).write_all(text.as_bytes());

@@ -1,4 +1,5 @@
 //! What the programs share: progress on a terminal, Ctrl-C, exit codes, the allocator, and the options of packing.
 
+mod allocator;
 pub mod compression;
 pub mod console;

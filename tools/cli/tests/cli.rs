@@ -262,13 +262,16 @@ fn light_groups_become_a_container_and_come_back() {
     assert!(!names(at).iter().any(|name| name.contains(".part")), "{:?}", names(at));
 }
 
-/// The line on what a job needs, and the memory that it names, in MiB.
+/// The line on what the first job needs, the largest memory that a job names, in MiB, and standard output.
 fn stated_need(folder: &Path, program: &str, arguments: &[&str]) -> (String, f64, String) {
     let output = run(folder, program, arguments);
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{program} {arguments:?}: {said}");
-    let line = said.lines().find(|line| line.contains(", needs up to ")).unwrap_or_else(|| panic!("{said}")).to_owned();
-    let need = mebibytes(line.split(", needs up to ").nth(1).unwrap());
+    let lines: Vec<&str> = said.lines().filter(|line| line.contains(", needs up to ")).collect();
+    let line = (*lines.first().unwrap_or_else(|| panic!("{said}"))).to_owned();
+    // A program may have two jobs to do, one after the other.
+    let needs = lines.iter().map(|line| mebibytes(line.split(", needs up to ").nth(1).unwrap()));
+    let need = needs.fold(0.0, f64::max);
     (line, need, String::from_utf8(output.stdout).unwrap())
 }
 
@@ -316,8 +319,7 @@ fn what_jobs_on_containers_need_is_said_and_kept_and_too_little_refused_before_a
         let (line, need, said) = stated_need(at, program, &[arguments, &["--memory", "300MiB"]].concat());
         assert!(line.contains(disk), "{line}");
         let peak = mebibytes(said.split("peak memory ").nth(1).unwrap_or_else(|| panic!("{said}")));
-        let limit = if program == "ltm-pack" { 300.0 } else { need };
-        assert!(peak <= limit, "{program} {arguments:?}: {peak} MiB of {limit} MiB");
+        assert!(peak <= need, "{program} {arguments:?}: {peak} MiB of {need} MiB");
     }
 }
 

@@ -281,6 +281,102 @@ fn pipes_and_folders_are_refused_and_not_waited_for() {
     assert!(names(at).iter().all(|name| !name.ends_with(".ltm-tmp0") && !name.ends_with(".spill")), "{:?}", names(at));
 }
 
+/// What a file names outside of its folder is opened only if the user says so, or has put it into the library's folder.
+#[test]
+fn files_outside_of_a_folder_need_the_flag_or_the_library() {
+    let folder = room();
+    let at = folder.path();
+    fs::create_dir(at.join("from afar")).unwrap();
+    let scene = fs::read_to_string(at.join("room.toml")).unwrap();
+    fs::write(at.join("from afar/room.toml"), scene.replace("room.obj", "../room.obj")).unwrap();
+    let render = ["render", "from afar/room.toml", "-o", "o.ltm"];
+    end_with(at, "ltm", &render, 3, &["room.obj", "outside", "--allow-outside"]);
+    assert!(!at.join("o.ltm").exists() && !at.join("o.ltm.part").exists());
+    succeed(at, "ltm", &[&render[..], &["--allow-outside"]].concat());
+    assert!(fs::read(at.join("o.ltm")).unwrap() == fs::read(at.join("room.ltm")).unwrap());
+    let repair = ["repair", "o.ltm", "from afar/room.toml"];
+    end_with(at, "ltm", &repair, 3, &["outside"]);
+    end_with(at, "ltm", &[&repair[..], &["--allow-outside"]].concat(), 0, &["0 blocks"]);
+    for geometry in ["room.obj", "../room.obj"] {
+        fs::write(at.join("from afar/room.toml"), scene.replace("room.obj", geometry)).unwrap();
+        let mut render = command(at, "ltm", &["render", "from afar/room.toml", "-o", "o.ltm", "--force"]);
+        let output = render.env("LTM_SCENES", at).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+    }
+    succeed(at, "ltm-unpack", &["room.ltc", "-o", "pattern.exr", "--relit"]);
+    fs::write(at.join("from afar/l.toml"), "[[light]]\nname = 'lamp'\nimage = { file = '../pattern.exr' }\n").unwrap();
+    let relight = ["relight", "room.ltc", "--device", "cpu", "-o", "o.exr", "-l", "from afar/l.toml"];
+    end_with(at, "ltm", &relight, 3, &["pattern.exr", "outside", "--allow-outside"]);
+    succeed(at, "ltm", &[&relight[..], &["--allow-outside"]].concat());
+}
+
+#[test]
+fn options_that_would_be_passed_over_are_refused() {
+    let folder = room();
+    let at = folder.path();
+    fs::create_dir(at.join("folder.ltm")).unwrap();
+    for option in [["--block-side", "16"], ["--layers", "x"]] {
+        end_with(at, "ltm-pack", &["room.ltm", "-o", "o.ltc", option[0], option[1]], 3, &[option[0], "leave it out"]);
+    }
+    end_with(at, "ltm", &["merge", "-o", "folder.ltm", "room.ltm"], 3, &["folder.ltm", "is a folder"]);
+    assert!(!at.join("o.ltc").exists());
+    // A size is an aim: what misses it says by how much, and whether anything is left to leave out.
+    end_with(
+        at,
+        "ltm-pack",
+        &["room.ltm", "-o", "o.ltc", "--target", "1B"],
+        0,
+        &["\nthe file has", "more than the target", "nothing is left"],
+    );
+}
+
+/// Whatever the system refuses, and when: one line and the exit code of memory, and no abort with a trace.
+#[test]
+fn a_program_that_is_refused_memory_says_so_in_one_line() {
+    let folder = room();
+    let at = folder.path();
+    let mut refused = 0;
+    for mebibytes in [150, 200, 300, 6000] {
+        let script =
+            format!("ulimit -v {} && {} room.ltm -o o.ltc --force", mebibytes << 10, env!("CARGO_BIN_EXE_ltm-pack"));
+        let output = Command::new("sh").args(["-c", &script]).current_dir(at).output().unwrap();
+        let text = said(&output);
+        match output.status.code() {
+            Some(0) => {}
+            Some(6) => {
+                refused += 1;
+                assert!(text.contains("memory") && !text.contains("backtrace"), "{mebibytes} MiB: {text}");
+            }
+            code => panic!("{mebibytes} MiB: {code:?}: {text}"),
+        }
+    }
+    assert!(refused > 0, "no run was refused memory");
+    succeed(at, "ltm-pack", &["room.ltm", "-o", "o.ltc", "--force"]);
+    assert!(fs::read(at.join("o.ltc")).unwrap() == fs::read(at.join("room.ltc")).unwrap());
+}
+
+/// Options of packing and rendering do what they say, seen in the files.
+#[test]
+fn options_of_programs_reach_the_files() {
+    let folder = room();
+    let at = folder.path();
+    let packed = |arguments: &[&str]| {
+        succeed(at, "ltm-pack", &[&["room.ltm", "-o", "o.ltc", "--force"], arguments].concat());
+        fs::read(at.join("o.ltc")).unwrap()
+    };
+    let random = |seed: &str| packed(&["--method", "algorithm1", "--rank", "4", "--seed", seed]);
+    assert!(random("1") == random("1") && random("1") != random("2"));
+    assert!(packed(&[]) != packed(&["--prior", "flat"]));
+    assert!(succeed(at, "ltm", &["info", "o.ltc"]).contains("prior flat"));
+    let mut sizes = Vec::new();
+    for precision in ["f32", "bf16", "f16"] {
+        succeed(at, "ltm", &["render", "room.toml", "-o", "p.ltm", "--force", "--precision", precision]);
+        assert!(succeed(at, "ltm", &["info", "p.ltm"]).contains(precision), "{precision}");
+        sizes.push(fs::metadata(at.join("p.ltm")).unwrap().len());
+    }
+    assert!(sizes[1] < sizes[0] && sizes[2] == sizes[1], "{sizes:?}");
+}
+
 #[test]
 fn a_merge_heeds_an_interruption() {
     let folder = tempfile::tempdir().unwrap();

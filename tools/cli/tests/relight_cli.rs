@@ -180,6 +180,60 @@ fn pictures_are_exposed_balanced_and_shown_in_false_colours() {
     }
 }
 
+/// What a picture shows is what its options say, measured in the PNG that was written.
+#[test]
+fn pictures_show_what_was_asked_for() {
+    let folder = room();
+    let at = folder.path();
+    fs::write(at.join("warm.toml"), "base = 'off'\n[[light]]\nname = 'lamp'\non = true\ncolor = { kelvin = 3000 }\n")
+        .unwrap();
+    let show = |name: &str, arguments: &[&str]| {
+        relight(at, &[&["room.ltc", "-o", name, "-l", "warm.toml"], arguments].concat());
+        read_image(&at.join(name)).unwrap()
+    };
+    let radiance = show("a.exr", &[]);
+    let stops = (0.5 / radiance.luminances().fold(0.0, f32::max)).log2();
+    let [bright, dark] = [stops, stops - 2.0].map(|stops| show("a.png", &["--exposure", &stops.to_string()]));
+    let gain = stops.exp2();
+    let mut compared = 0;
+    for ((linear, bright), dark) in radiance.values().iter().zip(bright.values()).zip(dark.values()) {
+        // One of 255 steps of sRGB is at most 1 % of white, and less of what is dark.
+        let expected = linear * gain;
+        if (0.0..0.99).contains(&expected) {
+            assert!((bright - expected).abs() < 0.006, "{bright} for {expected}");
+            assert!((dark - expected / 4.0).abs() < 0.006, "{dark} for a quarter of {expected}");
+            compared += usize::from(expected > 0.1);
+        }
+    }
+    assert!(compared > 50, "{compared} values were bright enough to tell");
+    // Light of 3000 K is orange, and white where the eye is used to it.
+    let stops = (stops - 2.0).to_string();
+    let balanced = show("b.png", &["--exposure", &stops, "--white-balance", "3000"]);
+    let orange = dark.pixels.iter().filter(|[r, _, b]| *r > 0.03 && r > &(2.0 * b)).count();
+    let grey = |[r, g, b]: &[f32; 3]| (r - g).abs() < 0.01 && (g - b).abs() < 0.01;
+    assert!(orange > 20 && balanced.pixels.iter().all(grey), "{orange} pixels were orange");
+    assert!(balanced.luminances().fold(0.0, f32::max) > 0.05);
+    // False colours stand for luminance in cd/m²: above the scale all are one colour, below it another.
+    let nits: Vec<f32> = radiance.luminances().map(|v| v * ltm::image::LUMENS_PER_WATT).collect();
+    // Much of the picture is dark.
+    let mut sorted: Vec<f32> = nits.iter().copied().filter(|v| *v > 0.0).collect();
+    sorted.sort_by(f32::total_cmp);
+    let (low, high) = (sorted[sorted.len() / 4], sorted[sorted.len() * 3 / 4]);
+    assert!(low < 0.9 * high, "{low} {high}");
+    let shown = show("c.png", &["--false-colour", "luminance", "--scale", &format!("{low}..{high}")]);
+    let colours = |of: &dyn Fn(f32) -> bool| {
+        let mut colours: Vec<_> = nits.iter().zip(&shown.pixels).filter(|(v, _)| of(**v)).map(|(_, p)| *p).collect();
+        colours.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        colours.dedup();
+        colours
+    };
+    let (top, bottom) = (colours(&|v| v > 1.001 * high), colours(&|v| v < 0.999 * low));
+    assert!(top.len() == 1 && bottom.len() == 1 && top != bottom, "{top:?} {bottom:?}");
+    assert!(
+        colours(&|v| v > 1.1 * low && v < 0.9 * high).iter().all(|colour| *colour != top[0] && *colour != bottom[0])
+    );
+}
+
 #[test]
 fn a_budget_gives_the_same_picture_and_one_that_is_too_small_is_refused() {
     let folder = room();
@@ -232,5 +286,9 @@ fn what_does_not_go_together_is_refused_in_one_line() {
     refused(at, &[&["room.ltc", "-o", "a-##.png", "--frames", "20..40"][..], &look].concat(), &["20..40", "0..26"]);
     refused(at, &["room.ltc", "-o", "a.png", "--false-colour", "illuminance"], &["--reflectance"]);
     refused(at, &["room.ltc", "-o", "a.png", "--white-balance", "3"], &["3 K"]);
+    // What colours of black bodies are not told apart beyond.
+    refused(at, &["room.ltc", "-o", "a.png", "--white-balance", "1200"], &["1200 K", "1667"]);
+    fs::create_dir(at.join("folder.png")).unwrap();
+    refused(at, &["room.ltc", "-o", "folder.png"], &["folder.png", "is a folder"]);
     assert!(!at.join("a.png").exists() && !at.join("a.exr").exists());
 }

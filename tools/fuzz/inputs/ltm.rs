@@ -10,11 +10,12 @@ use std::path::Path;
 use ltm::matrix::{BlockSource, TracedBlock};
 use ltm::store::{Storage, StoreReader, verify_storage};
 
-/// A file of each precision, of the same job.
-pub(crate) const SOUND: [&[u8]; 3] = [
+/// A file of each precision, of the same job, and one with planes.
+pub(crate) const SOUND: [&[u8]; 4] = [
     include_bytes!("../../../formats/golden/v1-f16.ltm"),
     include_bytes!("../../../formats/golden/v1-f32.ltm"),
     include_bytes!("../../../formats/golden/v1-bf16.ltm"),
+    include_bytes!("../../../formats/golden/v2-f16.ltm"),
 ];
 /// Offset of the commit table of these files, and blocks in them.
 pub(crate) const TABLE: usize = 8192;
@@ -54,8 +55,11 @@ pub(crate) fn look(input: &[u8]) -> bool {
     true
 }
 
-/// Makes the checksums of the description, the header and the records hold.
+/// Makes the checksums of the description, the header, the records and all that the tiles hold fit their bytes.
 fn seal(bytes: &mut [u8]) {
+    for block in 0..BLOCKS {
+        let _ = seal_tile(bytes, block);
+    }
     let job = crc32fast::hash(&bytes[4096..TABLE]);
     bytes[40..44].copy_from_slice(&job.to_le_bytes());
     let header = crc32fast::hash(&bytes[12..4096]);
@@ -64,6 +68,46 @@ fn seal(bytes: &mut [u8]) {
         let checksum = crc32fast::hash(&record[4..]);
         record[..4].copy_from_slice(&checksum.to_le_bytes());
     }
+}
+
+/// Makes the checksums of a tile hold, as far as its record says where they are; none where it does not.
+fn seal_tile(bytes: &mut [u8], block: usize) -> Option<()> {
+    // Blocks of 8 × 8 pixels, 3 × 2 of them, over 20 × 11 pixels; entries of 4 bytes, else of 2.
+    let pixels = (if block % 3 == 2 { 4 } else { 8 }) * (if block / 3 == 1 { 3 } else { 8 });
+    let entry = if number(bytes, 16)? == 0 { 4 } else { 2 };
+    let clusters = number(bytes, 44)?;
+    let record = TABLE + 64 * block;
+    let field = |bytes: &[u8], at: usize| number(bytes, record + at);
+    let tile = field(bytes, 16)?..field(bytes, 16)?.checked_add(field(bytes, 24)?)?;
+    let probes = if field(bytes, 12)? == 1 { field(bytes, 36)? } else { 0 };
+    let stored = field(bytes, 32)?.checked_add(probes)?;
+    let planes_bytes = match field(bytes, 44)? {
+        0 => 0,
+        _ => {
+            (60 * pixels + clusters.checked_mul(24 * pixels)?).next_multiple_of(4)
+                + field(bytes, 48)?.checked_mul(20)?
+        }
+    };
+    let column_bytes = 3 * pixels * entry;
+    let side = tile.start + stored.checked_mul(column_bytes)?.next_multiple_of(8);
+    let planes = tile.end.checked_sub(planes_bytes)?;
+    bytes.get(side..planes)?;
+    bytes.get(planes..tile.end)?;
+    let checksums = side + 4 * number(bytes, 32)?.div_ceil(32);
+    for column in 0..stored {
+        let start = tile.start + column * column_bytes;
+        let checksum = crc32fast::hash(bytes.get(start..start + column_bytes)?);
+        bytes.get_mut(checksums + 4 * column..)?.get_mut(..4)?.copy_from_slice(&checksum.to_le_bytes());
+    }
+    for (at, part) in [(40, side..planes), (52, planes..tile.end)] {
+        let checksum = if part.is_empty() { 0 } else { crc32fast::hash(&bytes[part]) };
+        bytes[record + at..record + at + 4].copy_from_slice(&checksum.to_le_bytes());
+    }
+    Some(())
+}
+
+fn number(bytes: &[u8], at: usize) -> Option<usize> {
+    Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize)
 }
 
 /// A file that cannot be written.

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Parser};
-use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{human_bytes, parse_bytes};
 use ltm::image::{LayerPattern, LightSet};
@@ -14,6 +13,7 @@ use ltm::light::Job;
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, ImportedMatrix, PackOptions};
 use ltm::store::StoreReader;
+use ltm::{Error, Result};
 use ltm_cli::compression::Compression;
 use ltm_cli::console::{self, Console, EXIT_CODES, peak_memory_bytes};
 use ltm_cli::say;
@@ -69,9 +69,9 @@ struct Images {
     /// light's name [default: the conventions of Blender, Arnold, V-Ray, LuxCore].
     #[arg(long, value_name = "REGEX")]
     layers: Option<LayerPattern>,
-    /// Side of a block in pixels.
-    #[arg(long, default_value_t = MatrixShape::DEFAULT_BLOCK_SIDE)]
-    block_side: u32,
+    /// Side of a block in pixels [default: 32].
+    #[arg(long)]
+    block_side: Option<u32>,
 }
 
 fn main() -> ExitCode {
@@ -82,16 +82,20 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     console::use_threads(arguments.threads)?;
-    let input = &*arguments.input;
+    let (input, images) = (&*arguments.input, &arguments.images);
     let output = arguments.output.clone().unwrap_or_else(|| default_output(input));
     if input.extension().is_some_and(|e| e == "ltm" || e == "part") {
+        let for_images = [(images.layers.is_some(), "--layers"), (images.block_side.is_some(), "--block-side")];
+        if let Some((_, name)) = for_images.iter().find(|(given, _)| *given) {
+            return Err(Error::input(*name, "is for images of single lights; a matrix has its own", "leave it out"));
+        }
         let matrix = StoreReader::open(input)?;
         return pack(&matrix, matrix.job(), &output, arguments, console);
     }
-    let set = LightSet::open(input, arguments.images.layers.as_ref())?;
+    let set = LightSet::open(input, images.layers.as_ref())?;
     pipeline::check_container_output(&output, arguments.force)?;
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
-    let side = arguments.images.block_side;
+    let side = images.block_side.unwrap_or(MatrixShape::DEFAULT_BLOCK_SIDE);
     let matrix = ImportedMatrix::read(&set, &name, &output, side, &pack_options(arguments), console)?;
     tables::print_matches(&matrix);
     pack(&matrix, matrix.job(), &output, arguments, console)
@@ -120,7 +124,7 @@ fn pack_options(arguments: &Arguments) -> PackOptions {
 
 fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
     let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
-    say!("{}: {report}", output.display());
+    format!("{}: {report}", output.display()).lines().for_each(|line| say!("{line}"));
     ltm::light::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| say!("{line}"));
     say!(
         "{:.1} s, {}/s of raw input, peak memory {}",

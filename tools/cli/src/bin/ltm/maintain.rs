@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ltm::container::ContainerReader;
+use ltm::files::check_output;
 use ltm::host::{Watch, human_bytes, parse_bytes};
 use ltm::matrix::BlockId;
 use ltm::pipeline;
@@ -32,6 +33,9 @@ pub(crate) struct Repair {
     /// Textures may be missing, as when it was rendered.
     #[arg(long)]
     allow_missing: bool,
+    /// Files outside of the scene's folder and of LTM_SCENES may be read, as when it was rendered.
+    #[arg(long)]
+    allow_outside: bool,
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
@@ -58,7 +62,12 @@ pub(crate) struct Merge {
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
     let camera = options.camera.clone();
-    let allowed = LoadOptions { allow_missing: options.allow_missing, memory_bytes: options.memory, camera };
+    let allowed = LoadOptions {
+        allow_missing: options.allow_missing,
+        allow_outside: options.allow_outside,
+        memory_bytes: options.memory,
+        camera,
+    };
     let loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
     let repaired = pipeline::repair(loaded, &options.file, options.memory, console)?;
     say!("{}: {} blocks rendered again", options.file.display(), repaired.len());
@@ -87,6 +96,7 @@ pub(crate) fn merge(options: &Merge, console: &Console) -> Result<()> {
             reader.job().shape.blocks().filter(|&id| !reader.has_block(id)).collect()
         }
         Kind::Matrix => {
+            check_output(output, true)?;
             let report = ltm::store::merge(parts, output, progress);
             console.end();
             let report = report?;

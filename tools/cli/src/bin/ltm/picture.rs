@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use ltm::image::{self, LUMENS_PER_WATT, LinearImage, ToneCurve, ToneMapping};
+use ltm::image::{self, KELVIN_RANGE, LUMENS_PER_WATT, LinearImage, ToneCurve, ToneMapping};
 use ltm::light::{Job, LightUnit};
 use ltm::{Error, Result};
 
@@ -91,8 +91,9 @@ impl Picture {
             let problem = "an EXR holds linear radiance as it is";
             return Err(Error::input(output.display().to_string(), problem, "write a .png to show it"));
         }
-        if let Some(kelvin) = self.white_balance.filter(|kelvin| !(1000.0..=40_000.0).contains(kelvin)) {
-            return Err(Error::input("--white-balance", format!("{kelvin} K is out of range"), "give 1000 to 40000"));
+        if let Some(kelvin) = self.white_balance.filter(|kelvin| !KELVIN_RANGE.contains(kelvin)) {
+            let hint = format!("give {} to {}", KELVIN_RANGE.start(), KELVIN_RANGE.end());
+            return Err(Error::input("--white-balance", format!("{kelvin} K is out of range"), hint));
         }
         if let Some(stops) = self.exposure.filter(|stops| !(-60.0..=60.0).contains(stops)) {
             return Err(Error::input("--exposure", format!("{stops} stops are out of range"), "give −60 to 60"));

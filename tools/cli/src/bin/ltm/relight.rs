@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use ltm::container::ContainerReader;
+use ltm::files::check_output;
 use ltm::host::{Watch, parse_bytes};
 use ltm::image::LinearImage;
 use ltm::light::names::{fits, suggest};
@@ -32,6 +33,9 @@ pub(crate) struct Relight {
     /// A named look of the look file [default: its rules outside of named looks].
     #[arg(long, value_name = "NAME", requires = "lighting")]
     look: Option<String>,
+    /// Read images that the look file names outside of its folder and of LTM_SCENES: for looks whose author you trust.
+    #[arg(long, requires = "lighting")]
+    allow_outside: bool,
     /// Only lights whose name matches this (`*` stands for anything); may be given several times [default: all].
     #[arg(long, value_name = "PATTERN")]
     on: Vec<String>,
@@ -77,6 +81,7 @@ enum Layers {
 
 pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
     let format = format_of(&options.output)?;
+    check_output(&frame_path(&options.output, 0).unwrap_or_else(|| options.output.clone()), true)?;
     if options.layers == Some(Layers::Features) {
         return write_features(options, format, console);
     }
@@ -164,7 +169,8 @@ struct Task<'a> {
 
 impl<'a> Task<'a> {
     fn new(options: &'a Relight, job: &'a Job, format: Format) -> Result<Self> {
-        let look = options.lighting.as_ref().map(|path| look::load(path, &job.basis)).transpose()?;
+        let load = if options.allow_outside { look::load_reaching_outside } else { look::load };
+        let look = options.lighting.as_ref().map(|path| load(path, &job.basis)).transpose()?;
         let lighting = match (&look, &options.look) {
             (Some(look), Some(name)) => look.named(name)?.clone(),
             (Some(look), None) => look.lighting().clone(),

@@ -54,6 +54,9 @@ pub(crate) struct Render {
     /// Render although textures are missing, with the materials' colours in their place.
     #[arg(long)]
     allow_missing: bool,
+    /// Read files that the scene names outside of its folder and of LTM_SCENES: for scenes whose author you trust.
+    #[arg(long)]
+    allow_outside: bool,
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
@@ -82,7 +85,12 @@ enum Preview {
 
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let camera = options.camera.clone();
-    let allowed = LoadOptions { allow_missing: options.allow_missing, memory_bytes: options.memory, camera };
+    let allowed = LoadOptions {
+        allow_missing: options.allow_missing,
+        allow_outside: options.allow_outside,
+        memory_bytes: options.memory,
+        camera,
+    };
     let mut loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));
@@ -142,7 +150,7 @@ fn run_packed(options: &Render, loaded: LoadedScene, output: &Path, console: &Co
     pack.container.overwrite = options.force;
     let (render, packed) = pipeline::render_packed(loaded, output, &pack, console)?;
     print_report(output, &render);
-    say!("{packed}");
+    packed.to_string().lines().for_each(|line| say!("{line}"));
     let basis = ContainerReader::open(output)?.job().basis.clone();
     ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| say!("{line}"));
     say!("next: ltm relight {} -o relit.png", output.display());
