@@ -29,7 +29,11 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     };
     let count = |line: usize, most: usize| -> Result<usize> {
         let value: usize = number(&lines, line).map_err(refuse)?;
-        if (1..=most).contains(&value) { Ok(value) } else { Err(refuse(format!("line {line}: {value} is not from 1 to {most}"))) }
+        if (1..=most).contains(&value) {
+            Ok(value)
+        } else {
+            Err(refuse(format!("line {line}: {value} is not from 1 to {most}")))
+        }
     };
     let symmetry: u32 = number(&lines, 3).map_err(refuse)?;
     let (planes, angles) = (count(4, MAX_ANGLES)?, count(6, MAX_ANGLES)?);
@@ -125,7 +129,8 @@ mod tests {
     #[test]
     fn every_symmetry_is_unfolded_to_the_whole_circle() {
         let [a, b, c, d] = [[10.0, 1.0], [20.0, 1.0], [30.0, 1.0], [40.0, 1.0]];
-        let quarters = |values: [f32; 5]| [0, 90, 180, 270, 360].into_iter().zip(values.map(|v| 2.0 * v)).collect::<Vec<_>>();
+        let quarters =
+            |values: [f32; 5]| [0, 90, 180, 270, 360].into_iter().zip(values.map(|v| 2.0 * v)).collect::<Vec<_>>();
         assert_eq!(around(&read(&file(0, &[a, b, c, d])).unwrap()), quarters([10.0, 20.0, 30.0, 40.0, 10.0]));
         assert_eq!(around(&read(&file(2, &[a, b, c])).unwrap()), quarters([10.0, 20.0, 30.0, 20.0, 10.0]));
         // Stored are 270°, 0° and 90°.
@@ -141,7 +146,8 @@ mod tests {
         for kept in 0..lines.len() {
             assert!(read(&lines[..kept].join("\n")).is_err(), "{kept} lines");
         }
-        for (line, text) in [(3, "7"), (3, "-1"), (4, "1e9"), (6, "0"), (24, "nan"), (26, "900"), (29, "0"), (44, "0")] {
+        for (line, text) in [(3, "7"), (3, "-1"), (4, "1e9"), (6, "0"), (24, "nan"), (26, "900"), (29, "0"), (44, "0")]
+        {
             let mut lines = lines.clone();
             lines[line - 1] = text;
             assert!(read(&lines.join("\n")).is_err(), "line {line}: {text}");

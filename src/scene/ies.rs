@@ -86,13 +86,18 @@ impl Kind {
 
 /// Horizontal and vertical angle of a direction in a web of type A, in degrees; horizontal ones count clockwise from above.
 fn angles_of_a([x, y, z]: [f32; 3]) -> [f32; 2] {
-    [(-y).atan2(x).to_degrees(), z.clamp(-1.0, 1.0).asin().to_degrees()]
+    [turned(-y, x), z.clamp(-1.0, 1.0).asin().to_degrees()]
 }
 
 /// As [`angles_of_a`], of type B: the vertical angle turns the plane about y from the nadir towards +x, the horizontal
 /// one leads out of it towards −y.
 fn angles_of_b([x, y, z]: [f32; 3]) -> [f32; 2] {
-    [(-y).clamp(-1.0, 1.0).asin().to_degrees(), x.atan2(-z).to_degrees()]
+    [(-y).clamp(-1.0, 1.0).asin().to_degrees(), turned(x, -z)]
+}
+
+/// The angle of a plane, in degrees; 0 on the axis, where all planes meet.
+fn turned(sideways: f32, along: f32) -> f32 {
+    if sideways.hypot(along) < 1e-5 { 0.0 } else { sideways.atan2(along).to_degrees() }
 }
 
 /// A web of type A or B over all that it means: what begins at 0° is symmetric about it. None for angles beyond 90°.
@@ -222,9 +227,14 @@ mod tests {
     fn type_b_shines_down() {
         let web = "TILT=NONE\n1 1 1 3 3 2 1 0 0 0 1 1 1\n-90 0 90\n-90 0 90\n6 6 6\n2 20 4\n8 8 8\n";
         let found = read(web).unwrap();
-        for (vertical, horizontal, wanted) in
-            [(0.0, 0.0, 20.0), (90.0, 0.0, 4.0), (90.0, 180.0, 2.0), (90.0, 270.0, 8.0), (90.0, 90.0, 6.0), (45.0, 0.0, 12.0)]
-        {
+        for (vertical, horizontal, wanted) in [
+            (0.0, 0.0, 20.0),
+            (90.0, 0.0, 4.0),
+            (90.0, 180.0, 2.0),
+            (90.0, 270.0, 8.0),
+            (90.0, 90.0, 6.0),
+            (45.0, 0.0, 12.0),
+        ] {
             let found = 20.0 * at(&found, vertical, horizontal);
             assert!((found - wanted).abs() < 1e-3, "{vertical}, {horizontal}: {found} for {wanted}");
         }

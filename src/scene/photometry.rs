@@ -79,7 +79,8 @@ impl Web {
 
     /// The intensity between the measured ones; 0 beyond them.
     fn at(&self, [horizontal, vertical]: [f32; 2]) -> f32 {
-        let (Some((h, across)), Some((v, along))) = (between(&self.horizontal, horizontal), between(&self.vertical, vertical))
+        let (Some((h, across)), Some((v, along))) =
+            (between(&self.horizontal, horizontal), between(&self.vertical, vertical))
         else {
             return 0.0;
         };

@@ -305,8 +305,8 @@ fn lights_json(basis: &LightBasis) -> Value {
     basis.lights().iter().map(light).collect()
 }
 
-/// Adds to each light its weight under the look that is asked for: the mean over its columns by their extents, and whether
-/// it is the same in all.
+/// Adds to each light its weight under the look that is asked for, and in the scene's own lighting: the means over its columns
+/// by their extents; and whether the first is the same in all.
 fn add_weights(json: &mut Value, job: &Job, options: &Info) -> Result<()> {
     let Some(path) = &options.lighting else { return Ok(()) };
     let look = ltm::look::load(path, &job.basis)?;
@@ -314,13 +314,19 @@ fn add_weights(json: &mut Value, job: &Job, options: &Info) -> Result<()> {
         Some(name) => look.named(name)?,
         None => look.lighting(),
     };
-    let weights = lighting.weights();
+    let (weights, scene_weights) = (lighting.weights(), job.basis.scene_weights());
     for (index, light) in job.basis.lights().iter().enumerate() {
-        let own = &weights[light.columns().start as usize..light.columns().end as usize];
+        let columns = light.columns().start as usize..light.columns().end as usize;
+        let (own, scene) = (&weights[columns.clone()], &scene_weights[columns]);
         let whole: f64 = light.extents.iter().map(|e| f64::from(*e)).sum();
         let share = |e: f32| if whole > 0.0 { f64::from(e) / whole } else { 1.0 / own.len() as f64 };
-        let mean = |c: usize| own.iter().zip(&light.extents).map(|(w, e)| f64::from(w[c]) * share(*e)).sum::<f64>();
-        json["lights"][index]["weight"] = json!([mean(0), mean(1), mean(2)]);
+        let mean = |weights: &[[f32; 3]]| {
+            let channel =
+                |c: usize| weights.iter().zip(&light.extents).map(|(w, e)| f64::from(w[c]) * share(*e)).sum::<f64>();
+            [0, 1, 2].map(channel)
+        };
+        json["lights"][index]["weight"] = json!(mean(own));
+        json["lights"][index]["scene_weight"] = json!(mean(scene));
         json["lights"][index]["is_even"] = own.iter().all(|weight| *weight == own[0]).into();
     }
     let groups = look.groups().iter().map(|(name, lights)| {
