@@ -57,6 +57,22 @@ def shining(path):
     return found
 
 
+def glass(path):
+    """`[[material]]` entries for what is of glass in a GLB file.
+
+    The exporter writes no thickness, which would make it a sheet; in Cycles every such surface refracts. Cycles colours what
+    passes by the square root of the base colour, so that two crossings have that.
+    """
+    entries = []
+    for material in read(path).get("materials", []):
+        share = material.get("extensions", {}).get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)
+        pbr = material.get("pbrMetallicRoughness", {})
+        if share >= 0.5 and pbr.get("metallicFactor", 1.0) < 0.5:
+            tint = [max(0.0, c) ** 0.5 for c in pbr.get("baseColorFactor", (1.0, 1.0, 1.0))[:3]]
+            entries.append({"match": material["name"], "kind": "dielectric", "transmittance": tint})
+    return entries
+
+
 def has_surfaces(path):
     """Whether a GLB file has any mesh."""
     return bool(read(path).get("meshes"))

@@ -68,7 +68,8 @@ def _write(context, where, name, remarks):
     glb.write(surfaces)
     if not glb.has_surfaces(surfaces):
         raise NotExported("the scene has no surfaces to render: add a mesh")
-    geometry, materials = [surfaces.name], []
+    geometry = [surfaces.name]
+    materials = [{**entry, "match": toml_text.pattern(entry["match"])} for entry in glb.glass(surfaces)]
     lights = [emitter(shining) for shining in glb.shining(surfaces)]
     found = lamps.collect(context, scene.ltm.texels, remarks)
     discs = [lamp for lamp in found if lamp.polygon]
