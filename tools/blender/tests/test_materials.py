@@ -37,7 +37,7 @@ def glass(inputs):
 
 # Largest difference of the mean over the ball's pixels. Matte, mirror and glass are the same models; a rough metal of ours
 # loses what bounces between its facets, and the base below a coat is lit through it otherwise.
-CASES = [(None, 0.01), (mirror, 0.02), (glass, 0.02), (metal, 0.06), (plastic, 0.06), (lacquer, 0.10)]
+CASES = [(None, 0.01), (mirror, 0.02), (glass, 0.02), (metal, 0.03), (plastic, 0.03), (lacquer, 0.03)]
 
 
 def ball_of(scene, change):
