@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration, the
-# Python package. The README's test command for the whole workspace; the tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
+# Python package, the Blender add-on where bpy is. The README's test command for the whole workspace; the tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
 # missing adapter into a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -43,5 +43,13 @@ if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))
     fi
 else
     echo "no python3 of 3.10 or newer with venv: the Python package is not tested"
+fi
+step "the Blender add-on"
+# bpy is 300 MB and wants one version of Python, so that it is used where it is and not fetched. LTM_PYTHON names the Python that has it.
+python=${LTM_PYTHON:-python3}
+if "$python" -c 'import bpy, numpy, pytest' 2>/dev/null; then
+    LTM="$target/release/ltm" "$python" -m pytest --quiet tools/blender
+else
+    echo "no Python with bpy, numpy and pytest: the Blender add-on is not tested"
 fi
 step "done"

@@ -1,30 +1,16 @@
-//! Photometric files: IES LM-63 of 1986, 1991, 1995 and 2002, type C.
+//! IES LM-63 files of 1986, 1991, 1995 and 2002, of photometric types A, B and C.
 
 use std::path::Path;
 
-use super::IesProfile;
+use super::photometry::{MAX_ANGLES, Photometry, Web, mirrored};
 use crate::error::{Error, Result};
 
-/// Most angles of one kind that a file may state. Real files have at most a few hundred.
-const MAX_ANGLES: usize = 4096;
-
-/// What a photometric file says.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Photometry {
-    /// Intensity relative to its largest value, over the full horizontal circle or one angle.
-    pub(super) profile: IesProfile,
-    /// The largest intensity, with all of the file's factors.
-    pub(super) peak_candela: f32,
-}
-
-/// Reads a photometric file's text; `path` is for messages.
+/// Reads an IES file's text; `path` is for messages.
 ///
-/// Symmetric webs are unfolded to horizontal angles from 0 to 360°; a web of one horizontal angle stays one. Errors: no
-/// `TILT` line, too few numbers, angles out of order, types A and B, a web without light.
+/// Symmetric webs are unfolded; a web of type C with one horizontal angle stays one. Errors: no `TILT` line, too few numbers,
+/// angles out of order or out of range, a web without light.
 pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
-    let refuse = |problem: &str| {
-        Error::input(path.display().to_string(), problem, "give an IES LM-63 file of photometric type C")
-    };
+    let refuse = |problem: &str| Error::input(path.display().to_string(), problem, "give an IES LM-63 file");
     let mut lines = text.lines();
     let tilt = lines.find_map(|line| line.trim().strip_prefix("TILT=")).ok_or_else(|| refuse("has no TILT line"))?;
     let mut numbers = lines.flat_map(|line| line.split([' ', '\t', ',', '\r'])).filter(|word| !word.is_empty());
@@ -47,10 +33,7 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     let (_lamps, _lumens, multiplier) = (next()?, next()?, next()?);
     let verticals = count(next()?).ok_or_else(|| refuse("has an impossible number of vertical angles"))?;
     let horizontals = count(next()?).ok_or_else(|| refuse("has an impossible number of horizontal angles"))?;
-    let kind = next()?;
-    if kind != 1.0 {
-        return Err(refuse("is of photometric type A or B"));
-    }
+    let kind = Kind::of(next()?).ok_or_else(|| refuse("is of no photometric type that there is (1, 2 or 3)"))?;
     let (_units, _width, _length, _height) = (next()?, next()?, next()?, next()?);
     let (ballast, lamp_factor, _watts) = (next()?, next()?, next()?);
     let factor = multiplier * ballast * lamp_factor;
@@ -61,82 +44,101 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     };
     let vertical = angles(verticals)?;
     let horizontal = angles(horizontals)?;
-    if vertical[0] < 0.0 || vertical[verticals - 1] > 180.0 {
-        return Err(refuse("has vertical angles outside 0 to 180 degrees"));
-    }
     let rows = (0..horizontals)
         .map(|_| (0..verticals).map(|_| next().map(|v| v.max(0.0))).collect::<Result<Vec<_>>>())
         .collect::<Result<Vec<_>>>()?;
-    let (horizontal, rows) = unfold(horizontal, rows).ok_or_else(|| {
-        refuse("has horizontal angles that do not cover 0, 0 to 90, 0 to 180, 90 to 270 or 0 to 360 degrees")
-    })?;
-    let peak = rows.iter().flatten().copied().fold(0.0, f32::max);
-    let peak_candela = peak * factor;
-    if !(peak_candela > 0.0 && peak_candela.is_finite()) {
-        return Err(refuse("has no light in it"));
-    }
-    let profile = IesProfile {
-        vertical_radians: vertical.into_iter().map(f32::to_radians).collect(),
-        horizontal_radians: horizontal.into_iter().map(f32::to_radians).collect(),
-        intensity: rows.into_iter().flatten().map(|v| v / peak).collect(),
+    let web = Web { vertical, horizontal, rows };
+    let found = match kind {
+        Kind::C => {
+            if web.vertical[0] < 0.0 || web.vertical[verticals - 1] > 180.0 {
+                return Err(refuse("has vertical angles outside 0 to 180 degrees"));
+            }
+            let web = unfold(web).ok_or_else(|| {
+                refuse("has horizontal angles that do not cover 0, 0 to 90, 0 to 180, 90 to 270 or 0 to 360 degrees")
+            })?;
+            Photometry::of_web(web, factor)
+        }
+        Kind::A | Kind::B => {
+            let web = whole(web).ok_or_else(|| refuse("has angles outside −90 to 90 degrees, which its type has"))?;
+            let directions = if kind == Kind::A { angles_of_a } else { angles_of_b };
+            Photometry::of_other_axes(&web, directions, factor)
+        }
     };
-    Ok(Photometry { profile, peak_candela })
+    found.ok_or_else(|| refuse("has no light in it"))
+}
+
+/// How the planes of a web lie. In luminaire axes the nadir is −z and the plane of 0° holds +x.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    /// Planes share the vertical axis; (0, 0) is horizontal, along +x.
+    A,
+    /// Planes share a horizontal axis, y; (0, 0) is the nadir.
+    B,
+    /// Planes share the vertical axis; vertical angles count from the nadir.
+    C,
+}
+
+impl Kind {
+    fn of(number: f32) -> Option<Self> {
+        [(1.0, Self::C), (2.0, Self::B), (3.0, Self::A)].into_iter().find(|(n, _)| *n == number).map(|(_, kind)| kind)
+    }
+}
+
+/// Horizontal and vertical angle of a direction in a web of type A, in degrees; horizontal ones count clockwise from above.
+fn angles_of_a([x, y, z]: [f32; 3]) -> [f32; 2] {
+    [turned(-y, x), z.clamp(-1.0, 1.0).asin().to_degrees()]
+}
+
+/// As [`angles_of_a`], of type B: the vertical angle turns the plane about y from the nadir towards +x, the horizontal
+/// one leads out of it towards −y.
+fn angles_of_b([x, y, z]: [f32; 3]) -> [f32; 2] {
+    [(-y).clamp(-1.0, 1.0).asin().to_degrees(), turned(x, -z)]
+}
+
+/// The angle of a plane, in degrees; 0 on the axis, where all planes meet.
+fn turned(sideways: f32, along: f32) -> f32 {
+    if sideways.hypot(along) < 1e-5 { 0.0 } else { sideways.atan2(along).to_degrees() }
+}
+
+/// A web of type A or B over all that it means: what begins at 0° is symmetric about it. None for angles beyond 90°.
+fn whole(mut web: Web) -> Option<Web> {
+    let within = |angles: &[f32]| angles.iter().all(|a| (-90.1..=90.1).contains(a));
+    if !within(&web.horizontal) || !within(&web.vertical) {
+        return None;
+    }
+    if web.horizontal[0] == 0.0 && web.horizontal.len() > 1 {
+        web.horizontal = mirrored(&web.horizontal, |a| -a);
+        web.rows = mirrored(&web.rows, Clone::clone);
+    }
+    if web.vertical[0] == 0.0 && web.vertical.len() > 1 {
+        web.vertical = mirrored(&web.vertical, |a| -a);
+        web.rows = web.rows.iter().map(|row| mirrored(row, |v| *v)).collect();
+    }
+    Some(web)
 }
 
 fn count(value: f32) -> Option<usize> {
     (value.fract() == 0.0 && (1.0..=MAX_ANGLES as f32).contains(&value)).then_some(value as usize)
 }
 
-type Web = (Vec<f32>, Vec<Vec<f32>>);
-
-/// Unfolds the symmetries that LM-63 lets a file leave out.
-fn unfold(angles: Vec<f32>, rows: Vec<Vec<f32>>) -> Option<Web> {
+/// Unfolds the symmetries that type C lets a file leave out.
+fn unfold(web: Web) -> Option<Web> {
+    let angles = &web.horizontal;
     let (first, last) = (*angles.first()?, *angles.last()?);
     let near = |value: f32, wanted: f32| (value - wanted).abs() < 0.1;
-    /// Appends the web's mirror image about its last angle.
-    fn mirror((angles, rows): Web) -> Web {
-        let last = angles[angles.len() - 1];
-        let (mut more_angles, mut more_rows) = (angles.clone(), rows.clone());
-        for i in (0..angles.len() - 1).rev() {
-            more_angles.push(2.0 * last - angles[i]);
-            more_rows.push(rows[i].clone());
-        }
-        (more_angles, more_rows)
-    }
     match () {
-        () if angles.len() == 1 => Some((vec![0.0], rows)),
-        () if near(first, 0.0) && near(last, 90.0) => Some(mirror(mirror((angles, rows)))),
-        () if near(first, 0.0) && near(last, 180.0) => Some(mirror((angles, rows))),
-        () if near(first, 90.0) && near(last, 270.0) => {
-            // Mirrored about 270°, to 450°; then turned so that it begins at 0°.
-            let (angles, rows) = mirror((angles, rows));
-            let begin = angles.iter().position(|&a| a >= 359.9)?;
-            let mut turned: Web = (Vec::new(), Vec::new());
-            for i in begin..angles.len() {
-                turned.0.push((angles[i] - 360.0).max(0.0));
-                turned.1.push(rows[i].clone());
-            }
-            for i in 1..=begin {
-                turned.0.push(angles[i]);
-                turned.1.push(rows[i].clone());
-            }
-            // Without a measured plane at 0° the circle would not close.
-            (near(angles[begin], 360.0)).then_some(turned)
-        }
-        () if near(first, 0.0) && last > 270.0 && last < 360.5 => {
-            let (mut angles, mut rows) = (angles, rows);
-            if !near(last, 360.0) {
-                angles.push(360.0);
-                rows.push(rows[0].clone());
-            }
-            Some((angles, rows))
-        }
+        () if angles.len() == 1 => Some(Web { horizontal: vec![0.0], ..web }),
+        () if near(first, 0.0) && near(last, 90.0) => Some(web.continued().continued()),
+        () if near(first, 0.0) && near(last, 180.0) => Some(web.continued()),
+        () if near(first, 90.0) && near(last, 270.0) => web.continued().turned(),
+        () if near(first, 0.0) && last > 270.0 && last < 360.5 => Some(web.closed()),
         () => None,
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::IesProfile;
     use super::*;
 
     fn read(text: &str) -> Result<Photometry> {
@@ -190,9 +192,66 @@ mod tests {
             assert!(read(&words[..kept].concat()).is_err(), "{kept} words");
         }
         for (from, to) in
-            [(" 2 2 1 1", " 2 2 2 1"), (" 2 2 1 1", " 1e9 2 1 1"), ("0 90 0", "90 0 0"), ("4 3 2 1", "0 0 0 0")]
+            [(" 2 2 1 1", " 2 2 4 1"), (" 2 2 1 1", " 1e9 2 1 1"), ("0 90 0", "90 0 0"), ("4 3 2 1", "0 0 0 0")]
         {
             assert!(read(&whole.replacen(from, to, 1)).is_err(), "{to}");
         }
+    }
+    /// Relative intensity at a grid point of the sphere that webs of type A and B become.
+    fn at(found: &Photometry, vertical: f32, horizontal: f32) -> f32 {
+        let IesProfile { vertical_radians, horizontal_radians, intensity } = &found.profile;
+        let place = |angles: &[f32], wanted: f32| {
+            angles.iter().position(|a| (a.to_degrees() - wanted).abs() < 1e-3).expect("a point of the grid")
+        };
+        intensity[place(horizontal_radians, horizontal) * vertical_radians.len() + place(vertical_radians, vertical)]
+    }
+
+    /// By hand: H 0, V 0 is level along the plane of 0°; V 90 the zenith; H 90 a quarter turn clockwise from above, 270°.
+    #[test]
+    fn type_a_shines_level() {
+        let found = read("TILT=NONE\n1 1 2 3 3 3 1 0 0 0 1 1 1\n-90 0 90\n-90 0 90\n1 10 3\n1 20 3\n1 5 3\n").unwrap();
+        assert_eq!(found.peak_candela, 40.0);
+        for (vertical, horizontal, wanted) in
+            [(90.0, 0.0, 20.0), (0.0, 0.0, 1.0), (180.0, 0.0, 3.0), (90.0, 270.0, 5.0), (90.0, 90.0, 10.0)]
+        {
+            let found = 20.0 * at(&found, vertical, horizontal);
+            assert!((found - wanted).abs() < 1e-3, "{vertical}, {horizontal}: {found} for {wanted}");
+        }
+        // Halfway between 20 and 5, and behind the luminaire.
+        assert!((20.0 * at(&found, 90.0, 315.0) - 12.5).abs() < 1e-3);
+        assert_eq!(at(&found, 90.0, 180.0), 0.0);
+    }
+
+    /// By hand: H 0, V 0 is the nadir; V 90 level along 0°, V −90 along 180°; H 90 level at 270°, whatever V is.
+    #[test]
+    fn type_b_shines_down() {
+        let web = "TILT=NONE\n1 1 1 3 3 2 1 0 0 0 1 1 1\n-90 0 90\n-90 0 90\n6 6 6\n2 20 4\n8 8 8\n";
+        let found = read(web).unwrap();
+        for (vertical, horizontal, wanted) in [
+            (0.0, 0.0, 20.0),
+            (90.0, 0.0, 4.0),
+            (90.0, 180.0, 2.0),
+            (90.0, 270.0, 8.0),
+            (90.0, 90.0, 6.0),
+            (45.0, 0.0, 12.0),
+        ] {
+            let found = 20.0 * at(&found, vertical, horizontal);
+            assert!((found - wanted).abs() < 1e-3, "{vertical}, {horizontal}: {found} for {wanted}");
+        }
+        // 45° out of the plane towards 270°: H 45, V 0, between 20 and 8.
+        assert!((20.0 * at(&found, 45.0, 270.0) - 14.0).abs() < 1e-3);
+        assert_eq!(at(&found, 180.0, 0.0), 0.0);
+    }
+
+    #[test]
+    fn types_a_and_b_that_begin_at_0_are_symmetric() {
+        for kind in [2, 3] {
+            let head = format!("TILT=NONE\n1 1 1 2 2 {kind} 1 0 0 0 1 1 1\n");
+            let short = read(&format!("{head}0 90\n0 90\n4 3\n2 1\n")).unwrap();
+            let head = head.replace(" 2 2 ", " 3 3 ");
+            let long = read(&format!("{head}-90 0 90\n-90 0 90\n1 2 1\n3 4 3\n1 2 1\n")).unwrap();
+            assert_eq!(short, long);
+        }
+        assert!(read("TILT=NONE\n1 1 1 2 2 2 1 0 0 0 1 1 1\n0 120\n0 90\n4 3\n2 1\n").is_err());
     }
 }

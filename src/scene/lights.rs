@@ -11,7 +11,7 @@ use super::folders::Folders;
 use super::looks::{Emission, colour};
 use super::memory::Memory;
 use super::rectangle::{self, Corner};
-use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, ies, names};
+use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, names, photometry};
 use crate::error::{Error, Result};
 use crate::files::read_input;
 use crate::image::{LUMENS_PER_WATT, image_facts, read_image};
@@ -311,7 +311,7 @@ impl Lights<'_> {
                 let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
                 let path = self.folders.find(file, place)?;
                 let text = read_input(&path, "read the photometric file", MOST_PHOTOMETRY_BYTES)?;
-                let photometry = ies::parse(&path, &String::from_utf8_lossy(&text))?;
+                let photometry = photometry::parse(&path, &String::from_utf8_lossy(&text))?;
                 if entry.emission.is_none() {
                     emission = [photometry.peak_candela / LUMENS_PER_WATT; 3];
                 }

@@ -54,11 +54,46 @@ pub struct LoadOptions {
 /// # Errors
 /// Those of [`load`]; [`Error::Resources`] where the memory is too small.
 pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
+    let Unchecked { scene, settings, mut warnings, .. } = put_together(path, &options)?;
+    if is_gltf(path) && scene.emitters.is_empty() {
+        let hint = "give a material emission or add a lamp (KHR_lights_punctual), or name the file as geometry of a \
+            scene file with [[light]] entries";
+        return Err(Error::input(path.display().to_string(), "has no light", hint));
+    }
+    warnings.extend(validate(&scene)?);
+    // Tracing and compressing hold whole blocks, one for each worker.
+    let block_bytes = u64::from(settings.block_side).pow(2) * 3 * 4 * scene.basis.column_count() as u64;
+    if block_bytes > LARGE_BLOCK_BYTES {
+        let (side, columns) = (settings.block_side, scene.basis.column_count());
+        let gib = block_bytes as f64 / (1u64 << 30) as f64;
+        warnings.push(format!(
+            "a block of {side} × {side} pixels under {columns} columns takes {gib:.1} GiB; a smaller block_side takes less"
+        ));
+    }
+    Ok(LoadedScene::new(scene, settings, warnings))
+}
+
+/// The scene, the cameras of a glTF file and the warnings, without the checks of the whole.
+pub(super) fn unchecked(path: &Path, options: &LoadOptions) -> Result<(Scene, Vec<String>, Vec<String>)> {
+    let Unchecked { scene, cameras, warnings, .. } = put_together(path, options)?;
+    Ok((scene, cameras, warnings))
+}
+
+/// A scene before it is checked as a whole.
+struct Unchecked {
+    scene: Scene,
+    settings: RenderSettings,
+    /// Of a glTF file, by their nodes' names.
+    cameras: Vec<String>,
+    warnings: Vec<String>,
+}
+
+fn put_together(path: &Path, options: &LoadOptions) -> Result<Unchecked> {
     let memory = Memory::of(options.memory_bytes.unwrap_or(u64::MAX));
     if is_gltf(path) {
-        return load_gltf(path, &options, memory);
+        return load_gltf(path, options, memory);
     }
-    load_toml(path, &options, memory)
+    load_toml(path, options, memory)
 }
 
 /// A scene whose geometry has been read.
@@ -78,7 +113,7 @@ struct Read<'a> {
     by_instance: bool,
 }
 
-fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<LoadedScene> {
+fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<Unchecked> {
     let place = path.display().to_string();
     if options.camera.is_some() {
         let problem = "a camera is chosen by name, but a scene file has one only, [camera]";
@@ -129,7 +164,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<L
 }
 
 /// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
-fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<LoadedScene> {
+fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<Unchecked> {
     let place = path.display().to_string();
     let folders = Folders::of(path, options.allow_outside);
     let (mut warnings, mut geometry) = (Vec::new(), Geometry::default());
@@ -137,8 +172,9 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<L
     if geometry.mesh.triangles.is_empty() {
         return Err(Error::input(place, "has no triangles", "give a file with meshes of triangles"));
     }
+    let cameras = extras.cameras.iter().map(|camera| camera.name.clone()).collect();
     let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, &place, &mut warnings)?;
-    build(
+    let made = build(
         Read {
             place: &place,
             folders: &folders,
@@ -154,7 +190,8 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<L
             by_instance: true,
         },
         options,
-    )
+    )?;
+    Ok(Unchecked { cameras, ..made })
 }
 
 /// The camera of that name, else the first, else one that sees everything; which one is said where there is a choice.
@@ -198,8 +235,8 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Makes materials and lights, and checks the whole.
-fn build(read: Read<'_>, options: &LoadOptions) -> Result<LoadedScene> {
+/// Makes materials and lights.
+fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     let Read { place, folders, name, geometry, overrides, entries, camera, settings, metres_per_unit, .. } = read;
     let textures = Textures::within(read.memory, folders.reach.clone());
     let mut workshop = Workshop { textures, warnings: read.warnings, overrides, folders, place };
@@ -245,28 +282,12 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<LoadedScene> {
     }
     let weights = std::mem::take(&mut lights.weights);
     warn_of_unused(&assembly, emissions.iter().map(Option::is_some), &mut warnings);
-    if read.by_instance && assembly.emitters.is_empty() {
-        let hint = "give a material emission or add a lamp (KHR_lights_punctual), or name the file as geometry of a \
-            scene file with [[light]] entries";
-        return Err(Error::input(place, "has no light", hint));
-    }
-
     let Assembly { mesh, materials, textures, emitters, mut basis } = assembly;
     for (first, weights) in weights {
         basis.set_scene_weights(first, weights)?;
     }
     let scene = Scene { name, mesh, materials, textures, camera, emitters, basis, metres_per_unit };
-    warnings.extend(validate(&scene)?);
-    // Tracing and compressing hold whole blocks, one for each worker.
-    let block_bytes = u64::from(settings.block_side).pow(2) * 3 * 4 * scene.basis.column_count() as u64;
-    if block_bytes > LARGE_BLOCK_BYTES {
-        let (side, columns) = (settings.block_side, scene.basis.column_count());
-        let gib = block_bytes as f64 / (1u64 << 30) as f64;
-        warnings.push(format!(
-            "a block of {side} × {side} pixels under {columns} columns takes {gib:.1} GiB; a smaller block_side takes less"
-        ));
-    }
-    Ok(LoadedScene::new(scene, settings, warnings))
+    Ok(Unchecked { scene, settings, cameras: Vec::new(), warnings })
 }
 
 fn light_place(place: &str, index: usize, entry: &LightEntry) -> String {

@@ -19,6 +19,9 @@ use crate::light::names::fits;
 /// Index of refraction of surfaces that state none: ordinary glass and lacquer.
 const USUAL_IOR: f32 = 1.5;
 
+/// What a clear coat of glTF reflects at normal incidence: that of index 1.5.
+const CLEAR_COAT: f32 = 0.04;
+
 /// Index of refraction this near to 1 means a sheet without thickness.
 const NO_REFRACTION: f32 = 1e-3;
 
@@ -103,6 +106,13 @@ impl Workshop<'_> {
             ior: source.ior,
             transmittance: source.base,
         };
+        let [coat, coat_roughness] = source.clear_coat.map(|v| v.min(1.0));
+        if coat > 0.0 {
+            look.specular = Vec3::ONE - (Vec3::ONE - look.specular) * (1.0 - coat * CLEAR_COAT);
+        }
+        if coat >= 0.5 && metallic < 0.5 {
+            look.alpha = coat_roughness.powi(2);
+        }
         if metallic >= 0.5 {
             look.kind = SurfaceEntry::RoughConductor;
         } else if source.transmission >= 0.5 {

@@ -6,6 +6,7 @@ mod assembly;
 mod built_in;
 mod camera;
 mod emitter;
+mod eulumdat;
 mod file;
 mod folders;
 mod gltf;
@@ -21,8 +22,10 @@ mod mesh;
 mod mtl;
 mod names;
 mod obj;
+mod photometry;
 mod rectangle;
 mod shapes;
+mod survey;
 mod textures;
 mod validate;
 
@@ -33,6 +36,7 @@ pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings, content_hash};
 pub use material::{Material, Paint, Surface, Texture, TextureId};
 pub use mesh::{MaterialId, Mesh, Triangle};
+pub use survey::{Survey, survey};
 pub use validate::validate;
 
 use crate::light::LightBasis;

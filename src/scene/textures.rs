@@ -147,6 +147,14 @@ impl Textures {
                 let facts = embedded_facts(name, bytes)?;
                 self.keep(name, facts, usage, warnings, || read_embedded(name, bytes)).map(Some)
             }
+            ImageSource::Colours(texture) => {
+                let path = Path::new(&texture.name);
+                let bytes = (texture.texels.len() * size_of::<[f32; 4]>()) as u64;
+                self.admit(path, bytes)?;
+                self.memory.take(bytes, path)?;
+                self.list.push(Texture::clone(texture));
+                Ok(Some(TextureId(self.list.len() as u32 - 1)))
+            }
         }
     }
 
@@ -167,6 +175,7 @@ impl Textures {
                     return Ok(None);
                 }
             },
+            ImageSource::Colours(_) => return Ok(None),
         };
         self.memory.check(facts.needs_bytes, &path)?;
         let image = bytes.map_or_else(|| read_rgba(&path), |bytes| read_embedded(&path, bytes))?;
@@ -176,6 +185,20 @@ impl Textures {
             sums.iter_mut().zip(pixel).for_each(|(sum, v)| *sum += f64::from(encode_srgb(*v)));
         }
         Ok(Some(sums.map(|sum| (sum / image.pixels.len() as f64) as f32)))
+    }
+
+    /// Counts the bytes of a texture. Errors: more than a scene's textures may take.
+    fn admit(&mut self, path: &Path, bytes: u64) -> Result<()> {
+        self.bytes += bytes;
+        if self.bytes > BUDGET_BYTES {
+            return Err(Error::Resources {
+                what: format!("reading the textures up to {}", path.display()),
+                needed: gib(self.bytes),
+                available: format!("a scene's textures may take {}", gib(BUDGET_BYTES)),
+                hint: "scale the images down".into(),
+            });
+        }
+        Ok(())
     }
 
     /// Reads an image and keeps it as a texture.
@@ -189,15 +212,7 @@ impl Textures {
     ) -> Result<TextureId> {
         let (width, height) = (facts.width, facts.height);
         let bytes = u64::from(width) * u64::from(height) * size_of::<[f32; 4]>() as u64;
-        self.bytes += bytes;
-        if self.bytes > BUDGET_BYTES {
-            return Err(Error::Resources {
-                what: format!("reading the textures up to {}", path.display()),
-                needed: gib(self.bytes),
-                available: format!("a scene's textures may take {}", gib(BUDGET_BYTES)),
-                hint: "scale the images down".into(),
-            });
-        }
+        self.admit(path, bytes)?;
         if bytes > LARGE_BYTES {
             let name = path.display();
             warnings.push(format!("{name}: the texture has {width} × {height} pixels and takes {}", gib(bytes)));

@@ -172,6 +172,11 @@ fn point_like_lights_are_one_column_each() {
     // 2π (1 − cos 0.2665°)
     assert!((lights[2].extents[0] / 6.797e-5 - 1.0).abs() < 1e-3, "{}", lights[2].extents[0]);
     near(lights[3].emission, [2.0; 3]);
+    // The same luminaire as EULUMDAT: 179 cd for 1,000 lm, of which there are 2,000.
+    let head = "x\n1\n1\n1\n0\n2\n90\n".to_owned() + &"0\n".repeat(16) + "1\n0\n1\n1\nLED\n2000\n0\n0\n9\n";
+    let ldt = head + &"0\n".repeat(10) + "0\n0\n90\n179\n0\n";
+    let same = room(&more.replace("a.ies", "a.LDT")).with("a.LDT", ldt).load().unwrap();
+    near(same.scene.basis.lights()[3].emission, [2.0; 3]);
     let Emitter::Point(PointEmitter::Spot { direction, inner_radians, outer_radians, .. }) = &loaded.scene.emitters[1]
     else {
         panic!("no spot")

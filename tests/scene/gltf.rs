@@ -28,6 +28,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("masks_cut_out_at_their_own_threshold", masks_cut_out),
     ("lamps_are_watts_by_683_lumens", lamps_are_watts),
     ("cameras_are_chosen_by_name", cameras_are_chosen),
+    ("vertex_colours_are_the_base_colour", vertex_colours),
     ("what_is_not_used_is_said", what_is_not_used_is_said),
 ];
 
@@ -344,6 +345,15 @@ fn materials_become_surfaces() {
         panic!("not coated")
     };
     near(specular, [0.5 / 9.0, 0.25 / 9.0, 0.0]);
+    // 1 − 0.96 × (1 − 0.5 × 0.04), as smooth as the clear coat.
+    let clear = json!({ "KHR_materials_clearcoat": { "clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.2 } });
+    let Surface::Coated { specular, alpha, .. } =
+        surface(json!({ "pbrMetallicRoughness": pbr(0.0, 0.5), "extensions": clear }))
+    else {
+        panic!("not coated")
+    };
+    near(specular, [0.0592; 3]);
+    assert!((alpha - 0.04).abs() < 1e-6);
     let glass = |volume: Value| {
         let mut extensions =
             json!({ "KHR_materials_transmission": { "transmissionFactor": 1.0 }, "KHR_materials_ior": { "ior": 1.4 } });
@@ -505,6 +515,50 @@ fn cameras_are_chosen() {
     }
 }
 
+fn vertex_colours() {
+    for wide in [false, true] {
+        let mut file = with_floor(|file| {
+            let positions = file.vectors(&FLOOR);
+            // Normalised bytes: 255 is 1. Four of each, of which the last is alpha or nobody's.
+            let bytes = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [51, 51, 51, 255u8]].concat();
+            let colours = file.accessor(&bytes, U8, if wide { "VEC4" } else { "VEC3" }, 4);
+            file.json["accessors"][colours]["normalized"] = json!(true);
+            let view = file.json["bufferViews"].as_array().unwrap().len() - 1;
+            file.json["bufferViews"][view]["byteStride"] = json!(4);
+            let indices = file.indices(&[0, 1, 2, 0, 2, 3]);
+            json!({ "attributes": { "POSITION": positions, "COLOR_0": colours }, "indices": indices })
+        });
+        // Shown a second time by another node.
+        file.root(json!({ "name": "again", "mesh": 0, "translation": [0.0, -1.0, 0.0] }));
+        let loaded = of(&file).unwrap();
+        let scene = loaded.scene;
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        assert_eq!(scene.textures.len(), 1);
+        let floor: Vec<usize> = (0..scene.mesh.triangles.len())
+            .filter(|t| scene.materials[scene.mesh.triangles[*t].material.0 as usize].name == "ground")
+            .collect();
+        assert_eq!(floor.len(), 4);
+        let factor = Vec3::from(pbr_base(&file));
+        for (index, t) in floor.into_iter().enumerate() {
+            let triangle = &scene.mesh.triangles[t];
+            let (Surface::Coated { reflectance, .. } | Surface::Lambert { reflectance }) =
+                scene.materials[triangle.material.0 as usize].surface
+            else {
+                panic!("no base colour")
+            };
+            let uv: Vec2 = triangle.vertices.iter().map(|v| scene.mesh.uvs[*v as usize] / 3.0).sum();
+            let mean = [Vec3::splat(1.0 / 3.0), Vec3::new(1.2, 0.2, 1.2) / 3.0][index % 2];
+            assert!((reflectance.at(&scene.textures, uv) - factor * mean).length() < 1e-4, "triangle {index}");
+        }
+    }
+}
+
+/// The first three numbers of the base colour of the first material.
+fn pbr_base(file: &Glb) -> [f32; 3] {
+    let base = &file.json["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"];
+    std::array::from_fn(|i| base[i].as_f64().map_or(1.0, |v| v as f32))
+}
+
 fn what_is_not_used_is_said() {
     let mut file = room();
     let view = file.view(&png([255, 0, 0, 255], [0, 0, 255, 255]));
@@ -514,6 +568,11 @@ fn what_is_not_used_is_said() {
     file.json["materials"][0]["alphaMode"] = json!("BLEND");
     file.uses("KHR_materials_sheen");
     let warnings = of(&file).unwrap().warnings;
+    for extension in ["EXT_lights_ies", "EXT_lights_image_based"] {
+        file.uses(extension);
+    }
+    let warnings_of_lights = of(&file).unwrap().warnings;
+    assert!(warnings_of_lights.iter().any(|w| w.contains("EXT_lights_ies, EXT_lights_image_based")));
     for words in ["KHR_materials_sheen", "normal maps", "average", "alpha blending"] {
         assert!(warnings.iter().any(|w| w.contains(words)), "{words}: {warnings:?}");
     }

@@ -17,8 +17,9 @@ pub(super) const MOST_BYTES: u64 = 4 << 30;
 const TREE_BYTES: u64 = 24;
 
 /// Extensions whose meaning is read, or that change nothing here.
-const KNOWN: [&str; 8] = [
+const KNOWN: [&str; 9] = [
     "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use glam::{Mat2, Vec2, Vec3};
 use gltf::material::AlphaMode;
-use gltf::texture::{Info, Texture, WrappingMode};
-use gltf::{Document, Material};
+use gltf::texture::{Info, WrappingMode};
+use gltf::{Document, Material, texture};
 
+use super::super::Texture;
 use super::super::import::{Description, SourceMaterial};
 use super::buffers::{Buffers, Uri, uri};
 use super::plain;
@@ -20,6 +21,8 @@ pub(in super::super) enum ImageSource {
     File(PathBuf, String),
     /// In the glTF file: a name for messages, and the bytes.
     Embedded(PathBuf, Arc<[u8]>),
+    /// In the vertices of a mesh: the texture that they make.
+    Colours(Arc<Texture>),
 }
 
 /// An image that a material names.
@@ -49,6 +52,8 @@ pub(in super::super) struct GltfMaterial {
     pub(in super::super) ior: f32,
     /// Colour and strength of the reflection at normal incidence, over that of `ior`.
     pub(in super::super) specular: Vec3,
+    /// A clear coat over all: its strength and its roughness.
+    pub(in super::super) clear_coat: [f32; 2],
     pub(in super::super) transmission: f32,
     /// Whether it bounds a body, which refracts; otherwise it is a sheet.
     pub(in super::super) is_body: bool,
@@ -95,6 +100,7 @@ pub(super) fn describe(
         metallic_roughness_image: None,
         ior: 1.5,
         specular: Vec3::ONE,
+        clear_coat: [0.0; 2],
         transmission: 0.0,
         is_body: false,
         emission: Vec3::ZERO,
@@ -137,10 +143,25 @@ fn not_used(material: &Material<'_>) -> Vec<&'static str> {
     let specular_maps =
         material.specular().is_some_and(|s| s.specular_texture().is_some() || s.specular_color_texture().is_some());
     say(specular_maps, "textures of the specular extension are not used");
+    let coat = clear_coat(material)[0] > 0.0;
+    say(coat && (mapped || metallic >= 0.5), "the clear coat of metals is not used");
+    let coat_maps = ["clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"];
+    let maps_coat = |coat: &gltf::json::Value| coat_maps.iter().any(|key| coat.get(*key).is_some());
+    let mapped_coat = material.extension_value("KHR_materials_clearcoat").is_some_and(maps_coat);
+    say(mapped_coat, "textures of clear coats are not used");
     let (base, emissive) = (pbr.base_color_texture(), material.emissive_texture());
     let differ = matches!((base, emissive), (Some(b), Some(e)) if placement(&b) != placement(&e));
     say(differ, "the emissive texture is laid as the base colour texture is");
     lines
+}
+
+/// Strength and roughness of `KHR_materials_clearcoat`, which the crate leaves as it is written.
+fn clear_coat(material: &Material<'_>) -> [f32; 2] {
+    let number = |key: &str| {
+        let found = material.extension_value("KHR_materials_clearcoat").and_then(|coat| coat.get(key));
+        found.and_then(|value| value.as_f64()).unwrap_or(0.0) as f32
+    };
+    ["clearcoatFactor", "clearcoatRoughnessFactor"].map(number)
 }
 
 /// Whether nothing of a material is there: masked, and its even alpha is below the cut-off.
@@ -170,8 +191,10 @@ impl Images<'_> {
         let tint = specular.as_ref().map_or(Vec3::ONE, |s| Vec3::from(s.specular_color_factor()));
         let transmission = material.transmission().map_or(0.0, |t| t.transmission_factor());
         let emission = Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0);
+        let clear_coat = clear_coat(material);
         let fractions = [r, g, b, alpha, metallic, roughness, strength, tint.x, tint.y, tint.z, transmission];
-        let numbers = fractions.into_iter().chain(emission.to_array()).chain([material.alpha_cutoff().unwrap_or(0.5)]);
+        let fractions = fractions.into_iter().chain(clear_coat);
+        let numbers = fractions.chain(emission.to_array()).chain([material.alpha_cutoff().unwrap_or(0.5)]);
         if !numbers.into_iter().all(|v| v >= 0.0 && v.is_finite()) {
             return Err(Error::input(place, "has a factor that is negative or not finite", "mend the material"));
         }
@@ -190,7 +213,7 @@ impl Images<'_> {
             AlphaMode::Blend if alpha < 0.5 => Alpha::Sheet(alpha),
             AlphaMode::Blend => Alpha::Opaque,
         };
-        let mut of = |texture: Option<Texture<'_>>| match texture {
+        let mut of = |texture: Option<texture::Texture<'_>>| match texture {
             Some(texture) => self.image(&texture, place).map(Some),
             None => Ok(None),
         };
@@ -203,6 +226,7 @@ impl Images<'_> {
             metallic_roughness_image: of(pbr.metallic_roughness_texture().map(|info| info.texture()))?,
             ior: if ior == 0.0 { 10.0 } else { ior },
             specular: tint * strength,
+            clear_coat,
             transmission,
             is_body: material.volume().is_some_and(|v| v.thickness_factor() > 0.0),
             emission,
@@ -211,7 +235,7 @@ impl Images<'_> {
         })
     }
 
-    fn image(&mut self, texture: &Texture<'_>, place: &str) -> Result<ImageSource> {
+    fn image(&mut self, texture: &texture::Texture<'_>, place: &str) -> Result<ImageSource> {
         let image = texture.source();
         if let Some(known) = &self.known[image.index()] {
             return Ok(known.clone());

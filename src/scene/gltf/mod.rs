@@ -7,6 +7,7 @@ mod accessors;
 mod base64;
 mod buffers;
 mod cameras;
+mod colours;
 mod document;
 mod lamps;
 mod materials;

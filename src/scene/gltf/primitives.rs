@@ -1,17 +1,20 @@
 //! Primitives of meshes to triangles in world space, once for each node that shows them.
 
+use std::collections::HashMap;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3};
 use gltf::mesh::Mode;
 use gltf::{Primitive, Semantic};
 
-use super::super::MaterialId;
-use super::super::import::Geometry;
+use super::super::import::{Description, Geometry, SourceMaterial};
 use super::super::memory::Memory;
 use super::super::obj::ObjPart;
+use super::super::{MaterialId, Texture};
 use super::buffers::Buffers;
-use super::materials::{self, Mapping};
+use super::colours;
+use super::materials::{self, ImageSource, Mapping};
 use super::nodes::Placed;
 use crate::error::Result;
 
@@ -41,6 +44,8 @@ pub(super) fn add(
     let mut left_out = LeftOut::default();
     let before = geometry.bytes();
     let without = geometry.materials.len() - 1;
+    // Materials with the colours of a primitive, by its mesh and its place there.
+    let mut painted: HashMap<(usize, usize), usize> = HashMap::new();
     for placed in nodes {
         let Some(mesh) = placed.node.mesh() else { continue };
         left_out.skins += usize::from(placed.node.skin().is_some());
@@ -54,8 +59,23 @@ pub(super) fn add(
             // What the accessors say; that the buffers have so much is looked at before it is taken.
             let needed = count.min(buffers.len() as u64) * 100 + indices.min(buffers.len() as u64) * 40;
             memory.check(geometry.bytes() - before + needed, path)?;
-            let Some(part) = part(&primitive, &placed.world, buffers, &mut left_out)? else { continue };
-            let id = material.index().map_or(without, |index| first_material + index);
+            let Some(mut part) = part(&primitive, &placed.world, buffers, &mut left_out)? else { continue };
+            let mut id = material.index().map_or(without, |index| first_material + index);
+            if let Some(colours) = colours::of(&primitive, buffers, part.positions.len())? {
+                if Mapping::of(&material).is_used {
+                    left_out.colours += 1;
+                } else {
+                    memory.check(geometry.bytes() - before + colours::bytes(part.triangles.len()), path)?;
+                    let key = (mesh.index(), primitive.index());
+                    let name = format!("{}, colours of mesh {} part {}", path.display(), key.0, key.1);
+                    let texture = colours::paint(&mut part, &colours, name);
+                    id = *painted.entry(key).or_insert_with(|| {
+                        let material = with_colours(&geometry.materials[id], texture);
+                        geometry.materials.push(material);
+                        geometry.materials.len() - 1
+                    });
+                }
+            }
             let LeftOut { degenerate, turned, .. } = &mut left_out;
             geometry.add(&part, &placed.name, MaterialId(id as u32), degenerate, turned);
             if geometry.mesh.positions.len() > u32::MAX as usize {
@@ -72,7 +92,7 @@ pub(super) fn add(
         (turned, "triangles wound against their normals were turned"),
         (skins, "skinned meshes are shown as they were modelled, without their bones"),
         (morphs, "meshes are shown without their morph targets"),
-        (colours, "meshes have vertex colours, which are not used"),
+        (colours, "textured meshes have vertex colours, which are not used"),
         (unmapped, "textured meshes have no texture coordinates"),
         (not_repeated, "meshes reach beyond a texture that is not to be repeated; it is repeated"),
     ] {
@@ -81,6 +101,19 @@ pub(super) fn add(
         }
     }
     Ok(())
+}
+
+/// A material whose base colour is multiplied by a texture.
+fn with_colours(material: &SourceMaterial, texture: Texture) -> SourceMaterial {
+    let description = match &material.description {
+        Description::Gltf(found) => {
+            let mut found = found.clone();
+            found.base_image = Some(ImageSource::Colours(Arc::new(texture)));
+            Description::Gltf(found)
+        }
+        Description::Mtl(found, folder) => Description::Mtl(found.clone(), folder.clone()),
+    };
+    SourceMaterial { name: material.name.clone(), description }
 }
 
 /// The triangles of a primitive; none where it makes none.
@@ -108,7 +141,6 @@ fn part(
         triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
     left_out.morphs += usize::from(primitive.morph_targets().next().is_some());
-    left_out.colours += usize::from(primitive.get(&Semantic::Colors(0)).is_some());
     let same_count = |found: usize, what: &str| match found == count {
         true => Ok(()),
         false => Err(buffers.refuse(format!("a mesh has {count} positions and {found} {what}"))),

@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ltm::host::{PeakMemory, Watch};
 
+/// Time between two lines of progress.
+const LINES_APART: Duration = Duration::from_millis(100);
 /// A stage shows a bar only when it has run this long.
 const PATIENCE: Duration = Duration::from_millis(700);
 
@@ -34,11 +36,12 @@ const THREADS_PER_CORE: usize = 4;
 /// As many threads are started on any machine that wants them.
 const MOST_THREADS_ANYWHERE: usize = 64;
 
-/// Progress on standard error: a bar on a terminal, nothing but notes elsewhere.
+/// Progress on standard error: a bar on a terminal, elsewhere nothing but notes, or lines for a program that reads them.
 #[derive(Default)]
 pub struct Console {
     stage: Mutex<Option<Stage>>,
     work: AtomicU64,
+    in_lines: bool,
 }
 
 struct Stage {
@@ -46,6 +49,19 @@ struct Stage {
     name: String,
     begun: Instant,
     shown: bool,
+    /// When the last line was written.
+    told: Instant,
+}
+
+impl Stage {
+    /// `progress: NAME DONE/TOTAL`, at most so often, and at the end.
+    fn tell(&mut self, every: Duration) {
+        let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
+        if self.told.elapsed() >= every || done == total {
+            self.told = Instant::now();
+            eprintln!("progress: {} {done}/{total}", plain(&self.name));
+        }
+    }
 }
 
 impl Console {
@@ -69,6 +85,11 @@ impl Console {
         ltm::files::tell_missing_locks(|line| eprintln!("{line}"));
         Self::default()
     }
+
+    /// With progress in lines (`progress: NAME DONE/TOTAL`) where `in_lines`, instead of a bar.
+    pub fn telling(self, in_lines: bool) -> Self {
+        Self { in_lines, ..self }
+    }
 }
 
 impl Watch for Console {
@@ -81,14 +102,21 @@ impl Watch for Console {
         self.work.store(0, Ordering::Relaxed);
         let begun = Instant::now();
         IN_STAGE.store(true, Ordering::SeqCst);
-        *self.stage.lock().expect("no panic holds it") =
-            Some(Stage { bar, name: stage.to_owned(), begun, shown: false });
+        let mut stage = Stage { bar, name: stage.to_owned(), begun, shown: false, told: begun };
+        if self.in_lines {
+            stage.tell(Duration::ZERO);
+        }
+        *self.stage.lock().expect("no panic holds it") = Some(stage);
     }
 
     fn advance(&self, steps: u64, work: u64, work_unit: &str) {
         let total = self.work.fetch_add(work, Ordering::Relaxed) + work;
         let mut guard = self.stage.lock().expect("no panic holds it");
         let Some(stage) = guard.as_mut() else { return };
+        if self.in_lines {
+            stage.bar.inc(steps);
+            return stage.tell(LINES_APART);
+        }
         let elapsed = stage.begun.elapsed();
         if !stage.shown && elapsed > PATIENCE {
             stage.shown = true;

@@ -365,3 +365,53 @@ fn info_says_what_a_container_is_to_people_and_programs() {
     let old = concat!(env!("CARGO_MANIFEST_DIR"), "/../../formats/golden/v1.ltc");
     assert!(succeed(at, "ltm", &["info", old]).contains("under single lights and at random: not known"));
 }
+
+#[test]
+fn info_says_what_a_scene_holds_and_why_it_cannot_be_rendered() {
+    let folder = room();
+    let at = folder.path();
+    let said = succeed(at, "ltm", &["info", "room.toml"]);
+    for word in ["40 × 24 pixels", "lamp ", "emission 3.000 2.000 1.000", "lambert, 2 triangles", "columns      1"] {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    let json: serde_json::Value = serde_json::from_str(&succeed(at, "ltm", &["info", "room.toml", "--json"])).unwrap();
+    assert_eq!((&json["lights"][0]["name"], &json["triangles"]), (&"lamp".into(), &4.into()));
+    assert!(json["refused"].is_null());
+    // A triangle in the open, and no light.
+    let positions: Vec<u8> = [[-1.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+        .iter()
+        .flatten()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    fs::write(at.join("dark.bin"), positions).unwrap();
+    let dark = r#"{ "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0, 1] }], "materials": [{ "name": "paint" }],
+        "nodes": [{ "mesh": 0, "name": "flag" }, { "camera": 0, "name": "door", "translation": [0, 0, 4] }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }] }],
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1 } }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3, "min": [-1, 0, 0], "max": [1, 1, 0] }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }], "buffers": [{ "byteLength": 36, "uri": "dark.bin" }] }"#;
+    fs::write(at.join("dark.gltf"), dark).unwrap();
+    let said = succeed(at, "ltm", &["info", "dark.gltf"]);
+    for word in ["cameras      1", "  door", "triangles    1", "lights       0", "paint", "cannot be rendered"] {
+        assert!(said.contains(word), "'{word}' is not in:\n{said}");
+    }
+    fail(at, "ltm", &["render", "dark.gltf"], 3, &["dark.gltf", "has no light"]);
+}
+
+#[test]
+fn info_says_what_each_light_gives_under_a_look_and_progress_comes_in_lines() {
+    let folder = room();
+    let at = folder.path();
+    let told = run(at, "ltm", &["render", "room.toml", "--pack", "--progress"]);
+    let told = String::from_utf8(told.stderr).unwrap();
+    let last = told.lines().filter_map(|line| line.strip_prefix("progress: ")).next_back().unwrap_or_default();
+    let (done, total) = last.rsplit(' ').next().and_then(|counts| counts.split_once('/')).unwrap();
+    assert_eq!(done, total, "{told}");
+    fs::write(at.join("a.toml"), "[groups]\nall = [\"*\"]\n[[light]]\nname = \"all\"\nstops = 1\n").unwrap();
+    let said = succeed(at, "ltm", &["info", "room.ltc", "--json", "--lighting", "a.toml"]);
+    let json: serde_json::Value = serde_json::from_str(&said).unwrap();
+    let light = &json["lights"][0];
+    assert_eq!(light["weight"], serde_json::json!([6.0, 4.0, 2.0]));
+    assert_eq!(light["scene_weight"], serde_json::json!([3.0, 2.0, 1.0]));
+    assert_eq!((&light["is_even"], &json["groups"]["all"][0]), (&true.into(), &"lamp".into()));
+}

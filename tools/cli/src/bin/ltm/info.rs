@@ -1,5 +1,7 @@
 //! `ltm info`.
 
+mod scene;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -7,17 +9,17 @@ use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{hold_to_memory, human_bytes, parse_bytes};
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
-use ltm::light::Job;
+use ltm::light::{Job, Light, LightBasis};
 use ltm::light::{column_name, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
 use ltm::store::StoreReader;
 use ltm_cli::say;
 use serde_json::{Value, json};
 
-use crate::input::{Kind, kind_of};
+use crate::input::{Kind, is_scene, kind_of};
 
-/// Lights that are listed for a person.
-const MOST_LIGHTS: usize = 40;
+/// Entries of a list that are shown to a person.
+const MOST_LISTED: usize = 40;
 /// Characters of a row of the rank map.
 const MAP_CHARACTERS: u32 = 76;
 /// Bytes of memory for each colour value of the rank map's image: as ranks, in colours, tone mapped and encoded.
@@ -40,10 +42,19 @@ pub(crate) struct Info {
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
+    /// A look file: with --json, each light's weight under it, the mean over its columns (.ltm, .ltc).
+    #[arg(short, long, value_name = "FILE", requires = "json")]
+    lighting: Option<PathBuf>,
+    /// A named look of the look file [default: its rules outside of named looks].
+    #[arg(long, value_name = "NAME", requires = "lighting")]
+    look: Option<String>,
 }
 
 pub(crate) fn run(options: &Info) -> Result<()> {
     let path = &*options.file;
+    if is_scene(path) {
+        return scene::run(path, options.json, options.memory);
+    }
     match kind_of(path)? {
         Kind::Container => {
             let container = ContainerReader::open(path)?;
@@ -56,7 +67,9 @@ pub(crate) fn run(options: &Info) -> Result<()> {
                 write_rank_map(map, &container)?;
             }
             if options.json {
-                print_json(container_json(path, &container, &figures));
+                let mut json = container_json(path, &container, &figures);
+                add_weights(&mut json, container.job(), options)?;
+                print_json(json);
             } else {
                 print_job(path, container.job());
                 print_container(&container, &figures);
@@ -67,6 +80,7 @@ pub(crate) fn run(options: &Info) -> Result<()> {
             let tally = matrix.tally()?;
             if options.json {
                 let mut json = job_json(path, matrix.job());
+                add_weights(&mut json, matrix.job(), options)?;
                 json["kind"] = "matrix".into();
                 json["precision"] = format!("{:?}", matrix.precision()).to_lowercase().into();
                 json["planes"] = matrix.layout().has_planes().into();
@@ -145,13 +159,22 @@ fn print_job(path: &Path, job: &Job) {
     say!("image        {} × {} pixels", shape.width(), shape.height());
     say!("matrix       {} rows × {} columns, {} in f32", shape.rows(), shape.columns(), human_bytes(shape.raw_bytes()));
     say!("blocks       {} of {side} × {side} pixels", shape.block_count(), side = shape.block_side());
-    say!("lights       {}", job.basis.lights().len());
-    for light in job.basis.lights().iter().take(MOST_LIGHTS) {
+    print_lights(&job.basis);
+}
+
+fn print_lights(basis: &LightBasis) {
+    say!("lights       {}", basis.lights().len());
+    for light in basis.lights().iter().take(MOST_LISTED) {
         let [r, g, b] = light.emission;
         say!("  {:<24} {}, emission {r:.3} {g:.3} {b:.3} {}", light.name, light.kind, light.unit);
     }
-    if job.basis.lights().len() > MOST_LIGHTS {
-        say!("  … and {} more (all with --json)", job.basis.lights().len() - MOST_LIGHTS);
+    print_more(basis.lights().len());
+}
+
+/// Says how many of a list were left out.
+fn print_more(count: usize) {
+    if count > MOST_LISTED {
+        say!("  … and {} more (all with --json)", count - MOST_LISTED);
     }
 }
 
@@ -255,14 +278,6 @@ fn write_rank_map(path: &Path, container: &ContainerReader) -> Result<()> {
 
 fn job_json(path: &Path, job: &Job) -> Value {
     let (shape, provenance) = (job.shape, &job.provenance);
-    let lights = job.basis.lights().iter().map(|light| {
-        let (across, down) = light.layout();
-        json!({
-            "name": light.name, "kind": light.kind.name(), "unit": light.unit.to_string(),
-            "emission": light.emission, "first_column": light.first_column, "columns": light.places.len(),
-            "across": across, "down": down,
-        })
-    });
     json!({
         "file": path.display().to_string(),
         "job": job.hash().0.iter().map(|byte| format!("{byte:02x}")).collect::<String>(),
@@ -274,8 +289,52 @@ fn job_json(path: &Path, job: &Job) -> Value {
             "samples_per_pixel": provenance.samples_per_pixel, "seed": provenance.seed,
             "metres_per_unit": provenance.metres_per_unit,
         },
-        "lights": lights.collect::<Vec<_>>(),
+        "lights": lights_json(&job.basis),
     })
+}
+
+fn lights_json(basis: &LightBasis) -> Value {
+    let light = |light: &Light| {
+        let (across, down) = light.layout();
+        json!({
+            "name": light.name, "kind": light.kind.name(), "unit": light.unit.to_string(),
+            "emission": light.emission, "first_column": light.first_column, "columns": light.places.len(),
+            "across": across, "down": down,
+        })
+    };
+    basis.lights().iter().map(light).collect()
+}
+
+/// Adds to each light its weight under the look that is asked for, and in the scene's own lighting: the means over its columns
+/// by their extents; and whether the first is the same in all.
+fn add_weights(json: &mut Value, job: &Job, options: &Info) -> Result<()> {
+    let Some(path) = &options.lighting else { return Ok(()) };
+    let look = ltm::look::load(path, &job.basis)?;
+    let lighting = match &options.look {
+        Some(name) => look.named(name)?,
+        None => look.lighting(),
+    };
+    let (weights, scene_weights) = (lighting.weights(), job.basis.scene_weights());
+    for (index, light) in job.basis.lights().iter().enumerate() {
+        let columns = light.columns().start as usize..light.columns().end as usize;
+        let (own, scene) = (&weights[columns.clone()], &scene_weights[columns]);
+        let whole: f64 = light.extents.iter().map(|e| f64::from(*e)).sum();
+        let share = |e: f32| if whole > 0.0 { f64::from(e) / whole } else { 1.0 / own.len() as f64 };
+        let mean = |weights: &[[f32; 3]]| {
+            let channel =
+                |c: usize| weights.iter().zip(&light.extents).map(|(w, e)| f64::from(w[c]) * share(*e)).sum::<f64>();
+            [0, 1, 2].map(channel)
+        };
+        json["lights"][index]["weight"] = json!(mean(own));
+        json["lights"][index]["scene_weight"] = json!(mean(scene));
+        json["lights"][index]["is_even"] = own.iter().all(|weight| *weight == own[0]).into();
+    }
+    let groups = look.groups().iter().map(|(name, lights)| {
+        let names = lights.iter().map(|&light| job.basis.lights()[light as usize].name.as_str());
+        (name.clone(), names.collect::<Value>())
+    });
+    json["groups"] = Value::Object(groups.collect());
+    Ok(())
 }
 
 fn container_json(path: &Path, container: &ContainerReader, figures: &Figures) -> Value {

@@ -38,3 +38,9 @@ pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
         )),
     }
 }
+
+/// Whether a file is a scene file or a glTF file, by its name.
+pub(crate) fn is_scene(path: &Path) -> bool {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    ["toml", "glb", "gltf"].contains(&&*extension)
+}

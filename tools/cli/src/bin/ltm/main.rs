@@ -29,6 +29,9 @@ struct Arguments {
     /// Threads to use [default: one for each core].
     #[arg(long, global = true)]
     threads: Option<usize>,
+    /// Write progress as lines to standard error, `progress: STAGE DONE/TOTAL`, for a program that shows it.
+    #[arg(long, global = true)]
+    progress: bool,
 }
 
 #[derive(Subcommand)]
@@ -55,8 +58,11 @@ enum Command {
     /// Open a container in a window: a mixer for its lights. A program of its own, ltm-view.
     #[command(disable_help_flag = true)]
     View(sibling::Arguments),
-    /// Say what a .ltm or .ltc file is.
-    #[command(after_help = "Example: ltm info room.ltc")]
+    /// Say what a .ltm or .ltc file is, or what a scene or glTF file holds.
+    #[command(after_help = "Examples:
+  ltm info room.ltc
+  ltm info room.ltc --lighting look.toml     what each light gives under a look
+  ltm info room.glb                          cameras, lights, materials, and what is left out")]
     Info(info::Info),
     /// Read every byte of a .ltm or .ltc file and list what is damaged.
     #[command(after_help = "Exits with 4 if anything is. Example: ltm verify room.ltm")]
@@ -75,7 +81,9 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    console::finish("ltm", run(Arguments::parse(), &Console::new()))
+    let arguments = Arguments::parse();
+    let console = Console::new().telling(arguments.progress);
+    console::finish("ltm", run(arguments, &console))
 }
 
 fn run(arguments: Arguments, console: &Console) -> Result<()> {

@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render › Light transport (ltm): the open scene rendered once, all its lights mixed at once."""
+
+import bpy
+
+from . import interface, operators
+
+CLASSES = operators.CLASSES + interface.CLASSES
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    interface.register()
+
+
+def unregister():
+    interface.unregister()
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

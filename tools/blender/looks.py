@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bringing a mixed lighting back to Blender's lamps, materials and world."""
+
+import bpy
+
+from . import glb, lamps, world
+
+
+def apply(context, lights, surfaces):
+    """Gives everything that shines the weight that it has in `lights`, the list of `ltm info --json --lighting`.
+
+    `surfaces` is the GLB file of the export, which says what shines. Returns how many changed, and remarks.
+    """
+    remarks, changed, materials = [], 0, {}
+    known = {lamp.name: lamp for lamp in lamps.collect(context, 1, [])}
+    shining = {item.name: item for item in (glb.shining(surfaces) if surfaces.is_file() else [])}
+    for light in lights:
+        name, weight, before = light["name"], light["weight"], light["scene_weight"]
+        if not light["is_even"] and differs(weight, before):
+            remarks.append(f"'{name}': its pattern is not brought back, but its mean")
+        if name in known:
+            changed += set_lamp(known[name], weight, before, remarks)
+        elif light["kind"] in {"lat-long", "octahedral"} and context.scene.world is not None:
+            if differs(weight, before):
+                world.set_strength(context.scene.world, weight, before, remarks)
+                changed += 1
+        elif name in shining:
+            wanted = materials.setdefault(shining[name].material, (name, weight, before))
+            if differs(wanted[1], weight):
+                remarks.append(f"'{name}' has the material of '{wanted[0]}', and gets its strength")
+        else:
+            remarks.append(f"'{name}' is not in this scene")
+    for material, (_, weight, before) in materials.items():
+        changed += set_material(material, weight, before, remarks)
+    return changed, remarks
+
+
+def differs(weight, before):
+    """Whether two weights are not the same but for rounding."""
+    largest = max(map(abs, [*weight, *before]))
+    return any(abs(w - b) > 1e-5 * largest for w, b in zip(weight, before))
+
+
+def set_lamp(lamp, weight, before, remarks):
+    if lamp.per_watt <= 0.0:
+        if differs(weight, before):
+            remarks.append(f"'{lamp.name}': its photometric file says how strong it is")
+        return 0
+    if not differs(weight, lamp.entry["emission"]):
+        return 0
+    lamps.set_strength(lamp.object.data, lamp.per_watt, weight)
+    return 1
+
+
+def set_material(name, weight, before, remarks):
+    """Gives a material's emission a weight, by the factor to the one before where its colour is a texture."""
+    material = bpy.data.materials.get(name)
+    if material is None or not differs(weight, before):
+        return 0
+    nodes = material.node_tree.nodes if material.use_nodes else []
+    node = next((n for n in nodes if n.type == "EMISSION"), None)
+    node = node or next((n for n in nodes if n.type == "BSDF_PRINCIPLED"), None)
+    if node is None:
+        remarks.append(f"the material '{name}' keeps its strength: it has no emission node")
+        return 0
+    is_emission = node.type == "EMISSION"
+    colour, strength = (node.inputs[k] for k in (("Color", "Strength") if is_emission else ("Emission Color", "Emission Strength")))
+    if strength.is_linked:
+        remarks.append(f"the material '{name}' keeps its strength: other nodes decide it")
+        return 0
+    strongest = max(weight)
+    if colour.is_linked:
+        strength.default_value *= sum(weight) / max(sum(before), 1e-12)
+        return 1
+    if strongest > 0.0:
+        colour.default_value = [w / strongest for w in weight] + [1.0]
+    strength.default_value = strongest
+    return 1

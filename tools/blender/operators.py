@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the add-on does at the press of a button."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, CollectionProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+from mathutils import Matrix
+
+from . import looks, program, scene_file
+
+MISSING = "the program ltm was not found: install it (cargo install --path tools/cli), or say in the preferences where it is"
+
+
+def preferences(context):
+    """The add-on's preferences; none where it runs without being installed, as in tests."""
+    found = context.preferences.addons.get(__package__)
+    return found.preferences if found else None
+
+
+def find_program(context):
+    stated = preferences(context)
+    return program.find(bpy.path.abspath(stated.program) if stated and stated.program else "")
+
+
+def export(operator, context):
+    """Writes the scene; none, with an error reported, where it cannot be."""
+    try:
+        written = scene_file.write(context)
+    except scene_file.NotExported as problem:
+        operator.report({"ERROR"}, str(problem))
+        return None
+    for remark in written.remarks:
+        operator.report({"WARNING"}, remark)
+    return written
+
+
+class LTM_OT_export(bpy.types.Operator):
+    """Write the scene as files that ltm renders, without rendering it"""
+
+    bl_idname = "ltm.export"
+    bl_label = "Export Scene File"
+
+    def execute(self, context):
+        written = export(self, context)
+        if written is None:
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"{written.scene}: {len(written.lights)} lights")
+        return {"FINISHED"}
+
+
+class LTM_OT_render(bpy.types.Operator):
+    """Export the scene, render the light of every lamp by itself, and open the mixer"""
+
+    bl_idname = "ltm.render"
+    bl_label = "Render"
+
+    open_mixer: BoolProperty(name="Open the Mixer", default=True, options={"SKIP_SAVE"})
+
+    run = None
+    timer = None
+
+    def start(self, context):
+        """Exports and starts the program; whether it runs."""
+        found = find_program(context)
+        if found is None:
+            self.report({"ERROR"}, MISSING)
+            return False
+        written = export(self, context)
+        if written is None:
+            return False
+        self.packed = scene_file.packed(context.scene)
+        arguments = [found, "render", written.scene, "-o", self.packed, "--pack", "--force", "--progress"]
+        # Cleaning away the grain darkens what a sky of few bright places lights.
+        arguments += ["--denoise", "off"] if written.has_sky else []
+        try:
+            self.run = program.Run(arguments)
+        except OSError as error:
+            self.report({"ERROR"}, f"{found} does not start: {error.strerror}")
+            return False
+        return True
+
+    def finish(self, context):
+        """Reports how the run ended."""
+        code = self.run.wait()
+        for line in self.run.lines:
+            if line.startswith("warning: "):
+                self.report({"WARNING"}, line.removeprefix("warning: "))
+        if self.run.stopped:
+            self.report({"WARNING"}, "the render was cancelled")
+            return {"CANCELLED"}
+        if code != 0:
+            self.report({"ERROR"}, self.run.problem())
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"{self.packed} is rendered")
+        if self.open_mixer and not bpy.app.background:
+            bpy.ops.ltm.view()
+        return {"FINISHED"}
+
+    def execute(self, context):
+        """Without a window: to the end, in one go."""
+        return self.finish(context) if self.start(context) else {"CANCELLED"}
+
+    def invoke(self, context, _event):
+        if not self.start(context):
+            return {"CANCELLED"}
+        self.timer = context.window_manager.event_timer_add(0.1, window=context.window)
+        context.window_manager.progress_begin(0, 100)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS":
+            self.run.stop()
+        if self.run.is_running():
+            context.workspace.status_text_set(f"{self.run.status()} – Esc cancels")
+            context.window_manager.progress_update(100 * self.run.share())
+            return {"PASS_THROUGH"}
+        self.tidy(context)
+        return self.finish(context)
+
+    def cancel(self, context):
+        """Blender ends or opens another file."""
+        self.run.stop()
+        self.tidy(context)
+
+    def tidy(self, context):
+        context.window_manager.event_timer_remove(self.timer)
+        context.window_manager.progress_end()
+        context.workspace.status_text_set(None)
+
+
+class LTM_OT_view(bpy.types.Operator):
+    """Open the rendered scene in the mixer"""
+
+    bl_idname = "ltm.view"
+    bl_label = "Open Mixer"
+
+    @classmethod
+    def poll(cls, context):
+        return scene_file.packed(context.scene).is_file()
+
+    def execute(self, context):
+        found = find_program(context)
+        if found is None:
+            self.report({"ERROR"}, MISSING)
+            return {"CANCELLED"}
+        try:
+            subprocess.Popen([found, "view", str(scene_file.packed(context.scene))], stdin=subprocess.DEVNULL)
+        except OSError as error:
+            self.report({"ERROR"}, f"{found} does not start: {error.strerror}")
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
+    """Give the lamps, emissive materials and the world the strengths and colours of a look that the mixer saved"""
+
+    bl_idname = "ltm.apply_look"
+    bl_label = "Apply Look"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default="*.toml;*.json", options={"HIDDEN"})
+    look: StringProperty(name="Look", description="A named look of the file; none for its own rules")
+
+    def execute(self, context):
+        found = find_program(context)
+        if found is None:
+            self.report({"ERROR"}, MISSING)
+            return {"CANCELLED"}
+        packed = scene_file.packed(context.scene)
+        arguments = [found, "info", packed, "--json", "--lighting", self.filepath]
+        arguments += ["--look", self.look] if self.look else []
+        done = subprocess.run([str(a) for a in arguments], capture_output=True, encoding="utf-8", errors="replace")
+        if done.returncode != 0:
+            self.report({"ERROR"}, (done.stderr.strip().splitlines() or ["ltm ended without a word"])[-1])
+            return {"CANCELLED"}
+        changed, remarks = looks.apply(context, json.loads(done.stdout)["lights"], packed.with_suffix(".glb"))
+        for remark in remarks:
+            self.report({"WARNING"}, remark)
+        self.report({"INFO"}, f"{changed} lights changed")
+        return {"FINISHED"}
+
+
+class LTM_OT_add_luminaires(bpy.types.Operator):
+    """Add a lamp for each photometric file (IES, EULUMDAT), shining down from the 3D cursor"""
+
+    bl_idname = "ltm.add_luminaires"
+    bl_label = "Add Luminaires"
+    bl_options = {"REGISTER", "UNDO"}
+
+    directory: StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
+    filter_glob: StringProperty(default="*.ies;*.ldt", options={"HIDDEN"})
+
+    def invoke(self, context, _event):
+        if self.files:
+            return self.execute(context)
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def execute(self, context):
+        for number, file in enumerate(self.files):
+            path = Path(self.directory) / file.name
+            lamp = bpy.data.lights.new(path.stem, "POINT")
+            lamp.ltm.photometry = str(path)
+            thing = bpy.data.objects.new(path.stem, lamp)
+            # Beside each other, for they would hide each other.
+            thing.matrix_world = context.scene.cursor.matrix @ Matrix.Translation((float(number), 0.0, 0.0))
+            context.collection.objects.link(thing)
+            thing.select_set(True)
+        return {"FINISHED"}
+
+
+class LTM_FH_luminaires(bpy.types.FileHandler):
+    bl_idname = "LTM_FH_luminaires"
+    bl_label = "Luminaires (IES, EULUMDAT)"
+    bl_import_operator = "ltm.add_luminaires"
+    bl_file_extensions = ".ies;.ldt"
+
+    @classmethod
+    def poll_drop(cls, context):
+        return context.area is not None and context.area.type == "VIEW_3D"
+
+
+CLASSES = (
+    LTM_OT_export,
+    LTM_OT_render,
+    LTM_OT_view,
+    LTM_OT_apply_look,
+    LTM_OT_add_luminaires,
+    LTM_FH_luminaires,
+)

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The open scene as the files that ltm renders: GLB, scene file, look with the light groups."""
+
+from dataclasses import dataclass
+from math import atan, degrees
+from pathlib import Path
+
+import bpy
+from mathutils import Vector
+
+from . import glb, lamps, toml_text, units, world
+
+
+class NotExported(Exception):
+    """Why a scene cannot be written, in one line."""
+
+
+@dataclass
+class Written:
+    """What an export wrote."""
+
+    scene: Path
+    # Look with the light groups, none where there are none.
+    groups: Path | None
+    # Names of the lights.
+    lights: list
+    # Whether the world is an image.
+    has_sky: bool
+    # What is left out or simplified.
+    remarks: list
+
+
+def folder(scene):
+    """The folder of a scene's files: as it is set, beside the .blend file; in the temporary one where that is not saved."""
+    stated = scene.ltm.folder
+    if stated.startswith("//") and not bpy.data.filepath:
+        return Path(bpy.app.tempdir) / "ltm"
+    return Path(bpy.path.abspath(stated))
+
+
+def stem(scene):
+    """The name of its files, without an ending."""
+    name = Path(bpy.data.filepath).stem or "untitled"
+    name = name if len(bpy.data.scenes) == 1 else f"{name}-{scene.name}"
+    return "".join(c if c.isalnum() or c in "-_ ." else "_" for c in name)
+
+
+def packed(scene):
+    """Where the rendered scene is, or will be."""
+    return folder(scene) / f"{stem(scene)}.ltc"
+
+
+def write(context):
+    """Writes the scene of a context. Raises NotExported."""
+    scene, remarks = context.scene, []
+    where, name = folder(scene), stem(scene)
+    try:
+        where.mkdir(parents=True, exist_ok=True)
+        return _write(context, where, name, remarks)
+    except OSError as error:
+        raise NotExported(f"{where}: {error.strerror or error}") from error
+
+
+def _write(context, where, name, remarks):
+    scene = context.scene
+    camera = camera_entry(scene, remarks)
+    surfaces = where / f"{name}.glb"
+    glb.write(surfaces)
+    if not glb.has_surfaces(surfaces):
+        raise NotExported("the scene has no surfaces to render: add a mesh")
+    geometry = [surfaces.name]
+    materials = [{**entry, "match": toml_text.pattern(entry["match"])} for entry in glb.glass(surfaces)]
+    lights = [emitter(shining) for shining in glb.shining(surfaces)]
+    found = lamps.collect(context, scene.ltm.texels, remarks)
+    discs = [lamp for lamp in found if lamp.polygon]
+    if discs:
+        file = where / f"{name}-discs.obj"
+        file.write_text(discs_obj(discs), encoding="utf-8")
+        geometry.append(file.name)
+        materials.append({"match": "ltm disc *", "kind": "black"})
+        for number, lamp in enumerate(discs, 1):
+            lamp.entry["material"] = f"ltm disc {number}"
+    lights += [lamp.entry for lamp in found]
+    sky = world.entry(scene, scene.ltm.sky_texels, where / f"{name}-world.exr", remarks)
+    lights += [sky] if sky else []
+    if not lights:
+        raise NotExported("the scene has no light: add a lamp, an emissive material or a world")
+    rename_doubles(lights)
+    parts = [toml_text.table("# Written by the Blender add-on of ltm.", {"name": name, "geometry": geometry, "metres_per_unit": 1.0})]
+    parts.append(toml_text.table("[camera]", camera))
+    parts.append(toml_text.table("[render]", {"samples_per_pixel": scene.ltm.samples}))
+    parts += [toml_text.table("[[light]]", entry) for entry in lights]
+    parts += [toml_text.table("[[material]]", entry) for entry in materials]
+    file = where / f"{name}.toml"
+    file.write_text("\n".join(parts), encoding="utf-8")
+    groups = write_groups(scene, lights, where / f"{name}.look.toml")
+    return Written(file, groups, [entry["name"] for entry in lights], "map" in (sky or {}), remarks)
+
+
+def emitter(shining):
+    """The entry of a node's surfaces that shine."""
+    side = "both" if shining.two_sided else "front"
+    object_, material = toml_text.pattern(shining.object), toml_text.pattern(shining.material)
+    return {"name": shining.name, "object": object_, "material": material, "side": side}
+
+
+def rename_doubles(lights):
+    """Gives what has a name that is taken a number; a lamp and a mesh of a library may share one."""
+    names = {}
+    for entry in lights:
+        entry["name"] = glb.unique(names, entry["name"])
+
+
+def camera_entry(scene, remarks):
+    """`[camera]` of the scene's camera."""
+    camera = scene.camera
+    if camera is None:
+        raise NotExported("the scene has no camera: add one (Ctrl+Numpad 0 makes the selected one the scene's)")
+    if camera.data.type != "PERSP":
+        raise NotExported(f"the camera '{camera.name}' is no perspective one, which alone is traced")
+    corners = camera.data.view_frame(scene=scene)
+    top, bottom = max(c.y for c in corners), min(c.y for c in corners)
+    left, right = min(c.x for c in corners), max(c.x for c in corners)
+    if abs(top + bottom) + abs(left + right) > 1e-5 * (top - bottom):
+        remarks.append("the shift of the lens is not used: the camera looks straight ahead")
+    if camera.data.dof.use_dof:
+        remarks.append("depth of field is not used: everything is in focus")
+    render = scene.render
+    if abs(render.pixel_aspect_x - render.pixel_aspect_y) > 1e-6:
+        remarks.append("the pixels are taken as square")
+    if render.use_border:
+        remarks.append("the render region is not used: the whole image is rendered")
+    turn = camera.matrix_world.to_3x3()
+    size = (render.resolution_x, render.resolution_y)
+    width, height = (max(1, side * render.resolution_percentage // 100) for side in size)
+    return {
+        "eye": units.finite(units.axes(camera.matrix_world.translation)),
+        "direction": units.finite(units.axes(turn @ Vector((0, 0, -1)))),
+        "up": units.finite(units.axes(turn @ Vector((0, 1, 0)))),
+        "vertical_fov_degrees": 2 * degrees(atan((top - bottom) / 2 / abs(corners[0].z))),
+        "width": width,
+        "height": height,
+    }
+
+
+def discs_obj(discs):
+    """The discs of round area lights as OBJ."""
+    lines, first = [], 1
+    for number, lamp in enumerate(discs, 1):
+        lines += [f"o ltm disc {number}", f"usemtl ltm disc {number}"]
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in lamp.polygon]
+        lines.append("f " + " ".join(str(first + i) for i in range(len(lamp.polygon))))
+        first += len(lamp.polygon)
+    return "\n".join(lines) + "\n"
+
+
+def groups_of(scene, lights):
+    """The light groups of Cycles: for each the names of the lights in it."""
+    groups = {}
+    for entry in lights:
+        thing = scene.world if entry["kind"] == "environment" else scene.objects.get(entry["name"])
+        thing = thing or scene.objects.get(entry.get("object", ""))
+        if thing is not None and thing.lightgroup:
+            groups.setdefault(thing.lightgroup, []).append(toml_text.pattern(entry["name"]))
+    return groups
+
+
+def write_groups(scene, lights, file):
+    """Writes a look with the light groups; none where there are none."""
+    entries = [{"kind": "surface", **entry} for entry in lights]
+    groups = groups_of(scene, entries)
+    if not groups:
+        file.unlink(missing_ok=True)
+        return None
+    file.write_text(toml_text.table("[groups]", groups), encoding="utf-8")
+    return file

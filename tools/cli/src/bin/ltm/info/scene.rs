@@ -1,0 +1,67 @@
+//! What a scene file or a glTF file holds.
+
+use std::path::Path;
+
+use ltm::Result;
+use ltm::scene::{LoadOptions, Survey, survey};
+use ltm_cli::say;
+use serde_json::json;
+
+use super::{MOST_LISTED, lights_json, print_json, print_lights, print_more};
+
+pub(super) fn run(path: &Path, as_json: bool, memory_bytes: Option<u64>) -> Result<()> {
+    let found = survey(path, &LoadOptions { allow_missing: true, memory_bytes, camera: None })?;
+    if as_json {
+        print_as_json(path, &found);
+    } else {
+        print(path, &found);
+    }
+    Ok(())
+}
+
+fn print(path: &Path, found: &Survey) {
+    let (camera, basis) = (&found.scene.camera, &found.scene.basis);
+    let degrees = camera.vertical_fov_radians.to_degrees();
+    let [x, y, z] = camera.eye.to_array();
+    say!("{}", path.display());
+    say!("image        {} × {} pixels", camera.width, camera.height);
+    say!("camera       at {x:.2} {y:.2} {z:.2}, {degrees:.1}° from the lower to the upper edge");
+    if !found.cameras.is_empty() {
+        say!("cameras      {}", found.cameras.len());
+        found.cameras.iter().take(MOST_LISTED).for_each(|name| say!("  {name}"));
+        print_more(found.cameras.len());
+    }
+    say!("triangles    {}", found.scene.mesh.triangles.len());
+    print_lights(basis);
+    say!("columns      {}", basis.column_count());
+    say!("materials    {}", found.scene.materials.len());
+    for (material, triangles) in found.materials().take(MOST_LISTED) {
+        say!("  {:<24} {}, {triangles} triangles", material.name, material.surface.name());
+    }
+    print_more(found.scene.materials.len());
+    if !found.warnings.is_empty() {
+        say!("remarks      {}", found.warnings.len());
+        found.warnings.iter().for_each(|line| say!("  {line}"));
+    }
+    if let Some(problem) = &found.refused {
+        say!("cannot be rendered: {problem}");
+    }
+}
+
+fn print_as_json(path: &Path, found: &Survey) {
+    let camera = &found.scene.camera;
+    let materials = found.materials().map(|(material, triangles)| {
+        json!({ "name": material.name, "surface": material.surface.name(), "triangles": triangles })
+    });
+    print_json(json!({
+        "file": path.display().to_string(), "kind": "scene",
+        "camera": {
+            "eye": camera.eye.to_array(), "forward": camera.forward.to_array(), "up": camera.up.to_array(),
+            "vertical_fov_degrees": camera.vertical_fov_radians.to_degrees(),
+            "width": camera.width, "height": camera.height,
+        },
+        "cameras": found.cameras, "triangles": found.scene.mesh.triangles.len(),
+        "columns": found.scene.basis.column_count(), "lights": lights_json(&found.scene.basis),
+        "materials": materials.collect::<Vec<_>>(), "remarks": found.warnings, "refused": found.refused,
+    }));
+}
