@@ -111,7 +111,7 @@ fn bytes(path: &Path) -> (usize, Vec<[u8; 3]>) {
 fn expected(container: &ContainerReader) -> (LinearImage, ToneMapping) {
     let lighting = Lighting::of_scene(&container.job().basis);
     let image = CpuRelighter::load(container).unwrap().relight(&lighting).unwrap();
-    let tone = ToneMapping { exposure_stops: Display::exposure_for(&image), ..Default::default() };
+    let tone = ToneMapping { exposure_stops: ltm::image::exposure_for(&image), ..Default::default() };
     (image, tone)
 }
 
