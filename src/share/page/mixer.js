@@ -114,7 +114,7 @@ export class Mixer {
       fold.setAttribute('aria-expanded', String(!entry.isFolded));
     });
     const row = make('div', { className: 'light', role: 'group', 'aria-label': `Group ${name}` },
-      this.toggle(`Group ${name}`, '⏻', () => own().on, () => this.change((mix) => (mix.groups[group].on = !own().on), true)),
+      this.toggle(`Group ${name}`, 'On', () => own().on, () => this.change((mix) => (mix.groups[group].on = !own().on), true)),
       make('strong', { className: 'name', title: name }, name), make('span'), fold,
       this.fader(`Group ${name}`, () => own().stops, (mix, stops) => (mix.groups[group].stops = stops)));
     entry.head = make('li', {}, row, inside);
@@ -139,7 +139,7 @@ export class Mixer {
     this.refreshers.push(() => swatch.style.setProperty('--swatch', hexOf(colourOf(light, own().tint))));
     const solo = (/** @type {MouseEvent} */ event) => this.change((mix) => toggleSolo(mix, index, event.shiftKey), true);
     const row = make('li', { className: 'light' },
-      this.toggle(`${name}`, '⏻', () => own().on, () => set({ on: !own().on })),
+      this.toggle(`${name}`, 'On', () => own().on, () => set({ on: !own().on })),
       make('span', { className: 'name', title: name }, name), swatch,
       this.toggle(`Solo ${name}`, 'S', () => own().solo, () => {}),
       this.fader(name, () => own().stops, (mix, stops) => (mix.lights[index].stops = stops)), more);
