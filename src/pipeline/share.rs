@@ -20,7 +20,7 @@ use super::{PackOptions, pack};
 /// Pixels of the picture for one of the preview, across and down.
 const SHRINK: u32 = 4;
 /// What the preview reaches against the picture made small: it is looked at for seconds.
-const PREVIEW_DB: f64 = 30.0;
+const PREVIEW_DB: f64 = 42.0;
 /// Name of the page in its folder.
 pub const PAGE_NAME: &str = "index.html";
 /// Name of the data in the page's folder.
