@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration, the
-# Python package. The README's test command for the whole workspace; the tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
+# Python package, the shared page. The README's test command for the whole workspace; the tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
 # missing adapter into a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -43,5 +43,20 @@ if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))
     fi
 else
     echo "no python3 of 3.10 or newer with venv: the Python package is not tested"
+fi
+step "the shared page: its types, and tests in a browser"
+if node -e 'process.exit(process.versions.node.split(".")[0] < 20)' 2>/dev/null && command -v npm >/dev/null; then
+    if (cd tools/share && npm ci --silent --no-audit --no-fund); then
+        (cd tools/share && npm run --silent types)
+        if [ -x "${CHROMIUM:-/usr/bin/chromium}" ]; then
+            (cd tools/share && LTM="$(realpath "../../$target/debug/ltm")" npm test --silent)
+        else
+            echo "no chromium: the shared page is not tested in a browser"
+        fi
+    else
+        echo "no npm registry can be reached: the shared page is not tested in a browser"
+    fi
+else
+    echo "no node of 20 or newer with npm: the shared page is not tested in a browser"
 fi
 step "done"

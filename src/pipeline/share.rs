@@ -8,7 +8,7 @@ use crate::compress::{CompressSettings, Target};
 use crate::container::{ContainerOptions, ContainerReader};
 use crate::error::{Error, Result};
 use crate::files::{check_output, replace, write_file};
-use crate::host::{Need, PROGRAM_BYTES, Quiet, Watch};
+use crate::host::{Need, PROGRAM_BYTES, Watch};
 use crate::image::{LUMENS_PER_WATT, exposure_for};
 use crate::light::{Job, LightUnit, Lighting};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, MatrixShape, TracedBlock};
@@ -20,7 +20,7 @@ use super::{PackOptions, pack};
 /// Pixels of the picture for one of the preview, across and down.
 const SHRINK: u32 = 4;
 /// What the preview reaches against the picture made small: it is looked at for seconds.
-const PREVIEW_DB: f64 = 42.0;
+const PREVIEW_DB: f64 = 46.0;
 /// Name of the page in its folder.
 pub const PAGE_NAME: &str = "index.html";
 /// Name of the data in the page's folder.
@@ -81,12 +81,12 @@ pub fn share(
     };
     match &data_path {
         Some(data_path) => {
-            if !output.is_dir() {
+            if output.is_dir() {
+                check_output(data_path, options.overwrite)?;
+                check_output(&page_path, options.overwrite)?;
+            } else {
                 check_output(output, false)?;
-                fs::create_dir(output).map_err(Error::io(output, "make the folder"))?;
             }
-            check_output(data_path, options.overwrite)?;
-            check_output(&page_path, options.overwrite)?;
         }
         None => check_output(output, options.overwrite)?,
     }
@@ -94,7 +94,7 @@ pub fn share(
     need.threads_within("sharing", options.memory_bytes)?;
 
     let folder = tempfile::tempdir().map_err(Error::io(output, "make a temporary folder for"))?;
-    let preview = preview_of(container, &folder.path().join("preview.ltc"), options.memory_bytes)?;
+    let preview = preview_of(container, &folder.path().join("preview.ltc"), options.memory_bytes, watch)?;
     let exposure_stops = match options.exposure_stops {
         Some(stops) => stops,
         None => exposure_for(&relight_streaming(container, &Lighting::of_scene(&job.basis))?.0),
@@ -113,7 +113,7 @@ pub fn share(
     let mut advance = |bytes: u64| {
         watch.advance(bytes, bytes, "B");
         match watch.interrupted() {
-            true => Err(Error::Interrupted("nothing was written".into())),
+            true => Err(interrupted()),
             false => Ok(()),
         }
     };
@@ -122,6 +122,9 @@ pub fn share(
     };
     let written = match &data_path {
         Some(data_path) => {
+            if !output.is_dir() {
+                fs::create_dir(output).map_err(Error::io(output, "make the folder"))?;
+            }
             let mut bytes = None;
             let written = replace(data_path, options.overwrite, |file| {
                 bytes = Some(write(data_path, file)?);
@@ -173,7 +176,12 @@ fn lumens_per_watt(job: &Job) -> Option<f32> {
 }
 
 /// Packs the picture made small.
-fn preview_of(container: &ContainerReader, path: &Path, memory_bytes: Option<u64>) -> Result<ContainerReader> {
+fn preview_of(
+    container: &ContainerReader,
+    path: &Path,
+    memory_bytes: Option<u64>,
+    watch: &dyn Watch,
+) -> Result<ContainerReader> {
     let job = container.job();
     let side = |pixels: u32| pixels.div_ceil(SHRINK);
     let shape = MatrixShape::new(
@@ -188,8 +196,36 @@ fn preview_of(container: &ContainerReader, path: &Path, memory_bytes: Option<u64
     let mut writing = ContainerOptions::default();
     writing.codec.layered = false;
     let options = PackOptions { compress, container: writing, denoise: false, memory_bytes };
-    pack(&small, &Job { shape, ..job.clone() }, path, &options, &Quiet)?;
+    let packed = pack(&small, &Job { shape, ..job.clone() }, path, &options, &Preview(watch));
+    packed.map_err(|error| if watch.interrupted() { interrupted() } else { error })?;
     ContainerReader::open(path)
+}
+
+fn interrupted() -> Error {
+    Error::Interrupted("nothing was written".into())
+}
+
+/// Tells how far the preview is, but not what packs say of their files: it is one that nobody knows of.
+struct Preview<'a>(&'a dyn Watch);
+
+impl Watch for Preview<'_> {
+    fn begin(&self, _: &str, total: u64, unit: &str) {
+        self.0.begin("preview", total, unit);
+    }
+
+    fn advance(&self, steps: u64, work: u64, work_unit: &str) {
+        self.0.advance(steps, work, work_unit);
+    }
+
+    fn end(&self) {
+        self.0.end();
+    }
+
+    fn note(&self, _: &str) {}
+
+    fn interrupted(&self) -> bool {
+        self.0.interrupted()
+    }
 }
 
 /// The matrix of a container with pixels joined: each is the mean of a square of them.

@@ -3,6 +3,9 @@
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, FactorSource, MatrixShape};
 
+/// The coding of chunks that the page knows: their first byte.
+const CODING: u8 = 3;
+
 /// One layer of all blocks, as it will stand in the file.
 #[derive(Clone, Debug)]
 pub(super) struct LayerIndex {
@@ -24,7 +27,7 @@ impl<'a> Level<'a> {
     /// Looks at every chunk of a source once. `counts` tells of a block its components and sparse entries over all layers.
     ///
     /// # Errors
-    /// Those of reading; a chunk of 2³² bytes or more.
+    /// Those of reading; a chunk of 2³² bytes or more, or of another coding than the newest.
     pub fn new(source: &'a dyn FactorSource, counts: impl Fn(BlockId) -> (usize, usize)) -> Result<Self> {
         let shape = source.shape();
         let depth = shape.blocks().map(|id| source.layer_count(id)).max().unwrap_or(0);
@@ -37,6 +40,10 @@ impl<'a> Level<'a> {
                     continue;
                 }
                 let chunk = source.stored_layer(id, layer as u32)?;
+                if chunk.first().is_some_and(|&coding| coding != CODING) {
+                    let problem = format!("is coded in an early way ({}), which the page does not read", chunk[0]);
+                    return Err(Error::input(id.to_string(), problem, "ltm-unpack it and pack it again"));
+                }
                 let bytes = u32::try_from(chunk.len())
                     .map_err(|_| Error::input(id.to_string(), "has a chunk of more than 4 GiB", "pack it again"))?;
                 push_number(&mut index.index, bytes);

@@ -190,6 +190,18 @@ class Page {
     on('keep', 'click', () => this.keep());
     on('compare', 'change', () => this.compare());
     on('wipe', 'input', () => this.compose());
+    // The line can be pulled too.
+    byId('line').addEventListener('pointerdown', (event) => {
+      event.stopPropagation();
+      byId('line').setPointerCapture(event.pointerId);
+    });
+    byId('line').addEventListener('pointermove', (event) => {
+      if (!byId('line').hasPointerCapture(event.pointerId)) return;
+      event.stopPropagation();
+      const share = (this.stage.inside(event)[0] - this.stage.x) / (this.stage.scale * this.picture.clientWidth);
+      /** @type {HTMLInputElement} */ (byId('wipe')).value = String(share);
+      this.compose();
+    });
     window.addEventListener('hashchange', () => this.readFragment());
     document.addEventListener('keydown', (event) => this.key(event));
   }

@@ -2,7 +2,7 @@
 
 /** @import { Light } from './stream.js' */
 /** @import { LightMix, Mix, Desk } from './mix.js' */
-import { KELVIN_RANGE, hexOf, kelvinOf, linearOfHex } from './colour.js';
+import { hexOf, kelvinOf, linearOfHex } from './colour.js';
 import { MOST_STOPS, colourOf, turned } from './mix.js';
 
 /**
@@ -114,7 +114,7 @@ export class Mixer {
       fold.setAttribute('aria-expanded', String(!entry.isFolded));
     });
     const row = make('div', { className: 'light', role: 'group', 'aria-label': `Group ${name}` },
-      this.toggle(`Group ${name}`, 'On', () => own().on, () => this.change((mix) => (mix.groups[group].on = !own().on), true)),
+      this.toggle(`On: group ${name}`, 'On', () => own().on, () => this.change((mix) => (mix.groups[group].on = !own().on), true)),
       make('strong', { className: 'name', title: name }, name), make('span'), fold,
       this.fader(`Group ${name}`, () => own().stops, (mix, stops) => (mix.groups[group].stops = stops)));
     entry.head = make('li', {}, row, inside);
@@ -139,9 +139,9 @@ export class Mixer {
     this.refreshers.push(() => swatch.style.setProperty('--swatch', hexOf(colourOf(light, own().tint))));
     const solo = (/** @type {MouseEvent} */ event) => this.change((mix) => toggleSolo(mix, index, event.shiftKey), true);
     const row = make('li', { className: 'light' },
-      this.toggle(`${name}`, 'On', () => own().on, () => set({ on: !own().on })),
+      this.toggle(`On: ${name}`, 'On', () => own().on, () => set({ on: !own().on })),
       make('span', { className: 'name', title: name }, name), swatch,
-      this.toggle(`Solo ${name}`, 'S', () => own().solo, () => {}),
+      this.toggle(`Solo ${name}`, 'Solo', () => own().solo, () => {}),
       this.fader(name, () => own().stops, (mix, stops) => (mix.lights[index].stops = stops)), more);
     /** @type {HTMLButtonElement} */ (row.children[3]).addEventListener('click', solo);
     this.rows[index] = { row, text: `${name} ${light.kind}`.toLowerCase() };
@@ -158,7 +158,7 @@ export class Mixer {
   fillMore(more, light, own, set) {
     const { name } = light;
     const now = () => colourOf(light, own().tint);
-    const kelvin = make('input', { type: 'range', min: KELVIN_RANGE[0], max: 12000, step: 10, 'aria-label': `${name}, kelvin` });
+    const kelvin = make('input', { type: 'range', min: 1670, max: 12000, step: 10, 'aria-label': `${name}, kelvin` });
     const said = make('output');
     const picker = make('input', { type: 'color', 'aria-label': `${name}, colour` });
     const kind = make('select', { 'aria-label': `${name}, kind of colour` },

@@ -33,7 +33,8 @@ export class Stage {
     for (const name of /** @type {const} */ (['pointerup', 'pointercancel'])) {
       stage.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
     }
-    stage.addEventListener('pointerleave', () => listener.read(null));
+    // A finger that is lifted leaves too, but what it asked for stays.
+    stage.addEventListener('pointerleave', (event) => event.pointerType === 'mouse' && listener.read(null));
     stage.addEventListener('focus', () => this.readMiddle());
     stage.addEventListener('keydown', (event) => {
       const step = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];

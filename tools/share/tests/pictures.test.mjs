@@ -29,7 +29,6 @@ describe('pictures', { skip: !hasBrowser }, () => {
   const isNear = (found, expected, what) => {
     const apart = difference(found.filter((_, i) => i % 4 < 3), expected.filter((_, i) => i % 4 < 3));
     assert.ok(apart.lengths[0] === apart.lengths[1] && apart.largest <= MOST_STEPS && apart.far <= MOST_FAR, `${what}: ${JSON.stringify(apart)}`);
-    console.log(`${what}: ${JSON.stringify(apart)}`);
   };
 
   for (const way of ['worker', 'webgl2', 'webgpu']) {
@@ -60,4 +59,27 @@ describe('pictures', { skip: !hasBrowser }, () => {
       await page.context().close();
     });
   }
+
+  it('goes on with workers where the GPU is lost', async () => {
+    const page = await open(browser, 'about:blank');
+    await page.addInitScript(() => {
+      const { getContext } = HTMLCanvasElement.prototype;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+        const context = getContext.call(this, kind, ...rest);
+        if (kind === 'webgl2') (window.contexts ??= []).push(context);
+        return context;
+      };
+    });
+    await page.goto(`${server.url}?compute=webgl2`);
+    await state(page, 'complete');
+    const before = await pictureOf(page);
+    await page.evaluate(() => window.contexts.forEach((gl) => gl.getExtension('WEBGL_lose_context').loseContext()));
+    await page.waitForFunction(() => document.body.dataset.way === 'worker');
+    await set(page, '#curve', 1);
+    await set(page, '#curve', 0);
+    await settled(page);
+    const apart = difference(await pictureOf(page), before);
+    assert.ok(apart.largest <= 2, JSON.stringify(apart));
+    await page.context().close();
+  });
 });
