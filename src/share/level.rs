@@ -53,7 +53,7 @@ impl<'a> Level<'a> {
                 index.chunk_bytes += u64::from(bytes);
             }
         }
-        let counts = shape.blocks().map(|id| counts(id)).map(|(rank, sparse)| (rank as u32, sparse as u32)).collect();
+        let counts = shape.blocks().map(counts).map(|(rank, sparse)| (rank as u32, sparse as u32)).collect();
         Ok(Self { source, layers, counts })
     }
 
