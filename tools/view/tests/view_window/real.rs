@@ -9,7 +9,6 @@ use ltm::image::{LinearImage, ToneMapping, read_image};
 use ltm::light::Lighting;
 use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
-use ltm_view::display::Display;
 use ltm_view::groups::Groups;
 use ltm_view::{RelightOn, WindowOptions, looks, run};
 
