@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration, the
-# Python package, the shared page. The README's test command for the whole workspace; the tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
-# missing adapter into a failure.
+# Python package, the shared page. The README's test command for the whole workspace; the tests of a real window need Xvfb.
+# LTM_REQUIRE_GPU=1 turns a missing adapter into a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -6,7 +6,7 @@
 //! decodes them in a worker. Preview and picture are two [`Level`]s of one kind.
 //!
 //! The page's sources are plain modules of JavaScript, typed by comments that the TypeScript compiler checks, so that building
-//! needs no Node; [`page`] joins them into one script.
+//! needs no Node; [`page()`] joins them into one script.
 
 mod base64;
 mod head;
