@@ -39,8 +39,9 @@
 //! | `store` | `error`, `files`, `matrix`, `light` |
 //! | `container` | `error`, `encoding`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
+//! | `share` | `error`, `matrix`, `light` |
 //! | `host` | `error`, `files` |
-//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `host` |
+//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `share`, `host` |
 //!
 //! # Which crate is used where
 //!
@@ -57,14 +58,15 @@
 //! | `obvhs` | `trace` |
 //! | `serde`, `toml` | `look`, `scene` |
 //! | `serde_json` | `look` |
-//! | `exr`, `flate2`, `image`, `regex_lite`, `zip` | `image` |
+//! | `exr`, `image`, `regex_lite`, `zip` | `image` |
+//! | `flate2` | `image`, `share` |
 //! | `bincode` | `encoding` |
 //! | `zstd` | `container` |
 //! | `half` | `image`, `store` |
 //! | `libc`, `memmap2` | `store` |
 //! | `rustix` | `files`, `store` |
-//! | `sha2` | `container`, `light`, `pipeline`, `scene` |
-//! | `crc32fast` | `container`, `files`, `store` |
+//! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share` |
+//! | `crc32fast` | `container`, `files`, `share`, `store` |
 //! | `bytemuck` | `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
 //! | `pulp` | `clean`, `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
@@ -94,6 +96,7 @@ pub mod pipeline;
 pub mod relight;
 #[cfg(feature = "scene")]
 pub mod scene;
+pub mod share;
 pub mod store;
 #[cfg(feature = "scene")]
 pub mod trace;

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration, the
-# Python package, the Blender add-on where bpy is. The README's test command for the whole workspace; the tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a
-# missing adapter into a failure.
+# Python package, the shared page, and the Blender add-on where bpy is. The README's test command for the whole workspace; the
+# tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a missing adapter into a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -51,5 +51,21 @@ if "$python" -c 'import bpy, numpy, pytest' 2>/dev/null; then
     LTM="$target/release/ltm" "$python" -m pytest --quiet tools/blender
 else
     echo "no Python with bpy, numpy and pytest: the Blender add-on is not tested"
+fi
+step "the shared page: its types, and tests in a browser"
+if node -e 'process.exit(process.versions.node.split(".")[0] < 20)' 2>/dev/null && command -v npm >/dev/null; then
+    ltm=$(realpath "$target/debug/ltm")
+    if (cd tools/share && npm ci --silent --no-audit --no-fund); then
+        (cd tools/share && npm run --silent types)
+        if [ -x "${CHROMIUM:-/usr/bin/chromium}" ]; then
+            (cd tools/share && LTM="$ltm" npm test --silent)
+        else
+            echo "no chromium: the shared page is not tested in a browser"
+        fi
+    else
+        echo "no npm registry can be reached: the shared page is not tested in a browser"
+    fi
+else
+    echo "no node of 20 or newer with npm: the shared page is not tested in a browser"
 fi
 step "done"

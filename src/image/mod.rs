@@ -23,7 +23,7 @@ pub use npy::write_npy;
 pub use per_light::{LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, TakeRow};
 pub use read::{ImageFacts, RgbaImage, decode_srgb, embedded_facts, image_facts, read_embedded, read_image, read_rgba};
 pub use tone::{
-    LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, false_colour, false_colour_scale, write_png, write_rgb_png,
-    write_toned_png,
+    LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, exposure_for, false_colour, false_colour_scale, write_png,
+    write_rgb_png, write_toned_png,
 };
 pub use tone_tables::ToneTables;

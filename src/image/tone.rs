@@ -171,6 +171,18 @@ pub fn false_colour_scale(low: f32, high: f32) -> [(&'static str, f32); 7] {
     std::array::from_fn(|i| (names[i], low * (high / low).powf(i as f32 / 6.0)))
 }
 
+/// Exposure, in stops, that brings the 85th percentile of luminance to 0.7, so that lamps in view do not darken the room;
+/// black pixels do not count, nor do parts that are still to come. 0 for a black picture.
+pub fn exposure_for(image: &LinearImage) -> f32 {
+    let mut luminances: Vec<f32> = image.luminances().filter(|v| v.is_finite() && *v > 0.0).collect();
+    if luminances.is_empty() {
+        return 0.0;
+    }
+    let index = (luminances.len() - 1) * 85 / 100;
+    let bright = *luminances.select_nth_unstable_by(index, f32::total_cmp).1;
+    (0.7 / bright).log2().clamp(-24.0, 24.0)
+}
+
 /// Writes an 8-bit sRGB PNG through `tone`; a file of that name is replaced, whole.
 ///
 /// # Errors

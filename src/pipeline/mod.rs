@@ -26,6 +26,7 @@ mod render;
 mod repair;
 mod rows;
 mod selection;
+mod share;
 mod spill;
 #[cfg(feature = "scene")]
 mod stop;
@@ -49,6 +50,7 @@ pub use render::{RenderOptions, RenderReport, job_of, load_scene, render};
 #[cfg(feature = "scene")]
 pub use repair::repair;
 pub use selection::Selection;
+pub use share::{DATA_NAME, PAGE_NAME, ShareOptions, ShareReport, share};
 pub use spill::check_container_output;
 #[cfg(feature = "scene")]
 pub use stop::{StopRule, choose_samples, expected_error, parse_error, parse_seconds};

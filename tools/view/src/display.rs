@@ -63,18 +63,6 @@ impl Display {
         (at(STOPS_SHOWN.0), at(STOPS_SHOWN.1))
     }
 
-    /// Exposure, in stops, that brings the 85th percentile of luminance to 0.7, so that lamps in view do not
-    /// darken the room; black pixels do not count, nor do parts that are still to come. 0 for a black picture.
-    pub fn exposure_for(image: &LinearImage) -> f32 {
-        let mut luminances: Vec<f32> = image.luminances().filter(|v| v.is_finite() && *v > 0.0).collect();
-        if luminances.is_empty() {
-            return 0.0;
-        }
-        let index = (luminances.len() - 1) * 85 / 100;
-        let bright = *luminances.select_nth_unstable_by(index, f32::total_cmp).1;
-        (0.7 / bright).log2().clamp(-24.0, 24.0)
-    }
-
     /// What a device is to do so that it shows what [`show`](Self::show) does.
     pub fn shown_as(self) -> ShownAs {
         let (low, high) = self.luminance_range();
@@ -261,8 +249,8 @@ mod tests {
     #[test]
     fn automatic_exposure_shows_most_of_the_picture() {
         let image = LinearImage { width: 100, height: 1, pixels: (0..100).map(|i| [i as f32; 3]).collect() };
-        let exposed = 84.0 * Display::exposure_for(&image).exp2();
+        let exposed = 84.0 * ltm::image::exposure_for(&image).exp2();
         assert!((exposed - 0.7).abs() < 1e-3);
-        assert_eq!(Display::exposure_for(&LinearImage::black(2, 2)), 0.0);
+        assert_eq!(ltm::image::exposure_for(&LinearImage::black(2, 2)), 0.0);
     }
 }

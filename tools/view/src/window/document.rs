@@ -361,7 +361,7 @@ impl Document {
     fn take_values(&mut self, generation: u64, image: Arc<LinearImage>, histogram: Vec<[f32; 3]>) {
         // Base layers alone can be darker than the whole: until that stands, the exposure follows, unless it was set.
         if self.exposed == Some(self.display.tone.exposure_stops) {
-            self.display.tone.exposure_stops = Display::exposure_for(&image);
+            self.display.tone.exposure_stops = ltm::image::exposure_for(&image);
             self.exposed = (!self.progress.is_complete()).then_some(self.display.tone.exposure_stops);
         }
         (self.valued, self.image, self.histogram) = (generation, Some(image), histogram);
@@ -464,7 +464,7 @@ impl Document {
 
     pub(super) fn expose(&mut self) {
         if let Some(image) = &self.image {
-            self.display.tone.exposure_stops = Display::exposure_for(image);
+            self.display.tone.exposure_stops = ltm::image::exposure_for(image);
         }
     }
 

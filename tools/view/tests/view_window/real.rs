@@ -9,7 +9,6 @@ use ltm::image::{LinearImage, ToneMapping, read_image};
 use ltm::light::Lighting;
 use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
-use ltm_view::display::Display;
 use ltm_view::groups::Groups;
 use ltm_view::{RelightOn, WindowOptions, looks, run};
 
@@ -111,7 +110,7 @@ fn bytes(path: &Path) -> (usize, Vec<[u8; 3]>) {
 fn expected(container: &ContainerReader) -> (LinearImage, ToneMapping) {
     let lighting = Lighting::of_scene(&container.job().basis);
     let image = CpuRelighter::load(container).unwrap().relight(&lighting).unwrap();
-    let tone = ToneMapping { exposure_stops: Display::exposure_for(&image), ..Default::default() };
+    let tone = ToneMapping { exposure_stops: ltm::image::exposure_for(&image), ..Default::default() };
     (image, tone)
 }
 

@@ -9,6 +9,7 @@ mod maintain;
 mod picture;
 mod relight;
 mod render;
+mod share;
 mod sibling;
 mod verify;
 
@@ -55,6 +56,12 @@ enum Command {
   ltm relight room.ltc -o lights.exr --layers lights
   ltm relight room.ltc -o lux.png --false-colour illuminance --reflectance 0.5")]
     Relight(relight::Relight),
+    /// Write a container as a web page: a picture whose lights its viewers mix, on any static host or from a disk.
+    #[command(after_help = "Examples:
+  ltm share room.ltc -o site                    a folder to put on a static host
+  ltm share room.ltc -o site --lighting looks.toml --title 'Meeting room'
+  ltm share room.ltc -o room.html --single      one file to send")]
+    Share(share::Share),
     /// Open a container in a window: a mixer for its lights. A program of its own, ltm-view.
     #[command(disable_help_flag = true)]
     View(sibling::Arguments),
@@ -92,6 +99,7 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Demo(options) => demo::run(&options, console),
         Command::Render(options) => render::run(&options, console),
         Command::Relight(options) => relight::run(&options, console),
+        Command::Share(options) => share::run(&options, console),
         Command::View(options) => sibling::run("ltm-view", arguments.threads, &options),
         Command::Info(options) => info::run(&options),
         Command::Verify(options) => verify::run(&options, console),

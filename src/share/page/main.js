@@ -1,0 +1,444 @@
+// The page itself: it joins the data, the engine, the stage and the mixer. The same script runs in workers.
+
+/** @import { Head } from './stream.js' */
+/** @import { Mix } from './mix.js' */
+import { CURVES, luminance, toneOf } from './colour.js';
+import { rectOf } from './blocks.js';
+import { serve } from './worker.js';
+import { EmbeddedBytes, FetchedBytes, inflate, readShare } from './stream.js';
+import { Desk, copyOf, ofShortForm, shortForm } from './mix.js';
+import { Engine } from './engine.js';
+import { Mixer, make, signed } from './mixer.js';
+import { Stage } from './stage.js';
+
+/** Changes that can be undone. */
+const MOST_UNDONE = 100;
+/** Width of a look's thumbnail. */
+const THUMB_WIDTH = 160;
+const LAYER_NAMES = ['coarse', 'fine'];
+const WAY_NAMES = { webgpu: 'WebGPU', webgl2: 'WebGL 2', worker: 'workers' };
+
+/** @template {HTMLElement} [T=HTMLElement] @param {string} id */
+function byId(id) {
+  return /** @type {T} */ (document.getElementById(id));
+}
+
+/** @param {number} value */
+function short(value) {
+  return value === 0 ? '0' : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? value.toExponential(2) : String(Number(value.toPrecision(3)));
+}
+
+/** @param {Uint8Array<ArrayBuffer>} bytes */
+async function deflate(bytes) {
+  const stream = new Blob([bytes]).stream().pipeThrough(new CompressionStream('deflate-raw'));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** @param {any} state */
+async function fragmentOf(state) {
+  const bytes = await deflate(new TextEncoder().encode(JSON.stringify(state)));
+  const text = btoa(Array.from(bytes, (byte) => String.fromCharCode(byte)).join(''));
+  return '#' + text.replaceAll('+', '-').replaceAll('/', '_').replaceAll('=', '');
+}
+
+/** @param {string} fragment */
+async function stateOf(fragment) {
+  const text = atob(fragment.slice(1).replaceAll('-', '+').replaceAll('_', '/'));
+  return JSON.parse(new TextDecoder().decode(await inflate(Uint8Array.from(text, (sign) => sign.charCodeAt(0)))));
+}
+
+/** The page once its head is known. */
+class Page {
+  /** @param {Head} head @param {string} script */
+  constructor(head, script) {
+    this.head = head;
+    this.desk = new Desk(head);
+    this.current = this.desk.mixOf(-1);
+    this.exposure = head.exposure;
+    this.curve = 0;
+    /** @type {Mix[]} */
+    this.undone = [];
+    this.lastKept = copyOf(this.current);
+    /** @type {Mix | null} */
+    this.kept = null;
+    /** @type {Float32Array | null} */
+    this.weights = null;
+    /** @type {Float32Array | null} */
+    this.otherWeights = null;
+    this.isWanted = false;
+    this.isBusy = false;
+    this.isOtherOld = true;
+    this.areThumbsOld = true;
+    /** @type {{ x: number, y: number } | null} */
+    this.asked = null;
+    /** @type {Map<string, string>} */
+    this.damage = new Map();
+    this.isComplete = false;
+    this.loaded = 0;
+    this.fragment = '';
+    this.lastState = '';
+    this.linkTimer = 0;
+    const whole = head.levels[1];
+    this.picture = byId('picture');
+    const canvas = /** @type {HTMLCanvasElement} */ (this.picture);
+    [canvas.width, canvas.height] = [whole.width, whole.height];
+    this.shown = /** @type {CanvasRenderingContext2D} */ (canvas.getContext('2d'));
+    const layer = () => {
+      const own = make('canvas', { width: whole.width, height: whole.height });
+      return /** @type {CanvasRenderingContext2D} */ (own.getContext('2d'));
+    };
+    this.now = layer();
+    this.other = layer();
+    const wish = new URLSearchParams(location.search).get('compute');
+    this.engine = new Engine(head, script, wish, {
+      changed: () => {
+        this.isOtherOld = true;
+        this.request();
+      },
+      bad: (news) => this.lost(news.level, news.layer, news.id, news.problem),
+      way: (way) => (document.body.dataset.way = way),
+    });
+    this.stage = new Stage(byId('stage'), canvas, {
+      read: (at) => {
+        this.asked = at;
+        this.probe();
+      },
+      moved: () => this.placeLine(),
+    });
+    this.mixer = new Mixer(byId('lights'), this.desk, () => this.current, (change, isEnd) => this.change(change, isEnd));
+    this.fillControls();
+    this.listen();
+    this.stage.fit();
+  }
+
+  /** @param {(mix: Mix) => void} change @param {boolean} isEnd */
+  change(change, isEnd) {
+    change(this.current);
+    if (isEnd && JSON.stringify(this.lastKept) !== JSON.stringify(this.current)) {
+      this.undone.push(this.lastKept);
+      if (this.undone.length > MOST_UNDONE) this.undone.shift();
+      this.lastKept = copyOf(this.current);
+    }
+    this.weights = null;
+    this.mixer.refresh();
+    this.request();
+    this.link();
+  }
+
+  /** @param {Mix} mix */
+  take(mix) {
+    this.change(() => (this.current = copyOf(mix)), true);
+  }
+
+  undo() {
+    const mix = this.undone.pop();
+    if (!mix) return;
+    this.lastKept = copyOf(mix);
+    this.change(() => (this.current = copyOf(mix)), false);
+  }
+
+  fillControls() {
+    const curve = byId('curve');
+    curve.append(...CURVES.map((name, i) => make('option', { value: String(i) }, name)));
+    const looks = byId('looks');
+    const names = ["Scene's own", ...this.head.looks.map((look) => look.name)];
+    const { width, height } = this.head.levels[1];
+    /** @type {CanvasRenderingContext2D[]} */
+    this.thumbs = names.map((name, i) => {
+      const thumb = make('canvas', { width: THUMB_WIDTH, height: Math.round((THUMB_WIDTH * height) / width), 'aria-hidden': 'true' });
+      looks.append(make('button', { type: 'button', onclick: () => this.take(this.desk.mixOf(i - 1)) }, thumb, make('span', {}, name)));
+      return /** @type {CanvasRenderingContext2D} */ (thumb.getContext('2d'));
+    });
+    const compare = /** @type {HTMLSelectElement} */ (byId('compare'));
+    compare.append(make('option', { value: '' }, 'Nothing'), ...names.map((name, i) => make('option', { value: String(i - 1) }, name)));
+    this.showDisplay();
+  }
+
+  showDisplay() {
+    /** @type {HTMLInputElement} */ (byId('exposure')).value = String(this.exposure);
+    byId('exposure').setAttribute('aria-valuetext', `${signed(this.exposure)} stops`);
+    byId('exposure-value').textContent = signed(this.exposure);
+    /** @type {HTMLSelectElement} */ (byId('curve')).value = String(this.curve);
+  }
+
+  /** @param {number} exposure @param {number} curve */
+  display(exposure, curve) {
+    [this.exposure, this.curve] = [Math.min(Math.max(exposure, -60), 60), curve];
+    this.isOtherOld = this.areThumbsOld = true;
+    this.showDisplay();
+    this.request();
+    this.link();
+  }
+
+  listen() {
+    const on = (/** @type {string} */ id, /** @type {string} */ event, /** @type {(input: HTMLInputElement) => void} */ act) =>
+      byId(id).addEventListener(event, () => act(byId(id)));
+    on('fit', 'click', () => this.stage.fit());
+    on('one', 'click', () => this.stage.one());
+    on('in', 'click', () => this.stage.zoom(Math.SQRT2));
+    on('out', 'click', () => this.stage.zoom(Math.SQRT1_2));
+    on('full', 'click', () => this.fullScreen());
+    on('png', 'click', () => this.savePng());
+    on('link', 'click', (button) => this.copyLink(button));
+    on('exposure', 'input', (input) => this.display(Number(input.value), this.curve));
+    on('exposure', 'dblclick', () => this.display(this.head.exposure, this.curve));
+    on('curve', 'change', (input) => this.display(this.exposure, Number(input.value)));
+    on('expose', 'click', () => this.expose());
+    on('search', 'input', (input) => this.mixer.search(input.value));
+    on('undo', 'click', () => this.undo());
+    on('reset', 'click', () => this.take(this.desk.mixOf(-1)));
+    on('keep', 'click', () => this.keep());
+    on('compare', 'change', () => this.compare());
+    on('wipe', 'input', () => this.compose());
+    // The line can be pulled too.
+    byId('line').addEventListener('pointerdown', (event) => {
+      event.stopPropagation();
+      byId('line').setPointerCapture(event.pointerId);
+    });
+    byId('line').addEventListener('pointermove', (event) => {
+      if (!byId('line').hasPointerCapture(event.pointerId)) return;
+      event.stopPropagation();
+      const share = (this.stage.inside(event)[0] - this.stage.x) / (this.stage.scale * this.picture.clientWidth);
+      /** @type {HTMLInputElement} */ (byId('wipe')).value = String(share);
+      this.compose();
+    });
+    window.addEventListener('hashchange', () => this.readFragment());
+    document.addEventListener('keydown', (event) => this.key(event));
+  }
+
+  /** @param {KeyboardEvent} event */
+  key(event) {
+    const target = /** @type {HTMLElement} */ (event.target);
+    if (event.altKey || event.metaKey || target.matches('input[type=search], select, [role=application]')) return;
+    const compare = /** @type {HTMLSelectElement} */ (byId('compare'));
+    /** @type {Record<string, () => void>} */
+    const keys = {
+      f: () => this.stage.fit(), F: () => this.fullScreen(), 1: () => this.stage.one(),
+      '+': () => this.stage.zoom(Math.SQRT2), '=': () => this.stage.zoom(Math.SQRT2), '-': () => this.stage.zoom(Math.SQRT1_2),
+      e: () => this.display(this.exposure + 0.5, this.curve), E: () => this.display(this.exposure - 0.5, this.curve),
+      n: () => this.expose(), t: () => this.display(this.exposure, (this.curve + 1) % CURVES.length),
+      k: () => this.keep(), '/': () => byId('search').focus(),
+      w: () => {
+        compare.value = compare.value === '' ? (this.kept ? 'kept' : '-1') : '';
+        this.compare();
+      },
+    };
+    const act = event.ctrlKey ? (event.key === 'z' ? () => this.undo() : null) : keys[event.key];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }
+
+  keep() {
+    this.kept = copyOf(this.current);
+    const compare = /** @type {HTMLSelectElement} */ (byId('compare'));
+    if (!compare.querySelector('[value=kept]')) compare.append(make('option', { value: 'kept' }, 'The mix that was kept'));
+    compare.value = 'kept';
+    this.compare();
+  }
+
+  compare() {
+    const { value } = /** @type {HTMLSelectElement} */ (byId('compare'));
+    const mix = value === '' ? null : value === 'kept' ? this.kept : this.desk.mixOf(Number(value));
+    this.otherWeights = mix ? this.desk.lighting(mix) : null;
+    this.isOtherOld = true;
+    byId('wipe-label').hidden = byId('line').hidden = !mix;
+    this.placeLine();
+    this.request();
+  }
+
+  placeLine() {
+    const share = Number(/** @type {HTMLInputElement} */ (byId('wipe')).value);
+    byId('line').style.left = `${this.stage.x + share * this.picture.clientWidth * this.stage.scale - 1}px`;
+  }
+
+  async expose() {
+    this.display(await this.engine.exposureFor((this.weights ??= this.desk.lighting(this.current))), this.curve);
+  }
+
+  fullScreen() {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else byId('view').requestFullscreen?.();
+  }
+
+  savePng() {
+    const canvas = this.now.canvas;
+    canvas.toBlob((blob) => {
+      if (!blob) return;
+      const url = URL.createObjectURL(blob);
+      make('a', { href: url, download: `${this.head.title}.png` }).click();
+      setTimeout(() => URL.revokeObjectURL(url), 10_000);
+    }, 'image/png');
+  }
+
+  /** @param {HTMLElement} button */
+  async copyLink(button) {
+    await this.writeFragment();
+    const done = await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
+    button.textContent = done ? 'Copied' : 'In the address bar';
+    setTimeout(() => (button.textContent = 'Copy link'), 2000);
+  }
+
+  link() {
+    clearTimeout(this.linkTimer);
+    this.linkTimer = window.setTimeout(() => this.writeFragment(), 400);
+  }
+
+  async writeFragment() {
+    const state = { ...shortForm(this.desk, this.current), exposure: Number(this.exposure.toFixed(3)), curve: this.curve };
+    this.fragment = await fragmentOf(state);
+    history.replaceState(null, '', this.fragment);
+  }
+
+  /** Takes the mix of the link, if it has one that is understood. */
+  async readFragment() {
+    if (location.hash.length < 2 || location.hash === this.fragment) return;
+    try {
+      const state = await stateOf(location.hash);
+      this.take(ofShortForm(this.desk, state));
+      const curve = CURVES[state.curve] ? state.curve : 0;
+      if (Number.isFinite(state.exposure)) this.display(state.exposure, curve);
+    } catch {
+      this.say('the link holds no mix of this picture');
+    }
+  }
+
+  request() {
+    this.isWanted = true;
+    if (!this.isBusy) requestAnimationFrame(() => this.draw());
+  }
+
+  async draw() {
+    if (this.isBusy || !this.isWanted) return;
+    [this.isBusy, this.isWanted] = [true, false];
+    const begun = performance.now();
+    const tone = toneOf(this.curve, this.exposure);
+    this.weights ??= this.desk.lighting(this.current);
+    await this.engine.draw(this.now, this.weights, tone);
+    if (this.otherWeights && this.isOtherOld) {
+      this.isOtherOld = false;
+      await this.engine.draw(this.other, this.otherWeights, tone);
+    }
+    this.compose();
+    document.body.dataset.ms = (performance.now() - begun).toFixed(1);
+    document.body.dataset.pictures = String(Number(document.body.dataset.pictures ?? 0) + 1);
+    if (this.areThumbsOld && this.engine.isWhole(0)) {
+      this.areThumbsOld = false;
+      for (const [i, thumb] of (this.thumbs ?? []).entries()) {
+        await this.engine.drawSmall(thumb, this.desk.lighting(this.desk.mixOf(i - 1)), tone);
+      }
+    }
+    this.isBusy = false;
+    this.showState();
+    this.probe();
+    if (this.isWanted) requestAnimationFrame(() => this.draw());
+  }
+
+  /** Puts the picture, and what it is compared with, where they are seen. */
+  compose() {
+    const { canvas } = this.shown;
+    this.shown.clearRect(0, 0, canvas.width, canvas.height);
+    this.shown.drawImage(this.now.canvas, 0, 0);
+    if (!this.otherWeights) return;
+    const width = Math.round(canvas.width * Number(/** @type {HTMLInputElement} */ (byId('wipe')).value));
+    if (width > 0) {
+      this.shown.clearRect(0, 0, width, canvas.height);
+      this.shown.drawImage(this.other.canvas, 0, 0, width, canvas.height, 0, 0, width, canvas.height);
+    }
+    this.placeLine();
+  }
+
+  async probe() {
+    const at = this.asked;
+    const output = byId('probe');
+    if (!at || !this.weights) {
+      output.textContent = '';
+      return;
+    }
+    const rgb = await this.engine.probe(at.x, at.y, this.weights);
+    if (this.asked !== at || !rgb) return;
+    const bright = luminance(rgb);
+    const lumens = this.head.lumensPerWatt;
+    // A matt surface sends on at most what it gets: E ≥ π L.
+    const unit = lumens ? `${short(bright * lumens)} cd/m²  ≥ ${short(bright * lumens * Math.PI)} lx` : `Y ${short(bright)}`;
+    output.textContent = `${at.x}, ${at.y}   ${unit}\n${rgb.map(short).join('  ')}`;
+  }
+
+  /** @param {number} level @param {number} layer @param {number | null} id @param {string} why */
+  lost(level, layer, id, why) {
+    const which = level === 0 ? 'preview' : LAYER_NAMES[layer] ?? `layer ${layer}`;
+    let where = `all that is missing of it`;
+    if (id !== null) {
+      const { x, y, width, height } = rectOf(this.head.levels[level], id);
+      const shrink = level === 0 ? this.head.shrink : 1;
+      where = `pixels ${x * shrink} to ${(x + width) * shrink - 1} across, ${y * shrink} to ${(y + height) * shrink - 1} down`;
+    }
+    this.damage.set(`${level} ${layer} ${id}`, `${which}, ${where}: ${why}`);
+    const list = Array.from(this.damage.values());
+    const box = byId('damage');
+    const shown = list.slice(0, 20).map((line) => make('li', {}, line));
+    if (list.length > shown.length) shown.push(make('li', {}, `and ${list.length - shown.length} more`));
+    box.replaceChildren(`The data are damaged: ${list.length} of their parts cannot be used. The rest is shown; where fine parts are missing, coarser.`, make('ul', {}, ...shown));
+    box.hidden = false;
+  }
+
+  /** @param {number} have @param {number} total */
+  progress(have, total) {
+    this.loaded = have / total;
+    this.showState();
+  }
+
+  showState() {
+    const { dataset } = document.body;
+    const isIdle = this.engine.atWork === 0;
+    const isDone = this.isComplete && isIdle && !this.isBusy && !this.isWanted;
+    dataset.state = isDone ? (this.damage.size > 0 ? 'damaged' : 'complete') : this.engine.isWhole(1) ? 'base' : this.engine.isWhole(0) ? 'preview' : 'loading';
+    const { width, height } = this.head.levels[1];
+    const way = WAY_NAMES[/** @type {keyof typeof WAY_NAMES} */ (this.engine.way)] ?? '';
+    if (isDone) this.say(`${width} × ${height} pixels, ${this.head.lights.length} lights, by ${way}`);
+    else this.say(`Loading, ${Math.round(100 * this.loaded)} %`);
+    if (dataset.state !== this.lastState) performance.mark(`ltm-${dataset.state}`);
+    this.lastState = dataset.state;
+  }
+
+  /** @param {string} text */
+  say(text) {
+    if (byId('status').textContent !== text) byId('status').textContent = text;
+  }
+
+  finish() {
+    this.isComplete = true;
+    this.request();
+  }
+}
+
+async function run() {
+  const script = byId('script').textContent ?? '';
+  const embedded = document.getElementById('ltm-data');
+  const name = document.querySelector('meta[name=ltm-data]')?.getAttribute('content') ?? '';
+  const bytes = embedded ? new EmbeddedBytes(embedded.textContent ?? '') : new FetchedBytes(name);
+  /** @type {Page | null} */
+  let page = null;
+  try {
+    await readShare(bytes, {
+      head: (head) => {
+        page = new Page(head, script);
+        page.readFragment();
+      },
+      chunk: (level, id, layer, chunk) => page?.engine.decode(level, id, layer, chunk),
+      layerDone: () => page?.request(),
+      progress: (have, total) => page?.progress(have, total),
+      lost: (level, layer, id, why) => page?.lost(level, layer, id, why),
+    });
+    /** @type {Page | null} */ (page)?.finish();
+  } catch (error) {
+    const problem = error instanceof Error ? error.message : String(error);
+    const hint = !embedded && location.protocol === 'file:' ? ' A page in a folder needs a server; one made with --single does not.' : '';
+    byId('damage').textContent = `The picture cannot be shown: ${problem}.${hint}`;
+    byId('damage').hidden = false;
+    document.body.dataset.state = 'failed';
+  }
+}
+
+if (typeof document === 'undefined') serve(/** @type {any} */ (globalThis));
+else run();
