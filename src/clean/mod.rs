@@ -18,6 +18,7 @@ mod constants;
 mod filter;
 mod guide;
 mod kernel;
+mod map_fit;
 mod rows;
 mod shrink;
 mod spread;
@@ -28,6 +29,7 @@ mod tally;
 pub const CLEANER_VERSION: u32 = 2;
 
 pub use filter::{HALO, Window, clean, pixel_bytes};
+pub use map_fit::{MapFit, TILE, tile_means};
 pub use rows::Rows;
 pub use spread::spread;
 pub use tally::{Guides, Tally};

@@ -6,9 +6,11 @@
 //!    halves, features, emission seen.
 //! 2. *Filtering*, window by window over the whole image, with as much of the neighbourhood as the filter reads: the
 //!    images `D` of the clusters, cleaned. They do not know of blocks. Or the images come from a file, cleaned elsewhere.
-//! 3. *Spreading*, when a block is asked for: `T̂ = D M + E`, with `M = (Sᵀ K S)⁻¹ Sᵀ K` and the emission `E` as it is. `K` is
-//!    the covariance of lightings, `S` says which column is in which cluster: `M ℓ` are the weights of the clusters that
-//!    stand best for a lighting `ℓ` (Nyström's approximation, with sums of columns as landmarks).
+//! 3. *Spreading*, when a block is asked for: `T̂ = D R + E`, with the emission `E` as it is. `R` begins as
+//!    `M = (Sᵀ K S)⁻¹ Sᵀ K`, where `K` is the covariance of lightings and `S` says which column is in which cluster: `M ℓ` are
+//!    the weights of the clusters that stand best for a lighting `ℓ` (Nyström's approximation, with sums of columns as
+//!    landmarks). Then it is fitted to what the samples say of each column, tile by tile over the whole image, as far as
+//!    that stands above their noise ([`MapFit`]): a texel that lights more than its neighbours keeps its light.
 //!
 //! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.
 
@@ -20,7 +22,7 @@ use rayon::prelude::*;
 use super::basis::Basis;
 use super::pack::stop_if_interrupted;
 use super::spill::{CLEANED, GATHERED, open_spill};
-use crate::clean::{self, Guides, Rows, Tally, Window};
+use crate::clean::{self, Guides, MapFit, Rows, Tally, Window};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
@@ -39,8 +41,10 @@ pub(super) struct Cleaned {
     path: PathBuf,
     shape: MatrixShape,
     clusters: usize,
-    /// `M`: clusters × columns, row-major.
+    /// `R`: clusters × columns, row-major; `M` until it is fitted.
     spread: Vec<f32>,
+    /// Which column is in which cluster.
+    partition: Clusters,
     gathered: ContinuationFile,
     images: ContinuationFile,
     tally: Tally,
@@ -50,6 +54,8 @@ pub(super) struct Cleaned {
 struct Gathered {
     rect: PixelRect,
     planes: BlockPlanes,
+    /// Means of tiles of all columns without emission, columns × channels × tiles; empty where every column is a cluster.
+    tiles: Vec<f32>,
 }
 
 impl Cleaned {
@@ -58,14 +64,21 @@ impl Cleaned {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let side = u64::from(window_blocks(job.shape, clusters) * job.shape.block_side());
         let planes = BlockPlanes::fixed_bytes(u64::from(job.shape.block_side()).pow(2), clusters);
-        window_bytes(side, side, clusters) + 4 * planes + 4 * clusters * job.shape.columns() as u64
+        let columns = job.shape.columns() as u64;
+        let block = PixelRect { x: 0, y: 0, width: job.shape.block_side(), height: job.shape.block_side() };
+        let tiles = 4 * tile_values(job.shape, block, clusters) as u64;
+        // The map, the sums it is fitted with; planes and tiles of the blocks at hand.
+        let fit = if tiles > 0 { 20 * clusters * columns } else { 0 };
+        window_bytes(side, side, clusters) + 4 * (planes + 3 * tiles) + 4 * clusters * columns + fit
     }
 
     /// Bytes of disk that it takes.
     pub(super) fn disk_bytes(job: &Job) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let pixels = job.shape.rows() / CHANNELS as u64;
-        BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64)
+        let tiles: u64 =
+            job.shape.blocks().map(|id| 4 * tile_values(job.shape, job.shape.rect(id), clusters) as u64).sum();
+        BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64) + tiles
     }
 
     /// Opens the files for it beside `path`, those of an interrupted run of the same fingerprint where there are any.
@@ -84,6 +97,7 @@ impl Cleaned {
             gathered: open(GATHERED)?,
             images: open(CLEANED)?,
             tally: Tally::new(clusters.count()),
+            partition: clusters,
         })
     }
 
@@ -122,8 +136,9 @@ impl Cleaned {
                     let hint = "pack it as it is, with --denoise off";
                     Error::input(id.to_string(), "its samples were not kept apart, so it cannot be cleaned", hint)
                 })?;
-                self.gathered.append(id.0, &[&encode(&planes)])?;
-                let gathered = Gathered { rect, planes };
+                let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
+                let gathered = Gathered { rect, planes, tiles };
+                self.gathered.append(id.0, &[&encode(&gathered)])?;
                 tally.add(&self.window_of(std::slice::from_ref(&gathered), rect));
                 block.planes = Some(gathered.planes);
                 work
@@ -234,7 +249,7 @@ impl Cleaned {
 
     /// Puts what lies in `whole` of a block into a window.
     fn put(&self, block: &Gathered, whole: PixelRect, window: &mut Window) {
-        let Gathered { rect, planes } = block;
+        let Gathered { rect, planes, .. } = block;
         let (left, top) = (rect.x.max(whole.x), rect.y.max(whole.y));
         let right = (rect.x + rect.width).min(whole.x + whole.width);
         let bottom = (rect.y + rect.height).min(whole.y + whole.height);
@@ -257,8 +272,92 @@ impl Cleaned {
 
     fn gathered(&self, id: BlockId) -> Result<Gathered> {
         let rect = self.shape.rect(id);
-        let planes = decode(&self.gathered.read(id.0)?, rect.pixels(), self.clusters);
-        Ok(Gathered { rect, planes: planes.ok_or_else(|| self.gathered.damaged(id.0, "it is cut short"))? })
+        let tiles = tile_values(self.shape, rect, self.clusters as u64);
+        let gathered = decode(&self.gathered.read(id.0)?, rect, self.clusters, tiles);
+        gathered.ok_or_else(|| self.gathered.damaged(id.0, "it is cut short"))
+    }
+
+    /// See [`Gathered::tiles`].
+    fn tiles_of(&self, entries: &[f32], rect: PixelRect, emission: &[SeenEmission]) -> Vec<f32> {
+        if tile_values(self.shape, rect, self.clusters as u64) == 0 {
+            return Vec::new();
+        }
+        let (width, height) = (rect.width as usize, rect.height as usize);
+        let mut tiles = clean::tile_means(entries, (width, height));
+        let (across, down) = (width.div_ceil(clean::TILE), height.div_ceil(clean::TILE));
+        for seen in emission {
+            let (x, y) = (seen.pixel as usize % width / clean::TILE, seen.pixel as usize / width / clean::TILE);
+            let within = |at: usize, size: usize| clean::TILE.min(size - at * clean::TILE);
+            let share = 1.0 / (within(x, width) * within(y, height)) as f32;
+            for (channel, value) in seen.value.iter().enumerate() {
+                tiles[((seen.column as usize * CHANNELS + channel) * down + y) * across + x] -= share * value;
+            }
+        }
+        tiles
+    }
+
+    /// Fits the map from clusters to columns, where a cluster has several: after the images are cleaned.
+    ///
+    /// # Errors
+    /// Those of the disk; [`Error::Interrupted`] when the watch says so.
+    pub(super) fn fit(&mut self, watch: &dyn Watch) -> Result<()> {
+        let columns = self.shape.columns();
+        if self.clusters == columns {
+            return Ok(());
+        }
+        let mut fit = MapFit::new(self.clusters, columns);
+        // Where it is brighter than the mean errors count by their share, in the dark as they are.
+        let mean = self.mean_light()?;
+        watch.begin("fitting columns", u64::from(self.shape.block_count()), "blocks");
+        for id in self.shape.blocks() {
+            if watch.interrupted() {
+                watch.end();
+                stop_if_interrupted(&self.path, watch)?;
+            }
+            let images = self.image_tiles(id)?;
+            let tiles = self.gathered(id)?.tiles;
+            let each = images.len() / self.clusters;
+            let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
+            for row in 0..each {
+                of_images.iter_mut().enumerate().for_each(|(i, v)| *v = images[i * each + row]);
+                of_columns.iter_mut().enumerate().for_each(|(j, v)| *v = tiles[j * each + row]);
+                let light: f64 = of_images.iter().map(|&v| f64::from(v)).sum();
+                let scale = light.max(0.0) + mean;
+                if scale > 0.0 && of_columns.iter().all(|v| v.is_finite()) {
+                    fit.add(&of_images, &of_columns, 1.0 / (scale * scale));
+                }
+            }
+            watch.advance(1, 0, "px");
+        }
+        watch.end();
+        self.spread = fit.fit(&self.partition, &self.spread);
+        Ok(())
+    }
+
+    /// Means of tiles of the cleaned images of a block, clusters × channels × tiles.
+    fn image_tiles(&self, id: BlockId) -> Result<Vec<f32>> {
+        let rect = self.shape.rect(id);
+        Ok(clean::tile_means(&self.images_of(id)?, (rect.width as usize, rect.height as usize)))
+    }
+
+    /// Mean over tiles and channels of the cleaned image with all columns on.
+    fn mean_light(&self) -> Result<f64> {
+        let (mut sum, mut count) = (0.0, 0);
+        for id in self.shape.blocks() {
+            let tiles = self.image_tiles(id)?;
+            sum += tiles.iter().map(|&v| f64::from(v)).sum::<f64>();
+            count += tiles.len() / self.clusters;
+        }
+        Ok(sum.max(0.0) / count.max(1) as f64)
+    }
+
+    /// The cleaned images of a block, clusters × channels × pixels.
+    fn images_of(&self, id: BlockId) -> Result<Vec<f32>> {
+        let bytes = self.images.read(id.0)?;
+        if bytes.len() != 4 * self.shape.rect(id).rows() * self.clusters {
+            return Err(self.images.damaged(id.0, "it is cut short"));
+        }
+        Ok(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
     }
 }
 
@@ -270,11 +369,7 @@ impl BlockSource for Cleaned {
     /// The cleaned block; of its planes only the emission.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let rows = self.shape.rect(id).rows();
-        let bytes = self.images.read(id.0)?;
-        if bytes.len() != 4 * rows * self.clusters {
-            return Err(self.images.damaged(id.0, "it is cut short"));
-        }
-        let images: Vec<f32> = bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
+        let images = self.images_of(id)?;
         let columns = self.shape.columns();
         if (target.block.rows(), target.block.columns()) != (rows, columns) {
             target.block.reset(rows, columns);
@@ -320,29 +415,43 @@ fn window_bytes(width: u64, height: u64, clusters: u64) -> u64 {
     (width + halo) * (height + halo) * clean::pixel_bytes(clusters)
 }
 
-/// The planes of a block for the file: light and variances as tracing rounds them, the rest as it is.
-fn encode(planes: &BlockPlanes) -> Vec<u8> {
+/// Values that a block has in [`Gathered::tiles`].
+fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) -> usize {
+    if clusters == shape.columns() as u64 {
+        return 0;
+    }
+    let tiles = |side: u32| (side as usize).div_ceil(clean::TILE);
+    CHANNELS * shape.columns() * tiles(rect.width) * tiles(rect.height)
+}
+
+/// What was gathered of a block for the file: light and variances as tracing rounds them, the rest as it is.
+fn encode(Gathered { planes, tiles, .. }: &Gathered) -> Vec<u8> {
     let mut bytes = Vec::new();
     let light = planes.direct.iter().chain(&planes.indirect);
     for value in light.chain([&planes.feature_variance]).flatten() {
         bytes.extend(encode_unsigned(*value).to_ne_bytes());
     }
     bytes.extend_from_slice(bytemuck::cast_slice(&planes.features));
+    bytes.extend_from_slice(bytemuck::cast_slice(tiles));
     bytes.extend_from_slice(bytemuck::cast_slice(&planes.emission));
     bytes
 }
 
-fn decode(bytes: &[u8], pixels: usize, clusters: usize) -> Option<BlockPlanes> {
+fn decode(bytes: &[u8], rect: PixelRect, clusters: usize, tiles: usize) -> Option<Gathered> {
+    let pixels = rect.pixels();
     let light = pixels * CHANNELS * clusters;
     let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
-    let (features, emission) = rest.split_at_checked(4 * FEATURE_PLANES * pixels)?;
+    let (features, rest) = rest.split_at_checked(4 * FEATURE_PLANES * pixels)?;
+    let (tiles, emission) = rest.split_at_checked(4 * tiles)?;
+    let floats = |bytes: &[u8]| bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect::<Vec<f32>>();
     let mut halves = halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
     let mut take = |count: usize| halves.by_ref().take(count).collect::<Vec<f32>>();
-    Some(BlockPlanes {
+    let planes = BlockPlanes {
         direct: [take(light), take(light)],
         indirect: [take(light), take(light)],
         feature_variance: take(FEATURE_PLANES * pixels),
-        features: features.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect(),
+        features: floats(features),
         emission: emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect(),
-    })
+    };
+    Some(Gathered { rect, planes, tiles: floats(tiles) })
 }

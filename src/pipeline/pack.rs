@@ -323,6 +323,7 @@ impl Packing {
             Some(basis) => cleaned.take(basis, watch)?,
             None => cleaned.filter(&self.threads, watch)?,
         }
+        cleaned.fit(watch)?;
         let packed = self.compress("analysing", "B", watch, |id, block| {
             cleaned.read_block(id, block)?;
             Ok(size_of_val(block.block.entries()) as u64)

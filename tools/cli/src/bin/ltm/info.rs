@@ -42,6 +42,9 @@ pub(crate) struct Info {
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
+    /// Read files that a scene names outside of its folder and of LTM_SCENES: for scenes whose author you trust.
+    #[arg(long)]
+    allow_outside: bool,
     /// A look file: with --json, each light's weight under it, the mean over its columns (.ltm, .ltc).
     #[arg(short, long, value_name = "FILE", requires = "json")]
     lighting: Option<PathBuf>,
@@ -53,7 +56,7 @@ pub(crate) struct Info {
 pub(crate) fn run(options: &Info) -> Result<()> {
     let path = &*options.file;
     if is_scene(path) {
-        return scene::run(path, options.json, options.memory);
+        return scene::run(path, options.json, options.allow_outside, options.memory);
     }
     match kind_of(path)? {
         Kind::Container => {
