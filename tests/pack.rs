@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ltm::Error;
+use ltm::clean::spread;
 use ltm::compress::{CompressSettings, Method, Scope, Target};
 use ltm::container::ContainerReader;
 use ltm::host::{Quiet, Watch};
 use ltm::image::{LightSet, LinearImage, compare, write_exr_layers};
-use ltm::light::{Lighting, evaluation_lightings};
+use ltm::light::{Clusters, Lighting, LightingPrior, evaluation_lightings};
 use ltm::matrix::{BlockSource, FactorSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions, RelightOptions, RenderOptions};
 use ltm::relight::relight_raw;
@@ -136,6 +137,46 @@ fn cleaning_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
         fs::remove_file(&path).unwrap();
     }
     assert!(stops > 2, "stopped {stops} times: a stop in a stage that all threads have begun comes too late");
+}
+
+/// A texel of the sky lights more or less than the others of its cluster: without a fit it would get their mean.
+#[test]
+fn every_texel_of_a_sky_keeps_its_light() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut sky = BuiltIn { width: 72, height: 40, texels: 16 }.named("environment").unwrap();
+    sky.settings.samples_per_pixel = 16;
+    let raw_path = folder.path().join("sky.ltm");
+    pipeline::render(sky, &raw_path, &RenderOptions::default(), &Quiet).unwrap();
+    let matrix = StoreReader::open(&raw_path).unwrap();
+    let path = folder.path().join("clean.ltc");
+    pack(&matrix, &path, &PackOptions { denoise: true, ..PackOptions::default() });
+    let container = ContainerReader::open(&path).unwrap();
+    let columns = matrix.shape().columns();
+    let (mut raw, mut packed) = (vec![0.0f64; columns], vec![0.0f64; columns]);
+    let mut block = TracedBlock::default();
+    for id in matrix.shape().blocks() {
+        matrix.read_block(id, &mut block).unwrap();
+        let expanded = container.read_layers(id, 0..container.layer_count(id)).unwrap().expand();
+        for (sums, entries) in [(&mut raw, block.block.entries()), (&mut packed, expanded.entries())] {
+            let rows = expanded.rows();
+            for (sum, column) in sums.iter_mut().zip(entries.chunks_exact(rows)) {
+                *sum += column.iter().map(|&v| f64::from(v)).sum::<f64>();
+            }
+        }
+    }
+    let basis = &matrix.job().basis;
+    let clusters = Clusters::of_basis(basis);
+    assert!(clusters.count() < columns);
+    let mut of_clusters = vec![0.0; clusters.count()];
+    raw.iter().zip(clusters.of_column()).for_each(|(sum, &cluster)| of_clusters[usize::from(cluster)] += sum);
+    let map = spread(&LightingPrior::of_basis(basis), &clusters);
+    let unfitted = |column: usize| -> f64 {
+        of_clusters.iter().enumerate().map(|(i, sum)| sum * f64::from(map[i * columns + column])).sum()
+    };
+    let whole: f64 = raw.iter().sum();
+    let error = |of: &dyn Fn(usize) -> f64| (0..columns).map(|j| (of(j) - raw[j]).abs()).sum::<f64>() / whole;
+    let (fitted, unfitted) = (error(&|j| packed[j]), error(&unfitted));
+    assert!(fitted < 0.5 * unfitted, "{fitted} of the light is with the wrong texels, {unfitted} without the fit");
 }
 
 #[test]

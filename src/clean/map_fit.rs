@@ -8,7 +8,7 @@ use crate::light::Clusters;
 /// Side of the squares of pixels whose means are compared: in them the noise of a column is an eighth of a pixel's.
 pub const TILE: usize = 8;
 /// What a direction of the fit must explain to be believed, in multiples of what noise alone explains in the mean.
-const BELIEVED: f64 = 3.0;
+const BELIEVED: f64 = 12.0;
 
 /// Means of tiles of [`TILE`] × [`TILE`] pixels of planes of `width` × `height` pixels, one after the other; tiles row by row,
 /// those at the right and lower edge may be smaller.
@@ -162,13 +162,12 @@ mod tests {
         let mut random = Pcg64Mcg::seed_from_u64(5);
         let brightness: Vec<f32> = (0..n).map(|j| if j % 2 == 0 { 0.2 } else { 1.8 }).collect();
         let mut fit = MapFit::new(k, n);
-        let mut noisy = |mean: f32| mean * (1.0 + 0.5 * (random.random::<f32>() - 0.5));
-        for tile in 0..400 {
-            let shape = |cluster: usize| 0.2 + ((cluster * cluster * 31 + cluster * 7 + tile * 17) % 23) as f32 / 23.0;
-            let column = |j: usize| brightness[j] * shape(usize::from(clusters.of_column()[j]));
+        for _ in 0..400 {
+            let shapes: Vec<f32> = (0..k).map(|_| 0.2 + random.random::<f32>()).collect();
+            let column = |j: usize| brightness[j] * shapes[usize::from(clusters.of_column()[j])];
             let mut images = vec![0.0; k];
             (0..n).for_each(|j| images[usize::from(clusters.of_column()[j])] += column(j));
-            let columns: Vec<f32> = (0..n).map(|j| noisy(column(j))).collect();
+            let columns: Vec<f32> = (0..n).map(|j| column(j) * (0.75 + 0.5 * random.random::<f32>())).collect();
             fit.add(&images, &columns, 1.0);
         }
         let fitted = fit.fit(&clusters, &map);

@@ -117,6 +117,7 @@ mod tests {
         raw.pixels[..4].fill([0.0; 3]);
         let mut image = reference.clone();
         image.pixels[..2].fill([0.02; 3]);
+        image.pixels[2..4].fill([0.005; 3]);
         image.pixels[8] = [-0.02; 3];
         let seen = Seen::of(&image, &reference, &raw, 8);
         assert_eq!((seen.glow, seen.negative), (2.0 / 256.0, 1.0 / 256.0));
