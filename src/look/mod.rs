@@ -74,7 +74,8 @@ pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
 
 /// As [`load`], with images from anywhere: for a file whose author is trusted.
 ///
-/// Errors: those of [`load`].
+/// # Errors
+/// Those of [`load`].
 pub fn load_reaching_outside(path: &Path, basis: &LightBasis) -> Result<Look> {
     load_within(path, basis, &Reach::everywhere())
 }

@@ -64,6 +64,9 @@ pub struct ShareReport {
 /// # Errors
 /// The container holds a range of blocks only, or is damaged; files are there and may not be replaced; [`Error::Resources`]
 /// where the memory is not enough; the system refuses to write. What stood there before is then as it was, or whole and new.
+///
+/// # Panics
+/// Never: data that were written without an error are counted.
 pub fn share(
     container: &ContainerReader,
     output: &Path,
