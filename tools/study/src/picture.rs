@@ -145,6 +145,7 @@ struct Rival {
 }
 
 const RAW: &str = "raw matrix";
+const OURS: &str = "ours";
 
 fn rivals(bench: &Bench<'_>, matrix: &StoreReader, judged: &Judged, surfaces: Option<&Surfaces>) -> Result<Vec<Rival>> {
     let lightings = &judged.lightings;
@@ -153,7 +154,7 @@ fn rivals(bench: &Bench<'_>, matrix: &StoreReader, judged: &Judged, surfaces: Op
             packed(bench, matrix, PackOptions { denoise, ..PackOptions::default() }, lightings)?;
         Ok(Rival { method, rank, bytes: Some(bytes), images })
     };
-    let mut rivals = vec![ours("ours", true)?, ours("ours without cleaning", false)?];
+    let mut rivals = vec![ours(OURS, true)?, ours("ours without cleaning", false)?];
     let raw = relight_raw(matrix, lightings)?;
     if let Some(surfaces) = surfaces {
         let images = oidn::denoise(&raw, surfaces, &bench.cached("oidn"))?;
@@ -220,7 +221,10 @@ fn shown(scene: &PlannedScene, samples: u32, rivals: &[Rival], judged: &Judged) 
     let at = judged.names.iter().position(|name| *name == SHOWN).unwrap_or(0);
     let reference = &judged.references[at];
     let picture = |rival: &Rival| {
-        Picture::shown(&rival.images[at], reference, format!("{}, {samples} samples: {}", scene.name, rival.method))
+        // A caption is as wide as its picture.
+        let caption =
+            if rival.method == OURS { format!("{}, {samples} samples", scene.name) } else { rival.method.into() };
+        Picture::shown(&rival.images[at], reference, caption)
     };
     rivals.iter().map(picture).chain([Picture::shown(reference, reference, "reference")]).collect()
 }
