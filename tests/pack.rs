@@ -6,12 +6,11 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use ltm::Error;
-use ltm::clean::spread;
 use ltm::compress::{CompressSettings, Method, Scope, Target};
 use ltm::container::ContainerReader;
 use ltm::host::{Quiet, Watch};
 use ltm::image::{LightSet, LinearImage, compare, write_exr_layers};
-use ltm::light::{Clusters, Lighting, LightingPrior, evaluation_lightings};
+use ltm::light::{Clusters, Lighting, evaluation_lightings};
 use ltm::matrix::{BlockSource, FactorSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions, RelightOptions, RenderOptions};
 use ltm::relight::relight_raw;
@@ -167,11 +166,15 @@ fn every_texel_of_a_sky_keeps_its_light() {
     let basis = &matrix.job().basis;
     let clusters = Clusters::of_basis(basis);
     assert!(clusters.count() < columns);
-    let mut of_clusters = vec![0.0; clusters.count()];
-    raw.iter().zip(clusters.of_column()).for_each(|(sum, &cluster)| of_clusters[usize::from(cluster)] += sum);
-    let map = spread(&LightingPrior::of_basis(basis), &clusters);
+    let mut of_clusters = vec![(0.0, 0.0); clusters.count()];
+    for (sum, &cluster) in raw.iter().zip(clusters.of_column()) {
+        let (light, count) = &mut of_clusters[usize::from(cluster)];
+        *light += sum;
+        *count += 1.0;
+    }
     let unfitted = |column: usize| -> f64 {
-        of_clusters.iter().enumerate().map(|(i, sum)| sum * f64::from(map[i * columns + column])).sum()
+        let (light, count) = of_clusters[usize::from(clusters.of_column()[column])];
+        light / count
     };
     let whole: f64 = raw.iter().sum();
     let error = |of: &dyn Fn(usize) -> f64| (0..columns).map(|j| (of(j) - raw[j]).abs()).sum::<f64>() / whole;

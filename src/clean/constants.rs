@@ -1,6 +1,7 @@
 //! Every constant of the filter that was tuned. All were chosen on `conference-24` at 384 × 288 pixels and on the built-in room
 //! `mixed` at 256 × 192 pixels, 16 and 64 samples, seed 1; the relative widths of indirect light and the weight of colour also on
-//! `cornell-glossy` at 192 × 192 pixels, seed 0. No other scene took part.
+//! `cornell-glossy` at 192 × 192 pixels, seed 0; the slopes on those three and `cornell-mirror`, the agreement on the panels among
+//! them, `cornell-water` and `erw5-scene3`, all as `ltm study picture` has them. No other scene took part.
 
 /// Light is divided by no albedo below this.
 pub(super) const LEAST_ALBEDO: f32 = 0.02;
@@ -33,6 +34,12 @@ pub(super) const INDIRECT_NARROW: isize = 4;
 pub(super) const INDIRECT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_RELATIVE: f32 = 0.03;
 
+/// Leverage of the correction for slopes that each sample of a mean pays for: of the guides, of what is filtered by them; and
+/// the most there is.
+pub(super) const PILOT_SLOPE: f32 = 0.1;
+pub(super) const SLOPE: f32 = 0.01;
+pub(super) const MOST_LEVERAGE: f32 = 3.0;
+
 /// Reach of the squares over which the noise of raw and of filtered guides, and risks, are means.
 pub(super) const RAW_NOISE_REACH: usize = 2;
 pub(super) const FILTERED_NOISE_REACH: usize = 3;
@@ -40,6 +47,10 @@ pub(super) const RISK_REACH: usize = 7;
 /// Estimated best shares of the mean below which none of it is taken, and from which on all.
 pub(super) const LEAST_SHARE: f32 = 0.1;
 pub(super) const WHOLE_SHARE: f32 = 0.5;
+
+/// Correlation of what two halves of the tiles say of the columns from which on it is believed, and that from which on wholly.
+pub(super) const LEAST_AGREEMENT: f64 = 0.25;
+pub(super) const WHOLE_AGREEMENT: f64 = 0.75;
 
 /// Added to the weight of the pixels beside one: it counts only where none is alike.
 pub(super) const BESIDE: f32 = 1e-3;

@@ -3,12 +3,11 @@
 use faer::linalg::solvers::SelfAdjointEigen;
 use faer::{Mat, Side};
 
+use super::constants::{LEAST_AGREEMENT, WHOLE_AGREEMENT};
 use crate::light::Clusters;
 
 /// Side of the squares of pixels whose means are compared: in them the noise of a column is an eighth of a pixel's.
 pub const TILE: usize = 8;
-/// What a direction of the fit must explain to be believed, in multiples of what noise alone explains in the mean.
-const BELIEVED: f64 = 12.0;
 
 /// Means of tiles of [`TILE`] × [`TILE`] pixels of planes of `width` × `height` pixels, one after the other; tiles row by row,
 /// those at the right and lower edge may be smaller.
@@ -29,109 +28,139 @@ pub fn tile_means(planes: &[f32], (width, height): (usize, usize)) -> Vec<f32> {
 }
 
 /// Sums over tiles from which the map `R`, clusters × columns, of `T ≈ D R` follows: `D` are the cleaned images of the clusters.
+/// Two halves of the tiles are summed apart: what only one of them says is noise.
 #[derive(Clone, Debug)]
 pub struct MapFit {
     clusters: usize,
     columns: usize,
+    halves: [Sums; 2],
+    /// Sums of the columns of `W^½ T`.
+    light: Vec<f64>,
+}
+
+#[derive(Clone, Debug)]
+struct Sums {
     /// `Dᵀ W D`, clusters × clusters.
     gram: Vec<f64>,
     /// `Dᵀ W T`, clusters × columns, row-major.
     cross: Vec<f64>,
-    /// Diagonal of `Tᵀ W T`.
-    energy: Vec<f64>,
-    /// Sums of the columns of `W^½ T`.
-    light: Vec<f64>,
-    rows: u64,
 }
 
 impl MapFit {
     /// Of nothing yet.
     pub fn new(clusters: usize, columns: usize) -> Self {
-        Self {
-            clusters,
-            columns,
-            gram: vec![0.0; clusters * clusters],
-            cross: vec![0.0; clusters * columns],
-            energy: vec![0.0; columns],
-            light: vec![0.0; columns],
-            rows: 0,
-        }
+        let sums = Sums { gram: vec![0.0; clusters * clusters], cross: vec![0.0; clusters * columns] };
+        Self { clusters, columns, halves: [sums.clone(), sums], light: vec![0.0; columns] }
     }
 
-    /// Adds one row: a tile and channel of every cluster's image and of every column, with the weight of its squared error.
-    pub fn add(&mut self, images: &[f32], columns: &[f32], weight: f64) {
+    /// Bytes that a fit takes.
+    pub fn needs_bytes(clusters: u64, columns: u64) -> u64 {
+        // Both halves' sums, what they say of each direction, the map and its change.
+        clusters * columns * (2 * 8 + 2 * 8 + 2 * 8 + 4)
+    }
+
+    /// Adds one row to one of the halves, 0 or 1: a tile and channel of every cluster's image and of every column, with the
+    /// weight of its squared error.
+    pub fn add(&mut self, half: usize, images: &[f32], columns: &[f32], weight: f64) {
+        let Sums { gram, cross } = &mut self.halves[half];
         for (i, &image) in images.iter().enumerate() {
             let weighted = weight * f64::from(image);
-            for (sum, other) in self.gram[i * self.clusters..].iter_mut().zip(images) {
+            for (sum, other) in gram[i * self.clusters..].iter_mut().zip(images) {
                 *sum += weighted * f64::from(*other);
             }
-            for (sum, value) in self.cross[i * self.columns..][..self.columns].iter_mut().zip(columns) {
+            for (sum, value) in cross[i * self.columns..][..self.columns].iter_mut().zip(columns) {
                 *sum += weighted * f64::from(*value);
             }
         }
-        for ((energy, light), value) in self.energy.iter_mut().zip(&mut self.light).zip(columns) {
-            let value = f64::from(*value);
-            *energy += weight * value * value;
-            *light += weight.sqrt() * value;
-        }
-        self.rows += 1;
+        let root = weight.sqrt();
+        self.light.iter_mut().zip(columns).for_each(|(light, value)| *light += root * f64::from(*value));
     }
 
-    /// The map, clusters × columns, row-major: least squares, but that each column stays at `map` (`spread`) in the directions,
-    /// eigenvectors of `Dᵀ W D`, in which it explains no more than noise would: shrunk by the positive part of
-    /// James and Stein (1961), the noise from what the whole fit leaves. Columns of a cluster add up to the cluster.
-    pub fn fit(&self, clusters: &Clusters, map: &[f32]) -> Vec<f32> {
+    /// The map, clusters × columns, row-major. It begins with [`Self::shares`] and is moved towards least squares in the
+    /// directions, eigenvectors of `Dᵀ W D`, in which both halves of the tiles say the same of the columns: by the correlation
+    /// of what they say, summed over all columns, between [`LEAST_AGREEMENT`] and [`WHOLE_AGREEMENT`]. Columns of a cluster add
+    /// up to the cluster.
+    pub fn fit(&self, clusters: &Clusters) -> Vec<f32> {
         let (k, n) = (self.clusters, self.columns);
-        let gram = Mat::from_fn(k, k, |i, j| self.gram[i * k + j]);
-        let Ok(eigen) = SelfAdjointEigen::new(gram.as_ref(), Side::Lower) else { return map.to_vec() };
-        let (values, vectors) = (eigen.S(), eigen.U());
-        let largest = (0..k).map(|i| values[i]).fold(0.0, f64::max);
-        let mut fitted: Vec<f64> = map.iter().map(|&v| f64::from(v)).collect();
-        for column in 0..n {
-            let prior: Vec<f64> = (0..k).map(|i| f64::from(map[i * n + column])).collect();
-            let cross = |i: usize| self.cross[i * n + column];
-            let modelled: Vec<f64> = (0..k).map(|i| (0..k).map(|j| self.gram[i * k + j] * prior[j]).sum()).collect();
-            let mut left = self.energy[column] + (0..k).map(|i| prior[i] * (modelled[i] - 2.0 * cross(i))).sum::<f64>();
-            let steps: Vec<f64> = (0..k)
-                .map(|d| match values[d] > 1e-9 * largest {
-                    true => (0..k).map(|i| vectors[(i, d)] * (cross(i) - modelled[i])).sum::<f64>() / values[d],
-                    false => 0.0,
-                })
-                .collect();
-            left -= (0..k).map(|d| values[d].max(0.0) * steps[d] * steps[d]).sum::<f64>();
-            let noise = left.max(0.0) / (self.rows as f64 - k as f64).max(1.0);
-            for (d, step) in steps.iter().enumerate() {
-                let explained = values[d].max(0.0) * step * step;
-                if explained > BELIEVED * noise && explained > 0.0 {
-                    let step = step * (1.0 - BELIEVED * noise / explained);
-                    (0..k).for_each(|i| fitted[i * n + column] += step * vectors[(i, d)]);
+        let mut map = self.shares(clusters);
+        let [a, b] = &self.halves;
+        let gram = Mat::from_fn(k, k, |i, j| a.gram[i * k + j] + b.gram[i * k + j]);
+        if let Ok(eigen) = SelfAdjointEigen::new(gram.as_ref(), Side::Lower) {
+            let (values, vectors) = (eigen.S(), eigen.U());
+            let least = 1e-9 * (0..k).map(|i| values[i]).fold(0.0, f64::max);
+            let mut moved = map.clone();
+            for direction in (0..k).filter(|&d| values[d] > least) {
+                let vector: Vec<f64> = (0..k).map(|i| vectors[(i, direction)]).collect();
+                let [from_a, from_b] =
+                    [a, b].map(|half| self.steps(half, &vector, values[direction], (clusters, &map)));
+                let pairs = || from_a.iter().zip(&from_b);
+                let agreed: f64 = pairs().map(|(x, y)| x * y).sum();
+                let said: f64 = pairs().map(|(x, y)| 0.25 * (x + y) * (x + y)).sum();
+                let agreement = if said > 0.0 { agreed / said } else { 0.0 };
+                let trust = ((agreement - LEAST_AGREEMENT) / (WHOLE_AGREEMENT - LEAST_AGREEMENT)).clamp(0.0, 1.0);
+                for (column, (x, y)) in pairs().enumerate() {
+                    let step = trust * 0.5 * (x + y);
+                    vector.iter().enumerate().for_each(|(i, v)| moved[i * n + column] += step * v);
                 }
             }
+            map = moved;
         }
-        self.keep_sums(clusters, &mut fitted);
-        fitted.into_iter().map(|v| v as f32).collect()
+        self.keep_sums(clusters, &mut map);
+        map.into_iter().map(|v| v as f32).collect()
+    }
+
+    /// How far one half of the tiles wants each column moved along an eigenvector of `Dᵀ W D`, of which it has half.
+    fn steps(&self, half: &Sums, vector: &[f64], value: f64, (clusters, map): (&Clusters, &[f64])) -> Vec<f64> {
+        let (k, n) = (self.clusters, self.columns);
+        let step = |(column, &own): (usize, &u16)| {
+            let own = usize::from(own);
+            let left = |i: usize| half.cross[i * n + column] - half.gram[i * k + own] * map[own * n + column];
+            2.0 / value * vector.iter().enumerate().map(|(i, v)| v * left(i)).sum::<f64>()
+        };
+        clusters.of_column().iter().enumerate().map(step).collect()
+    }
+
+    /// Each column has its cluster's image, scaled to its share of the light.
+    fn shares(&self, clusters: &Clusters) -> Vec<f64> {
+        let mut map = vec![0.0; self.clusters * self.columns];
+        for (cluster, members) in members(clusters).iter().enumerate() {
+            for (column, share) in self.shares_of(members) {
+                map[cluster * self.columns + column] = share;
+            }
+        }
+        map
     }
 
     /// What the columns of a cluster lack of their sum is given to them by their share of its light.
     fn keep_sums(&self, clusters: &Clusters, map: &mut [f64]) {
-        let (k, n) = (self.clusters, self.columns);
-        let members = |cluster: usize| {
-            let of = move |&(_, own): &(usize, &u16)| usize::from(*own) == cluster;
-            clusters.of_column().iter().enumerate().filter(of).map(|(column, _)| column)
-        };
-        for cluster in 0..k {
-            let light: f64 = members(cluster).map(|column| self.light[column].max(0.0)).sum();
-            let count = members(cluster).count() as f64;
-            for i in 0..k {
-                let sum: f64 = members(cluster).map(|column| map[i * n + column]).sum();
+        let n = self.columns;
+        for (cluster, members) in members(clusters).iter().enumerate() {
+            let shares: Vec<_> = self.shares_of(members).collect();
+            for (i, row) in map.chunks_exact_mut(n).enumerate() {
+                let sum: f64 = members.iter().map(|&column| row[column]).sum();
                 let lacking = f64::from(u8::from(i == cluster)) - sum;
-                for column in members(cluster) {
-                    let share = if light > 0.0 { self.light[column].max(0.0) / light } else { 1.0 / count };
-                    map[i * n + column] += share * lacking;
-                }
+                shares.iter().for_each(|&(column, share)| row[column] += share * lacking);
             }
         }
     }
+
+    /// Each of these columns with its share of their light.
+    fn shares_of(&self, members: &[usize]) -> impl Iterator<Item = (usize, f64)> {
+        let light: f64 = members.iter().map(|&column| self.light[column].max(0.0)).sum();
+        let even = 1.0 / members.len() as f64;
+        members
+            .iter()
+            .map(move |&column| (column, if light > 0.0 { self.light[column].max(0.0) / light } else { even }))
+    }
+}
+
+/// The columns of each cluster.
+fn members(clusters: &Clusters) -> Vec<Vec<usize>> {
+    let mut members = vec![Vec::new(); clusters.count()];
+    for (column, &own) in clusters.of_column().iter().enumerate() {
+        members[usize::from(own)].push(column);
+    }
+    members
 }
 
 #[cfg(test)]
@@ -139,9 +168,8 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    use super::super::spread;
     use super::*;
-    use crate::light::{Light, LightBasis, LightKind, LightingPrior};
+    use crate::light::{Light, LightBasis, LightKind};
 
     #[test]
     fn tiles_are_means_and_may_be_smaller_at_the_edge() {
@@ -151,56 +179,81 @@ mod tests {
         assert_eq!(means, [1.0, 3.0, 1.0, 3.0, 2.0, 6.0, 2.0, 6.0]);
     }
 
+    /// The clusters of a panel.
+    fn panel() -> Clusters {
+        let mut basis = LightBasis::new();
+        basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: 12, down: 12 })).unwrap();
+        Clusters::of_basis(&basis)
+    }
+
+    /// The fit to tiles of which each has images of the clusters between 0.2 and 1.2, and columns as `column` makes them of
+    /// those, with noise of this size.
+    fn fitted(clusters: &Clusters, tiles: usize, noise: f32, column: impl Fn(usize, &[f32]) -> f32) -> Vec<f32> {
+        let (k, n) = (clusters.count(), clusters.of_column().len());
+        let mut random = Pcg64Mcg::seed_from_u64(5);
+        let mut fit = MapFit::new(k, n);
+        for tile in 0..tiles {
+            let images: Vec<f32> = (0..k).map(|_| 0.2 + random.random::<f32>()).collect();
+            let columns: Vec<f32> =
+                (0..n).map(|j| column(j, &images) * (1.0 + noise * (random.random::<f32>() - 0.5))).collect();
+            fit.add(tile % 2, &images, &columns, 1.0);
+        }
+        fit.fit(clusters)
+    }
+
+    fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+        a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
+    }
+
     /// Columns of one cluster that differ in brightness by much, with noise: each keeps its own light.
     #[test]
     fn a_dark_and_a_bright_column_of_one_cluster_keep_their_light() {
-        let mut basis = LightBasis::new();
-        basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: 12, down: 12 })).unwrap();
-        let clusters = Clusters::of_basis(&basis);
-        let (k, n) = (clusters.count(), basis.column_count());
-        let map = spread(&LightingPrior::of_basis(&basis), &clusters);
-        let mut random = Pcg64Mcg::seed_from_u64(5);
-        let brightness: Vec<f32> = (0..n).map(|j| if j % 2 == 0 { 0.2 } else { 1.8 }).collect();
-        let mut fit = MapFit::new(k, n);
-        for _ in 0..400 {
-            let shapes: Vec<f32> = (0..k).map(|_| 0.2 + random.random::<f32>()).collect();
-            let column = |j: usize| brightness[j] * shapes[usize::from(clusters.of_column()[j])];
-            let mut images = vec![0.0; k];
-            (0..n).for_each(|j| images[usize::from(clusters.of_column()[j])] += column(j));
-            let columns: Vec<f32> = (0..n).map(|j| column(j) * (0.75 + 0.5 * random.random::<f32>())).collect();
-            fit.add(&images, &columns, 1.0);
-        }
-        let fitted = fit.fit(&clusters, &map);
-        for cluster in 0..k {
-            let members: Vec<usize> = (0..n).filter(|&j| usize::from(clusters.of_column()[j]) == cluster).collect();
-            let whole: f32 = members.iter().map(|&j| brightness[j]).sum();
-            let sum: f32 = members.iter().map(|&j| fitted[cluster * n + j]).sum();
+        let clusters = panel();
+        let n = clusters.of_column().len();
+        let own = |j: usize| usize::from(clusters.of_column()[j]);
+        let brightness = |j: usize| if j % 2 == 0 { 0.2 } else { 1.8 };
+        let whole = |cluster: usize| -> f32 { (0..n).filter(|&j| own(j) == cluster).map(brightness).sum() };
+        let fitted = fitted(&clusters, 400, 0.5, |j, images| images[own(j)] * brightness(j) / whole(own(j)));
+        for cluster in 0..clusters.count() {
+            let sum: f32 = (0..n).filter(|&j| own(j) == cluster).map(|j| fitted[cluster * n + j]).sum();
             assert!((sum - 1.0).abs() < 1e-4, "{sum}");
-            for &j in &members {
-                let (found, right) = (fitted[cluster * n + j], brightness[j] / whole);
-                assert!((found - right).abs() < 0.15 * right + 0.003, "column {j}: {found}, not {right}");
+        }
+        for j in 0..n {
+            let (found, right) = (fitted[own(j) * n + j], brightness(j) / whole(own(j)));
+            assert!((found - right).abs() < 0.15 * right + 0.003, "column {j}: {found}, not {right}");
+        }
+    }
+
+    /// Columns that are mixtures of their cluster and the next one.
+    #[test]
+    fn what_both_halves_of_the_tiles_say_is_taken() {
+        let clusters = panel();
+        let (k, n) = (clusters.count(), clusters.of_column().len());
+        let mut right = vec![0.0; k * n];
+        for (cluster, members) in members(&clusters).iter().enumerate() {
+            for (at, &j) in members.iter().enumerate() {
+                right[cluster * n + j] = 1.0 / members.len() as f32;
+                // Every other member leans to the next cluster, the one after it away from it.
+                let lean = if at + 1 == members.len() && at % 2 == 0 { 0.0 } else { [0.05, -0.05][at % 2] };
+                right[(cluster + 1) % k * n + j] += lean;
             }
         }
+        let column = |j: usize, images: &[f32]| (0..k).map(|i| images[i] * right[i * n + j]).sum::<f32>();
+        let begun = fitted(&clusters, 2, 0.0, |j, images| images[usize::from(clusters.of_column()[j])]);
+        let fitted = fitted(&clusters, 2000, 0.5, column);
+        let (before, after) = (squared_distance(&begun, &right), squared_distance(&fitted, &right));
+        assert!(after < 0.1 * before, "{after} of {before}");
     }
 
     #[test]
     fn of_noise_alone_nothing_is_believed() {
-        let mut basis = LightBasis::new();
-        basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: 12, down: 12 })).unwrap();
-        let clusters = Clusters::of_basis(&basis);
-        let (k, n) = (clusters.count(), basis.column_count());
-        let map = spread(&LightingPrior::of_basis(&basis), &clusters);
-        let mut random = Pcg64Mcg::seed_from_u64(6);
-        let mut fit = MapFit::new(k, n);
-        for _ in 0..300 {
-            let images: Vec<f32> = (0..k).map(|_| random.random::<f32>()).collect();
-            let mean = |j: usize| (0..k).map(|i| images[i] * map[i * n + j]).sum::<f32>();
-            let columns: Vec<f32> = (0..n).map(|j| mean(j) + 0.2 * (random.random::<f32>() - 0.5)).collect();
-            fit.add(&images, &columns, 1.0);
-        }
-        let fitted = fit.fit(&clusters, &map);
-        let moved: f32 = fitted.iter().zip(&map).map(|(a, b)| (a - b).powi(2)).sum();
-        let noise = 0.04 / 12.0 / 300.0 * 12.0 * (k * n) as f32;
-        assert!(moved < 0.5 * noise, "{moved}, where all of the noise would move {noise}");
+        let clusters = panel();
+        let n = clusters.of_column().len();
+        let own = |j: usize| usize::from(clusters.of_column()[j]);
+        let share = |j: usize| 1.0 / members(&clusters)[own(j)].len() as f32;
+        let fitted = fitted(&clusters, 300, 2.0, |j, images| images[own(j)] * share(j));
+        let elsewhere: f32 = (0..fitted.len()).filter(|&at| at / n != own(at % n)).map(|at| fitted[at].powi(2)).sum();
+        let size: f32 = (0..n).map(|j| share(j).powi(2)).sum();
+        assert!(elsewhere < 1e-3 * size, "{elsewhere} of {size}");
     }
 }

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::features::FEATURE_CHANNELS;
+use super::features::{FEATURE_CHANNELS, unknown};
+use super::strip::{Strip, strip_bytes};
 use crate::error::{Error, Result};
 use crate::files::open_input;
 use crate::host::{Need, PROGRAM_BYTES, Watch};
 use crate::image::{ImageSize, LayerPattern, LightRow, LightSet, exr_rows_need_bytes, write_exr_channels};
 use crate::light::{Clusters, Job};
-use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect};
+use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, PixelRect};
 use crate::store::{self, StoreReader};
 
 /// Begins the name of each layer; two or more digits follow, the number of the cluster.
@@ -30,66 +31,22 @@ pub fn write_basis(matrix: &StoreReader, path: &Path, memory_bytes: Option<u64>,
     let clusters = Clusters::of_basis(&matrix.job().basis).count();
     let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
     let planes = CHANNELS * clusters + FEATURE_PLANES;
+    let mut strip = Strip::new(shape, planes, |id| {
+        let planes = matrix.read_planes(id, None)?.ok_or_else(|| unknown(id.to_string()))?;
+        let mut values = images_of(&planes, matrix.job().provenance.samples_per_pixel);
+        values.extend_from_slice(&planes.features);
+        Ok(Some(values))
+    });
     let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
-    let strip = (planes * size.width * shape.block_side() as usize * 4) as u64;
-    let fixed_bytes = PROGRAM_BYTES + reading + strip + exr_rows_need_bytes(planes.div_ceil(3), size);
-    Need { fixed_bytes, ..Need::default() }.threads_within("writing the basis images", memory_bytes)?;
+    let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
+    let need = Need { fixed_bytes: PROGRAM_BYTES + reading + rows, ..Need::default() };
+    need.threads_within("writing the basis images", memory_bytes)?;
     let layers = (0..clusters).flat_map(|k| ["R", "G", "B"].map(|colour| format!("{LAYER}{k:02}.{colour}")));
     let names: Vec<String> = layers.chain(FEATURE_CHANNELS.map(str::to_owned)).collect();
-    let mut strip = Strip { matrix, shape, clusters, row_of_blocks: None, values: Vec::new() };
     watch.begin("writing the basis images", u64::from(shape.blocks_down()), "rows of blocks");
-    let written = write_exr_channels(path, &names, size, &mut |channel, y, row| {
-        strip.fill(y, watch)?;
-        let y = y % shape.block_side() as usize;
-        row.copy_from_slice(&strip.values[(channel * shape.block_side() as usize + y) * size.width..][..size.width]);
-        Ok(())
-    });
+    let written = write_exr_channels(path, &names, size, &mut |channel, y, row| strip.copy_row(channel, y, row, watch));
     watch.end();
     written.map(|()| clusters)
-}
-
-/// A row of blocks as planes: of each cluster three, then the features.
-struct Strip<'a> {
-    matrix: &'a StoreReader,
-    shape: MatrixShape,
-    clusters: usize,
-    row_of_blocks: Option<u32>,
-    /// Planes × side of a block × width.
-    values: Vec<f32>,
-}
-
-impl Strip<'_> {
-    /// Holds the row of blocks of row `y` of the image.
-    fn fill(&mut self, y: usize, watch: &dyn Watch) -> Result<()> {
-        let (side, width) = (self.shape.block_side() as usize, self.shape.width() as usize);
-        let wanted = (y / side) as u32;
-        if self.row_of_blocks == Some(wanted) {
-            return Ok(());
-        }
-        if watch.interrupted() {
-            return Err(Error::Interrupted("nothing was written".to_owned()));
-        }
-        self.values.clear();
-        self.values.resize((CHANNELS * self.clusters + FEATURE_PLANES) * side * width, 0.0);
-        for id in self.shape.blocks().filter(|id| id.0 / self.shape.blocks_across() == wanted) {
-            let planes = self.matrix.read_planes(id, None)?.ok_or_else(|| {
-                let hint = "render it again with this program and at least 2 samples per pixel";
-                Error::input(id.to_string(), "the matrix does not know what its samples are", hint)
-            })?;
-            let rect = self.shape.rect(id);
-            let images = images_of(&planes, self.matrix.job().provenance.samples_per_pixel);
-            for (plane, values) in
-                images.chunks_exact(rect.pixels()).chain(planes.features.chunks_exact(rect.pixels())).enumerate()
-            {
-                for (y, row) in values.chunks_exact(rect.width as usize).enumerate() {
-                    self.values[(plane * side + y) * width + rect.x as usize..][..row.len()].copy_from_slice(row);
-                }
-            }
-        }
-        self.row_of_blocks = Some(wanted);
-        watch.advance(1, 0, "px");
-        Ok(())
-    }
 }
 
 /// The images of a block, direct and indirect light together: the mean of the halves, of which the first has one sample more

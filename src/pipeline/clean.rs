@@ -6,11 +6,10 @@
 //!    halves, features, emission seen.
 //! 2. *Filtering*, window by window over the whole image, with as much of the neighbourhood as the filter reads: the
 //!    images `D` of the clusters, cleaned. They do not know of blocks. Or the images come from a file, cleaned elsewhere.
-//! 3. *Spreading*, when a block is asked for: `T̂ = D R + E`, with the emission `E` as it is. `R` begins as
-//!    `M = (Sᵀ K S)⁻¹ Sᵀ K`, where `K` is the covariance of lightings and `S` says which column is in which cluster: `M ℓ` are
-//!    the weights of the clusters that stand best for a lighting `ℓ` (Nyström's approximation, with sums of columns as
-//!    landmarks). Then it is fitted to what the samples say of each column, tile by tile over the whole image, as far as
-//!    that stands above their noise ([`MapFit`]): a texel that lights more than its neighbours keeps its light.
+//! 3. *Spreading*, when a block is asked for: `T̂ = D R + E`, with the emission `E` as it is (Nyström's approximation, with
+//!    sums of columns as landmarks). In `R` each column has its cluster's image, scaled to its own share of the light: a texel
+//!    that lights more than its neighbours keeps its light, and nothing becomes negative. Beyond that `R` is fitted to what the
+//!    samples say of each column, tile by tile over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
 //!
 //! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.
 
@@ -26,7 +25,7 @@ use crate::clean::{self, Guides, MapFit, Rows, Tally, Window};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
-use crate::light::{Clusters, Job, LightingPrior};
+use crate::light::{Clusters, Job};
 use crate::matrix::{
     Block, BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, SeenEmission,
     TracedBlock, decode_unsigned, encode_unsigned,
@@ -41,8 +40,8 @@ pub(super) struct Cleaned {
     path: PathBuf,
     shape: MatrixShape,
     clusters: usize,
-    /// `R`: clusters × columns, row-major; `M` until it is fitted.
-    spread: Vec<f32>,
+    /// `R`: clusters × columns, row-major; the identity until it is fitted.
+    map: Vec<f32>,
     /// Which column is in which cluster.
     partition: Clusters,
     gathered: ContinuationFile,
@@ -67,8 +66,8 @@ impl Cleaned {
         let columns = job.shape.columns() as u64;
         let block = PixelRect { x: 0, y: 0, width: job.shape.block_side(), height: job.shape.block_side() };
         let tiles = 4 * tile_values(job.shape, block, clusters) as u64;
-        // The map, the sums it is fitted with; planes and tiles of the blocks at hand.
-        let fit = if tiles > 0 { 20 * clusters * columns } else { 0 };
+        // The map and what it is fitted with; planes and tiles of the blocks at hand.
+        let fit = if tiles > 0 { MapFit::needs_bytes(clusters, columns) } else { 0 };
         window_bytes(side, side, clusters) + 4 * (planes + 3 * tiles) + 4 * clusters * columns + fit
     }
 
@@ -93,7 +92,7 @@ impl Cleaned {
             path: with_suffix(path, GATHERED),
             shape,
             clusters: clusters.count(),
-            spread: clean::spread(&LightingPrior::of_basis(&job.basis), &clusters),
+            map: identity(clusters.count(), shape.columns()),
             gathered: open(GATHERED)?,
             images: open(CLEANED)?,
             tally: Tally::new(clusters.count()),
@@ -192,13 +191,15 @@ impl Cleaned {
             return Ok(());
         }
         watch.begin("reading cleaned images", u64::from(self.shape.block_count()), "blocks");
-        let images = basis.read()?;
-        for id in self.shape.blocks().filter(|id| !self.images.has(id.0)) {
-            self.images.append(id.0, &[&images.bytes_of(self.shape.rect(id))])?;
-            watch.advance(1, 0, "px");
-        }
+        let done = basis.read().and_then(|images| {
+            for id in self.shape.blocks().filter(|id| !self.images.has(id.0)) {
+                self.images.append(id.0, &[&images.bytes_of(self.shape.rect(id))])?;
+                watch.advance(1, 0, "px");
+            }
+            Ok(())
+        });
         watch.end();
-        Ok(())
+        done
     }
 
     /// Filters the blocks of one window.
@@ -271,10 +272,16 @@ impl Cleaned {
     }
 
     fn gathered(&self, id: BlockId) -> Result<Gathered> {
+        let bytes = self.gathered.read(id.0)?;
+        Ok(self.parts(id, &bytes)?.decode(self.shape.rect(id), self.clusters))
+    }
+
+    /// The parts of what was gathered of a block.
+    fn parts<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<Parts<'a>> {
         let rect = self.shape.rect(id);
         let tiles = tile_values(self.shape, rect, self.clusters as u64);
-        let gathered = decode(&self.gathered.read(id.0)?, rect, self.clusters, tiles);
-        gathered.ok_or_else(|| self.gathered.damaged(id.0, "it is cut short"))
+        let parts = Parts::of(bytes, rect.pixels(), self.clusters, tiles);
+        parts.ok_or_else(|| self.gathered.damaged(id.0, "it is cut short"))
     }
 
     /// See [`Gathered::tiles`].
@@ -301,37 +308,41 @@ impl Cleaned {
     /// # Errors
     /// Those of the disk; [`Error::Interrupted`] when the watch says so.
     pub(super) fn fit(&mut self, watch: &dyn Watch) -> Result<()> {
-        let columns = self.shape.columns();
-        if self.clusters == columns {
+        if self.clusters == self.shape.columns() {
             return Ok(());
         }
+        watch.begin("fitting columns", u64::from(self.shape.block_count()), "blocks");
+        let summed = self.sum_tiles(watch);
+        watch.end();
+        self.map = summed?.fit(&self.partition);
+        Ok(())
+    }
+
+    /// What [`MapFit`] needs of all tiles.
+    fn sum_tiles(&self, watch: &dyn Watch) -> Result<MapFit> {
+        let columns = self.shape.columns();
         let mut fit = MapFit::new(self.clusters, columns);
         // Where it is brighter than the mean errors count by their share, in the dark as they are.
         let mean = self.mean_light()?;
-        watch.begin("fitting columns", u64::from(self.shape.block_count()), "blocks");
+        let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
         for id in self.shape.blocks() {
-            if watch.interrupted() {
-                watch.end();
-                stop_if_interrupted(&self.path, watch)?;
-            }
+            stop_if_interrupted(&self.path, watch)?;
             let images = self.image_tiles(id)?;
-            let tiles = self.gathered(id)?.tiles;
+            let gathered = self.gathered.read(id.0)?;
+            let tiles = floats(self.parts(id, &gathered)?.tiles);
             let each = images.len() / self.clusters;
-            let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
             for row in 0..each {
                 of_images.iter_mut().enumerate().for_each(|(i, v)| *v = images[i * each + row]);
                 of_columns.iter_mut().enumerate().for_each(|(j, v)| *v = tiles[j * each + row]);
                 let light: f64 = of_images.iter().map(|&v| f64::from(v)).sum();
                 let scale = light.max(0.0) + mean;
                 if scale > 0.0 && of_columns.iter().all(|v| v.is_finite()) {
-                    fit.add(&of_images, &of_columns, 1.0 / (scale * scale));
+                    fit.add(row % 2, &of_images, &of_columns, 1.0 / (scale * scale));
                 }
             }
             watch.advance(1, 0, "px");
         }
-        watch.end();
-        self.spread = fit.fit(&self.partition, &self.spread);
-        Ok(())
+        Ok(fit)
     }
 
     /// Means of tiles of the cleaned images of a block, clusters × channels × tiles.
@@ -374,8 +385,8 @@ impl BlockSource for Cleaned {
         if (target.block.rows(), target.block.columns()) != (rows, columns) {
             target.block.reset(rows, columns);
         }
-        multiply(&images, &self.spread, &mut target.block);
-        let emission = self.gathered(id)?.planes.emission;
+        multiply(&images, &self.map, &mut target.block);
+        let emission = self.parts(id, &self.gathered.read(id.0)?)?.emission();
         let pixels = rows / CHANNELS;
         for seen in &emission {
             for (channel, value) in seen.value.iter().enumerate() {
@@ -389,12 +400,17 @@ impl BlockSource for Cleaned {
     }
 }
 
-/// `block = images · spread`, one column of the block after the other.
-fn multiply(images: &[f32], spread: &[f32], block: &mut Block) {
+/// Ones where a cluster and a column have the same number.
+fn identity(clusters: usize, columns: usize) -> Vec<f32> {
+    (0..clusters * columns).map(|i| if i / columns == i % columns { 1.0 } else { 0.0 }).collect()
+}
+
+/// `block = images · map`, one column of the block after the other.
+fn multiply(images: &[f32], map: &[f32], block: &mut Block) {
     let (rows, columns) = (block.rows(), block.columns());
     for (column, entries) in block.entries_mut().chunks_exact_mut(rows).enumerate() {
         entries.fill(0.0);
-        for (image, weights) in images.chunks_exact(rows).zip(spread.chunks_exact(columns)) {
+        for (image, weights) in images.chunks_exact(rows).zip(map.chunks_exact(columns)) {
             let weight = weights[column];
             if weight != 0.0 {
                 entries.iter_mut().zip(image).for_each(|(entry, value)| *entry += weight * value);
@@ -437,21 +453,43 @@ fn encode(Gathered { planes, tiles, .. }: &Gathered) -> Vec<u8> {
     bytes
 }
 
-fn decode(bytes: &[u8], rect: PixelRect, clusters: usize, tiles: usize) -> Option<Gathered> {
-    let pixels = rect.pixels();
-    let light = pixels * CHANNELS * clusters;
-    let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
-    let (features, rest) = rest.split_at_checked(4 * FEATURE_PLANES * pixels)?;
-    let (tiles, emission) = rest.split_at_checked(4 * tiles)?;
-    let floats = |bytes: &[u8]| bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect::<Vec<f32>>();
-    let mut halves = halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
-    let mut take = |count: usize| halves.by_ref().take(count).collect::<Vec<f32>>();
-    let planes = BlockPlanes {
-        direct: [take(light), take(light)],
-        indirect: [take(light), take(light)],
-        feature_variance: take(FEATURE_PLANES * pixels),
-        features: floats(features),
-        emission: emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect(),
-    };
-    Some(Gathered { rect, planes, tiles: floats(tiles) })
+/// What was gathered of a block, as the file has it ([`encode`]).
+struct Parts<'a> {
+    halves: &'a [u8],
+    features: &'a [u8],
+    tiles: &'a [u8],
+    emission: &'a [u8],
+}
+
+impl<'a> Parts<'a> {
+    /// None if there is too little of it.
+    fn of(bytes: &'a [u8], pixels: usize, clusters: usize, tiles: usize) -> Option<Self> {
+        let light = pixels * CHANNELS * clusters;
+        let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
+        let (features, rest) = rest.split_at_checked(4 * FEATURE_PLANES * pixels)?;
+        let (tiles, emission) = rest.split_at_checked(4 * tiles)?;
+        Some(Self { halves, features, tiles, emission })
+    }
+
+    fn emission(&self) -> Vec<SeenEmission> {
+        self.emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect()
+    }
+
+    fn decode(&self, rect: PixelRect, clusters: usize) -> Gathered {
+        let light = rect.pixels() * CHANNELS * clusters;
+        let mut values = self.halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
+        let mut take = |count: usize| values.by_ref().take(count).collect::<Vec<f32>>();
+        let planes = BlockPlanes {
+            direct: [take(light), take(light)],
+            indirect: [take(light), take(light)],
+            feature_variance: take(FEATURE_PLANES * rect.pixels()),
+            features: floats(self.features),
+            emission: self.emission(),
+        };
+        Gathered { rect, planes, tiles: floats(self.tiles) }
+    }
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::strip::{Strip, strip_bytes};
 use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Watch};
 use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
@@ -32,45 +33,33 @@ pub const FEATURE_CHANNELS: [&str; FEATURE_PLANES] = [
 pub fn write_features(matrix: &StoreReader, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<u32> {
     let shape = BlockSource::shape(matrix);
     let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
-    let pixels = size.width * size.height;
     let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
-    let image = (pixels * FEATURE_PLANES * 4) as u64;
-    let fixed_bytes = PROGRAM_BYTES + reading + image + exr_rows_need_bytes(FEATURE_PLANES.div_ceil(3), size);
-    Need { fixed_bytes, ..Need::default() }.threads_within("writing features", memory_bytes)?;
-    let mut planes = vec![0.0f32; pixels * FEATURE_PLANES];
-    let (mut reused, mut missing, mut known) = (None, 0, false);
-    watch.begin("reading features", u64::from(shape.block_count()), "blocks");
-    for id in shape.blocks() {
-        if watch.interrupted() {
-            watch.end();
-            return Err(Error::Interrupted("nothing was written".to_owned()));
-        }
-        if !matrix.is_committed(id) {
-            missing += 1;
-            continue;
-        }
-        if let Some(block) = matrix.read_planes(id, reused.take())? {
-            known = true;
-            let rect = shape.rect(id);
-            let (width, height) = (rect.width as usize, rect.height as usize);
-            for (plane, values) in block.features.chunks_exact(width * height).enumerate() {
-                for (y, row) in values.chunks_exact(width).enumerate() {
-                    let at = plane * pixels + (rect.y as usize + y) * size.width + rect.x as usize;
-                    planes[at..at + width].copy_from_slice(row);
-                }
-            }
-            reused = Some(block);
-        }
-        watch.advance(1, 1, "blocks");
-    }
-    watch.end();
+    let rows = strip_bytes(shape, FEATURE_PLANES) + exr_rows_need_bytes(FEATURE_PLANES.div_ceil(3), size);
+    let need = Need { fixed_bytes: PROGRAM_BYTES + reading + rows, ..Need::default() };
+    need.threads_within("writing features", memory_bytes)?;
+    let committed = || shape.blocks().filter(|&id| matrix.is_committed(id));
+    // All blocks of a file know of their samples, or none.
+    let known = match committed().next() {
+        Some(first) => matrix.read_planes(first, None)?.is_some(),
+        None => false,
+    };
     if !known {
-        let hint = "render it again with this program and at least 2 samples per pixel";
-        return Err(Error::input("--layers features", "the matrix does not know what its samples are", hint));
+        return Err(unknown("--layers features".to_owned()));
     }
-    write_exr_channels(path, &FEATURE_CHANNELS.map(str::to_owned), size, &mut |channel, y, row| {
-        row.copy_from_slice(&planes[channel * pixels + y * size.width..][..size.width]);
-        Ok(())
-    })?;
-    Ok(missing)
+    let mut strip = Strip::new(shape, FEATURE_PLANES, |id| match matrix.is_committed(id) {
+        true => Ok(matrix.read_planes(id, None)?.map(|planes| planes.features)),
+        false => Ok(None),
+    });
+    watch.begin("writing features", u64::from(shape.blocks_down()), "rows of blocks");
+    let names = FEATURE_CHANNELS.map(str::to_owned);
+    let written = write_exr_channels(path, &names, size, &mut |channel, y, row| strip.copy_row(channel, y, row, watch));
+    watch.end();
+    written?;
+    Ok(shape.block_count() - committed().count() as u32)
+}
+
+/// What is asked of a matrix that was rendered without knowing what its samples are.
+pub(super) fn unknown(place: String) -> Error {
+    let hint = "render it again with this program and at least 2 samples per pixel";
+    Error::input(place, "the matrix does not know what its samples are", hint)
 }

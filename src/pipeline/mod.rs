@@ -30,6 +30,7 @@ mod share;
 mod spill;
 #[cfg(feature = "scene")]
 mod stop;
+mod strip;
 mod unpack;
 mod verify;
 

@@ -1,12 +1,12 @@
 //! The programs from outside: the whole way on a small room, and one clear line for everything that can go wrong.
 
+mod program;
 mod room;
 
 use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use assert_cmd::Command;
 use room::write_room;
 use tempfile::TempDir;
 
@@ -25,12 +25,7 @@ fn room() -> TempDir {
 }
 
 fn run(folder: &Path, program: &str, arguments: &[&str]) -> Output {
-    let path = match program {
-        "ltm" => env!("CARGO_BIN_EXE_ltm"),
-        "ltm-pack" => env!("CARGO_BIN_EXE_ltm-pack"),
-        _ => env!("CARGO_BIN_EXE_ltm-unpack"),
-    };
-    Command::new(path).current_dir(folder).args(arguments).output().unwrap()
+    program::command(folder, program, arguments).output().unwrap()
 }
 
 fn succeed(folder: &Path, program: &str, arguments: &[&str]) -> String {
@@ -68,14 +63,14 @@ fn array(path: &Path, shape: &str) -> Vec<f32> {
 fn a_reader_that_has_seen_enough_ends_a_program_quietly() {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
-    let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_ltm"));
+    let mut program = std::process::Command::new(program::path("ltm"));
     let output = program.arg("--help").stdout(writer).output().unwrap();
     assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
     let folder = room();
     succeed(folder.path(), "ltm", &["render", "room.toml"]);
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
-    let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_ltm"));
+    let mut program = std::process::Command::new(program::path("ltm"));
     let output = program.current_dir(folder.path()).args(["info", "room.ltm"]).stdout(writer).output().unwrap();
     assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
 }

@@ -1,5 +1,6 @@
 //! Files as the programs treat them: interruptions, damage, competing programs, permissions, pipes.
 
+mod program;
 mod room;
 
 use std::fs;
@@ -24,13 +25,8 @@ texels = [4, 4]
 ";
 
 fn command(folder: &Path, program: &str, arguments: &[&str]) -> Command {
-    let path = match program {
-        "ltm" => env!("CARGO_BIN_EXE_ltm"),
-        "ltm-pack" => env!("CARGO_BIN_EXE_ltm-pack"),
-        _ => env!("CARGO_BIN_EXE_ltm-unpack"),
-    };
-    let mut command = Command::new(path);
-    command.current_dir(folder).args(arguments).stdin(Stdio::null());
+    let mut command = program::command(folder, program, arguments);
+    command.stdin(Stdio::null());
     command
 }
 
@@ -150,11 +146,7 @@ fn outputs_have_the_permissions_that_the_umask_leaves() {
     let folder = room();
     let at = folder.path();
     let shell = |umask: &str, program: &str, arguments: &str| {
-        let path = match program {
-            "ltm" => env!("CARGO_BIN_EXE_ltm"),
-            "ltm-pack" => env!("CARGO_BIN_EXE_ltm-pack"),
-            _ => env!("CARGO_BIN_EXE_ltm-unpack"),
-        };
+        let path = program::path(program);
         let script = format!("umask {umask} && {path} {arguments}");
         let output = Command::new("sh").args(["-c", &script]).current_dir(at).output().unwrap();
         assert!(output.status.success(), "{}", said(&output));

@@ -3,6 +3,7 @@
 //!
 //! `LTM_KILLS=1000 cargo test --release -p ltm-cli --test kills -- --nocapture` kills that often, over all commands.
 
+mod program;
 mod room;
 
 use std::collections::BTreeMap;
@@ -83,13 +84,8 @@ impl Shares {
 }
 
 fn command(folder: &Path, program: &str, arguments: &[&str]) -> Command {
-    let path = match program {
-        "ltm" => env!("CARGO_BIN_EXE_ltm"),
-        "ltm-pack" => env!("CARGO_BIN_EXE_ltm-pack"),
-        _ => env!("CARGO_BIN_EXE_ltm-unpack"),
-    };
-    let mut command = Command::new(path);
-    command.current_dir(folder).args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut command = program::command(folder, program, arguments);
+    command.stdout(Stdio::null()).stderr(Stdio::null());
     command
 }
 

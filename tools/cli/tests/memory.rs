@@ -2,6 +2,7 @@
 
 #![cfg(target_os = "linux")]
 
+mod program;
 mod room;
 
 use std::path::Path;
@@ -11,13 +12,8 @@ use std::time::Duration;
 use room::write_room;
 
 fn command(folder: &Path, program: &str, arguments: &[&str]) -> Command {
-    let path = match program {
-        "ltm" => env!("CARGO_BIN_EXE_ltm"),
-        "ltm-pack" => env!("CARGO_BIN_EXE_ltm-pack"),
-        _ => env!("CARGO_BIN_EXE_ltm-unpack"),
-    };
-    let mut command = Command::new(path);
-    command.current_dir(folder).args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut command = program::command(folder, program, arguments);
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     command
 }
 

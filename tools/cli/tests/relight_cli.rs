@@ -1,12 +1,12 @@
 //! `ltm relight` from outside: looks, layers, sequences, tone mapping, false colours, budgets, and what it refuses.
 
+mod program;
 mod room;
 
 use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use assert_cmd::Command;
 use exr::prelude::read_all_flat_layers_from_file;
 use ltm::image::{LinearImage, read_image};
 use room::write_room;
@@ -49,12 +49,7 @@ look = "lamp"
 "#;
 
 fn run(folder: &Path, program: &str, arguments: &[&str]) -> Output {
-    let path = match program {
-        "ltm" => env!("CARGO_BIN_EXE_ltm"),
-        "ltm-pack" => env!("CARGO_BIN_EXE_ltm-pack"),
-        _ => env!("CARGO_BIN_EXE_ltm-unpack"),
-    };
-    Command::new(path).current_dir(folder).args(arguments).output().unwrap()
+    program::command(folder, program, arguments).output().unwrap()
 }
 
 fn relight(folder: &Path, arguments: &[&str]) -> String {

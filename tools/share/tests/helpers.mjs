@@ -5,6 +5,7 @@ import { createServer } from 'node:http';
 import { mkdtempSync, readFileSync, existsSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
+import { after, before } from 'node:test';
 import { fileURLToPath } from 'node:url';
 import { chromium } from 'playwright-core';
 
@@ -67,6 +68,20 @@ export async function serve({ page, data, ranges = true, bytesPerSec = 0, whole 
 
 /** Whether there is a browser to test with. */
 export const hasBrowser = existsSync(CHROMIUM);
+
+/** For the tests of a group: a browser, the room, and a server of its page, each there once the tests run. */
+export function visit() {
+  const visited = {};
+  before(async () => {
+    visited.made = room();
+    [visited.browser, visited.server] = [await launch(), await serve(visited.made)];
+  });
+  after(async () => {
+    await visited.browser?.close();
+    visited.server?.close();
+  });
+  return visited;
+}
 
 /** Headless Chromium; GPUs are software. */
 export function launch() {

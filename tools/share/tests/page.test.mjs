@@ -2,25 +2,17 @@
 
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
-import { after, before, describe, it } from 'node:test';
-import { difference, hasBrowser, launch, ltm, open, pictureOf, pngBytes, room, serve, set, settled, state } from './helpers.mjs';
+import { describe, it } from 'node:test';
+import { difference, hasBrowser, ltm, open, pictureOf, pngBytes, set, settled, state, visit } from './helpers.mjs';
 
 /** Where pictures of the page go, if they are wanted. */
 const SHOTS = process.env.LTM_SHARE_SHOTS;
 
 describe('the page', { skip: !hasBrowser }, () => {
-  let browser, server, made;
-  before(async () => {
-    made = room();
-    [browser, server] = [await launch(), await serve(made)];
-  });
-  after(async () => {
-    await browser?.close();
-    server?.close();
-  });
+  const visited = visit();
 
   const loaded = async (options, fragment = '') => {
-    const page = await open(browser, `${server.url}?compute=webgl2${fragment}`, options);
+    const page = await open(visited.browser, `${visited.server.url}?compute=webgl2${fragment}`, options);
     await state(page, 'complete');
     return page;
   };
@@ -188,7 +180,7 @@ describe('the page', { skip: !hasBrowser }, () => {
     await page.getByRole('button', { name: 'PNG' }).click();
     const download = await waiting;
     assert.equal(download.suggestedFilename(), 'Test room.png');
-    assert.deepEqual(await pngBytes(browser, await download.path()), await pictureOf(page));
+    assert.deepEqual(await pngBytes(visited.browser, await download.path()), await pictureOf(page));
     await page.context().close();
   });
 
@@ -240,7 +232,7 @@ describe('the page', { skip: !hasBrowser }, () => {
       .map((element) => element.outerHTML));
     assert.deepEqual(nameless, []);
     await page.context().close();
-    assert.ok(readFileSync(made.at('site/index.html'), 'utf8').includes("default-src 'none'"));
+    assert.ok(readFileSync(visited.made.at('site/index.html'), 'utf8').includes("default-src 'none'"));
     assert.match(ltm('share', '--help'), /--single/);
   });
 });

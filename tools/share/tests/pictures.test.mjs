@@ -1,8 +1,8 @@
 // Every way to compute, against the CPU relighter: pixel by pixel.
 
 import assert from 'node:assert/strict';
-import { after, before, describe, it } from 'node:test';
-import { difference, hasBrowser, launch, ltm, open, pictureOf, pngBytes, room, serve, set, settled, state } from './helpers.mjs';
+import { describe, it } from 'node:test';
+import { difference, hasBrowser, ltm, open, pictureOf, pngBytes, set, settled, state, visit } from './helpers.mjs';
 
 /** No byte differs by more than this many steps of 255, and few by more than one: the relighter keeps factors in 8 bits where
  * their quantisation allows it, which shows in what is dark; the page keeps them as they were decoded, or in 16 bits. */
@@ -11,20 +11,12 @@ const MOST_FAR = 0.01;
 const CURVES = ['none', 'agx', 'filmic', 'neutral'];
 
 describe('pictures', { skip: !hasBrowser }, () => {
-  let browser, server, made;
-  before(async () => {
-    made = room();
-    [browser, server] = [await launch(), await serve(made)];
-  });
-  after(async () => {
-    await browser?.close();
-    server?.close();
-  });
+  const visited = visit();
 
   const reference = (name, options) => {
-    const path = made.at(`${name}.png`);
-    ltm('relight', made.at('room.ltc'), '-o', path, '--device', 'cpu', ...options);
-    return pngBytes(browser, path);
+    const path = visited.made.at(`${name}.png`);
+    ltm('relight', visited.made.at('room.ltc'), '-o', path, '--device', 'cpu', ...options);
+    return pngBytes(visited.browser, path);
   };
   const isNear = (found, expected, what) => {
     const apart = difference(found.filter((_, i) => i % 4 < 3), expected.filter((_, i) => i % 4 < 3));
@@ -33,7 +25,7 @@ describe('pictures', { skip: !hasBrowser }, () => {
 
   for (const way of ['worker', 'webgl2', 'webgpu']) {
     it(`${way} makes the relighter's picture`, async (test) => {
-      const page = await open(browser, `${server.url}?compute=${way}`);
+      const page = await open(visited.browser, `${visited.server.url}?compute=${way}`);
       await state(page, 'complete');
       const taken = await page.evaluate(() => document.body.dataset.way);
       if (taken !== way) return test.skip(`this browser has no ${way}: it took ${taken}`);
@@ -48,7 +40,7 @@ describe('pictures', { skip: !hasBrowser }, () => {
       await set(page, '#curve', 0);
       await page.getByRole('button', { name: 'Evening' }).click();
       await settled(page);
-      const look = ['--lighting', made.looks, '--look', 'Evening', '--exposure', exposure];
+      const look = ['--lighting', visited.made.looks, '--look', 'Evening', '--exposure', exposure];
       isNear(await pictureOf(page), await reference('evening', look), `${way}, a look`);
       // And back again: sums that are added up do not drift.
       for (let i = 0; i < 20; i++) await set(page, '#lights input[type=range]', (i % 5) - 2);
@@ -61,7 +53,7 @@ describe('pictures', { skip: !hasBrowser }, () => {
   }
 
   it('goes on with workers where the GPU is lost', async () => {
-    const page = await open(browser, 'about:blank');
+    const page = await open(visited.browser, 'about:blank');
     await page.addInitScript(() => {
       const { getContext } = HTMLCanvasElement.prototype;
       HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
@@ -70,7 +62,7 @@ describe('pictures', { skip: !hasBrowser }, () => {
         return context;
       };
     });
-    await page.goto(`${server.url}?compute=webgl2`);
+    await page.goto(`${visited.server.url}?compute=webgl2`);
     await state(page, 'complete');
     const before = await pictureOf(page);
     await page.evaluate(() => window.contexts.forEach((gl) => gl.getExtension('WEBGL_lose_context').loseContext()));

@@ -22,19 +22,23 @@ const CONFERENCE_FILES: [(u32, &str); 2] = [
 
 /// The Conference Room with its ceiling luminaires, one column each.
 pub(super) const CONFERENCE_LAMPS: &str = "conference-24";
-/// Four boxes that are files, with one light each.
+/// Boxes and rooms that are files.
 pub(super) const GLOSSY: &str = "cornell-glossy";
 pub(super) const MIRROR: &str = "cornell-mirror";
 pub(super) const WATER: &str = "cornell-water";
 pub(super) const SHIRLEY: &str = "erw5-scene3";
+pub(super) const CLASSROOM: &str = "erw5-scene8";
+pub(super) const CORNELL: &str = "cornell-original";
 
 /// Scene files by name. Lights of 32 × 32 texels get as many as are wanted.
-const FILES: [(&str, &str); 5] = [
+const FILES: [(&str, &str); 7] = [
     (CONFERENCE_LAMPS, include_str!("../../../formats/scenes/conference-24.toml")),
     (GLOSSY, include_str!("../../../formats/scenes/cornell-glossy.toml")),
     (MIRROR, include_str!("../../../formats/scenes/cornell-mirror.toml")),
     (WATER, include_str!("../../../formats/scenes/cornell-water.toml")),
     (SHIRLEY, include_str!("../../../formats/scenes/erw5-scene3.toml")),
+    (CLASSROOM, include_str!("../../../formats/scenes/erw5-scene8.toml")),
+    (CORNELL, include_str!("../../../formats/scenes/cornell-original.toml")),
 ];
 
 /// The place of one study.
@@ -134,9 +138,7 @@ impl<'a> Bench<'a> {
 
     fn file(&self, name: &str, texels: u32) -> Result<LoadedScene> {
         let text = FILES.iter().find(|file| file.0 == name).map_or("", |file| file.1);
-        let path = self.cached(&format!("{name}-{texels}.toml"));
-        write_file(&path, true, text.replace("[32, 32]", &format!("[{texels}, {texels}]")).as_bytes())?;
-        scene::load(&path)
+        self.scene(&format!("{name}-{texels}.toml"), &text.replace("[32, 32]", &format!("[{texels}, {texels}]")))
     }
 
     fn conference(&self, texels: u32) -> Result<LoadedScene> {
@@ -147,7 +149,12 @@ impl<'a> Bench<'a> {
                 "take 32 or 64",
             ));
         };
-        let path = self.cached(&format!("conference-panel-{texels}.toml"));
+        self.scene(&format!("conference-panel-{texels}.toml"), text)
+    }
+
+    /// Loads a scene file of this text, which is written beside the matrices.
+    fn scene(&self, name: &str, text: &str) -> Result<LoadedScene> {
+        let path = self.cached(name);
         write_file(&path, true, text.as_bytes())?;
         scene::load(&path)
     }

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::perceived::Flip;
 use ltm::image::{LinearImage, ToneMapping, compare, encode_srgb};
 
 /// PSNR that stands for a perfect match, so that means stay finite.
@@ -35,16 +36,12 @@ impl Measured {
             (a - b).powi(2) / (b * b + RELMSE_FLOOR)
         });
         let rel_mse = relative.sum::<f64>() / reference.values().len() as f64;
-        let shown = |image: &LinearImage| {
-            nv_flip::FlipImageRgb8::with_data(image.width, image.height, &displayed(image, exposure))
-        };
-        let map = nv_flip::flip(shown(reference), shown(image), nv_flip::DEFAULT_PIXELS_PER_DEGREE);
         Self {
             relative_l2: error.relative_l2,
             psnr_linear: error.psnr_linear.min(PERFECT_DB),
             psnr_clipped: error.psnr_clipped.min(PERFECT_DB),
             rel_mse,
-            flip: f64::from(nv_flip::FlipPool::from_image(&map).mean()),
+            flip: Flip::new(image, reference, |image| displayed(image, exposure)).mean(),
         }
     }
 }

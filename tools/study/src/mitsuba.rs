@@ -4,14 +4,13 @@
 //! the `python3` on the path, renders it with the script beside this file.
 
 use std::collections::BTreeMap;
-use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
 use serde_json::{Map, Value, json};
 
 use super::exchange::read_f32;
+use super::python::Python;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::image::LinearImage;
@@ -32,16 +31,8 @@ pub(super) struct Rendered {
 pub(super) const VARIANTS: [(&str, &str); 2] =
     [("llvm_ad_rgb", "Mitsuba 3 (llvm_ad_rgb)"), ("scalar_rgb", "Mitsuba 3 (scalar_rgb)")];
 
-/// Whether there is a Python with it.
-pub(super) fn is_there() -> bool {
-    let asked =
-        Command::new(python()).args(["-c", "import mitsuba"]).stdout(Stdio::null()).stderr(Stdio::null()).status();
-    asked.is_ok_and(|status| status.success())
-}
-
-fn python() -> OsString {
-    std::env::var_os("LTM_MITSUBA").unwrap_or_else(|| "python3".into())
-}
+/// What runs it.
+pub(super) const MITSUBA: Python = Python { package: "mitsuba", variable: "LTM_MITSUBA" };
 
 /// Renders the scene in its own lighting with each number of samples; `folder` takes what it needs for that.
 ///
@@ -50,16 +41,8 @@ fn python() -> OsString {
 pub(super) fn render(loaded: &LoadedScene, folder: &Path, variant: &str, samples: &[u32]) -> Result<Vec<Rendered>> {
     fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
     write_scene(loaded, folder)?;
-    let counts = samples.iter().map(u32::to_string);
-    let mut command = Command::new(python());
-    command.args(["-c", SCRIPT]).arg(folder).arg(variant).args(counts);
-    let output = command.output().map_err(Error::io(folder, "start Python for"))?;
-    if !output.status.success() {
-        let text = String::from_utf8_lossy(&output.stderr);
-        let last = text.lines().last().unwrap_or("no message").to_owned();
-        return Err(Error::input(variant, format!("Mitsuba failed ({last})"), "try the variant by hand"));
-    }
-    let printed = String::from_utf8_lossy(&output.stdout);
+    let arguments: Vec<String> = [variant.to_owned()].into_iter().chain(samples.iter().map(u32::to_string)).collect();
+    let printed = MITSUBA.run(SCRIPT, folder, &arguments)?;
     let camera = &loaded.scene.camera;
     let timed = printed.lines().filter_map(|line| {
         let (samples, seconds) = line.split_once(' ')?;

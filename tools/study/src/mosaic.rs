@@ -6,6 +6,7 @@ use plotters::prelude::*;
 
 use super::chart::use_font;
 use super::measured::{displayed, exposure_of};
+use super::perceived::Flip;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
 
@@ -32,11 +33,7 @@ impl Picture {
     /// The ꟻLIP error map of an image, black (0) over red to white (1).
     pub(super) fn error(image: &LinearImage, reference: &LinearImage, caption: impl Into<String>) -> Self {
         let exposure = exposure_of(reference);
-        let shown = |image: &LinearImage| {
-            nv_flip::FlipImageRgb8::with_data(image.width, image.height, &displayed(image, exposure))
-        };
-        let map = nv_flip::flip(shown(reference), shown(image), nv_flip::DEFAULT_PIXELS_PER_DEGREE);
-        let bytes = map.apply_color_lut(&nv_flip::magma_lut()).to_vec();
+        let bytes = Flip::new(image, reference, |image| displayed(image, exposure)).coloured();
         Self { width: image.width, height: image.height, bytes, caption: caption.into() }
     }
 }

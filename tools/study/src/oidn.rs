@@ -3,14 +3,13 @@
 //! A Python that has the package `pyoidn`, named by `LTM_OIDN` or else the `python3` on the path, runs it with the
 //! script beside this file.
 
-use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Stdio};
 
 use serde_json::json;
 
 use super::exchange::{read_f32, write_f32};
+use super::python::Python;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::image::LinearImage;
@@ -48,16 +47,8 @@ impl Surfaces {
     }
 }
 
-/// Whether there is a Python with it.
-pub(super) fn is_there() -> bool {
-    let asked =
-        Command::new(python()).args(["-c", "import pyoidn"]).stdout(Stdio::null()).stderr(Stdio::null()).status();
-    asked.is_ok_and(|status| status.success())
-}
-
-fn python() -> OsString {
-    std::env::var_os("LTM_OIDN").unwrap_or_else(|| "python3".into())
-}
+/// What runs it.
+pub(super) const OIDN: Python = Python { package: "pyoidn", variable: "LTM_OIDN" };
 
 /// Cleans each image; `folder` takes what is exchanged.
 ///
@@ -73,13 +64,7 @@ pub(super) fn denoise(images: &[LinearImage], surfaces: &Surfaces, folder: &Path
     for (which, image) in images.iter().enumerate() {
         write(&format!("color-{which}"), image)?;
     }
-    let output = Command::new(python()).args(["-c", SCRIPT]).arg(folder).output();
-    let output = output.map_err(Error::io(folder, "start Python for"))?;
-    if !output.status.success() {
-        let text = String::from_utf8_lossy(&output.stderr);
-        let last = text.lines().last().unwrap_or("no message").to_owned();
-        return Err(Error::input("pyoidn", format!("failed ({last})"), "try it by hand"));
-    }
+    OIDN.run(SCRIPT, folder, &[])?;
     let read = |which: usize| read_f32(&folder.join(format!("clean-{which}.f32")), width, height);
     (0..images.len()).map(read).collect()
 }

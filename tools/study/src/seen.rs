@@ -3,6 +3,7 @@
 use ltm::image::{LinearImage, compare, encode_srgb};
 
 use super::measured::exposure_of;
+use super::perceived::Flip;
 
 /// Luminance above which a pixel that ought to be black glows, and below whose negative it is a hole: a part of the
 /// reference's 95th percentile.
@@ -32,17 +33,13 @@ impl Seen {
     pub(super) fn of(image: &LinearImage, reference: &LinearImage, raw: &LinearImage, block_side: u32) -> Self {
         let error = compare(image, reference);
         let exposure = exposure_of(reference);
-        let shown = |image: &LinearImage| {
-            nv_flip::FlipImageRgb8::with_data(image.width, image.height, &displayed(image, exposure))
-        };
-        let map = nv_flip::flip(shown(reference), shown(image), nv_flip::DEFAULT_PIXELS_PER_DEGREE);
         let pixels = image.pixels.len() as f64;
         let part = |count: usize| count as f64 / pixels;
         let exposed =
             |image: &LinearImage| -> Vec<f64> { image.luminances().map(|v| f64::from(v) * exposure).collect() };
         let (bright, of_raw) = (exposed(image), exposed(raw));
         Self {
-            flip: f64::from(nv_flip::FlipPool::from_image(&map).mean()),
+            flip: Flip::new(image, reference, |image| displayed(image, exposure)).mean(),
             psnr_clipped: error.psnr_clipped,
             psnr_linear: error.psnr_linear,
             relative_l2: error.relative_l2,

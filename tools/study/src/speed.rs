@@ -233,7 +233,7 @@ struct RenderedAgain {
 /// The scene with everything on, rendered by each variant of Mitsuba with each number of samples.
 fn rendered_again(bench: &Bench<'_>, wanted: Wanted, samples: &[u32]) -> Result<RenderedAgain> {
     let mut again = RenderedAgain::default();
-    if !mitsuba::is_there() {
+    if !mitsuba::MITSUBA.is_there() {
         let how = "Mitsuba was not compared: no Python with it (`LTM_MITSUBA` names one, else `python3`).";
         again.left_out.push(how.to_owned());
         return Ok(again);
