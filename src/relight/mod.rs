@@ -9,6 +9,7 @@
 //! into a budget passes through: [`Pager`] decides what stays.
 
 mod adjoint;
+mod batch;
 mod compact;
 mod cpu;
 mod damage;
@@ -17,6 +18,8 @@ mod gpu;
 mod paged;
 mod pager;
 mod project;
+#[cfg(test)]
+mod random;
 mod raw;
 mod reconstruct;
 mod region;
@@ -27,7 +30,7 @@ pub use adjoint::{adjoint_raw, adjoint_streaming};
 pub use compact::CompactBlock;
 pub use cpu::{CpuRelighter, Relit, relight_streaming};
 #[cfg(feature = "gpu")]
-pub use gpu::{GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, ShownAs};
+pub use gpu::{GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, ShownAs, has_hardware_adapter};
 pub use paged::{PagedRelighter, Reads};
 pub use pager::{Admission, Detail, Pager, plan};
 pub use raw::relight_raw;
