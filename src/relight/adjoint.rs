@@ -288,18 +288,16 @@ impl pulp::NullaryFnOnce for Dot<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::{Random, random_lighting};
+    use super::super::random::{Random, numbers, random_lighting};
     use super::*;
     use crate::image::LinearImage;
     use crate::light::Lighting;
     use crate::relight::relight_raw;
-    use rand::RngExt;
-    use rand::SeedableRng;
 
     fn random_image(shape: MatrixShape, seed: u64) -> LinearImage {
-        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+        let mut random = numbers(seed);
         let mut image = LinearImage::black(shape.width(), shape.height());
-        image.pixels.iter_mut().flatten().for_each(|value| *value = random.random_range(-1.0..1.0));
+        image.pixels.iter_mut().flatten().for_each(|value| *value = random());
         image
     }
 
