@@ -114,7 +114,7 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         }
         Some("ltm") => {
             let blocks = pipeline::unpack_to_store(&*source, output, &options, console)?;
-            say!("{}: {blocks} blocks written", output.display());
+            say!("{}: {blocks} blocks written, without what was known of their noise", output.display());
         }
         Some("npy") => {
             pipeline::unpack_to_npy(&*source, output, &options, console)?;
