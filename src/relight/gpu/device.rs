@@ -17,27 +17,19 @@ pub(super) struct Gpu {
     complaint: Arc<Mutex<Option<String>>>,
 }
 
-/// Whether an adapter computes on the processor.
-pub(super) fn is_software(adapter: &wgpu::AdapterInfo) -> bool {
-    adapter.device_type == wgpu::DeviceType::Cpu
-}
-
-/// The most powerful adapter.
-pub(super) fn request_adapter() -> Result<wgpu::Adapter> {
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    descriptor.backends = wgpu::Backends::PRIMARY;
-    let instance = wgpu::Instance::new(descriptor);
-    let options =
-        wgpu::RequestAdapterOptions { power_preference: wgpu::PowerPreference::HighPerformance, ..Default::default() };
-    pollster::block_on(instance.request_adapter(&options))
-        .map_err(|e| Error::NoGpu(format!("no adapter was found ({}); relighting on the CPU works", line(&e))))
-}
-
 impl Gpu {
     /// Opens the most powerful adapter with the default limits of WebGPU, which every adapter has, and with subgroups if
     /// they are wanted and offered.
     pub(super) fn open(subgroups: bool) -> Result<Self> {
-        let adapter = request_adapter()?;
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::PRIMARY;
+        let instance = wgpu::Instance::new(descriptor);
+        let options = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            ..Default::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&options))
+            .map_err(|e| Error::NoGpu(format!("no adapter was found ({}); relighting on the CPU works", line(&e))))?;
         let info = adapter.get_info();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("relight"),
@@ -85,7 +77,7 @@ impl Gpu {
 
     /// Whether the adapter computes on the processor.
     pub(super) fn is_software(&self) -> bool {
-        is_software(&self.adapter)
+        self.adapter.device_type == wgpu::DeviceType::Cpu
     }
 
     /// Errors if the driver has complained since the last call.

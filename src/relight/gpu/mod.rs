@@ -23,7 +23,7 @@ use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape};
 use bank::{Bank, Lengths};
-use device::{Gpu, is_software, request_adapter};
+use device::Gpu;
 use resident::{ResidentBank, SharedArrays, read_back, relight, submit, submit_copy};
 
 pub use paged::PagedGpuRelighter;
@@ -45,14 +45,6 @@ impl Default for GpuSettings {
     fn default() -> Self {
         Self { binding_bytes: u64::MAX, subgroups: true }
     }
-}
-
-/// Whether the adapter that a [`GpuRelighter`] would open computes on a GPU, and not on the processor. Opens no device.
-///
-/// # Errors
-/// [`Error::NoGpu`] without a loader or an adapter.
-pub fn has_hardware_adapter() -> Result<bool> {
-    Ok(!is_software(&request_adapter()?.get_info()))
 }
 
 /// A matrix of factors resident in GPU memory. Threads may share it: calls take turns.
