@@ -7,9 +7,7 @@ use ltm::container::ContainerReader;
 use ltm::host::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape, PixelRect};
-use ltm::relight::{
-    CpuRelighter, GpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming,
-};
+use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use numpy::prelude::*;
