@@ -1,5 +1,5 @@
 //! Scenes: what files make of them, and what is refused. Real scenes are read where `LTM_SCENES` names their folder;
-//! elsewhere those tests are listed as ignored.
+//! elsewhere those tests are listed as ignored, and so is that of glTF samples without `LTM_GLTF_SAMPLES`.
 
 #[path = "scene/bad.rs"]
 mod bad;
@@ -11,6 +11,10 @@ mod glb;
 mod gltf;
 #[path = "scene/gltf_bad.rs"]
 mod gltf_bad;
+#[path = "scene/gltf_reference.rs"]
+mod gltf_reference;
+#[path = "scene/gltf_samples.rs"]
+mod gltf_samples;
 #[path = "scene/real.rs"]
 mod real;
 #[path = "transport/z_test.rs"]
@@ -71,12 +75,17 @@ fn trial(name: &str, test: fn()) -> Trial {
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut trials: Vec<Trial> = Vec::new();
-    for (name, test) in files::TESTS.iter().chain(bad::TESTS).chain(gltf::TESTS).chain(gltf_bad::TESTS) {
+    let of_gltf = gltf::TESTS.iter().chain(gltf_bad::TESTS).chain(gltf_reference::TESTS);
+    for (name, test) in files::TESTS.iter().chain(bad::TESTS).chain(of_gltf) {
         trials.push(trial(name, *test));
     }
     let without_folder = std::env::var_os("LTM_SCENES").is_none();
     for (name, test) in real::TESTS {
         trials.push(trial(name, *test).with_ignored_flag(without_folder));
+    }
+    let without_samples = std::env::var_os("LTM_GLTF_SAMPLES").is_none();
+    for (name, test) in gltf_samples::TESTS {
+        trials.push(trial(name, *test).with_ignored_flag(without_samples));
     }
     libtest_mimic::run(&arguments, trials).exit_code()
 }

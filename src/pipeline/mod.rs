@@ -32,6 +32,7 @@ mod spill;
 mod stop;
 mod strip;
 mod unpack;
+mod unpack_source;
 mod verify;
 
 pub use basis::write_basis;
@@ -56,4 +57,5 @@ pub use spill::check_container_output;
 #[cfg(feature = "scene")]
 pub use stop::{StopRule, choose_samples, expected_error, parse_error, parse_seconds};
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
+pub use unpack_source::{UnpackSource, Weights};
 pub use verify::{Verified, admit_merge, verify, verify_container};

@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
+use super::unpack_source::UnpackSource;
 use crate::error::{Error, Result};
 use crate::light::names::fits;
 use crate::light::{Job, Light, LightBasis};
-use crate::matrix::{BlockId, CHANNELS, ColumnIndex, FactorSource, MatrixShape, PixelRect};
+use crate::matrix::{BlockId, CHANNELS, ColumnIndex, MatrixShape, PixelRect};
 
 /// A part of a matrix; the default is all of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -79,8 +80,8 @@ impl Selected {
     }
 
     /// Columns of the whole matrix that are selected, in order.
-    pub(super) fn columns(&self) -> Vec<usize> {
-        self.lights.iter().flat_map(|light| light.columns().map(|column| column as usize)).collect()
+    pub(super) fn columns(&self) -> Vec<ColumnIndex> {
+        self.lights.iter().flat_map(|light| light.columns().map(ColumnIndex)).collect()
     }
 
     /// The blocks of [`job`](Self::job) that the selected blocks fill.
@@ -98,24 +99,21 @@ impl Selected {
         }
     }
 
-    /// A block of the selection, column-major, into `entries`.
+    /// A block of the selection, column-major, into `entries`, which are 0.
     pub(super) fn fill(
         &self,
-        source: &dyn FactorSource,
+        source: &dyn UnpackSource,
         target: PixelRect,
-        columns: &[usize],
+        columns: &[ColumnIndex],
         entries: &mut [f32],
     ) -> Result<()> {
         let wanted = self.in_source(target);
-        let shape = source.shape();
+        let shape = source.job().shape;
         for id in self.blocks.iter().copied() {
             let rect = shape.rect(id);
             let Some(part) = overlap(rect, wanted) else { continue };
-            let block = source.read_layers(id, 0..source.layer_count(id))?;
-            let mut values = vec![0.0; rect.rows()];
-            for (&column, target_column) in columns.iter().zip(entries.chunks_exact_mut(target.rows())) {
-                values.fill(0.0);
-                block.add_column(ColumnIndex(column as u32), &mut values);
+            source.visit(id, columns, &mut |place, values| {
+                let target_column = &mut entries[place * target.rows()..][..target.rows()];
                 for channel in 0..CHANNELS {
                     for y in part.y..part.y + part.height {
                         let from = (channel * rect.height as usize + (y - rect.y) as usize) * rect.width as usize;
@@ -125,7 +123,7 @@ impl Selected {
                         target_column[to..to + width].copy_from_slice(&values[from..from + width]);
                     }
                 }
-            }
+            })?;
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-//! `.ltc` → `.ltm`, images or arrays, block by block.
+//! `.ltc` or `.ltm` → `.ltm`, images or arrays, block by block.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -8,13 +8,13 @@ use sha2::{Digest, Sha256};
 
 use super::rows::RowSpill;
 use super::selection::{Selected, Selection, overlap};
-use crate::container::ContainerReader;
+use super::unpack_source::{UnpackSource, Weights};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, check_output, with_suffix};
 use crate::host::Watch;
 use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::image::{self, ImageSize};
-use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, FactorSource, PixelRect, TracedBlock};
+use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, PixelRect, TracedBlock};
 use crate::store::{self, StoreOptions, StoreWriter};
 
 /// Channels of a Nuke script at most.
@@ -31,13 +31,13 @@ pub struct UnpackOptions {
     pub memory_bytes: Option<u64>,
 }
 
-/// Multiplies blocks out into a stored matrix at `path`. Returns the number of blocks that it holds. Continues where an interrupted
-/// run over the same container stopped.
+/// Writes blocks, those of a container multiplied out, into a stored matrix at `path`, which knows nothing of their noise. Returns
+/// the number of blocks that it holds. Continues where an interrupted run over the same file stopped.
 ///
 /// # Errors
-/// Those of the selection, of reading the container and of writing the store.
+/// Those of the selection, of reading the source and of writing the store.
 pub fn unpack_to_store(
-    source: &ContainerReader,
+    source: &dyn UnpackSource,
     path: &Path,
     options: &UnpackOptions,
     watch: &dyn Watch,
@@ -49,8 +49,8 @@ pub fn unpack_to_store(
     let store = StoreOptions { overwrite: options.overwrite, origin, ..Default::default() };
     let requirements = store::requirements(&job, &store);
     let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
-    let per_thread_bytes = block_bytes + requirements.memory_bytes + factor_bytes(source);
-    let fixed_bytes = PROGRAM_BYTES + source.index_bytes();
+    let per_thread_bytes = block_bytes + requirements.memory_bytes + source.reading_bytes();
+    let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes();
     let need = Need { fixed_bytes, per_thread_bytes, disk_bytes: requirements.disk_bytes, ..Need::default() };
     let threads = Threads::new(need.admit("unpacking", path, &[], options.memory_bytes, watch)?)?;
     let writer = StoreWriter::create_or_resume(path, &job, store)?;
@@ -90,9 +90,9 @@ pub fn unpack_to_store(
 /// Returns the files written.
 ///
 /// # Errors
-/// Those of the selection, of reading the container and of writing the files.
+/// Those of the selection, of reading the source and of writing the files.
 pub fn unpack_to_exr(
-    source: &ContainerReader,
+    source: &dyn UnpackSource,
     path: &Path,
     options: &UnpackOptions,
     watch: &dyn Watch,
@@ -125,10 +125,10 @@ pub fn unpack_to_exr(
     Ok(vec![path.to_owned()])
 }
 
-/// Writes a file of plain RGB for each light. Those that an interrupted run over the same container and selection has written, noted in
+/// Writes a file of plain RGB for each light. Those that an interrupted run over the same source and selection has written, noted in
 /// a file beside them, are written again.
 fn unpack_to_files(
-    source: &ContainerReader,
+    source: &dyn UnpackSource,
     selected: &Selected,
     (pattern, paths): (&Path, &[PathBuf]),
     options: &UnpackOptions,
@@ -170,8 +170,8 @@ fn unpack_to_files(
 /// Writes one image under all selected lights, as the scene lights them, as plain RGB to an OpenEXR file at `path`.
 ///
 /// # Errors
-/// Those of the selection, of reading the container and of writing the file.
-pub fn unpack_relit(source: &ContainerReader, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
+/// Those of the selection, of reading the source and of writing the file.
+pub fn unpack_relit(source: &dyn UnpackSource, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images = [(0..selected.lights.len()).collect()];
@@ -183,8 +183,8 @@ pub fn unpack_relit(source: &ContainerReader, path: &Path, options: &UnpackOptio
 /// Writes an f32 array `[lights, height, width, 3]` of the lights' images, as the scene lights them, to `path`.
 ///
 /// # Errors
-/// Those of the selection, of reading the container and of writing the file.
-pub fn unpack_to_npy(source: &ContainerReader, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
+/// Those of the selection, of reading the source and of writing the file.
+pub fn unpack_to_npy(source: &dyn UnpackSource, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
@@ -196,34 +196,34 @@ pub fn unpack_to_npy(source: &ContainerReader, path: &Path, options: &UnpackOpti
 /// Lights each block under groups of lights (indices into the selection) and leaves the images on disk, once there is
 /// room for them, and for files of `layers` of them each.
 fn relight_images(
-    source: &ContainerReader,
+    source: &dyn UnpackSource,
     selected: &Selected,
     (groups, layers): (&[Vec<usize>], usize),
     beside: &Path,
     options: &UnpackOptions,
     watch: &dyn Watch,
 ) -> Result<RowSpill> {
-    let shape = source.shape();
-    let per_thread_bytes = factor_bytes(source) + 16 * shape.max_block_rows() as u64;
+    let shape = source.job().shape;
+    let per_thread_bytes = source.reading_bytes() + 16 * shape.max_block_rows() as u64;
     let size = size_of_rect(selected.rect);
-    let fixed_bytes = PROGRAM_BYTES + source.index_bytes() + image::exr_rows_need_bytes(layers, size);
+    let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(layers, size);
     // The images in between, and the files, which are not larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
     let need = Need { fixed_bytes, per_thread_bytes, disk_bytes, ..Need::default() };
     let threads = Threads::new(need.admit("unpacking", beside, &[], options.memory_bytes, watch)?)?;
     let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;
     watch.begin("relighting", selected.blocks.len() as u64, "blocks");
+    let weights_of = |lights: &Vec<usize>| -> Weights {
+        let lights = lights.iter().map(|&light| &selected.lights[light]);
+        lights.flat_map(|light| light.columns().map(|column| (ColumnIndex(column), light.emission))).collect()
+    };
+    let lightings: Vec<Weights> = groups.iter().map(weights_of).collect();
     let relight_one = |&id: &BlockId| {
         stop_if_interrupted(beside, watch)?;
         let rect = shape.rect(id);
         let part = overlap(rect, selected.rect).expect("only blocks inside the crop are selected");
-        let block = source.read_block(id)?;
-        for (image, lights) in groups.iter().enumerate() {
-            let weights = lights.iter().flat_map(|&light| {
-                let light = &selected.lights[light];
-                light.columns().map(|column| (ColumnIndex(column), light.emission))
-            });
-            let lit: Vec<f32> = block.relight(weights).into_iter().map(|value| value as f32).collect();
+        source.relight(id, &lightings, &mut |image, lit| {
+            let lit: Vec<f32> = lit.into_iter().map(|value| value as f32).collect();
             for channel in 0..CHANNELS {
                 for y in part.y..part.y + part.height {
                     let from = (channel * rect.height as usize + (y - rect.y) as usize) * rect.width as usize;
@@ -232,7 +232,8 @@ fn relight_images(
                     rows.write(place, (part.x - selected.rect.x) as usize, &lit[from..from + part.width as usize])?;
                 }
             }
-        }
+            Ok(())
+        })?;
         watch.advance(1, groups.len() as u64, "images");
         Ok(())
     };
@@ -240,13 +241,6 @@ fn relight_images(
     watch.end();
     result?;
     Ok(rows)
-}
-
-/// Memory of a block's factors while it is decoded and joined, at most.
-fn factor_bytes(source: &ContainerReader) -> u64 {
-    let shape = source.shape();
-    let largest = shape.blocks().map(|id| source.rank(id) * 4 + source.sparse_entries(id) / 64).max().unwrap_or(0);
-    3 * largest as u64 * (shape.max_block_rows() + shape.columns()) as u64
 }
 
 /// Names that every program can read as layers and files: letters, digits, spaces, and a few signs; each once. Blender keeps

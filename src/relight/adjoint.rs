@@ -2,38 +2,40 @@
 //!
 //! A block `L R + S` gives `R' (L_ch' x_ch) + S_ch' x_ch`, where `x_ch` are the image's pixels in the block. The blocks of a
 //! group are added up one after the other and the groups in their order, so that the bits are the same for any number of
-//! threads.
+//! threads. Several images are worked on in one pass over the factors, which are turned into f32 once for all of them.
 
 use rayon::prelude::*;
 
-use super::compact::{CompactBlock, Part, Quantum};
-use super::cpu::{CpuRelighter, check_size};
+use super::compact::{CompactBlock, Factor, Part, Quantum, SparseEntries};
+use super::cpu::CpuRelighter;
 use super::damage::read_undamaged;
+use super::project::total;
 use crate::error::{Error, Result};
-use crate::image::LinearImage;
 use crate::matrix::{BlockId, BlockSource, CHANNELS, FactorSource, MatrixShape, PixelRect, TracedBlock};
 
 /// Groups of blocks at most, and bytes that their sums may take.
 const GROUPS: usize = 64;
-const GROUP_BYTES: usize = 256 << 20;
+const GROUP_BYTES: usize = 64 << 20;
 
-/// Columns that are added to for all components before the next: their sums stay in the first-level cache.
-const STRIP: usize = 1024;
+/// Columns whose sums stay in registers while the components pass by.
+const STRIP: usize = 32;
 
-/// Independent sums of one dot product.
-const LANES: usize = 16;
+/// Independent sums of one dot product: as many as four of the widest vectors hold, so that additions overlap.
+const LANES: usize = 64;
 
 impl CpuRelighter {
-    /// `Tᵀ x` for each channel: one value a column. Of a damaged block what stands is taken, as in relighting; a hole gives
-    /// nothing.
+    /// `Tᵀ x` for each channel: one value a column. `images` has any number of images of the matrix's size, one after the
+    /// other, each row by row; the result has as many times its columns. Of a damaged block what stands is taken, as in
+    /// relighting; a hole gives nothing.
     ///
     /// # Errors
-    /// An image of another size than the matrix, or with a value that is not finite.
-    pub fn adjoint(&self, image: &LinearImage) -> Result<Vec<[f64; CHANNELS]>> {
+    /// A number of pixels that is no whole number of images; a value that is not finite.
+    pub fn adjoint(&self, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
         let shape = self.shape();
-        sum_blocks(shape, image, |id, planes, sums| {
-            if let Some(block) = self.block(id) {
-                add_compact(block, planes, sums);
+        sum_blocks(shape, images, |id, planes, sums| {
+            match self.block(id) {
+                Some(block) => set_compact(block, planes, sums),
+                None => sums.fill(0.0),
             }
             Ok(())
         })
@@ -44,10 +46,10 @@ impl CpuRelighter {
 ///
 /// # Errors
 /// Those of [`CpuRelighter::adjoint`] and of reading, damage among them.
-pub fn adjoint_streaming(source: &dyn FactorSource, image: &LinearImage) -> Result<Vec<[f64; CHANNELS]>> {
+pub fn adjoint_streaming(source: &dyn FactorSource, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
     let shape = source.shape();
-    sum_blocks(shape, image, |id, planes, sums| {
-        add_compact(&read_undamaged(source, shape, id)?, planes, sums);
+    sum_blocks(shape, images, |id, planes, sums| {
+        set_compact(&read_undamaged(source, shape, id)?, planes, sums);
         Ok(())
     })
 }
@@ -56,114 +58,168 @@ pub fn adjoint_streaming(source: &dyn FactorSource, image: &LinearImage) -> Resu
 ///
 /// # Errors
 /// Those of [`CpuRelighter::adjoint`] and of reading.
-pub fn adjoint_raw(source: &dyn BlockSource, image: &LinearImage) -> Result<Vec<[f64; CHANNELS]>> {
+pub fn adjoint_raw(source: &dyn BlockSource, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
     let shape = source.shape();
-    sum_blocks(shape, image, |id, planes, sums| {
-        let pixels = planes.len() / CHANNELS;
+    let columns = shape.columns();
+    sum_blocks(shape, images, |id, planes, sums| {
+        let pixels = shape.rect(id).pixels();
+        // Of a block without entries no column is visited.
+        sums.fill(0.0);
         let mut scratch = TracedBlock::default();
-        source.visit_columns(id, 0..shape.columns() as u32, &mut scratch, &mut |column, entries| {
-            let planes = entries.chunks_exact(pixels).zip(planes.chunks_exact(pixels));
-            for (sums, (left, right)) in sums.channels.iter_mut().zip(planes) {
-                sums[column.index()] += pulp::Arch::new().dispatch(Dot { left, right });
+        source.visit_columns(id, 0..columns as u32, &mut scratch, &mut |column, entries| {
+            // Images × channels, of either.
+            let planes = planes.chunks_exact(pixels).zip(entries.chunks_exact(pixels).cycle());
+            for (sums, (left, right)) in sums.chunks_exact_mut(columns).zip(planes) {
+                sums[column.index()] = pulp::Arch::new().dispatch(Dot { left, right });
             }
         })
     })
 }
 
-/// Sums of one block, channel by channel: one value a column.
-struct Sums {
-    channels: [Vec<f32>; CHANNELS],
-}
-
-/// Runs `add` over all blocks with the block's pixels, channel-planar, and adds up what it gives.
+/// Runs `set` over all blocks with the block's pixels (images × channels × pixels), and adds up what it sets (images ×
+/// channels × columns).
 fn sum_blocks(
     shape: MatrixShape,
-    image: &LinearImage,
-    add: impl Fn(BlockId, &[f32], &mut Sums) -> Result<()> + Sync,
+    images: &[[f32; CHANNELS]],
+    set: impl Fn(BlockId, &[f32], &mut [f32]) -> Result<()> + Sync,
 ) -> Result<Vec<[f64; CHANNELS]>> {
-    check_size(shape, image)?;
-    if let Some(at) = image.pixels.iter().position(|pixel| !pixel.iter().all(|value| value.is_finite())) {
-        let (x, y) = (at % image.width as usize, at / image.width as usize);
-        return Err(Error::input(format!("image, pixel {x}, {y}"), "is not finite", "give every pixel a finite value"));
+    let (width, size) = (shape.width() as usize, shape.width() as usize * shape.height() as usize);
+    if !images.len().is_multiple_of(size) {
+        let problem = format!("has {} pixels, the matrix {width} × {}", images.len(), shape.height());
+        return Err(Error::input("image", problem, ""));
     }
-    let (blocks, columns) = (shape.block_count() as usize, shape.columns());
-    let groups = GROUPS.min(GROUP_BYTES / (columns * size_of::<[f64; CHANNELS]>())).clamp(1, blocks);
-    let of_group = |group: usize| -> Result<Vec<[f64; CHANNELS]>> {
-        let mut group_sums = vec![[0.0f64; CHANNELS]; columns];
-        let mut sums = Sums { channels: [0, 1, 2].map(|_| vec![0.0; columns]) };
-        let mut planes = Vec::new();
+    let (blocks, columns, count) = (shape.block_count() as usize, shape.columns(), images.len() / size);
+    if count == 0 {
+        return Ok(Vec::new());
+    }
+    let values = count * CHANNELS * columns;
+    let groups = GROUPS.min(GROUP_BYTES / (values * size_of::<f64>())).clamp(1, blocks);
+    let of_group = |group: usize| -> Result<Vec<f64>> {
+        let (mut group_sums, mut sums, mut planes) = (vec![0.0f64; values], vec![0.0; values], Vec::new());
         for id in group * blocks / groups..(group + 1) * blocks / groups {
             let id = BlockId(id as u32);
-            gather(image, shape.rect(id), &mut planes);
-            sums.channels.iter_mut().for_each(|sums| sums.fill(0.0));
-            add(id, &planes, &mut sums)?;
-            for (channel, sums) in sums.channels.iter().enumerate() {
-                group_sums.iter_mut().zip(sums).for_each(|(total, &sum)| total[channel] += f64::from(sum));
+            let gather = Gather { images, size, width, rect: shape.rect(id), planes: &mut planes };
+            if !pulp::Arch::new().dispatch(gather) {
+                return Err(not_finite(images, size, width));
             }
+            set(id, &planes, &mut sums)?;
+            group_sums.iter_mut().zip(&sums).for_each(|(total, &sum)| *total += f64::from(sum));
         }
         Ok(group_sums)
     };
     let parts: Vec<_> = (0..groups).into_par_iter().map(of_group).collect::<Result<_>>()?;
-    let mut total = vec![[0.0; CHANNELS]; columns];
+    let mut totals = vec![0.0f64; values];
     for part in parts {
-        for (total, part) in total.iter_mut().zip(part) {
-            (0..CHANNELS).for_each(|channel| total[channel] += part[channel]);
+        totals.iter_mut().zip(part).for_each(|(total, sum)| *total += sum);
+    }
+    let of_image = |totals: &[f64]| {
+        (0..columns).map(|column| [0, 1, 2].map(|channel| totals[channel * columns + column])).collect::<Vec<_>>()
+    };
+    Ok(totals.chunks_exact(CHANNELS * columns).flat_map(of_image).collect())
+}
+
+/// The error that names the first value that is not finite.
+fn not_finite(images: &[[f32; CHANNELS]], size: usize, width: usize) -> Error {
+    let at = images.iter().position(|pixel| !pixel.iter().all(|value| value.is_finite())).unwrap_or(0);
+    let (image, x, y) = (at / size, at % size % width, at % size / width);
+    Error::input(format!("image {image}, pixel {x}, {y}"), "is not finite", "give every pixel a finite value")
+}
+
+/// Sets `planes` to the pixels of a block, images × channels × pixels, and says whether all are finite; compiled for the
+/// vectors that the machine has. Not a closure: what wraps one is compiled without them.
+struct Gather<'a> {
+    images: &'a [[f32; CHANNELS]],
+    /// Pixels of an image, and of a row of it.
+    size: usize,
+    width: usize,
+    rect: PixelRect,
+    planes: &'a mut Vec<f32>,
+}
+
+impl pulp::NullaryFnOnce for Gather<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn call(self) -> bool {
+        let Self { images, size, width, rect, planes } = self;
+        planes.clear();
+        for image in images.chunks_exact(size) {
+            for channel in 0..CHANNELS {
+                for y in rect.y as usize..(rect.y + rect.height) as usize {
+                    let row = &image[y * width + rect.x as usize..][..rect.width as usize];
+                    planes.extend(row.iter().map(|pixel| pixel[channel]));
+                }
+            }
         }
-    }
-    Ok(total)
-}
-
-/// The pixels of a block, channel-planar as its rows.
-fn gather(image: &LinearImage, rect: PixelRect, planes: &mut Vec<f32>) {
-    planes.clear();
-    for channel in 0..CHANNELS {
-        for y in rect.y as usize..(rect.y + rect.height) as usize {
-            let row = &image.pixels[y * image.width as usize + rect.x as usize..][..rect.width as usize];
-            planes.extend(row.iter().map(|pixel| pixel[channel]));
-        }
+        planes.iter().fold(true, |all, value| all & value.is_finite())
     }
 }
 
-fn add_compact(block: &CompactBlock, planes: &[f32], sums: &mut Sums) {
-    if !block.is_empty() {
-        pulp::Arch::new().dispatch(AddCompact { block, planes, sums });
+fn set_compact(block: &CompactBlock, planes: &[f32], sums: &mut [f32]) {
+    match block.is_empty() {
+        true => sums.fill(0.0),
+        false => pulp::Arch::new().dispatch(SetCompact { block, planes, sums }),
     }
 }
 
-/// Adds `R' (s L' x) + S' x` to the sums, compiled for the vectors that the machine has. Not a closure: what wraps one is
-/// compiled without them.
-struct AddCompact<'a> {
+/// Sets the sums to `R' (s L' x) + S' x`; compiled as [`Gather`].
+struct SetCompact<'a> {
     block: &'a CompactBlock,
     planes: &'a [f32],
-    sums: &'a mut Sums,
+    sums: &'a mut [f32],
 }
 
-impl pulp::NullaryFnOnce for AddCompact<'_> {
+impl pulp::NullaryFnOnce for SetCompact<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { block, planes, sums } = self;
-        let mut weights = vec![[0.0f32; CHANNELS]; block.rank()];
-        weigh(&block.left.narrow, planes, &mut weights);
-        weigh(&block.left.wide, planes, &mut weights);
-        for (weights, scale) in weights.iter_mut().zip(&block.scales) {
-            *weights = weights.map(|weight| weight * scale);
+        let Self { block: CompactBlock { scales, left, right, sparse }, planes, sums } = self;
+        let mut weights = vec![[0.0f32; CHANNELS]; scales.len()];
+        if planes.len() == left.length {
+            return set_image((left, right), scales, sparse, planes, &mut weights, sums);
         }
-        let columns = block.right.length;
-        for first in (0..columns).step_by(STRIP) {
-            let strip = (first, STRIP.min(columns - first));
-            spread(&block.right.narrow, columns, strip, &weights, sums);
-            spread(&block.right.wide, columns, strip, &weights, sums);
+        let (left, right) = (left.widen(), right.widen());
+        let images = planes.chunks_exact(left.length).zip(sums.chunks_exact_mut(CHANNELS * right.length));
+        for (planes, sums) in images {
+            set_image((&left, &right), scales, sparse, planes, &mut weights, sums);
         }
-        let (pixels, mut begin) = (planes.len() / CHANNELS, 0);
-        for &(column, end) in &block.sparse.ends {
-            for entry in begin as usize..end as usize {
-                let row = block.sparse.rows[entry] as usize;
-                sums.channels[row / pixels][column as usize] += block.sparse.values[entry] * planes[row];
-            }
-            begin = end;
+    }
+}
+
+/// Sets the sums of one image, channels × columns.
+#[inline(always)]
+fn set_image<N: Quantum, W: Quantum>(
+    (left, right): (&Factor<N, W>, &Factor<N, W>),
+    scales: &[f32],
+    sparse: &SparseEntries,
+    planes: &[f32],
+    weights: &mut [[f32; CHANNELS]],
+    sums: &mut [f32],
+) {
+    weights.fill([0.0; CHANNELS]);
+    weigh(&left.narrow, planes, weights);
+    weigh(&left.wide, planes, weights);
+    for (weights, scale) in weights.iter_mut().zip(scales) {
+        *weights = weights.map(|weight| weight * scale);
+    }
+    let columns = right.length;
+    for first in (0..columns).step_by(STRIP) {
+        let strip = (first, STRIP.min(columns - first));
+        let mut of_strip = [[0.0f32; STRIP]; CHANNELS];
+        spread(&right.narrow, columns, strip, weights, &mut of_strip);
+        spread(&right.wide, columns, strip, weights, &mut of_strip);
+        for (sums, of_strip) in sums.chunks_exact_mut(columns).zip(&of_strip) {
+            sums[first..][..strip.1].copy_from_slice(&of_strip[..strip.1]);
         }
+    }
+    let (pixels, mut begin) = (planes.len() / CHANNELS, 0);
+    for &(column, end) in &sparse.ends {
+        for entry in begin as usize..end as usize {
+            let row = sparse.rows[entry] as usize;
+            sums[row / pixels * columns + column as usize] += sparse.values[entry] * planes[row];
+        }
+        begin = end;
     }
 }
 
@@ -179,25 +235,23 @@ fn weigh<Q: Quantum>(part: &Part<Q>, planes: &[f32], weights: &mut [[f32; CHANNE
     }
 }
 
-/// Adds `R_k` times its weights to the columns of a strip, given as (first, count).
+/// Adds `R_k` times its weights to the sums of a strip of columns, given as (first, count).
 #[inline(always)]
 fn spread<Q: Quantum>(
     part: &Part<Q>,
     columns: usize,
     (first, count): (usize, usize),
     weights: &[[f32; CHANNELS]],
-    sums: &mut Sums,
+    sums: &mut [[f32; STRIP]; CHANNELS],
 ) {
-    let [red, green, blue] = &mut sums.channels;
-    let (red, green, blue) = (&mut red[first..][..count], &mut green[first..][..count], &mut blue[first..][..count]);
     for (&k, values) in part.components.iter().zip(part.values.chunks_exact(columns)) {
-        let values = &values[first..][..count];
         let weights = weights[k as usize];
-        for i in 0..count {
-            let value = values[i].to_f32();
-            red[i] += value * weights[0];
-            green[i] += value * weights[1];
-            blue[i] += value * weights[2];
+        let mut add = |i: usize, value: f32| {
+            (0..CHANNELS).for_each(|channel| sums[channel][i] += value * weights[channel]);
+        };
+        match values[first..][..count].as_array::<STRIP>() {
+            Some(values) => (0..STRIP).for_each(|i| add(i, values[i].to_f32())),
+            None => values[first..][..count].iter().enumerate().for_each(|(i, value)| add(i, value.to_f32())),
         }
     }
 }
@@ -214,10 +268,10 @@ fn dot<Q: Quantum>(left: &[Q], right: &[f32]) -> f32 {
     for (i, (left, right)) in left_tail.iter().zip(right_tail).enumerate() {
         sums[i] += left.to_f32() * right;
     }
-    sums.iter().sum()
+    total(sums)
 }
 
-/// A dot product of entries as they are stored.
+/// A dot product of entries as they are stored; compiled as [`Gather`].
 struct Dot<'a> {
     left: &'a [f32],
     right: &'a [f32],
@@ -228,86 +282,23 @@ impl pulp::NullaryFnOnce for Dot<'_> {
 
     #[inline(always)]
     fn call(self) -> f32 {
-        let mut sums = [0.0f32; LANES];
-        let (left, left_tail) = self.left.as_chunks::<LANES>();
-        let (right, right_tail) = self.right.as_chunks::<LANES>();
-        for (left, right) in left.iter().zip(right) {
-            for i in 0..LANES {
-                sums[i] += left[i] * right[i];
-            }
-        }
-        for (i, (left, right)) in left_tail.iter().zip(right_tail).enumerate() {
-            sums[i] += left * right;
-        }
-        sums.iter().sum()
+        dot(self.left, self.right)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::random::{Random, numbers, random_lighting};
     use super::*;
+    use crate::image::LinearImage;
     use crate::light::Lighting;
-    use crate::matrix::{ColumnIndex, FactoredBlock, SparseEntry};
     use crate::relight::relight_raw;
-    use rand::RngExt;
-    use rand::SeedableRng;
-
-    /// Blocks of random factors, some in 8 bits, with sparse entries; one block is black.
-    struct Random(MatrixShape);
-
-    impl FactorSource for Random {
-        fn shape(&self) -> MatrixShape {
-            self.0
-        }
-
-        fn layer_count(&self, id: BlockId) -> u32 {
-            u32::from(id.0 != 1)
-        }
-
-        fn encoded_bytes(&self, _: BlockId, _: std::ops::Range<u32>) -> u64 {
-            0
-        }
-
-        fn read_layers(&self, id: BlockId, _: std::ops::Range<u32>) -> Result<FactoredBlock> {
-            let (rows, columns, rank) = (self.0.rect(id).rows(), self.0.columns(), 5);
-            if id.0 == 1 {
-                return Ok(FactoredBlock { rows, columns, ..Default::default() });
-            }
-            let mut random = rand_pcg::Pcg64::seed_from_u64(u64::from(id.0));
-            let mut values = |count: usize| (0..count).map(|_| random.random_range(-1.0f32..1.0)).collect::<Vec<_>>();
-            let (left, right) = (values(rows * rank), values(columns * rank));
-            let sparse = [(0, 3), (2, 0), (2, rows as u32 - 1)].map(|(column, row)| SparseEntry {
-                column: ColumnIndex(column),
-                row,
-                value: 4.0,
-            });
-            let step = vec![0.05, 0.0, 0.1, 0.0, 0.05];
-            let (left_step, right_step) = (step.clone(), step);
-            Ok(FactoredBlock { rows, columns, left, right, left_step, right_step, sparse: sparse.to_vec() })
-        }
-    }
-
-    impl BlockSource for Random {
-        fn shape(&self) -> MatrixShape {
-            self.0
-        }
-
-        fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
-            target.block = self.read_layers(id, 0..1)?.expand();
-            Ok(())
-        }
-    }
 
     fn random_image(shape: MatrixShape, seed: u64) -> LinearImage {
-        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+        let mut random = numbers(seed);
         let mut image = LinearImage::black(shape.width(), shape.height());
-        image.pixels.iter_mut().flatten().for_each(|value| *value = random.random_range(-1.0..1.0));
+        image.pixels.iter_mut().flatten().for_each(|value| *value = random());
         image
-    }
-
-    fn random_lighting(shape: MatrixShape, seed: u64) -> Lighting {
-        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
-        Lighting::new((0..shape.columns()).map(|_| [0; 3].map(|_| random.random_range(-1.0..1.0))).collect()).unwrap()
     }
 
     /// `⟨T ℓ, x⟩`, `⟨ℓ, Tᵀ x⟩`, and the product of the norms of what is multiplied, for each channel.
@@ -323,24 +314,40 @@ mod tests {
 
     #[test]
     fn the_adjoint_moves_the_matrix_to_the_other_side_of_the_product() {
-        // Blocks of every kind of edge, and more columns than a strip.
-        for (width, height, columns) in [(37, 21, 7), (16, 16, 1), (40, 20, STRIP as u32 + 77)] {
+        // Blocks of every kind of edge, and columns that are no whole number of strips.
+        for (width, height, columns) in [(37, 21, 7), (16, 16, 1), (40, 20, 1101)] {
             let shape = MatrixShape::new(width, height, columns.max(3), 16).unwrap();
             let source = Random(shape);
             let (x, lighting) = (random_image(shape, 7), random_lighting(shape, 8));
             let relighter = CpuRelighter::load(&source).unwrap();
-            let resident = relighter.adjoint(&x).unwrap();
+            let resident = relighter.adjoint(&x.pixels).unwrap();
             // Sums of at most some thousand f32 products.
             for (a, b, norm) in products(&relighter.relight(&lighting).unwrap(), &x, &lighting, &resident) {
                 assert!((a - b).abs() < 1e-6 * norm, "{a} {b} {norm}");
             }
-            assert_eq!(adjoint_streaming(&source, &x).unwrap(), resident);
-            let raw = adjoint_raw(&source, &x).unwrap();
+            assert_eq!(adjoint_streaming(&source, &x.pixels).unwrap(), resident);
+            let raw = adjoint_raw(&source, &x.pixels).unwrap();
             let lit = relight_raw(&source, std::slice::from_ref(&lighting)).unwrap().remove(0);
             for (a, b, norm) in products(&lit, &x, &lighting, &raw) {
                 assert!((a - b).abs() < 1e-6 * norm, "{a} {b} {norm}");
             }
         }
+    }
+
+    #[test]
+    fn a_batch_has_the_bits_of_its_images_one_by_one() {
+        let shape = MatrixShape::new(37, 21, 45, 16).unwrap();
+        let source = Random(shape);
+        let relighter = CpuRelighter::load(&source).unwrap();
+        let images: Vec<_> = (0..3).map(|seed| random_image(shape, seed).pixels).collect();
+        let batch = relighter.adjoint(&images.concat()).unwrap();
+        let raw = adjoint_raw(&source, &images.concat()).unwrap();
+        for (i, image) in images.iter().enumerate() {
+            let range = i * shape.columns()..(i + 1) * shape.columns();
+            assert_eq!(batch[range.clone()], relighter.adjoint(image).unwrap());
+            assert_eq!(raw[range], adjoint_raw(&source, image).unwrap());
+        }
+        assert_eq!(adjoint_streaming(&source, &images.concat()).unwrap(), batch);
     }
 
     #[test]
@@ -350,7 +357,7 @@ mod tests {
         let x = random_image(shape, 3);
         let with = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| relighter.adjoint(&x).unwrap())
+            pool.install(|| relighter.adjoint(&x.pixels).unwrap())
         };
         assert_eq!(with(1), with(5));
     }
@@ -359,10 +366,10 @@ mod tests {
     fn images_of_another_size_and_values_that_are_no_number_are_refused() {
         let shape = MatrixShape::new(20, 10, 4, 8).unwrap();
         let relighter = CpuRelighter::load(&Random(shape)).unwrap();
-        assert!(relighter.adjoint(&LinearImage::black(10, 20)).is_err());
+        assert!(relighter.adjoint(&vec![[0.0; 3]; 199]).is_err() && relighter.adjoint(&[]).unwrap().is_empty());
         let mut image = LinearImage::black(20, 10);
         image.pixels[23][1] = f32::NAN;
-        let error = relighter.adjoint(&image).unwrap_err().to_string();
-        assert!(error.contains("pixel 3, 1"), "{error}");
+        let error = relighter.adjoint(&image.pixels).unwrap_err().to_string();
+        assert!(error.contains("image 0, pixel 3, 1"), "{error}");
     }
 }

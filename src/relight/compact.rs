@@ -30,6 +30,13 @@ impl Quantum for i8 {
     }
 }
 
+impl Quantum for f32 {
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        self
+    }
+}
+
 /// The bits of a 16-bit float that is neither subnormal nor infinite nor NaN.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
@@ -57,10 +64,10 @@ pub(crate) struct Part<Q> {
 
 /// One factor, `L` or `R`: components of `length` values each, those in 8 bits apart from those in 16.
 #[derive(Clone, Debug)]
-pub(crate) struct Factor {
+pub(crate) struct Factor<N = i8, W = Wide> {
     pub length: usize,
-    pub narrow: Part<i8>,
-    pub wide: Part<Wide>,
+    pub narrow: Part<N>,
+    pub wide: Part<W>,
 }
 
 /// Entries outside the low-rank part, column by column.
@@ -113,6 +120,14 @@ impl<Q: Copy> Part<Q> {
     }
 }
 
+impl<Q: Quantum> Part<Q> {
+    #[inline(always)]
+    fn widen(&self) -> Part<f32> {
+        let values = self.values.iter().map(|value| value.to_f32()).collect();
+        Part { components: self.components.clone(), values }
+    }
+}
+
 impl Factor {
     fn new(length: usize) -> Self {
         Self { length, narrow: Part::new(), wide: Part::new() }
@@ -159,6 +174,14 @@ impl Factor {
 
     fn bytes(&self) -> usize {
         self.narrow.bytes() + self.wide.bytes()
+    }
+}
+
+impl<N: Quantum, W: Quantum> Factor<N, W> {
+    /// Its values in f32, for several products with the same factor.
+    #[inline(always)]
+    pub(crate) fn widen(&self) -> Factor<f32, f32> {
+        Factor { length: self.length, narrow: self.narrow.widen(), wide: self.wide.widen() }
     }
 }
 

@@ -9,6 +9,7 @@
 //! into a budget passes through: [`Pager`] decides what stays.
 
 mod adjoint;
+mod batch;
 mod compact;
 mod cpu;
 mod damage;
@@ -17,6 +18,8 @@ mod gpu;
 mod paged;
 mod pager;
 mod project;
+#[cfg(test)]
+mod random;
 mod raw;
 mod reconstruct;
 mod region;

@@ -1,6 +1,6 @@
 //! `y = R ℓ` for the three channels in one pass over `R`; twin of `shaders/project.wgsl`.
 
-use super::compact::{CompactBlock, Part, Quantum};
+use super::compact::{Factor, Part, Quantum};
 use crate::light::Lighting;
 use crate::matrix::CHANNELS;
 
@@ -24,12 +24,17 @@ impl PlanarLighting {
 
 /// Sets `projected[k] = s_k (R ℓ_ch)_k` for each component `k` and channel.
 #[inline(always)]
-pub(crate) fn project(block: &CompactBlock, lighting: &PlanarLighting, projected: &mut Vec<[f32; CHANNELS]>) {
+pub(crate) fn project<N: Quantum, W: Quantum>(
+    right: &Factor<N, W>,
+    scales: &[f32],
+    lighting: &PlanarLighting,
+    projected: &mut Vec<[f32; CHANNELS]>,
+) {
     projected.clear();
-    projected.resize(block.rank(), [0.0; CHANNELS]);
-    project_part(&block.right.narrow, block.right.length, lighting, projected);
-    project_part(&block.right.wide, block.right.length, lighting, projected);
-    for (sums, scale) in projected.iter_mut().zip(&block.scales) {
+    projected.resize(scales.len(), [0.0; CHANNELS]);
+    project_part(&right.narrow, right.length, lighting, projected);
+    project_part(&right.wide, right.length, lighting, projected);
+    for (sums, scale) in projected.iter_mut().zip(scales) {
         *sums = sums.map(|sum| sum * scale);
     }
 }
@@ -73,12 +78,12 @@ fn dot_three<'a, Q: Quantum>(values: &[Q], lighting: &'a PlanarLighting) -> [f32
 
 /// The sum of all lanes: short chains of additions, in the same order on every machine.
 #[inline(always)]
-fn total(lanes: [f32; LANES]) -> f32 {
+pub(super) fn total<const N: usize>(lanes: [f32; N]) -> f32 {
     const WIDTH: usize = 8;
     let mut sum = 0.0;
     for i in 0..WIDTH {
         let mut of_lane = 0.0;
-        for j in 0..LANES / WIDTH {
+        for j in 0..N / WIDTH {
             of_lane += lanes[i + WIDTH * j];
         }
         sum += of_lane;

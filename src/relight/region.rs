@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 
+use super::batch::relit_batch;
 use super::compact::CompactBlock;
 use super::cpu::{CpuRelighter, check_columns, relit_planes};
 use super::damage::read_undamaged;
@@ -79,13 +80,13 @@ fn planar(shape: MatrixShape, lightings: &[Lighting]) -> Result<Vec<PlanarLighti
 }
 
 fn relight_part(block: &CompactBlock, lightings: &[PlanarLighting], part: &mut Part) {
-    let black = vec![0.0; if block.is_empty() { part.rect.rows() } else { 0 }];
-    for (image, lighting) in lightings.iter().enumerate() {
-        if block.is_empty() {
-            part.set(image, &black);
-        } else {
-            part.set(image, &relit_planes(block, lighting));
+    match lightings {
+        _ if block.is_empty() => {
+            let black = vec![0.0; part.rect.rows()];
+            (0..lightings.len()).for_each(|image| part.set(image, &black));
         }
+        [lighting] => part.set(0, &relit_planes(block, lighting)),
+        _ => relit_batch(block, lightings, &mut |image, planes| part.set(image, planes)),
     }
 }
 
@@ -104,11 +105,36 @@ struct Part<'a> {
 impl Part<'_> {
     /// Sets the pixels of one image from the rows of the whole block, channel-planar.
     fn set(&mut self, image: usize, planes: &[f32]) {
-        let (pixels, width) = (self.rect.pixels(), self.rect.width as usize);
-        for (y, row) in self.images[image].iter_mut().enumerate() {
-            let start = (self.y + y) * width + self.x;
-            for (i, pixel) in row.iter_mut().enumerate() {
-                *pixel = [0, 1, 2].map(|channel| planes[channel * pixels + start + i]);
+        let (width, rows) = (self.rect.width as usize, &mut self.images[image]);
+        pulp::Arch::new().dispatch(Interleave { planes, width, x: self.x, y: self.y, rows });
+    }
+}
+
+/// Sets pixels from planes; compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without
+/// them.
+struct Interleave<'a, 'b> {
+    planes: &'a [f32],
+    /// Of the planes, and where in them the pixels begin.
+    width: usize,
+    x: usize,
+    y: usize,
+    rows: &'a mut [&'b mut [[f32; CHANNELS]]],
+}
+
+impl pulp::NullaryFnOnce for Interleave<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let pixels = self.planes.len() / CHANNELS;
+        let (red, rest) = self.planes.split_at(pixels);
+        let (green, blue) = rest.split_at(pixels);
+        for (y, row) in self.rows.iter_mut().enumerate() {
+            let start = (self.y + y) * self.width + self.x;
+            let range = start..start + row.len();
+            let channels = red[range.clone()].iter().zip(&green[range.clone()]).zip(&blue[range]);
+            for (pixel, ((&red, &green), &blue)) in row.iter_mut().zip(channels) {
+                *pixel = [red, green, blue];
             }
         }
     }
@@ -133,23 +159,44 @@ fn for_each_part(
         return Err(Error::input("target image", problem, ""));
     }
     let side = shape.block_side();
-    let blocks = |at: u32, size: u32| at / side..(at + size).div_ceil(side);
-    let (across, down) = (blocks(region.x, region.width), blocks(region.y, region.height));
-    let mut parts: Vec<Part> = down
-        .flat_map(|y| across.clone().map(move |x| (x, y)))
-        .map(|(x, y)| {
-            let id = BlockId(y * shape.blocks_across() + x);
-            let rect = shape.rect(id);
-            let begin = |at: u32, block: u32| at.saturating_sub(block) as usize;
-            let images = (0..images).map(|_| Vec::with_capacity(side as usize)).collect();
-            Part { id, rect, x: begin(region.x, rect.x), y: begin(region.y, rect.y), images }
-        })
-        .collect();
-    let count = across.len();
-    for (i, image) in pixels.chunks_exact_mut(region.pixels()).enumerate() {
-        for (y, mut row) in image.chunks_exact_mut(region.width as usize).enumerate() {
-            let band = (region.y as usize + y) / side as usize - (region.y / side) as usize;
-            for part in &mut parts[band * count..][..count] {
+    // The pixels of each row of blocks, in every image.
+    let first = region.y / side;
+    let downs = first..(region.y + region.height).div_ceil(side);
+    let mut bands: Vec<Vec<&mut [[f32; CHANNELS]]>> = downs.clone().map(|_| Vec::with_capacity(images)).collect();
+    for image in pixels.chunks_exact_mut(region.pixels()) {
+        let mut rest = image;
+        for (down, band) in downs.clone().zip(&mut bands) {
+            let rows = ((down + 1) * side).min(region.y + region.height) - (down * side).max(region.y);
+            let (these, others) = rest.split_at_mut(rows as usize * region.width as usize);
+            band.push(these);
+            rest = others;
+        }
+    }
+    let bands: Vec<_> = downs.zip(bands).collect();
+    bands.into_par_iter().try_for_each(|(down, band)| {
+        parts_of_band(down, band, shape, region).into_par_iter().try_for_each(|mut part| work(&mut part))
+    })
+}
+
+/// The parts of a row of blocks; `band` has its pixels in every image.
+fn parts_of_band<'a>(
+    down: u32,
+    band: Vec<&'a mut [[f32; CHANNELS]]>,
+    shape: MatrixShape,
+    region: PixelRect,
+) -> Vec<Part<'a>> {
+    let side = shape.block_side();
+    let part = |across: u32| {
+        let id = BlockId(down * shape.blocks_across() + across);
+        let rect = shape.rect(id);
+        let begin = |at: u32, block: u32| at.saturating_sub(block) as usize;
+        let images = band.iter().map(|_| Vec::with_capacity(side as usize)).collect();
+        Part { id, rect, x: begin(region.x, rect.x), y: begin(region.y, rect.y), images }
+    };
+    let mut parts: Vec<Part> = (region.x / side..(region.x + region.width).div_ceil(side)).map(part).collect();
+    for (i, image) in band.into_iter().enumerate() {
+        for mut row in image.chunks_exact_mut(region.width as usize) {
+            for part in &mut parts {
                 let end = (part.rect.x + part.rect.width).min(region.x + region.width);
                 let (these, rest) = row.split_at_mut((end - part.rect.x.max(region.x)) as usize);
                 part.images[i].push(these);
@@ -157,7 +204,7 @@ fn for_each_part(
             }
         }
     }
-    parts.par_iter_mut().try_for_each(&work)
+    parts
 }
 
 #[cfg(test)]
@@ -206,12 +253,13 @@ mod tests {
         let shape = MatrixShape::new(29, 22, 3, 8).unwrap();
         let source = Source(shape);
         let lighting = |a: f32| Lighting::new(vec![[a, 1.0, 0.5], [0.0, a, 2.0], [-1.0, 0.25, a]]).unwrap();
-        let lightings = [lighting(1.0), lighting(3.0)];
+        // More than are worked on at once, and not a whole number of pairs.
+        let lightings: Vec<Lighting> = (0..19).map(|i| lighting(1.0 + i as f32 / 7.0)).collect();
         let relighter = CpuRelighter::load(&source).unwrap();
         let raw = super::super::relight_raw(&source, &lightings).unwrap();
         for (x, y, width, height) in [(0, 0, 29, 22), (3, 9, 13, 11), (8, 8, 8, 8), (28, 21, 1, 1), (5, 0, 1, 22)] {
             let region = PixelRect { x, y, width, height };
-            let mut pixels = [vec![[9.0; 3]; 2 * region.pixels()], vec![], vec![]];
+            let mut pixels = [vec![[9.0; 3]; lightings.len() * region.pixels()], vec![], vec![]];
             pixels[1] = pixels[0].clone();
             pixels[2] = pixels[0].clone();
             relighter.relight_region(&lightings, region, &mut pixels[0]).unwrap();

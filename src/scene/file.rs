@@ -4,9 +4,11 @@
 
 use std::path::Path;
 
+use glam::Mat3;
 use serde::Deserialize;
 
 use super::names;
+use super::photometry::Photometry;
 use crate::error::{Error, Result};
 
 /// A scene file.
@@ -116,6 +118,17 @@ pub(super) struct LightEntry {
     pub(super) turn_degrees: Option<f32>,
     pub(super) mapping: Option<MappingEntry>,
     pub(super) map: Option<String>,
+    /// What stands for `file`, `direction` and `turn_degrees` of a luminaire that a glTF file brings.
+    #[serde(skip)]
+    pub(super) luminaire: Option<Luminaire>,
+}
+
+/// A measured luminaire and how it hangs.
+#[derive(Clone, Debug)]
+pub(super) struct Luminaire {
+    pub(super) photometry: Photometry,
+    /// The nadir is −z, and the plane of 0° holds +x.
+    pub(super) world_from_luminaire: Mat3,
 }
 
 /// `[[material]]`: what overrides the MTL file.

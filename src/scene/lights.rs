@@ -6,20 +6,18 @@ use std::path::Path;
 use glam::{Mat3, Quat, Vec3};
 
 use super::assembly::{Assembly, Panel};
-use super::file::{LightEntry, LightEntryKind, MappingEntry, SideEntry};
+use super::file::{LightEntry, LightEntryKind, Luminaire, MappingEntry, SideEntry};
 use super::folders::Folders;
 use super::looks::{Emission, colour};
 use super::memory::Memory;
+use super::photometry::{self, MOST_PHOTOMETRY_BYTES, Photometry};
 use super::rectangle::{self, Corner};
-use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, names, photometry};
+use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, names};
 use crate::error::{Error, Result};
 use crate::files::read_input;
 use crate::image::{LUMENS_PER_WATT, image_facts, read_image};
 use crate::light::names::fits;
 use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
-
-/// Bytes of a photometric file at most.
-const MOST_PHOTOMETRY_BYTES: u64 = 16 << 20;
 
 /// Half angle under which the sun is seen from the earth, in degrees.
 const SUN_RADIUS_DEGREES: f32 = 0.2665;
@@ -289,6 +287,14 @@ impl Lights<'_> {
         Ok(())
     }
 
+    /// What the photometric file of an entry says.
+    fn photometry(&self, entry: &LightEntry, place: &str) -> Result<Photometry> {
+        let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
+        let path = self.folders.find(file, place)?;
+        let text = read_input(&path, "read the photometric file", MOST_PHOTOMETRY_BYTES)?;
+        photometry::parse(&path, &String::from_utf8_lossy(&text))
+    }
+
     fn point_like(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
         let position = || point(required(entry.position, "position", place)?, "position", place);
         let default_direction = [0.0, -1.0, 0.0];
@@ -308,15 +314,17 @@ impl Lights<'_> {
                 ("spot", PointEmitter::Spot { position: position()?, direction, inner_radians, outer_radians })
             }
             LightEntryKind::Ies => {
-                let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
-                let path = self.folders.find(file, place)?;
-                let text = read_input(&path, "read the photometric file", MOST_PHOTOMETRY_BYTES)?;
-                let photometry = photometry::parse(&path, &String::from_utf8_lossy(&text))?;
+                let Luminaire { photometry, world_from_luminaire } = match &entry.luminaire {
+                    Some(luminaire) => luminaire.clone(),
+                    None => {
+                        let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
+                        let photometry = self.photometry(entry, place)?;
+                        Luminaire { photometry, world_from_luminaire: hung(axis()?, turn) }
+                    }
+                };
                 if entry.emission.is_none() {
                     emission = [photometry.peak_candela / LUMENS_PER_WATT; 3];
                 }
-                let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
-                let world_from_luminaire = hung(axis()?, turn);
                 let profile = photometry.profile;
                 ("ies", PointEmitter::Ies { position: position()?, world_from_luminaire, profile })
             }

@@ -55,12 +55,7 @@ pub struct LoadOptions {
 /// Those of [`load`]; [`Error::Resources`] where the memory is too small.
 pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
     let Unchecked { scene, settings, mut warnings, .. } = put_together(path, &options)?;
-    if is_gltf(path) && scene.emitters.is_empty() {
-        let hint = "give a material emission or add a lamp (KHR_lights_punctual), or name the file as geometry of a \
-            scene file with [[light]] entries";
-        return Err(Error::input(path.display().to_string(), "has no light", hint));
-    }
-    warnings.extend(validate(&scene)?);
+    warnings.extend(check_whole(path, &scene)?);
     // Tracing and compressing hold whole blocks, one for each worker.
     let block_bytes = u64::from(settings.block_side).pow(2) * 3 * 4 * scene.basis.column_count() as u64;
     if block_bytes > LARGE_BLOCK_BYTES {
@@ -71,6 +66,16 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
         ));
     }
     Ok(LoadedScene::new(scene, settings, warnings))
+}
+
+/// As [`validate`]; of a glTF file without light it says what its users do.
+pub(super) fn check_whole(path: &Path, scene: &Scene) -> Result<Vec<String>> {
+    if is_gltf(path) && scene.emitters.is_empty() {
+        let hint = "give a material emission or add a lamp (KHR_lights_punctual), or name the file as geometry of a \
+            scene file with [[light]] entries";
+        return Err(Error::input(path.display().to_string(), "has no light", hint));
+    }
+    validate(scene)
 }
 
 /// The scene, the cameras of a glTF file and the warnings, without the checks of the whole.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::load::{self, LoadOptions};
-use super::{Material, Scene, Surface, validate};
+use super::{Material, Scene, Surface};
 use crate::error::Result;
 
 /// A scene file or a glTF file, looked into. Unlike a scene that is loaded, it may have no light.
@@ -27,7 +27,7 @@ pub struct Survey {
 /// Those of [`load_with`](super::load_with), but that a scene without light is described.
 pub fn survey(path: &Path, options: &LoadOptions) -> Result<Survey> {
     let (scene, cameras, mut warnings) = load::unchecked(path, options)?;
-    let refused = match validate(&scene) {
+    let refused = match load::check_whole(path, &scene) {
         Ok(more) => {
             warnings.extend(more);
             None

@@ -3,7 +3,7 @@
 use std::f32::consts::{FRAC_1_SQRT_2, PI};
 
 use glam::{Vec2, Vec3};
-use ltm::light::LightUnit;
+use ltm::light::{LightKind, LightUnit};
 use ltm::matrix::{MatrixShape, TracedBlock};
 use ltm::scene::{Emitter, LoadOptions, LoadedScene, Paint, PointEmitter, Scene, Surface, load, load_with};
 use ltm::trace::{TraceSettings, Tracer};
@@ -27,6 +27,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("textures_lie_as_the_file_says", textures_lie_as_the_file_says),
     ("masks_cut_out_at_their_own_threshold", masks_cut_out),
     ("lamps_are_watts_by_683_lumens", lamps_are_watts),
+    ("luminaires_hang_as_their_nodes_do", luminaires_hang),
     ("cameras_are_chosen_by_name", cameras_are_chosen),
     ("vertex_colours_are_the_base_colour", vertex_colours),
     ("what_is_not_used_is_said", what_is_not_used_is_said),
@@ -480,6 +481,56 @@ fn lamps_are_watts() {
     assert_eq!(*angular_radius_radians, 0.0);
 }
 
+/// A luminaire of type C: 358 cd at the nadir, half of that at 45° in the plane of 0°, none elsewhere at the side.
+pub(super) const IES: &str = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 5 1 2 0 0 0\n1 1 10\n0 45 90\n0 90 180 270 360\n\
+    358 179 0\n358 0 0\n358 0 0\n358 0 0\n358 179 0\n";
+
+fn luminaires_hang() {
+    let mut file = room();
+    // By URI and in a buffer view, as the extension has them.
+    let view = file.view(IES.as_bytes());
+    let profiles = json!([{ "uri": "web.ies" }, { "bufferView": view, "mimeType": "application/x-ies-lm-63" }]);
+    file.json["extensions"] = json!({ "EXT_lights_ies": { "lights": profiles } });
+    file.uses("EXT_lights_ies");
+    let hangs = |light: u32, more: Value| {
+        let mut stated = more;
+        stated["light"] = json!(light);
+        json!({ "EXT_lights_ies": stated })
+    };
+    file.root(json!({ "name": "straight", "translation": [1.0, 2.0, 3.0], "extensions": hangs(0, json!({})) }));
+    // A quarter turn about x takes −z down; the scale changes nothing.
+    let down = json!([-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2]);
+    let tinted = json!({ "multiplier": 3.0, "color": [1.0, 0.5, 0.0] });
+    file.root(json!({ "name": "down", "rotation": down, "scale": [2.0, 5.0, 3.0], "extensions": hangs(1, tinted) }));
+    let folder = Folder::new().with("web.ies", IES).with("room.glb", file.to_glb());
+    let loaded = load(&folder.path("room.glb")).unwrap();
+    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    let light = |name: &str| loaded.scene.basis.find(name).unwrap_or_else(|| panic!("no '{name}'"));
+    assert_eq!((light("straight").kind, light("straight").unit), (LightKind::Ies, LightUnit::Intensity));
+    // 358 cd at 179 lm/W.
+    near(light("straight").emission, [2.0; 3]);
+    near(light("down").emission, [6.0, 3.0, 0.0]);
+    let luminaires: Vec<_> = loaded
+        .scene
+        .emitters
+        .iter()
+        .filter_map(|e| match e {
+            Emitter::Point(PointEmitter::Ies { position, world_from_luminaire, .. }) => {
+                Some((*position, *world_from_luminaire))
+            }
+            _ => None,
+        })
+        .collect();
+    let [(at, straight), (_, down)] = luminaires[..] else { panic!("{luminaires:?}") };
+    near(at, [1.0, 2.0, 3.0]);
+    // Untransformed, the nadir is −z and the plane of 0° holds +x.
+    near(straight * Vec3::NEG_Z, Vec3::NEG_Z);
+    near(straight * Vec3::X, Vec3::X);
+    near(down * Vec3::NEG_Z, Vec3::NEG_Y);
+    near(down * Vec3::X, Vec3::X);
+    assert!((down.determinant() - 1.0).abs() < 1e-5);
+}
+
 fn cameras_are_chosen() {
     let mut file = room();
     let lens = json!({ "yfov": 1.0, "znear": 0.1, "aspectRatio": 2.0 });
@@ -568,11 +619,9 @@ fn what_is_not_used_is_said() {
     file.json["materials"][0]["alphaMode"] = json!("BLEND");
     file.uses("KHR_materials_sheen");
     let warnings = of(&file).unwrap().warnings;
-    for extension in ["EXT_lights_ies", "EXT_lights_image_based"] {
-        file.uses(extension);
-    }
+    file.uses("EXT_lights_image_based");
     let warnings_of_lights = of(&file).unwrap().warnings;
-    assert!(warnings_of_lights.iter().any(|w| w.contains("EXT_lights_ies, EXT_lights_image_based")));
+    assert!(warnings_of_lights.iter().any(|w| w.contains("EXT_lights_image_based")));
     for words in ["KHR_materials_sheen", "normal maps", "average", "alpha blending"] {
         assert!(warnings.iter().any(|w| w.contains(words)), "{words}: {warnings:?}");
     }

@@ -1,7 +1,7 @@
 //! glTF files that are refused, each with one line that names the file and what is wrong.
 
 use ltm::Error;
-use ltm::scene::{LoadOptions, load, load_with};
+use ltm::scene::{LoadOptions, load, load_with, survey};
 use serde_json::{Value, json};
 
 use super::Folder;
@@ -137,7 +137,38 @@ fn bad_nodes() {
     assert!(load(&folder.path("room.glb")).is_ok());
     refused(lens(4.0), &["camera 'eye'", "field of view"]);
     refused(changed(|f| f.json["nodes"][2]["scale"] = json!([0.0, 0.0, 0.0])), &["camera 'eye'", "no direction"]);
-    refused(changed(|f| f.json["materials"][1]["emissiveFactor"] = json!([0.0, 0.0, 0.0])), &["no light", "[[light]]"]);
+    let dark = changed(|f| f.json["materials"][1]["emissiveFactor"] = json!([0.0, 0.0, 0.0]));
+    let folder = Folder::new().with("room.glb", &dark);
+    let said = survey(&folder.path("room.glb"), &LoadOptions::default()).unwrap().refused.expect("it has no light");
+    assert!(said.contains("emission or add a lamp") && !said.contains("Ke"), "{said}");
+    refused(dark, &["no light", "[[light]]"]);
+    let luminaire = |profile: Value, stated: Value| {
+        changed(|f| {
+            f.json["extensions"] = json!({ "EXT_lights_ies": { "lights": [profile] } });
+            f.uses("EXT_lights_ies");
+            f.root(json!({ "name": "l", "extensions": { "EXT_lights_ies": stated } }));
+        })
+    };
+    let data = json!({ "uri": "data:application/x-ies-lm-63;base64,VElMVD1OT05F" });
+    let first = json!({ "light": 0 });
+    refused(luminaire(data.clone(), first.clone()), &["light profile 0", "numbers"]);
+    refused(luminaire(data.clone(), json!({ "light": 1 })), &["luminaire 'l'", "not there"]);
+    refused(luminaire(data.clone(), json!({ "light": -1 })), &["luminaire 'l'", "no light profile"]);
+    refused(luminaire(data, json!({})), &["luminaire 'l'", "no light profile"]);
+    refused(luminaire(json!({}), first.clone()), &["luminaire 'l'", "without data"]);
+    refused(luminaire(json!({ "bufferView": 99 }), first.clone()), &["luminaire 'l'", "without data"]);
+    refused(luminaire(json!({ "uri": "none.ies" }), first.clone()), &["none.ies", "missing"]);
+    refused(luminaire(json!({ "uri": "../web.ies" }), first), &["not in the folder"]);
+    let good = |stated: Value| {
+        changed(|f| {
+            let view = f.view(super::gltf::IES.as_bytes());
+            f.json["extensions"] = json!({ "EXT_lights_ies": { "lights": [{ "bufferView": view }] } });
+            f.uses("EXT_lights_ies");
+            f.root(json!({ "name": "l", "extensions": { "EXT_lights_ies": stated } }));
+        })
+    };
+    refused(good(json!({ "light": 0, "multiplier": -1.0 })), &["luminaire 'l'", "negative"]);
+    refused(good(json!({ "light": 0, "color": [1.0, 1.0] })), &["luminaire 'l'", "not finite"]);
     let lamp = |light: Value| changed(|f| add_lamp(f, light, json!({ "name": "l" })));
     refused(lamp(json!({ "type": "point", "intensity": -1.0 })), &["lamp 'l'", "negative"]);
     let cones = json!({ "innerConeAngle": 2.0, "outerConeAngle": 1.0 });

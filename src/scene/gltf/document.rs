@@ -17,7 +17,8 @@ pub(super) const MOST_BYTES: u64 = 4 << 30;
 const TREE_BYTES: u64 = 24;
 
 /// Extensions whose meaning is read, or that change nothing here.
-const KNOWN: [&str; 9] = [
+const KNOWN: [&str; 10] = [
+    "EXT_lights_ies",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",

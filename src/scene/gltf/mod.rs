@@ -9,6 +9,7 @@ mod buffers;
 mod cameras;
 mod colours;
 mod document;
+mod ies;
 mod lamps;
 mod materials;
 mod nodes;
@@ -57,10 +58,9 @@ pub(super) fn read(
     let first_material = geometry.materials.len();
     geometry.materials.extend(materials);
     primitives::add(path, &nodes, &buffers, first_material, geometry, memory, warnings)?;
-    Ok(FileExtras {
-        cameras: cameras::of(path, &file.document, &nodes, warnings),
-        lamps: lamps::of(path, &nodes, warnings)?,
-    })
+    let mut lamps = lamps::of(path, &nodes, warnings)?;
+    lamps.extend(ies::of(path, &file.document, &nodes, &buffers, folders)?);
+    Ok(FileExtras { cameras: cameras::of(path, &file.document, &nodes, warnings), lamps })
 }
 
 /// A name from the file as one line of bounded length.

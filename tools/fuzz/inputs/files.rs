@@ -191,10 +191,12 @@ fn read_gltf(bytes: &[u8], folder: &Path) -> bool {
 
 /// The JSON of a small room; its buffer follows in the GLB.
 const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,2,3,4]}],
-"extensionsUsed":["KHR_lights_punctual","KHR_texture_transform"],"extensions":{"KHR_lights_punctual":{"lights":[
-{"type":"spot","intensity":683,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.5}}]}},
+"extensionsUsed":["KHR_lights_punctual","KHR_texture_transform","EXT_lights_ies"],"extensions":{"KHR_lights_punctual":{"lights":[
+{"type":"spot","intensity":683,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.5}}]},
+"EXT_lights_ies":{"lights":[{"bufferView":5,"mimeType":"application/x-ies-lm-63"}]}},
 "nodes":[{"mesh":0,"children":[1],"scale":[1,1,-1]},{"name":"lamp","mesh":1,"translation":[0,2,0],"rotation":[1,0,0,0]},
-{"name":"eye","camera":0,"translation":[0,1,4]},{"name":"spot","translation":[0,2,0],"extensions":{"KHR_lights_punctual":{"light":0}}},
+{"name":"eye","camera":0,"translation":[0,1,4]},{"name":"spot","translation":[0,2,0],"extensions":{"KHR_lights_punctual":{"light":0},
+"EXT_lights_ies":{"light":0,"multiplier":2,"color":[1,0.5,0]}}},
 {"mesh":1,"matrix":[1,0,0,0,0,1,0,0,0,0,1,0,3,1,0,1]}],
 "cameras":[{"type":"perspective","perspective":{"yfov":0.8,"znear":0.1}}],
 "materials":[{"name":"wood","alphaMode":"MASK","pbrMetallicRoughness":{"metallicFactor":0,"baseColorTexture":{"index":0,
@@ -209,7 +211,7 @@ const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0
 "values":{"bufferView":0,"byteOffset":12}}}],
 "bufferViews":[{"buffer":0,"byteLength":48},{"buffer":0,"byteOffset":48,"byteStride":4,"byteLength":16},
 {"buffer":0,"byteOffset":64,"byteLength":12},{"buffer":0,"byteOffset":76,"byteLength":1},
-{"buffer":0,"byteOffset":80,"byteLength":PNG}],"buffers":[{"byteLength":ALL}]}"#;
+{"buffer":0,"byteOffset":80,"byteLength":PNG},{"buffer":0,"byteOffset":WEB,"byteLength":LENGTH}],"buffers":[{"byteLength":ALL}]}"#;
 
 fn gltf_seeds() -> Vec<Vec<u8>> {
     let corners = [[-2.0f32, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, -2.0], [2.0, 0.0, 2.0]];
@@ -219,8 +221,11 @@ fn gltf_seeds() -> Vec<Vec<u8>> {
     bytes.extend([1, 0, 0, 0]);
     let png = png();
     bytes.extend(&png);
+    let web = bytes.len();
+    bytes.extend(IES.as_bytes());
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     let json = GLTF.replace("PNG", &png.len().to_string()).replace("ALL", &bytes.len().to_string());
+    let json = json.replace("WEB", &web.to_string()).replace("LENGTH", &IES.len().to_string());
     // The same with the image beside the file.
     let beside = json.replace(r#""bufferView":4,"mimeType":"image/png""#, r#""uri":"wood.png""#);
     [json, beside]

@@ -1,13 +1,17 @@
 """Measures the package beside the same work in numpy, in one run.
 
     python measure.py [width height lights]
+    python measure.py --slices room.ltm
 
 Renders and packs a built-in room with a ceiling light of lights × lights texels, then relights it. numpy has the whole matrix
-in memory as float32; its product is the matrix times the weights of each channel.
+in memory as float32; its product is the matrix times the weights of each channel. Both write into arrays that are there.
+``--slices`` says what memory slices of a file take, which may be larger than memory.
 """
 
+import re
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -27,34 +31,94 @@ def seconds(work: Callable[[], object]) -> float:
     return min(times)
 
 
-def main() -> None:
-    width, height, texels = (int(argument) for argument in sys.argv[1:4]) if len(sys.argv) > 3 else (256, 192, 16)
+def products(width: int, height: int, texels: int) -> None:
+    """Opening, relighting, the adjoint and a slice, beside numpy."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "room.ltc"
         report = ltm.render(ltm.BuiltIn("mixed", width, height, texels), path, samples=16, pack=True).packed
         print(f"{width} × {height}, {texels**2} texels: {report.raw_bytes} bytes, packed {report.packed_bytes}")
         print(f"open: {1e3 * seconds(lambda: ltm.open(path).close()):.2f} ms")
         with ltm.open(path) as m:
-            columns = m.shape[3]
+            columns, pixels = m.shape[3], height * width
             random = np.random.default_rng(0)
             weights = random.random((256, columns, 3), np.float32)
-            image = m.relight(weights[0])
+            images = np.empty((256, *m.shape[:3]), np.float32)
+            sums = np.empty((256, columns, 3), np.float32)
+            m.relight(weights, out=images)
+            # Channels × pixels × columns, and what numpy multiplies it by: channels × columns × images.
             whole = np.ascontiguousarray(m.to_numpy().reshape(-1, 3, columns).transpose(1, 0, 2))
-            planes = np.ascontiguousarray(image.reshape(-1, 3).T)
-            rows = [
-                ("relight", lambda: m.relight(weights[0]), lambda: [whole[c] @ weights[0, :, c] for c in range(3)]),
-                ("adjoint", lambda: m.adjoint(image), lambda: [planes[c] @ whole[c] for c in range(3)]),
-            ]
-            for k in (16, 256):
-                batch = weights[:k]
-                own = [np.ascontiguousarray(batch[..., c].T) for c in range(3)]
+            lightings = np.ascontiguousarray(weights.transpose(2, 1, 0))
+            planes = np.ascontiguousarray(images[:16].reshape(16, -1, 3).transpose(2, 0, 1))
+            target = np.empty((3, pixels, 256), np.float32)
+            rows: list[tuple[str, Callable[[], object], Callable[[], object]]] = []
+            for k in (1, 16, 256):
+                own, out = np.ascontiguousarray(lightings[..., :k]), np.ascontiguousarray(target[..., :k])
                 rows.append(
-                    (f"{k} images", lambda b=batch: m.relight(b), lambda o=own: [whole[c] @ o[c] for c in range(3)])
+                    (
+                        f"relight, {k} images",
+                        lambda k=k: m.relight(weights[:k], out=images[:k]),
+                        lambda own=own, out=out: np.matmul(whole, own, out=out),
+                    )
+                )
+            for k in (1, 16):
+                own = np.ascontiguousarray(planes[:, :k])
+                rows.append(
+                    (
+                        f"adjoint, {k} images",
+                        lambda k=k: m.adjoint(images[:k], out=sums[:k]),
+                        lambda own=own: np.matmul(own, whole),
+                    )
                 )
             rows.append(("one column", lambda: m[..., columns // 2], lambda: whole[..., columns // 2].copy()))
+            rows.append(("one pixel", lambda: m[height // 2, 7], lambda: whole[:, height // 2 * width + 7].copy()))
             for name, ours, numpys in rows:
                 a, b = seconds(ours), seconds(numpys)
                 print(f"{name}: {1e3 * a:.2f} ms, numpy {1e3 * b:.2f} ms, ratio {b / a:.2f}")
+            # Writing the pixels is what no product can be faster than.
+            print(f"256 images filled: {1e3 * seconds(lambda: images.fill(1)):.2f} ms")
+
+
+def status(name: str) -> float:
+    """A figure of the process in MiB, as Linux has it."""
+    return int(re.search(rf"{name}:\s+(\d+)", Path("/proc/self/status").read_text())[1]) / 1024
+
+
+def slices(path: str) -> None:
+    """The peak of resident memory, anonymous and with what is mapped, of slices of a file."""
+    with ltm.open(path) as m:
+        height, width, _, columns = m.shape
+        print(f"{path}: {height} × {width} × 3 × {columns}, {m.nbytes / 2**30:.1f} GiB")
+        cases: list[tuple[str, Callable[[], object]]] = [
+            ("one column", lambda: m[..., columns // 2]),
+            ("one row of pixels, one channel", lambda: m[height // 2, :, 1]),
+            ("a square of 100 × 100 pixels, 64 columns", lambda: m[100:200, 100:200, :, :64]),
+            ("40 blocks", lambda: [None for _ in zip(range(40), m.iter_blocks(), strict=False)]),
+        ]
+        for name, work in cases:
+            before, peaks, done = (status("RssAnon"), status("VmRSS")), [0.0, 0.0], threading.Event()
+
+            def watch(peaks: list[float] = peaks, done: threading.Event = done) -> None:
+                while not done.wait(0.001):
+                    peaks[:] = max(peaks[0], status("RssAnon")), max(peaks[1], status("VmRSS"))
+
+            thread = threading.Thread(target=watch)
+            thread.start()
+            begun = time.perf_counter()
+            work()
+            took = time.perf_counter() - begun
+            done.set()
+            thread.join()
+            print(
+                f"{name}: {took:.2f} s, peak {peaks[0]:.0f} MiB anonymous (before {before[0]:.0f}), "
+                f"{peaks[1]:.0f} MiB resident (before {before[1]:.0f})"
+            )
+
+
+def main() -> None:
+    if sys.argv[1:2] == ["--slices"]:
+        return slices(sys.argv[2])
+    width, height, texels = (int(argument) for argument in sys.argv[1:4]) if len(sys.argv) > 3 else (256, 192, 16)
+    products(width, height, texels)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ mod _ltm {
     #[pymodule_export]
     use super::errors::{DamagedError, NoGpuError};
     #[pymodule_export]
-    use super::make::{merge, pack_array, pack_store, render, verify, write_array};
+    use super::make::{merge, pack_array, pack_store, render, verify, write_array, write_basis};
     #[pymodule_export]
     use super::matrix::Native;
 

@@ -29,6 +29,7 @@ pub(crate) struct PackChoices {
     rank: Option<usize>,
     keep_noise: bool,
     denoise: bool,
+    basis: Option<PathBuf>,
     overwrite: bool,
     memory_bytes: Option<u64>,
 }
@@ -37,6 +38,7 @@ impl PackChoices {
     fn options(&self) -> Result<PackOptions> {
         let mut options = PackOptions {
             denoise: self.denoise && !self.keep_noise,
+            basis: self.basis.clone(),
             memory_bytes: self.memory_bytes,
             ..PackOptions::default()
         };
@@ -198,6 +200,18 @@ pub(crate) fn pack_store<'py>(
     pack_report(py, &report)
 }
 
+/// Writes the images that cleaning works on, with what their pixels show, as one OpenEXR file; says how many.
+#[pyfunction]
+pub(crate) fn write_basis(
+    py: Python<'_>,
+    matrix: PathBuf,
+    path: PathBuf,
+    memory_bytes: Option<u64>,
+    progress: Option<Bound<'_, PyAny>>,
+) -> PyResult<usize> {
+    run(py, progress.as_ref(), |watch| pipeline::write_basis(&StoreReader::open(&matrix)?, &path, memory_bytes, watch))
+}
+
 /// A scene file, or a built-in scene: name, width, height, texels.
 #[derive(FromPyObject)]
 pub(crate) enum SceneChoice {
@@ -206,34 +220,45 @@ pub(crate) enum SceneChoice {
 }
 
 impl SceneChoice {
-    fn load(self, memory_bytes: Option<u64>) -> Result<LoadedScene> {
+    fn load(self, options: LoadOptions) -> Result<LoadedScene> {
         match self {
             Self::BuiltIn((name, width, height, texels)) => BuiltIn { width, height, texels }.named(&name),
-            Self::File(path) => pipeline::load_scene(&path, LoadOptions { memory_bytes, ..Default::default() }),
+            Self::File(path) => pipeline::load_scene(&path, options),
         }
     }
 }
 
+/// How a scene is rendered, as Python gives it; none: as the scene says.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct RenderChoices {
+    samples: Option<u32>,
+    /// Width and height.
+    size: Option<(u32, u32)>,
+    seed: Option<u64>,
+    block_side: Option<u32>,
+    camera: Option<String>,
+    allow_missing: bool,
+    allow_outside: bool,
+    overwrite: bool,
+    memory_bytes: Option<u64>,
+}
+
 /// Renders a scene into a stored matrix or, with `pack`, into a container.
 #[pyfunction]
-#[pyo3(signature = (scene, path, samples, size, seed, block_side, pack, overwrite, memory_bytes, progress))]
-#[allow(clippy::too_many_arguments, reason = "Python's layer passes what its users chose")]
 pub(crate) fn render<'py>(
     py: Python<'py>,
     scene: SceneChoice,
     path: PathBuf,
-    samples: Option<u32>,
-    size: Option<(u32, u32)>,
-    seed: Option<u64>,
-    block_side: Option<u32>,
+    choices: RenderChoices,
     pack: Option<PackChoices>,
-    overwrite: bool,
-    memory_bytes: Option<u64>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let pack = pack.map(|choices| choices.options()).transpose().map_err(|error| exception(&error))?;
+    let RenderChoices { samples, size, seed, block_side, camera, allow_missing, allow_outside, .. } = choices;
+    let RenderChoices { overwrite, memory_bytes, .. } = choices;
     let (render, packed) = run(py, progress.as_ref(), |watch| {
-        let mut loaded = scene.load(memory_bytes)?;
+        let mut loaded = scene.load(LoadOptions { allow_missing, allow_outside, memory_bytes, camera })?;
         loaded.warnings.iter().for_each(|line| watch.note(line));
         if let Some((width, height)) = size {
             loaded = loaded.sized(width, height);

@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 use ltm::container::ContainerReader;
 use ltm::host::{budget_bytes, hold_to_memory};
-use ltm::image::LinearImage;
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape, PixelRect};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
@@ -95,12 +94,12 @@ impl Opened {
         })
     }
 
-    fn adjoint(&self, image: &LinearImage) -> Result<Vec<[f64; CHANNELS]>> {
+    fn adjoint(&self, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
         let relighter = self.relighter()?;
         on_pool(|| match (&self.source, relighter) {
-            (_, Some(relighter)) => relighter.adjoint(image),
-            (Source::Container(container), None) => adjoint_streaming(container, image),
-            (Source::Matrix(matrix), None) => adjoint_raw(matrix, image),
+            (_, Some(relighter)) => relighter.adjoint(images),
+            (Source::Container(container), None) => adjoint_streaming(container, images),
+            (Source::Matrix(matrix), None) => adjoint_raw(matrix, images),
         })
     }
 }
@@ -270,24 +269,18 @@ impl Native {
         unlocked(py, || opened.relight(&lightings, PixelRect { x, y, width, height }, pixels))
     }
 
-    /// `Tᵀ x` of an image (height × width × 3): columns × 3.
+    /// `Tᵀ x` of images (height × width × 3 each, one after the other): images × columns × 3.
     fn adjoint<'py>(
         &self,
         py: Python<'py>,
-        image: PyReadonlyArrayDyn<'py, f32>,
+        images: PyReadonlyArrayDyn<'py, f32>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let opened = self.opened()?;
-        let shape = opened.source.shape();
-        let (pixels, _) = contiguous(&image)?.as_chunks::<CHANNELS>();
-        if pixels.len() as u64 * CHANNELS as u64 != shape.rows() {
-            return Err(PyValueError::new_err("the image has another size than the matrix"));
-        }
-        let sums = unlocked(py, || {
-            let image = LinearImage { width: shape.width(), height: shape.height(), pixels: pixels.to_vec() };
-            opened.adjoint(&image)
-        })?;
-        let sums = sums.as_flattened().iter().map(|&sum| sum as f32).collect();
-        PyArray1::from_vec(py, sums).reshape(vec![shape.columns(), CHANNELS])
+        let (pixels, _) = contiguous(&images)?.as_chunks::<CHANNELS>();
+        let sums = unlocked(py, || opened.adjoint(pixels))?;
+        let columns = opened.source.shape().columns();
+        let shape = vec![sums.len() / columns, columns, CHANNELS];
+        PyArray1::from_vec(py, sums.as_flattened().iter().map(|&sum| sum as f32).collect()).reshape(shape)
     }
 
     /// The lightings of a look file, its own first: names and columns × 3 weights.

@@ -46,6 +46,85 @@ def test_arrays_of_any_kind_and_iterators_pack_alike(images, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.ltc", "b.ltc", "c.ltc", "d.ltc", "e.ltc", "e.ltm"]
 
 
+def test_blocks_from_an_iterator_pack_as_the_array_does(images, tmp_path):
+    ltm.pack(images, tmp_path / "a.ltc", target="50dB")
+    size = (HEIGHT, WIDTH)
+
+    def blocks(side):
+        places = [(y, x) for y in range(0, HEIGHT, side) for x in range(0, WIDTH, side)]
+        for y, x in reversed(places):
+            yield (y, x), images[:, y : y + side, x : x + side].transpose(1, 2, 3, 0)
+
+    ltm.pack(blocks(20), tmp_path / "b.ltc", target="50dB", size=size)
+    assert (tmp_path / "b.ltc").read_bytes() == (tmp_path / "a.ltc").read_bytes()
+    ltm.write(blocks(7), tmp_path / "c.ltm", size=size)
+    with ltm.open(tmp_path / "c.ltm") as m:
+        np.testing.assert_array_equal(m[...], images.transpose(1, 2, 3, 0))
+        # A matrix changed block by block.
+        dimmed = ((block, entries * 0.5) for block, entries in m.iter_blocks())
+        ltm.write(dimmed, tmp_path / "d.ltm", size=size, lights=list(m.lights))
+        with ltm.open(tmp_path / "d.ltm") as d:
+            np.testing.assert_array_equal(d[...], m[...] * 0.5)
+    for bad, text in [
+        (list(blocks(20))[1:], "none"),
+        ([*blocks(20), *blocks(20)], "another block"),
+        ([((0, 40), np.ones((20, 20, 3, 2)))], "beyond"),
+        ([((-1, 0), np.ones((20, 20, 3, 2)))], "beyond"),
+        ([((0, 0), np.ones((20, 20, 3)))], "shape"),
+        ([((0, 0), np.ones((37, 20, 3, 2))), ((0, 20), np.ones((37, 30, 3, 3)))], "columns"),
+        ([], "none"),
+    ]:
+        with pytest.raises(ValueError, match=text):
+            ltm.pack(iter(bad), tmp_path / "bad.ltc", size=size)
+    with pytest.raises(ValueError, match="size"):
+        ltm.pack(images, tmp_path / "bad.ltc", size=size)
+    with pytest.raises(ValueError, match="size"):
+        ltm.pack(tmp_path / "c.ltm", tmp_path / "bad.ltc", size=size)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.ltc", "b.ltc", "c.ltm", "d.ltm"]
+
+
+def test_images_can_be_cleaned_elsewhere(tmp_path):
+    ltm.render(ROOM, tmp_path / "a.ltm", samples=8, block_side=16)
+    count = ltm.write_basis(tmp_path / "a.ltm", tmp_path / "b.exr")
+    assert count >= 1 and (tmp_path / "b.exr").stat().st_size > 0
+    with pytest.raises(FileExistsError):
+        ltm.write_basis(tmp_path / "a.ltm", tmp_path / "b.exr")
+    ltm.pack(tmp_path / "a.ltm", tmp_path / "own.ltc")
+    ltm.pack(tmp_path / "a.ltm", tmp_path / "given.ltc", basis=tmp_path / "b.exr")
+    ltm.pack(tmp_path / "a.ltm", tmp_path / "raw.ltc", denoise=False)
+    with ltm.open(tmp_path / "own.ltc") as own, ltm.open(tmp_path / "given.ltc") as given:
+        with ltm.open(tmp_path / "raw.ltc") as raw:
+            # The images that were not cleaned at all are not those of our own cleaning.
+            a, b, c = (m.relight(m.scene_weights) for m in (own, given, raw))
+            assert not np.array_equal(a, b) and not np.array_equal(a, c)
+    with pytest.raises(FileNotFoundError, match="none.exr"):
+        ltm.pack(tmp_path / "a.ltm", tmp_path / "c.ltc", basis=tmp_path / "none.exr")
+    ltm.write(np.ones((2, 8, 8, 3)), tmp_path / "plain.ltm")
+    with pytest.raises(ValueError, match="samples"):
+        ltm.write_basis(tmp_path / "plain.ltm", tmp_path / "c.exr")
+
+
+OBJ = "mtllib room.mtl\nv -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv -1 2 -1\nv 1 2 -1\nv 1 2 1\nv -1 2 1\n"
+OBJ += "usemtl floor\nf 4 3 2 1\nusemtl lamp\nf 5 6 7 8\n"
+
+
+def test_files_of_strangers_are_read_on_demand_only(tmp_path):
+    geometry = tmp_path / "elsewhere"
+    geometry.mkdir()
+    (geometry / "room.obj").write_text(OBJ)
+    (geometry / "room.mtl").write_text("newmtl floor\nKd 0.5 0.5 0.5\nnewmtl lamp\nKe 1 1 1\n")
+    scene = tmp_path / "scene"
+    scene.mkdir()
+    (scene / "room.toml").write_text(
+        f'geometry = ["{geometry}/room.obj"]\n[camera]\neye = [0, 1, 3]\nlook_at = [0, 1, 0]\nwidth = 8\nheight = 8\n'
+    )
+    with pytest.raises(ValueError, match="allow-outside"):
+        ltm.render(scene / "room.toml", tmp_path / "a.ltm", samples=1)
+    ltm.render(scene / "room.toml", tmp_path / "a.ltm", samples=1, allow_outside=True)
+    with pytest.raises(ValueError, match="camera"):
+        ltm.render(scene / "room.toml", tmp_path / "b.ltm", camera="door", allow_outside=True)
+
+
 def test_lights_of_a_matrix_are_given_on(container_path, images, tmp_path):
     with ltm.open(container_path) as m:
         ltm.write(images, tmp_path / "a.ltm", lights=list(m.lights))

@@ -49,6 +49,37 @@ def test_batches_regions_and_targets(m, random):
     assert m.relight(np.zeros((0, COLUMNS, 3))).shape == (0, HEIGHT, WIDTH, 3)
 
 
+@pytest.mark.parametrize("memory", [None, 1000])
+def test_a_batch_is_its_images_one_by_one(path, random, memory):
+    # More than are worked on at once, and an odd number of them.
+    weights = random.uniform(-1, 2, (19, COLUMNS, 3)).astype(np.float32)
+    x = random.normal(size=(3, HEIGHT, WIDTH, 3)).astype(np.float32)
+    with ltm.open(path, memory=memory) as m:
+        for image, w in zip(m.relight(weights), weights, strict=True):
+            np.testing.assert_array_equal(image, m.relight(w))
+        sums = m.adjoint(x)
+        assert sums.shape == (3, COLUMNS, 3)
+        for of_image, image in zip(sums, x, strict=True):
+            np.testing.assert_array_equal(of_image, m.adjoint(image))
+        out = np.zeros((3, COLUMNS, 3), np.float32)
+        assert m.adjoint(x, out=out) is out
+        np.testing.assert_array_equal(out, sums)
+        assert m.adjoint(x[:0]).shape == (0, COLUMNS, 3)
+
+
+def test_black_blocks_have_no_products(images, tmp_path):
+    dark = images.copy()
+    dark[:, :16, :16] = 0
+    ltm.write(dark, tmp_path / "a.ltm", block_side=16)
+    ltm.pack(dark, tmp_path / "a.ltc", block_side=16)
+    x = np.zeros((HEIGHT, WIDTH, 3))
+    x[:16, :16] = 1
+    for name in ("a.ltm", "a.ltc"):
+        with ltm.open(tmp_path / name) as m:
+            assert (m.adjoint(x) == 0).all() and (m.adjoint(np.array([x, x])) == 0).all()
+            assert (m.relight(np.ones((2, COLUMNS, 3)))[:, :16, :16] == 0).all()
+
+
 def test_weights_by_name_and_glob(m):
     weights = m.weights({"*": 0.5, "lamp *": [1, 2, 3], "lamp 2": 4.0, "sky": np.arange(6)})
     assert weights.shape == (COLUMNS, 3)
@@ -128,9 +159,13 @@ def test_inputs_that_do_not_fit_are_refused(m):
         m.relight(good, roi=np.s_[::2, :])
     with pytest.raises(ValueError, match="image"):
         m.adjoint(image[1:])
+    with pytest.raises(ValueError, match="image"):
+        m.adjoint(np.ones((1, 1, HEIGHT, WIDTH, 3)))
     image[3, 7, 1] = np.inf
-    with pytest.raises(ValueError, match="pixel 7, 3"):
+    with pytest.raises(ValueError, match="image 0, pixel 7, 3"):
         m.adjoint(image)
+    with pytest.raises(ValueError, match="image 1, pixel 7, 3"):
+        m.adjoint(np.array([np.ones_like(image), image]))
     with pytest.raises(ltm.NoGpuError):
         m.relight(good, device="gpu")
     with pytest.raises(ValueError, match="device"):

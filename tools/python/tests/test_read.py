@@ -157,6 +157,13 @@ def test_numpy_makes_an_array_of_small_matrices_only(m, monkeypatch):
     assert m.to_numpy().shape == m.shape
 
 
+def test_other_libraries_take_the_entries_by_dlpack(m, monkeypatch):
+    np.testing.assert_array_equal(np.from_dlpack(m), m[...])
+    monkeypatch.setattr("ltm._matrix.ASARRAY_BYTES", 1000)
+    with pytest.raises(MemoryError, match="to_numpy"):
+        np.from_dlpack(m)
+
+
 def test_a_slice_stays_within_the_memory(path):
     with ltm.open(path, memory=1000) as m, pytest.raises(MemoryError):
         m[...]

@@ -14,7 +14,7 @@ Images are linear Rec. 709, rows from the top. A column's weight is in the unit 
 
 from ._lights import Light, Lights
 from ._ltm import BUILT_IN_SCENES, DamagedError, NoGpuError, __version__
-from ._make import BuiltIn, PackReport, RenderReport, Verified, info, merge, pack, render, verify, write
+from ._make import BuiltIn, PackReport, RenderReport, Verified, info, merge, pack, render, verify, write, write_basis
 from ._matrix import Block, Blocks, Look, Matrix, open
 
 __all__ = [
@@ -39,4 +39,5 @@ __all__ = [
     "render",
     "verify",
     "write",
+    "write_basis",
 ]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from . import _ltm
 from ._lights import Light, light_tuples, real_array
-from ._matrix import Matrix, open
+from ._matrix import Block, Matrix, open
 
 _Path = str | os.PathLike[str]
 #: Called with the stage, what is done of it and how much that is in all; True: a bar of tqdm.
@@ -114,7 +114,13 @@ def _output(path: _Path, overwrite: bool) -> str:
 
 
 def _choices(
-    target: str | None, rank: int | None, keep_noise: bool, denoise: bool, overwrite: bool, memory: int | None
+    target: str | None,
+    rank: int | None,
+    keep_noise: bool,
+    denoise: bool,
+    basis: _Path | None,
+    overwrite: bool,
+    memory: int | None,
 ) -> dict[str, Any]:
     if target is not None and not isinstance(target, str):
         raise TypeError("target: is text, as '45dB', '0.01' or '2MiB'")
@@ -123,40 +129,73 @@ def _choices(
         "rank": rank,
         "keep_noise": keep_noise,
         "denoise": denoise,
+        "basis": basis,
         "overwrite": overwrite,
         "memory_bytes": memory,
     }
 
 
-def _images(images: Any, folder: str) -> tuple[NDArray[np.float32], Any]:
+def _images(images: Any, size: tuple[int, int] | None, folder: str) -> tuple[NDArray[np.float32], Any]:
     """Images as one array in C order, those of an iterator in a file beside the output."""
     if isinstance(images, (np.ndarray, Sequence)) or hasattr(images, "__array__"):
+        if size is not None:
+            raise ValueError("size: is for blocks from an iterator; an array has its own")
         array = real_array(images, "images")
         if array.ndim != 4 or array.shape[3] != 3 or 0 in array.shape:
             raise ValueError(f"images: have the shape {array.shape}, not (lights, height, width, 3)")
         return np.ascontiguousarray(array), None
     if not isinstance(images, Iterable):
         raise TypeError(
-            "images: give an array (lights, height, width, 3), an iterable of images, or the path of a .ltm"
+            "images: give an array (lights, height, width, 3), an iterable of images or blocks, or the path of a .ltm"
         )
     spill = tempfile.TemporaryFile(dir=folder)
     try:
-        count, shape = 0, None
-        for image in images:
-            image = real_array(image, f"image {count}")
-            shape = image.shape if shape is None else shape
-            if image.ndim != 3 or image.shape != shape or shape[2] != 3 or 0 in shape:
-                wanted = shape if count else "(height, width, 3)"
-                raise ValueError(f"image {count}: has the shape {image.shape}, not {wanted}")
-            spill.write(np.ascontiguousarray(image).tobytes())
-            count += 1
-        if shape is None:
-            raise ValueError("images: there are none")
-        spill.flush()
-        return np.memmap(spill, np.float32, "r", shape=(count, *shape)), spill
+        return (_spill_images(images, spill) if size is None else _spill_blocks(images, size, spill)), spill
     except BaseException:
         spill.close()
         raise
+
+
+def _spill_images(images: Iterable[Any], spill: Any) -> NDArray[np.float32]:
+    """Images from an iterator, one a light, as an array in a file."""
+    count, shape = 0, None
+    for image in images:
+        image = real_array(image, f"image {count}")
+        shape = image.shape if shape is None else shape
+        if image.ndim != 3 or image.shape != shape or shape[2] != 3 or 0 in shape:
+            wanted = shape if count else "(height, width, 3)"
+            raise ValueError(f"image {count}: has the shape {image.shape}, not {wanted}")
+        spill.write(np.ascontiguousarray(image).tobytes())
+        count += 1
+    if shape is None:
+        raise ValueError("images: there are none")
+    spill.flush()
+    return np.memmap(spill, np.float32, "r", shape=(count, *shape))
+
+
+def _spill_blocks(blocks: Iterable[Any], size: tuple[int, int], spill: Any) -> NDArray[np.float32]:
+    """Blocks from an iterator, each ((y, x) or a Block, entries (h, w, 3, columns)), as an array in a file."""
+    height, width = size
+    array: NDArray[np.float32] | None = None
+    covered = np.zeros((height, width), bool)
+    for at, entries in blocks:
+        y, x = (at.y, at.x) if isinstance(at, Block) else at
+        entries = real_array(entries, f"block at {y}, {x}")
+        if entries.ndim != 4 or entries.shape[2] != 3 or 0 in entries.shape:
+            raise ValueError(f"block at {y}, {x}: has the shape {entries.shape}, not (height, width, 3, columns)")
+        rows, across, _, columns = entries.shape
+        if array is None:
+            array = np.memmap(spill, np.float32, "w+", shape=(columns, height, width, 3))
+        if columns != array.shape[0]:
+            raise ValueError(f"block at {y}, {x}: has {columns} columns, those before it {array.shape[0]}")
+        place = np.s_[y : y + rows, x : x + across]
+        if y < 0 or x < 0 or y + rows > height or x + across > width or covered[place].any():
+            raise ValueError(f"block at {y}, {x}: reaches beyond the {height} × {width} pixels, or over another block")
+        covered[place] = True
+        array[(slice(None), *place)] = entries.transpose(3, 0, 1, 2)
+    if array is None or not covered.all():
+        raise ValueError(f"blocks: {height * width - int(covered.sum())} pixels are in none")
+    return array
 
 
 def pack(
@@ -168,6 +207,8 @@ def pack(
     rank: int | None = None,
     keep_noise: bool = False,
     denoise: bool = True,
+    basis: _Path | None = None,
+    size: tuple[int, int] | None = None,
     source: str = "array",
     block_side: int = 32,
     overwrite: bool = False,
@@ -177,25 +218,28 @@ def pack(
     """Compresses a matrix into a container (``.ltc``).
 
     ``images``: an array (lights, height, width, 3) of linear radiance, any real dtype and order; an iterable of images
-    (height, width, 3), one a light, which wait in a temporary file beside ``path``; or the path of a stored matrix
-    (``.ltm``). ``lights``: a name for each image, or :class:`Light` for lights of several columns.
+    (height, width, 3), one a light; with ``size`` (height, width) an iterable of blocks, each ``((y, x), entries)`` or as
+    :meth:`Matrix.iter_blocks` gives them, entries (block height, block width, 3, columns), in any order and together all
+    pixels once; or the path of a stored matrix (``.ltm``). What an iterable gives waits in a temporary file beside ``path``.
+    ``lights``: a name for each column, or :class:`Light` for lights of several.
 
     ``target``: "45dB" (PSNR), "0.01" (relative L2 error), "2MiB" (size); None: as near as the noise lets it be of use.
     ``rank``: components of a block at most. ``keep_noise``: follow the matrix through its noise. ``denoise``: clean the
-    images first, where a renderer kept the samples apart. Ctrl-C keeps what is analysed; the same call continues.
+    images first, where a renderer kept the samples apart. ``basis``: images of :func:`write_basis` that another denoiser
+    has cleaned, of a ``.ltm``. Ctrl-C keeps what is analysed; the same call continues.
 
     Entries that are not finite are replaced and counted in the report. Raises ValueError for shapes and names,
     FileExistsError, FileNotFoundError, MemoryError for a budget, KeyboardInterrupt.
     """
     path = _output(path, overwrite)
-    choices = _choices(target, rank, keep_noise, denoise, overwrite, memory)
+    choices = _choices(target, rank, keep_noise, denoise, basis, overwrite, memory)
     if isinstance(images, Matrix):
         images = images.path
     if isinstance(images, (str, os.PathLike)):
-        if lights is not None:
-            raise ValueError("lights: a stored matrix has its own")
+        if lights is not None or size is not None:
+            raise ValueError(f"{'size' if lights is None else 'lights'}: a stored matrix has its own")
         return PackReport(**_ltm.pack_store(images, path, choices, _progress(progress)))
-    array, spill = _images(images, os.path.dirname(path))
+    array, spill = _images(images, size, os.path.dirname(path))
     try:
         tuples = light_tuples(lights, array.shape[0])
         return PackReport(**_ltm.pack_array(array, path, tuples, source, block_side, choices, _progress(progress)))
@@ -209,20 +253,34 @@ def write(
     path: _Path,
     *,
     lights: Sequence[str | Light] | None = None,
+    size: tuple[int, int] | None = None,
     source: str = "array",
     block_side: int = 32,
     overwrite: bool = False,
     progress: Progress = None,
 ) -> None:
-    """Writes a matrix as it is (``.ltm``); ``images`` and ``lights`` as for :func:`pack`. Raises as :func:`pack`."""
+    """Writes a matrix as it is (``.ltm``); ``images``, ``lights`` and ``size`` as for :func:`pack`. Raises as :func:`pack`."""
     path = _output(path, overwrite)
-    array, spill = _images(images, os.path.dirname(path))
+    array, spill = _images(images, size, os.path.dirname(path))
     try:
         tuples = light_tuples(lights, array.shape[0])
         _ltm.write_array(array, path, tuples, source, block_side, overwrite, _progress(progress))
     finally:
         if spill is not None:
             spill.close()
+
+
+def write_basis(
+    matrix: _Path, path: _Path, *, overwrite: bool = False, memory: int | None = None, progress: Progress = None
+) -> int:
+    """Writes the images that cleaning works on, with albedo, normals and depth, of a rendered ``.ltm`` as one OpenEXR file:
+    layers ``basis.00`` onwards. Cleaned by a denoiser of your choice they are ``basis`` of :func:`pack`. Says how many.
+
+    Raises FileExistsError, FileNotFoundError, ValueError for a matrix that does not know its samples, DamagedError,
+    MemoryError, KeyboardInterrupt.
+    """
+    path = _output(path, overwrite)
+    return _ltm.write_basis(os.fspath(matrix), path, memory, _progress(progress))
 
 
 def render(
@@ -233,31 +291,49 @@ def render(
     size: tuple[int, int] | None = None,
     seed: int | None = None,
     block_side: int | None = None,
+    camera: str | None = None,
+    allow_missing: bool = False,
+    allow_outside: bool = False,
     pack: bool = False,
     target: str | None = None,
     rank: int | None = None,
     keep_noise: bool = False,
     denoise: bool = True,
+    basis: _Path | None = None,
     overwrite: bool = False,
     memory: int | None = None,
     progress: Progress = None,
 ) -> RenderReport:
-    """Renders a scene file, or a :class:`BuiltIn` scene, into a matrix (``.ltm``) or, with ``pack``, a container (``.ltc``).
+    """Renders a scene file (``.toml``, ``.glb``, ``.gltf``), or a :class:`BuiltIn` scene, into a matrix (``.ltm``) or, with
+    ``pack``, a container (``.ltc``).
 
-    ``samples``: paths a pixel; ``size``: (height, width) in pixels; what is None is as the scene says. ``target``, ``rank``,
-    ``keep_noise`` and ``denoise`` are those of :func:`pack`. Ctrl-C keeps the finished blocks; the same call continues.
+    ``samples``: paths a pixel; ``size``: (height, width) in pixels; what is None is as the scene says. ``camera``: of a glTF
+    file, by name. ``allow_missing``: textures may be missing. ``allow_outside``: files outside of the scene's folder and of
+    ``LTM_SCENES`` may be read, for scenes whose author you trust. ``target``, ``rank``, ``keep_noise``, ``denoise`` and
+    ``basis`` are those of :func:`pack`. Warnings go to the logger ``ltm``. Ctrl-C keeps the finished blocks; the same call
+    continues.
 
     Raises FileNotFoundError, ValueError for a scene that cannot be used, FileExistsError, MemoryError, KeyboardInterrupt.
     """
     path = _output(path, overwrite)
     if path.lower().endswith(".ltc") != pack:
         raise ValueError(f"{path}: a packed render ends with .ltc and is asked for with pack=True")
-    choices = _choices(target, rank, keep_noise, denoise, overwrite, memory) if pack else None
+    packing = _choices(target, rank, keep_noise, denoise, basis, overwrite, memory) if pack else None
     given: Any = (
         (scene.name, scene.width, scene.height, scene.texels) if isinstance(scene, BuiltIn) else os.fspath(scene)
     )
-    wide = None if size is None else (size[1], size[0])
-    said = _ltm.render(given, path, samples, wide, seed, block_side, choices, overwrite, memory, _progress(progress))
+    choices = {
+        "samples": samples,
+        "size": None if size is None else (size[1], size[0]),
+        "seed": seed,
+        "block_side": block_side,
+        "camera": camera,
+        "allow_missing": allow_missing,
+        "allow_outside": allow_outside,
+        "overwrite": overwrite,
+        "memory_bytes": memory,
+    }
+    said = _ltm.render(given, path, choices, packing, _progress(progress))
     own = {key: said.pop(key) for key in ("rays", "blocks_traced", "non_finite")}
     seconds, kept = said["seconds"], said.pop("blocks_kept")
     packed = PackReport(blocks_kept=kept, **said) if pack else None

@@ -227,6 +227,14 @@ class Matrix:
         entries = self.to_numpy(ASARRAY_BYTES)
         return entries if dtype is None else entries.astype(dtype, copy=False)
 
+    def __dlpack__(self, **how: Any) -> Any:
+        """All entries by the DLPack protocol, copied; refuses what :func:`numpy.asarray` refuses."""
+        return self.__array__().__dlpack__(**how)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """The CPU."""
+        return (1, 0)
+
     def iter_blocks(self) -> Iterator[tuple[Block, NDArray[np.float32]]]:
         """Each block with its entries, (block height, block width, 3, columns).
 
@@ -317,15 +325,18 @@ class Matrix:
         """``Tᵀ x`` for each channel: float32 (columns, 3).
 
         Row j is the sum over all pixels of column j times the image; ``<relight(w), x> == <w, adjoint(x)>`` to rounding.
-        ``image``: (height, width, 3). ``out``: an array (columns, 3), which is set and returned.
+        ``image``: (height, width, 3); (k, height, width, 3) gives (k, columns, 3) in one pass over the factors. ``out``: an
+        array of the result's shape, which is set and returned.
+
         Raises ValueError for another shape and for values that are not finite, DamagedError.
         """
         array = real_array(image, "image")
-        if array.shape != self.shape[:3]:
-            raise ValueError(f"image: has the shape {array.shape}, the matrix {self.shape[:3]}")
-        if out is not None and (not isinstance(out, np.ndarray) or out.shape != (self.shape[3], 3)):
-            raise ValueError(f"out: is not an array of the shape {(self.shape[3], 3)}")
-        sums = self._native.adjoint(np.ascontiguousarray(array))
+        if array.ndim not in (3, 4) or array.shape[-3:] != self.shape[:3]:
+            raise ValueError(f"image: has the shape {array.shape}; the matrix takes {self.shape[:3]} or k of them")
+        shape = (*array.shape[:-3], self.shape[3], 3)
+        if out is not None and (not isinstance(out, np.ndarray) or out.shape != shape):
+            raise ValueError(f"out: is not an array of the shape {shape}")
+        sums = self._native.adjoint(np.ascontiguousarray(array)).reshape(shape)
         if out is None:
             return sums
         out[...] = sums

@@ -1,20 +1,21 @@
-//! `ltm-unpack`: a container in, a stored matrix, images or an array out.
+//! `ltm-unpack`: a container or a stored matrix in, a stored matrix, images or an array out.
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
 use ltm::container::ContainerReader;
 use ltm::host::{PeakMemory, human_bytes, parse_bytes};
 use ltm::matrix::PixelRect;
-use ltm::pipeline::{self, Selection, UnpackOptions};
+use ltm::pipeline::{self, Selection, UnpackOptions, UnpackSource};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::console::{self, Console, EXIT_CODES};
 use ltm_cli::say;
 
-/// Multiply a container (.ltc) out: into a stored matrix, one image for each light, an array, or one relit image.
+/// Take a container (.ltc) or a stored matrix (.ltm) apart: into one image for each light, an array, one relit image, or a
+/// stored matrix, multiplied out or a part.
 #[derive(Parser)]
 #[command(version, after_help = format!("Examples:
   ltm-unpack room.ltc -o room.ltm              the whole matrix
@@ -24,11 +25,13 @@ use ltm_cli::say;
   ltm-unpack room.ltc -o room.exr --relit      one image with all lights on
   ltm-unpack room.ltc -o desk.exr --on 'desk*' one image with some lights on
   ltm-unpack room.ltc -o part.npy --crop 64,32,256x128 --lights 'sun,key*'
+  ltm-unpack room.ltm -o lights.npy            the same of a stored matrix, as it was rendered
+  ltm-unpack room.ltm -o desk.ltm --lights 'desk*' --crop 64,32,256x128
   ltm-unpack room.ltm --basis b.exr            images to clean elsewhere, for ltm-pack --basis
 
 {EXIT_CODES}"))]
 struct Arguments {
-    /// The container; with --basis, the stored matrix (.ltm).
+    /// The container (.ltc) or the stored matrix (.ltm).
     input: PathBuf,
     /// What to write; the extension decides: .ltm, .exr or .npy. With {light} in the name: a file for each light.
     #[arg(short, long, required_unless_present = "basis")]
@@ -86,7 +89,7 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     console::use_threads(arguments.threads)?;
     let Some(output) = arguments.output.as_deref() else { return write_basis(arguments, console) };
-    let container = ContainerReader::open(&arguments.input)?;
+    let source = open(&arguments.input)?;
     let relit = arguments.relit || !arguments.on.is_empty();
     let lights = if arguments.on.is_empty() { arguments.lights.clone() } else { arguments.on.clone() };
     let selection = Selection { blocks: arguments.blocks.clone(), crop: arguments.crop, lights };
@@ -95,26 +98,44 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let refuse = |problem: &str, hint: &str| Err(Error::input(output.display().to_string(), problem, hint));
     match output.extension().and_then(|e| e.to_str()) {
         Some("exr") if relit => {
-            pipeline::unpack_relit(&container, output, &options, console)?;
+            pipeline::unpack_relit(&*source, output, &options, console)?;
             say!("{}: written", output.display());
         }
         _ if relit => return refuse("one relit image is an OpenEXR file", "name it x.exr, or use ltm relight"),
         Some("exr") => {
-            let written = pipeline::unpack_to_exr(&container, output, &options, console)?;
+            let written = pipeline::unpack_to_exr(&*source, output, &options, console)?;
             written.iter().for_each(|path| say!("{}: written", path.display()));
         }
+        Some("ltm") if is_matrix(&arguments.input) && options.selection == Selection::default() => {
+            return refuse(
+                "it would be the matrix as it is",
+                "copy the file, or choose a part by --lights, --crop or --blocks",
+            );
+        }
         Some("ltm") => {
-            let blocks = pipeline::unpack_to_store(&container, output, &options, console)?;
-            say!("{}: {blocks} blocks written", output.display());
+            let blocks = pipeline::unpack_to_store(&*source, output, &options, console)?;
+            say!("{}: {blocks} blocks written, without what was known of their noise", output.display());
         }
         Some("npy") => {
-            pipeline::unpack_to_npy(&container, output, &options, console)?;
+            pipeline::unpack_to_npy(&*source, output, &options, console)?;
             say!("{}: written", output.display());
         }
         _ => return refuse("the name ends in none of .ltm, .exr, .npy", "choose the output by its extension"),
     }
     say!("peak memory {}", memory.stop().map_or("unknown".into(), human_bytes));
     Ok(())
+}
+
+/// Whether a file is a stored matrix, by its name.
+fn is_matrix(input: &Path) -> bool {
+    input.extension().is_some_and(|extension| extension == "ltm")
+}
+
+fn open(input: &Path) -> Result<Box<dyn UnpackSource>> {
+    Ok(match is_matrix(input) {
+        true => Box::new(StoreReader::open(input)?),
+        false => Box::new(ContainerReader::open(input)?),
+    })
 }
 
 fn write_basis(arguments: &Arguments, console: &Console) -> Result<()> {

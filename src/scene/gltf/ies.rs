@@ -1,0 +1,96 @@
+//! `EXT_lights_ies`: measured luminaires as a scene file would state them.
+
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DMat4, Mat3};
+use gltf::Document;
+
+use super::super::file::{LightEntry, LightEntryKind, Luminaire};
+use super::super::folders::Folders;
+use super::super::photometry::{self, MOST_PHOTOMETRY_BYTES};
+use super::buffers::{Buffers, Uri, uri};
+use super::nodes::Placed;
+use super::plain;
+use crate::error::{Error, Result};
+use crate::files::read_input;
+use crate::image::LUMENS_PER_WATT;
+
+const NAME: &str = "EXT_lights_ies";
+
+/// The luminaires of the nodes. Their candelas are measured, so that a watt has as many lumens as in IES files elsewhere.
+/// Errors: a profile that is missing or no IES file; a multiplier or colour that is negative or not finite.
+pub(super) fn of(
+    path: &Path,
+    document: &Document,
+    nodes: &[Placed<'_>],
+    buffers: &Buffers,
+    folders: &Folders,
+) -> Result<Vec<LightEntry>> {
+    let mut luminaires = Vec::new();
+    for placed in nodes {
+        let Some(stated) = placed.node.extension_value(NAME) else { continue };
+        let refuse = |problem: &str| {
+            let place = format!("{}, luminaire '{}'", path.display(), placed.name);
+            Error::input(place, problem, "mend the luminaire and export the file again")
+        };
+        let index = stated["light"].as_u64().ok_or_else(|| refuse("names no light profile"))?;
+        let profile = document.extension_value(NAME).and_then(|all| all["lights"].get(usize::try_from(index).ok()?));
+        let profile = profile.ok_or_else(|| refuse("names a light profile that is not there"))?;
+        let bytes = if let Some(text) = profile["uri"].as_str() {
+            from_uri(path, text, folders, &refuse)?
+        } else {
+            let view =
+                profile["bufferView"].as_u64().and_then(|view| document.views().nth(usize::try_from(view).ok()?));
+            let view = view.ok_or_else(|| refuse("has a light profile without data"))?;
+            let bytes = buffers.view(&view)?;
+            match bytes.len() as u64 <= MOST_PHOTOMETRY_BYTES {
+                true => bytes.to_vec(),
+                false => return Err(refuse("has a light profile that is too large")),
+            }
+        };
+        let place = PathBuf::from(format!("{}, light profile {index}", path.display()));
+        let photometry = photometry::parse(&place, &String::from_utf8_lossy(&bytes))?;
+        let multiplier = stated.get("multiplier").map_or(Some(1.0), |v| v.as_f64());
+        let colour = [0, 1, 2].map(|i| stated.get("color").map_or(Some(1.0), |v| v[i].as_f64()));
+        let factors = colour.map(|c| c.zip(multiplier).map_or(f64::NAN, |(c, m)| c * m) as f32);
+        let emission = factors.map(|factor| factor * photometry.peak_candela / LUMENS_PER_WATT);
+        if !emission.iter().all(|v| *v >= 0.0 && v.is_finite()) {
+            return Err(refuse("its multiplier or colour is negative or not finite"));
+        }
+        let world_from_luminaire =
+            axes(placed.world).ok_or_else(|| refuse("its node has no size, so that it points nowhere"))?;
+        let is_named = placed.node.mesh().is_some() || placed.node.light().is_some();
+        let name = if is_named { format!("{} luminaire", placed.name) } else { placed.name.clone() };
+        luminaires.push(LightEntry {
+            kind: LightEntryKind::Ies,
+            name: Some(name),
+            emission: Some(emission),
+            position: Some(placed.world.w_axis.truncate().as_vec3().to_array()),
+            luminaire: Some(Luminaire { photometry, world_from_luminaire }),
+            ..LightEntry::default()
+        });
+    }
+    Ok(luminaires)
+}
+
+/// What a URI holds: itself, or a file in the glTF file's folder or below.
+fn from_uri(path: &Path, text: &str, folders: &Folders, refuse: &dyn Fn(&str) -> Error) -> Result<Vec<u8>> {
+    let name = match uri(text).map_err(|problem| refuse(&format!("its light profile {problem}")))? {
+        Uri::Data(bytes) => return Ok(bytes),
+        Uri::File(name) => name,
+    };
+    let file = path.parent().unwrap_or(Path::new("")).join(&name);
+    if !file.is_file() {
+        return Err(refuse(&format!("its light profile is the file \"{}\", which is missing", plain(&name))));
+    }
+    folders.reach.admit(&file, &path.display().to_string())?;
+    read_input(&file, "read the light profile", MOST_PHOTOMETRY_BYTES)
+}
+
+/// The node's axes without its scale, which are the luminaire's: its nadir is −z, and the plane of 0° holds +x.
+fn axes(world: DMat4) -> Option<Mat3> {
+    let linear = DMat3::from_mat4(world);
+    let z = linear.z_axis.try_normalize()?;
+    let x = linear.x_axis.reject_from_normalized(z).try_normalize()?;
+    Some(DMat3::from_cols(x, z.cross(x), z).as_mat3())
+}
