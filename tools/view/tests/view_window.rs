@@ -11,6 +11,12 @@ mod controls;
 mod device;
 #[path = "view_window/driver.rs"]
 mod driver;
+#[path = "view_window/groups.rs"]
+mod groups;
+#[path = "view_window/kept.rs"]
+mod kept;
+#[path = "view_window/measures.rs"]
+mod measures;
 #[path = "view_window/real.rs"]
 mod real;
 #[path = "../../../tests/relight_source/texels.rs"]
@@ -185,7 +191,7 @@ fn a_lighting_is_saved_and_loaded() {
     driver.enter(look.to_str().unwrap());
     driver.settle();
     assert!(driver.picture() == dimmed);
-    driver.find_containing("Lit by");
+    driver.find_containing("Loaded");
 }
 
 /// The command that is copied writes the very picture that the window writes.
@@ -486,8 +492,14 @@ fn main() -> ExitCode {
             Ok(())
         })
     };
-    let mut trials: Vec<Trial> =
-        tests.into_iter().chain(controls::TESTS).map(|(name, test)| trial(name, test)).collect();
+    let mut trials: Vec<Trial> = tests
+        .into_iter()
+        .chain(controls::TESTS)
+        .chain(kept::TESTS)
+        .chain(groups::TESTS)
+        .chain(measures::TESTS)
+        .map(|(name, test)| trial(name, test))
+        .collect();
     let without = !real::is_possible();
     for (name, test) in real::TESTS.into_iter().chain(device::TESTS) {
         trials.push(trial(name, test).with_ignored_flag(without));

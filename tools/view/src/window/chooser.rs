@@ -7,7 +7,7 @@ use eframe::egui::{self, Key, RichText, ScrollArea, TextEdit, vec2};
 
 use super::theme::{ALARM, WEAK};
 use crate::export::with_ending;
-use crate::groups::natural;
+use crate::rows::natural;
 
 /// What a file is chosen for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +21,9 @@ pub(super) enum Purpose {
     Png,
     Exr,
     Layers,
+    Report,
+    Sheet,
+    Frames,
 }
 
 /// What became of it.
@@ -47,13 +50,16 @@ impl Purpose {
     fn title(self) -> &'static str {
         match self {
             Self::Container => "Open a container",
-            Self::LoadLook => "Load a lighting",
-            Self::SaveLook => "Save the lighting",
-            Self::LightImage(_) => "Lay an image on the light",
+            Self::LoadLook => "Load a look",
+            Self::SaveLook => "Save the look",
+            Self::LightImage(_) => "Put an image on the light",
             Self::Reference => "Compare with an image",
             Self::Png => "Save the picture as PNG",
             Self::Exr => "Save the radiance as EXR",
             Self::Layers => "Save an EXR with a layer for each light",
+            Self::Report => "Save the report as CSV",
+            Self::Sheet => "Save a contact sheet as PNG",
+            Self::Frames => "Save numbered frames as PNG",
         }
     }
 
@@ -63,13 +69,14 @@ impl Purpose {
             Self::LoadLook => &["toml", "json"],
             Self::SaveLook => &["toml"],
             Self::LightImage(_) | Self::Reference => &IMAGES,
-            Self::Png => &["png"],
+            Self::Png | Self::Sheet | Self::Frames => &["png"],
             Self::Exr | Self::Layers => &["exr"],
+            Self::Report => &["csv"],
         }
     }
 
     fn saves(self) -> bool {
-        matches!(self, Self::SaveLook | Self::Png | Self::Exr | Self::Layers)
+        !matches!(self, Self::Container | Self::LoadLook | Self::LightImage(_) | Self::Reference)
     }
 }
 

@@ -9,7 +9,6 @@ use ltm::image::{LinearImage, ToneMapping, read_image};
 use ltm::light::Lighting;
 use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
-use ltm_view::groups::Groups;
 use ltm_view::{RelightOn, WindowOptions, looks, run};
 
 use super::container;
@@ -188,11 +187,10 @@ pub(crate) fn a_real_window_is_driven_by_pointer_and_keys() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let reader = ContainerReader::open(&container).unwrap();
     let basis = &reader.job().basis;
-    let groups = Groups::of(basis);
-    let mix = looks::load(&look, basis, &groups).unwrap();
+    let mix = looks::load(&look, basis).unwrap().mix;
     // 15 points of a fader of some hundred, on which 16 stops lie.
     assert!((-6.0..-1.0).contains(&mix.lights[0].stops), "{:?}", mix.lights[0].stops);
-    let image = CpuRelighter::load(&reader).unwrap().relight(&mix.lighting(basis, &groups).unwrap()).unwrap();
+    let image = CpuRelighter::load(&reader).unwrap().relight(&mix.lighting(basis).unwrap()).unwrap();
     // The exposure stays what it was when the picture first stood.
     let expected = expected(&reader).1.bytes(&image);
     let (_, saved) = bytes(&png);
