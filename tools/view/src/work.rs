@@ -74,9 +74,9 @@ impl Work {
         self.replace(mix);
     }
 
-    /// Whether something would be lost if this were: snapshots are at `revision`.
+    /// Whether something would be lost if this were: snapshots are at `revision`. The scene's own mix cannot be lost.
     pub fn is_modified(&self, revision: u64) -> bool {
-        self.kept.1 != revision || self.kept.0 != self.mix
+        self.kept.1 != revision || (self.kept.0 != self.mix && self.mix != self.scene)
     }
 
     /// The lighting file that it was saved to or loaded from.

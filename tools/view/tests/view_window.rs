@@ -507,5 +507,7 @@ fn main() -> ExitCode {
     let driven =
         trial("a_real_window_is_driven_by_pointer_and_keys", real::a_real_window_is_driven_by_pointer_and_keys);
     trials.push(driven.with_ignored_flag(without || !real::has_hands()));
+    let killed = trial("a_killed_window_loses_no_work", real::a_killed_window_loses_no_work);
+    trials.push(killed.with_ignored_flag(without || !real::has_hands()));
     libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -37,6 +37,8 @@ pub struct App {
     after_save: Option<Next>,
     /// Whether the window may close: nothing is lost, or the question was answered.
     may_close: bool,
+    /// Whether the window's size is settled: it was asked for, or made to fit the screen.
+    fits: bool,
     /// What the window is called.
     title: String,
     panels: bool,
@@ -84,6 +86,7 @@ impl App {
             question: None,
             after_save: None,
             may_close: false,
+            fits: options.size.is_some() || screenshot.is_some(),
             title: String::new(),
             panels: true,
             tab: Tab::default(),
@@ -217,6 +220,29 @@ impl App {
         }
     }
 
+    /// Makes the first window small enough for its screen, frame and a bar of the desktop's included.
+    fn fit_to_screen(&mut self, context: &egui::Context) {
+        const FRAMES: u64 = 60;
+        const BAR: f32 = 48.0;
+        if self.fits || context.cumulative_frame_nr() > FRAMES {
+            return;
+        }
+        let (screen, outer, inner) = context.input(|input| {
+            let viewport = input.viewport();
+            (viewport.monitor_size, viewport.outer_rect, viewport.inner_rect)
+        });
+        let (Some(screen), Some(outer), Some(inner)) = (screen, outer, inner) else { return };
+        let frame = (outer.size() - inner.size()).max(egui::Vec2::ZERO);
+        let most = screen - frame - egui::vec2(0.0, BAR);
+        if inner.width() > most.x || inner.height() > most.y {
+            self.fits = true;
+            context.send_viewport_cmd(egui::ViewportCommand::InnerSize(inner.size().min(most)));
+            context.send_viewport_cmd(egui::ViewportCommand::OuterPosition(
+                ((screen - outer.size().min(screen)) / 2.0).to_pos2(),
+            ));
+        }
+    }
+
     /// Names the window after its container, with a mark while there is unsaved work.
     fn set_title(&mut self, context: &egui::Context) {
         let title = self.document.as_ref().map_or_else(
@@ -252,6 +278,7 @@ impl App {
     pub fn show(&mut self, ui: &mut Ui) {
         let context = ui.ctx().clone();
         self.check_close(&context);
+        self.fit_to_screen(&context);
         self.take_dropped(&context);
         if self.chooser.is_none() && self.question.is_none() {
             for action in pressed(&context) {

@@ -82,7 +82,7 @@ impl Question {
 }
 
 /// How long ago something was, in words.
-fn ago(then: SystemTime) -> String {
+pub(super) fn ago(then: SystemTime) -> String {
     let minutes = then.elapsed().map_or(0, |elapsed| elapsed.as_secs() / 60);
     match minutes {
         0 => "a moment ago".to_owned(),

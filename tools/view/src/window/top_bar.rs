@@ -94,8 +94,8 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
             let label = ui.label(RichText::new(name).color(WEAK));
             let look = document.work.look().and_then(|path| path.file_name()).map(|name| name.to_string_lossy());
             match (document.is_modified(), look) {
-                (true, Some(look)) => ui.label(RichText::new(format!("● {look}, not saved")).color(ACCENT)),
-                (true, None) => ui.label(RichText::new("● Not saved").color(ACCENT)),
+                (true, Some(look)) => ui.label(RichText::new(format!("• {look}, not saved")).color(ACCENT)),
+                (true, None) => ui.label(RichText::new("• Not saved").color(ACCENT)),
                 (false, Some(look)) => ui.label(RichText::new(look).color(WEAK)),
                 (false, None) => ui.label(""),
             };

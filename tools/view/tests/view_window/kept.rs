@@ -51,7 +51,7 @@ fn closing_asks_while_work_is_not_saved() {
     assert_eq!(driver.title(), "view-room.ltc – ltm");
     dim(&mut driver);
     assert_eq!(driver.title(), "● view-room.ltc – ltm");
-    driver.find("● Not saved");
+    driver.find("• Not saved");
     assert!(!driver.close());
     driver.find_containing("Save your mix before closing?");
     driver.key(Key::Escape, Modifiers::NONE);
