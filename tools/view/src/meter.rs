@@ -172,7 +172,7 @@ impl Scale {
         values.sort_unstable_by(f32::total_cmp);
         let at = |part: f32| values.get(((values.len().max(1) - 1) as f32 * part) as usize).copied().unwrap_or(1.0);
         let high = round_up(at(0.99));
-        let low = round_up(at(0.05).clamp(high * 1e-3, high * 0.5)) / 2.0;
+        let low = round_down(at(0.05).clamp(high * 1e-3, high * 0.5));
         Self { low, high, lines: true }
     }
 
@@ -197,6 +197,12 @@ impl Scale {
 fn round_up(value: f32) -> f32 {
     let power = 10f32.powf(value.max(1e-20).log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter().find(|step| *step >= value * 0.9999).unwrap_or(value)
+}
+
+/// The largest of 1, 2, 5 times a power of ten that is not above a value.
+fn round_down(value: f32) -> f32 {
+    let power = 10f32.powf(value.max(1e-20).log10().floor());
+    [5.0, 2.0, 1.0].map(|step| step * power).into_iter().find(|step| *step <= value * 1.0001).unwrap_or(value)
 }
 
 /// A field in colours; what has no value is grey.

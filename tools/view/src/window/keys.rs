@@ -317,8 +317,10 @@ pub(super) fn help(context: &egui::Context, open: &mut bool) {
         let rows: Vec<_> = listed.map(|b| (b.keys, b.meaning)).chain(OTHERS).collect();
         let columns = if room.x >= 960.0 { 2 } else { 1 };
         // All that the window has room for; the bar floats, and must not do so over words.
-        let height = room.y - 110.0;
+        let height = room.y - 150.0;
         let beside_bar = egui::Frame::new().inner_margin(egui::Margin { right: 12, ..Default::default() });
+        // A bar that is seen: that there is more must not be found out by chance.
+        ui.spacing_mut().scroll = egui::style::ScrollStyle::solid();
         egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
             beside_bar.show(ui, |ui| {
                 let down = rows.len().div_ceil(columns);

@@ -63,14 +63,15 @@ fn absolute(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
     ui.horizontal_wrapped(|ui| {
         for (quantity, at_one) in known {
             let mut value = at_one * weight;
-            let speed = value * 0.01;
+            // What is only passed by Tab comes back rounded as it is shown, and is no change.
+            let (speed, before) = (value * 0.01, short(value as f32));
             let number = egui::DragValue::new(&mut value)
                 .range(0.0..=f64::MAX)
                 .speed(speed)
                 .update_while_editing(false)
                 .custom_formatter(|value, _| short(value as f32))
                 .suffix(format!(" {}", quantity.unit()));
-            if ui.add(number).on_hover_text(about(quantity)).changed() {
+            if ui.add(number).on_hover_text(about(quantity)).changed() && short(value as f32) != before {
                 typed = Some((quantity, value));
             }
         }

@@ -40,7 +40,7 @@ impl Place {
     }
 
     /// From the middle of the view, in points.
-    fn from_middle(&self, at: Pos2) -> [f32; 2] {
+    fn offset_of(&self, at: Pos2) -> [f32; 2] {
         [at.x - self.view.center().x, at.y - self.view.center().y]
     }
 
@@ -73,7 +73,7 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
         let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let factor = (scroll * 0.004).exp() * pinch;
         if factor != 1.0 {
-            document.view.viewport.zoom_about(place.from_middle(pointer), factor);
+            document.view.viewport.zoom_about(place.offset_of(pointer), factor);
         }
         match place.held_at(document, pointer) {
             Held::Wipe => ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal),
@@ -82,7 +82,7 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
             Held::Picture => {}
         }
     }
-    let at = |pointer: Pos2| document.view.viewport.pixel_at(place.from_middle(pointer), size);
+    let at = |pointer: Pos2| document.view.viewport.pixel_at(place.offset_of(pointer), size);
     document.view.hovered = hover.and_then(at);
     if document.meter.draws {
         draw_corner(ui, document, &response, &place);
@@ -115,7 +115,7 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
             document.compare.snapshots.wipe = part.clamp(0.0, 1.0);
         }
         (Held::Corner(corner), Some(pointer)) => {
-            let position = document.view.viewport.to_picture(place.from_middle(pointer));
+            let position = document.view.viewport.to_picture(place.offset_of(pointer));
             if let Some(corner) = document.meter.area.corners.get_mut(corner) {
                 *corner = position;
             }
@@ -135,7 +135,7 @@ fn draw_corner(ui: &Ui, document: &mut Document, response: &egui::Response, plac
     } else if enter || response.double_clicked() {
         document.meter.draws = false;
     } else if let (true, Some(pointer)) = (response.clicked(), response.interact_pointer_pos()) {
-        let position = document.view.viewport.to_picture(place.from_middle(pointer));
+        let position = document.view.viewport.to_picture(place.offset_of(pointer));
         document.meter.area.corners.push(position);
     }
 }

@@ -211,12 +211,6 @@ impl Driver {
         found.unwrap_or_else(|| panic!("no widget says '{text}': {:?}", self.names())).1
     }
 
-    /// Place of a widget whose name ends so.
-    pub(crate) fn find_ending(&self, text: &str) -> Rect {
-        let found = self.widgets.iter().find(|(label, _)| label.ends_with(text));
-        found.unwrap_or_else(|| panic!("no widget ends in '{text}': {:?}", self.names())).1
-    }
-
     /// Clicks with the other button.
     pub(crate) fn right_click(&mut self, pos: Pos2) {
         self.frame(vec![Event::PointerMoved(pos)]);

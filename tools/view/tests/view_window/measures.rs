@@ -38,15 +38,18 @@ fn a_png_reference_is_shown_as_it_is() {
     driver.drop_file(&png, at);
     driver.settle();
     driver.find_containing("shown as it is");
-    assert!(driver.texture("compared") == own);
-    driver.find_containing("Equal, pixel by pixel");
+    // The file is encoded exactly, the window's picture by tables.
+    let as_it_is = driver.texture("compared");
+    let apart = as_it_is.iter().zip(&own).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(apart <= Some(1), "{apart:?}");
     // At another exposure the display's image stays, the radiance follows.
     driver.key(Key::E, Modifiers::NONE);
     driver.settle();
-    assert!(driver.texture("compared") == own && driver.picture() != own);
+    assert!(driver.texture("compared") == as_it_is && driver.picture() != own);
     driver.drop_file(&exr, at);
     driver.settle();
     assert!(driver.texture("compared") == driver.picture());
+    driver.find("Equal, pixel by pixel");
 }
 
 fn the_difference_is_measured_and_shown() {
@@ -78,7 +81,7 @@ fn the_difference_is_measured_and_shown() {
 fn a_light_is_set_in_candela_per_square_metre() {
     let mut driver = Driver::open(room());
     let scene = driver.picture();
-    let number = driver.find_ending(" cd/m²");
+    let number = driver.find("cd/m²");
     driver.click(number.center());
     driver.settle();
     // The panel's own: 179 lm/W times the luminance of (12, 11, 9), at half.
@@ -93,7 +96,7 @@ fn a_light_is_set_in_candela_per_square_metre() {
     driver.settle();
     let apart = half.iter().zip(&driver.picture()).map(|(a, b)| a.abs_diff(*b)).max();
     assert!(apart <= Some(1), "{apart:?}");
-    driver.click(driver.find_ending(" cd/m²").center());
+    driver.click(driver.find("cd/m²").center());
     driver.settle();
     driver.enter("1e9");
     driver.settle();

@@ -212,9 +212,13 @@ pub(crate) fn a_killed_window_loses_no_work() {
         open_window
         eval "$(xdotool getwindowgeometry --shell "$window")"
         x=$((X + FADER_X)); y=$((Y + FADER_Y))
-        xdotool mousemove $x $y; sleep 0.2; xdotool mousedown 1
-        for i in 5 10 15; do sleep 0.1; xdotool mousemove $((x - i)) $y; done
-        sleep 0.2; xdotool mouseup 1
+        # A window that is not drawn yet may miss the pointer.
+        for attempt in 1 2 3 4 5; do
+            xdotool mousemove $x $y; sleep 0.2; xdotool mousedown 1
+            for i in 5 10 15; do sleep 0.1; xdotool mousemove $((x - i)) $y; done
+            sleep 0.2; xdotool mouseup 1
+            for i in $(seq 40); do [ -s "$LTM_VIEW_TEST_STATE/unsaved/0/work.toml" ] && break 2; sleep 0.1; done
+        done
         wait_for "$LTM_VIEW_TEST_STATE/unsaved/0/work.toml"
         kill -9 $viewer; wait $viewer
         open_window
