@@ -171,16 +171,21 @@ pub fn false_colour_scale(low: f32, high: f32) -> [(&'static str, f32); 7] {
     std::array::from_fn(|i| (names[i], low * (high / low).powf(i as f32 / 6.0)))
 }
 
-/// Exposure, in stops, that brings the 85th percentile of luminance to 0.7, so that lamps in view do not darken the room;
-/// black pixels do not count, nor do parts that are still to come. 0 for a black picture.
+/// Exposure, in stops, that brings the 85th percentile of pixels' largest channels to 0.7, so that lamps in view do not darken
+/// the room; lower by a stop at most where more than a twentieth of the pixels would be above white. Black pixels do not count,
+/// nor do parts that are still to come. 0 for a black picture.
 pub fn exposure_for(image: &LinearImage) -> f32 {
-    let mut luminances: Vec<f32> = image.luminances().filter(|v| v.is_finite() && *v > 0.0).collect();
-    if luminances.is_empty() {
+    // Luminance would leave coloured light burnt out: of pure blue it is a fourteenth of the channel.
+    let peak = |pixel: &[f32; 3]| pixel.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    let mut peaks: Vec<f32> = image.pixels.iter().map(peak).filter(|v| v.is_finite() && *v > 0.0).collect();
+    if peaks.is_empty() {
         return 0.0;
     }
-    let index = (luminances.len() - 1) * 85 / 100;
-    let bright = *luminances.select_nth_unstable_by(index, f32::total_cmp).1;
-    (0.7 / bright).log2().clamp(-24.0, 24.0)
+    let last = peaks.len() - 1;
+    let mut at = |percent: usize| *peaks.select_nth_unstable_by(last * percent / 100, f32::total_cmp).1;
+    let (bright, white) = (at(85), at(95));
+    let stops = (0.7 / bright).log2();
+    stops.min((1.0 / white).log2().max(stops - 1.0)).clamp(-24.0, 24.0)
 }
 
 /// Writes an 8-bit sRGB PNG through `tone`; a file of that name is replaced, whole.

@@ -9,7 +9,7 @@ use super::device_desk::OnDevice;
 use super::display::{Display, Shown};
 use super::metered::Metered;
 use super::reach::{per_light, pixel_rows};
-use super::worker::{Event, Outbox, Picture, Progress, Request, Seen, Shared, SharedDevice, Wishes};
+use super::worker::{Compared, Event, Outbox, Picture, Progress, Request, Seen, Shared, SharedDevice, Wishes};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
@@ -243,7 +243,8 @@ impl Desk {
 
     /// What the picture is compared with, as it is shown; made once as long as both stay the same.
     fn show_compared(&mut self, request: &Request) -> Option<Arc<Shown>> {
-        let (image, display) = (request.compared.as_ref()?, request.display);
+        let Compared { image, is_displayed } = request.compared.as_ref()?;
+        let display = if *is_displayed { Display::default() } else { request.display };
         let kept = self.compared.as_ref().filter(|(of, shown_as, _)| Arc::ptr_eq(of, image) && *shown_as == display);
         let shown = kept.map_or_else(|| Arc::new(display.show(image)), |(_, _, shown)| shown.clone());
         self.compared = Some((image.clone(), display, shown.clone()));

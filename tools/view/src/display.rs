@@ -247,10 +247,17 @@ mod tests {
     }
 
     #[test]
-    fn automatic_exposure_shows_most_of_the_picture() {
-        let image = LinearImage { width: 100, height: 1, pixels: (0..100).map(|i| [i as f32; 3]).collect() };
-        let exposed = 84.0 * ltm::image::exposure_for(&image).exp2();
-        assert!((exposed - 0.7).abs() < 1e-3);
+    fn automatic_exposure_shows_most_of_the_picture_in_colour_too() {
+        let grey = LinearImage { width: 100, height: 1, pixels: (0..100).map(|i| [i as f32; 3]).collect() };
+        let gain = ltm::image::exposure_for(&grey).exp2();
+        assert!((84.0 * gain - 0.7).abs() < 1e-3, "{gain}");
+        // Blue of the same height is exposed alike, though its luminance is a fourteenth.
+        let blue = LinearImage { pixels: grey.pixels.iter().map(|pixel| [0.0, 0.0, pixel[0]]).collect(), ..grey };
+        assert_eq!(ltm::image::exposure_for(&blue).exp2(), gain);
+        // A tenth of the picture far above the rest: a stop darker, no more.
+        let lamps = (0..100).map(|i| [if i < 90 { 1.0 } else { 1000.0 }; 3]).collect();
+        let lamps = LinearImage { width: 100, height: 1, pixels: lamps };
+        assert!((ltm::image::exposure_for(&lamps).exp2() - 0.35).abs() < 1e-3);
         assert_eq!(ltm::image::exposure_for(&LinearImage::black(2, 2)), 0.0);
     }
 }

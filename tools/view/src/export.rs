@@ -4,7 +4,6 @@
 use std::path::{Path, PathBuf};
 
 use super::display::{CURVES, Display};
-use super::groups::Groups;
 use super::mixer::Mix;
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
@@ -44,12 +43,11 @@ pub fn write_layers(
     path: &Path,
     container: &ContainerReader,
     relighter: Option<&CpuRelighter>,
-    groups: &Groups,
     mix: &Mix,
 ) -> Result<()> {
     let job = container.job();
     let basis = &job.basis;
-    let shining: Vec<usize> = (0..basis.lights().len()).filter(|&light| mix.shines(light, groups)).collect();
+    let shining: Vec<usize> = (0..basis.lights().len()).filter(|&light| mix.shines(light)).collect();
     let pixels = u64::from(job.shape.width()) * u64::from(job.shape.height());
     let needed = shining.len() as u64 * pixels * 12;
     if shining.is_empty() {
@@ -65,7 +63,7 @@ pub fn write_layers(
     }
     let mut images = Vec::new();
     for &light in &shining {
-        let lighting = alone(mix, light).lighting(basis, groups)?;
+        let lighting = alone(mix, light).lighting(basis)?;
         images.push(match relighter {
             Some(relighter) => relighter.relight(&lighting)?,
             None => relight_streaming(container, &lighting)?.0,
@@ -78,7 +76,8 @@ pub fn write_layers(
 /// The mix with one of its lights alone.
 fn alone(mix: &Mix, light: usize) -> Mix {
     let mut alone = mix.clone();
-    alone.lights.iter_mut().enumerate().for_each(|(other, mix)| mix.solo = other == light);
+    alone.clear_solo();
+    alone.lights[light].solo = true;
     alone
 }
 

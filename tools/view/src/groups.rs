@@ -1,49 +1,38 @@
-//! Groups of lights, and the rows of the mixer: search, order, folding.
+//! Groups of lights: found by their names, or made by hand.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use ltm::light::LightBasis;
 
-/// Lights whose names differ in their last part only: `ceiling/1` and `ceiling/2`, `lamp_a_01` and `lamp_a_02`.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Groups {
-    groups: Vec<Group>,
-    of_light: Vec<Option<usize>>,
-}
-
-/// One group.
+/// One group: lights and other groups that are dimmed, switched and soloed together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// What its lights' names begin with.
+    /// Name, unique among the groups.
     pub name: String,
-    /// Its lights, as indices into the basis.
-    pub lights: Vec<usize>,
+    /// Colour by which it is told from others, sRGB.
+    pub colour: Option<[u8; 3]>,
+    /// The group that it stands in.
+    pub parent: Option<usize>,
+    /// Whether its lights may shine.
+    pub on: bool,
+    /// Whether it is soloed: see [`Mix::shines`](super::mixer::Mix::shines).
+    pub solo: bool,
+    /// Brightness of all that is in it, in stops.
+    pub stops: f32,
 }
 
-/// What a line of the mixer shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Row {
-    /// Head of a group.
-    Group(usize),
-    /// A light; `indented` where it stands below the head of its group.
-    Light {
-        /// Index into the basis.
-        light: usize,
-        /// Whether it stands below its group's head.
-        indented: bool,
-    },
+impl Group {
+    /// A group that changes nothing.
+    pub fn named(name: impl Into<String>) -> Self {
+        Self { name: name.into(), colour: None, parent: None, on: true, solo: false, stops: 0.0 }
+    }
 }
 
-/// Order of the mixer's rows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
-    /// As in the basis.
-    #[default]
-    File,
-    /// By name.
-    Name,
-    /// Those that bring most to the picture first.
-    Contribution,
+/// All groups, and which light stands in which. A light stands in one group at most; no group is empty or inside itself.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Groups {
+    list: Vec<Group>,
+    of_light: Vec<Option<usize>>,
 }
 
 /// The part of a name that its group shares: what stands before the last `/`, or before a final number and the
@@ -63,7 +52,13 @@ fn stem(name: &str) -> Option<&str> {
 }
 
 impl Groups {
-    /// The groups of at least two lights, in the order of their first light.
+    /// No groups over this many lights.
+    pub fn none(lights: usize) -> Self {
+        Self { list: Vec::new(), of_light: vec![None; lights] }
+    }
+
+    /// Lights whose names differ in their last part only (`ceiling/1` and `ceiling/2`, `lamp_a_01` and `lamp_a_02`), where
+    /// they are at least two; in the order of their first light.
     pub fn of(basis: &LightBasis) -> Self {
         let mut by_stem: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
         for (index, light) in basis.lights().iter().enumerate() {
@@ -71,112 +66,168 @@ impl Groups {
                 by_stem.entry(stem).or_default().push(index);
             }
         }
-        let mut groups: Vec<Group> = by_stem
-            .into_iter()
-            .filter(|(_, lights)| lights.len() > 1)
-            .map(|(name, lights)| Group { name: name.to_owned(), lights })
-            .collect();
-        groups.sort_by_key(|group| group.lights[0]);
-        let mut of_light = vec![None; basis.lights().len()];
-        for (index, group) in groups.iter().enumerate() {
-            group.lights.iter().for_each(|&light| of_light[light] = Some(index));
+        let mut found: Vec<(&str, Vec<usize>)> = by_stem.into_iter().filter(|(_, lights)| lights.len() > 1).collect();
+        found.sort_by_key(|(_, lights)| lights[0]);
+        let mut groups = Self::none(basis.lights().len());
+        for (name, lights) in found {
+            lights.into_iter().for_each(|light| groups.of_light[light] = Some(groups.list.len()));
+            groups.list.push(Group::named(name));
         }
-        Self { groups, of_light }
+        groups
+    }
+
+    /// Groups as a file tells them: each with its own lights. Names that are taken get a number, a parent that would put a
+    /// group into itself is left out, and so is a group without lights.
+    pub fn from_parts(parts: Vec<(Group, Vec<usize>)>, lights: usize) -> Self {
+        let mut groups = Self::none(lights);
+        let parents: Vec<Option<usize>> = parts.iter().map(|(group, _)| group.parent).collect();
+        for (index, (group, own)) in parts.into_iter().enumerate() {
+            let name = groups.free_name(&group.name);
+            groups.list.push(Group { name, parent: None, ..group });
+            own.into_iter().filter(|&light| light < lights).for_each(|light| groups.of_light[light] = Some(index));
+        }
+        for (index, parent) in parents.into_iter().enumerate() {
+            groups.nest(index, parent);
+        }
+        groups.prune();
+        groups
+    }
+
+    /// The groups.
+    pub fn list(&self) -> &[Group] {
+        &self.list
     }
 
     /// Number of groups.
     pub fn len(&self) -> usize {
-        self.groups.len()
+        self.list.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.groups.is_empty()
+        self.list.is_empty()
     }
 
     /// One group.
     pub fn group(&self, index: usize) -> &Group {
-        &self.groups[index]
+        &self.list[index]
     }
 
-    /// The group of a light.
+    /// One group, to be changed; its name and parent by [`rename`](Self::rename) and [`nest`](Self::nest).
+    pub fn group_mut(&mut self, index: usize) -> &mut Group {
+        &mut self.list[index]
+    }
+
+    /// All groups, to be changed as with [`group_mut`](Self::group_mut).
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Group> {
+        self.list.iter_mut()
+    }
+
+    /// The group of this name.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.list.iter().position(|group| group.name == name)
+    }
+
+    /// The group that a light stands in.
     pub fn of_light(&self, light: usize) -> Option<usize> {
         self.of_light.get(light).copied().flatten()
     }
 
-    /// The rows of the mixer: lights whose name or kind holds every word of `search`, folded groups as their head
-    /// alone (a search unfolds them), groups ordered by their sum. `contributions`: one value per light, or empty.
-    pub fn rows(
-        &self,
-        basis: &LightBasis,
-        search: &str,
-        order: Order,
-        folded: &BTreeSet<usize>,
-        contributions: &[f32],
-    ) -> Vec<Row> {
-        let words: Vec<String> = search.split_whitespace().map(str::to_lowercase).collect();
-        let shown = |light: usize| {
-            let light = &basis.lights()[light];
-            let text = format!("{} {:?}", light.name, light.kind).to_lowercase();
-            words.iter().all(|word| text.contains(word))
-        };
-        let value = |light: usize| contributions.get(light).copied().unwrap_or(0.0);
-        let name = |light: usize| basis.lights()[light].name.as_str();
-        let sorted = |lights: &mut Vec<usize>| match order {
-            Order::File => lights.sort_unstable(),
-            Order::Name => lights.sort_by_cached_key(|&light| natural(name(light))),
-            Order::Contribution => lights.sort_by(|&a, &b| value(b).total_cmp(&value(a))),
-        };
-        let mut entries: Vec<(Option<usize>, Vec<usize>)> = Vec::new();
-        for (index, group) in self.groups.iter().enumerate() {
-            let mut lights: Vec<usize> = group.lights.iter().copied().filter(|&light| shown(light)).collect();
-            sorted(&mut lights);
-            if !lights.is_empty() {
-                entries.push((Some(index), lights));
-            }
-        }
-        let alone = (0..basis.lights().len()).filter(|&light| self.of_light(light).is_none() && shown(light));
-        entries.extend(alone.map(|light| (None, vec![light])));
-        let title = |entry: &(Option<usize>, Vec<usize>)| entry.0.map_or(name(entry.1[0]), |g| &self.groups[g].name);
-        let sum = |entry: &(Option<usize>, Vec<usize>)| entry.1.iter().map(|&light| value(light)).sum::<f32>();
-        match order {
-            Order::File => entries.sort_by_key(|entry| entry.1.iter().copied().min()),
-            Order::Name => entries.sort_by_cached_key(|entry| natural(title(entry))),
-            Order::Contribution => entries.sort_by(|a, b| sum(b).total_cmp(&sum(a))),
-        }
-        let mut rows = Vec::new();
-        for (group, lights) in entries {
-            if let Some(group) = group {
-                rows.push(Row::Group(group));
-                if folded.contains(&group) && words.is_empty() {
-                    continue;
-                }
-            }
-            rows.extend(lights.into_iter().map(|light| Row::Light { light, indented: group.is_some() }));
-        }
-        rows
+    /// The groups that a light stands in, from the innermost out.
+    pub fn around(&self, light: usize) -> impl Iterator<Item = usize> + '_ {
+        std::iter::successors(self.of_light(light), |&group| self.list[group].parent)
     }
-}
 
-/// A name cut into text and numbers, so that `lamp 10` comes after `lamp 9`.
-pub(super) fn natural(name: &str) -> Vec<(String, u64)> {
-    let mut parts = vec![(String::new(), 0u64)];
-    let mut in_number = false;
-    for c in name.chars() {
-        let (text, number) = parts.last_mut().expect("there is always one");
-        match c.to_digit(10) {
-            Some(digit) => {
-                *number = number.saturating_mul(10).saturating_add(u64::from(digit));
-                in_number = true;
-            }
-            None if in_number => {
-                parts.push((c.to_lowercase().collect(), 0));
-                in_number = false;
-            }
-            None => text.extend(c.to_lowercase()),
-        }
+    /// Whether a group is `outer` or stands in it.
+    pub fn is_inside(&self, group: usize, outer: usize) -> bool {
+        std::iter::successors(Some(group), |&group| self.list[group].parent).any(|group| group == outer)
     }
-    parts
+
+    /// The lights that stand in a group itself.
+    pub fn own_lights(&self, group: usize) -> Vec<usize> {
+        (0..self.of_light.len()).filter(|&light| self.of_light[light] == Some(group)).collect()
+    }
+
+    /// All lights of a group, those of the groups in it too.
+    pub fn lights(&self, group: usize) -> Vec<usize> {
+        (0..self.of_light.len()).filter(|&light| self.around(light).any(|around| around == group)).collect()
+    }
+
+    /// A name that no group has: this one, or with a number behind it.
+    pub fn free_name(&self, wanted: &str) -> String {
+        let wanted = if wanted.trim().is_empty() { "Group" } else { wanted.trim() };
+        let numbered = (2..).map(|number| format!("{wanted} {number}"));
+        let mut names = std::iter::once(wanted.to_owned()).chain(numbered);
+        names.find(|name| self.find(name).is_none()).unwrap_or_default()
+    }
+
+    /// Puts lights into a new group, out of those that they were in; the new one stands in the innermost group that holds
+    /// them all, unless it would be all of that. Groups that are empty then are gone. The new group's index.
+    pub fn make(&mut self, name: &str, lights: &[usize]) -> Option<usize> {
+        let first = *lights.first()?;
+        let chosen: BTreeSet<usize> = lights.iter().copied().collect();
+        let holds_all = |group: &usize| chosen.iter().all(|&light| self.around(light).any(|around| around == *group));
+        let parent = self.around(first).find(holds_all).filter(|&group| self.lights(group).len() > chosen.len());
+        let group = Group { parent, ..Group::named(self.free_name(name)) };
+        let name = group.name.clone();
+        let index = self.list.len();
+        self.list.push(group);
+        let own = self.of_light.iter_mut().enumerate().filter(|(light, _)| chosen.contains(light));
+        own.for_each(|(_, of)| *of = Some(index));
+        self.prune();
+        self.find(&name)
+    }
+
+    /// Takes a group away; what is in it stands where it stood.
+    pub fn dissolve(&mut self, group: usize) {
+        let parent = self.list[group].parent;
+        self.of_light.iter_mut().filter(|of| **of == Some(group)).for_each(|of| *of = parent);
+        self.list.iter_mut().filter(|other| other.parent == Some(group)).for_each(|other| other.parent = parent);
+        self.prune();
+    }
+
+    /// Puts a light into a group, or into none.
+    pub fn put(&mut self, light: usize, group: Option<usize>) {
+        self.of_light[light] = group;
+        self.prune();
+    }
+
+    /// Puts a group into another, or into none; not into itself or what stands in it. Says whether it could.
+    pub fn nest(&mut self, group: usize, parent: Option<usize>) -> bool {
+        let fits = parent.is_none_or(|parent| parent < self.list.len() && !self.is_inside(parent, group));
+        if fits {
+            self.list[group].parent = parent;
+        }
+        fits
+    }
+
+    /// Gives a group a name that no other has; it may get a number.
+    pub fn rename(&mut self, group: usize, name: &str) {
+        let before = std::mem::take(&mut self.list[group].name);
+        let name = if name.trim().is_empty() { before } else { self.free_name(name) };
+        self.list[group].name = name;
+    }
+
+    /// Takes away what is empty.
+    fn prune(&mut self) {
+        let is_used: Vec<bool> = (0..self.list.len()).map(|group| !self.lights(group).is_empty()).collect();
+        if is_used.iter().all(|used| *used) {
+            return;
+        }
+        let mut count = 0;
+        let new: Vec<Option<usize>> = is_used
+            .iter()
+            .map(|used| {
+                count += usize::from(*used);
+                used.then(|| count - 1)
+            })
+            .collect();
+        let mut used = is_used.iter();
+        self.list.retain(|_| *used.next().unwrap_or(&false));
+        let moved = |at: &mut Option<usize>| *at = at.and_then(|at| new[at]);
+        self.list.iter_mut().for_each(|group| moved(&mut group.parent));
+        self.of_light.iter_mut().for_each(moved);
+    }
 }
 
 #[cfg(test)]
@@ -193,47 +244,44 @@ mod tests {
         basis
     }
 
-    fn lights(rows: &[Row]) -> Vec<usize> {
-        let light = |row: &Row| if let Row::Light { light, .. } = row { Some(*light) } else { None };
-        rows.iter().filter_map(light).collect()
-    }
-
     #[test]
     fn names_that_differ_in_their_last_part_make_a_group() {
         let basis = basis(&["ceiling/a", "sun", "spot 1", "ceiling/b", "spot 2", "lamp3", "7"]);
         let groups = Groups::of(&basis);
         assert_eq!(groups.len(), 2);
-        assert_eq!(groups.group(0), &Group { name: "ceiling".into(), lights: vec![0, 3] });
+        assert_eq!((groups.group(0), groups.lights(0)), (&Group::named("ceiling"), vec![0, 3]));
         assert_eq!(groups.group(1).name, "spot");
         assert_eq!((groups.of_light(5), groups.of_light(4), groups.of_light(99)), (None, Some(1), None));
     }
 
     #[test]
-    fn rows_are_searched_ordered_and_folded() {
-        let basis = basis(&["spot 10", "sun", "spot 9", "door"]);
-        let groups = Groups::of(&basis);
-        let mut folded = BTreeSet::new();
-        let rows = |search: &str, order, folded: &_| groups.rows(&basis, search, order, folded, &[1.0, 5.0, 2.0, 0.0]);
-        assert_eq!(lights(&rows("", Order::File, &folded)), [0, 2, 1, 3]);
-        assert_eq!(lights(&rows("", Order::Name, &folded)), [3, 2, 0, 1]);
-        assert_eq!(lights(&rows("", Order::Contribution, &folded)), [1, 2, 0, 3]);
-        assert_eq!(lights(&rows("SPOT 9", Order::File, &folded)), [2]);
-        assert_eq!(rows("nothing", Order::File, &folded), []);
-        folded.insert(0);
-        assert_eq!(rows("", Order::File, &folded)[0], Row::Group(0));
-        assert_eq!(lights(&rows("", Order::File, &folded)), [1, 3]);
-        assert_eq!(lights(&rows("spot", Order::File, &folded)), [0, 2], "a search unfolds");
+    fn a_group_of_one_s_own_stands_in_the_group_that_holds_all_its_lights() {
+        let mut groups = Groups::of(&basis(&["row 1", "row 2", "row 3", "desk", "door"]));
+        let pair = groups.make("pair", &[0, 1]).unwrap();
+        assert_eq!(groups.group(pair).parent, groups.find("row"));
+        assert_eq!((groups.lights(0), groups.own_lights(0)), (vec![0, 1, 2], vec![2]));
+        let mixed = groups.make("pair", &[1, 3]).unwrap();
+        assert_eq!((groups.group(mixed).name.as_str(), groups.group(mixed).parent), ("pair 2", None));
+        assert_eq!(groups.around(0).count(), 2);
+        // Taking the last light out of a group leaves none of it.
+        groups.put(0, None);
+        assert!(groups.find("pair").is_none() && groups.find("pair 2").is_some());
+        assert_eq!(groups.of_light(1), groups.find("pair 2"), "indices follow");
     }
 
     #[test]
-    fn a_thousand_lights_keep_one_row_each() {
-        let names: Vec<String> = (0..1000).map(|i| format!("row{}/lamp{i}", i % 20)).collect();
-        let basis = basis(&names.iter().map(String::as_str).collect::<Vec<_>>());
-        let groups = Groups::of(&basis);
-        let rows = groups.rows(&basis, "", Order::Contribution, &BTreeSet::new(), &[]);
-        let mut found = lights(&rows);
-        found.sort_unstable();
-        assert_eq!(found, (0..1000).collect::<Vec<_>>());
-        assert_eq!(rows.len(), 1020);
+    fn no_group_stands_in_itself() {
+        let mut groups = Groups::of(&basis(&["row 1", "row 2", "row 3"]));
+        let inner = groups.make("inner", &[0]).unwrap();
+        assert!(!groups.nest(0, Some(inner)) && !groups.nest(0, Some(0)) && !groups.nest(0, Some(9)));
+        assert!(groups.nest(inner, None) && groups.nest(0, Some(inner)));
+        groups.dissolve(inner);
+        assert_eq!((groups.len(), groups.group(0).parent, groups.of_light(0)), (1, None, None));
+        groups.rename(0, "  ");
+        assert_eq!(groups.group(0).name, "row");
+        let looped = |parent| (Group { parent, ..Group::named("a") }, vec![parent.unwrap_or(0)]);
+        let read = Groups::from_parts(vec![looped(Some(1)), looped(Some(0)), looped(Some(7))], 2);
+        assert!((0..2).all(|light| read.around(light).count() <= 2), "{read:?}");
+        assert_eq!(read.list().iter().map(|group| group.name.as_str()).collect::<Vec<_>>(), ["a", "a 2"]);
     }
 }

@@ -1,23 +1,33 @@
 //! The window: a light mixer over a container.
 //!
-//! What the window knows is kept apart from how it looks. [`mixer`], [`groups`], [`pattern`], [`history`],
-//! [`snapshots`], [`looks`], [`recent`], [`export`], [`viewport`] and [`reach`] are plain state with tests of their own.
+//! What the window knows is kept apart from how it looks: all modules but the private `window` are plain state with tests of
+//! their own.
 
 mod desk;
 mod device_desk;
+pub mod difference;
 pub mod display;
 pub mod export;
+pub mod file_watch;
 pub mod groups;
 pub mod history;
 pub mod looks;
+pub mod meter;
 mod metered;
 pub mod mixer;
 mod paged_desk;
 pub mod pattern;
+pub mod photometry;
 pub mod reach;
 pub mod recent;
+pub mod rows;
+pub mod sheet;
 pub mod snapshots;
+pub mod sun;
+pub mod surfaces;
+pub mod unsaved;
 pub mod viewport;
+pub mod work;
 pub mod worker;
 
 mod window;
@@ -62,6 +72,6 @@ pub struct WindowOptions {
     /// Set once the window and its device are there: until then a display that does not answer can keep
     /// [`run`] waiting for as long as it likes.
     pub opened: Arc<AtomicBool>,
-    /// Folder in which the list of recent files is kept; none: it is forgotten with the window.
+    /// Folder in which the list of recent files and work that no file has yet are kept; none: they go with the window.
     pub state_folder: Option<PathBuf>,
 }

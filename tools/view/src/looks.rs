@@ -1,28 +1,67 @@
 //! Lighting files: a mix as `ltm relight --lighting` reads it, and back.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::groups::Groups;
-use super::mixer::{GroupMix, LightMix, Mix, Tint};
+use super::display::{CURVES, Display};
+use super::groups::{Group, Groups};
+use super::mixer::{LightMix, Mix, Tint};
 use super::pattern::{Pattern, Shape};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
-use ltm::image::{LinearImage, luminance, read_image, write_exr};
+use ltm::image::{LinearImage, ToneMapping, luminance, read_image, write_exr};
 use ltm::light::{Light, LightBasis, Lighting};
-use ltm::look;
+use ltm::look::{self, Look};
+
+/// What a lighting file keeps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Saved {
+    /// What is on the lights.
+    pub mix: Mix,
+    /// Snapshots by their names: further looks.
+    pub snapshots: Vec<(String, Mix)>,
+    /// How the picture is shown.
+    pub display: Option<Display>,
+    /// An animation between the snapshots: seconds, and the name of a snapshot.
+    pub keys: Vec<(f32, String)>,
+}
+
+impl Saved {
+    /// A mix alone.
+    pub fn of(mix: Mix) -> Self {
+        Self { mix, snapshots: Vec::new(), display: None, keys: Vec::new() }
+    }
+}
+
+/// Version of the window's part; a file without one is of version 1, whose groups are those of the lights' names.
+const VERSION: u32 = 2;
 
 /// What a lighting file holds for the window: how a mix makes the light that the rules say.
-#[derive(Deserialize, Serialize)]
-struct MixerFile {
-    mixer: MixerPart,
+#[derive(Default, Deserialize, Serialize)]
+struct WindowFile {
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    key: Vec<KeyPart>,
+    #[serde(default)]
+    mixer: Option<MixerPart>,
 }
 
 #[derive(Default, Deserialize, Serialize)]
 struct MixerPart {
+    #[serde(default)]
+    version: u32,
+    #[serde(default)]
+    display: Option<DisplayPart>,
+    #[serde(flatten)]
+    mix: MixPart,
+    #[serde(default)]
+    snapshot: Vec<SnapshotPart>,
+}
+
+#[derive(Default, Deserialize, Serialize)]
+struct MixPart {
     #[serde(default)]
     group: Vec<GroupPart>,
     #[serde(default)]
@@ -30,10 +69,38 @@ struct MixerPart {
 }
 
 #[derive(Deserialize, Serialize)]
+struct SnapshotPart {
+    name: String,
+    #[serde(flatten)]
+    mix: MixPart,
+}
+
+#[derive(Deserialize, Serialize)]
+struct DisplayPart {
+    exposure_stops: f32,
+    tone: String,
+    white_kelvin: Option<f32>,
+    #[serde(default)]
+    false_colour: bool,
+}
+
+#[derive(Deserialize, Serialize)]
+struct KeyPart {
+    time_secs: f32,
+    look: String,
+}
+
+#[derive(Deserialize, Serialize)]
 struct GroupPart {
     name: String,
     on: bool,
+    #[serde(default)]
+    solo: bool,
     stops: f32,
+    colour: Option<[u8; 3]>,
+    parent: Option<String>,
+    #[serde(default)]
+    lights: Vec<String>,
 }
 
 #[derive(Deserialize, Serialize)]
@@ -50,34 +117,82 @@ struct LightPart {
     shape: Option<Shape>,
 }
 
-/// Reads the first look of a lighting file as a mix: as the window that wrote it had it, if the light is still the same,
-/// else with what its light alone tells.
+/// Reads a lighting file: its first look as the mix, further ones as snapshots; each as the window that wrote it had it, if
+/// the light is still the same, else with what its light and the file's groups alone tell.
 ///
 /// Errors: those of [`look::load`].
-pub fn load(path: &Path, basis: &LightBasis, groups: &Groups) -> Result<Mix> {
-    let lighting = look::load(path, basis)?.lighting().clone();
-    let as_saved = read_mixer(path).and_then(|part| mix_of(&part, path, basis, groups));
-    let same = |mix: &Mix| mix.lighting(basis, groups).is_ok_and(|own| is_near(&own, &lighting));
-    Ok(as_saved.filter(same).unwrap_or_else(|| Mix::of_lighting(basis, groups, &lighting)))
+pub fn load(path: &Path, basis: &LightBasis) -> Result<Saved> {
+    let look = look::load(path, basis)?;
+    let file = read_window_file(path);
+    let part = file.mixer.unwrap_or_default();
+    let read = |own: Option<&MixPart>, lighting: &Lighting| {
+        let as_saved = own.and_then(|own| mix_of(own, part.version, path, basis));
+        let same = |mix: &Mix| mix.lighting(basis).is_ok_and(|own| is_near(&own, lighting));
+        as_saved.filter(same).unwrap_or_else(|| of_rules(&look, basis, lighting))
+    };
+    let mix = read(Some(&part.mix), look.lighting());
+    let mut snapshots = Vec::new();
+    for name in look.names() {
+        let own = part.snapshot.iter().find(|snapshot| snapshot.name == name).map(|snapshot| &snapshot.mix);
+        snapshots.push((name.to_owned(), read(own, look.named(name)?)));
+    }
+    let display = part.display.map(|display| Display {
+        tone: ToneMapping {
+            curve: CURVES.iter().find(|(_, name)| *name == display.tone).map_or(CURVES[0].0, |(curve, _)| *curve),
+            exposure_stops: display.exposure_stops,
+            white_kelvin: display.white_kelvin,
+        },
+        false_colour: display.false_colour,
+    });
+    let keys = file.key.into_iter().map(|key| (key.time_secs, key.look)).collect();
+    Ok(Saved { mix, snapshots, display, keys })
 }
 
-/// The window's part of a file, if it has one that is understood.
-fn read_mixer(path: &Path) -> Option<MixerPart> {
-    let text = std::fs::read_to_string(path).ok()?;
+/// A mix by its light alone, in the groups of the file's rules if it has any.
+fn of_rules(look: &Look, basis: &LightBasis, lighting: &Lighting) -> Mix {
+    let mut mix = Mix::of_lighting(basis, lighting);
+    if !look.groups().is_empty() {
+        let parts = look.groups().iter().map(|(name, columns)| {
+            let is_own = |light: &Light| columns.binary_search(&light.first_column).is_ok();
+            let lights = basis.lights().iter().enumerate().filter(|(_, light)| is_own(light)).map(|(i, _)| i);
+            (Group::named(name), lights.collect())
+        });
+        mix.groups = Groups::from_parts(parts.collect(), basis.lights().len());
+    }
+    mix
+}
+
+/// The window's part of a file, empty where it has none that is understood.
+fn read_window_file(path: &Path) -> WindowFile {
+    let Ok(text) = std::fs::read_to_string(path) else { return WindowFile::default() };
     let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-    let file: Option<MixerFile> = if json { serde_json::from_str(&text).ok() } else { toml::from_str(&text).ok() };
-    file.map(|file| file.mixer)
+    let file = if json { serde_json::from_str(&text).ok() } else { toml::from_str(&text).ok() };
+    file.unwrap_or_default()
 }
 
 /// The mix that a file describes over these lights; none where it is of others.
-fn mix_of(part: &MixerPart, path: &Path, basis: &LightBasis, groups: &Groups) -> Option<Mix> {
-    let mut mix = Mix::of_scene(basis, groups);
-    for own in &part.group {
-        let index = (0..groups.len()).find(|&index| groups.group(index).name == own.name)?;
-        mix.groups[index] = GroupMix { on: own.on, stops: own.stops };
+fn mix_of(part: &MixPart, version: u32, path: &Path, basis: &LightBasis) -> Option<Mix> {
+    let mut mix = Mix::of_scene(basis);
+    let light_of: BTreeMap<&str, usize> =
+        basis.lights().iter().enumerate().map(|(index, light)| (light.name.as_str(), index)).collect();
+    if version < VERSION {
+        for own in &part.group {
+            let index = mix.groups.find(&own.name)?;
+            let group = mix.groups.group_mut(index);
+            (group.on, group.stops) = (own.on, own.stops);
+        }
+    } else {
+        let index_of = |name: &String| part.group.iter().position(|group| group.name == *name);
+        let parts = part.group.iter().map(|own| {
+            let GroupPart { on, solo, stops, colour, .. } = *own;
+            let group = Group { name: own.name.clone(), colour, on, solo, stops, parent: None };
+            let lights = own.lights.iter().map(|name| light_of.get(name.as_str()).copied()).collect::<Option<_>>()?;
+            Some((Group { parent: own.parent.as_ref().and_then(index_of), ..group }, lights))
+        });
+        mix.groups = Groups::from_parts(parts.collect::<Option<_>>()?, basis.lights().len());
     }
     for own in &part.light {
-        let index = basis.lights().iter().position(|light| light.name == own.name)?;
+        let index = *light_of.get(own.name.as_str())?;
         let size = basis.lights()[index].layout();
         let pattern = match &own.texture {
             Some(name) => {
@@ -108,77 +223,162 @@ fn is_near(a: &Lighting, b: &Lighting) -> bool {
         && pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-4 * a.abs() + 1e-6 * peak)
 }
 
-/// Writes the mix as a lighting file in TOML; the patterns of texelled lights become EXR files beside it, named after
-/// it and the light. In the rules, what does not shine, for whatever reason, is off, and a group's stops are added to those
-/// of its lights; what the rules cannot say stands in a part that only the window reads.
+/// Writes a lighting file in TOML; the patterns of texelled lights become EXR files beside it, named after it and the light.
+/// In the rules, what does not shine, for whatever reason, is off, and the stops of groups are added to those of their
+/// lights; a snapshot becomes a further look that says everything of every light; what the rules cannot say stands in a part
+/// that only the window reads. Without `overwrite` a file of that name is left as it is; a file of another origin that has
+/// the name of a pattern's is never replaced.
 ///
-/// Errors: the system refuses.
-pub fn save(path: &Path, basis: &LightBasis, groups: &Groups, mix: &Mix) -> Result<()> {
-    let mut text = String::from("base = \"scene\"\n");
-    let mut taken = BTreeSet::new();
-    let mut part = MixerPart::default();
-    // Whether a reader of the rules alone would come to another mix.
-    let mut more = false;
-    let of_scene = Mix::of_scene(basis, groups);
-    for (index, (light, own)) in basis.lights().iter().zip(&mix.lights).enumerate() {
-        let stops = own.stops + groups.of_light(index).map_or(0.0, |group| mix.groups[group].stops);
-        let shines = mix.shines(index, groups);
-        more |= own.solo || shines != own.on || own.turn_radians != 0.0 || own.shape.is_some();
-        let untouched = own.is_like(&of_scene.lights[index]);
-        let mut texture = None;
-        if stops != 0.0 || shines != own.on || !untouched {
-            rule(&mut text, light, own, stops, shines);
-            if let Some(pattern) = &own.pattern {
-                let name = texture_name(path, &light.name, &mut taken);
-                write_texture(&path.with_file_name(&name), &pattern.turned(light.kind, own.turn_radians))?;
-                line(&mut text, format_args!("image = {{ file = {} }}", quoted(&name)));
-                texture = Some(name);
-                if own.turn_radians != 0.0 {
-                    let unturned = texture_name(path, &format!("{}-unturned", light.name), &mut taken);
-                    write_texture(&path.with_file_name(&unturned), pattern)?;
-                    texture = Some(unturned);
-                }
-            }
-        }
-        if !untouched || own.solo {
-            let (kelvin, linear) = match own.tint {
-                Tint::Scene => (None, None),
-                Tint::Kelvin(kelvin) => (Some(kelvin), None),
-                Tint::Colour(colour) => (None, Some(colour)),
-            };
-            let LightMix { on, solo, stops, turn_radians, shape, .. } = *own;
-            let name = light.name.clone();
-            part.light.push(LightPart { name, on, solo, stops, kelvin, linear, turn_radians, texture, shape });
-        }
+/// Errors: the system refuses; the file is there, and may not be replaced.
+pub fn save(path: &Path, basis: &LightBasis, saved: &Saved, overwrite: bool) -> Result<()> {
+    let mut file = FileMaker { path, basis, text: String::from("base = \"scene\"\n"), taken: foreign_files(path)? };
+    if !overwrite && path.exists() {
+        return Err(Error::input(path.display().to_string(), "exists already", "give another name"));
     }
-    for (index, own) in mix.groups.iter().enumerate().filter(|(_, own)| **own != GroupMix::default()) {
-        more = true;
-        part.group.push(GroupPart { name: groups.group(index).name.clone(), on: own.on, stops: own.stops });
+    file.groups(&saved.mix.groups)?;
+    let (mix, more) = file.mix(&saved.mix, None)?;
+    let mut part = MixerPart { version: VERSION, mix, ..Default::default() };
+    for (name, mix) in &saved.snapshots {
+        line(&mut file.text, format_args!("\n[[look]]\nname = {}", quoted(name)));
+        let (mix, _) = file.mix(mix, Some(name))?;
+        part.snapshot.push(SnapshotPart { name: name.clone(), mix });
     }
-    if more {
-        let part = toml::to_string(&MixerFile { mixer: part });
-        let part = part.map_err(|error| {
-            Error::input(path.display().to_string(), format!("cannot hold the mixer ({error})"), "")
-        })?;
-        text = format!("{text}\n{part}");
-    }
-    write_file(path, true, text.as_bytes())
+    part.display = saved.display.map(|Display { tone, false_colour }| DisplayPart {
+        exposure_stops: tone.exposure_stops,
+        tone: CURVES.iter().find(|(curve, _)| *curve == tone.curve).map_or("", |(_, name)| *name).to_owned(),
+        white_kelvin: tone.white_kelvin,
+        false_colour,
+    });
+    let named = |key: &&(f32, String)| saved.snapshots.iter().any(|(name, _)| *name == key.1);
+    let keys =
+        saved.keys.iter().filter(named).map(|(time_secs, look)| KeyPart { time_secs: *time_secs, look: look.clone() });
+    let more = more || part.display.is_some() || !part.snapshot.is_empty();
+    let own = WindowFile { mixer: more.then_some(part), key: keys.collect() };
+    let own = toml::to_string(&own).map_err(|error| file.refused(&error))?;
+    write_file(path, overwrite, format!("{}\n{own}", file.text).as_bytes())
 }
 
-fn write_texture(path: &Path, pattern: &Pattern) -> Result<()> {
-    let (width, height) = pattern.size();
-    let image = LinearImage { width, height, pixels: pattern.texels().to_vec() };
-    write_exr(path, &image)
+/// Names in the file's folder that begin as its patterns' names do, and are not of the file that stands there now.
+fn foreign_files(path: &Path) -> Result<BTreeSet<String>> {
+    let stem = stem_of(path);
+    let before = std::fs::read_to_string(path).unwrap_or_default();
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let entries = std::fs::read_dir(folder).map_err(Error::io(folder, "list"))?;
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    Ok(names.filter(|name| name.starts_with(&stem) && !before.contains(&quoted(name))).collect())
+}
+
+fn stem_of(path: &Path) -> String {
+    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// A lighting file in the making.
+struct FileMaker<'a> {
+    path: &'a Path,
+    basis: &'a LightBasis,
+    text: String,
+    /// Names beside the file that its patterns may not have.
+    taken: BTreeSet<String>,
+}
+
+impl FileMaker<'_> {
+    fn refused(&self, error: &dyn std::fmt::Display) -> Error {
+        Error::input(self.path.display().to_string(), format!("cannot hold the mixer ({error})"), "")
+    }
+
+    /// The groups, each with all its lights, as rules may name them.
+    fn groups(&mut self, groups: &Groups) -> Result<()> {
+        #[derive(Serialize)]
+        struct Part {
+            groups: BTreeMap<String, Vec<String>>,
+        }
+        let name = |light: usize| self.basis.lights()[light].name.clone();
+        // A light's name is no group's to a reader of rules.
+        let own = (0..groups.len()).filter(|&group| self.basis.find(&groups.group(group).name).is_none());
+        let entry = |group: usize| {
+            (groups.group(group).name.clone(), groups.lights(group).into_iter().map(name).collect::<Vec<_>>())
+        };
+        let part = Part { groups: own.map(entry).collect() };
+        if !part.groups.is_empty() && *groups != Groups::of(self.basis) {
+            let text = toml::to_string(&part).map_err(|error| self.refused(&error))?;
+            self.text += &format!("\n{text}");
+        }
+        Ok(())
+    }
+
+    /// Writes the rules of a mix, as those of a further look if it has a `name`. What they cannot say, and whether a reader of
+    /// the rules alone would come to another mix.
+    fn mix(&mut self, mix: &Mix, name: Option<&str>) -> Result<(MixPart, bool)> {
+        let of_scene = Mix::of_scene(self.basis);
+        let mut part = MixPart::default();
+        let mut more = mix.groups != of_scene.groups;
+        let prefix = name.map_or(String::new(), |name| format!("{name}-"));
+        for (index, (light, own)) in self.basis.lights().iter().zip(&mix.lights).enumerate() {
+            let (stops, shines) = (mix.stops(index), mix.shines(index));
+            more |= own.solo || shines != own.on || own.turn_radians != 0.0 || own.shape.is_some();
+            let untouched = own.is_like(&of_scene.lights[index]);
+            let mut texture = None;
+            if stops != 0.0 || shines != own.on || !untouched || name.is_some() {
+                rule(&mut self.text, light, own, (stops, shines), name.is_some());
+                if let Some(pattern) = &own.pattern {
+                    let turned = pattern.turned(light.kind, own.turn_radians);
+                    let file = self.texture(&format!("{prefix}{}", light.name), &turned)?;
+                    line(&mut self.text, format_args!("image = {{ file = {} }}", quoted(&file)));
+                    texture = match own.turn_radians {
+                        0.0 => Some(file),
+                        _ => Some(self.texture(&format!("{prefix}{}-unturned", light.name), pattern)?),
+                    };
+                }
+            }
+            if !untouched || own.solo {
+                let (kelvin, linear) = match own.tint {
+                    Tint::Scene => (None, None),
+                    Tint::Kelvin(kelvin) => (Some(kelvin), None),
+                    Tint::Colour(colour) => (None, Some(colour)),
+                };
+                let LightMix { on, solo, stops, turn_radians, shape, .. } = *own;
+                let name = light.name.clone();
+                part.light.push(LightPart { name, on, solo, stops, kelvin, linear, turn_radians, texture, shape });
+            }
+        }
+        for (index, own) in mix.groups.list().iter().enumerate() {
+            let Group { on, solo, stops, colour, .. } = *own;
+            let names = mix.groups.own_lights(index).into_iter().map(|light| self.basis.lights()[light].name.clone());
+            let parent = own.parent.map(|parent| mix.groups.group(parent).name.clone());
+            let (name, lights) = (own.name.clone(), names.collect());
+            part.group.push(GroupPart { name, on, solo, stops, colour, parent, lights });
+        }
+        Ok((part, more))
+    }
+
+    /// Writes a pattern beside the file; the name that it got.
+    fn texture(&mut self, of: &str, pattern: &Pattern) -> Result<String> {
+        let plain: String =
+            of.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
+        let mut name = format!("{}-{plain}.exr", stem_of(self.path));
+        while !self.taken.insert(name.clone()) {
+            name = format!("{}_.exr", name.trim_end_matches(".exr"));
+        }
+        let (width, height) = pattern.size();
+        let image = LinearImage { width, height, pixels: pattern.texels().to_vec() };
+        write_exr(&self.path.with_file_name(&name), &image)?;
+        Ok(name)
+    }
 }
 
 /// What a rule says beside its image. The reader sets the colour at constant luminance, then multiplies by the stops;
-/// a texelled light is given its luminance too, so that a map of the scene's own does not shine through.
-fn rule(text: &mut String, light: &Light, own: &LightMix, stops: f32, shines: bool) {
+/// a texelled light is given its luminance too, so that a map of the scene's own does not shine through, and so is each of
+/// a further look (`whole`), which comes on top of other rules.
+fn rule(text: &mut String, light: &Light, own: &LightMix, (stops, shines): (f32, bool), whole: bool) {
     let colour = own.colour(light);
     let is_black = luminance(colour) <= 0.0;
-    line(text, format_args!("\n[[light]]\nname = {}", quoted(&light.name)));
+    let table = if whole { "look.light" } else { "light" };
+    line(text, format_args!("\n[[{table}]]\nname = {}", quoted(&light.name)));
     line(text, format_args!("on = {}", shines && !is_black));
-    let texelled = light.layout() != (1, 1);
+    if whole && (!shines || is_black) {
+        return;
+    }
+    let texelled = light.layout() != (1, 1) || whole;
     if texelled || luminance(light.emission) == 0.0 {
         line(text, format_args!("intensity = {:?}", luminance(colour)));
     }
@@ -200,15 +400,4 @@ fn line(text: &mut String, arguments: std::fmt::Arguments) {
 /// A text as TOML writes it.
 fn quoted(text: &str) -> String {
     toml::Value::from(text).to_string()
-}
-
-/// A free name, beside the lighting file, for a light's texture.
-fn texture_name(path: &Path, light: &str, taken: &mut BTreeSet<String>) -> String {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let plain: String = light.chars().map(|c| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' }).collect();
-    let mut name = format!("{stem}-{plain}.exr");
-    while !taken.insert(name.clone()) {
-        name = format!("{}_.exr", name.trim_end_matches(".exr"));
-    }
-    name
 }

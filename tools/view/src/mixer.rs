@@ -1,5 +1,6 @@
 //! What is on each light, and the lighting that this makes.
 
+use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
 use super::groups::Groups;
@@ -31,7 +32,7 @@ pub enum Tint {
 pub struct LightMix {
     /// Whether it shines.
     pub on: bool,
-    /// Whether it is among those heard alone.
+    /// Whether it is soloed.
     pub solo: bool,
     /// Brightness against the scene's, in stops.
     pub stops: f32,
@@ -45,22 +46,13 @@ pub struct LightMix {
     pub turn_radians: f32,
 }
 
-/// What is on a group of lights, on top of what is on each.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GroupMix {
-    /// Whether its lights may shine.
-    pub on: bool,
-    /// Brightness of all its lights, in stops.
-    pub stops: f32,
-}
-
 /// What is on all lights and groups.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mix {
     /// One for each light of the basis.
     pub lights: Vec<LightMix>,
-    /// One for each group.
-    pub groups: Vec<GroupMix>,
+    /// The groups with what is on each.
+    pub groups: Groups,
 }
 
 impl LightMix {
@@ -127,62 +119,134 @@ impl LightMix {
     }
 }
 
-impl Default for GroupMix {
-    fn default() -> Self {
-        Self { on: true, stops: 0.0 }
-    }
-}
-
 impl Mix {
-    /// The scene's own lighting.
-    pub fn of_scene(basis: &LightBasis, groups: &Groups) -> Self {
-        Self::of_lighting(basis, groups, &Lighting::of_scene(basis))
+    /// The scene's own lighting, in groups by name.
+    pub fn of_scene(basis: &LightBasis) -> Self {
+        Self::of_lighting(basis, &Lighting::of_scene(basis))
     }
 
-    /// What gives this lighting: see [`LightMix::of_weights`].
-    pub fn of_lighting(basis: &LightBasis, groups: &Groups, lighting: &Lighting) -> Self {
+    /// What gives this lighting: see [`LightMix::of_weights`]. Groups by name.
+    pub fn of_lighting(basis: &LightBasis, lighting: &Lighting) -> Self {
         let of_light = |light: &Light| {
             let columns = light.columns();
             LightMix::of_weights(light, &lighting.weights()[columns.start as usize..columns.end as usize])
         };
-        let groups = vec![GroupMix::default(); groups.len()];
-        Self { lights: basis.lights().iter().map(of_light).collect(), groups }
+        Self { lights: basis.lights().iter().map(of_light).collect(), groups: Groups::of(basis) }
     }
 
-    /// Whether any light is heard alone.
+    /// Whether any light or group is soloed.
     pub fn has_solo(&self) -> bool {
-        self.lights.iter().any(|light| light.solo)
+        self.lights.iter().any(|light| light.solo) || self.groups.list().iter().any(|group| group.solo)
     }
 
-    /// Whether a light shines: on, its group on, and solo if any light is.
-    pub fn shines(&self, light: usize, groups: &Groups) -> bool {
+    /// Whether a light shines. Where nothing is soloed: on, as all groups around it. Else it, or a group around it, is
+    /// soloed, which counts for more than that being off or standing in a group that is: what is off inside a soloed group
+    /// stays off.
+    pub fn shines(&self, light: usize) -> bool {
+        self.shines_among(light, self.has_solo())
+    }
+
+    fn shines_among(&self, light: usize, any_solo: bool) -> bool {
         let mix = &self.lights[light];
-        let group = groups.of_light(light).is_none_or(|group| self.groups[group].on);
-        mix.on && group && (mix.solo || !self.has_solo())
+        if mix.solo {
+            return true;
+        }
+        let mut on = mix.on;
+        for group in self.groups.around(light).map(|group| self.groups.group(group)) {
+            if group.solo {
+                return on;
+            }
+            on &= group.on;
+        }
+        on && !any_solo
+    }
+
+    /// Stops of a light with those of all groups around it.
+    pub fn stops(&self, light: usize) -> f32 {
+        let of_groups: f32 = self.groups.around(light).map(|group| self.groups.group(group).stops).sum();
+        self.lights[light].stops + of_groups
     }
 
     /// Solo on one light, alone among all; where it is that already, no solo at all. `add` leaves the others' as it is.
     pub fn toggle_solo(&mut self, light: usize, add: bool) {
         let was = self.lights[light].solo;
-        let others = self.lights.iter().enumerate().any(|(i, mix)| mix.solo && i != light);
+        let alone = self.solo_count() == 1;
         if !add {
-            self.lights.iter_mut().for_each(|mix| mix.solo = false);
+            self.clear_solo();
         }
-        self.lights[light].solo = if add { !was } else { !was || others };
+        self.lights[light].solo = if add { !was } else { !(was && alone) };
+    }
+
+    /// As [`toggle_solo`](Self::toggle_solo), of a group.
+    pub fn toggle_group_solo(&mut self, group: usize, add: bool) {
+        let was = self.groups.group(group).solo;
+        let alone = self.solo_count() == 1;
+        if !add {
+            self.clear_solo();
+        }
+        self.groups.group_mut(group).solo = if add { !was } else { !(was && alone) };
+    }
+
+    fn solo_count(&self) -> usize {
+        let lights = self.lights.iter().filter(|light| light.solo).count();
+        lights + self.groups.list().iter().filter(|group| group.solo).count()
+    }
+
+    /// Ends all solo.
+    pub fn clear_solo(&mut self) {
+        self.lights.iter_mut().for_each(|light| light.solo = false);
+        self.groups.iter_mut().for_each(|group| group.solo = false);
+    }
+
+    /// Switches all lights; on also all groups.
+    pub fn switch_all(&mut self, on: bool) {
+        self.lights.iter_mut().for_each(|light| light.on = on);
+        if on {
+            self.groups.iter_mut().for_each(|group| group.on = true);
+        }
+    }
+
+    /// Sets all lights to what they are in `scene`; groups stay, and change nothing.
+    pub fn reset(&mut self, scene: &Self) {
+        self.lights.clone_from(&scene.lights);
+        for group in self.groups.iter_mut() {
+            (group.on, group.solo, group.stops) = (true, false, 0.0);
+        }
+    }
+
+    /// This mix over other lights: what lights of the same name and texels have, the rest as in `scene`; groups follow
+    /// their lights.
+    pub fn carried(&self, from: &LightBasis, to: &LightBasis, scene: &Self) -> Self {
+        let of_old: HashMap<&str, usize> =
+            from.lights().iter().enumerate().map(|(i, light)| (light.name.as_str(), i)).collect();
+        let same = |light: &Light| {
+            let old = *of_old.get(light.name.as_str())?;
+            (from.lights()[old].layout() == light.layout()).then_some(old)
+        };
+        let olds: Vec<Option<usize>> = to.lights().iter().map(same).collect();
+        let lights = olds.iter().zip(&scene.lights).map(|(old, own)| match old {
+            Some(old) => self.lights[*old].clone(),
+            None => own.clone(),
+        });
+        let parts = (0..self.groups.len()).map(|group| {
+            let is_own = |old: &Option<usize>| old.is_some_and(|old| self.groups.of_light(old) == Some(group));
+            let own = olds.iter().enumerate().filter(|(_, old)| is_own(old)).map(|(light, _)| light).collect();
+            (self.groups.group(group).clone(), own)
+        });
+        Self { lights: lights.collect(), groups: Groups::from_parts(parts.collect(), to.lights().len()) }
     }
 
     /// The lighting over the basis.
     ///
     /// Errors: weights that overflow.
-    pub fn lighting(&self, basis: &LightBasis, groups: &Groups) -> Result<Lighting> {
+    pub fn lighting(&self, basis: &LightBasis) -> Result<Lighting> {
         let mut weights = vec![[0.0; 3]; basis.column_count()];
         let any_solo = self.has_solo();
         for (index, (light, mix)) in basis.lights().iter().zip(&self.lights).enumerate() {
-            let group = groups.of_light(index).map_or(GroupMix::default(), |group| self.groups[group]);
-            if !(mix.on && group.on && (mix.solo || !any_solo)) {
+            if !self.shines_among(index, any_solo) {
                 continue;
             }
-            let gain = (mix.stops + group.stops).exp2();
+            let gain = self.stops(index).exp2();
             let colour = mix.colour(light).map(|v| v * gain);
             let own = &mut weights[light.columns().start as usize..light.columns().end as usize];
             match &mix.pattern {
@@ -232,45 +296,45 @@ mod tests {
 
     #[test]
     fn untouched_it_is_the_scenes_own_lighting() {
-        let (basis, groups) = (basis(), Groups::of(&basis()));
-        let mix = Mix::of_scene(&basis, &groups);
-        assert_eq!(mix.lighting(&basis, &groups).unwrap(), Lighting::of_scene(&basis));
+        let basis = basis();
+        let mix = Mix::of_scene(&basis);
+        assert_eq!(mix.lighting(&basis).unwrap(), Lighting::of_scene(&basis));
     }
 
     #[test]
     fn a_stop_doubles_and_a_tint_keeps_the_luminance() {
-        let (basis, groups) = (basis(), Groups::of(&basis()));
-        let mut mix = Mix::of_scene(&basis, &groups);
+        let basis = basis();
+        let mut mix = Mix::of_scene(&basis);
         mix.lights[0].stops = 1.0;
-        assert_eq!(mix.lighting(&basis, &groups).unwrap().weights()[0], [4.0, 2.0, 1.0]);
+        assert_eq!(mix.lighting(&basis).unwrap().weights()[0], [4.0, 2.0, 1.0]);
         for tint in [Tint::Kelvin(2700.0), Tint::Colour([0.1, 0.0, 0.4])] {
             mix.lights[0].tint = tint;
-            let weight = mix.lighting(&basis, &groups).unwrap().weights()[0];
+            let weight = mix.lighting(&basis).unwrap().weights()[0];
             assert!((luminance(weight) / luminance([4.0, 2.0, 1.0]) - 1.0).abs() < 1e-5);
         }
         mix.lights[0].tint = Tint::Colour([0.0; 3]);
-        assert_eq!(mix.lighting(&basis, &groups).unwrap().weights()[0], [0.0; 3]);
+        assert_eq!(mix.lighting(&basis).unwrap().weights()[0], [0.0; 3]);
     }
 
     #[test]
     fn a_groups_stops_add_to_its_lights() {
-        let (basis, groups) = (basis(), Groups::of(&basis()));
-        assert_eq!(groups.len(), 1);
-        let mut mix = Mix::of_scene(&basis, &groups);
-        mix.groups[0].stops = -1.0;
+        let basis = basis();
+        let mut mix = Mix::of_scene(&basis);
+        assert_eq!(mix.groups.len(), 1);
+        mix.groups.group_mut(0).stops = -1.0;
         mix.lights[1].stops = 3.0;
-        let weights = mix.lighting(&basis, &groups).unwrap();
+        let weights = mix.lighting(&basis).unwrap();
         assert_eq!(weights.weights()[..2], [[1.0, 0.5, 0.25], [4.0; 3]]);
-        mix.groups[0].on = false;
-        let weights = mix.lighting(&basis, &groups).unwrap();
+        mix.groups.group_mut(0).on = false;
+        let weights = mix.lighting(&basis).unwrap();
         assert_eq!(weights.weights()[..3], [[0.0; 3], [0.0; 3], [3.0; 3]]);
     }
 
     #[test]
     fn solo_silences_the_others_and_a_second_time_brings_them_back() {
-        let (basis, groups) = (basis(), Groups::of(&basis()));
-        let mut mix = Mix::of_scene(&basis, &groups);
-        let shining = |mix: &Mix| (0..4).filter(|&i| mix.shines(i, &groups)).collect::<Vec<_>>();
+        let basis = basis();
+        let mut mix = Mix::of_scene(&basis);
+        let shining = |mix: &Mix| (0..4).filter(|&i| mix.shines(i)).collect::<Vec<_>>();
         mix.toggle_solo(1, false);
         assert_eq!(shining(&mix), [1]);
         mix.toggle_solo(2, true);
@@ -279,7 +343,7 @@ mod tests {
         assert_eq!(shining(&mix), [2]);
         mix.toggle_solo(2, false);
         assert_eq!(shining(&mix), [0, 1, 2]);
-        let weights = mix.lighting(&basis, &groups).unwrap();
+        let weights = mix.lighting(&basis).unwrap();
         assert_eq!(weights.weights()[6], [0.0; 3], "a light that the scene leaves dark starts switched off");
     }
 
@@ -304,12 +368,62 @@ mod tests {
 
     #[test]
     fn a_pattern_multiplies_texel_by_texel() {
-        let (basis, groups) = (basis(), Groups::of(&basis()));
-        let mut mix = Mix::of_scene(&basis, &groups);
+        let basis = basis();
+        let mut mix = Mix::of_scene(&basis);
         let mut pattern = Pattern::white((2, 2));
         pattern.texels_mut()[3] = [0.5, 0.0, 2.0];
         mix.lights[2].pattern = Some(pattern);
-        let lighting = mix.lighting(&basis, &groups).unwrap();
+        let lighting = mix.lighting(&basis).unwrap();
         assert_eq!(lighting.weights()[2..6], [[3.0; 3], [3.0; 3], [3.0; 3], [1.5, 0.0, 6.0]]);
+    }
+
+    #[test]
+    fn a_soloed_light_shines_though_it_is_off_and_a_soloed_group_leaves_off_what_is_off() {
+        let basis = basis();
+        let mut mix = Mix::of_scene(&basis);
+        let shining = |mix: &Mix| (0..4).filter(|&i| mix.shines(i)).collect::<Vec<_>>();
+        mix.lights[0].on = false;
+        mix.groups.group_mut(0).on = false;
+        mix.toggle_solo(0, false);
+        assert_eq!(shining(&mix), [0]);
+        mix.toggle_group_solo(0, false);
+        assert_eq!(shining(&mix), [1], "the group counts as on, what is off in it does not");
+        mix.toggle_solo(2, true);
+        assert_eq!(shining(&mix), [1, 2]);
+        mix.toggle_group_solo(0, true);
+        assert_eq!(shining(&mix), [2]);
+        // A group around the soloed one, off, does not darken it.
+        mix.clear_solo();
+        let inner = mix.groups.make("inner", &[1]).unwrap();
+        mix.toggle_group_solo(inner, false);
+        assert_eq!(shining(&mix), [1]);
+        assert_eq!(mix.lighting(&basis).unwrap().weights()[0], [0.0; 3]);
+        mix.reset(&Mix::of_scene(&basis));
+        assert_eq!((shining(&mix), mix.groups.len()), (vec![0, 1, 2], 2));
+        mix.switch_all(false);
+        assert!(shining(&mix).is_empty());
+        mix.switch_all(true);
+        assert_eq!(shining(&mix), [0, 1, 2, 3]);
+    }
+
+    #[test]
+    fn a_mix_is_carried_to_the_lights_of_the_same_name() {
+        let (old, mut new) = (basis(), LightBasis::new());
+        for (name, kind) in [
+            ("door", LightKind::Lamp),
+            ("lamp.2", LightKind::Lamp),
+            ("panel", LightKind::AreaTexels { across: 3, down: 2 }),
+            ("lamp.1", LightKind::Lamp),
+        ] {
+            new.push(Light::unplaced(name, kind)).unwrap();
+        }
+        let mut mix = Mix::of_scene(&old);
+        mix.groups.group_mut(0).stops = -2.0;
+        mix.lights[0].stops = 1.0;
+        mix.lights[2].stops = 3.0;
+        let carried = mix.carried(&old, &new, &Mix::of_scene(&new));
+        assert_eq!(carried.lights.iter().map(|light| light.stops).collect::<Vec<_>>(), [0.0, 0.0, 0.0, 1.0]);
+        assert_eq!((carried.groups.lights(0), carried.groups.group(0).stops), (vec![1, 3], -2.0));
+        assert_eq!(mix.carried(&old, &old, &Mix::of_scene(&old)), mix);
     }
 }

@@ -12,8 +12,10 @@ pub struct Snapshot {
     pub name: String,
     /// The lighting; none for a reference that came as an image.
     pub mix: Option<Mix>,
-    /// The picture.
-    pub image: Arc<LinearImage>,
+    /// The picture; none until it is made, of a snapshot that was read from a lighting file.
+    pub image: Option<Arc<LinearImage>>,
+    /// Whether the picture was made for a display, and is shown as it is.
+    pub is_displayed: bool,
 }
 
 /// All snapshots, and which one the picture is compared with.
@@ -23,6 +25,7 @@ pub struct Snapshots {
     /// Number of the next name, which is not used again after a snapshot is gone.
     named: u32,
     compared: Option<usize>,
+    revision: u64,
     /// Where the wipe stands, from 0 at the picture's left edge (all current) to 1 at its right.
     pub wipe: f32,
 }
@@ -33,31 +36,107 @@ impl Snapshots {
         &self.list
     }
 
-    /// Keeps a lighting and its picture under the next free name; its index.
-    pub fn take(&mut self, mix: Mix, image: Arc<LinearImage>) -> usize {
-        self.named += 1;
-        self.add(format!("Snapshot {}", self.named), Some(mix), image)
+    /// Grows with every change of a lighting or its name.
+    pub fn revision(&self) -> u64 {
+        self.revision
     }
 
-    /// Adds an image to compare with; its index. A reference of this name is replaced.
-    pub fn add_reference(&mut self, name: &str, image: Arc<LinearImage>) -> usize {
-        match self.list.iter().position(|s| s.name == name && s.mix.is_none()) {
-            Some(index) => {
-                self.list[index].image = image;
-                index
+    /// The lightings with their names.
+    pub fn mixes(&self) -> Vec<(String, Mix)> {
+        self.list.iter().filter_map(|s| Some((s.name.clone(), s.mix.clone()?))).collect()
+    }
+
+    /// Keeps a lighting and its picture under the next free name; its index.
+    pub fn take(&mut self, mix: Mix, image: Arc<LinearImage>) -> usize {
+        let name = loop {
+            self.named += 1;
+            let name = format!("Snapshot {}", self.named);
+            if self.find(&name).is_none() {
+                break name;
             }
-            None => self.add(name.to_owned(), None, image),
+        };
+        self.revision += 1;
+        self.add(Snapshot { name, mix: Some(mix), image: Some(image), is_displayed: false })
+    }
+
+    /// Takes the lightings of a file in place of all that came from lightings. Those that are as before keep their pictures.
+    pub fn read(&mut self, mixes: Vec<(String, Mix)>) {
+        let compared = self.compared.map(|index| self.list[index].name.clone());
+        let old = std::mem::take(&mut self.list);
+        for (name, mix) in mixes {
+            let same = |s: &&Snapshot| s.name == name && s.mix.as_ref() == Some(&mix);
+            let image = old.iter().find(same).and_then(|s| s.image.clone());
+            self.list.push(Snapshot { name, mix: Some(mix), image, is_displayed: false });
+        }
+        self.list.extend(old.into_iter().filter(|s| s.mix.is_none()));
+        self.compared = compared.and_then(|name| self.find(&name));
+        self.revision += 1;
+    }
+
+    /// These snapshots over the lights of another container: their pictures are to be made again, and references are kept
+    /// that have its size.
+    pub fn carried(&self, size: [u32; 2], carry: impl Fn(&Mix) -> Mix) -> Self {
+        let mut carried = Self { list: Vec::new(), compared: None, ..self.clone() };
+        for snapshot in &self.list {
+            let fits = |image: &Arc<LinearImage>| [image.width, image.height] == size;
+            match (&snapshot.mix, &snapshot.image) {
+                (Some(mix), _) => {
+                    carried.list.push(Snapshot { mix: Some(carry(mix)), image: None, ..snapshot.clone() });
+                }
+                (None, Some(image)) if fits(image) => carried.list.push(snapshot.clone()),
+                (None, _) => {}
+            }
+        }
+        carried
+    }
+
+    /// The first snapshot that still lacks its picture.
+    pub fn without_image(&self) -> Option<(&str, &Mix)> {
+        let lacking = self.list.iter().find(|s| s.image.is_none())?;
+        Some((&lacking.name, lacking.mix.as_ref()?))
+    }
+
+    /// Gives a snapshot its picture.
+    pub fn set_image(&mut self, name: &str, image: Arc<LinearImage>) {
+        if let Some(snapshot) = self.list.iter_mut().find(|s| s.name == name) {
+            snapshot.image = Some(image);
         }
     }
 
-    fn add(&mut self, name: String, mix: Option<Mix>, image: Arc<LinearImage>) -> usize {
-        self.list.push(Snapshot { name, mix, image });
+    /// Gives a snapshot another name; says whether it could: the name is not empty and none has it.
+    pub fn rename(&mut self, index: usize, name: &str) -> bool {
+        let name = name.trim();
+        let fits = !name.is_empty() && self.find(name).is_none_or(|other| other == index);
+        if fits && self.list[index].name != name {
+            self.list[index].name = name.to_owned();
+            self.revision += 1;
+        }
+        fits
+    }
+
+    fn find(&self, name: &str) -> Option<usize> {
+        self.list.iter().position(|s| s.name == name)
+    }
+
+    /// Adds an image to compare with; its index. A reference of this name is replaced.
+    pub fn add_reference(&mut self, name: &str, image: Arc<LinearImage>, is_displayed: bool) -> usize {
+        if let Some(index) = self.list.iter().position(|s| s.name == name && s.mix.is_none()) {
+            (self.list[index].image, self.list[index].is_displayed) = (Some(image), is_displayed);
+            return index;
+        }
+        let mut names = std::iter::once(name.to_owned()).chain((2..).map(|number| format!("{name} {number}")));
+        let name = names.find(|name| self.find(name).is_none()).unwrap_or_default();
+        self.add(Snapshot { name, mix: None, image: Some(image), is_displayed })
+    }
+
+    fn add(&mut self, snapshot: Snapshot) -> usize {
+        self.list.push(snapshot);
         self.list.len() - 1
     }
 
     /// Takes one away; a comparison with it ends.
     pub fn remove(&mut self, index: usize) {
-        self.list.remove(index);
+        self.revision += u64::from(self.list.remove(index).mix.is_some());
         self.compared = match self.compared {
             Some(compared) if compared == index => None,
             Some(compared) if compared > index => Some(compared - 1),
@@ -119,7 +198,7 @@ mod tests {
     }
 
     fn empty() -> Mix {
-        Mix { lights: Vec::new(), groups: Vec::new() }
+        Mix { lights: Vec::new(), groups: crate::groups::Groups::none(0) }
     }
 
     #[test]
@@ -138,8 +217,30 @@ mod tests {
         assert_eq!(snapshots.list()[2].name, "Snapshot 4");
         snapshots.remove(1);
         assert_eq!(snapshots.compared(), None);
-        let reference = snapshots.add_reference("truth.exr", picture.clone());
-        assert_eq!(snapshots.add_reference("truth.exr", picture), reference);
+        let reference = snapshots.add_reference("truth.exr", picture.clone(), false);
+        assert_eq!(snapshots.add_reference("truth.exr", picture, true), reference);
+    }
+
+    #[test]
+    fn a_file_s_looks_take_the_place_of_snapshots_and_keep_the_pictures_of_those_that_are_the_same() {
+        let mut snapshots = Snapshots::default();
+        let picture = Arc::new(image(2, 2));
+        snapshots.take(empty(), picture.clone());
+        assert!(snapshots.rename(0, " night ") && !snapshots.rename(0, " "));
+        snapshots.add_reference("night.png", picture.clone(), true);
+        snapshots.toggle_compare(1);
+        let revision = snapshots.revision();
+        snapshots.read(vec![("day".into(), empty()), ("night".into(), empty())]);
+        let names: Vec<&str> = snapshots.list().iter().map(|s| s.name.as_str()).collect();
+        assert_eq!((names, snapshots.compared()), (vec!["day", "night", "night.png"], Some(2)));
+        assert!(snapshots.list()[1].image.is_some() && snapshots.revision() > revision);
+        assert_eq!(snapshots.without_image().unwrap().0, "day");
+        snapshots.set_image("day", picture);
+        assert!(snapshots.without_image().is_none());
+        assert!(!snapshots.rename(0, "night"), "the name is taken");
+        let carried = snapshots.carried([4, 4], Mix::clone);
+        assert_eq!((carried.list().len(), carried.compared()), (2, None));
+        assert!(carried.list().iter().all(|s| s.image.is_none()));
     }
 
     #[test]

@@ -8,11 +8,14 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use super::desk::Desk;
+use super::difference::Difference;
 use super::display::{Display, Shown};
+use super::file_watch::{FileChange, FileWatch};
+use super::looks::Saved;
 pub use super::metered::Meter;
 use super::metered::Metered;
-use super::mixer::Mix;
 use super::reach::Reach;
+use super::surfaces::Surfaces;
 use ltm::container::ContainerReader;
 use ltm::error::Result;
 use ltm::image::LinearImage;
@@ -51,9 +54,18 @@ pub struct Request {
     /// How its radiance is turned to colours.
     pub display: Display,
     /// A picture to show beside it.
-    pub compared: Option<Arc<LinearImage>>,
+    pub compared: Option<Compared>,
     /// The pixel in the middle of what is seen: blocks near it are refined first.
     pub looked_at: [f32; 2],
+}
+
+/// A picture to compare with.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// The picture.
+    pub image: Arc<LinearImage>,
+    /// Whether it was made for a display: then it is shown as it is, whatever the exposure.
+    pub is_displayed: bool,
 }
 
 /// A picture made for a request.
@@ -112,7 +124,9 @@ pub enum Brought {
         /// The file.
         path: PathBuf,
         /// What stands in it.
-        mix: Mix,
+        saved: Box<Saved>,
+        /// Revision of the snapshots that stand in it.
+        revision: u64,
         /// One line about it.
         message: String,
     },
@@ -129,8 +143,26 @@ pub enum Brought {
     Look {
         /// The file.
         path: PathBuf,
-        /// What it puts on the lights.
-        mix: Mix,
+        /// What stands in it.
+        saved: Box<Saved>,
+    },
+    /// Work that an earlier window left behind was read.
+    Recovered {
+        /// What it is.
+        saved: Box<Saved>,
+    },
+    /// The work was written down, in case the window ends by force.
+    Unsaved(Result<()>),
+    /// The albedos of the surfaces in view were read, or why they could not be.
+    Surfaces(std::result::Result<Arc<Surfaces>, String>),
+    /// The difference of picture and compared picture; none where there is none. The number is the asker's.
+    Difference(u64, Option<Arc<Difference>>),
+    /// The picture of a snapshot that came without one.
+    SnapshotImage {
+        /// The snapshot's name.
+        name: String,
+        /// The picture.
+        image: Arc<LinearImage>,
     },
 }
 
@@ -169,6 +201,8 @@ pub enum Event {
     Brought(Result<Brought, String>),
     /// What of the container is damaged: a line for each block that is shown with fewer layers than it has, or as a hole.
     Damage(Vec<String>),
+    /// The open file has changed.
+    File(FileChange),
     /// Something could not be done.
     Failed(String),
 }
@@ -347,6 +381,7 @@ pub struct Session {
     pub container: Arc<ContainerReader>,
     /// Its worker.
     pub worker: Worker,
+    _watch: FileWatch,
 }
 
 impl Session {
@@ -356,7 +391,9 @@ impl Session {
     pub fn open(path: &Path, means: Means, wake: Arc<dyn Fn() + Send + Sync>) -> Result<Self> {
         let container = Arc::new(ContainerReader::open(path)?);
         let worker = Worker::start(container.clone(), means, wake);
-        Ok(Self { path: path.to_owned(), container, worker })
+        let outbox = worker.outbox.clone();
+        let _watch = FileWatch::start(path.to_owned(), move |change| outbox.send(Event::File(change)));
+        Ok(Self { path: path.to_owned(), container, worker, _watch })
     }
 
     /// The lights.

@@ -8,9 +8,8 @@ use ltm::light::{Light, LightBasis, LightKind, LightUnit, Lighting};
 use ltm::look;
 use ltm::matrix::BlockId;
 use ltm::relight::CpuRelighter;
-use ltm_view::groups::Groups;
 use ltm_view::history::History;
-use ltm_view::looks;
+use ltm_view::looks::{self, Saved};
 use ltm_view::mixer::{Mix, Tint};
 use ltm_view::pattern::{Brush, Pattern};
 use ltm_view::reach::{Reach, per_light, pixel_rows};
@@ -45,9 +44,9 @@ fn factors() -> MemoryFactors {
 }
 
 /// A mix in which everything is used: stops, tints, a painted panel, a turned sky.
-fn mixed(basis: &LightBasis, groups: &Groups) -> Mix {
-    let mut mix = Mix::of_scene(basis, groups);
-    mix.groups[0].stops = -0.5;
+fn mixed(basis: &LightBasis) -> Mix {
+    let mut mix = Mix::of_scene(basis);
+    mix.groups.group_mut(0).stops = -0.5;
     mix.lights[0].stops = 1.3;
     mix.lights[1].tint = Tint::Kelvin(3200.0);
     let mut painted = Pattern::white((3, 2));
@@ -69,15 +68,14 @@ fn near(a: f32, b: f32, scale: f32) -> bool {
 #[test]
 fn contributions_are_the_mean_luminances_of_the_lights_own_pictures() {
     let (basis, source) = (basis(), factors());
-    let groups = Groups::of(&basis);
-    let mix = mixed(&basis, &groups);
+    let mix = mixed(&basis);
     let relighter = CpuRelighter::load(&source).unwrap();
     let reach = Reach::measure(&source);
-    let contributions = reach.contributions(&basis, &mix.lighting(&basis, &groups).unwrap());
+    let contributions = reach.contributions(&basis, &mix.lighting(&basis).unwrap());
     for (light, &contribution) in contributions.iter().enumerate() {
         let mut alone = mix.clone();
         alone.toggle_solo(light, false);
-        let image = relighter.relight(&alone.lighting(&basis, &groups).unwrap()).unwrap();
+        let image = relighter.relight(&alone.lighting(&basis).unwrap()).unwrap();
         let count = image.pixels.len() as f32;
         let mean = image.luminances().sum::<f32>() / count;
         let scale = image.luminances().map(f32::abs).sum::<f32>() / count;
@@ -88,8 +86,7 @@ fn contributions_are_the_mean_luminances_of_the_lights_own_pictures() {
 #[test]
 fn the_lights_at_a_pixel_add_up_to_the_pixel() {
     let (basis, source) = (basis(), factors());
-    let groups = Groups::of(&basis);
-    let lighting = mixed(&basis, &groups).lighting(&basis, &groups).unwrap();
+    let lighting = mixed(&basis).lighting(&basis).unwrap();
     for [x, y] in [[0, 0], [36, 20], [15, 16], [16, 15], [33, 3]] {
         let rows = pixel_rows(&source, [x, y]).unwrap();
         let id = BlockId(y / 16 * 3 + x / 16);
@@ -114,8 +111,7 @@ fn the_lights_at_a_pixel_add_up_to_the_pixel() {
 #[test]
 fn a_drag_of_a_hundred_frames_is_undone_at_once_and_gives_the_scenes_picture_again() {
     let (basis, source) = (basis(), factors());
-    let groups = Groups::of(&basis);
-    let mut mix = Mix::of_scene(&basis, &groups);
+    let mut mix = Mix::of_scene(&basis);
     let mut history = History::new(mix.clone());
     for frame in 0..100 {
         mix.lights[0].stops = frame as f32 * 0.05;
@@ -123,7 +119,7 @@ fn a_drag_of_a_hundred_frames_is_undone_at_once_and_gives_the_scenes_picture_aga
     }
     let undone = history.undo().unwrap();
     assert!(!history.can_undo());
-    let lighting = undone.lighting(&basis, &groups).unwrap();
+    let lighting = undone.lighting(&basis).unwrap();
     assert_eq!(lighting, Lighting::of_scene(&basis));
     let relighter = CpuRelighter::load(&source).unwrap();
     assert_eq!(relighter.relight(&lighting).unwrap(), relighter.relight(&Lighting::of_scene(&basis)).unwrap());
@@ -145,14 +141,13 @@ fn a_saved_look_is_what_relight_reads_and_comes_back_as_a_mix() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("evening look.toml");
     let basis = basis();
-    let groups = Groups::of(&basis);
-    let mut mix = mixed(&basis, &groups);
+    let mut mix = mixed(&basis);
     for _ in 0..2 {
-        let lighting = mix.lighting(&basis, &groups).unwrap();
-        looks::save(&path, &basis, &groups, &mix).unwrap();
+        let lighting = mix.lighting(&basis).unwrap();
+        looks::save(&path, &basis, &Saved::of(mix.clone()), true).unwrap();
         same_lighting(&lighting, look::load(&path, &basis).unwrap().lighting());
-        let read = looks::load(&path, &basis, &groups).unwrap();
-        same_lighting(&lighting, &read.lighting(&basis, &groups).unwrap());
+        let read = looks::load(&path, &basis).unwrap().mix;
+        same_lighting(&lighting, &read.lighting(&basis).unwrap());
         assert!(
             matches!(read.lights[1].tint, Tint::Kelvin(kelvin) if (kelvin - 3200.0).abs() < 1.0),
             "{:?}",
@@ -171,15 +166,14 @@ fn a_look_that_was_edited_is_read_by_its_rules() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("edited.toml");
     let basis = basis();
-    let groups = Groups::of(&basis);
-    looks::save(&path, &basis, &groups, &mixed(&basis, &groups)).unwrap();
+    looks::save(&path, &basis, &Saved::of(mixed(&basis)), true).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     assert!(text.contains("[[mixer.group]]") && text.contains("turn_radians = 0.9"), "{text}");
     // The lamp's own stops and its group's, as the rule has them.
     std::fs::write(&path, text.replacen("stops = 0.79", "stops = 1.79", 1)).unwrap();
-    let read = looks::load(&path, &basis, &groups).unwrap();
-    assert!((read.lights[0].stops - 1.8).abs() < 1e-2 && read.groups[0].stops == 0.0, "{:?}", read.lights[0]);
-    same_lighting(look::load(&path, &basis).unwrap().lighting(), &read.lighting(&basis, &groups).unwrap());
+    let read = looks::load(&path, &basis).unwrap().mix;
+    assert!((read.lights[0].stops - 1.8).abs() < 1e-2 && read.groups.group(0).stops == 0.0, "{:?}", read.lights[0]);
+    same_lighting(look::load(&path, &basis).unwrap().lighting(), &read.lighting(&basis).unwrap());
 }
 
 #[test]
@@ -187,17 +181,16 @@ fn what_is_not_heard_is_off_in_the_rules_and_comes_back_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("solo.toml");
     let basis = basis();
-    let groups = Groups::of(&basis);
-    let mut mix = mixed(&basis, &groups);
+    let mut mix = mixed(&basis);
     mix.toggle_solo(2, false);
     mix.lights[2].tint = Tint::Colour([0.2, 0.0, 0.9]);
-    looks::save(&path, &basis, &groups, &mix).unwrap();
+    looks::save(&path, &basis, &Saved::of(mix.clone()), true).unwrap();
     let lighting = look::load(&path, &basis).unwrap().lighting().clone();
-    same_lighting(&mix.lighting(&basis, &groups).unwrap(), &lighting);
+    same_lighting(&mix.lighting(&basis).unwrap(), &lighting);
     let lit: Vec<usize> = (0..16).filter(|&column| lighting.weights()[column] != [0.0; 3]).collect();
     assert!(lit.iter().all(|column| (2..8).contains(column)), "{lit:?}");
-    let mut read = looks::load(&path, &basis, &groups).unwrap();
+    let mut read = looks::load(&path, &basis).unwrap().mix;
     assert!(read == mix);
     read.toggle_solo(2, false);
-    assert!(read.shines(0, &groups) && read.lights[1].tint == Tint::Kelvin(3200.0), "what was silent is kept too");
+    assert!(read.shines(0) && read.lights[1].tint == Tint::Kelvin(3200.0), "what was silent is kept too");
 }

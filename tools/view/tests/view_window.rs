@@ -11,6 +11,12 @@ mod controls;
 mod device;
 #[path = "view_window/driver.rs"]
 mod driver;
+#[path = "view_window/groups.rs"]
+mod groups;
+#[path = "view_window/kept.rs"]
+mod kept;
+#[path = "view_window/measures.rs"]
+mod measures;
 #[path = "view_window/real.rs"]
 mod real;
 #[path = "../../../tests/relight_source/texels.rs"]
@@ -185,7 +191,7 @@ fn a_lighting_is_saved_and_loaded() {
     driver.enter(look.to_str().unwrap());
     driver.settle();
     assert!(driver.picture() == dimmed);
-    driver.find_containing("Lit by");
+    driver.find_containing("Loaded");
 }
 
 /// The command that is copied writes the very picture that the window writes.
@@ -486,8 +492,14 @@ fn main() -> ExitCode {
             Ok(())
         })
     };
-    let mut trials: Vec<Trial> =
-        tests.into_iter().chain(controls::TESTS).map(|(name, test)| trial(name, test)).collect();
+    let mut trials: Vec<Trial> = tests
+        .into_iter()
+        .chain(controls::TESTS)
+        .chain(kept::TESTS)
+        .chain(groups::TESTS)
+        .chain(measures::TESTS)
+        .map(|(name, test)| trial(name, test))
+        .collect();
     let without = !real::is_possible();
     for (name, test) in real::TESTS.into_iter().chain(device::TESTS) {
         trials.push(trial(name, test).with_ignored_flag(without));
@@ -495,5 +507,7 @@ fn main() -> ExitCode {
     let driven =
         trial("a_real_window_is_driven_by_pointer_and_keys", real::a_real_window_is_driven_by_pointer_and_keys);
     trials.push(driven.with_ignored_flag(without || !real::has_hands()));
+    let killed = trial("a_killed_window_loses_no_work", real::a_killed_window_loses_no_work);
+    trials.push(killed.with_ignored_flag(without || !real::has_hands()));
     libtest_mimic::run(&arguments, trials).exit_code()
 }

@@ -8,14 +8,16 @@ use eframe::egui::{self, Align2, Color32, FontId, RichText, Ui};
 use eframe::egui_wgpu::RenderState;
 
 use super::chooser::{Answer, Chooser, Purpose};
-use super::document::Document;
+use super::document::{Document, Opening};
 use super::keys::{Action, act, help, pressed};
 use super::layout::{Tab, show_document};
+use super::question::{Next, Question, Reply};
 use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, recent_files};
 use crate::WindowOptions;
 use crate::export::write_rgba;
 use crate::recent::{Recent, RecentKind};
+use crate::unsaved::LeftBehind;
 use crate::worker::{Means, SharedDevice};
 use ltm::error::{Error, Result};
 
@@ -27,10 +29,18 @@ pub struct App {
     document: Option<Document>,
     message: Option<String>,
     recent: Recent,
-    means: Means,
-    /// What draws the window, where it relights too.
-    state: Option<RenderState>,
+    /// What containers are opened with.
+    opening: Opening,
     chooser: Option<Chooser>,
+    question: Option<Question>,
+    /// What is to be done once the work is saved.
+    after_save: Option<Next>,
+    /// Whether the window may close: nothing is lost, or the question was answered.
+    may_close: bool,
+    /// Whether the window's size is settled: it was asked for, or made to fit the screen.
+    fits: bool,
+    /// What the window is called.
+    title: String,
     panels: bool,
     tab: Tab,
     help: bool,
@@ -66,34 +76,192 @@ impl App {
         };
         let device = state.as_ref().map(share);
         let means = Means { device, budget_bytes: options.budget_bytes.unwrap_or_else(half_the_memory) };
-        let recent = Recent::load(options.state_folder);
-        let (document, message, chooser) = (None, None, None);
-        let (panels, tab, help) = (true, Tab::default(), false);
-        let mut app = Self { document, message, recent, means, state, chooser, panels, tab, help, screenshot, failure };
+        let recent = Recent::load(options.state_folder.clone());
+        let mut app = Self {
+            document: None,
+            message: None,
+            recent,
+            opening: Opening { means, state, state_folder: options.state_folder },
+            chooser: None,
+            question: None,
+            after_save: None,
+            may_close: false,
+            fits: options.size.is_some() || screenshot.is_some(),
+            title: String::new(),
+            panels: true,
+            tab: Tab::default(),
+            help: false,
+            screenshot,
+            failure,
+        };
         if let Some(path) = options.path {
             app.open(context, &path);
         }
         app
     }
 
-    /// Opens a container in place of the one that is open.
+    /// Opens a container in place of the one that is open, whose work is not kept.
     pub fn open(&mut self, context: &egui::Context, path: &Path) {
-        match Document::open(context, path, self.means.clone(), self.state.clone()) {
+        match Document::open(context, path, self.opening.clone()) {
             Ok(document) => {
-                self.document = Some(document);
+                if let Some(mut old) = self.document.replace(document) {
+                    old.autosave.forget();
+                }
                 self.message = None;
                 let kept = self.recent.add(RecentKind::Container, path);
                 self.tell(kept);
-                let name = path.file_name().map_or("".into(), |name| name.to_string_lossy());
-                context.send_viewport_cmd(egui::ViewportCommand::Title(format!("{name} – ltm")));
+                let left = self.opening.state_folder.as_ref().and_then(|folder| LeftBehind::find(folder, path));
+                self.question = left.map(Question::LeftBehind).filter(|_| self.screenshot.is_none());
             }
             Err(error) => {
-                self.message = Some(error.to_string());
                 if self.screenshot.is_some() {
-                    self.fail(context, error);
+                    self.message = Some(error.to_string());
+                    return self.fail(context, error);
+                }
+                self.tell(Err(error));
+            }
+        }
+    }
+
+    /// Opens the container anew and goes on with the work on it.
+    fn reload(&mut self, context: &egui::Context) {
+        let Some(old) = self.document.take() else { return };
+        match Document::open(context, &old.session.path, self.opening.clone()) {
+            Ok(mut document) => {
+                document.go_on(old);
+                self.document = Some(document);
+            }
+            Err(error) => {
+                let old = self.document.insert(old);
+                old.files.message = Some((format!("cannot be reloaded: {error}"), true));
+            }
+        }
+    }
+
+    /// Does what would take the place of the work, or asks first where that is not saved.
+    fn proceed(&mut self, context: &egui::Context, next: Next) {
+        if self.document.as_ref().is_some_and(Document::is_modified) {
+            self.question = Some(Question::Unsaved(next));
+        } else {
+            self.do_next(context, next);
+        }
+    }
+
+    fn do_next(&mut self, context: &egui::Context, next: Next) {
+        match next {
+            Next::Close => {
+                if let Some(document) = &mut self.document {
+                    document.autosave.forget();
+                }
+                self.may_close = true;
+                context.send_viewport_cmd(egui::ViewportCommand::Close);
+            }
+            Next::Open(path) => self.open(context, &path),
+            Next::LoadLook(path) => {
+                let kept = self.recent.add(RecentKind::Look, &path);
+                self.tell(kept);
+                if let Some(document) = &mut self.document {
+                    document.read_look(path);
                 }
             }
         }
+    }
+
+    /// Asks what is to be asked, and does what is answered.
+    fn ask(&mut self, context: &egui::Context) {
+        let Some(reply) = self.question.as_ref().and_then(|question| question.show(context)) else { return };
+        match (self.question.take(), reply) {
+            (Some(Question::Unsaved(next)), Reply::Yes) => self.save_then(next),
+            (Some(Question::Unsaved(next)), Reply::No) => self.do_next(context, next),
+            (Some(Question::LeftBehind(left)), Reply::Yes) => {
+                if let Some(document) = &mut self.document {
+                    document.recover(left);
+                }
+            }
+            (Some(Question::LeftBehind(left)), Reply::No) => left.forget(),
+            // What was left behind stays for the next time.
+            (_, Reply::Cancel) | (None, _) => {}
+        }
+    }
+
+    /// Saves the work to its file, or to one that is chosen, and does then what is next.
+    fn save_then(&mut self, next: Next) {
+        let Some(document) = &mut self.document else { return };
+        match document.work.look().map(Path::to_owned) {
+            Some(path) => document.write_look(path),
+            None => document.files.wanted = Some(Purpose::SaveLook),
+        }
+        self.after_save = Some(next);
+    }
+
+    /// Goes on once what was to be saved is.
+    fn go_on_after_save(&mut self, context: &egui::Context) {
+        let Some(document) = &self.document else { return };
+        let awaited = document.files.beside > 0 || document.files.wanted.is_some();
+        if self.after_save.is_none() || awaited || self.chooser.is_some() {
+            return;
+        }
+        let was_saved = !document.is_modified();
+        if let Some(next) = self.after_save.take().filter(|_| was_saved) {
+            self.do_next(context, next);
+        }
+    }
+
+    /// Lets the window close only where nothing is lost.
+    fn check_close(&mut self, context: &egui::Context) {
+        if !context.input(|input| input.viewport().close_requested()) || self.may_close || self.screenshot.is_some() {
+            return;
+        }
+        if self.document.as_ref().is_some_and(Document::is_modified) {
+            context.send_viewport_cmd(egui::ViewportCommand::CancelClose);
+            self.question = Some(Question::Unsaved(Next::Close));
+        } else if let Some(document) = &mut self.document {
+            document.autosave.forget();
+        }
+    }
+
+    /// Makes the first window small enough for its screen, frame and a bar of the desktop's included.
+    fn fit_to_screen(&mut self, context: &egui::Context) {
+        const FRAMES: u64 = 60;
+        const BAR: f32 = 48.0;
+        if self.fits || context.cumulative_frame_nr() > FRAMES {
+            return;
+        }
+        let (screen, outer, inner) = context.input(|input| {
+            let viewport = input.viewport();
+            (viewport.monitor_size, viewport.outer_rect, viewport.inner_rect)
+        });
+        let (Some(screen), Some(outer), Some(inner)) = (screen, outer, inner) else { return };
+        let frame = (outer.size() - inner.size()).max(egui::Vec2::ZERO);
+        let most = screen - frame - egui::vec2(0.0, BAR);
+        if inner.width() > most.x || inner.height() > most.y {
+            self.fits = true;
+            context.send_viewport_cmd(egui::ViewportCommand::InnerSize(inner.size().min(most)));
+            context.send_viewport_cmd(egui::ViewportCommand::OuterPosition(
+                ((screen - outer.size().min(screen)) / 2.0).to_pos2(),
+            ));
+        }
+    }
+
+    /// Names the window after its container, with a mark while there is unsaved work.
+    fn set_title(&mut self, context: &egui::Context) {
+        let title = self.document.as_ref().map_or_else(
+            || "ltm".to_owned(),
+            |document| {
+                let name = document.session.path.file_name().unwrap_or_default().to_string_lossy();
+                let mark = if document.is_modified() { "● " } else { "" };
+                format!("{mark}{name} – ltm")
+            },
+        );
+        if title != self.title {
+            context.send_viewport_cmd(egui::ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
+    }
+
+    /// What the window is called.
+    pub fn title(&self) -> &str {
+        &self.title
     }
 
     /// Whether the picture stands and nothing newer is awaited.
@@ -103,14 +271,16 @@ impl App {
 
     /// Pictures that have come of the open container.
     pub fn pictures(&self) -> u64 {
-        self.document.as_ref().map_or(0, |document| document.pictures)
+        self.document.as_ref().map_or(0, |document| document.shown.pictures)
     }
 
     /// Draws one frame.
     pub fn show(&mut self, ui: &mut Ui) {
         let context = ui.ctx().clone();
+        self.check_close(&context);
+        self.fit_to_screen(&context);
         self.take_dropped(&context);
-        if self.chooser.is_none() {
+        if self.chooser.is_none() && self.question.is_none() {
             for action in pressed(&context) {
                 self.act(&context, action);
             }
@@ -125,24 +295,21 @@ impl App {
                 let choice = show_document(ui, document, self.panels, &mut self.tab, &self.recent);
                 let held = context.input(|input| input.pointer.any_down());
                 document.ask(&context, held);
-                if let Some(purpose) = document.wanted.take() {
-                    let near = match (&document.look, purpose) {
-                        (Some((path, _)), Purpose::SaveLook | Purpose::LoadLook) => path.with_extension(""),
-                        // Not the name under which the radiance is saved.
-                        (_, Purpose::Layers) => PathBuf::from(format!("{}-layers", document.export_base.display())),
-                        _ => document.export_base.clone(),
-                    };
-                    self.chooser = Some(Chooser::new(purpose, &near));
+                if let Some(purpose) = document.files.wanted.take() {
+                    self.chooser = Some(Chooser::new(purpose, &near(document, purpose)));
                 }
                 match choice {
                     Some(Choice::Act(action)) => self.act(&context, action),
-                    Some(Choice::Open(path)) => self.open(&context, &path),
-                    Some(Choice::Look(path)) => self.chosen(&context, Purpose::LoadLook, path),
+                    Some(Choice::Open(path)) => self.proceed(&context, Next::Open(path)),
+                    Some(Choice::Look(path)) => self.proceed(&context, Next::LoadLook(path)),
                     None => {}
                 }
             }
         }
+        self.ask(&context);
         self.choose(&context);
+        self.go_on_after_save(&context);
+        self.set_title(&context);
         if self.help {
             help(&context, &mut self.help);
         }
@@ -159,7 +326,7 @@ impl App {
             (Action::Panels, _) => self.panels = !self.panels,
             (Action::Larger, _) => larger(1.1),
             (Action::Smaller, _) => larger(1.0 / 1.1),
-            (Action::Quit, _) => context.send_viewport_cmd(egui::ViewportCommand::Close),
+            (Action::Quit, _) => self.proceed(context, Next::Close),
             (Action::FullScreen, _) => {
                 let full = context.input(|input| input.viewport().fullscreen.unwrap_or(false));
                 context.send_viewport_cmd(egui::ViewportCommand::Fullscreen(!full));
@@ -168,10 +335,7 @@ impl App {
                 let near = document.as_ref().map_or(Path::new("."), |document| document.session.path.as_path());
                 self.chooser = Some(Chooser::new(Purpose::Container, near));
             }
-            (Action::Reload, Some(document)) => {
-                let path = document.session.path.clone();
-                self.open(context, &path);
-            }
+            (Action::Reload, Some(_)) => self.reload(context),
             (action, Some(document)) => act(context, document, action),
             (_, None) => {}
         }
@@ -186,14 +350,14 @@ impl App {
                 self.chooser = None;
                 self.chosen(context, purpose, path);
             }
-            Some(Answer::Cancelled) => self.chooser = None,
+            Some(Answer::Cancelled) => (self.chooser, self.after_save) = (None, None),
             None => {}
         }
     }
 
     /// Does with a file what it was chosen for.
     fn chosen(&mut self, context: &egui::Context, purpose: Purpose, path: PathBuf) {
-        if matches!(purpose, Purpose::LoadLook | Purpose::SaveLook) {
+        if purpose == Purpose::SaveLook {
             let kept = self.recent.add(RecentKind::Look, &path);
             self.tell(kept);
         }
@@ -201,17 +365,20 @@ impl App {
             return self.open(context, &path);
         };
         if matches!(purpose, Purpose::Png | Purpose::Exr) {
-            document.export_base = path.with_extension("");
+            document.files.export_base = path.with_extension("");
         }
         match purpose {
-            Purpose::Container => self.open(context, &path),
-            Purpose::LoadLook => document.read_look(path),
+            Purpose::Container => self.proceed(context, Next::Open(path)),
+            Purpose::LoadLook => self.proceed(context, Next::LoadLook(path)),
             Purpose::SaveLook => document.write_look(path),
             Purpose::LightImage(light) => document.read_image(path, Some(light)),
             Purpose::Reference => document.read_image(path, None),
             Purpose::Png => document.write_png(path),
             Purpose::Exr => document.write_exr(path),
             Purpose::Layers => document.write_layers(path),
+            Purpose::Report => document.write_report(path),
+            Purpose::Sheet => document.write_sheet(path),
+            Purpose::Frames => document.write_frames(path),
         }
     }
 
@@ -219,7 +386,7 @@ impl App {
     fn tell(&mut self, outcome: Result<()>) {
         let Err(error) = outcome else { return };
         match &mut self.document {
-            Some(document) => document.message = Some((error.to_string(), true)),
+            Some(document) => document.files.message = Some((error.to_string(), true)),
             None => self.message = Some(error.to_string()),
         }
     }
@@ -260,12 +427,13 @@ impl App {
         for path in dropped {
             let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
             let Some(document) = self.document.as_ref().filter(|_| ending != "ltc") else {
-                self.open(context, &path);
+                self.proceed(context, Next::Open(path));
                 continue;
             };
             let pointer = context.input(|input| input.pointer.latest_pos());
-            let over_mixer = pointer.is_some_and(|pointer| document.mixer_rect.contains(pointer));
-            let texelled = document.selected.filter(|&light| document.basis().lights()[light].layout() != (1, 1));
+            let over_mixer = pointer.is_some_and(|pointer| document.list.rect.contains(pointer));
+            let texelled =
+                document.list.selected().filter(|&light| document.basis().lights()[light].layout() != (1, 1));
             let purpose = match (ending.as_str(), texelled.filter(|_| over_mixer)) {
                 ("toml" | "json", _) => Purpose::LoadLook,
                 (_, Some(light)) => Purpose::LightImage(light),
@@ -317,6 +485,19 @@ impl eframe::App for App {
 
     fn clear_color(&self, _: &egui::Visuals) -> [f32; 4] {
         SURROUND.to_normalized_gamma_f32()
+    }
+}
+
+/// The name, without ending, that is proposed where a file is chosen for something.
+fn near(document: &Document, purpose: Purpose) -> PathBuf {
+    let base = &document.files.export_base;
+    match (document.work.look(), purpose) {
+        (Some(path), Purpose::SaveLook | Purpose::LoadLook) => path.with_extension(""),
+        // Not the name under which the radiance is saved.
+        (_, Purpose::Layers) => PathBuf::from(format!("{}-layers", base.display())),
+        (_, Purpose::Sheet) => PathBuf::from(format!("{}-sheet", base.display())),
+        (_, Purpose::Frames) => PathBuf::from(format!("{}-frame", base.display())),
+        _ => base.clone(),
     }
 }
 

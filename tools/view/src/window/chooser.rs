@@ -1,13 +1,16 @@
 //! Choosing a file: folders and names inside the window, since not every desktop has a dialogue to ask for one.
 
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use eframe::egui::text::{CCursor, CCursorRange};
 use eframe::egui::{self, Key, RichText, ScrollArea, TextEdit, vec2};
 
+use super::question::ago;
 use super::theme::{ALARM, WEAK};
 use crate::export::with_ending;
-use crate::groups::natural;
+use crate::rows::natural;
+use ltm::host::human_bytes;
 
 /// What a file is chosen for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +24,9 @@ pub(super) enum Purpose {
     Png,
     Exr,
     Layers,
+    Report,
+    Sheet,
+    Frames,
 }
 
 /// What became of it.
@@ -29,12 +35,23 @@ pub(super) enum Answer {
     Chosen(PathBuf),
 }
 
+/// A folder, or a file that fits.
+struct Entry {
+    name: String,
+    is_folder: bool,
+    bytes: u64,
+    written: Option<SystemTime>,
+}
+
 /// The open list of files.
 pub(super) struct Chooser {
     pub(super) purpose: Purpose,
     folder: PathBuf,
     /// Folders, then files that fit.
-    entries: Vec<(String, bool)>,
+    entries: Vec<Entry>,
+    /// Shown are names that hold this.
+    filter: String,
+    newest_first: bool,
     name: String,
     problem: Option<String>,
     /// Whether the name is to be given the keyboard.
@@ -47,13 +64,16 @@ impl Purpose {
     fn title(self) -> &'static str {
         match self {
             Self::Container => "Open a container",
-            Self::LoadLook => "Load a lighting",
-            Self::SaveLook => "Save the lighting",
-            Self::LightImage(_) => "Lay an image on the light",
+            Self::LoadLook => "Load a look",
+            Self::SaveLook => "Save the look",
+            Self::LightImage(_) => "Put an image on the light",
             Self::Reference => "Compare with an image",
             Self::Png => "Save the picture as PNG",
             Self::Exr => "Save the radiance as EXR",
             Self::Layers => "Save an EXR with a layer for each light",
+            Self::Report => "Save the report as CSV",
+            Self::Sheet => "Save a contact sheet as PNG",
+            Self::Frames => "Save numbered frames as PNG",
         }
     }
 
@@ -63,13 +83,14 @@ impl Purpose {
             Self::LoadLook => &["toml", "json"],
             Self::SaveLook => &["toml"],
             Self::LightImage(_) | Self::Reference => &IMAGES,
-            Self::Png => &["png"],
+            Self::Png | Self::Sheet | Self::Frames => &["png"],
             Self::Exr | Self::Layers => &["exr"],
+            Self::Report => &["csv"],
         }
     }
 
     fn saves(self) -> bool {
-        matches!(self, Self::SaveLook | Self::Png | Self::Exr | Self::Layers)
+        !matches!(self, Self::Container | Self::LoadLook | Self::LightImage(_) | Self::Reference)
     }
 }
 
@@ -82,8 +103,16 @@ impl Chooser {
             Some(name) if purpose.saves() => with_ending(Path::new(name), purpose.endings()[0]).display().to_string(),
             _ => String::new(),
         };
-        let mut chooser =
-            Self { purpose, folder: PathBuf::new(), entries: Vec::new(), name, problem: None, fresh: true };
+        let mut chooser = Self {
+            purpose,
+            folder: PathBuf::new(),
+            entries: Vec::new(),
+            filter: String::new(),
+            newest_first: false,
+            name,
+            problem: None,
+            fresh: true,
+        };
         chooser.enter(folder.to_owned());
         chooser
     }
@@ -91,20 +120,62 @@ impl Chooser {
     fn enter(&mut self, folder: PathBuf) {
         let listed = std::fs::read_dir(&folder);
         self.problem = listed.as_ref().err().map(|error| format!("{}: {error}", folder.display()));
-        let mut entries: Vec<(String, bool)> = listed
+        self.entries = listed
             .into_iter()
             .flatten()
             .filter_map(|entry| {
                 let entry = entry.ok()?;
                 let name = entry.file_name().into_string().ok()?;
-                let is_folder = entry.path().is_dir();
+                let facts = entry.path().metadata().ok();
+                let is_folder = facts.as_ref().is_some_and(|facts| facts.is_dir());
                 let ending = Path::new(&name).extension().map(|ending| ending.to_string_lossy().to_lowercase());
                 let fits = ending.is_some_and(|ending| self.purpose.endings().contains(&ending.as_str()));
-                (!name.starts_with('.') && (is_folder || fits)).then_some((name, is_folder))
+                let bytes = facts.as_ref().map_or(0, |facts| facts.len());
+                let written = facts.and_then(|facts| facts.modified().ok());
+                (!name.starts_with('.') && (is_folder || fits)).then_some(Entry { name, is_folder, bytes, written })
             })
             .collect();
-        entries.sort_by_cached_key(|(name, is_folder)| (!is_folder, natural(name)));
-        (self.entries, self.folder) = (entries, folder);
+        self.folder = folder;
+        self.filter.clear();
+        self.sort();
+    }
+
+    fn sort(&mut self) {
+        self.entries.sort_by_cached_key(|entry| (!entry.is_folder, natural(&entry.name)));
+        if self.newest_first {
+            self.entries.sort_by_key(|entry| (!entry.is_folder, entry.written.map(std::cmp::Reverse)));
+        }
+    }
+
+    /// The folder above, others that are often meant, and which files are listed how.
+    fn head(&mut self, ui: &mut egui::Ui) {
+        let mut entered = None;
+        ui.horizontal(|ui| {
+            if ui.button("Up").on_hover_text("The folder above").clicked() {
+                entered = self.folder.parent().map(Path::to_owned);
+            }
+            let folder = |name| std::env::var_os(name).map(PathBuf::from).filter(|folder| folder.is_dir());
+            for (name, folder) in
+                [("Home", folder("HOME")), ("Scenes", folder("LTM_SCENES")), ("Shell", std::env::current_dir().ok())]
+            {
+                if let Some(folder) = folder
+                    && ui.button(name).on_hover_text(folder.display().to_string()).clicked()
+                {
+                    entered = Some(folder);
+                }
+            }
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if ui.selectable_label(self.newest_first, "Newest first").clicked() {
+                    self.newest_first = !self.newest_first;
+                    self.sort();
+                }
+                ui.add(TextEdit::singleline(&mut self.filter).hint_text("Filter").desired_width(120.0));
+            });
+        });
+        ui.add(egui::Label::new(RichText::new(self.folder.display().to_string()).color(WEAK)).truncate());
+        if let Some(folder) = entered {
+            self.enter(folder);
+        }
     }
 
     /// Shows the list until there is an answer.
@@ -113,14 +184,7 @@ impl Chooser {
         let modal = egui::Modal::new(egui::Id::unique("chooser")).show(context, |ui| {
             ui.set_width(540.0);
             ui.label(RichText::new(self.purpose.title()).size(15.0).strong());
-            ui.horizontal(|ui| {
-                if ui.button("Up").on_hover_text("The folder above").clicked()
-                    && let Some(parent) = self.folder.parent().map(Path::to_owned)
-                {
-                    self.enter(parent);
-                }
-                ui.add(egui::Label::new(RichText::new(self.folder.display().to_string()).color(WEAK)).truncate());
-            });
+            self.head(ui);
             if let Some(picked) = self.list(ui) {
                 answer = Some(picked);
             }
@@ -164,11 +228,18 @@ impl Chooser {
     fn list(&mut self, ui: &mut egui::Ui) -> Option<Answer> {
         let (mut entered, mut picked) = (None, None);
         let area = ScrollArea::vertical().id_salt(&self.folder).max_height(300.0).min_scrolled_height(300.0);
-        area.auto_shrink([false, false]).show_rows(ui, 22.0, self.entries.len(), |ui, range| {
-            for (name, is_folder) in &self.entries[range] {
+        let filter = self.filter.to_lowercase();
+        let shown: Vec<&Entry> = self.entries.iter().filter(|e| e.name.to_lowercase().contains(&filter)).collect();
+        area.auto_shrink([false, false]).show_rows(ui, 22.0, shown.len(), |ui, range| {
+            for Entry { name, is_folder, bytes, written } in &shown[range] {
                 let text = if *is_folder { format!("{name}/") } else { name.clone() };
                 let text = RichText::new(text).color(if *is_folder { WEAK } else { ui.visuals().text_color() });
+                let facts = match (is_folder, written) {
+                    (false, Some(written)) => format!("{}   {}", human_bytes(*bytes), ago(*written)),
+                    _ => String::new(),
+                };
                 let row = egui::Button::selectable(*name == self.name, text).truncate();
+                let row = row.right_text(RichText::new(facts).size(11.5).color(WEAK));
                 let size = vec2(ui.available_width(), 22.0);
                 let layout = egui::Layout::left_to_right(egui::Align::Center).with_main_justify(true);
                 let layout = layout.with_main_align(egui::Align::Min);

@@ -3,35 +3,99 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::chooser::Purpose;
 use super::document::Document;
-use crate::export;
-use crate::looks;
-use crate::mixer::LightMix;
+use crate::display::Display;
+use crate::export::{self, with_ending};
+use crate::file_watch::FileChange;
+use crate::looks::{self, Saved};
+use crate::meter::csv;
+use crate::mixer::{LightMix, Mix};
 use crate::pattern::Pattern;
+use crate::photometry::{mean_weight, quantities};
+use crate::sheet::{contact_sheet, frame_paths, frames};
+use crate::unsaved::LeftBehind;
 use crate::worker::Brought;
 use ltm::error::{Error, Result};
 use ltm::image::{LinearImage, read_image};
+use ltm::relight::relight_streaming;
+
+/// Files of a document, and what is said of them.
+pub(super) struct Errands {
+    /// What is said below, and whether something went wrong.
+    pub(super) message: Option<(String, bool)>,
+    /// Works beside the worker that are not done yet.
+    pub(super) beside: usize,
+    /// Name for exported files, without ending.
+    pub(super) export_base: PathBuf,
+    /// What a file is to be chosen for.
+    pub(super) wanted: Option<Purpose>,
+    /// What has become of the container's file since it was opened.
+    pub(super) changed: Option<FileChange>,
+    /// The file that was written for a command line, with what stands in it.
+    command_look: Option<(PathBuf, Mix)>,
+}
+
+impl Errands {
+    pub(super) fn new(container: &Path) -> Self {
+        let container = std::path::absolute(container).unwrap_or_else(|_| container.to_owned());
+        Self {
+            message: None,
+            beside: 0,
+            export_base: container.with_extension(""),
+            wanted: None,
+            changed: None,
+            command_look: None,
+        }
+    }
+
+    pub(super) fn go_on(&mut self, old: Self) {
+        (self.export_base, self.command_look) = (old.export_base, old.command_look);
+    }
+}
 
 impl Document {
     /// Puts what was brought where it belongs; what to say about it.
     pub(super) fn take(&mut self, brought: Brought) -> Result<String> {
         match brought {
             Brought::Message(message) => Ok(message),
-            Brought::Wrote { path, mix, message } => {
-                self.look = Some((path, mix));
+            Brought::Wrote { path, saved, revision, message } => {
+                self.work.is_kept(path, saved.mix, revision);
                 Ok(message)
             }
-            Brought::Look { path, mix } => {
-                self.mix = mix.clone();
-                let message = format!("Lit by {}", path.display());
-                self.look = Some((path, mix));
+            Brought::Look { path, saved } => {
+                let message = format!("Loaded {}", path.display());
+                let mix = saved.mix.clone();
+                self.take_look(*saved);
+                self.work.is_kept(path, mix, self.compare.snapshots.revision());
                 Ok(message)
+            }
+            Brought::Recovered { saved } => {
+                self.take_look(*saved);
+                Ok("Recovered unsaved work; save it to keep it".to_owned())
             }
             Brought::Image { path, light: None, image } => self.add_reference(&path, image),
             Brought::Image { path, light: Some(index), image } => {
                 self.lay_image(index, &image);
-                Ok(format!("{} lies on {}", path.display(), self.basis().lights()[index].name))
+                Ok(format!("{} is on {} now", name_of(&path), self.basis().lights()[index].name))
             }
+            // They are no errands of the window's.
+            Brought::Unsaved(outcome) => outcome.map(|()| String::new()),
+            Brought::SnapshotImage { name, .. } => Ok(name),
+            Brought::Surfaces(_) | Brought::Difference(..) => Ok(String::new()),
+        }
+    }
+
+    /// Takes a lighting file's content in place of the mix, as one step, and of the snapshots.
+    fn take_look(&mut self, saved: Saved) {
+        let Saved { mix, snapshots, display, keys } = saved;
+        self.work.replace(mix);
+        if !snapshots.is_empty() || !self.compare.snapshots.mixes().is_empty() {
+            self.compare.snapshots.read(snapshots);
+        }
+        self.work.keys = keys;
+        if let Some(display) = display {
+            self.view.set_display(display);
         }
     }
 
@@ -39,20 +103,22 @@ impl Document {
     fn lay_image(&mut self, index: usize, image: &LinearImage) {
         let light = &self.session.basis().lights()[index];
         let mut pattern = Pattern::of_image(light.kind, image);
-        let mix = &mut self.mix.lights[index];
+        let mut mix = self.work.mix.clone();
+        let own = &mut mix.lights[index];
         if light.kind.is_environment() {
-            *mix = LightMix { solo: mix.solo, ..LightMix::of_weights(light, pattern.texels()) };
+            *own = LightMix { solo: own.solo, ..LightMix::of_weights(light, pattern.texels()) };
         } else {
             // A picture brighter than white would be no picture of this light.
             let peak = pattern.texels().iter().flatten().copied().fold(1.0, f32::max);
             pattern.texels_mut().iter_mut().flatten().for_each(|v| *v /= peak);
-            (mix.pattern, mix.shape) = (Some(pattern), None);
+            (own.pattern, own.shape) = (Some(pattern), None);
         }
+        self.work.replace(mix);
     }
 
     /// Does something that takes long beside the worker.
-    fn beside(&mut self, work: impl FnOnce() -> Result<Brought> + Send + 'static) {
-        self.beside += 1;
+    pub(super) fn beside(&mut self, work: impl FnOnce() -> Result<Brought> + Send + 'static) {
+        self.files.beside += 1;
         self.session.worker.beside(work);
     }
 
@@ -63,57 +129,180 @@ impl Document {
 
     /// Reads a lighting file.
     pub(super) fn read_look(&mut self, path: PathBuf) {
-        let (container, groups) = (self.session.container.clone(), self.groups.clone());
-        self.beside(move || Ok(Brought::Look { mix: looks::load(&path, &container.job().basis, &groups)?, path }));
+        let container = self.session.container.clone();
+        let read = move || looks::load(&path, &container.job().basis).map(|saved| (Box::new(saved), path));
+        self.beside(move || read().map(|(saved, path)| Brought::Look { path, saved }));
+    }
+
+    /// Goes on with work that an earlier window left behind.
+    pub(super) fn recover(&mut self, left: LeftBehind) {
+        let (container, look) = (self.session.container.clone(), left.look());
+        self.autosave.recovered = Some(left);
+        self.beside(move || {
+            let saved = Box::new(looks::load(&look, &container.job().basis)?);
+            Ok(Brought::Recovered { saved })
+        });
     }
 
     /// Writes the lighting.
     pub(super) fn write_look(&mut self, path: PathBuf) {
-        let wrote = format!("Wrote {}", path.display());
-        self.write_look_and_say(path, wrote);
-    }
-
-    fn write_look_and_say(&mut self, path: PathBuf, message: String) {
-        let (container, groups, mix) = (self.session.container.clone(), self.groups.clone(), self.mix.clone());
+        let message = format!("Saved {}", path.display());
+        let (container, saved) = (self.session.container.clone(), Box::new(self.saved()));
+        let revision = self.compare.snapshots.revision();
         self.beside(move || {
-            looks::save(&path, &container.job().basis, &groups, &mix)?;
-            Ok(Brought::Wrote { path, mix, message })
+            looks::save(&path, &container.job().basis, &saved, true)?;
+            Ok(Brought::Wrote { path, saved, revision, message })
         });
     }
 
     /// Writes the picture as it is shown.
     pub(super) fn write_png(&mut self, path: PathBuf) {
-        let (Some(image), display) = (self.image.clone(), self.display) else { return };
+        if let Some(overlay) = self.meter.overlay().cloned() {
+            return self.beside(move || export::write_rgba(&path, overlay.size, &overlay.rgba).map(|()| wrote(&path)));
+        }
+        let (Some(image), display) = (self.shown.image.clone(), self.view.display) else { return };
         self.beside(move || export::write_png(&path, &image, &display).map(|()| wrote(&path)));
     }
 
     /// Writes the radiance.
     pub(super) fn write_exr(&mut self, path: PathBuf) {
-        let Some(image) = self.image.clone() else { return };
+        let Some(image) = self.shown.image.clone() else { return };
         self.beside(move || export::write_radiance(&path, &image).map(|()| wrote(&path)));
+    }
+
+    /// Writes the numbers: lights and measured area.
+    pub(super) fn write_report(&mut self, path: PathBuf) {
+        let text = csv(&self.report());
+        self.beside(move || ltm::files::write_file(&path, true, text.as_bytes()).map(|()| wrote(&path)));
+    }
+
+    /// The table of a report.
+    fn report(&self) -> Vec<Vec<String>> {
+        let text = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<String>>();
+        let container = self.session.path.display().to_string();
+        let look = self.work.saved_in().map_or_else(|| "not saved".to_owned(), |path| path.display().to_string());
+        let mut rows = vec![text(&["container", &container]), text(&["look", &look])];
+        rows.push(text(&[
+            "light",
+            "kind",
+            "group",
+            "shines",
+            "EV",
+            "share of the picture's light, %",
+            "value",
+            "unit",
+        ]));
+        let metres = self.metres_per_unit();
+        let all: f32 = self.list.contributions.iter().map(|v| v.max(0.0)).sum();
+        for (index, light) in self.basis().lights().iter().enumerate() {
+            let mix = &self.work.mix;
+            let group = mix.groups.of_light(index).map_or("", |group| mix.groups.group(group).name.as_str());
+            let share = self.list.contributions.get(index).map_or(0.0, |v| v.max(0.0) / all.max(f32::MIN_POSITIVE));
+            let mut row = text(&[&light.name, light.kind.name(), group]);
+            row.push(if mix.shines(index) { "yes" } else { "no" }.to_owned());
+            row.extend([format!("{:.3}", mix.stops(index)), format!("{:.2}", share * 100.0)]);
+            let weight = mean_weight(self.basis(), mix, index);
+            for (quantity, at_one) in quantities(light, metres) {
+                row.extend([format!("{:.4}", at_one * weight), quantity.unit().to_owned()]);
+            }
+            rows.push(row);
+        }
+        if let Some(figures) = &self.meter.figures {
+            let unit = self.meter.measured().unit();
+            let kind = if self.meter.is_least() { "at least: surfaces taken for white" } else { "" };
+            rows.push(text(&["area", "average", "minimum", "maximum", "uniformity U0", "points", "unit", "remark"]));
+            let corners: Vec<String> = self.meter.area.corners.iter().map(|[x, y]| format!("{x:.1} {y:.1}")).collect();
+            let mut row = vec![corners.join("; ")];
+            row.extend([figures.average, figures.least, figures.most].map(|value| format!("{value:.3}")));
+            row.extend([format!("{:.3}", figures.uniformity()), figures.count.to_string()]);
+            row.extend(text(&[unit, kind]));
+            rows.push(row);
+        }
+        rows
     }
 
     /// Writes a layer for each light.
     pub(super) fn write_layers(&mut self, path: PathBuf) {
-        let (container, relighter) = (self.session.container.clone(), self.relighter.clone());
-        let (groups, mix) = (self.groups.clone(), self.mix.clone());
+        let (container, relighter) = (self.session.container.clone(), self.shown.relighter.clone());
+        let mix = self.work.mix.clone();
         self.beside(move || {
-            export::write_layers(&path, &container, relighter.as_deref(), &groups, &mix)?;
+            export::write_layers(&path, &container, relighter.as_deref(), &mix)?;
             Ok(wrote(&path))
         });
     }
 
-    /// The command that makes this picture; the lighting is written for it unless it stands in a file already.
+    /// Writes all snapshots on one sheet, each as it is shown.
+    pub(super) fn write_sheet(&mut self, path: PathBuf) {
+        let display = self.view.display;
+        let pictures: Vec<_> = self
+            .compare
+            .snapshots
+            .list()
+            .iter()
+            .filter_map(|s| Some((s.name.clone(), s.image.clone()?, s.is_displayed)))
+            .collect();
+        self.beside(move || {
+            let shown = pictures.into_iter().map(|(name, image, is_displayed)| {
+                let own = if is_displayed { Display::default() } else { display };
+                (name, own.show(&image))
+            });
+            let sheet = contact_sheet(&shown.collect::<Vec<_>>())?;
+            export::write_rgba(&path, sheet.size, &sheet.rgba).map(|()| wrote(&path))
+        });
+    }
+
+    /// Writes an animation from snapshot to snapshot as numbered pictures: by the times of the look's file, else evenly.
+    pub(super) fn write_frames(&mut self, path: PathBuf) {
+        let mixes = self.compare.snapshots.mixes();
+        let mix_of = |name: &String| mixes.iter().find(|(own, _)| own == name).map(|(_, mix)| mix);
+        let by_file: Vec<(f32, &Mix)> =
+            self.work.keys.iter().filter_map(|(time, name)| Some((*time, mix_of(name)?))).collect();
+        let step_secs = self.compare.step_secs;
+        let evenly = mixes.iter().enumerate().map(|(index, (_, mix))| (index as f32 * step_secs, mix));
+        let timed: Vec<(f32, &Mix)> = if by_file.len() > 1 { by_file } else { evenly.collect() };
+        let basis = self.session.basis();
+        let looks = timed.into_iter().map(|(time, mix)| Ok((time, mix.lighting(basis)?))).collect::<Result<Vec<_>>>();
+        let (container, relighter) = (self.session.container.clone(), self.shown.relighter.clone());
+        let (display, per_sec) = (self.view.display, self.compare.frames_per_sec);
+        self.beside(move || {
+            let frames = frames(&looks?, per_sec)?;
+            let paths = frame_paths(&path, frames.len());
+            if let Some(there) = paths.iter().find(|path| path.exists()) {
+                let problem = "is there already, and frames replace nothing";
+                return Err(Error::input(there.display().to_string(), problem, "give another name"));
+            }
+            for (path, lighting) in paths.iter().zip(&frames) {
+                let image = match &relighter {
+                    Some(relighter) => relighter.relight(lighting)?,
+                    None => relight_streaming(&*container, lighting)?.0,
+                };
+                export::write_png(path, &image, &display)?;
+            }
+            let first = paths.first().map_or_else(String::new, |path| path.display().to_string());
+            Ok(Brought::Message(format!("Wrote {} frames from {first} on", frames.len())))
+        });
+    }
+
+    /// The command that makes this picture. The lighting is written for it, into a new file of its own, unless it stands in
+    /// one already.
     pub(super) fn command_line(&mut self) -> String {
-        let saved = self.look.as_ref().filter(|(_, mix)| *mix == self.mix).map(|(path, _)| path.clone());
-        let look = saved.clone().unwrap_or_else(|| export::with_ending(&self.export_base, "toml"));
-        let png = export::with_ending(&self.export_base, "png");
-        let line = export::command_line(&self.session.path, &look, &png, &self.display, self.lumens_per_watt());
-        let message = format!("Copied: {line}");
-        match saved {
-            Some(_) => self.message = Some((message, false)),
-            None => self.write_look_and_say(look, message),
+        let own = self.files.command_look.as_ref().filter(|(path, mix)| *mix == self.work.mix && path.is_file());
+        let saved = self.work.saved_in().or(own.map(|(path, _)| path.as_path())).map(Path::to_owned);
+        let look = saved.clone().unwrap_or_else(|| free_look(&self.files.export_base));
+        let png = with_ending(&self.files.export_base, "png");
+        let line =
+            export::command_line(&self.session.path, &look, &png, &self.view.display, self.lumens_per_watt().ok());
+        if saved.is_some() {
+            self.files.message = Some((format!("Copied: {line}"), false));
+            return line;
         }
+        let message = format!("Wrote {} and copied: {line}", name_of(&look));
+        self.files.command_look = Some((look.clone(), self.work.mix.clone()));
+        let (container, saved) = (self.session.container.clone(), Saved::of(self.work.mix.clone()));
+        self.beside(move || {
+            looks::save(&look, &container.job().basis, &saved, false)?;
+            Ok(Brought::Message(message))
+        });
         line
     }
 
@@ -121,19 +310,46 @@ impl Document {
     fn add_reference(&mut self, path: &Path, image: LinearImage) -> Result<String> {
         let [width, height] = self.size();
         if [image.width, image.height] != [width, height] {
-            let problem = format!("is {} × {} pixels, the picture {width} × {height}", image.width, image.height);
-            return Err(Error::input(path.display().to_string(), problem, "give one of the same size"));
+            let problem =
+                format!("is {} × {} pixels, and the picture is {width} × {height}", image.width, image.height);
+            return Err(Error::input(path.display().to_string(), problem, "choose an image of the picture's size"));
         }
-        let name = path.file_name().map_or("reference".into(), |name| name.to_string_lossy().into_owned());
-        let index = self.snapshots.add_reference(&name, Arc::new(image));
-        self.thumbnails.remove(&name);
-        if self.snapshots.compared() != Some(index) {
-            self.snapshots.toggle_compare(index);
+        // What is linear is kept in EXR, HDR and PFM; all else was made for a display.
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let is_displayed = !["exr", "hdr", "pfm"].contains(&ending.as_str());
+        let name = name_of(path);
+        let index = self.compare.snapshots.add_reference(&name, Arc::new(image), is_displayed);
+        self.compare.forget_thumbnail(&name);
+        if self.compare.snapshots.compared() != Some(index) {
+            self.compare.snapshots.toggle_compare(index);
         }
-        Ok(format!("Comparing with {name}"))
+        let how = if is_displayed { ", shown as it is" } else { "" };
+        Ok(format!("Comparing with {name}{how}"))
     }
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 fn wrote(path: &Path) -> Brought {
     Brought::Message(format!("Wrote {}", path.display()))
+}
+
+/// A name for a lighting file that none has yet, nor patterns of one.
+fn free_look(base: &Path) -> PathBuf {
+    let folder = base.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let names: Vec<String> = std::fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .collect();
+    let stem = base.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let free = |stem: &String| {
+        let toml = format!("{stem}.toml");
+        let dashed = format!("{stem}-");
+        !names.iter().any(|name| *name == toml || name.starts_with(&dashed))
+    };
+    let mut stems = (1..).map(|number| format!("{stem}-command{number}"));
+    base.with_file_name(format!("{}.toml", stems.find(free).unwrap_or(stem)))
 }

@@ -3,10 +3,12 @@
 use eframe::egui::{self, Event, Key, Modifiers, RichText};
 
 use super::chooser::Purpose;
-use super::document::{Document, colour_image};
+use super::document::Document;
+use super::light_list::lights_of;
 use super::mixer_panel::search_id;
+use super::shown_picture::colour_image;
 use super::theme::{ACCENT, WEAK};
-use crate::groups::Row;
+use super::view_state::Beside;
 
 /// What a key does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +49,13 @@ pub(super) enum Action {
     Light(usize),
     Switch,
     Solo,
+    AllOn,
+    AllOff,
+    AllLights,
+    Group,
+    Ungroup,
+    Other,
+    Difference,
     Find,
     Panels,
     Larger,
@@ -75,16 +84,16 @@ const CTRL: Modifiers = Modifiers::COMMAND;
 const ALT: Modifiers = Modifiers::ALT;
 
 /// All keys but the numbers. Where two differ in their modifiers only, the one with more comes first.
-pub(super) const BINDINGS: [Binding; 50] = [
+pub(super) const BINDINGS: [Binding; 55] = [
     bind(CTRL, Key::O, Action::Open, "Ctrl+O", "Open a container"),
-    bind(CTRL, Key::R, Action::Reload, "Ctrl+R or F5", "Reload it"),
+    bind(CTRL, Key::R, Action::Reload, "Ctrl+R or F5", "Reload it, with your mix"),
     bind(NONE, Key::F5, Action::Reload, "", ""),
     bind(CTRL, Key::S, Action::Png, "Ctrl+S", "Save the picture as PNG"),
     bind(CTRL, Key::E, Action::Exr, "Ctrl+E", "Save the radiance as EXR"),
     bind(CTRL.plus(SHIFT), Key::C, Action::CopyCommand, "Ctrl+Shift+C", "Copy the command that makes the picture"),
     bind(CTRL, Key::C, Action::CopyPicture, "Ctrl+C", "Copy the picture"),
-    bind(CTRL, Key::L, Action::LoadLook, "Ctrl+L", "Load a lighting"),
-    bind(CTRL, Key::K, Action::SaveLook, "Ctrl+K", "Save the lighting"),
+    bind(CTRL, Key::L, Action::LoadLook, "Ctrl+L", "Load a look"),
+    bind(CTRL, Key::K, Action::SaveLook, "Ctrl+K", "Save the look"),
     bind(CTRL, Key::Q, Action::Quit, "Ctrl+Q", "Quit"),
     bind(CTRL.plus(SHIFT), Key::Z, Action::Redo, "Ctrl+Shift+Z or Ctrl+Y", "Redo"),
     bind(CTRL, Key::Z, Action::Undo, "Ctrl+Z", "Undo; a drag is one step"),
@@ -96,18 +105,23 @@ pub(super) const BINDINGS: [Binding; 50] = [
     bind(NONE, Key::W, Action::LastLight, "", ""),
     bind(NONE, Key::Home, Action::FirstLight, "Home / End", "Select the first or last light"),
     bind(NONE, Key::End, Action::EndLight, "", ""),
-    bind(SHIFT, Key::X, Action::Solo, "Shift+X", "Selected light solo"),
-    bind(NONE, Key::X, Action::Switch, "X", "Selected light on or off"),
+    bind(SHIFT, Key::X, Action::Solo, "Shift+X", "Selected lights solo"),
+    bind(NONE, Key::X, Action::Switch, "X", "Selected lights on or off"),
+    bind(CTRL, Key::A, Action::AllLights, "Ctrl+A", "Select all lights that are listed"),
+    bind(CTRL.plus(SHIFT), Key::G, Action::Ungroup, "Ctrl+Shift+G", "Ungroup the selected lights"),
+    bind(CTRL, Key::G, Action::Group, "Ctrl+G", "Make a group of the selected lights"),
     bind(CTRL, Key::P, Action::Find, "Ctrl+P or Ctrl+F", "Find a light"),
     bind(CTRL, Key::F, Action::Find, "", ""),
     bind(SHIFT, Key::E, Action::Darker, "", ""),
     bind(NONE, Key::E, Action::Brighter, "E / Shift+E", "Exposure up or down by 0.5"),
-    bind(NONE, Key::N, Action::Normalise, "N", "Expose for the picture"),
+    bind(NONE, Key::N, Action::Normalise, "N", "Automatic exposure"),
     bind(NONE, Key::R, Action::ResetDisplay, "R", "Reset exposure, white and curve"),
     bind(SHIFT, Key::ArrowRight, Action::NextCurve, "Shift+Right / Shift+Left", "Next or previous tone curve"),
     bind(SHIFT, Key::ArrowLeft, Action::LastCurve, "", ""),
     bind(SHIFT, Key::D, Action::NextCurve, "", ""),
     bind(SHIFT, Key::A, Action::LastCurve, "", ""),
+    bind(NONE, Key::V, Action::Other, "V", "See the compared picture whole, and back"),
+    bind(NONE, Key::D, Action::Difference, "D", "See the difference to it, and back"),
     bind(NONE, Key::F, Action::Fit, "F or Ctrl+9", "Zoom to fit"),
     bind(CTRL, Key::Num9, Action::Fit, "", ""),
     bind(CTRL, Key::Num0, Action::ActualSize, "Ctrl+0", "Zoom to actual size"),
@@ -129,16 +143,18 @@ pub(super) const BINDINGS: [Binding; 50] = [
 ];
 
 /// What the numbers and the pointer do, for the help.
-const OTHERS: [(&str, &str); 13] = [
+const OTHERS: [(&str, &str); 15] = [
     ("1 … 9", "Select the light in that row"),
     ("Shift+1 … 9", "Compare with that snapshot"),
-    ("Alt, held", "See the snapshot whole"),
+    ("Alt, held", "See the compared picture whole"),
     ("Tab / Shift+Tab", "Go from control to control; Space presses"),
     ("Left / Right on a fader", "A quarter stop; with Shift a twentieth"),
     ("Drag the picture", "Pan"),
     ("Click the picture", "Select the light that matters most there"),
     ("Double-click the picture", "Zoom to fit"),
-    ("Alt-click a light", "Solo; with Shift add to the solo"),
+    ("Ctrl-click a light's switch", "Solo; with Shift add to the solo"),
+    ("Ctrl- or Shift-click a row", "Select several lights; a drag over rows too"),
+    ("Right-click a row", "Copy, paste, group, move"),
     ("Shift-drag a fader", "Ten times finer"),
     ("Double-click a fader", "Back to 0"),
     ("Scroll on a light's shape", "Larger or smaller"),
@@ -192,55 +208,71 @@ fn special(event: &Event) -> Option<Action> {
 /// Does what concerns the document.
 pub(super) fn act(context: &egui::Context, document: &mut Document, action: Action) {
     match action {
-        Action::Png => document.wanted = Some(Purpose::Png),
-        Action::Exr => document.wanted = Some(Purpose::Exr),
-        Action::Layers => document.wanted = Some(Purpose::Layers),
-        Action::LoadLook => document.wanted = Some(Purpose::LoadLook),
-        Action::SaveLook => document.wanted = Some(Purpose::SaveLook),
-        Action::Reference => document.wanted = Some(Purpose::Reference),
+        Action::Png => document.files.wanted = Some(Purpose::Png),
+        Action::Exr => document.files.wanted = Some(Purpose::Exr),
+        Action::Layers => document.files.wanted = Some(Purpose::Layers),
+        Action::LoadLook => document.files.wanted = Some(Purpose::LoadLook),
+        Action::SaveLook => document.files.wanted = Some(Purpose::SaveLook),
+        Action::Reference => document.files.wanted = Some(Purpose::Reference),
         Action::CopyPicture => {
-            if let Some(image) = &document.image {
-                context.copy_image(colour_image(&document.display.show(image)));
-                document.message = Some(("Copied the picture".into(), false));
+            if let Some(image) = &document.shown.image {
+                context.copy_image(colour_image(&document.view.display.show(image)));
+                document.files.message = Some(("Copied the picture".into(), false));
             }
         }
         Action::CopyCommand => {
             let line = document.command_line();
             context.copy_text(line);
         }
-        Action::Brighter => document.display.tone.exposure_stops += 0.5,
-        Action::Darker => document.display.tone.exposure_stops -= 0.5,
+        Action::Brighter => document.view.display.tone.exposure_stops += 0.5,
+        Action::Darker => document.view.display.tone.exposure_stops -= 0.5,
         Action::Normalise => document.expose(),
         Action::ResetDisplay => document.reset_display(),
-        Action::NextCurve => document.display = document.display.next(false),
-        Action::LastCurve => document.display = document.display.next(true),
-        Action::Fit => document.viewport.fit(),
-        Action::ActualSize => document.viewport.one_to_one(context.pixels_per_point()),
-        Action::ZoomIn => document.viewport.zoom_about([0.0; 2], 1.25),
-        Action::ZoomOut => document.viewport.zoom_about([0.0; 2], 0.8),
-        Action::Undo => document.undo(),
-        Action::Redo => document.redo(),
-        Action::ResetLights => document.reset(),
+        Action::NextCurve => document.view.display = document.view.display.next(false),
+        Action::LastCurve => document.view.display = document.view.display.next(true),
+        Action::Fit => document.view.viewport.fit(),
+        Action::ActualSize => document.view.viewport.one_to_one(context.pixels_per_point()),
+        Action::ZoomIn => document.view.viewport.zoom_about([0.0; 2], 1.25),
+        Action::ZoomOut => document.view.viewport.zoom_about([0.0; 2], 0.8),
+        Action::Undo => document.work.undo(),
+        Action::Redo => document.work.redo(),
+        Action::ResetLights => document.work.reset(),
         Action::Snapshot => document.snapshot(),
         Action::Wipe => {
-            let last = document.snapshots.list().len().checked_sub(1);
-            match document.snapshots.compared().or(last) {
-                Some(index) => document.snapshots.toggle_compare(index),
-                None => document.message = Some(("There is no snapshot yet: K keeps one".into(), false)),
+            let last = document.compare.snapshots.list().len().checked_sub(1);
+            match document.compare.snapshots.compared().or(last) {
+                Some(index) => document.compare.snapshots.toggle_compare(index),
+                None => document.files.message = Some(("There is no snapshot yet: K keeps one".into(), false)),
             }
         }
-        Action::Compare(index) if index < document.snapshots.list().len() => document.snapshots.toggle_compare(index),
+        Action::Compare(index) if index < document.compare.snapshots.list().len() => {
+            document.compare.snapshots.toggle_compare(index)
+        }
         Action::NextLight | Action::LastLight | Action::FirstLight | Action::EndLight | Action::Light(_) => {
             select(document, action);
         }
         Action::Switch => {
-            if let Some(light) = document.selected {
-                document.mix.lights[light].on = !document.mix.lights[light].on;
-            }
+            document.switch_chosen();
         }
         Action::Solo => {
-            if let Some(light) = document.selected {
-                document.mix.toggle_solo(light, false);
+            document.solo_chosen();
+        }
+        Action::AllOn => document.work.mix.switch_all(true),
+        Action::AllOff => document.work.mix.switch_all(false),
+        Action::AllLights => {
+            let rows = document.rows();
+            let first = document.list.selected();
+            let others = lights_of(&rows).filter(|light| Some(*light) != first);
+            document.list.select_all(first.into_iter().chain(others));
+        }
+        Action::Group => document.group_chosen(),
+        Action::Ungroup => document.ungroup_chosen(),
+        Action::Other | Action::Difference => {
+            let meant = if action == Action::Other { Beside::Other } else { Beside::Difference };
+            let now = document.view.beside;
+            document.view.beside = if now == meant { Beside::Wipe } else { meant };
+            if document.compare.snapshots.compared().is_none() {
+                act(context, document, Action::Wipe);
             }
         }
         Action::Find => context.memory_mut(|memory| memory.request_focus(search_id())),
@@ -259,13 +291,10 @@ pub(super) fn act(context: &egui::Context, document: &mut Document, action: Acti
 
 /// Selects a light by its place among the rows of the mixer, as they are shown.
 fn select(document: &mut Document, action: Action) {
-    let lights: Vec<usize> = document
-        .rows()
-        .into_iter()
-        .filter_map(|row| if let Row::Light { light, .. } = row { Some(light) } else { None })
-        .collect();
+    let rows = document.rows();
+    let lights: Vec<usize> = lights_of(&rows).collect();
     let count = lights.len();
-    let now = lights.iter().position(|light| Some(*light) == document.selected);
+    let now = lights.iter().position(|light| Some(*light) == document.list.selected());
     let index = match action {
         Action::NextLight => now.map_or(0, |at| (at + 1) % count),
         Action::LastLight => now.map_or(0, |at| (at + count - 1) % count),
@@ -274,8 +303,8 @@ fn select(document: &mut Document, action: Action) {
         _ => 0,
     };
     if let Some(&light) = lights.get(index) {
-        document.selected = Some(light);
-        document.scroll_to_selected = true;
+        document.list.select(light);
+        document.list.scroll_to_selected = true;
     }
 }
 
@@ -288,8 +317,10 @@ pub(super) fn help(context: &egui::Context, open: &mut bool) {
         let rows: Vec<_> = listed.map(|b| (b.keys, b.meaning)).chain(OTHERS).collect();
         let columns = if room.x >= 960.0 { 2 } else { 1 };
         // All that the window has room for; the bar floats, and must not do so over words.
-        let height = room.y - 110.0;
+        let height = room.y - 150.0;
         let beside_bar = egui::Frame::new().inner_margin(egui::Margin { right: 12, ..Default::default() });
+        // A bar that is seen: that there is more must not be found out by chance.
+        ui.spacing_mut().scroll = egui::style::ScrollStyle::solid();
         egui::ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
             beside_bar.show(ui, |ui| {
                 let down = rows.len().div_ceil(columns);

@@ -3,13 +3,15 @@
 use eframe::egui::{self, Color32, Margin, RichText, Ui, vec2};
 
 use super::document::Document;
+use super::keys::Action;
 use super::light_panel::light_panel;
 use super::mixer_panel::mixer;
 use super::picture_panel::picture;
 use super::status::status;
-use super::theme::{ACCENT, LINE, PANEL, SURROUND, TEXT, WEAK};
+use super::theme::{ACCENT, LINE, PANEL, SELECTED, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, top_bar};
 use super::view_panel::view_panel;
+use crate::file_watch::FileChange;
 use crate::recent::Recent;
 
 /// Points across from which the picture has room between two panels, and points down from which the mixer has room
@@ -38,10 +40,11 @@ pub(super) fn show_document(
     let frame = |fill: Color32, margin: Margin| egui::Frame::new().fill(fill).inner_margin(margin);
     let bar = frame(PANEL, Margin::symmetric(10, 4)).stroke((1.0, LINE));
     let choice = egui::Panel::top("bar").frame(bar).show(ui, |ui| top_bar(ui, document, recent)).inner;
+    let choice = changed_on_disk(ui, document, bar).or(choice);
     egui::Panel::bottom("status").frame(bar).show(ui, |ui| status(ui, document));
     let side = frame(PANEL, Margin::symmetric(10, 0));
     let (wide, high) = (room.x >= WIDE, room.y >= HIGH);
-    document.mixer_rect = egui::Rect::NOTHING;
+    document.list.rect = egui::Rect::NOTHING;
     if panels {
         let left = match (wide, high) {
             (true, true) => egui::Panel::left("mixer").default_size(356.0).size_range(300.0..=640.0),
@@ -71,7 +74,7 @@ pub(super) fn show_document(
             }
         });
         if wide || *tab != Tab::View {
-            document.mixer_rect = left.response.rect;
+            document.list.rect = left.response.rect;
         }
         if wide {
             let right = egui::Panel::right("view").frame(side).default_size(300.0).size_range(270.0..=460.0);
@@ -79,6 +82,31 @@ pub(super) fn show_document(
         }
     }
     egui::CentralPanel::default().frame(frame(SURROUND, Margin::ZERO)).show(ui, |ui| picture(ui, document));
+    choice
+}
+
+/// Says that the open file is no longer the one that was opened, with what can be done.
+fn changed_on_disk(ui: &mut Ui, document: &mut Document, bar: egui::Frame) -> Option<Choice> {
+    let change = document.files.changed?;
+    let name = document.session.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let is_there = change != FileChange::Gone;
+    let text = match is_there {
+        true => format!("{name} has changed on disk: the picture is that of the older file."),
+        false => format!("{name} is no longer on disk: the picture is what was read of it."),
+    };
+    let (mut choice, mut dismissed) = (None, false);
+    egui::Panel::top("changed").frame(bar.fill(SELECTED)).show(ui, |ui| {
+        ui.horizontal_wrapped(|ui| {
+            ui.label(RichText::new(text).color(TEXT));
+            if is_there && ui.button("Reload and keep my mix").clicked() {
+                choice = Some(Choice::Act(Action::Reload));
+            }
+            dismissed = ui.button("Dismiss").clicked();
+        });
+    });
+    if dismissed {
+        document.files.changed = None;
+    }
     choice
 }
 

@@ -1,16 +1,23 @@
 //! The mixer: a row for each light and group.
 
-use eframe::egui::{self, Color32, Rect, RichText, Role, Sense, Ui, WidgetInfo, pos2, vec2};
+use eframe::egui::text::{LayoutJob, TextWrapping};
+use eframe::egui::{self, Color32, Rect, Response, RichText, Role, Sense, TextEdit, Ui, WidgetInfo, pos2, vec2};
 
 use super::document::Document;
 use super::fader::{NUMBER, fader, stops_number};
-use super::theme::{ACCENT, LINE, TEXT, TROUGH, WEAK, swatch};
-use crate::groups::{Order, Row};
+use super::keys::{Action, act};
+use super::light_panel::colour_popup;
+use super::row_menu::{group_menu, light_menu};
+use super::theme::{ACCENT, IDLE, LINE, SELECTED, TEXT, TROUGH, WEAK, swatch};
+use crate::mixer::STOPS_RANGE;
+use crate::rows::{Order, Row};
 
 /// Height of a row, in points.
 const ROW: f32 = 28.0;
 /// Between the parts of a row, in points.
 const GAP: f32 = 6.0;
+/// How far each group moves what is in it to the right, in points.
+const INDENT: f32 = 14.0;
 
 /// Colour of a group's faders.
 const NEUTRAL: Color32 = Color32::from_gray(150);
@@ -23,33 +30,38 @@ pub(super) fn mixer(ui: &mut Ui, document: &mut Document, titled: bool) {
         let pointer = &input.pointer;
         pointer.any_down() || pointer.latest_pos().is_some_and(|pointer| ui.max_rect().contains(pointer))
     });
-    document.rank(is_used || ui.memory(|memory| memory.focused().is_some()));
+    document.list.rank(is_used || ui.memory(|memory| memory.focused().is_some()));
     let rows = document.rows();
     if rows.is_empty() {
-        ui.label(RichText::new("No light has this name.").color(WEAK));
+        ui.label(RichText::new("No light or group has this name.").color(WEAK));
         return;
     }
-    let strongest = document.contributions.iter().copied().fold(0.0, f32::max);
+    let strongest = document.list.contributions.iter().copied().fold(0.0, f32::max);
     ui.spacing_mut().item_spacing.y = 0.0;
     let mut area = egui::ScrollArea::vertical().id_salt("mixer rows").auto_shrink([false, false]);
-    if std::mem::take(&mut document.scroll_to_selected) {
-        let is_selected = |row: &Row| matches!(row, Row::Light { light, .. } if Some(*light) == document.selected);
+    if std::mem::take(&mut document.list.scroll_to_selected) {
+        let selected = document.list.selected();
+        let is_selected = |row: &Row| matches!(row, Row::Light { light, .. } if Some(*light) == selected);
         if let Some(at) = rows.iter().position(is_selected) {
             area = area.vertical_scroll_offset((at as f32 - 3.0).max(0.0) * ROW);
         }
     }
     area.show_rows(ui, ROW, rows.len(), |ui, range| {
         ui.spacing_mut().item_spacing = vec2(GAP, 0.0);
-        for row in &rows[range] {
-            match *row {
-                Row::Group(group) => group_row(ui, document, group),
-                Row::Light { light, indented } => light_row(ui, document, light, indented, strongest),
+        for at in range {
+            match rows[at] {
+                // A menu may have taken it away in this frame.
+                Row::Group { group, depth } if group < document.work.mix.groups.len() => {
+                    group_row(ui, document, group, depth);
+                }
+                Row::Group { .. } => {}
+                Row::Light { light, depth } => light_row(ui, document, (light, depth), (&rows, at), strongest),
             }
         }
     });
 }
 
-/// Title, solo and reset, search and order.
+/// Title, what is done to all lights, search and order.
 fn head(ui: &mut Ui, document: &mut Document, titled: bool) {
     ui.add_space(8.0);
     ui.horizontal(|ui| {
@@ -57,34 +69,54 @@ fn head(ui: &mut Ui, document: &mut Document, titled: bool) {
             ui.label(RichText::new("Lights").size(15.0).strong());
         }
         let count = document.session.basis().lights().len();
-        let shining = (0..count).filter(|&light| document.mix.shines(light, &document.groups)).count();
-        ui.label(RichText::new(format!("{shining} of {count} on")).color(WEAK));
+        let shining = (0..count).filter(|&light| document.work.mix.shines(light)).count();
+        let chosen = document.list.chosen().len();
+        let text = if chosen > 1 { format!("{chosen} selected") } else { format!("{shining} of {count} on") };
+        ui.label(RichText::new(text).color(WEAK));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            if ui.button("Reset").on_hover_text("Back to the scene's own lighting (Shift+R)").clicked() {
-                document.reset();
+            ui.spacing_mut().item_spacing.x = 4.0;
+            if ui.button("Reset").on_hover_text("Back to the scene's own lighting; groups stay (Shift+R)").clicked() {
+                document.work.reset();
             }
-            let solo = document.mix.has_solo();
-            if ui.add_enabled(solo, egui::Button::new("Unsolo")).on_hover_text("Hear all lights again").clicked() {
-                document.mix.lights.iter_mut().for_each(|light| light.solo = false);
+            let solo = document.work.mix.has_solo();
+            if ui.add_enabled(solo, egui::Button::new("Solo off")).on_hover_text("End all solo").clicked() {
+                document.work.mix.clear_solo();
             }
         });
     });
     ui.horizontal(|ui| {
-        let width = ui.available_width() - 108.0;
-        let search =
-            egui::TextEdit::singleline(&mut document.search).hint_text("Search  (Ctrl+P)").desired_width(width);
-        ui.add(search.id(search_id()));
-        let name = |order| match order {
-            Order::File => "as in file",
-            Order::Name => "by name",
-            Order::Contribution => "by effect",
-        };
-        egui::ComboBox::from_id_salt("order").width(92.0).selected_text(name(document.order)).show_ui(ui, |ui| {
-            for order in [Order::File, Order::Name, Order::Contribution] {
-                ui.selectable_value(&mut document.order, order, name(order));
+        ui.spacing_mut().item_spacing.x = 4.0;
+        for (name, about, action) in [
+            ("All on", "Switch every light and group on", Action::AllOn),
+            ("All off", "Switch every light off", Action::AllOff),
+            (
+                "Group",
+                "Make a group of the selected lights (Ctrl+G); Ctrl or Shift and a click select several",
+                Action::Group,
+            ),
+        ] {
+            if ui.button(name).on_hover_text(about).clicked() {
+                act(ui.ctx(), document, action);
             }
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            let name = |order| match order {
+                Order::File => "as in file",
+                Order::Name => "by name",
+                Order::Contribution => "by effect",
+            };
+            let order = &mut document.list.order;
+            egui::ComboBox::from_id_salt("order").width(84.0).selected_text(name(*order)).show_ui(ui, |ui| {
+                for own in [Order::File, Order::Name, Order::Contribution] {
+                    ui.selectable_value(order, own, name(own));
+                }
+            });
+            ui.label(RichText::new("Sort").color(WEAK));
         });
     });
+    let width = ui.available_width();
+    let search = TextEdit::singleline(&mut document.list.search).hint_text("Search  (Ctrl+P)").desired_width(width);
+    ui.add(search.id(search_id()));
     ui.add_space(2.0);
 }
 
@@ -93,97 +125,204 @@ pub(super) fn search_id() -> egui::Id {
     egui::Id::unique("search lights")
 }
 
-fn group_row(ui: &mut Ui, document: &mut Document, group: usize) {
-    let (row, mut ui) = begin_row(ui, ("group", group), false);
+fn group_row(ui: &mut Ui, document: &mut Document, group: usize, depth: usize) {
+    let name = document.work.mix.groups.group(group).name.clone();
+    let lights = document.work.mix.groups.lights(group);
+    let is_chosen = lights.iter().all(|light| document.list.chosen().contains(light));
+    let (row, response, mut ui) = begin_row(ui, ("group", group), is_chosen && lights.len() > 1);
     let ui = &mut ui;
-    let name = document.groups.group(group).name.clone();
+    mark(ui, document, row, Some(group));
+    ui.add_space(depth as f32 * INDENT);
     // What is searched for shows in folded groups too.
-    let folded = document.folded.contains(&group) && document.search.trim().is_empty();
+    let folded = document.list.folded.contains(&name) && document.list.search.trim().is_empty();
     let (arrow, toggle) = ui.allocate_exact_size(vec2(14.0, ROW), Sense::click());
     toggle.widget_info(|| WidgetInfo::labeled(Role::DisclosureTriangle, true, format!("group {name}")));
     let [ahead, across] = if folded { [vec2(3.0, 0.0), vec2(0.0, 4.0)] } else { [vec2(0.0, 3.0), vec2(4.0, 0.0)] };
     let centre = arrow.center();
     let corners = vec![centre + ahead, centre - ahead + across, centre - ahead - across];
     ui.painter().add(egui::Shape::convex_polygon(corners, WEAK, egui::Stroke::NONE));
-    let mix = &mut document.mix.groups[group];
-    switch(ui, &mut mix.on, false, NEUTRAL, &name);
-    let count = document.groups.group(group).lights.len();
-    let label = label(ui, row, &format!("{name}  ({count})"), if mix.on { TEXT } else { WEAK }, true);
-    if (toggle.clicked() || label.clicked()) && !document.folded.remove(&group) {
-        document.folded.insert(group);
+    if toggle.clicked() && !document.list.folded.remove(&name) {
+        document.list.folded.insert(name.clone());
     }
-    fader(ui, &mut mix.stops, fader_width(row), &name, NEUTRAL);
-    stops_number(ui, &mut mix.stops);
-}
-
-fn light_row(ui: &mut Ui, document: &mut Document, light: usize, indented: bool, strongest: f32) {
-    let selected = document.selected == Some(light);
-    let (row, mut ui) = begin_row(ui, ("light", light), selected);
-    let ui = &mut ui;
-    let described = &document.session.basis().lights()[light];
-    let shines = document.mix.shines(light, &document.groups);
-    let colour = swatch(document.mix.lights[light].colour(described));
-    let name = described.name.clone();
-    let shown = document.groups.of_light(light).filter(|_| indented).and_then(|group| {
-        let short = name.strip_prefix(document.groups.group(group).name.as_str())?;
-        Some(short.trim_start_matches(['/', ':', '.', '_', '-', ' ', '#']).to_owned())
-    });
-    ui.add_space(if indented { 22.0 } else { 0.0 });
-    let solo = document.mix.lights[light].solo;
-    let lamp = if shines { colour } else { colour.gamma_multiply(0.35) };
-    let response = switch(ui, &mut document.mix.lights[light].on, solo, lamp, &name);
-    let response = response.on_hover_text("Click: on or off.  Alt-click: solo.  Alt-Shift-click: add to the solo.");
     let modifiers = ui.input(|input| input.modifiers);
-    if response.clicked() && modifiers.alt {
-        // The click has switched the light as well: that is not meant here.
-        document.mix.lights[light].on = true;
-        document.mix.toggle_solo(light, modifiers.shift);
-    }
-    if solo_button(ui, solo, &name).clicked() {
-        document.mix.toggle_solo(light, modifiers.shift);
-    }
-    let text = if shines { TEXT } else { WEAK };
-    let label = label(ui, row, shown.as_deref().unwrap_or(&name), text, false).on_hover_text(&name);
-    if label.clicked() {
-        document.selected = Some(light);
-        if modifiers.alt {
-            document.mix.toggle_solo(light, modifiers.shift);
+    let solo = document.work.mix.groups.group(group).solo;
+    let mut on = document.work.mix.groups.group(group).on;
+    let own = document.work.mix.groups.group(group).colour;
+    let colour = own.map_or(NEUTRAL, |[r, g, b]| Color32::from_rgb(r, g, b));
+    if switch(ui, &mut on, solo, colour, &name).clicked() {
+        match modifiers.alt || modifiers.command {
+            true => document.work.mix.toggle_group_solo(group, modifiers.shift),
+            false => document.work.mix.groups.group_mut(group).on = on,
         }
     }
-    let tint = if shines { colour } else { Color32::from_gray(84) };
-    let changed = fader(ui, &mut document.mix.lights[light].stops, fader_width(row), &name, tint).changed();
-    if stops_number(ui, &mut document.mix.lights[light].stops).changed() || changed {
-        document.selected = Some(light);
+    if solo_button(ui, solo, &name).clicked() {
+        document.work.mix.toggle_group_solo(group, modifiers.shift);
     }
-    if let (Some(&contribution), true) = (document.contributions.get(light), strongest > 0.0) {
-        let share = (contribution / strongest).clamp(0.0, 1.0).sqrt();
-        let bar = Rect::from_min_size(pos2(row.left(), row.bottom() - 1.5), vec2(row.width() * share, 1.5));
-        ui.painter().rect_filled(bar, 0.0, if shines { tint.gamma_multiply(0.28) } else { TROUGH });
+    if document.list.renamed.as_ref().is_some_and(|(own, _)| *own == group) {
+        rename(ui, document, name_width(ui, row));
+    } else {
+        let text = if document.work.mix.groups.group(group).on { TEXT } else { WEAK };
+        name_text(ui, row, &format!("{name}  ({})", lights.len()), text, true);
+    }
+    let mix = document.work.mix.groups.group_mut(group);
+    fader(ui, &mut mix.stops, fader_width(row), &name, colour);
+    stops_number(ui, &mut mix.stops);
+    response.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("group {name}, row")));
+    if response.double_clicked() {
+        document.list.renamed = Some((group, name.clone()));
+    } else if response.clicked() {
+        document.list.select_all(lights.iter().copied());
+    }
+    if response.secondary_clicked() && !is_chosen {
+        document.list.select_all(lights);
+    }
+    response.context_menu(|ui| group_menu(ui, document, group));
+    response.on_hover_text(format!("{name}\nClick: select its lights.  Double-click: rename.  Right-click: more."));
+}
+
+/// The field in which a group's name is typed.
+fn rename(ui: &mut Ui, document: &mut Document, width: f32) {
+    let Some((group, text)) = &mut document.list.renamed else { return };
+    let field = ui.add(TextEdit::singleline(text).desired_width(width - 8.0).id(egui::Id::unique("rename group")));
+    if field.lost_focus() {
+        let (group, text) = (*group, text.clone());
+        document.list.renamed = None;
+        if !ui.input(|input| input.key_pressed(egui::Key::Escape)) {
+            let was_folded = document.list.folded.remove(&document.work.mix.groups.group(group).name);
+            document.work.mix.groups.rename(group, &text);
+            if was_folded {
+                document.list.folded.insert(document.work.mix.groups.group(group).name.clone());
+            }
+        }
+    } else if !field.has_focus() {
+        field.request_focus();
     }
 }
 
-/// The space of a row, with what lies behind it. What is in it is known by `what`, wherever the row stands: a fader that
-/// is dragged or has the keyboard stays that of its light.
-fn begin_row(ui: &mut Ui, what: (&str, usize), selected: bool) -> (Rect, Ui) {
-    let (row, response) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
+fn light_row(
+    ui: &mut Ui,
+    document: &mut Document,
+    (light, depth): (usize, usize),
+    (rows, at): (&[Row], usize),
+    strongest: f32,
+) {
+    let chosen = document.list.chosen().contains(&light);
+    let (row, response, mut ui) = begin_row(ui, ("light", light), chosen);
+    let ui = &mut ui;
+    mark(ui, document, row, document.work.mix.groups.of_light(light));
+    let described = document.session.basis().lights()[light].clone();
+    let shines = document.work.mix.shines(light);
+    let colour = swatch(document.work.mix.lights[light].colour(&described));
+    let name = described.name.clone();
+    let shown = document.work.mix.groups.of_light(light).and_then(|group| {
+        let short = name.strip_prefix(document.work.mix.groups.group(group).name.as_str())?;
+        let short = short.trim_start_matches(['/', ':', '.', '_', '-', ' ', '#']);
+        (!short.is_empty()).then(|| short.to_owned())
+    });
+    ui.add_space(if depth > 0 { depth as f32 * INDENT + 8.0 } else { 0.0 });
+    let solo = document.work.mix.lights[light].solo;
+    let lamp = if shines { colour } else { colour.gamma_multiply(0.35) };
+    let mut on = document.work.mix.lights[light].on;
+    let modifiers = ui.input(|input| input.modifiers);
+    let about = "Click: on or off.  Ctrl-click: solo.  Ctrl-Shift-click: add to the solo.";
+    if switch(ui, &mut on, solo, lamp, &name).on_hover_text(about).clicked() {
+        match modifiers.alt || modifiers.command {
+            true => document.work.mix.toggle_solo(light, modifiers.shift),
+            false => document.work.mix.lights[light].on = on,
+        }
+    }
+    if solo_button(ui, solo, &name).clicked() {
+        document.work.mix.toggle_solo(light, modifiers.shift);
+    }
+    colour_popup(ui, document, light, &described, colour);
+    name_text(ui, row, shown.as_deref().unwrap_or(&name), if shines { TEXT } else { WEAK }, false);
+    let tint = if shines { colour } else { Color32::from_gray(84) };
+    let mut stops = document.work.mix.lights[light].stops;
+    let before = stops;
+    let moved = fader(ui, &mut stops, fader_width(row), &name, tint).changed();
+    if stops_number(ui, &mut stops).changed() || moved {
+        // Selected together, they move together.
+        if !chosen {
+            document.list.select(light);
+        }
+        for &other in document.list.chosen() {
+            let own = &mut document.work.mix.lights[other].stops;
+            *own = (*own + stops - before).clamp(*STOPS_RANGE.start(), *STOPS_RANGE.end());
+        }
+        document.work.mix.lights[light].stops = stops;
+    }
+    let share = document.list.contributions.get(light).copied().unwrap_or(0.0).max(0.0);
+    if strongest > 0.0 {
+        let part = (share / strongest).clamp(0.0, 1.0).sqrt();
+        let bar = Rect::from_min_size(pos2(row.left(), row.bottom() - 1.5), vec2(row.width() * part, 1.5));
+        ui.painter().rect_filled(bar, 0.0, if shines { tint.gamma_multiply(0.28) } else { TROUGH });
+    }
+    select_by(ui, document, light, (rows, at), &response);
+    response.widget_info(|| WidgetInfo::labeled(Role::Button, true, format!("{name}, row")));
+    response.context_menu(|ui| light_menu(ui, document, light));
+    let all: f32 = document.list.contributions.iter().map(|v| v.max(0.0)).sum();
+    let percent = if all > 0.0 { share / all * 100.0 } else { 0.0 };
+    response.on_hover_text(format!("{name}\n{percent:.1} % of the picture's light, as the line below shows"));
+}
+
+/// Selects by clicks and drags on a row.
+fn select_by(ui: &Ui, document: &mut Document, light: usize, (rows, at): (&[Row], usize), response: &Response) {
+    let modifiers = ui.input(|input| input.modifiers);
+    if response.clicked() && modifiers.alt {
+        document.work.mix.toggle_solo(light, modifiers.shift);
+    } else if response.clicked() && modifiers.shift {
+        document.list.select_to(light, rows);
+    } else if response.clicked() && modifiers.command {
+        document.list.toggle(light);
+    } else if response.clicked() || response.drag_started() {
+        document.list.select(light);
+    }
+    if let (true, Some(pointer)) = (response.dragged(), response.interact_pointer_pos()) {
+        let offset = ((pointer.y - response.rect.top()) / ROW).floor() as isize;
+        let over = at.saturating_add_signed(offset).min(rows.len() - 1);
+        if let Row::Light { light: over, .. } = rows[over] {
+            document.list.select_to(over, rows);
+        }
+    }
+    if response.secondary_clicked() && !document.list.chosen().contains(&light) {
+        document.list.select(light);
+    }
+}
+
+/// The space of a row, with what lies behind it: all of it can be clicked. What is in it is known by `what`, wherever the
+/// row stands: a fader that is dragged or has the keyboard stays that of its light.
+fn begin_row(ui: &mut Ui, what: (&str, usize), selected: bool) -> (Rect, Response, Ui) {
+    let (_, row) = ui.allocate_space(vec2(ui.available_width(), ROW));
+    // Not a stop for Tab: its parts are.
+    let response = ui.interact(row, ui.scope_id().with((what, "row")), Sense::CLICK | Sense::DRAG);
     if selected {
-        ui.painter().rect_filled(row, 3.0, Color32::from_rgb(52, 44, 34));
+        ui.painter().rect_filled(row, 3.0, SELECTED);
     } else if response.contains_pointer() {
         ui.painter().rect_filled(row, 3.0, Color32::from_gray(34));
     }
     ui.painter().hline(row.x_range(), row.bottom() - 0.5, (1.0, LINE.gamma_multiply(0.5)));
     let layout = egui::Layout::left_to_right(egui::Align::Center);
     let inside = row.shrink2(vec2(4.0, 0.0));
-    (row, ui.new_child(egui::UiBuilder::new().id_salt(what).max_rect(inside).layout(layout)))
+    (row, response, ui.new_child(egui::UiBuilder::new().id_salt(what).max_rect(inside).layout(layout)))
+}
+
+/// The colours of the groups around a row, at its left edge.
+fn mark(ui: &Ui, document: &Document, row: Rect, group: Option<usize>) {
+    let groups = &document.work.mix.groups;
+    let around = std::iter::successors(group, |&group| groups.group(group).parent);
+    if let Some([r, g, b]) = around.into_iter().find_map(|group| groups.group(group).colour) {
+        let bar = Rect::from_min_size(row.left_top(), vec2(3.0, row.height()));
+        ui.painter().rect_filled(bar, 0.0, Color32::from_rgb(r, g, b));
+    }
 }
 
 /// A fader takes what names can spare.
 fn fader_width(row: Rect) -> f32 {
-    (row.width() * 0.38).clamp(90.0, 220.0)
+    (row.width() * 0.36).clamp(90.0, 220.0)
 }
 
 /// A light's switch: filled with its colour when on, ringed when solo.
-fn switch(ui: &mut Ui, on: &mut bool, solo: bool, colour: Color32, name: &str) -> egui::Response {
+fn switch(ui: &mut Ui, on: &mut bool, solo: bool, colour: Color32, name: &str) -> Response {
     let (rect, mut response) = ui.allocate_exact_size(vec2(18.0, ROW), Sense::click());
     if response.clicked() {
         *on = !*on;
@@ -194,7 +333,7 @@ fn switch(ui: &mut Ui, on: &mut bool, solo: bool, colour: Color32, name: &str) -
     if *on {
         painter.circle_filled(centre, 5.5, colour);
     } else {
-        painter.circle_stroke(centre, 5.0, (1.0, Color32::from_gray(96)));
+        painter.circle_stroke(centre, 5.0, (1.0, IDLE));
     }
     if solo {
         painter.circle_stroke(centre, 8.0, (1.5, ACCENT));
@@ -204,30 +343,30 @@ fn switch(ui: &mut Ui, on: &mut bool, solo: bool, colour: Color32, name: &str) -
     response
 }
 
-/// Hears a light alone.
-fn solo_button(ui: &mut Ui, solo: bool, name: &str) -> egui::Response {
+/// Solo on a light or group.
+fn solo_button(ui: &mut Ui, solo: bool, name: &str) -> Response {
     let (rect, response) = ui.allocate_exact_size(vec2(14.0, ROW), Sense::click());
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, solo, format!("{name}, solo")));
     let near = response.hovered() || response.has_focus();
-    let colour = if solo { ACCENT } else { Color32::from_gray(if near { 190 } else { 104 }) };
+    let colour = if solo { ACCENT } else { if near { TEXT } else { IDLE } };
     let font = egui::FontId::proportional(11.0);
     ui.painter().text(rect.center(), egui::Align2::CENTER_CENTER, "S", font, colour);
     response.on_hover_text("Solo; with Shift add to the solo")
 }
 
-/// The name, cut to the space that the fader leaves.
-fn label(ui: &mut Ui, row: Rect, text: &str, colour: Color32, strong: bool) -> egui::Response {
-    let left = ui.cursor().left();
-    let width = (row.right() - left - fader_width(row) - NUMBER - 3.0 * GAP).max(30.0);
-    let mut text = RichText::new(text).color(colour);
-    if strong {
-        text = text.strong();
-    }
-    let label =
-        egui::Label::new(text).truncate().selectable(false).sense(Sense::click()).show_tooltip_when_elided(false);
-    ui.allocate_ui_with_layout(vec2(width, ROW), egui::Layout::left_to_right(egui::Align::Center), |ui| {
-        ui.set_min_width(width);
-        ui.add(label)
-    })
-    .inner
+/// Width that a name has beside the fader.
+fn name_width(ui: &Ui, row: Rect) -> f32 {
+    (row.right() - ui.cursor().left() - fader_width(row) - NUMBER - 3.0 * GAP).max(24.0)
+}
+
+/// The name, cut to the space that the fader leaves; what is clicked is the row.
+fn name_text(ui: &mut Ui, row: Rect, text: &str, colour: Color32, strong: bool) {
+    let width = name_width(ui, row);
+    let font = egui::TextStyle::Body.resolve(ui.style());
+    let colour = if strong && colour == TEXT { Color32::WHITE } else { colour };
+    let mut job = LayoutJob::simple_singleline(text.to_owned(), font, colour);
+    job.wrap = TextWrapping::truncate_at_width(width);
+    let galley = ui.painter().layout_job(job);
+    let (_, rect) = ui.allocate_space(vec2(width, ROW));
+    ui.painter().galley(rect.left_center() - vec2(0.0, galley.size().y / 2.0), galley, colour);
 }

@@ -1,21 +1,32 @@
 //! The window over the mixer's state: egui on wgpu.
 
 mod app;
+mod autosave;
 mod chooser;
+mod comparison;
 mod document;
 mod errands;
 mod fader;
 mod keys;
 mod layout;
+mod light_list;
+mod light_meter;
 mod light_panel;
 mod mixer_panel;
 mod pattern_editor;
 mod picture_panel;
+mod question;
+mod requests;
+mod row_menu;
 mod screen;
+mod shown_picture;
+mod snapshots_panel;
 mod status;
+mod sun_panel;
 mod theme;
 mod top_bar;
 mod view_panel;
+mod view_state;
 
 use std::panic::{AssertUnwindSafe, PanicHookInfo, catch_unwind, set_hook, take_hook};
 use std::sync::{Arc, Mutex};

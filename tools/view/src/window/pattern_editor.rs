@@ -5,11 +5,66 @@ use std::f32::consts::{PI, TAU};
 use eframe::egui::{self, Color32, ColorImage, Rect, Sense, TextureOptions, Ui, pos2, vec2};
 
 use super::chooser::Purpose;
-use super::document::{Document, Easel, Hold, Tool};
+use super::document::Document;
+use super::sun_panel::{put_sun, sun_settings};
 use super::theme::{ACCENT, LINE, WEAK};
 use crate::pattern::{Brush, Pattern, Shape, ShapeKind};
+use crate::sun::{Moment, PlacedSun};
 use ltm::image::encode_srgb;
 use ltm::light::{Light, LightKind};
+
+/// What the pointer does on a light's texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Tool {
+    Brush,
+    Shape(ShapeKind),
+    Turn,
+    Sun,
+}
+
+/// The texture editor's settings, which outlive a change of light.
+pub(super) struct Easel {
+    tool: Tool,
+    brush: Brush,
+    /// Brightness of the paint, in stops.
+    paint_stops: f32,
+    /// Size of shapes, as a fraction of the light's size.
+    shape_size: f32,
+    last_touch: Option<[f32; 2]>,
+    /// What a drag does with the light's shape.
+    hold: Hold,
+    /// The sun that is being put into a sky, and how far above the whole sky it is, in stops.
+    pub(super) sun: Option<PlacedSun>,
+    pub(super) sun_stops: f32,
+    /// Time and place by which the sun is put.
+    pub(super) moment: Moment,
+}
+
+/// How a shape is held.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Hold {
+    /// At a place inside it, given from its middle, in fractions of the light's size.
+    Inside([f32; 2]),
+    /// At one of its corners.
+    Corner,
+}
+
+impl Default for Easel {
+    fn default() -> Self {
+        Self {
+            tool: Tool::Brush,
+            brush: Brush { radius_texels: 2.0, hardness: 0.3, flow: 0.5, colour: [1.0; 3] },
+            paint_stops: 2.0,
+            shape_size: 0.5,
+            last_touch: None,
+            hold: Hold::Corner,
+            sun: None,
+            // Of a clear sky the sun sends some five times what the rest does.
+            sun_stops: 2.3,
+            moment: Moment::default(),
+        }
+    }
+}
 
 pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
     head(ui, document, index, light);
@@ -17,7 +72,9 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     tools(ui, document, index, light, is_environment);
     let (across, down) = light.layout();
     let width = ui.available_width().min(across as f32 * 48.0);
-    let scale = (width / across as f32).min(190.0 / down as f32);
+    // As tall as the panel is wide, where the window has the room for it.
+    let tallest = (ui.ctx().content_rect().height() * 0.3).clamp(150.0, 420.0);
+    let scale = (width / across as f32).min(tallest / down as f32);
     let size = vec2(across as f32, down as f32) * scale;
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     let to_texels = |at: egui::Pos2| [(at.x - rect.left()) / scale, (at.y - rect.top()) / scale];
@@ -34,7 +91,7 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
     if response.hovered() {
         scroll_shape(ui, document, index, light);
     }
-    let mix = &document.mix.lights[index];
+    let mix = &document.work.mix.lights[index];
     let white = Pattern::white((across, down));
     let pattern = mix.pattern.as_ref().unwrap_or(&white).turned(light.kind, mix.turn_radians).into_owned();
     let colour = mix.colour(light);
@@ -51,7 +108,7 @@ pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize,
         let radius = document.easel.brush.radius_texels.max(0.5) * scale;
         ui.painter().with_clip_rect(rect).circle_stroke(pointer, radius, (1.0, ACCENT));
     }
-    if let (Some(shape), Tool::Shape(_)) = (document.mix.lights[index].shape, document.easel.tool) {
+    if let (Some(shape), Tool::Shape(_)) = (document.work.mix.lights[index].shape, document.easel.tool) {
         let size = vec2(shape.size[0] * rect.width(), shape.size[1] * rect.height());
         let centre = rect.min + vec2(shape.centre[0] * rect.width(), shape.centre[1] * rect.height());
         let outline = Rect::from_center_size(centre, size);
@@ -75,16 +132,16 @@ fn head(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
             ui.spacing_mut().item_spacing.x = 4.0;
             let (name, about) = match is_environment {
                 true => ("Map…", "A lat-long map, its zenith at the top, as what the environment sends"),
-                false => ("Image…", "A picture in front of the light"),
+                false => ("Image…", "A picture over the light"),
             };
             if ui.button(name).on_hover_text(about).clicked() {
-                document.wanted = Some(Purpose::LightImage(index));
+                document.files.wanted = Some(Purpose::LightImage(index));
             }
             if ui.button("Dark").on_hover_text("Black, to paint light into").clicked() {
                 put(document, index, Pattern::filled(light.layout(), [0.0; 3]));
             }
             if ui.button("Even").on_hover_text("The same everywhere").clicked() {
-                let mix = &mut document.mix.lights[index];
+                let mix = &mut document.work.mix.lights[index];
                 (mix.pattern, mix.shape, mix.turn_radians) = (None, None, 0.0);
             }
         });
@@ -93,7 +150,7 @@ fn head(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
 
 /// The row of tools and the settings of the one in use.
 fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_environment: bool) {
-    if !is_environment && document.easel.tool == Tool::Turn {
+    if !is_environment && matches!(document.easel.tool, Tool::Turn | Tool::Sun) {
         document.easel.tool = Tool::Brush;
     }
     ui.horizontal(|ui| {
@@ -104,8 +161,9 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
             (Tool::Shape(ShapeKind::Rectangle), "Box"),
             (Tool::Shape(ShapeKind::Gradient), "Ramp"),
             (Tool::Turn, "Turn"),
+            (Tool::Sun, "Sun"),
         ] {
-            if tool != Tool::Turn || is_environment {
+            if !matches!(tool, Tool::Turn | Tool::Sun) || is_environment {
                 ui.selectable_value(&mut document.easel.tool, tool, name);
             }
         }
@@ -114,7 +172,11 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
     // In one row in the narrowest panel, the button of the colour too.
     ui.spacing_mut().button_padding.x = 4.0;
     ui.spacing_mut().interact_size.x = 26.0;
+    if document.easel.tool == Tool::Sun {
+        return sun_settings(ui, document, index, light);
+    }
     ui.horizontal_wrapped(|ui| match document.easel.tool {
+        Tool::Sun => {}
         Tool::Brush => {
             let easel = &mut document.easel;
             let largest = (light.layout().0.max(light.layout().1) as f32 * 0.5).max(2.0);
@@ -155,7 +217,7 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
             }
         }
         Tool::Turn => {
-            let turn = &mut document.mix.lights[index].turn_radians;
+            let turn = &mut document.work.mix.lights[index].turn_radians;
             let mut degrees = turn.to_degrees();
             if ui.add(egui::Slider::new(&mut degrees, -180.0..=180.0).suffix("°").max_decimals(1)).changed() {
                 *turn = degrees.to_radians();
@@ -172,7 +234,7 @@ fn paint(ui: &mut Ui, colour: &mut [f32; 3], stops: &mut f32) {
 
 /// Puts a pattern that no shape made on a light.
 fn put(document: &mut Document, index: usize, pattern: Pattern) {
-    let mix = &mut document.mix.lights[index];
+    let mix = &mut document.work.mix.lights[index];
     (mix.pattern, mix.shape) = (Some(pattern), None);
 }
 
@@ -188,8 +250,12 @@ fn use_tool(
 ) {
     let (across, down) = light.layout();
     let easel = &mut document.easel;
-    let mix = &mut document.mix.lights[index];
+    let mix = &mut document.work.mix.lights[index];
     match easel.tool {
+        Tool::Sun => {
+            let texel = [at[0].clamp(0.0, across as f32 - 1.0) as u32, at[1].clamp(0.0, down as f32 - 1.0) as u32];
+            put_sun(document, index, light, (texel[1] * across + texel[0]) as usize);
+        }
         Tool::Turn => {
             mix.turn_radians = (mix.turn_radians + moved_radians + PI).rem_euclid(TAU) - PI;
             if mix.pattern.is_none() {
@@ -265,7 +331,7 @@ fn new_shape(easel: &Easel, kind: ShapeKind, light: &Light, centre: [f32; 2]) ->
 
 /// Gives a light's shape the easel's colour, and its size if that was changed.
 fn restyle(document: &mut Document, index: usize, light: &Light, resized: bool) {
-    if let Some(shape) = document.mix.lights[index].shape {
+    if let Some(shape) = document.work.mix.lights[index].shape {
         let new = new_shape(&document.easel, shape.kind, light, shape.centre);
         let size = if resized { new.size } else { shape.size };
         lay(document, index, light, Shape { size, ..new });
@@ -278,7 +344,7 @@ fn lay(document: &mut Document, index: usize, light: &Light, shape: Shape) {
     // What is laid next, and the slider, follow what was drawn by hand.
     let sides = [shape.size[0] * across as f32, shape.size[1] * down as f32];
     document.easel.shape_size = sides[0].max(sides[1]) / across.min(down) as f32;
-    let mix = &mut document.mix.lights[index];
+    let mix = &mut document.work.mix.lights[index];
     mix.turn_radians = 0.0;
     (mix.pattern, mix.shape) = (Some(Pattern::of_shape(light.layout(), &shape)), Some(shape));
 }
@@ -286,7 +352,7 @@ fn lay(document: &mut Document, index: usize, light: &Light, shape: Shape) {
 /// Scrolling over a light with a shape makes that larger or smaller.
 fn scroll_shape(ui: &Ui, document: &mut Document, index: usize, light: &Light) {
     let scroll = ui.input(|input| input.smooth_scroll_delta().y);
-    let (Tool::Shape(_), Some(shape)) = (document.easel.tool, document.mix.lights[index].shape) else { return };
+    let (Tool::Shape(_), Some(shape)) = (document.easel.tool, document.work.mix.lights[index].shape) else { return };
     if scroll != 0.0 {
         let size = shape.size.map(|size| (size * (scroll * 0.004).exp()).clamp(0.01, 4.0));
         lay(document, index, light, Shape { size, ..shape });

@@ -1,75 +1,150 @@
 //! The picture: pan, zoom, wipe, and the click that asks which light matters.
 
-use eframe::egui::{self, Align2, Color32, FontId, Rect, Sense, Ui, pos2, vec2};
+use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Ui, pos2, vec2};
 
 use super::document::Document;
+use super::light_meter::draw_area;
 use super::theme::{ACCENT, WEAK};
+use super::view_state::Beside;
+use crate::difference::Difference;
 
 /// How near, in points, the pointer must be to take hold of the wipe.
 const GRIP: f32 = 7.0;
+
+/// What a drag on the picture holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Held {
+    Wipe,
+    Corner(usize),
+    Picture,
+}
+
+/// Where the picture stands on the screen.
+struct Place {
+    /// The room for it.
+    view: Rect,
+    /// The picture in it.
+    picture: Rect,
+}
+
+impl Place {
+    fn of(view: Rect, document: &Document) -> Self {
+        let [left, top] = document.view.viewport.to_view([0.0, 0.0]);
+        let extent = document.size().map(|v| v as f32 * document.view.viewport.zoom);
+        let picture = Rect::from_min_size(view.center() + vec2(left, top), vec2(extent[0], extent[1]));
+        Self { view, picture }
+    }
+
+    fn wipe_x(&self, document: &Document) -> f32 {
+        self.picture.left() + document.compare.snapshots.wipe * self.picture.width()
+    }
+
+    /// From the middle of the view, in points.
+    fn offset_of(&self, at: Pos2) -> [f32; 2] {
+        [at.x - self.view.center().x, at.y - self.view.center().y]
+    }
+
+    fn to_screen(&self, document: &Document, position: [f32; 2]) -> Pos2 {
+        let [x, y] = document.view.viewport.to_view(position);
+        self.view.center() + vec2(x, y)
+    }
+
+    /// What can be taken hold of at a place.
+    fn held_at(&self, document: &Document, at: Pos2) -> Held {
+        let near = |corner: &[f32; 2]| self.to_screen(document, *corner).distance(at) < GRIP;
+        let wipes = document.compare.id().is_some() && document.view.beside == Beside::Wipe;
+        match document.meter.area.corners.iter().position(near) {
+            Some(corner) => Held::Corner(corner),
+            None if wipes && (at.x - self.wipe_x(document)).abs() < GRIP => Held::Wipe,
+            None => Held::Picture,
+        }
+    }
+}
 
 pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
     let rect = ui.available_rect_before_wrap();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     let size = document.size();
-    document.viewport.follow([rect.width() - 24.0, rect.height() - 24.0], size);
-    let place = |at: egui::Pos2| [at.x - rect.center().x, at.y - rect.center().y];
-    let shown = |document: &Document| {
-        let [left, top] = document.viewport.to_view([0.0, 0.0]);
-        let extent = vec2(size[0] as f32, size[1] as f32) * document.viewport.zoom;
-        Rect::from_min_size(rect.center() + vec2(left, top), extent)
-    };
-    let wipe_x = |document: &Document| {
-        let picture = shown(document);
-        picture.left() + document.snapshots.wipe * picture.width()
-    };
-    let comparing = document.compared_id().is_some();
-    let grip = egui::Id::unique("wipe");
-    let near = |x: f32, document: &Document| comparing && (x - wipe_x(document)).abs() < GRIP;
-    if response.drag_started() {
-        let origin = ui.input(|input| input.pointer.press_origin());
-        let held = origin.is_some_and(|origin| near(origin.x, document));
-        ui.data_mut(|data| data.insert_temp(grip, held));
-    }
-    if response.dragged() {
-        let wiping = ui.data(|data| data.get_temp(grip).unwrap_or(false));
-        match (wiping, response.interact_pointer_pos()) {
-            (true, Some(pointer)) => {
-                let picture = shown(document);
-                document.snapshots.wipe = ((pointer.x - picture.left()) / picture.width()).clamp(0.0, 1.0);
-            }
-            _ => {
-                let delta = response.drag_delta();
-                document.viewport.pan([delta.x, delta.y], size);
-            }
-        }
-    }
+    document.view.viewport.follow([rect.width() - 24.0, rect.height() - 24.0], size);
+    drag(ui, document, &response);
+    let place = Place::of(rect, document);
     let hover = response.hover_pos();
     if let Some(pointer) = hover {
         let (scroll, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
         let factor = (scroll * 0.004).exp() * pinch;
         if factor != 1.0 {
-            document.viewport.zoom_about(place(pointer), factor);
+            document.view.viewport.zoom_about(place.offset_of(pointer), factor);
         }
-        if near(pointer.x, document) {
-            ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal);
+        match place.held_at(document, pointer) {
+            Held::Wipe => ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal),
+            Held::Corner(_) => ui.ctx().set_cursor_icon(egui::CursorIcon::Grab),
+            Held::Picture if document.meter.draws => ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair),
+            Held::Picture => {}
         }
     }
-    document.hovered = hover.and_then(|pointer| document.viewport.pixel_at(place(pointer), size));
-    if response.double_clicked() {
-        document.viewport.fit();
-    } else if let (true, Some(pixel)) = (response.clicked(), document.hovered) {
-        document.select_strongest = true;
+    let at = |pointer: Pos2| document.view.viewport.pixel_at(place.offset_of(pointer), size);
+    document.view.hovered = hover.and_then(at);
+    if document.meter.draws {
+        draw_corner(ui, document, &response, &place);
+    } else if response.double_clicked() {
+        document.view.viewport.fit();
+    } else if let (true, Some(pixel)) = (response.clicked(), document.view.hovered) {
+        document.view.select_strongest = true;
         document.session.worker.ask_pixel(pixel);
     }
-    draw(ui, document, rect, shown(document), wipe_x(document));
+    draw(ui, document, &Place::of(rect, document));
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "picture"));
 }
 
-fn draw(ui: &Ui, document: &Document, rect: Rect, picture: Rect, wipe_x: f32) {
+/// Moves the wipe, a corner of the measured area, or the picture.
+fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
+    let place = Place::of(response.rect, document);
+    let id = egui::Id::unique("held in the picture");
+    if response.drag_started() {
+        let origin = ui.input(|input| input.pointer.press_origin());
+        let held = origin.map_or(Held::Picture, |origin| place.held_at(document, origin));
+        ui.data_mut(|data| data.insert_temp(id, held));
+    }
+    if !response.dragged() {
+        return;
+    }
+    let held = ui.data(|data| data.get_temp(id).unwrap_or(Held::Picture));
+    match (held, response.interact_pointer_pos()) {
+        (Held::Wipe, Some(pointer)) => {
+            let part = (pointer.x - place.picture.left()) / place.picture.width();
+            document.compare.snapshots.wipe = part.clamp(0.0, 1.0);
+        }
+        (Held::Corner(corner), Some(pointer)) => {
+            let position = document.view.viewport.to_picture(place.offset_of(pointer));
+            if let Some(corner) = document.meter.area.corners.get_mut(corner) {
+                *corner = position;
+            }
+        }
+        _ => {
+            let delta = response.drag_delta();
+            document.view.viewport.pan([delta.x, delta.y], document.size());
+        }
+    }
+}
+
+/// Sets corners of the measured area by clicks; Enter or a double click ends it, Esc gives it up.
+fn draw_corner(ui: &Ui, document: &mut Document, response: &egui::Response, place: &Place) {
+    let (enter, escape) = ui.input(|input| (input.key_pressed(egui::Key::Enter), input.key_pressed(egui::Key::Escape)));
+    if escape {
+        (document.meter.area.corners, document.meter.draws) = (Vec::new(), false);
+    } else if enter || response.double_clicked() {
+        document.meter.draws = false;
+    } else if let (true, Some(pointer)) = (response.clicked(), response.interact_pointer_pos()) {
+        let position = document.view.viewport.to_picture(place.offset_of(pointer));
+        document.meter.area.corners.push(position);
+    }
+}
+
+fn draw(ui: &Ui, document: &Document, place: &Place) {
+    let (rect, picture) = (place.view, place.picture);
     let painter = ui.painter().with_clip_rect(rect);
-    let Some(texture) = document.picture_id() else {
-        let read = document.progress.base;
+    let Some(texture) = document.shown.id() else {
+        let read = document.shown.progress.base;
         let text = format!("Reading {:.0} %", read * 100.0);
         painter.text(rect.center(), Align2::CENTER_CENTER, text, FontId::proportional(14.0), WEAK);
         let bar = Rect::from_center_size(rect.center() + vec2(0.0, 22.0), vec2(220.0, 3.0));
@@ -79,33 +154,15 @@ fn draw(ui: &Ui, document: &Document, rect: Rect, picture: Rect, wipe_x: f32) {
         return;
     };
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    painter.image(texture, picture, whole, Color32::WHITE);
-    if let (Some(other), Some(index)) = (document.compared_id(), document.snapshots.compared()) {
-        let name = &document.snapshots.list()[index].name;
-        // With Alt held the other is seen whole, as references are in tev.
-        let whole = ui.input(|input| input.modifiers.alt);
-        let (wipe, wipe_x) = if whole { (0.0, picture.left()) } else { (document.snapshots.wipe, wipe_x) };
-        let part = Rect::from_min_max(pos2(wipe_x, picture.top()), picture.max);
-        let uv = Rect::from_min_max(pos2(wipe, 0.0), pos2(1.0, 1.0));
-        painter.image(other, part, uv, Color32::WHITE);
-        let top = picture.top().max(rect.top()) + 16.0;
-        if whole {
-            tag(&painter, Align2::LEFT_CENTER, pos2(picture.left().max(rect.left()) + 14.0, top), name);
-        } else {
-            painter.vline(wipe_x, picture.y_range(), (1.5, Color32::from_gray(235)));
-            painter.circle_filled(pos2(wipe_x, picture.center().y), 5.0, Color32::from_gray(235));
-            tag(&painter, Align2::RIGHT_CENTER, pos2(wipe_x - 14.0, top), "now");
-            tag(&painter, Align2::LEFT_CENTER, pos2(wipe_x + 14.0, top), name);
-        }
-    }
-    if let Some(asked) = &document.asked {
-        let centre = [asked.pixel[0] as f32 + 0.5, asked.pixel[1] as f32 + 0.5];
-        let [x, y] = document.viewport.to_view(centre);
-        let at = rect.center() + vec2(x, y);
+    painter.image(document.meter.id().unwrap_or(texture), picture, whole, Color32::WHITE);
+    draw_compared(ui, &painter, document, place);
+    draw_area(&painter, &document.meter, |position| place.to_screen(document, position));
+    if let Some(asked) = &document.view.asked {
+        let at = place.to_screen(document, [asked.pixel[0] as f32 + 0.5, asked.pixel[1] as f32 + 0.5]);
         painter.circle_stroke(at, 6.0, (2.5, Color32::from_black_alpha(140)));
         painter.circle_stroke(at, 6.0, (1.2, ACCENT));
     }
-    let progress = document.progress;
+    let progress = document.shown.progress;
     if !progress.is_complete() {
         let text = match progress.base < 1.0 {
             true => format!("base layers {:.0} %", progress.base * 100.0),
@@ -115,8 +172,54 @@ fn draw(ui: &Ui, document: &Document, rect: Rect, picture: Rect, wipe_x: f32) {
     }
 }
 
+/// What the picture is compared with: beside the wipe, whole, or the difference.
+fn draw_compared(ui: &Ui, painter: &egui::Painter, document: &Document, place: &Place) {
+    let (rect, picture) = (place.view, place.picture);
+    let (Some(other), Some(index)) = (document.compare.id(), document.compare.snapshots.compared()) else { return };
+    let name = &document.compare.snapshots.list()[index].name;
+    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    // With Alt held the other is seen whole, as references are in tev.
+    let alt = ui.input(|input| input.modifiers.alt);
+    let beside = if alt { Beside::Other } else { document.view.beside };
+    let top = picture.top().max(rect.top()) + 16.0;
+    let left = picture.left().max(rect.left()) + 14.0;
+    match (beside, document.compare.difference_id()) {
+        (Beside::Wipe, _) => {
+            let (wipe, wipe_x) = (document.compare.snapshots.wipe, place.wipe_x(document));
+            let part = Rect::from_min_max(pos2(wipe_x, picture.top()), picture.max);
+            painter.image(other, part, Rect::from_min_max(pos2(wipe, 0.0), pos2(1.0, 1.0)), Color32::WHITE);
+            painter.vline(wipe_x, picture.y_range(), (1.5, Color32::from_gray(235)));
+            painter.circle_filled(pos2(wipe_x, picture.center().y), 5.0, Color32::from_gray(235));
+            tag(painter, Align2::RIGHT_CENTER, pos2(wipe_x - 14.0, top), "now");
+            tag(painter, Align2::LEFT_CENTER, pos2(wipe_x + 14.0, top), name);
+        }
+        (Beside::Other, _) => {
+            painter.image(other, picture, whole, Color32::WHITE);
+            tag(painter, Align2::LEFT_CENTER, pos2(left, top), name);
+        }
+        (Beside::Difference, Some(difference)) => {
+            painter.image(difference, picture, whole, Color32::WHITE);
+            let text = format!("FLIP of now and {name}: black is none, yellow much");
+            tag(painter, Align2::LEFT_CENTER, pos2(left, top), &text);
+        }
+        (Beside::Difference, None) => tag(painter, Align2::LEFT_CENTER, pos2(left, top), "Measuring the difference"),
+    }
+    if let Some(difference) = document.compare.difference() {
+        let bottom = picture.bottom().min(rect.bottom()) - 16.0;
+        tag(painter, Align2::CENTER_CENTER, pos2(rect.center().x, bottom), &difference_in_words(difference));
+    }
+}
+
+/// The numbers of a difference.
+pub(super) fn difference_in_words(difference: &Difference) -> String {
+    match difference.psnr_db.is_finite() {
+        true => format!("FLIP {:.3}   PSNR {:.1} dB", difference.flip, difference.psnr_db),
+        false => "Equal, pixel by pixel".to_owned(),
+    }
+}
+
 /// Words on the picture, legible on any.
-fn tag(painter: &egui::Painter, anchor: Align2, at: egui::Pos2, text: &str) {
+fn tag(painter: &egui::Painter, anchor: Align2, at: Pos2, text: &str) {
     let galley = painter.layout_no_wrap(text.to_owned(), FontId::proportional(12.0), Color32::WHITE);
     let place = anchor.anchor_size(at, galley.size());
     painter.rect_filled(place.expand2(vec2(6.0, 3.0)), 4.0, Color32::from_black_alpha(160));

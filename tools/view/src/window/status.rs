@@ -1,10 +1,15 @@
 //! The line below: what it costs and what it is worth.
 
+use std::sync::atomic::Ordering;
+
 use eframe::egui::{self, RichText, Ui};
 
 use super::document::Document;
-use super::theme::{ALARM, TEXT, WEAK};
+use super::theme::{ACCENT, ALARM, TEXT, WEAK};
 use ltm::host::human_bytes;
+
+/// Stated error from which on it is pointed out.
+const FAR: f64 = 0.15;
 
 pub(super) fn status(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {
@@ -22,14 +27,14 @@ fn weak(text: String) -> RichText {
 }
 
 fn message(ui: &mut Ui, document: &mut Document) {
-    if document.beside > 0 {
+    if document.files.beside > 0 {
         ui.spinner();
         ui.label(weak("working".into()));
-    } else if let Some((message, alarm)) = &document.message {
+    } else if let Some((message, alarm)) = &document.files.message {
         let text = RichText::new(message).size(11.5).color(if *alarm { ALARM } else { TEXT });
         let response = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
         if response.on_hover_text(format!("{message}\n\nClick to dismiss")).clicked() {
-            document.message = None;
+            document.files.message = None;
         }
     } else {
         let [width, height] = document.size();
@@ -44,8 +49,8 @@ fn message(ui: &mut Ui, document: &mut Document) {
 /// Frames a second and what a change costs.
 fn cost(ui: &mut Ui, document: &Document) {
     ui.label(weak("? for keys".into()));
-    ui.label(weak(format!("{:.0} %", document.viewport.zoom * ui.ctx().pixels_per_point() * 100.0)));
-    let latency = document.latency;
+    ui.label(weak(format!("{:.0} %", document.view.viewport.zoom * ui.ctx().pixels_per_point() * 100.0)));
+    let latency = document.shown.latency;
     if latency.total_secs > 0.0 {
         let frames = if latency.frames == 1 { "frame" } else { "frames" };
         let text = format!("{:.1} ms, {} {frames}", latency.total_secs * 1e3, latency.frames);
@@ -57,32 +62,35 @@ fn cost(ui: &mut Ui, document: &Document) {
         );
         ui.label(weak(text)).on_hover_text(of);
     }
-    if let Some(rate) = document.pictures_per_sec() {
+    if let Some(rate) = document.shown.per_sec() {
         ui.label(weak(format!("{rate:.0} fps"))).on_hover_text("Pictures a second while something was dragged");
     }
 }
 
 /// Bytes, and the error that the container states.
 fn worth(ui: &mut Ui, document: &Document) {
-    let container = &document.session.container;
+    let (container, meter) = (&document.session.container, document.session.worker.meter());
     let error = match document.session.stated_error() {
-        Some(error) => format!("stated error {:.2} %", error * 100.0),
-        None => "error not stated".into(),
+        Some(error) => weak(format!("stated error {:.2} %", error * 100.0)),
+        None => weak("error not stated".into()),
     };
-    ui.label(weak(error)).on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, as the container says");
-    let read = format!("{} read", human_bytes(document.bytes_read()));
+    // What is this far from the samples is not to be read like one that is near.
+    let is_far = document.session.stated_error().is_some_and(|error| error > FAR);
+    ui.label(if is_far { error.color(ACCENT) } else { error })
+        .on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, as the container says");
+    let read = format!("{} read", human_bytes(meter.bytes_read.load(Ordering::Relaxed)));
     let file =
         format!("of a file of {}; layers that lean on others are read with them", human_bytes(container.file_bytes()));
     ui.label(weak(read)).on_hover_text(file);
-    let on_cpu = human_bytes(document.resident_bytes());
-    let (resident, about) = match &document.adapter {
+    let on_cpu = human_bytes(meter.resident_bytes.load(Ordering::Relaxed));
+    let (resident, about) = match &document.shown.adapter {
         Some(adapter) => (
-            format!("{} resident on the GPU", human_bytes(document.device_bytes())),
+            format!("{} resident on the GPU", human_bytes(meter.device_bytes.load(Ordering::Relaxed))),
             format!("Factors, and pictures made of them, in the memory of {adapter}, which relights"),
         ),
         None => (format!("{on_cpu} resident"), "Factors in memory; the CPU relights".to_owned()),
     };
-    let (resident, about) = match document.is_paged {
+    let (resident, about) = match document.shown.is_paged {
         true => (
             format!("{resident}, the rest passes"),
             format!("{about}. There are more than --memory allows: the rest is read for each picture"),

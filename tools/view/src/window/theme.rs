@@ -11,11 +11,15 @@ pub(super) const PANEL: Color32 = Color32::from_gray(27);
 /// Lines between them.
 pub(super) const LINE: Color32 = Color32::from_gray(44);
 /// Troughs of faders and bars.
-pub(super) const TROUGH: Color32 = Color32::from_gray(70);
+pub(super) const TROUGH: Color32 = Color32::from_gray(108);
 /// Ordinary text.
 pub(super) const TEXT: Color32 = Color32::from_gray(208);
 /// Text of less weight.
-pub(super) const WEAK: Color32 = Color32::from_gray(138);
+pub(super) const WEAK: Color32 = Color32::from_gray(152);
+/// Signs of controls that are not in use.
+pub(super) const IDLE: Color32 = Color32::from_gray(130);
+/// Behind selected rows.
+pub(super) const SELECTED: Color32 = Color32::from_rgb(52, 44, 34);
 /// What is selected or alive.
 pub(super) const ACCENT: Color32 = Color32::from_rgb(232, 168, 76);
 /// What went wrong.
@@ -80,4 +84,52 @@ pub(super) fn section(ui: &mut egui::Ui, title: &str) {
     ui.add_space(10.0);
     ui.label(egui::RichText::new(title).size(11.0).color(WEAK).strong());
     ui.add_space(1.0);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Contrast of two colours (WCAG 2.2, section 1.4.3).
+    fn contrast(a: Color32, b: Color32) -> f32 {
+        let light = |colour: Color32| {
+            let [r, g, b, _] = colour.to_array().map(|v| ltm::image::decode_srgb(f32::from(v) / 255.0));
+            ltm::image::luminance([r, g, b]) + 0.05
+        };
+        let (a, b) = (light(a), light(b));
+        a.max(b) / a.min(b)
+    }
+
+    #[test]
+    fn text_stands_out_by_four_and_a_half_and_controls_by_three() {
+        let context = egui::Context::default();
+        apply(&context);
+        let visuals = &context.global_style().visuals.clone();
+        let widgets = &visuals.widgets;
+        let grounds =
+            [PANEL, SURROUND, SELECTED, visuals.window_fill, visuals.extreme_bg_color, widgets.inactive.weak_bg_fill];
+        for ground in grounds {
+            for text in [TEXT, WEAK, ACCENT, ALARM] {
+                assert!(contrast(text, ground) >= 4.5, "{text:?} on {ground:?}: {}", contrast(text, ground));
+            }
+        }
+        for (name, text, ground) in [
+            ("a button", widgets.inactive.fg_stroke.color, widgets.inactive.weak_bg_fill),
+            ("a button under the pointer", widgets.hovered.fg_stroke.color, widgets.hovered.weak_bg_fill),
+            ("a button that is pressed", widgets.active.fg_stroke.color, widgets.active.weak_bg_fill),
+            ("an open menu", widgets.open.fg_stroke.color, widgets.open.weak_bg_fill),
+            ("what is selected", visuals.selection.stroke.color, visuals.selection.bg_fill),
+        ] {
+            assert!(contrast(text, ground) >= 4.5, "{name}: {}", contrast(text, ground));
+        }
+        for (name, control, ground) in [
+            ("a sign that is not in use", IDLE, PANEL),
+            ("the same in a selected row", IDLE, SELECTED),
+            ("a fader's trough", TROUGH, PANEL),
+            ("what is alive", ACCENT, PANEL),
+        ] {
+            assert!(contrast(control, ground) >= 3.0, "{name}: {}", contrast(control, ground));
+        }
+        assert!((contrast(Color32::BLACK, Color32::WHITE) - 21.0).abs() < 1e-3);
+    }
 }

@@ -6,7 +6,7 @@ use eframe::egui::{self, Button, RichText, Ui};
 
 use super::document::Document;
 use super::keys::{Action, keys_of};
-use super::theme::WEAK;
+use super::theme::{ACCENT, WEAK};
 use crate::recent::{Recent, RecentKind};
 
 /// What was chosen above.
@@ -25,7 +25,8 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
                 *choice = Some(Choice::Act(action));
             }
         };
-        let shown = document.image.is_some();
+        let shown = document.shown.image.is_some();
+        let comparing = document.compare.snapshots.compared().is_some();
         ui.menu_button("File", |ui| {
             ui.set_min_width(250.0);
             item(ui, &mut choice, Action::Open, "Open…", true);
@@ -34,7 +35,7 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
                     choice = Some(Choice::Open(path));
                 }
             });
-            item(ui, &mut choice, Action::Reload, "Reload", true);
+            item(ui, &mut choice, Action::Reload, "Reload, keeping your mix", true);
             ui.separator();
             item(ui, &mut choice, Action::Png, "Picture as PNG…", shown);
             item(ui, &mut choice, Action::Exr, "Radiance as EXR…", shown);
@@ -44,7 +45,22 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
             ui.separator();
             item(ui, &mut choice, Action::Quit, "Quit", true);
         });
-        ui.menu_button("Lighting", |ui| {
+        ui.menu_button("Edit", |ui| {
+            ui.set_min_width(250.0);
+            item(ui, &mut choice, Action::Undo, "Undo", document.work.can_undo());
+            item(ui, &mut choice, Action::Redo, "Redo", document.work.can_redo());
+            item(ui, &mut choice, Action::ResetLights, "Reset to the scene's own", true);
+            ui.separator();
+            item(ui, &mut choice, Action::AllOn, "All on", true);
+            item(ui, &mut choice, Action::AllOff, "All off", true);
+            item(ui, &mut choice, Action::Switch, "Selected on or off", true);
+            item(ui, &mut choice, Action::Solo, "Selected solo", true);
+            ui.separator();
+            item(ui, &mut choice, Action::AllLights, "Select all", true);
+            item(ui, &mut choice, Action::Group, "Group", true);
+            item(ui, &mut choice, Action::Ungroup, "Ungroup", true);
+        });
+        ui.menu_button("Look", |ui| {
             ui.set_min_width(250.0);
             item(ui, &mut choice, Action::LoadLook, "Load…", true);
             item(ui, &mut choice, Action::SaveLook, "Save…", true);
@@ -53,20 +69,18 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
                     choice = Some(Choice::Look(path));
                 }
             });
-            ui.separator();
-            item(ui, &mut choice, Action::Undo, "Undo", document.history.can_undo());
-            item(ui, &mut choice, Action::Redo, "Redo", document.history.can_redo());
-            item(ui, &mut choice, Action::ResetLights, "Reset to the scene's own", true);
         });
         ui.menu_button("View", |ui| {
             ui.set_min_width(250.0);
             item(ui, &mut choice, Action::Fit, "Fit", true);
             item(ui, &mut choice, Action::ActualSize, "Actual size", true);
-            item(ui, &mut choice, Action::Normalise, "Expose for the picture", shown);
+            item(ui, &mut choice, Action::Normalise, "Automatic exposure", shown);
             item(ui, &mut choice, Action::NextCurve, "Next tone curve", true);
             ui.separator();
             item(ui, &mut choice, Action::Snapshot, "Take a snapshot", shown);
             item(ui, &mut choice, Action::Reference, "Compare with an image…", true);
+            item(ui, &mut choice, Action::Other, "See it whole", comparing);
+            item(ui, &mut choice, Action::Difference, "See the difference", comparing);
             ui.separator();
             item(ui, &mut choice, Action::Panels, "Panels", true);
             item(ui, &mut choice, Action::Larger, "Larger letters", true);
@@ -78,6 +92,13 @@ pub(super) fn top_bar(ui: &mut Ui, document: &Document, recent: &Recent) -> Opti
             let provenance = &document.session.container.job().provenance;
             let name = document.session.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let label = ui.label(RichText::new(name).color(WEAK));
+            let look = document.work.look().and_then(|path| path.file_name()).map(|name| name.to_string_lossy());
+            match (document.is_modified(), look) {
+                (true, Some(look)) => ui.label(RichText::new(format!("• {look}, not saved")).color(ACCENT)),
+                (true, None) => ui.label(RichText::new("• Not saved").color(ACCENT)),
+                (false, Some(look)) => ui.label(RichText::new(look).color(WEAK)),
+                (false, None) => ui.label(""),
+            };
             let samples = match provenance.samples_per_pixel {
                 0 => String::new(),
                 samples => format!("\n{samples} samples per pixel"),

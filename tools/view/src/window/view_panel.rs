@@ -2,11 +2,13 @@
 
 use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 
-use super::chooser::Purpose;
 use super::document::Document;
 use super::keys::{Action, act};
-use super::theme::{ACCENT, WEAK, section};
+use super::light_meter::light_meter;
+use super::snapshots_panel::snapshots;
+use super::theme::{WEAK, section};
 use crate::display::{BINS, CURVES, NEUTRAL_KELVIN, STOPS_SHOWN};
+use crate::meter::Measured;
 use ltm::image::{LinearImage, encode_srgb, false_colour, luminance};
 use ltm::light::LightUnit;
 
@@ -28,6 +30,7 @@ pub(super) fn view_panel(ui: &mut Ui, document: &mut Document) {
             ui.set_min_height(PROBE);
             probe(ui, document);
         });
+        light_meter(ui, document);
         section(ui, "EXPORT");
         export(ui, document);
         // What grows stands last, so that nothing moves away from under the pointer.
@@ -43,7 +46,7 @@ fn export(ui: &mut Ui, document: &mut Document) {
         ("PNG…", "The picture as it is shown (Ctrl+S)", Action::Png),
         ("EXR…", "Linear radiance, 32 bits (Ctrl+E)", Action::Exr),
         ("Layers…", "An EXR with a layer for each light that shines", Action::Layers),
-        ("Lighting…", "A file for `ltm relight --lighting` (Ctrl+K)", Action::SaveLook),
+        ("Look…", "A file for `ltm relight --lighting` (Ctrl+K)", Action::SaveLook),
         ("Command", "Copy the command line that makes this picture (Ctrl+Shift+C)", Action::CopyCommand),
     ];
     const ACROSS: usize = 3;
@@ -66,10 +69,10 @@ fn display(ui: &mut Ui, document: &mut Document) {
         ui.label(RichText::new("View").size(15.0).strong());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if ui.button("1:1").on_hover_text("One pixel per pixel of the screen (Ctrl+0)").clicked() {
-                document.viewport.one_to_one(ui.ctx().pixels_per_point());
+                document.view.viewport.one_to_one(ui.ctx().pixels_per_point());
             }
             if ui.button("Fit").on_hover_text("The whole picture (F)").clicked() {
-                document.viewport.fit();
+                document.view.viewport.fit();
             }
         });
     });
@@ -77,14 +80,14 @@ fn display(ui: &mut Ui, document: &mut Document) {
     ui.horizontal(|ui| {
         name(ui, "Exposure");
         ui.spacing_mut().slider_width = (ui.available_width() - number - 58.0).max(40.0);
-        let slider = egui::Slider::new(&mut document.display.tone.exposure_stops, -12.0..=12.0);
+        let slider = egui::Slider::new(&mut document.view.display.tone.exposure_stops, -12.0..=12.0);
         ui.add(slider.clamping(egui::SliderClamping::Never).suffix(" EV").fixed_decimals(1))
             .on_hover_text("E / Shift+E");
-        if ui.button("Auto").on_hover_text("Expose for most of the picture (N)").clicked() {
+        if ui.button("Auto").on_hover_text("Expose so that most of the picture is readable (N)").clicked() {
             document.expose();
         }
     });
-    let tone = &mut document.display.tone;
+    let tone = &mut document.view.display.tone;
     ui.horizontal(|ui| {
         name(ui, "White");
         ui.spacing_mut().slider_width = (ui.available_width() - number - 58.0).max(40.0);
@@ -101,7 +104,7 @@ fn display(ui: &mut Ui, document: &mut Document) {
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         ui.spacing_mut().button_padding.x = 6.0;
-        let display = &mut document.display;
+        let display = &mut document.view.display;
         for (curve, name) in CURVES {
             let is_shown = !display.false_colour && display.tone.curve == curve;
             if ui.selectable_label(is_shown, name).on_hover_text("Tone curve (Shift+Right)").clicked() {
@@ -113,7 +116,7 @@ fn display(ui: &mut Ui, document: &mut Document) {
             display.false_colour = true;
         }
     });
-    if document.display.false_colour {
+    if document.view.display.false_colour {
         scale(ui, document);
     }
 }
@@ -144,7 +147,7 @@ fn scale(ui: &mut Ui, document: &Document) {
             ui.painter().rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
         }
     }
-    let lumens_per_watt = document.lumens_per_watt();
+    let lumens_per_watt = document.lumens_per_watt().ok();
     let gain = lumens_per_watt.unwrap_or(1.0);
     // White among them, which says the unit.
     for stops in (low as i32 + 2..=high as i32).step_by(4) {
@@ -153,14 +156,14 @@ fn scale(ui: &mut Ui, document: &Document) {
         let text = if stops == 0 { "0 EV".to_owned() } else { format!("{stops:+}") };
         let font = egui::FontId::proportional(10.0);
         ui.painter().text(at, egui::Align2::CENTER_CENTER, text, font.clone(), WEAK);
-        let luminance = (stops as f32 - document.display.tone.exposure_stops).exp2() * gain;
+        let luminance = (stops as f32 - document.view.display.tone.exposure_stops).exp2() * gain;
         let text = short(luminance) + if stops == 0 && lumens_per_watt.is_some() { " cd/m²" } else { "" };
         ui.painter().text(at + vec2(0.0, 13.0), egui::Align2::CENTER_CENTER, text, font, WEAK);
     }
 }
 
 /// A number in about three digits.
-fn short(value: f32) -> String {
+pub(super) fn short(value: f32) -> String {
     match value.abs() {
         v if v == 0.0 || (0.001..1.0).contains(&v) => format!("{value:.3}"),
         v if (1.0..10.0).contains(&v) => format!("{value:.2}"),
@@ -181,7 +184,7 @@ fn histogram(ui: &mut Ui, document: &Document) {
         painter.vline(x(stops as f32), rect.y_range(), (1.0, Color32::from_gray(shade)));
     }
     // The first bin holds all that is black: it would flatten the rest.
-    let inner = document.histogram.get(1..).unwrap_or_default();
+    let inner = document.shown.histogram.get(1..).unwrap_or_default();
     let peak = inner.iter().flatten().copied().fold(1e-6, f32::max);
     for (channel, shade) in CHANNEL_SHADES.into_iter().enumerate() {
         let points: Vec<_> = inner
@@ -194,7 +197,7 @@ fn histogram(ui: &mut Ui, document: &Document) {
             .collect();
         painter.add(egui::Shape::line(points, egui::Stroke::new(1.3, shade)));
     }
-    let clipped: f32 = document.histogram.iter().enumerate().fold(0.0, |sum, (bin, share)| {
+    let clipped: f32 = document.shown.histogram.iter().enumerate().fold(0.0, |sum, (bin, share)| {
         let stops = low + (high - low) * bin as f32 / BINS as f32;
         if stops >= 0.0 { sum + share.iter().copied().fold(0.0, f32::max) } else { sum }
     });
@@ -208,13 +211,10 @@ fn histogram(ui: &mut Ui, document: &Document) {
 
 /// What stands at the pixel under the pointer, or at the one that was asked about.
 fn probe(ui: &mut Ui, document: &Document) {
-    let pixel = document.hovered.or(document.asked.as_ref().map(|asked| asked.pixel));
-    let value = pixel.and_then(|[x, y]| {
-        let image = document.image.as_ref()?;
-        image.pixels.get(y as usize * image.width as usize + x as usize).copied()
-    });
+    let pixel = document.view.hovered.or(document.view.asked.as_ref().map(|asked| asked.pixel));
+    let value = pixel.and_then(|pixel| document.shown.pixel(pixel));
     let (Some([x, y]), Some([r, g, b])) = (pixel, value) else {
-        let text = "Point at the picture to read it;\nclick to ask which light matters there.\n";
+        let text = "Point at the picture to read it;\nclick to see which light matters there.\n";
         ui.label(RichText::new(text).size(12.0).color(WEAK));
         return;
     };
@@ -241,26 +241,31 @@ fn probe(ui: &mut Ui, document: &Document) {
         }
     });
     ui.horizontal(|ui| match document.lumens_per_watt() {
-        // A matt surface sends on at most what it gets: E ≥ π L.
-        Some(gain) => {
+        Ok(gain) => {
             let candela = bright * gain;
             ui.label(plain(format!("{} cd/m²", short(candela))));
-            ui.label(plain(format!("{} lx", short(candela * std::f32::consts::PI))))
-                .on_hover_text("Illuminance at least, reached where the surface is matt and white");
+            let measured = document.meter.value([x, y]).filter(|_| document.meter.shows == Some(Measured::Illuminance));
+            let (text, about) = match measured.filter(|_| !document.meter.is_least()) {
+                Some(value) => (format!("{} lx", short(value)), "Illuminance, by the surface's own albedo"),
+                // A matt surface sends on at most what it gets: E ≥ π L.
+                None => (
+                    format!("≥ {} lx", short(candela * std::f32::consts::PI)),
+                    "The least illuminance that there can be: that of a matt surface which is white",
+                ),
+            };
+            ui.label(plain(text)).on_hover_text(about);
             let unit = weak(LightUnit::Radiance.to_string());
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(unit));
         }
-        None => {
-            ui.label(plain(format!("Y {}", short(bright))));
-            let unit = weak("times as rendered".into());
-            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| ui.label(unit));
+        Err(reason) => {
+            ui.label(plain(format!("Y {}", short(bright)))).on_hover_text(format!("Not in cd/m²: {reason}"));
         }
     });
 }
 
 /// What each light brings to the pixel that was asked about, the strongest first.
 fn lights_here(ui: &mut Ui, document: &mut Document) {
-    let Some(asked) = &document.asked else { return };
+    let Some(asked) = &document.view.asked else { return };
     let total: f32 = asked.lights.iter().map(|v| v.max(0.0)).sum();
     let mut order: Vec<usize> = (0..asked.lights.len()).filter(|&light| asked.lights[light] > 0.0).collect();
     order.sort_by(|&a, &b| asked.lights[b].total_cmp(&asked.lights[a]));
@@ -286,52 +291,6 @@ fn lights_here(ui: &mut Ui, document: &mut Document) {
         }
     }
     if let Some(light) = chosen {
-        document.select_and_show(light);
+        document.list.select_and_show(light, &document.work.mix);
     }
-}
-
-fn snapshots(ui: &mut Ui, document: &mut Document) {
-    section(ui, "SNAPSHOTS");
-    let mut removed = None;
-    for index in 0..document.snapshots.list().len() {
-        let texture = document.thumbnail(ui.ctx(), index);
-        let compared = document.snapshots.compared() == Some(index);
-        ui.horizontal(|ui| {
-            let size = texture.size_vec2() * (64.0 / texture.size_vec2().max_elem());
-            let image = egui::Image::new((texture.id(), size)).sense(Sense::click());
-            let response = ui.add(image).on_hover_text("Compare with it");
-            if compared {
-                ui.painter().rect_stroke(response.rect, 2.0, (1.5, ACCENT), egui::StrokeKind::Outside);
-            }
-            let mut compare = response.clicked();
-            ui.vertical(|ui| {
-                let snapshot = &document.snapshots.list()[index];
-                ui.add(egui::Label::new(&snapshot.name).truncate());
-                ui.horizontal(|ui| {
-                    compare |= ui.selectable_label(compared, "Compare").clicked();
-                    if snapshot.mix.is_some() && ui.button("Recall").clicked() {
-                        document.mix = snapshot.mix.clone().unwrap_or_else(|| document.mix.clone());
-                    }
-                    if ui.button("×").on_hover_text("Forget it").clicked() {
-                        removed = Some(index);
-                    }
-                });
-            });
-            if compare {
-                document.snapshots.toggle_compare(index);
-            }
-        });
-    }
-    if let Some(index) = removed {
-        document.thumbnails.remove(&document.snapshots.list()[index].name);
-        document.snapshots.remove(index);
-    }
-    ui.horizontal(|ui| {
-        if ui.button("Take snapshot").on_hover_text("Keep this lighting and its picture (K)").clicked() {
-            document.snapshot();
-        }
-        if ui.button("Reference…").on_hover_text("Compare with an image of the same size").clicked() {
-            document.wanted = Some(Purpose::Reference);
-        }
-    });
 }

@@ -123,7 +123,7 @@ fn dropped_files_do_what_the_hint_says() {
     let (mixer, picture) = (driver.find("ceiling, stops").center(), driver.find("picture").center());
     driver.drop_file(&image, mixer);
     driver.settle();
-    driver.find_containing("lies on ceiling");
+    driver.find_containing("is on ceiling now");
     let red = driver.picture();
     assert!(red != scene);
     driver.drop_file(&reference, picture);
@@ -132,10 +132,12 @@ fn dropped_files_do_what_the_hint_says() {
     assert!(driver.picture() == red && driver.texture("compared").chunks_exact(4).all(|pixel| pixel[0] == pixel[1]));
     driver.drop_file(&image, picture);
     driver.settle();
-    driver.find_containing("give one of the same size");
+    driver.find_containing("choose an image of the picture's size");
     driver.drop_file(&look, picture);
     driver.settle();
-    driver.find_containing("Lit by");
+    driver.click(driver.find("Discard").center());
+    driver.settle();
+    driver.find_containing("Loaded");
     assert!(driver.picture() != red && driver.picture() != scene);
     driver.drop_file(&stage, picture);
     driver.settle();

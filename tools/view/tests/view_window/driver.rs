@@ -28,6 +28,10 @@ pub(crate) struct Driver {
     focused: Option<String>,
     /// What was copied last.
     copied: Option<String>,
+    /// Whether the system has just asked the window to close.
+    close_requested: bool,
+    /// Whether the window has let that happen, or asked for it.
+    closed: bool,
     /// The newest bytes of each texture, by its name.
     textures: BTreeMap<String, Vec<u8>>,
 }
@@ -69,6 +73,8 @@ impl Driver {
             widgets: Vec::new(),
             focused: None,
             copied: None,
+            close_requested: false,
+            closed: false,
             textures: BTreeMap::new(),
         };
         driver.settle();
@@ -86,6 +92,11 @@ impl Driver {
             focused: true,
             ..Default::default()
         };
+        let close_requested = std::mem::take(&mut self.close_requested);
+        let mut input = input;
+        if close_requested {
+            input.viewports.entry(egui::ViewportId::ROOT).or_default().events.push(egui::ViewportEvent::Close);
+        }
         let mut output = self.context.run_ui(input, |ui| self.app.show(ui));
         if let Some(update) = output.platform_output.accesskit_update.take() {
             let focused = update.nodes.iter().find(|(id, _)| *id == update.focus);
@@ -104,6 +115,10 @@ impl Driver {
                 self.copied = Some(text.clone());
             }
         }
+        let commands = output.viewport_output.values().flat_map(|viewport| &viewport.commands);
+        let said = |wanted: &egui::ViewportCommand| commands.clone().any(|command| command == wanted);
+        self.closed |= said(&egui::ViewportCommand::Close);
+        self.closed |= close_requested && !said(&egui::ViewportCommand::CancelClose);
         output.drop_without_applying_deltas();
     }
 
@@ -151,6 +166,34 @@ impl Driver {
         self.copied.as_deref()
     }
 
+    /// Asks the window to close, as its frame's button does; whether it does.
+    pub(crate) fn close(&mut self) -> bool {
+        self.close_requested = true;
+        self.frame(Vec::new());
+        self.settle();
+        self.closed
+    }
+
+    /// Whether the window has closed, or would have.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.closed
+    }
+
+    /// What the window is called.
+    pub(crate) fn title(&self) -> &str {
+        self.app.title()
+    }
+
+    /// Frames until something holds, for what takes its time.
+    pub(crate) fn wait_until(&mut self, what: &str, holds: impl Fn(&Self) -> bool) {
+        let begun = Instant::now();
+        while !holds(self) {
+            assert!(begun.elapsed() < PATIENCE, "{what} does not come");
+            std::thread::sleep(Duration::from_millis(10));
+            self.frame(Vec::new());
+        }
+    }
+
     /// Whether a widget has exactly this name.
     pub(crate) fn has(&self, name: &str) -> bool {
         self.widgets.iter().any(|(label, _)| label == name)
@@ -166,6 +209,16 @@ impl Driver {
     pub(crate) fn find_containing(&self, text: &str) -> Rect {
         let found = self.widgets.iter().find(|(label, _)| label.contains(text));
         found.unwrap_or_else(|| panic!("no widget says '{text}': {:?}", self.names())).1
+    }
+
+    /// Clicks with the other button.
+    pub(crate) fn right_click(&mut self, pos: Pos2) {
+        self.frame(vec![Event::PointerMoved(pos)]);
+        for pressed in [true, false] {
+            let (button, modifiers) = (PointerButton::Secondary, self.modifiers);
+            self.frame(vec![Event::PointerButton { pos, button, pressed, modifiers }]);
+        }
+        self.time_secs += 1.0;
     }
 
     /// Places of all widgets that have a name.

@@ -9,7 +9,6 @@ use ltm::image::{LinearImage, ToneMapping, read_image};
 use ltm::light::Lighting;
 use ltm::relight::CpuRelighter;
 use ltm::scene::BuiltIn;
-use ltm_view::groups::Groups;
 use ltm_view::{RelightOn, WindowOptions, looks, run};
 
 use super::container;
@@ -29,6 +28,8 @@ pub(crate) const TESTS: [(&str, fn()); 4] = [
 /// First argument with which this program is the viewer: container, screenshot, "gpu" to relight there, "screen" to show
 /// it there too.
 const AS_VIEWER: &str = "--act-as-viewer";
+/// Names the state folder of such a viewer.
+const STATE: &str = "LTM_VIEW_TEST_STATE";
 /// First argument with which it writes a container: scene file or built-in name, samples per pixel, container.
 const AS_TRACER: &str = "--act-as-tracer";
 
@@ -52,6 +53,7 @@ pub(crate) fn act_as_program() -> Option<ExitCode> {
                 frames: 30,
                 relight_on: if rest.get(1).is_some_and(|on| on != "cpu") { RelightOn::Gpu } else { RelightOn::Cpu },
                 shown_on_device: Some(rest.get(1).is_some_and(|on| on == "screen")),
+                state_folder: std::env::var_os(STATE).map(PathBuf::from),
                 ..Default::default()
             };
             Some(match run(options) {
@@ -188,17 +190,60 @@ pub(crate) fn a_real_window_is_driven_by_pointer_and_keys() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let reader = ContainerReader::open(&container).unwrap();
     let basis = &reader.job().basis;
-    let groups = Groups::of(basis);
-    let mix = looks::load(&look, basis, &groups).unwrap();
+    let mix = looks::load(&look, basis).unwrap().mix;
     // 15 points of a fader of some hundred, on which 16 stops lie.
     assert!((-6.0..-1.0).contains(&mix.lights[0].stops), "{:?}", mix.lights[0].stops);
-    let image = CpuRelighter::load(&reader).unwrap().relight(&mix.lighting(basis, &groups).unwrap()).unwrap();
+    let image = CpuRelighter::load(&reader).unwrap().relight(&mix.lighting(basis).unwrap()).unwrap();
     // The exposure stays what it was when the picture first stood.
     let expected = expected(&reader).1.bytes(&image);
     let (_, saved) = bytes(&png);
     let pairs = saved.as_flattened().iter().zip(expected.as_flattened());
     // The stops were rounded on their way through the file.
     assert!(pairs.clone().all(|(a, b)| a.abs_diff(*b) <= 1) && saved.len() == expected.len());
+}
+
+/// A real window is killed with work that no file has; the next one offers it, Enter takes it back, and it is saved.
+pub(crate) fn a_killed_window_loses_no_work() {
+    const SCRIPT: &str = r#"
+        wait_for() { for i in $(seq 300); do [ -s "$1" ] && return; sleep 0.1; done; echo "no $1" >&2; exit 9; }
+        open_window() { "$VIEWER" --act-as-viewer "$CONTAINER" & viewer=$!
+                        window=$(xdotool search --sync --onlyvisible --name "room.ltc" | tail -1)
+                        sleep 2; xdotool windowfocus "$window"; sleep 0.5; }
+        open_window
+        eval "$(xdotool getwindowgeometry --shell "$window")"
+        x=$((X + FADER_X)); y=$((Y + FADER_Y))
+        # A window that is not drawn yet may miss the pointer.
+        for attempt in 1 2 3 4 5; do
+            xdotool mousemove $x $y; sleep 0.2; xdotool mousedown 1
+            for i in 5 10 15; do sleep 0.1; xdotool mousemove $((x - i)) $y; done
+            sleep 0.2; xdotool mouseup 1
+            for i in $(seq 40); do [ -s "$LTM_VIEW_TEST_STATE/unsaved/0/work.toml" ] && break 2; sleep 0.1; done
+        done
+        wait_for "$LTM_VIEW_TEST_STATE/unsaved/0/work.toml"
+        kill -9 $viewer; wait $viewer
+        open_window
+        xdotool key Return; sleep 2
+        xdotool key ctrl+k; sleep 1; xdotool key ctrl+a; xdotool type --delay 20 "$LOOK"; sleep 0.3
+        xdotool key Return; wait_for "$LOOK"; sleep 1
+        xdotool key ctrl+q
+        wait $viewer"#;
+    let folder = tempfile::tempdir().unwrap();
+    let (container, look, state) = (room(&folder), folder.path().join("l.toml"), folder.path().join("state"));
+    let options = WindowOptions { path: Some(container.clone()), ..Default::default() };
+    let fader = Driver::open_with(options, vec2(1440.0, 900.0)).find("ceiling, stops").center();
+    let output = Command::new("timeout")
+        .args(["100", "xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", "bash", "-c", SCRIPT])
+        .env_remove("WAYLAND_DISPLAY")
+        .env("VIEWER", this_program())
+        .envs([("CONTAINER", &container), ("LOOK", &look), (STATE, &state)])
+        .envs([("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let reader = ContainerReader::open(&container).unwrap();
+    let mix = looks::load(&look, &reader.job().basis).unwrap().mix;
+    assert!((-6.0..-1.0).contains(&mix.lights[0].stops), "{:?}", mix.lights[0].stops);
+    assert_eq!(std::fs::read_dir(state.join("unsaved")).unwrap().count(), 0, "what is saved is not kept twice");
 }
 
 fn the_device_that_draws_the_window_relights_as_the_cpu_does() {

@@ -1,0 +1,331 @@
+//! Measuring the picture: luminance and illuminance, over areas, in colours with lines of equal value.
+
+use std::fmt::Write;
+
+use rayon::prelude::*;
+
+use super::display::Shown;
+use super::surfaces::Surfaces;
+use ltm::error::Result;
+use ltm::image::{LinearImage, encode_srgb, false_colour, luminance};
+
+/// What is measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Measured {
+    /// Luminance of what is seen, cd/m².
+    Luminance,
+    /// Illuminance on surfaces, lx.
+    #[default]
+    Illuminance,
+}
+
+impl Measured {
+    /// The sign of its unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Luminance => "cd/m²",
+            Self::Illuminance => "lx",
+        }
+    }
+}
+
+/// A value for each pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// Pixels (across, down).
+    pub size: [usize; 2],
+    /// Values, row by row; none of a pixel that shows no one surface.
+    pub values: Vec<Option<f32>>,
+    /// Whether values are the least that there can be: surfaces are taken for white.
+    pub is_least: bool,
+}
+
+/// Measures a picture of radiances. `lumens_per_watt` makes luminances of them.
+///
+/// A matt surface of albedo ρ sends on `L = ρ E / π`, channel by channel. Where albedos are not known it is taken for white:
+/// it gets at least `E = π L`.
+pub fn measure(image: &LinearImage, lumens_per_watt: f32, measured: Measured, surfaces: Option<&Surfaces>) -> Field {
+    let value = |(pixel, radiance): (usize, &[f32; 3])| match (measured, surfaces) {
+        (Measured::Luminance, _) => Some(luminance(*radiance) * lumens_per_watt),
+        (Measured::Illuminance, None) => Some(luminance(*radiance) * lumens_per_watt * std::f32::consts::PI),
+        (Measured::Illuminance, Some(surfaces)) => surfaces.albedo(pixel).map(|albedo| {
+            let irradiance = [0, 1, 2].map(|ch: usize| radiance[ch] / albedo[ch]);
+            luminance(irradiance) * lumens_per_watt * std::f32::consts::PI
+        }),
+    };
+    let values = image.pixels.par_iter().enumerate().map(value).collect();
+    let is_least = measured == Measured::Illuminance && surfaces.is_none();
+    Field { size: [image.width as usize, image.height as usize], values, is_least }
+}
+
+/// What was measured over an area.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// Mean.
+    pub average: f32,
+    /// Smallest value.
+    pub least: f32,
+    /// Largest value.
+    pub most: f32,
+    /// Values.
+    pub count: usize,
+}
+
+impl Figures {
+    fn of(values: &[f32]) -> Option<Self> {
+        let (first, count) = (*values.first()?, values.len());
+        let average = (values.iter().map(|v| f64::from(*v)).sum::<f64>() / count as f64) as f32;
+        let least = values.iter().copied().fold(first, f32::min);
+        Some(Self { average, least, most: values.iter().copied().fold(first, f32::max), count })
+    }
+
+    /// Uniformity U₀ (EN 12464-1): the smallest value over the mean.
+    pub fn uniformity(&self) -> f32 {
+        if self.average > 0.0 { self.least / self.average } else { 0.0 }
+    }
+}
+
+/// An area of the picture.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Area {
+    /// Its corners in order, in pixels from the picture's top left.
+    pub corners: Vec<[f32; 2]>,
+    /// Whether four corners are those of a rectangle in the scene, on which points are laid evenly as it lies there; else
+    /// each pixel counts as much as another, near or far.
+    pub is_rectangle: bool,
+}
+
+/// Points along each side of a rectangle.
+pub const GRID: usize = 16;
+
+impl Area {
+    /// The pixels at which it is measured: the middles of a grid of [`GRID`] × [`GRID`] over a rectangle, else all inside.
+    pub fn points(&self, size: [usize; 2]) -> Vec<[usize; 2]> {
+        let fits = |[x, y]: [f32; 2]| {
+            (x >= 0.0 && y >= 0.0 && x < size[0] as f32 && y < size[1] as f32).then_some([x as usize, y as usize])
+        };
+        if let Some(map) = self.perspective() {
+            let along = |i: usize| (i as f32 + 0.5) / GRID as f32;
+            return (0..GRID * GRID).filter_map(|i| fits(map(along(i % GRID), along(i / GRID)))).collect();
+        }
+        let all = (0..size[0] * size[1]).map(|pixel| [pixel % size[0], pixel / size[0]]);
+        all.filter(|&[x, y]| self.holds([x as f32 + 0.5, y as f32 + 0.5])).collect()
+    }
+
+    /// What the values of a field over it are; none where there are none.
+    pub fn figures(&self, field: &Field) -> Option<Figures> {
+        let at = |[x, y]: [usize; 2]| field.values.get(y * field.size[0] + x).copied().flatten();
+        let values: Vec<f32> = self.points(field.size).into_iter().filter_map(at).collect();
+        Figures::of(&values)
+    }
+
+    /// Whether a position is inside, by the number of edges to its right.
+    fn holds(&self, [x, y]: [f32; 2]) -> bool {
+        let corners = &self.corners;
+        let edges = corners.iter().zip(corners.iter().cycle().skip(1));
+        edges.filter(|(a, b)| (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])).count()
+            % 2
+            == 1
+    }
+
+    /// The map from a rectangle's unit square to the picture (P. Heckbert, *Fundamentals of Texture Mapping and Image
+    /// Warping*, 1989, section 2.2.3); none unless there are four corners of a rectangle, each on the outside of the others.
+    fn perspective(&self) -> Option<impl Fn(f32, f32) -> [f32; 2]> {
+        let [p0, p1, p2, p3]: [[f32; 2]; 4] = self.corners.clone().try_into().ok().filter(|_| self.is_rectangle)?;
+        let cross =
+            |a: [f32; 2], b: [f32; 2], c: [f32; 2]| (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]);
+        let turns = [cross(p0, p1, p2), cross(p1, p2, p3), cross(p2, p3, p0), cross(p3, p0, p1)];
+        if !(turns.iter().all(|turn| *turn > 0.0) || turns.iter().all(|turn| *turn < 0.0)) {
+            return None;
+        }
+        let sum = [0, 1].map(|axis: usize| p0[axis] - p1[axis] + p2[axis] - p3[axis]);
+        let (d1, d2) = ([p1[0] - p2[0], p1[1] - p2[1]], [p3[0] - p2[0], p3[1] - p2[1]]);
+        let whole = d1[0] * d2[1] - d2[0] * d1[1];
+        let g = (sum[0] * d2[1] - d2[0] * sum[1]) / whole;
+        let h = (d1[0] * sum[1] - sum[0] * d1[1]) / whole;
+        Some(move |u: f32, v: f32| {
+            let below = g * u + h * v + 1.0;
+            [0, 1].map(|axis: usize| {
+                let (a, b) = (p1[axis] - p0[axis] + g * p1[axis], p3[axis] - p0[axis] + h * p3[axis]);
+                (a * u + b * v + p0[axis]) / below
+            })
+        })
+    }
+}
+
+/// Values between which colours are laid, and lines of equal value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Value shown as black, and all below.
+    pub low: f32,
+    /// Value shown as white, and all above.
+    pub high: f32,
+    /// Whether lines are drawn where values pass one of [`steps`](Self::steps).
+    pub lines: bool,
+}
+
+impl Scale {
+    /// A scale of round values that fits a field: from its 5th percentile, but a thousandth of its top at least, to its 99th.
+    pub fn fitting(field: &Field) -> Self {
+        let mut values: Vec<f32> =
+            field.values.iter().flatten().copied().filter(|v| v.is_finite() && *v > 0.0).collect();
+        values.sort_unstable_by(f32::total_cmp);
+        let at = |part: f32| values.get(((values.len().max(1) - 1) as f32 * part) as usize).copied().unwrap_or(1.0);
+        let high = round_up(at(0.99));
+        let low = round_down(at(0.05).clamp(high * 1e-3, high * 0.5));
+        Self { low, high, lines: true }
+    }
+
+    /// Round values between its ends: 1, 2 and 5 times powers of ten.
+    pub fn steps(&self) -> Vec<f32> {
+        let first = self.low.max(1e-20).log10().floor() as i32;
+        let last = self.high.max(1e-20).log10().ceil() as i32;
+        let all = (first..=last).flat_map(|power| [1.0, 2.0, 5.0].map(|step| step * 10f32.powi(power)));
+        all.filter(|value| *value >= self.low && *value <= self.high).collect()
+    }
+
+    /// The colours from its low to its high end, sRGB.
+    pub fn colours(&self, count: usize) -> Vec<[u8; 3]> {
+        let part = |i: usize| self.low * (self.high / self.low).powf((i as f32 + 0.5) / count as f32);
+        let ramp = LinearImage { width: count as u32, height: 1, pixels: (0..count).map(|i| [part(i); 3]).collect() };
+        let coloured = false_colour(&ramp, self.low, self.high).map(|image| image.pixels).unwrap_or_default();
+        coloured.into_iter().map(|colour| colour.map(|v| (encode_srgb(v) * 255.0 + 0.5) as u8)).collect()
+    }
+}
+
+/// The least of 1, 2, 5 times a power of ten that is not below a value.
+fn round_up(value: f32) -> f32 {
+    let power = 10f32.powf(value.max(1e-20).log10().floor());
+    [1.0, 2.0, 5.0, 10.0].map(|step| step * power).into_iter().find(|step| *step >= value * 0.9999).unwrap_or(value)
+}
+
+/// The largest of 1, 2, 5 times a power of ten that is not above a value.
+fn round_down(value: f32) -> f32 {
+    let power = 10f32.powf(value.max(1e-20).log10().floor());
+    [5.0, 2.0, 1.0].map(|step| step * power).into_iter().find(|step| *step <= value * 1.0001).unwrap_or(value)
+}
+
+/// A field in colours; what has no value is grey.
+///
+/// Errors: a scale whose ends are not positive and in order.
+pub fn coloured(field: &Field, scale: Scale) -> Result<Shown> {
+    let [width, height] = field.size;
+    let pixels = field.values.iter().map(|value| [value.unwrap_or(0.0); 3]).collect();
+    let image = LinearImage { width: width as u32, height: height as u32, pixels };
+    let colours = false_colour(&image, scale.low, scale.high)?;
+    let steps = scale.steps();
+    let step_of = |value: Option<f32>| value.map(|value| steps.partition_point(|step| *step <= value));
+    let mut rgba = vec![255u8; width * height * 4];
+    rgba.par_chunks_mut((width * 4).max(1)).enumerate().for_each(|(y, row)| {
+        for (x, bytes) in row.chunks_exact_mut(4).enumerate() {
+            let at = y * width + x;
+            let own = step_of(field.values[at]);
+            let right = if x + 1 < width { step_of(field.values[at + 1]) } else { own };
+            let below = if y + 1 < height { step_of(field.values[at + width]) } else { own };
+            let is_line =
+                scale.lines && [right, below].into_iter().any(|other| other.is_some() && own.is_some() && other != own);
+            let colour = match (is_line, field.values[at]) {
+                (true, _) => [255; 3],
+                (false, Some(_)) => colours.pixels[at].map(|v| (encode_srgb(v) * 255.0 + 0.5) as u8),
+                (false, None) => [60; 3],
+            };
+            bytes[..3].copy_from_slice(&colour);
+        }
+    });
+    Ok(Shown { size: field.size, rgba, histogram: Vec::new() })
+}
+
+/// A table in CSV (RFC 4180) of rows of texts.
+pub fn csv(rows: &[Vec<String>]) -> String {
+    let mut text = String::new();
+    for row in rows {
+        let cell = |cell: &String| match cell.contains([',', '"', '\n', '\r']) {
+            true => format!("\"{}\"", cell.replace('"', "\"\"")),
+            false => cell.clone(),
+        };
+        let cells: Vec<String> = row.iter().map(cell).collect();
+        // A string takes all that is written to it.
+        let _ = write!(text, "{}\r\n", cells.join(","));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(width: usize, height: usize) -> Field {
+        let values = (0..width * height).map(|i| Some((i % width) as f32 + 1.0)).collect();
+        Field { size: [width, height], values, is_least: false }
+    }
+
+    #[test]
+    fn illuminance_is_that_on_a_matt_surface_or_the_least_that_there_can_be() {
+        let image = LinearImage { width: 2, height: 1, pixels: vec![[0.5, 0.25, 0.125], [0.5; 3]] };
+        let pi = std::f32::consts::PI;
+        // E = π L / ρ: under white light of 1 W/(sr·m²) reflected by half, a quarter, an eighth, all channels get π.
+        let surfaces = Surfaces::of_albedo(vec![Some([0.5, 0.25, 0.125]), None]);
+        let field = measure(&image, 100.0, Measured::Illuminance, Some(&surfaces));
+        assert!((field.values[0].unwrap() - 100.0 * pi).abs() < 1e-2 && field.values[1].is_none() && !field.is_least);
+        let least = measure(&image, 100.0, Measured::Illuminance, None);
+        assert!((least.values[1].unwrap() - 50.0 * pi).abs() < 1e-3 && least.is_least);
+        assert!(least.values[0] < field.values[0]);
+        let seen = measure(&image, 100.0, Measured::Luminance, Some(&surfaces));
+        assert!((seen.values[1].unwrap() - 50.0).abs() < 1e-3 && !seen.is_least);
+    }
+
+    #[test]
+    fn figures_are_those_of_the_pixels_inside() {
+        let corners = vec![[2.0, 0.0], [6.0, 0.0], [6.0, 4.0], [2.0, 4.0]];
+        let area = Area { corners, is_rectangle: false };
+        let figures = area.figures(&ramp(10, 4)).unwrap();
+        // The columns 2 to 5 have the values 3 to 6.
+        assert_eq!((figures.average, figures.least, figures.most, figures.count), (4.5, 3.0, 6.0, 16));
+        assert!((figures.uniformity() - 3.0 / 4.5).abs() < 1e-6);
+        assert_eq!(Area::default().figures(&ramp(10, 4)), None);
+        let outside = Area { corners: vec![[20.0, 0.0], [30.0, 0.0], [30.0, 9.0]], is_rectangle: false };
+        assert_eq!(outside.figures(&ramp(10, 4)), None);
+    }
+
+    #[test]
+    fn a_rectangle_in_perspective_is_measured_as_it_lies_in_the_scene() {
+        // A floor from 1 to 3 in depth, seen by x = X / Z: its far half is the smaller part of the picture.
+        let seen = |x: f32, z: f32| [100.0 + 80.0 * x / z, 100.0 - 80.0 / z];
+        let corners = vec![seen(-1.0, 1.0), seen(1.0, 1.0), seen(1.0, 3.0), seen(-1.0, 3.0)];
+        let area = Area { corners, is_rectangle: true };
+        let points = area.points([200, 200]);
+        assert_eq!(points.len(), GRID * GRID);
+        // Row by row: the depth at the middle of each is 1 + 2 (i + ½) / 16.
+        for (row, points) in points.chunks_exact(GRID).enumerate() {
+            let expected = seen(0.0, 1.0 + 2.0 * (row as f32 + 0.5) / GRID as f32)[1];
+            assert!(
+                points.iter().all(|point| (point[1] as f32 + 0.5 - expected).abs() <= 0.51),
+                "row {row}: {points:?}"
+            );
+        }
+        let crossed = Area { corners: vec![[0.0, 0.0], [9.0, 9.0], [9.0, 0.0], [0.0, 9.0]], is_rectangle: true };
+        assert!(crossed.perspective().is_none());
+    }
+
+    #[test]
+    fn scales_are_round_and_lines_stand_where_values_pass_their_steps() {
+        let field = ramp(100, 2);
+        let scale = Scale::fitting(&field);
+        assert_eq!((scale.low, scale.high), (5.0, 100.0));
+        assert_eq!(scale.steps(), [5.0, 10.0, 20.0, 50.0, 100.0]);
+        let shown = coloured(&field, scale).unwrap();
+        let white: Vec<usize> = (0..100).filter(|x| shown.rgba[x * 4..x * 4 + 3] == [255; 3]).collect();
+        // The pixel before each step; at the right end the scale itself is white.
+        assert_eq!(white, [3, 8, 18, 48, 98, 99]);
+        let none = Field { values: vec![None; 200], ..field };
+        assert!(coloured(&none, scale).unwrap().rgba.chunks_exact(4).all(|pixel| pixel == [60, 60, 60, 255]));
+        assert!(coloured(&none, Scale { low: 2.0, high: 1.0, lines: false }).is_err());
+        assert_eq!(scale.colours(64).len(), 64);
+    }
+
+    #[test]
+    fn cells_with_commas_and_quotes_are_quoted() {
+        let rows = [vec!["a,b".to_owned(), "c\"d".to_owned()], vec!["1".to_owned(), String::new()]];
+        assert_eq!(csv(&rows), "\"a,b\",\"c\"\"d\"\r\n1,\r\n");
+    }
+}

@@ -1,0 +1,166 @@
+//! Several looks on one sheet, and pictures on the way from one to the next.
+
+use std::path::{Path, PathBuf};
+
+use ab_glyph::{Font, FontRef, ScaleFont, point};
+
+use super::display::Shown;
+use ltm::error::{Error, Result};
+use ltm::light::Lighting;
+
+/// Width of a picture on the sheet at most, in pixels; room between pictures, and below each for its name.
+const WIDEST: usize = 960;
+const GAP: usize = 24;
+const CAPTION: usize = 40;
+/// Height of letters, in pixels.
+const LETTERS: f32 = 24.0;
+/// Greys of the sheet and of what is written on it.
+const PAPER: u8 = 24;
+const INK: u8 = 220;
+
+/// Frames of an animation at most.
+const MOST_FRAMES: usize = 100_000;
+
+/// Pictures of one size side by side in rows, each over its name: about as many across as down.
+///
+/// # Errors
+/// There is none, or they differ in size.
+pub fn contact_sheet(pictures: &[(String, Shown)]) -> Result<Shown> {
+    let refuse = |problem: &str| Err(Error::input("the contact sheet", problem, "keep a snapshot"));
+    let Some((_, first)) = pictures.first() else { return refuse("has no pictures") };
+    if pictures.iter().any(|(_, shown)| shown.size != first.size) || first.size.contains(&0) {
+        return refuse("has pictures of several sizes");
+    }
+    let step = first.size[0].div_ceil(WIDEST);
+    let [width, height] = first.size.map(|v| v.div_ceil(step));
+    let across = (pictures.len() as f64).sqrt().ceil() as usize;
+    let down = pictures.len().div_ceil(across);
+    let size = [across * (width + GAP) + GAP, down * (height + CAPTION + GAP) + GAP];
+    let mut sheet = Canvas { size, rgba: [PAPER, PAPER, PAPER, 255].repeat(size[0] * size[1]) };
+    for (index, (name, shown)) in pictures.iter().enumerate() {
+        let left = GAP + index % across * (width + GAP);
+        let top = GAP + index / across * (height + CAPTION + GAP);
+        for y in 0..height {
+            for x in 0..width {
+                let from = (y * step * shown.size[0] + x * step) * 4;
+                sheet.put([left + x, top + y], &shown.rgba[from..from + 3]);
+            }
+        }
+        sheet.write([left, top + height + 6], width, name)?;
+    }
+    Ok(Shown { size: sheet.size, rgba: sheet.rgba, histogram: Vec::new() })
+}
+
+struct Canvas {
+    size: [usize; 2],
+    rgba: Vec<u8>,
+}
+
+impl Canvas {
+    fn put(&mut self, [x, y]: [usize; 2], colour: &[u8]) {
+        let at = (y * self.size[0] + x) * 4;
+        self.rgba[at..at + 3].copy_from_slice(colour);
+    }
+
+    /// Writes a line of text, cut where it would be wider than `width`.
+    fn write(&mut self, [left, top]: [usize; 2], width: usize, text: &str) -> Result<()> {
+        let font = FontRef::try_from_slice(epaint_default_fonts::UBUNTU_LIGHT)
+            .map_err(|error| Error::input("the built-in typeface", error.to_string(), ""))?;
+        let scaled = font.as_scaled(LETTERS);
+        let mut pen = 0.0;
+        for letter in text.chars() {
+            let glyph = scaled.scaled_glyph(letter);
+            let advance = scaled.h_advance(glyph.id);
+            if pen + advance > width as f32 {
+                break;
+            }
+            let glyph = glyph.id.with_scale_and_position(LETTERS, point(pen, scaled.ascent()));
+            if let Some(outlined) = font.outline_glyph(glyph) {
+                let bounds = outlined.px_bounds();
+                outlined.draw(|x, y, share| {
+                    let at = [left as f32 + bounds.min.x + x as f32, top as f32 + bounds.min.y + y as f32];
+                    let inside = (0..2).all(|axis| at[axis] >= 0.0 && (at[axis] as usize) < self.size[axis]);
+                    if inside {
+                        let value = f32::from(PAPER) + (f32::from(INK) - f32::from(PAPER)) * share.clamp(0.0, 1.0);
+                        self.put(at.map(|v| v as usize), &[value as u8; 3]);
+                    }
+                });
+            }
+            pen += advance;
+        }
+        Ok(())
+    }
+}
+
+/// The lightings of an animation from look to look, each with its time in seconds, at this many frames a second: weights between
+/// two looks are blended linearly, as `ltm relight --fps` does.
+///
+/// # Errors
+/// Fewer than two looks, times that do not rise, a rate that is not positive, or too many frames.
+pub fn frames(looks: &[(f32, Lighting)], per_sec: f32) -> Result<Vec<Lighting>> {
+    let refuse = |problem: &str| Err(Error::input("the frames", problem, ""));
+    let rises = looks.windows(2).all(|pair| pair[0].0 < pair[1].0) && looks.iter().all(|(time, _)| time.is_finite());
+    let ([(begin, _), .., (end, _)], true) = (looks, rises) else {
+        return refuse("need two looks or more, each later than the one before");
+    };
+    let count = ((end - begin) * per_sec).floor() + 1.0;
+    if !(per_sec > 0.0 && count <= MOST_FRAMES as f32) {
+        return refuse("are too many, or their rate is not positive");
+    }
+    let at = |frame: usize| {
+        let time = begin + frame as f32 / per_sec;
+        let after = looks.partition_point(|(at, _)| *at <= time).clamp(1, looks.len() - 1);
+        let [(from, a), (to, b)] = [&looks[after - 1], &looks[after]];
+        let part = ((time - from) / (to - from)).clamp(0.0, 1.0);
+        let pairs = a.weights().iter().zip(b.weights());
+        Lighting::new(pairs.map(|(a, b)| [0, 1, 2].map(|ch: usize| a[ch] * (1.0 - part) + b[ch] * part)).collect())
+    };
+    (0..count as usize).map(at).collect()
+}
+
+/// The files of numbered frames: `night.png` gives `night-0000.png` and so on.
+pub fn frame_paths(path: &Path, count: usize) -> Vec<PathBuf> {
+    let stem = path.with_extension("").display().to_string();
+    (0..count).map(|frame| PathBuf::from(format!("{stem}-{frame:04}.png"))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey(value: u8, size: [usize; 2]) -> Shown {
+        Shown { size, rgba: [value, value, value, 255].repeat(size[0] * size[1]), histogram: Vec::new() }
+    }
+
+    #[test]
+    fn pictures_stand_in_rows_over_their_names() {
+        let pictures: Vec<_> = (0..3).map(|i| (format!("Look {i}"), grey(100 + i, [200, 30]))).collect();
+        let sheet = contact_sheet(&pictures).unwrap();
+        assert_eq!(sheet.size, [2 * 224 + 24, 2 * (30 + 40 + 24) + 24]);
+        let at = |x: usize, y: usize| sheet.rgba[(y * sheet.size[0] + x) * 4];
+        assert_eq!([at(30, 30), at(30 + 224, 30), at(30, 30 + 94), at(0, 0)], [100, 101, 102, PAPER]);
+        let written = |left: usize, top: usize| (0..200).any(|x| (0..34).any(|y| at(left + x, top + y) > 150));
+        assert!(written(24, 56) && written(248, 56) && written(24, 150), "each has a name");
+        assert!(!written(248, 150), "where no picture stands, no name does");
+        assert!(contact_sheet(&[]).is_err());
+        assert!(contact_sheet(&[("a".into(), grey(1, [2, 2])), ("b".into(), grey(1, [2, 3]))]).is_err());
+        let large = contact_sheet(&[("wide".into(), grey(9, [4000, 10]))]).unwrap();
+        assert_eq!(large.size[0], 800 + 2 * GAP);
+    }
+
+    #[test]
+    fn frames_go_evenly_from_look_to_look() {
+        let even = |value: f32| Lighting::uniform(1, [value; 3]).unwrap();
+        let made = frames(&[(1.0, even(0.0)), (2.0, even(4.0)), (4.0, even(0.0))], 2.0).unwrap();
+        let values: Vec<f32> = made.iter().map(|lighting| lighting.weights()[0][0]).collect();
+        assert_eq!(values, [0.0, 2.0, 4.0, 3.0, 2.0, 1.0, 0.0]);
+        assert!(frames(&[(0.0, even(1.0))], 2.0).is_err());
+        assert!(frames(&[(0.0, even(1.0)), (0.0, even(1.0))], 2.0).is_err());
+        assert!(frames(&[(0.0, even(1.0)), (1e9, even(1.0))], 2.0).is_err());
+        assert!(frames(&[(0.0, even(1.0)), (1.0, even(1.0))], 0.0).is_err());
+        assert_eq!(
+            frame_paths(Path::new("/a/night.png"), 2),
+            ["/a/night-0000.png", "/a/night-0001.png"].map(PathBuf::from)
+        );
+    }
+}

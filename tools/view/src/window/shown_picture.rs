@@ -1,0 +1,175 @@
+//! The newest picture: its values, its texture, how it came.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Instant;
+
+use eframe::egui::{self, ColorImage, TextureHandle, TextureId, TextureOptions};
+use eframe::egui_wgpu::RenderState;
+
+use super::screen::ScreenTexture;
+use crate::display::Shown;
+use crate::worker::{Picture, Progress, Seen};
+use ltm::image::LinearImage;
+use ltm::relight::CpuRelighter;
+
+/// Pictures over which their rate is counted, and the longest pause between two of them that is no rest, in seconds.
+const RATE_PICTURES: usize = 24;
+const REST_SECS: f64 = 0.5;
+
+/// What the last drag cost.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Latency {
+    pub(super) frames: u64,
+    pub(super) relight_secs: f64,
+    pub(super) total_secs: f64,
+}
+
+pub(super) struct ShownPicture {
+    /// Linear radiance of the newest picture whose values have come.
+    pub(super) image: Option<Arc<LinearImage>>,
+    pub(super) histogram: Vec<[f32; 3]>,
+    pub(super) progress: Progress,
+    /// All factors, once they are there, where the CPU relights.
+    pub(super) relighter: Option<Arc<CpuRelighter>>,
+    /// Whether the container is larger than its budget.
+    pub(super) is_paged: bool,
+    /// The adapter that relights, where it is not the CPU.
+    pub(super) adapter: Option<String>,
+    pub(super) latency: Latency,
+    /// Pictures that have come.
+    pub(super) pictures: u64,
+    /// Generations of the newest picture and of the newest values.
+    pub(super) seen: u64,
+    pub(super) valued: u64,
+    texture: Option<TextureHandle>,
+    /// The device's own texture, in place of the other, where the device shows the pictures.
+    screen: Option<ScreenTexture>,
+    /// The device that draws the window.
+    state: Option<RenderState>,
+    arrivals: VecDeque<Instant>,
+}
+
+impl ShownPicture {
+    /// None yet. Pictures are shown on the device of `state`, if that is the one that relights.
+    pub(super) fn new(state: Option<RenderState>) -> Self {
+        Self {
+            image: None,
+            histogram: Vec::new(),
+            progress: Progress::default(),
+            relighter: None,
+            is_paged: false,
+            adapter: None,
+            latency: Latency::default(),
+            pictures: 0,
+            seen: 0,
+            valued: 0,
+            texture: None,
+            screen: None,
+            state,
+            arrivals: VecDeque::new(),
+        }
+    }
+
+    /// Puts a picture on the screen. Its values and histogram, where they have come with it.
+    pub(super) fn take(
+        &mut self,
+        context: &egui::Context,
+        picture: Picture,
+    ) -> Option<(Arc<LinearImage>, Vec<[f32; 3]>)> {
+        self.progress = picture.progress;
+        (self.seen, self.pictures) = (picture.generation, self.pictures + 1);
+        self.count_arrival();
+        match (picture.seen, &self.state) {
+            (Seen::Bytes(shown, image), _) => {
+                set_texture(context, &mut self.texture, "picture", &shown);
+                self.screen = None;
+                return Some((image, shown.histogram));
+            }
+            (Seen::Texture(texture), Some(state)) => {
+                if !self.screen.as_ref().is_some_and(|screen| screen.shows(&texture)) {
+                    self.screen = Some(ScreenTexture::new(state.clone(), texture));
+                }
+            }
+            // Nobody has asked a device for it.
+            (Seen::Texture(_), None) => {}
+        }
+        None
+    }
+
+    /// What to draw as the picture.
+    pub(super) fn id(&self) -> Option<TextureId> {
+        let in_memory = || self.texture.as_ref().map(TextureHandle::id);
+        self.screen.as_ref().map(ScreenTexture::id).or_else(in_memory)
+    }
+
+    /// The value of a pixel.
+    pub(super) fn pixel(&self, [x, y]: [u32; 2]) -> Option<[f32; 3]> {
+        let image = self.image.as_ref()?;
+        image.pixels.get(y as usize * image.width as usize + x as usize).copied()
+    }
+
+    /// Pictures a second over the last that came in a row; none after a rest.
+    pub(super) fn per_sec(&self) -> Option<f64> {
+        let (first, last) = (self.arrivals.front()?, self.arrivals.back()?);
+        let span = last.duration_since(*first).as_secs_f64();
+        (self.arrivals.len() > 2 && span > 0.0).then(|| (self.arrivals.len() - 1) as f64 / span)
+    }
+
+    fn count_arrival(&mut self) {
+        let now = Instant::now();
+        if self.arrivals.back().is_some_and(|last| now.duration_since(*last).as_secs_f64() > REST_SECS) {
+            self.arrivals.clear();
+        }
+        self.arrivals.push_back(now);
+        if self.arrivals.len() > RATE_PICTURES {
+            self.arrivals.pop_front();
+        }
+    }
+}
+
+/// The picture as the CPU's memory has it.
+pub(super) fn colour_image(shown: &Shown) -> ColorImage {
+    // Opaque, so that nothing is to be multiplied.
+    ColorImage::from_rgba_premultiplied(shown.size, &shown.rgba)
+}
+
+/// Sets a texture, or makes it.
+pub(super) fn set_texture(context: &egui::Context, texture: &mut Option<TextureHandle>, name: &str, shown: &Shown) {
+    let options = TextureOptions {
+        magnification: egui::TextureFilter::Nearest,
+        minification: egui::TextureFilter::Linear,
+        ..Default::default()
+    };
+    let image = reduced(colour_image(shown), context.input(|input| input.max_texture_side));
+    match texture {
+        Some(texture) => texture.set(image, options),
+        None => *texture = Some(context.load_texture(name, image, options)),
+    }
+}
+
+/// Of an image that is larger than a texture may be, every second pixel, or third, and so on.
+fn reduced(image: ColorImage, most: usize) -> ColorImage {
+    let [width, height] = image.size;
+    let step = width.max(height).div_ceil(most.max(1));
+    if step <= 1 {
+        return image;
+    }
+    let rows = image.pixels.chunks_exact(width.max(1)).step_by(step);
+    let pixels = rows.flat_map(|row| row.iter().step_by(step).copied()).collect();
+    ColorImage::new([width.div_ceil(step), height.div_ceil(step)], pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_beyond_the_largest_texture_is_reduced_into_it() {
+        let image = ColorImage::new([5, 3], (0..15).map(egui::Color32::from_gray).collect());
+        assert_eq!(reduced(image.clone(), 5), image);
+        let small = reduced(image, 3);
+        assert_eq!(small.size, [3, 2]);
+        assert_eq!(small.pixels, [0, 2, 4, 10, 12, 14].map(egui::Color32::from_gray));
+    }
+}

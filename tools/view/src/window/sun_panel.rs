@@ -1,0 +1,137 @@
+//! The sun: put into a sky by hand or by date and place, or chosen among several.
+
+use eframe::egui::{DragValue, RichText, Ui};
+
+use super::document::Document;
+use super::theme::{WEAK, section};
+use crate::sun::{PlacedSun, choose_sun, nearest_texel, suns};
+use ltm::light::Light;
+
+/// Puts the sun onto a texel of a sky.
+pub(super) fn put_sun(document: &mut Document, index: usize, light: &Light, texel: usize) {
+    let (easel, own) = (&mut document.easel, &mut document.work.mix.lights[index]);
+    easel.sun = Some(PlacedSun::put(easel.sun.take(), own, (index, light), texel, easel.sun_stops));
+}
+
+/// What can be set of the sun of a sky.
+pub(super) fn sun_settings(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
+    let placed = document.easel.sun.as_ref();
+    let texel = placed.and_then(|sun| sun.texel(index, &document.work.mix.lights[index]));
+    ui.horizontal_wrapped(|ui| {
+        ui.label("Sun over sky");
+        let stops = DragValue::new(&mut document.easel.sun_stops).range(-4.0..=10.0).speed(0.05).max_decimals(1);
+        let about = "How much more the sun sends than the rest of the sky, in stops";
+        let changed = ui.add(stops.suffix(" EV")).on_hover_text(about).changed();
+        if let (true, Some(texel)) = (changed, texel) {
+            put_sun(document, index, light, texel);
+        }
+        match texel {
+            Some(texel) => {
+                let angles = document.easel.moment.angles(light.places[texel]);
+                let text = format!("{:.0}° from north, {:.0}° high", angles.azimuth, angles.elevation);
+                ui.label(RichText::new(text).size(11.5).color(WEAK));
+            }
+            None => {
+                ui.label(RichText::new("Click or drag on the map below").size(11.5).color(WEAK));
+            }
+        }
+    });
+    if let Some(direction) = by_date(ui, document) {
+        put_sun(document, index, light, nearest_texel(light, direction));
+    }
+}
+
+/// What can be done with a sun of the scene: it stands where it was rendered, but may be one of several.
+pub(super) fn sun_of_several(ui: &mut Ui, document: &mut Document, index: usize) {
+    section(ui, "SUN");
+    let count = suns(document.session.basis()).len();
+    let angles = document.easel.moment.angles(document.session.basis().lights()[index].places[0]);
+    let text = format!(
+        "It stands {:.0}° from north, {:.0}° high, as it was rendered. {}",
+        angles.azimuth,
+        angles.elevation,
+        match count {
+            1 => "Render several suns, or a sky, to move it.".to_owned(),
+            _ => format!("By date, the nearest of {count} suns is left on."),
+        }
+    );
+    ui.label(RichText::new(text).size(11.5).color(WEAK));
+    if count < 2 {
+        return;
+    }
+    if let Some(direction) = by_date(ui, document) {
+        let mut mix = document.work.mix.clone();
+        if let Some(sun) = choose_sun(document.session.basis(), &mut mix, direction) {
+            document.work.replace(mix);
+            document.list.select_and_show(sun, &document.work.mix);
+        }
+    }
+}
+
+/// Date, hour, place and north; the direction to the sun then, where it was asked for.
+fn by_date(ui: &mut Ui, document: &mut Document) -> Option<[f32; 3]> {
+    let moment = &mut document.easel.moment;
+    let mut changed = false;
+    ui.horizontal_wrapped(|ui| {
+        let [year, month, day] = &mut moment.date;
+        let mut number = |ui: &mut Ui, widget: DragValue, about: &str| {
+            changed |= ui.add(widget).on_hover_text(about).changed();
+        };
+        number(ui, DragValue::new(year).range(1900..=2200).speed(0.05), "Year");
+        number(ui, DragValue::new(month).range(1..=12).speed(0.05), "Month");
+        number(ui, DragValue::new(day).range(1..=31).speed(0.1), "Day");
+        let clock = |hours: f64| format!("{:02}:{:02}", hours as u32, (hours.fract() * 60.0).round().min(59.0) as u32);
+        let hour = DragValue::new(&mut moment.hour).range(0.0..=23.983).speed(0.02);
+        let hour = hour.custom_formatter(move |hours, _| clock(hours)).custom_parser(hours_of);
+        number(ui, hour, "Hour on the clock there; drag it through the day");
+        let zone = DragValue::new(&mut moment.zone_hours).range(-12.0..=14.0).speed(0.05).prefix("UTC ");
+        number(
+            ui,
+            zone.custom_formatter(|hours, _| format!("{hours:+}")),
+            "Hours ahead of universal time, summer time too",
+        );
+        let latitude = DragValue::new(&mut moment.latitude).range(-90.0..=90.0).speed(0.1).max_decimals(2);
+        number(ui, latitude.suffix("° N"), "Latitude; negative in the south");
+        let longitude = DragValue::new(&mut moment.longitude).range(-180.0..=180.0).speed(0.1).max_decimals(2);
+        number(ui, longitude.suffix("° E"), "Longitude; negative in the west");
+        let north = DragValue::new(&mut moment.north_degrees).range(-180.0..=180.0).speed(0.5).max_decimals(1);
+        number(ui, north.prefix("north ").suffix("°"), "How far north is turned from the world's −z towards +x");
+    });
+    let sun = moment.sun();
+    let mut asked = changed;
+    ui.horizontal_wrapped(|ui| {
+        asked |= ui.button("Put the sun there").clicked();
+        let text = match &sun {
+            Ok(angles) if angles.elevation > 0.0 => {
+                format!("{:.1}° from north, {:.1}° high", angles.azimuth, angles.elevation)
+            }
+            Ok(_) => "below the horizon".to_owned(),
+            Err(error) => error.to_string(),
+        };
+        ui.label(RichText::new(text).size(11.5).color(WEAK));
+    });
+    let angles = sun.ok().filter(|angles| asked && angles.elevation > 0.0)?;
+    Some(document.easel.moment.direction(angles))
+}
+
+/// Hours of a text: `14:30` or `14.5`.
+fn hours_of(text: &str) -> Option<f64> {
+    match text.split_once(':') {
+        Some((hours, minutes)) => {
+            let (hours, minutes) = (hours.trim().parse::<f64>().ok()?, minutes.trim().parse::<f64>().ok()?);
+            (0.0..60.0).contains(&minutes).then_some(hours + minutes / 60.0)
+        }
+        None => text.trim().parse().ok(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hours_are_read_as_people_write_them() {
+        assert_eq!((hours_of("14:30"), hours_of(" 7.25 "), hours_of("9")), (Some(14.5), Some(7.25), Some(9.0)));
+        assert_eq!((hours_of("7:75"), hours_of("noon"), hours_of("")), (None, None, None));
+    }
+}

@@ -1,0 +1,78 @@
+//! How the picture is shown, and what was asked of it.
+
+use crate::display::Display;
+use crate::viewport::Viewport;
+use ltm::image::{LinearImage, exposure_for};
+
+/// A pixel that was asked about, with what each light brings there.
+pub(super) struct Asked {
+    pub(super) pixel: [u32; 2],
+    pub(super) lights: Vec<f32>,
+}
+
+/// What stands beside the picture that it is compared with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Beside {
+    /// Either at its side of the wipe.
+    #[default]
+    Wipe,
+    /// The other one whole.
+    Other,
+    /// How far the two are apart.
+    Difference,
+}
+
+pub(super) struct ViewState {
+    pub(super) display: Display,
+    pub(super) viewport: Viewport,
+    /// The pixel under the pointer.
+    pub(super) hovered: Option<[u32; 2]>,
+    pub(super) asked: Option<Asked>,
+    /// Whether the next answer about a pixel selects its strongest light.
+    pub(super) select_strongest: bool,
+    pub(super) beside: Beside,
+    /// Whether a scene that does not say how long its unit is counts as one in metres.
+    pub(super) assumes_metres: bool,
+    /// The exposure that was chosen for the picture, until the whole picture stands.
+    exposed: Option<f32>,
+}
+
+impl Default for ViewState {
+    fn default() -> Self {
+        Self {
+            display: Display::default(),
+            viewport: Viewport::default(),
+            hovered: None,
+            asked: None,
+            select_strongest: false,
+            beside: Beside::Wipe,
+            assumes_metres: false,
+            exposed: Some(Display::default().tone.exposure_stops),
+        }
+    }
+}
+
+impl ViewState {
+    /// Exposes for a picture that streams in: base layers alone can be darker than the whole, so until that stands, the
+    /// exposure follows, unless it was set.
+    pub(super) fn follow(&mut self, image: &LinearImage, is_complete: bool) {
+        if self.exposed == Some(self.display.tone.exposure_stops) {
+            self.display.tone.exposure_stops = exposure_for(image);
+            self.exposed = (!is_complete).then_some(self.display.tone.exposure_stops);
+        }
+    }
+
+    /// Shows from now on as it is told.
+    pub(super) fn set_display(&mut self, display: Display) {
+        (self.display, self.exposed) = (display, None);
+    }
+
+    /// Follows the same container as it was before.
+    pub(super) fn go_on(&mut self, old: Self, same_size: bool) {
+        self.set_display(old.display);
+        (self.assumes_metres, self.beside) = (old.assumes_metres, old.beside);
+        if same_size {
+            self.viewport = old.viewport;
+        }
+    }
+}

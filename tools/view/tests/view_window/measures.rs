@@ -1,0 +1,192 @@
+//! Numbers: what two pictures differ by, light in its units, measured areas, the sun.
+
+use std::path::Path;
+
+use eframe::egui::{Key, Modifiers, vec2};
+use ltm::scene::BuiltIn;
+
+use super::driver::Driver;
+use super::{CTRL, container, room};
+
+/// Tests of this file.
+pub(crate) const TESTS: [(&str, fn()); 6] = [
+    ("a_png_reference_is_shown_as_it_is", a_png_reference_is_shown_as_it_is),
+    ("the_difference_is_measured_and_shown", the_difference_is_measured_and_shown),
+    ("a_light_is_set_in_candela_per_square_metre", a_light_is_set_in_candela_per_square_metre),
+    ("an_area_is_measured_in_lux_and_reported", an_area_is_measured_in_lux_and_reported),
+    ("false_colour_with_a_legend_takes_the_place_of_the_picture", false_colour_takes_the_place_of_the_picture),
+    ("the_sun_is_dragged_over_the_sky_and_put_by_date", the_sun_is_dragged_over_the_sky_and_put_by_date),
+];
+
+fn save(driver: &mut Driver, key: Key, path: &Path) {
+    driver.key(key, CTRL);
+    driver.settle();
+    driver.enter(path.to_str().unwrap());
+    driver.settle();
+}
+
+fn a_png_reference_is_shown_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let (png, exr) = (folder.path().join("own.png"), folder.path().join("own.exr"));
+    let mut driver = Driver::open(room());
+    driver.key(Key::E, Modifiers::NONE);
+    driver.settle();
+    save(&mut driver, Key::S, &png);
+    save(&mut driver, Key::E, &exr);
+    let own = driver.picture();
+    let at = driver.find("picture").center();
+    driver.drop_file(&png, at);
+    driver.settle();
+    driver.find_containing("shown as it is");
+    // The file is encoded exactly, the window's picture by tables.
+    let as_it_is = driver.texture("compared");
+    let apart = as_it_is.iter().zip(&own).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(apart <= Some(1), "{apart:?}");
+    // At another exposure the display's image stays, the radiance follows.
+    driver.key(Key::E, Modifiers::NONE);
+    driver.settle();
+    assert!(driver.texture("compared") == as_it_is && driver.picture() != own);
+    driver.drop_file(&exr, at);
+    driver.settle();
+    assert!(driver.texture("compared") == driver.picture());
+    driver.find("Equal, pixel by pixel");
+}
+
+fn the_difference_is_measured_and_shown() {
+    let mut driver = Driver::open(room());
+    driver.key(Key::K, Modifiers::NONE);
+    driver.settle();
+    driver.key(Key::C, Modifiers::NONE);
+    driver.settle();
+    driver.find("Equal, pixel by pixel");
+    let fader = driver.find("ceiling, stops").center();
+    driver.drag(fader, fader - vec2(6.0, 0.0), 3);
+    driver.settle();
+    let numbers = driver.widgets().iter().find_map(|(name, _)| name.strip_prefix("FLIP ")?.split_once("PSNR "));
+    let (flip, psnr) = numbers.map(|(flip, psnr)| (flip.trim().to_owned(), psnr.to_owned())).unwrap();
+    let (flip, psnr): (f32, f32) = (flip.parse().unwrap(), psnr.strip_suffix(" dB").unwrap().parse().unwrap());
+    // Two thirds of a stop darker: plain to see, and far from black against white.
+    assert!((0.02..0.6).contains(&flip) && (10.0..40.0).contains(&psnr), "{flip} {psnr}");
+    let map = driver.texture("difference");
+    assert!(map.chunks_exact(4).any(|pixel| pixel[0] > 30));
+    driver.key(Key::D, Modifiers::NONE);
+    driver.settle();
+    driver.find("Difference");
+    driver.key(Key::Z, CTRL);
+    driver.settle();
+    driver.find("Equal, pixel by pixel");
+    assert!(driver.texture("difference") != map);
+}
+
+fn a_light_is_set_in_candela_per_square_metre() {
+    let mut driver = Driver::open(room());
+    let scene = driver.picture();
+    let number = driver.find("cd/m²");
+    driver.click(number.center());
+    driver.settle();
+    // The panel's own: 179 lm/W times the luminance of (12, 11, 9), at half.
+    let own = 179.0 * (0.2126 * 12.0 + 0.7152 * 11.0 + 0.0722 * 9.0);
+    driver.enter(&format!("{}", own / 2.0));
+    driver.settle();
+    let half = driver.picture();
+    assert!(half != scene);
+    driver.click(driver.find("ceiling, stops").right_center() + vec2(29.0, 0.0));
+    driver.settle();
+    driver.enter("-1");
+    driver.settle();
+    let apart = half.iter().zip(&driver.picture()).map(|(a, b)| a.abs_diff(*b)).max();
+    assert!(apart <= Some(1), "{apart:?}");
+    driver.click(driver.find("cd/m²").center());
+    driver.settle();
+    driver.enter("1e9");
+    driver.settle();
+    driver.find_containing("no further");
+}
+
+fn draw_area(driver: &mut Driver) {
+    driver.click(driver.find("Draw area").center());
+    let middle = driver.find("picture").center();
+    for corner in [vec2(-60.0, 20.0), vec2(60.0, 20.0), vec2(80.0, 80.0), vec2(-80.0, 80.0)] {
+        driver.click(middle + corner);
+    }
+    driver.key(Key::Enter, Modifiers::NONE);
+    driver.settle();
+}
+
+fn an_area_is_measured_in_lux_and_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report.csv");
+    let mut driver = Driver::open(room());
+    draw_area(&mut driver);
+    let figures = |driver: &Driver| -> Vec<f32> {
+        let found = driver.widgets().iter().find(|(name, _)| name.starts_with("Ē ")).unwrap().0.clone();
+        found.replace('≥', " ").split_whitespace().filter_map(|word| word.parse().ok()).collect()
+    };
+    let before = figures(&driver);
+    let [average, least, most, uniformity] = before[..] else { panic!("{before:?}") };
+    assert!(0.0 < least && least <= average && average <= most && (uniformity - least / average).abs() < 0.02);
+    driver.find("At least: surfaces are taken for white");
+    // A stop up doubles it.
+    driver.click(driver.find("ceiling, stops").right_center() + vec2(29.0, 0.0));
+    driver.settle();
+    driver.enter("1");
+    driver.settle();
+    assert!((figures(&driver)[0] / average - 2.0).abs() < 0.02);
+    driver.click(driver.find("Report…").center());
+    driver.settle();
+    driver.enter(report.to_str().unwrap());
+    driver.settle();
+    let text = std::fs::read_to_string(&report).unwrap();
+    let light = text.lines().find(|line| line.starts_with("ceiling,area,")).unwrap();
+    assert!(light.contains(",yes,1.000,100.00,") && light.contains("cd/m²") && light.contains(",lm"), "{light}");
+    assert!(text.lines().any(|line| line.contains(",lx,at least")), "{text}");
+}
+
+fn false_colour_takes_the_place_of_the_picture() {
+    let mut driver = Driver::open(room());
+    driver.click(driver.find("Luminance").center());
+    driver.settle();
+    let shown = driver.texture("meter");
+    assert!(shown.len() == driver.picture().len() && shown != driver.picture());
+    driver.click(driver.find("Lines").center());
+    driver.settle();
+    let plain = driver.texture("meter");
+    let white = |picture: &[u8]| picture.chunks_exact(4).filter(|pixel| pixel[..3] == [255; 3]).count();
+    assert!(white(&shown) > white(&plain) + 20, "lines of equal value");
+    let fader = driver.find("ceiling, stops").center();
+    driver.drag(fader, fader - vec2(30.0, 0.0), 3);
+    driver.settle();
+    // The scale follows: the same picture, but for the rounding of its ends.
+    driver.find("Fit");
+    let folder = tempfile::tempdir().unwrap();
+    let png = folder.path().join("lux.png");
+    save(&mut driver, Key::S, &png);
+    let saved = image::open(&png).unwrap().to_rgba8().into_raw();
+    assert!(saved == driver.texture("meter"), "what is shown is what is saved");
+}
+
+fn the_sun_is_dragged_over_the_sky_and_put_by_date() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.ltc");
+    container::write(&path, BuiltIn { width: 64, height: 48, texels: 8 }.named("environment").unwrap(), 8);
+    let mut driver = Driver::open(&path);
+    let scene = driver.picture();
+    driver.click(driver.find("Sun").center());
+    driver.settle();
+    let texture = driver.find("texture");
+    let high = texture.center() - vec2(0.0, texture.height() * 0.3);
+    driver.click(high);
+    driver.settle();
+    let first = driver.picture();
+    assert!(first != scene);
+    driver.drag(high, high + vec2(texture.width() * 0.3, 0.0), 5);
+    driver.settle();
+    assert!(driver.picture() != first);
+    driver.key(Key::Z, CTRL);
+    driver.settle();
+    assert!(driver.picture() == first, "a drag of the sun is one step");
+    driver.click(driver.find("Put the sun there").center());
+    driver.settle();
+    assert!(driver.picture() != first);
+    driver.find_containing("° high");
+}
