@@ -211,7 +211,7 @@ mod tests {
         let clusters = panel();
         let n = clusters.of_column().len();
         let own = |j: usize| usize::from(clusters.of_column()[j]);
-        let brightness = |j: usize| if j % 2 == 0 { 0.2 } else { 1.8 };
+        let brightness = |j: usize| [0.2, 1.8][j % 2];
         let whole = |cluster: usize| -> f32 { (0..n).filter(|&j| own(j) == cluster).map(brightness).sum() };
         let fitted = fitted(&clusters, 400, 0.5, |j, images| images[own(j)] * brightness(j) / whole(own(j)));
         for cluster in 0..clusters.count() {

@@ -30,7 +30,7 @@ pub(super) const SHIRLEY: &str = "erw5-scene3";
 pub(super) const CLASSROOM: &str = "erw5-scene8";
 pub(super) const CORNELL: &str = "cornell-original";
 
-/// Scene files by name. Lights of 32 × 32 texels get as many as are wanted.
+/// Scene files by name. Lights of texels get as many as are wanted.
 const FILES: [(&str, &str); 7] = [
     (CONFERENCE_LAMPS, include_str!("../../../formats/scenes/conference-24.toml")),
     (GLOSSY, include_str!("../../../formats/scenes/cornell-glossy.toml")),
@@ -138,7 +138,10 @@ impl<'a> Bench<'a> {
 
     fn file(&self, name: &str, texels: u32) -> Result<LoadedScene> {
         let text = FILES.iter().find(|file| file.0 == name).map_or("", |file| file.1);
-        self.scene(&format!("{name}-{texels}.toml"), &text.replace("[32, 32]", &format!("[{texels}, {texels}]")))
+        let texels_here = format!("texels = [{texels}, {texels}]");
+        let line = |line: &str| if line.starts_with("texels = ") { texels_here.clone() } else { line.to_owned() };
+        let lines: Vec<String> = text.lines().map(line).collect();
+        self.scene(&format!("{name}-{texels}.toml"), &lines.join("\n"))
     }
 
     fn conference(&self, texels: u32) -> Result<LoadedScene> {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// Where a program lies: `ltm`, `ltm-pack` or `ltm-unpack`.
-pub fn path(program: &str) -> &'static str {
+pub(crate) fn path(program: &str) -> &'static str {
     match program {
         "ltm" => env!("CARGO_BIN_EXE_ltm"),
         "ltm-pack" => env!("CARGO_BIN_EXE_ltm-pack"),
@@ -14,7 +14,7 @@ pub fn path(program: &str) -> &'static str {
 }
 
 /// A program, to be run in a folder.
-pub fn command(folder: &Path, program: &str, arguments: &[&str]) -> Command {
+pub(crate) fn command(folder: &Path, program: &str, arguments: &[&str]) -> Command {
     let mut command = Command::new(path(program));
     command.current_dir(folder).args(arguments);
     command
