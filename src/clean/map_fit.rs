@@ -76,9 +76,9 @@ impl MapFit {
         self.light.iter_mut().zip(columns).for_each(|(light, value)| *light += root * f64::from(*value));
     }
 
-    /// The map, clusters × columns, row-major. It begins with [`Self::shares`] and is moved towards least squares in the
+    /// The map, clusters × columns, row-major. It begins with the shares of the light and is moved towards least squares in the
     /// directions, eigenvectors of `Dᵀ W D`, in which both halves of the tiles say the same of the columns: by the correlation
-    /// of what they say, summed over all columns, between [`LEAST_AGREEMENT`] and [`WHOLE_AGREEMENT`]. Columns of a cluster add
+    /// of what they say, summed over all columns, as `constants` says. Columns of a cluster add
     /// up to the cluster.
     pub fn fit(&self, clusters: &Clusters) -> Vec<f32> {
         let (k, n) = (self.clusters, self.columns);

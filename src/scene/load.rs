@@ -68,7 +68,7 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
     Ok(LoadedScene::new(scene, settings, warnings))
 }
 
-/// As [`validate`]; of a glTF file without light it says what its users do.
+/// As [`validate()`]; of a glTF file without light it says what its users do.
 pub(super) fn check_whole(path: &Path, scene: &Scene) -> Result<Vec<String>> {
     if is_gltf(path) && scene.emitters.is_empty() {
         let hint = "give a material emission or add a lamp (KHR_lights_punctual), or name the file as geometry of a \
