@@ -18,11 +18,11 @@ pub(super) fn span(width: usize, across: isize) -> Range<usize> {
     begin..((width as isize - across.max(0)).max(begin as isize)) as usize
 }
 
-/// For each pixel the mean of its neighbours in each plane of `images`, corrected for their slope as far as `slope` trusts it
-/// ([`correct_slope`]). `weigh` fills the weights of the pixels of row `y` for
-/// one offset, given the columns whose neighbours there are in the image; the others count nothing. A pixel weighs for itself
-/// as much as the one most alike, so that one that is like no other, on the edge of two surfaces say, does not keep its
-/// grain: it becomes what is beside it. A pixel without any weight keeps its value.
+/// For each pixel the mean of its neighbours in each plane of `images`, corrected for their slope as far as `slope` allows
+/// ([`correct_slope`]). `weigh` fills the weights of the pixels of row `y` for one offset, given the columns whose neighbours
+/// there are in the image; the others count nothing. A pixel weighs for itself as much as the one most alike, so that one that
+/// is like no other, on the edge of two surfaces say, does not keep its grain: it becomes what is beside it. A pixel without
+/// any weight keeps its value.
 pub(super) fn weighted_means(
     images: &Rows,
     offsets: &[(isize, isize)],
@@ -93,7 +93,7 @@ fn correct_slope(weights: &mut [f32], offsets: &[(isize, isize)], width: usize, 
             moments.iter_mut().zip(terms).for_each(|(sum, term)| *sum += w * term);
         }
     }
-    // Each weight is multiplied by `1 − tᵀ (offset − m)`, `t = C⁻¹ m`.
+    // Each weight is multiplied by `1 − (C⁻¹ m)ᵀ (offset − m)`, or by less of it.
     let tilts: Vec<[f32; 3]> = moments.iter().map(|moments| tilt(*moments, slope)).collect();
     for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact_mut(width)) {
         let (x, y) = (across as f32, down as f32);
@@ -103,6 +103,7 @@ fn correct_slope(weights: &mut [f32], offsets: &[(isize, isize)], width: usize, 
     }
 }
 
+/// What the offset across and the offset down are multiplied by, and what their sum is taken from.
 fn tilt([x, y, xx, xy, yy, squares]: [f32; 6], slope: f32) -> [f32; 3] {
     if squares <= 0.0 {
         return [0.0, 0.0, 1.0];

@@ -77,9 +77,9 @@ impl MapFit {
     }
 
     /// The map, clusters × columns, row-major. It begins with the shares of the light and is moved towards least squares in the
-    /// directions, eigenvectors of `Dᵀ W D`, in which both halves of the tiles say the same of the columns: by the correlation
-    /// of what they say, summed over all columns, as `constants` says. Columns of a cluster add
-    /// up to the cluster.
+    /// directions, eigenvectors of `Dᵀ W D`, in which both halves of the tiles say the same of the columns: not at all where the
+    /// correlation of what they say, over all columns, is small, and wholly where it is large. Columns of a cluster add up to
+    /// the cluster.
     pub fn fit(&self, clusters: &Clusters) -> Vec<f32> {
         let (k, n) = (self.clusters, self.columns);
         let mut map = self.shares(clusters);

@@ -124,49 +124,48 @@ impl Look {
         self.keys.iter().map(|&(_, look)| &self.named[look].1)
     }
 
-    /// The animation, `frames_per_sec` lightings a second from the first key to the last, each made when it is asked for:
-    /// weights between keys are blended linearly. Empty without keys.
+    /// The animation between the keys, see [`Frames::new`]; empty without keys.
     ///
     /// # Errors
-    /// A rate that is not positive, or more than 100,000 frames.
+    /// Those of [`Frames::new`].
     pub fn frames(&self, frames_per_sec: f32) -> Result<Frames<'_>> {
-        let count = match (self.keys.first(), self.keys.last()) {
-            (Some((begin, _)), Some((end, _))) => ((end - begin) * frames_per_sec).floor() + 1.0,
-            _ => 0.0,
-        };
-        if !(frames_per_sec > 0.0 && count <= 100_000.0) {
-            return Err(Error::input(&self.place, format!("{frames_per_sec} frames a second cannot be made"), ""));
-        }
-        Ok(Frames { look: self, frames_per_sec, count: count as usize })
+        let keys = self.keys.iter().map(|&(time, look)| (time, &self.named[look].1)).collect();
+        Frames::new(&self.place, keys, frames_per_sec)
     }
 
     /// Bytes of memory that its lightings hold.
     pub fn bytes(&self) -> u64 {
         ((self.named.len() + 1) * self.lighting.weights().len() * size_of::<[f32; 3]>()) as u64
     }
-
-    /// The animation at a time within its keys.
-    fn at(&self, time_secs: f32) -> Result<Lighting> {
-        let after = self.keys.partition_point(|(time, _)| *time <= time_secs).clamp(1, self.keys.len());
-        let (begin, from) = self.keys[after - 1];
-        let from = &self.named[from].1;
-        let Some(&(end, to)) = self.keys.get(after) else { return Ok(from.clone()) };
-        let to = &self.named[to].1;
-        let part = (time_secs - begin) / (end - begin);
-        let pairs = from.weights().iter().zip(to.weights());
-        Lighting::new(pairs.map(|(a, b)| [0, 1, 2].map(|ch: usize| a[ch] * (1.0 - part) + b[ch] * part)).collect())
-    }
 }
 
-/// The frames of an animation.
-#[derive(Clone, Copy, Debug)]
+/// The frames of an animation between lightings, each made when it is asked for.
+#[derive(Clone, Debug)]
 pub struct Frames<'a> {
-    look: &'a Look,
+    place: &'a str,
+    /// Times in seconds, rising, with the lightings then.
+    keys: Vec<(f32, &'a Lighting)>,
     frames_per_sec: f32,
     count: usize,
 }
 
-impl Frames<'_> {
+impl<'a> Frames<'a> {
+    /// `frames_per_sec` lightings a second from the first key to the last: weights between keys are blended linearly. Keys are
+    /// lightings with their times in seconds, each later than the one before; `place` names them in errors.
+    ///
+    /// # Errors
+    /// A rate that is not positive, or more than 100,000 frames.
+    pub fn new(place: &'a str, keys: Vec<(f32, &'a Lighting)>, frames_per_sec: f32) -> Result<Self> {
+        let count = match (keys.first(), keys.last()) {
+            (Some((begin, _)), Some((end, _))) => ((end - begin) * frames_per_sec).floor() + 1.0,
+            _ => 0.0,
+        };
+        if !(frames_per_sec > 0.0 && count <= 100_000.0) {
+            return Err(Error::input(place, format!("{frames_per_sec} frames a second cannot be made"), ""));
+        }
+        Ok(Self { place, keys, frames_per_sec, count: count as usize })
+    }
+
     /// Number of frames.
     pub fn count(&self) -> usize {
         self.count
@@ -179,8 +178,18 @@ impl Frames<'_> {
     pub fn lighting(&self, frame: usize) -> Result<Lighting> {
         if frame >= self.count {
             let problem = format!("has no frame {frame}, but 0..{}", self.count);
-            return Err(Error::input(&self.look.place, problem, ""));
+            return Err(Error::input(self.place, problem, ""));
         }
-        self.look.at(self.look.keys[0].0 + frame as f32 / self.frames_per_sec)
+        self.at(self.keys[0].0 + frame as f32 / self.frames_per_sec)
+    }
+
+    /// The animation at a time within its keys.
+    fn at(&self, time_secs: f32) -> Result<Lighting> {
+        let after = self.keys.partition_point(|(time, _)| *time <= time_secs).clamp(1, self.keys.len());
+        let (begin, from) = self.keys[after - 1];
+        let Some(&(end, to)) = self.keys.get(after) else { return Ok(from.clone()) };
+        let part = (time_secs - begin) / (end - begin);
+        let pairs = from.weights().iter().zip(to.weights());
+        Lighting::new(pairs.map(|(a, b)| [0, 1, 2].map(|ch: usize| a[ch] * (1.0 - part) + b[ch] * part)).collect())
     }
 }

@@ -8,7 +8,7 @@
 //!    images `D` of the clusters, cleaned. They do not know of blocks. Or the images come from a file, cleaned elsewhere.
 //! 3. *Spreading*, when a block is asked for: `T̂ = D R + E`, with the emission `E` as it is (Nyström's approximation, with
 //!    sums of columns as landmarks). In `R` each column has its cluster's image, scaled to its own share of the light: a texel
-//!    that lights more than its neighbours keeps its light, and nothing becomes negative. Beyond that `R` is fitted to what the
+//!    that lights more than its neighbours keeps its light, and no weight is negative. Beyond that `R` is fitted to what the
 //!    samples say of each column, tile by tile over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
 //!
 //! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.

@@ -299,7 +299,7 @@ impl pulp::NullaryFnOnce for Project<'_> {
 
     #[inline(always)]
     fn call(self) {
-        project(&self.block.right, &self.block.scales, self.lighting, self.projected);
+        project(self.block, self.lighting, self.projected);
     }
 }
 

@@ -9,7 +9,6 @@
 //! into a budget passes through: [`Pager`] decides what stays.
 
 mod adjoint;
-mod batch;
 mod compact;
 mod cpu;
 mod damage;

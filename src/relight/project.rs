@@ -1,6 +1,6 @@
 //! `y = R ℓ` for the three channels in one pass over `R`; twin of `shaders/project.wgsl`.
 
-use super::compact::{Factor, Part, Quantum};
+use super::compact::{CompactBlock, Part, Quantum};
 use crate::light::Lighting;
 use crate::matrix::CHANNELS;
 
@@ -24,17 +24,12 @@ impl PlanarLighting {
 
 /// Sets `projected[k] = s_k (R ℓ_ch)_k` for each component `k` and channel.
 #[inline(always)]
-pub(crate) fn project<N: Quantum, W: Quantum>(
-    right: &Factor<N, W>,
-    scales: &[f32],
-    lighting: &PlanarLighting,
-    projected: &mut Vec<[f32; CHANNELS]>,
-) {
+pub(crate) fn project(block: &CompactBlock, lighting: &PlanarLighting, projected: &mut Vec<[f32; CHANNELS]>) {
     projected.clear();
-    projected.resize(scales.len(), [0.0; CHANNELS]);
-    project_part(&right.narrow, right.length, lighting, projected);
-    project_part(&right.wide, right.length, lighting, projected);
-    for (sums, scale) in projected.iter_mut().zip(scales) {
+    projected.resize(block.rank(), [0.0; CHANNELS]);
+    project_part(&block.right.narrow, block.right.length, lighting, projected);
+    project_part(&block.right.wide, block.right.length, lighting, projected);
+    for (sums, scale) in projected.iter_mut().zip(&block.scales) {
         *sums = sums.map(|sum| sum * scale);
     }
 }

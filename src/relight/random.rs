@@ -2,21 +2,19 @@
 
 use std::ops::Range;
 
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
 use crate::error::Result;
 use crate::light::Lighting;
 use crate::matrix::{
     BlockId, BlockSource, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry, TracedBlock,
 };
 
-/// Numbers between -1 and 1, by SplitMix64 (Steele, Lea, Flood 2014).
+/// Numbers between -1 and 1.
 pub(super) fn numbers(seed: u64) -> impl FnMut() -> f32 {
-    let mut state = seed;
-    move || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mixed = (state ^ state >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let mixed = (mixed ^ mixed >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((mixed ^ mixed >> 31) >> 40) as f32 / (1 << 23) as f32 - 1.0
-    }
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    move || random.random_range(-1.0..1.0)
 }
 
 /// Blocks of random factors, some in 8 bits, with sparse entries; one block is black.

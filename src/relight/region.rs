@@ -3,7 +3,6 @@
 
 use rayon::prelude::*;
 
-use super::batch::relit_batch;
 use super::compact::CompactBlock;
 use super::cpu::{CpuRelighter, check_columns, relit_planes};
 use super::damage::read_undamaged;
@@ -80,13 +79,13 @@ fn planar(shape: MatrixShape, lightings: &[Lighting]) -> Result<Vec<PlanarLighti
 }
 
 fn relight_part(block: &CompactBlock, lightings: &[PlanarLighting], part: &mut Part) {
-    match lightings {
-        _ if block.is_empty() => {
-            let black = vec![0.0; part.rect.rows()];
-            (0..lightings.len()).for_each(|image| part.set(image, &black));
+    let black = vec![0.0; if block.is_empty() { part.rect.rows() } else { 0 }];
+    for (image, lighting) in lightings.iter().enumerate() {
+        if block.is_empty() {
+            part.set(image, &black);
+        } else {
+            part.set(image, &relit_planes(block, lighting));
         }
-        [lighting] => part.set(0, &relit_planes(block, lighting)),
-        _ => relit_batch(block, lightings, &mut |image, planes| part.set(image, planes)),
     }
 }
 
@@ -209,6 +208,7 @@ fn parts_of_band<'a>(
 
 #[cfg(test)]
 mod tests {
+    use super::super::random::{Random, random_lighting};
     use super::*;
     use crate::matrix::{ColumnIndex, FactoredBlock, SparseEntry};
 
@@ -253,7 +253,6 @@ mod tests {
         let shape = MatrixShape::new(29, 22, 3, 8).unwrap();
         let source = Source(shape);
         let lighting = |a: f32| Lighting::new(vec![[a, 1.0, 0.5], [0.0, a, 2.0], [-1.0, 0.25, a]]).unwrap();
-        // More than are worked on at once, and not a whole number of pairs.
         let lightings: Vec<Lighting> = (0..19).map(|i| lighting(1.0 + i as f32 / 7.0)).collect();
         let relighter = CpuRelighter::load(&source).unwrap();
         let raw = super::super::relight_raw(&source, &lightings).unwrap();
@@ -294,5 +293,25 @@ mod tests {
         let other = [Lighting::uniform(4, [1.0; 3]).unwrap()];
         let region = PixelRect { x: 0, y: 0, width: 1, height: 1 };
         assert!(relighter.relight_region(&other, region, &mut [[0.0; 3]]).is_err());
+    }
+
+    #[test]
+    fn a_batch_has_the_bits_of_its_lightings_one_by_one() {
+        // Blocks of every kind of edge.
+        for (width, height, columns, count) in [(37, 21, 7, 2), (40, 20, 70, 19), (64, 33, 32, 8)] {
+            let shape = MatrixShape::new(width, height, columns, 16).unwrap();
+            let source = Random(shape);
+            let relighter = CpuRelighter::load(&source).unwrap();
+            let lightings: Vec<_> = (0..count).map(|seed| random_lighting(shape, seed)).collect();
+            let region = PixelRect { x: 0, y: 0, width, height };
+            let mut pixels = vec![[9.0; 3]; lightings.len() * region.pixels()];
+            relighter.relight_region(&lightings, region, &mut pixels).unwrap();
+            for (lighting, pixels) in lightings.iter().zip(pixels.chunks_exact(region.pixels())) {
+                assert_eq!(relighter.relight(lighting).unwrap().pixels, pixels);
+            }
+            let mut streamed = vec![[8.0; 3]; pixels.len()];
+            relight_region_streaming(&source, &lightings, region, &mut streamed).unwrap();
+            assert_eq!(streamed, pixels);
+        }
     }
 }

@@ -287,6 +287,9 @@ fn project(differences: &[(u32, [f32; CHANNELS])], weights: &[f32], stride: usiz
 
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
     use super::*;
 
     /// Over many pixels of samples with a known variance, with as many in both halves and with one more in the first.
@@ -294,11 +297,8 @@ mod tests {
     fn the_stated_variance_is_that_of_the_mean_for_any_number_of_samples() {
         const PIXELS: usize = 20_000;
         // Uniform between −1 and 1: a variance of a third.
-        let mut state = 1u64;
-        let mut sample = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-        };
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        let mut sample = || random.random_range(-1.0f32..1.0);
         for halves in [[1u32, 1], [2, 1], [3, 2], [8, 8]] {
             let mut sums = PixelSums::new(1);
             let (mut tile, mut noise) = (Tile::new(1), NoiseSums::new(3 * PIXELS, 1, &[], 0));

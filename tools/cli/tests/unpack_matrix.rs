@@ -1,16 +1,11 @@
 //! `ltm-unpack` of a stored matrix: what it says and refuses.
 
-use assert_cmd::Command;
-
+mod program;
 mod room;
 
 /// Runs a program in a folder and gives the exit code and both outputs.
 fn run(folder: &std::path::Path, program: &str, arguments: &[&str]) -> (i32, String, String) {
-    let path = match program {
-        "ltm" => assert_cmd::cargo::cargo_bin!("ltm"),
-        _ => assert_cmd::cargo::cargo_bin!("ltm-unpack"),
-    };
-    let output = Command::new(path).current_dir(folder).args(arguments).output().unwrap();
+    let output = program::command(folder, program, arguments).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }

@@ -1,26 +1,18 @@
 //! The README's figures against the tables of the runs that made them.
 
-use std::collections::BTreeMap;
+mod tables;
+
 use std::fs;
 use std::path::Path;
 
-/// Rows of a table by the names of its columns.
-fn table(name: &str) -> Vec<BTreeMap<String, String>> {
-    let text = fs::read_to_string(Path::new("../../formats/plots").join(name)).unwrap();
-    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
-    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let row = |line: &str| names.iter().zip(line.split(',')).map(|(n, c)| ((*n).to_owned(), c.to_owned())).collect();
-    lines.map(row).collect()
-}
+use tables::{Row, read_csv};
 
 #[test]
 fn pictures_are_as_good_as_the_readme_says() {
     let readme = fs::read_to_string("../../README.md").unwrap();
-    let rows = table("picture.csv");
+    let rows = read_csv(Path::new("../../formats/plots/picture.csv"));
     let found = |scene: &str, samples: &str, method: &str| {
-        let is = |row: &&BTreeMap<String, String>| {
-            row["scene"] == scene && row["samples_per_px"] == samples && row["method"] == method
-        };
+        let is = |row: &&Row| row["scene"] == scene && row["samples_per_px"] == samples && row["method"] == method;
         rows.iter().find(is).unwrap_or_else(|| panic!("{scene}, {samples} samples: no {method}"))
     };
     let mut scenes: Vec<&str> = rows.iter().map(|row| row["scene"].as_str()).collect();

@@ -1,38 +1,15 @@
 //! The studies run, write what they say, and the claims that they are there for hold in the quick setting too.
 
-use std::collections::{BTreeMap, HashMap};
+mod tables;
+
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use ltm::host::Quiet;
 use ltm_study::{self, Study, StudyOptions};
-
-/// A row of a CSV file by column names.
-type Row = HashMap<String, String>;
-
-/// Reads a CSV file of a study: notes, a header, and rows of as many cells.
-fn read_csv(path: &Path) -> Vec<Row> {
-    let text = fs::read_to_string(path).unwrap();
-    assert!(text.starts_with("# ") && text.contains("# Command: `ltm study ") && text.contains("# Machine: "));
-    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
-    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let rows: Vec<Row> = lines
-        .map(|line| {
-            let cells: Vec<&str> = line.split(',').collect();
-            assert_eq!(cells.len(), names.len(), "{}: {line}", path.display());
-            names.iter().zip(cells).map(|(n, c)| ((*n).to_owned(), c.to_owned())).collect()
-        })
-        .collect();
-    assert!(!rows.is_empty(), "{} has no rows", path.display());
-    for row in &rows {
-        for (name, cell) in row {
-            let unit = ["_db", "_secs", "_bytes", "_l2", "rows", "columns", "_px"].iter().any(|u| name.ends_with(u));
-            assert!(!unit || cell.is_empty() || cell.parse::<f64>().is_ok_and(f64::is_finite), "{name}: {cell}");
-        }
-    }
-    rows
-}
+use tables::{Row, read_csv};
 
 fn number(row: &Row, name: &str) -> f64 {
     row[name].parse().unwrap_or_else(|_| panic!("{name} of {row:?}"))

@@ -233,16 +233,7 @@ impl Groups {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ltm::light::{Light, LightKind};
-
-    fn basis(names: &[&str]) -> LightBasis {
-        let mut basis = LightBasis::new();
-        for name in names {
-            let light = Light::unplaced(*name, LightKind::Lamp);
-            basis.push(light).unwrap();
-        }
-        basis
-    }
+    use crate::test_lights::lamps as basis;
 
     #[test]
     fn names_that_differ_in_their_last_part_make_a_group() {

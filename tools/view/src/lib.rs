@@ -25,6 +25,8 @@ pub mod sheet;
 pub mod snapshots;
 pub mod sun;
 pub mod surfaces;
+#[cfg(test)]
+mod test_lights;
 pub mod unsaved;
 pub mod viewport;
 pub mod work;

@@ -158,16 +158,7 @@ pub(super) fn natural(name: &str) -> Vec<(String, u64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ltm::light::{Light, LightKind};
-
-    fn basis(names: &[&str]) -> LightBasis {
-        let mut basis = LightBasis::new();
-        for name in names {
-            let light = Light::unplaced(*name, LightKind::Lamp);
-            basis.push(light).unwrap();
-        }
-        basis
-    }
+    use crate::test_lights::lamps as basis;
 
     fn lights(rows: &[Row]) -> Vec<usize> {
         let light = |row: &Row| if let Row::Light { light, .. } = row { Some(*light) } else { None };

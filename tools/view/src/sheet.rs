@@ -7,6 +7,7 @@ use ab_glyph::{Font, FontRef, ScaleFont, point};
 use super::display::Shown;
 use ltm::error::{Error, Result};
 use ltm::light::Lighting;
+use ltm::look::Frames;
 
 /// Width of a picture on the sheet at most, in pixels; room between pictures, and below each for its name.
 const WIDEST: usize = 960;
@@ -17,9 +18,6 @@ const LETTERS: f32 = 24.0;
 /// Greys of the sheet and of what is written on it.
 const PAPER: u8 = 24;
 const INK: u8 = 220;
-
-/// Frames of an animation at most.
-const MOST_FRAMES: usize = 100_000;
 
 /// Pictures of one size side by side in rows, each over its name: about as many across as down.
 ///
@@ -92,30 +90,16 @@ impl Canvas {
     }
 }
 
-/// The lightings of an animation from look to look, each with its time in seconds, at this many frames a second: weights between
-/// two looks are blended linearly, as `ltm relight --fps` does.
+/// An animation from look to look, each with its time in seconds, at this many frames a second: as `ltm relight --fps` makes it.
 ///
 /// # Errors
-/// Fewer than two looks, times that do not rise, a rate that is not positive, or too many frames.
-pub fn frames(looks: &[(f32, Lighting)], per_sec: f32) -> Result<Vec<Lighting>> {
-    let refuse = |problem: &str| Err(Error::input("the frames", problem, ""));
+/// Fewer than two looks, times that do not rise, and those of [`Frames::new`].
+pub fn frames(looks: &[(f32, Lighting)], per_sec: f32) -> Result<Frames<'_>> {
     let rises = looks.windows(2).all(|pair| pair[0].0 < pair[1].0) && looks.iter().all(|(time, _)| time.is_finite());
-    let ([(begin, _), .., (end, _)], true) = (looks, rises) else {
-        return refuse("need two looks or more, each later than the one before");
-    };
-    let count = ((end - begin) * per_sec).floor() + 1.0;
-    if !(per_sec > 0.0 && count <= MOST_FRAMES as f32) {
-        return refuse("are too many, or their rate is not positive");
+    if looks.len() < 2 || !rises {
+        return Err(Error::input("the frames", "need two looks or more, each later than the one before", ""));
     }
-    let at = |frame: usize| {
-        let time = begin + frame as f32 / per_sec;
-        let after = looks.partition_point(|(at, _)| *at <= time).clamp(1, looks.len() - 1);
-        let [(from, a), (to, b)] = [&looks[after - 1], &looks[after]];
-        let part = ((time - from) / (to - from)).clamp(0.0, 1.0);
-        let pairs = a.weights().iter().zip(b.weights());
-        Lighting::new(pairs.map(|(a, b)| [0, 1, 2].map(|ch: usize| a[ch] * (1.0 - part) + b[ch] * part)).collect())
-    };
-    (0..count as usize).map(at).collect()
+    Frames::new("the frames", looks.iter().map(|(time, lighting)| (*time, lighting)).collect(), per_sec)
 }
 
 /// The files of numbered frames: `night.png` gives `night-0000.png` and so on.
@@ -151,8 +135,9 @@ mod tests {
     #[test]
     fn frames_go_evenly_from_look_to_look() {
         let even = |value: f32| Lighting::uniform(1, [value; 3]).unwrap();
-        let made = frames(&[(1.0, even(0.0)), (2.0, even(4.0)), (4.0, even(0.0))], 2.0).unwrap();
-        let values: Vec<f32> = made.iter().map(|lighting| lighting.weights()[0][0]).collect();
+        let looks = [(1.0, even(0.0)), (2.0, even(4.0)), (4.0, even(0.0))];
+        let made = frames(&looks, 2.0).unwrap();
+        let values: Vec<f32> = (0..made.count()).map(|frame| made.lighting(frame).unwrap().weights()[0][0]).collect();
         assert_eq!(values, [0.0, 2.0, 4.0, 3.0, 2.0, 1.0, 0.0]);
         assert!(frames(&[(0.0, even(1.0))], 2.0).is_err());
         assert!(frames(&[(0.0, even(1.0)), (0.0, even(1.0))], 2.0).is_err());

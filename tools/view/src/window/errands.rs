@@ -265,21 +265,23 @@ impl Document {
         let (container, relighter) = (self.session.container.clone(), self.shown.relighter.clone());
         let (display, per_sec) = (self.view.display, self.compare.frames_per_sec);
         self.beside(move || {
-            let frames = frames(&looks?, per_sec)?;
-            let paths = frame_paths(&path, frames.len());
+            let looks = looks?;
+            let frames = frames(&looks, per_sec)?;
+            let paths = frame_paths(&path, frames.count());
             if let Some(there) = paths.iter().find(|path| path.exists()) {
                 let problem = "is there already, and frames replace nothing";
                 return Err(Error::input(there.display().to_string(), problem, "give another name"));
             }
-            for (path, lighting) in paths.iter().zip(&frames) {
+            for (frame, path) in paths.iter().enumerate() {
+                let lighting = frames.lighting(frame)?;
                 let image = match &relighter {
-                    Some(relighter) => relighter.relight(lighting)?,
-                    None => relight_streaming(&*container, lighting)?.0,
+                    Some(relighter) => relighter.relight(&lighting)?,
+                    None => relight_streaming(&*container, &lighting)?.0,
                 };
                 export::write_png(path, &image, &display)?;
             }
             let first = paths.first().map_or_else(String::new, |path| path.display().to_string());
-            Ok(Brought::Message(format!("Wrote {} frames from {first} on", frames.len())))
+            Ok(Brought::Message(format!("Wrote {} frames from {first} on", frames.count())))
         });
     }
 

@@ -154,11 +154,32 @@ pub(crate) fn has_hands() -> bool {
     Command::new("xdotool").arg("version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok()
 }
 
+/// What every script of hands begins with.
+const WAIT_FOR: &str = r#"
+    wait_for() { for i in $(seq 300); do [ -s "$1" ] && return; sleep 0.1; done; echo "no $1" >&2; exit 9; }"#;
+
+/// Runs a script of hands on a display of its own. It knows the program, the container, and where the ceiling's fader stands,
+/// which is asked of the same window without a display; and these files by their names.
+fn play(script: &str, container: &Path, files: &[(&str, &Path)]) {
+    let options = WindowOptions { path: Some(container.to_owned()), ..Default::default() };
+    let fader = Driver::open_with(options, vec2(1440.0, 900.0)).find("ceiling, stops").center();
+    let output = Command::new("timeout")
+        .args(["100", "xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", "bash", "-c"])
+        .arg([WAIT_FOR, script].concat())
+        .env_remove("WAYLAND_DISPLAY")
+        .env("VIEWER", this_program())
+        .env("CONTAINER", container)
+        .envs(files.iter().copied())
+        .envs([("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 /// A real window is driven by pointer and keys alone: a fader is dragged, the lighting and the picture are saved. The
 /// picture is that of the lighting, as another program makes it.
 pub(crate) fn a_real_window_is_driven_by_pointer_and_keys() {
     const SCRIPT: &str = r#"
-        wait_for() { for i in $(seq 300); do [ -s "$1" ] && return; sleep 0.1; done; echo "no $1" >&2; exit 9; }
         save() { xdotool key "$1"; sleep 1; xdotool key ctrl+a; xdotool type --delay 20 "$2"; sleep 0.3
                  xdotool key Return; wait_for "$2"; }
         "$VIEWER" --act-as-viewer "$CONTAINER" & viewer=$!
@@ -176,18 +197,7 @@ pub(crate) fn a_real_window_is_driven_by_pointer_and_keys() {
         wait $viewer"#;
     let folder = tempfile::tempdir().unwrap();
     let (container, look, png) = (room(&folder), folder.path().join("l.toml"), folder.path().join("p.png"));
-    // Where the fader stands is asked of the same window without a display.
-    let options = WindowOptions { path: Some(container.clone()), ..Default::default() };
-    let fader = Driver::open_with(options, vec2(1440.0, 900.0)).find("ceiling, stops").center();
-    let output = Command::new("timeout")
-        .args(["100", "xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", "sh", "-c", SCRIPT])
-        .env_remove("WAYLAND_DISPLAY")
-        .env("VIEWER", this_program())
-        .envs([("CONTAINER", &container), ("LOOK", &look), ("PNG", &png)])
-        .envs([("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())])
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    play(SCRIPT, &container, &[("LOOK", &look), ("PNG", &png)]);
     let reader = ContainerReader::open(&container).unwrap();
     let basis = &reader.job().basis;
     let mix = looks::load(&look, basis).unwrap().mix;
@@ -205,7 +215,6 @@ pub(crate) fn a_real_window_is_driven_by_pointer_and_keys() {
 /// A real window is killed with work that no file has; the next one offers it, Enter takes it back, and it is saved.
 pub(crate) fn a_killed_window_loses_no_work() {
     const SCRIPT: &str = r#"
-        wait_for() { for i in $(seq 300); do [ -s "$1" ] && return; sleep 0.1; done; echo "no $1" >&2; exit 9; }
         open_window() { "$VIEWER" --act-as-viewer "$CONTAINER" & viewer=$!
                         window=$(xdotool search --sync --onlyvisible --name "room.ltc" | tail -1)
                         sleep 2; xdotool windowfocus "$window"; sleep 0.5; }
@@ -229,17 +238,7 @@ pub(crate) fn a_killed_window_loses_no_work() {
         wait $viewer"#;
     let folder = tempfile::tempdir().unwrap();
     let (container, look, state) = (room(&folder), folder.path().join("l.toml"), folder.path().join("state"));
-    let options = WindowOptions { path: Some(container.clone()), ..Default::default() };
-    let fader = Driver::open_with(options, vec2(1440.0, 900.0)).find("ceiling, stops").center();
-    let output = Command::new("timeout")
-        .args(["100", "xvfb-run", "-a", "-s", "-screen 0 1600x1000x24", "bash", "-c", SCRIPT])
-        .env_remove("WAYLAND_DISPLAY")
-        .env("VIEWER", this_program())
-        .envs([("CONTAINER", &container), ("LOOK", &look), (STATE, &state)])
-        .envs([("FADER_X", fader.x.round().to_string()), ("FADER_Y", fader.y.round().to_string())])
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    play(SCRIPT, &container, &[("LOOK", &look), (STATE, &state)]);
     let reader = ContainerReader::open(&container).unwrap();
     let mix = looks::load(&look, &reader.job().basis).unwrap().mix;
     assert!((-6.0..-1.0).contains(&mix.lights[0].stops), "{:?}", mix.lights[0].stops);
