@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter, merge, verify};
-use ltm::light::LightErrors;
-use ltm::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
+use ltm::light::{CleaningErrors, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance, StatedErrors};
 use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry};
 use rand::{RngExt, SeedableRng};
@@ -570,9 +569,11 @@ fn the_metadata_is_written_as_the_document_says() {
         noise_worst: 5.0,
     };
     let mut writer = ContainerWriter::create(&path, &job, options).unwrap();
-    writer.state_light_errors(errors);
+    let cleaning = CleaningErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
+    let stated = StatedErrors { lights: Some(errors), cleaning: Some(cleaning) };
+    writer.state_errors(stated);
     writer.finish().unwrap();
-    assert_eq!(ContainerReader::open(&path).unwrap().light_errors(), Some(&errors));
+    assert_eq!(*ContainerReader::open(&path).unwrap().errors(), stated);
     let (plain, job_bytes) = metadata_of(&path);
     assert_eq!(plain[..job_bytes], documented_job(&panel));
     let report = written_as_documented(
@@ -599,7 +600,15 @@ fn the_metadata_is_written_as_the_document_says() {
             ("noise worst", Value::Floats(vec![5.0])),
         ],
     );
-    assert_eq!(plain[job_bytes..], [report, errors].concat());
+    let cleaning = written_as_documented(
+        "Cleaning errors",
+        &[
+            ("noise before", Value::Floats(vec![1.5])),
+            ("noise after", Value::Floats(vec![0.75])),
+            ("bias", Value::Floats(vec![0.0625])),
+        ],
+    );
+    assert_eq!(plain[job_bytes..], [report, errors, cleaning].concat());
     // Every kind and unit has its name in the document, in order.
     let kinds = &document_fields("Light")[1].1;
     assert_eq!(kinds.split(", ").filter(|part| !part.starts_with("down)")).count(), 9, "{kinds}");

@@ -111,7 +111,7 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     }
     let mut tally = Tally::new(2);
     tally.add(&window);
-    let images = clean(window, &tally.guides());
+    let images = clean(window.clone(), &window.features.whole(), &tally.guides()).images;
     let at = [(0, 2, 2), (0, 9, 11), (1, 10, 3), (2, 15, 23), (3, 4, 7), (3, 4, 8), (4, 12, 0), (5, 0, 16)];
     let found = at.map(|(plane, y, x)| images.row(plane, y)[x]);
     let is_same = CLEANER_VERSION == CLEANED.0 && found.iter().zip(CLEANED.1).all(|(a, b)| (a - b).abs() < 1e-3);

@@ -438,7 +438,7 @@ fn what_single_and_random_lights_are_said_to_lose_is_what_they_lose() {
         let path = folder.path().join(format!("{i}.ltc"));
         let report = pack(&matrix, &path, &PackOptions { compress, ..PackOptions::default() });
         let container = ContainerReader::open(&path).unwrap();
-        let said = *container.light_errors().unwrap();
+        let said = container.errors().lights.unwrap();
         assert_eq!(report.lights, said);
         let exact = exactly(&matrix, &container, &lightings);
         let ratio = |a: f64, b: f64| (a / b).sqrt();

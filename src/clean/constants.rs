@@ -17,20 +17,23 @@ pub(super) const SHARE_WIDTH: f32 = 0.25;
 /// Relative, of the inverse depth against the plane of the surface.
 pub(super) const DEPTH_WIDTH: f32 = 0.03;
 
-/// Radius of the filter of the guides of direct light, its patches, and the squares over which their noise is a mean.
-pub(super) const DIRECT_PILOT: isize = 5;
+/// Pixels to each side of those that guides are compared over together.
+pub(super) const PATCH: usize = 1;
+
+/// Radius of the filter of the guides of direct light, and of direct light itself.
+pub(super) const DIRECT_PILOT: usize = 5;
 pub(super) const DIRECT_PILOT_NOISE: f32 = 0.7;
 pub(super) const DIRECT_PILOT_RELATIVE: f32 = 0.05;
-pub(super) const DIRECT: isize = 7;
+pub(super) const DIRECT: usize = 7;
 pub(super) const DIRECT_NOISE: f32 = 1.0;
 pub(super) const DIRECT_RELATIVE: f32 = 0.05;
 
 /// The wide filter of indirect light reads every third pixel across and down; a narrow one follows.
 pub(super) const INDIRECT_PILOT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_PILOT_RELATIVE: f32 = 0.05;
-pub(super) const INDIRECT_WIDE: isize = 18;
+pub(super) const INDIRECT_WIDE: usize = 18;
 pub(super) const INDIRECT_STRIDE: usize = 3;
-pub(super) const INDIRECT_NARROW: isize = 4;
+pub(super) const INDIRECT_NARROW: usize = 4;
 pub(super) const INDIRECT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_RELATIVE: f32 = 0.03;
 

@@ -1,17 +1,24 @@
 //! The filter of one window of the image.
 
-use std::ops::Range;
+use pulp::Simd;
 
 use super::constants::*;
-use super::guide::{Guide, GuideWidths, mixtures, weights};
-use super::kernel::{square, weighted_means};
-use super::rows::Rows;
+use super::errors::{self, ErrorSums, add_squares};
+use super::guide::{Guide, GuideCut, GuideWidths, mixtures, weights};
+use super::kernel::{Offset, Offsets, Weigh, weighted_means};
+use super::rows::{Region, Rows};
 use super::shrink::mix_in;
-use super::surfaces::Surfaces;
+use super::surfaces::{Surfaces, SurfacesCut};
 use super::tally::Guides;
+use super::tile::{TILE_PIXELS, Tile};
 
-/// Pixels around a window that what comes out of its inside depends on.
-pub const HALO: usize = 56;
+/// Pixels around a region that what comes out of it depends on.
+pub const HALO: usize = LIGHT_HALO + FILTERED_NOISE_REACH + PILOT_HALO;
+
+/// Those whose light what is filtered last reads: the risk's squares, the narrow filter, the wide one.
+const LIGHT_HALO: usize = RISK_REACH + INDIRECT_NARROW + INDIRECT_WIDE;
+/// Those that a filtered guide depends on: the same filters, their patches, the squares of the noise.
+const PILOT_HALO: usize = INDIRECT_NARROW + INDIRECT_WIDE + PATCH + RAW_NOISE_REACH;
 
 /// What is known of a window of the image. Light: two halves of the samples, of each all clusters, of each three channels.
 /// Features as in `matrix::BlockPlanes`.
@@ -29,101 +36,144 @@ pub struct Window {
 
 /// Bytes that [`clean`] takes at most for each pixel of a window.
 pub fn pixel_bytes(clusters: u64) -> u64 {
-    // Both kinds of light, raw; what is filtered, in two steps; terms of the risk; features, guides.
-    4 * (6 * clusters * 5 + 2 * clusters * 2 + 80)
+    // Light, direct and indirect, and what is filtered of one, each in two halves of three channels; the terms of the risk in
+    // three steps; features, guides.
+    4 * (3 * 6 * clusters + 3 * 2 * clusters + 110)
 }
 
-/// The cleaned images of the clusters: three planes each, direct and indirect light together. Right for pixels that are
-/// [`HALO`] away from the window's rim, or whose image ends there.
-pub fn clean(window: Window, guides: &Guides) -> Rows {
+/// What [`clean`] makes of a window.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cleaned {
+    /// Three planes for each cluster, direct and indirect light together.
+    pub images: Rows,
+    squares: Rows,
+}
+
+impl Cleaned {
+    /// What cleaning did to a part of the region that is right.
+    pub fn errors(&self, region: &Region) -> ErrorSums {
+        ErrorSums::of(&self.images, &self.squares, region)
+    }
+}
+
+/// The cleaned images of the clusters. Right for a region that is [`HALO`] away from the window's rim, or where the image ends
+/// there; elsewhere there is anything.
+pub fn clean(window: Window, region: &Region, guides: &Guides) -> Cleaned {
     let Window { mut direct, mut indirect, features, feature_variance } = window;
     let surfaces = Surfaces::new(&features, &feature_variance);
-    let albedo = |channel: usize, y: usize| features.row(channel, y).iter().map(|a| a.max(LEAST_ALBEDO));
-    let divide = |light: &mut Rows| {
-        let width = light.width();
-        light.fill_rows(|y, out| {
-            for (plane, out) in out.chunks_exact_mut(width).enumerate() {
-                out.iter_mut().zip(albedo(plane % 3, y)).for_each(|(o, a)| *o /= a);
-            }
-        });
+    let whole = features.whole();
+    let mut squares = Rows::zeros(features.width(), features.height(), errors::PLANES);
+    let albedo = |plane: usize, y: usize| -> Vec<f32> {
+        features.row(plane % 3, y).iter().map(|a| a.max(LEAST_ALBEDO)).collect()
     };
-    divide(&mut direct);
-    let direct = mean_of_halves(&clean_direct(direct, &guides.direct, &surfaces));
-    divide(&mut indirect);
-    let mut images = mean_of_halves(&clean_indirect(indirect, &guides.indirect, &surfaces));
-    let width = images.width();
-    images.fill_rows(|y, out| {
-        for (plane, out) in out.chunks_exact_mut(width).enumerate() {
-            let parts = direct.row(plane, y).iter().zip(albedo(plane % 3, y));
-            out.iter_mut().zip(parts).for_each(|(o, (d, a))| *o = (*o + d) * a);
-        }
+    let mut clean = |light: &mut Rows, filter: &dyn Fn(&Rows) -> Rows| {
+        light.fill_rows(&whole, |y, plane, out| out.iter_mut().zip(albedo(plane, y)).for_each(|(o, a)| *o /= a));
+        let cleaned = filter(light);
+        add_squares(light, &cleaned, albedo, region, &mut squares);
+        *light = Rows::default();
+        mean_of_halves(&cleaned)
+    };
+    let direct = clean(&mut direct, &|light| clean_direct(light, &guides.direct, &surfaces, region));
+    let mut images = clean(&mut indirect, &|light| clean_indirect(light, &guides.indirect, &surfaces, region));
+    images.fill_rows(&whole, |y, plane, out| {
+        let parts = direct.row(plane, y).iter().zip(albedo(plane, y));
+        out.iter_mut().zip(parts).for_each(|(o, (d, a))| *o = (*o + d) * a);
     });
-    images
+    Cleaned { images, squares }
 }
 
-fn clean_direct(light: Rows, mix: &[f32], surfaces: &Surfaces) -> Rows {
-    let raw = mixtures(&light, mix);
-    let guide = Guide::of_halves(&raw, RAW_NOISE_REACH);
-    let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
-    let pilot = weighted_means(&raw, &square(DIRECT_PILOT, 1), 0.0, alike(surfaces, &guide, &widths, (1, None)));
-    let guide = Guide::of_halves(&pilot, FILTERED_NOISE_REACH);
+fn clean_direct(light: &Rows, mix: &[f32], surfaces: &Surfaces, region: &Region) -> Rows {
+    let filtered = region.grown(RISK_REACH, light);
+    let guide = {
+        let compared = filtered.grown(DIRECT + PATCH, light);
+        let pilot = compared.grown(FILTERED_NOISE_REACH, light);
+        let raw_compared = pilot.grown(DIRECT_PILOT + PATCH, light);
+        let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light));
+        let guide = Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared);
+        let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
+        let alike = Alike { surfaces, guide, widths, patch: PATCH, radius: None };
+        let means = weighted_means(&raw, &pilot, &Offsets::square(DIRECT_PILOT, 1), 0.0, &alike);
+        Guide::of_halves(&means, FILTERED_NOISE_REACH, &compared)
+    };
     let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
-    let weigh = alike(surfaces, &guide, &widths, (1, Some(DIRECT)));
-    let mut means = weighted_means(&light, &square(DIRECT, 1), SLOPE, weigh);
-    mix_in(&light, &mut means, RISK_REACH);
+    let alike = Alike { surfaces, guide, widths, patch: PATCH, radius: Some(DIRECT) };
+    let mut means = weighted_means(light, &filtered, &Offsets::square(DIRECT, 1), SLOPE, &alike);
+    mix_in(light, &mut means, RISK_REACH, region);
     means
 }
 
-fn clean_indirect(light: Rows, mix: &[f32], surfaces: &Surfaces) -> Rows {
-    let raw = mixtures(&light, mix);
-    let guide = Guide::of_halves(&raw, RAW_NOISE_REACH);
-    let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
-    let pilot = wide_then_narrow(&raw, PILOT_SLOPE, |radius| alike(surfaces, &guide, &widths, (1, Some(radius))));
-    let guide = Guide::of_halves(&pilot, FILTERED_NOISE_REACH);
+fn clean_indirect(light: &Rows, mix: &[f32], surfaces: &Surfaces, region: &Region) -> Rows {
+    let filtered = region.grown(RISK_REACH, light);
+    let guide = {
+        let compared = region.grown(LIGHT_HALO, light);
+        let pilot = compared.grown(FILTERED_NOISE_REACH, light);
+        let raw_compared = pilot.grown(INDIRECT_NARROW + INDIRECT_WIDE + PATCH, light);
+        let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light));
+        let guide = Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared);
+        let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
+        let alike = Alike { surfaces, guide, widths, patch: PATCH, radius: None };
+        let means = wide_then_narrow(&raw, &pilot, PILOT_SLOPE, alike);
+        Guide::of_halves(&means, FILTERED_NOISE_REACH, &compared)
+    };
     let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
-    let mut means = wide_then_narrow(&light, SLOPE, |radius| alike(surfaces, &guide, &widths, (0, Some(radius))));
-    mix_in(&light, &mut means, RISK_REACH);
+    let alike = Alike { surfaces, guide, widths, patch: 0, radius: None };
+    let mut means = wide_then_narrow(light, &filtered, SLOPE, alike);
+    mix_in(light, &mut means, RISK_REACH, region);
     means
 }
 
 /// A wide filter that reads some of the pixels, then a narrow one that reads all.
-fn wide_then_narrow<W>(light: &Rows, slope: f32, weigh: impl Fn(isize) -> W) -> Rows
-where
-    W: Fn(usize, (isize, isize), Range<usize>, &mut [f32]) + Sync,
-{
-    let wide = weighted_means(light, &square(INDIRECT_WIDE, INDIRECT_STRIDE), slope, weigh(INDIRECT_WIDE));
-    weighted_means(&wide, &square(INDIRECT_NARROW, 1), slope, weigh(INDIRECT_NARROW))
+fn wide_then_narrow(light: &Rows, region: &Region, slope: f32, alike: Alike) -> Rows {
+    let wide = Offsets::square(INDIRECT_WIDE, INDIRECT_STRIDE);
+    let alike = Alike { radius: Some(INDIRECT_WIDE), ..alike };
+    let wide = weighted_means(light, &region.grown(INDIRECT_NARROW, light), &wide, slope, &alike);
+    let alike = Alike { radius: Some(INDIRECT_NARROW), ..alike };
+    weighted_means(&wide, region, &Offsets::square(INDIRECT_NARROW, 1), slope, &alike)
 }
 
-/// Weights by the guide, compared over patches of a reach, by what is seen, and by the distance within a radius.
-fn alike<'a>(
+/// Weights by the guide, compared over patches, by what is seen, and by the distance within a radius.
+struct Alike<'a> {
     surfaces: &'a Surfaces,
-    guide: &'a Guide,
-    widths: &'a GuideWidths,
-    (patch, radius): (usize, Option<isize>),
-) -> impl Fn(usize, (isize, isize), Range<usize>, &mut [f32]) + Sync + 'a {
-    move |y, offset, span, out| {
-        guide.add_patch_distances(y, offset, span.clone(), (widths, patch), out);
-        let near = radius.map_or(0.0, |radius| nearness(offset, radius));
+    guide: Guide,
+    widths: GuideWidths,
+    patch: usize,
+    radius: Option<usize>,
+}
+
+impl Weigh for Alike<'_> {
+    type Ready = (GuideCut, SurfacesCut);
+
+    fn ready(&self, tile: Tile, reach: usize) -> Self::Ready {
+        (self.guide.around(tile, reach, self.patch), self.surfaces.around(tile, reach))
+    }
+
+    #[inline(always)]
+    fn weigh<S: Simd>(
+        &self,
+        simd: S,
+        (guide, surfaces): &mut Self::Ready,
+        offset: Offset,
+        out: &mut [f32; TILE_PIXELS],
+    ) {
+        guide.distances(simd, offset, &self.widths, out);
+        let near = self.radius.map_or(0.0, |radius| nearness(offset, radius));
         out.iter_mut().for_each(|distance| *distance = distance.max(0.0) + near);
-        surfaces.add_distances(y, offset, span, out);
+        surfaces.add_distances(simd, offset, out);
         weights(out);
     }
 }
 
-fn nearness((across, down): (isize, isize), radius: isize) -> f32 {
+fn nearness((across, down): Offset, radius: usize) -> f32 {
     let width = radius as f32 * NEARNESS;
     (across * across + down * down) as f32 / (2.0 * width * width)
 }
 
 fn mean_of_halves(halves: &Rows) -> Rows {
-    let (width, planes) = (halves.width(), halves.planes() / 2);
-    let mut mean = Rows::zeros(width, halves.height(), planes);
-    mean.fill_rows(|y, out| {
-        for (plane, out) in out.chunks_exact_mut(width).enumerate() {
-            let pairs = halves.row(plane, y).iter().zip(halves.row(planes + plane, y));
-            out.iter_mut().zip(pairs).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
-        }
+    let planes = halves.planes() / 2;
+    let mut mean = Rows::zeros(halves.width(), halves.height(), planes);
+    mean.fill_rows(&halves.whole(), |y, plane, out| {
+        let pairs = halves.row(plane, y).iter().zip(halves.row(planes + plane, y));
+        out.iter_mut().zip(pairs).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
     });
     mean
 }
@@ -174,6 +224,10 @@ mod tests {
         tally.guides()
     }
 
+    fn clean_all(window: &Window) -> Rows {
+        clean(window.clone(), &window.features.whole(), &guides(window)).images
+    }
+
     fn squared_error(a: &Rows, b: &Rows) -> f64 {
         a.values().iter().zip(b.values()).map(|(a, b)| f64::from(a - b).powi(2)).sum()
     }
@@ -189,14 +243,33 @@ mod tests {
     fn grain_goes_and_edges_of_surfaces_and_shadows_stay() {
         let (window, truth) = room((48, 40), 0.5);
         let before = squared_error(&raw(&window), &truth);
-        let after = squared_error(&clean(window.clone(), &guides(&window)), &truth);
+        let after = squared_error(&clean_all(&window), &truth);
         assert!(after < before / 15.0, "{after} of {before}");
+    }
+
+    /// What the halves say of noise and bias, against the truth.
+    #[test]
+    fn noise_and_bias_are_known_from_the_halves() {
+        let (window, truth) = room((48, 40), 0.5);
+        let region = truth.whole();
+        let cleaned = clean(window.clone(), &region, &guides(&window));
+        let sums = cleaned.errors(&region);
+        let raw_error = squared_error(&raw(&window), &truth);
+        assert!((sums.noise_before / raw_error - 1.0).abs() < 0.1, "{sums:?}, not {raw_error}");
+        let error = squared_error(&cleaned.images, &truth);
+        let bias = (sums.changed - sums.noise_of_change).max(0.0);
+        // Of the noise that was there both are a small part, and so is the error of either.
+        assert!((sums.noise_after + bias - error).abs() < 0.02 * raw_error, "{sums:?}, not {error}");
+        let halves = [0..20, 20..40].map(|y| cleaned.errors(&Region { x: 0..48, y }));
+        let mut both = halves[0];
+        both.add(&halves[1]);
+        assert!((both.light / sums.light - 1.0).abs() < 1e-9 && (both.changed / sums.changed - 1.0).abs() < 1e-9);
     }
 
     #[test]
     fn without_noise_nothing_changes() {
         let (window, truth) = room((48, 40), 0.0);
-        let error = squared_error(&clean(window.clone(), &guides(&window)), &truth);
+        let error = squared_error(&clean_all(&window), &truth);
         let norm = squared_error(&truth, &Rows::zeros(48, 40, 3 * CLUSTERS));
         assert!(error < 1e-10 * norm, "{error} of {norm}");
     }
@@ -206,7 +279,7 @@ mod tests {
         let (mut window, _) = room((48, 40), 0.3);
         let guides = guides(&window);
         (0..3).for_each(|channel| window.indirect.row_mut(channel, 30)[20] += 50.0);
-        let images = clean(window, &guides);
+        let images = clean(window.clone(), &window.features.whole(), &guides).images;
         assert!(images.row(0, 30)[20] < 3.0, "a mean of 25.8 became {}", images.row(0, 30)[20]);
     }
 
@@ -227,7 +300,7 @@ mod tests {
         }
         let sum = |rows: &Rows| rows.values().iter().map(|&v| f64::from(v)).sum::<f64>();
         let before = sum(&raw(&window));
-        let kept = sum(&clean(window.clone(), &guides(&window))) / before;
+        let kept = sum(&clean_all(&window)) / before;
         // Their own noise is 2 % of the sum.
         assert!((0.96..1.04).contains(&kept), "{kept} of the light");
     }
@@ -240,7 +313,7 @@ mod tests {
         for light in [&mut window.direct, &mut window.indirect] {
             (0..3).for_each(|channel| light.row_mut(channel, 30)[20] += 5.0);
         }
-        let images = clean(window.clone(), &guides(&window));
+        let images = clean_all(&window);
         let (found, beside) = (images.row(0, 30)[20], images.row(0, 30)[23]);
         assert!((found - beside).abs() < 2.0, "{found}, and {beside} beside it");
     }
@@ -250,9 +323,9 @@ mod tests {
         let size = (190, 24);
         let (window, _) = room(size, 0.5);
         let guides = guides(&window);
-        let whole = clean(window.clone(), &guides);
+        let whole = clean(window.clone(), &window.features.whole(), &guides).images;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
-        assert_eq!(pool.install(|| clean(window.clone(), &guides)), whole);
+        assert_eq!(pool.install(|| clean(window.clone(), &window.features.whole(), &guides).images), whole);
         // Its right part, with as much around it as is needed.
         let (inside, left) = (130, 130 - HALO);
         let cut = |rows: &Rows| {
@@ -268,7 +341,7 @@ mod tests {
             features: cut(&window.features),
             feature_variance: cut(&window.feature_variance),
         };
-        let part = clean(part, &guides);
+        let part = clean(part, &Region { x: inside - left..size.0 - left, y: 0..size.1 }, &guides).images;
         for plane in 0..whole.planes() {
             for y in 0..size.1 {
                 assert_eq!(part.row(plane, y)[inside - left..], whole.row(plane, y)[inside..], "row {y}");

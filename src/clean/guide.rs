@@ -1,15 +1,16 @@
 //! A few images that stand for all: what pixels are compared by.
 
-use std::ops::Range;
+use pulp::Simd;
 
 use super::constants::CHROMA;
-use super::kernel::span as overlap;
-use super::rows::Rows;
+use super::kernel::Offset;
+use super::rows::{Region, Rows};
+use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, whole_vectors};
 
-/// Guides and the variance of each.
+/// Guides, then the sum of their variances, then that of their squares.
 pub(super) struct Guide {
-    pub(super) images: Rows,
-    pub(super) variance: Rows,
+    rows: Rows,
+    guides: usize,
 }
 
 pub(super) struct GuideWidths {
@@ -20,103 +21,115 @@ pub(super) struct GuideWidths {
 }
 
 impl Guide {
-    /// Of two halves, one after the other in `halves`: their mean, and its variance, averaged over squares.
-    pub(super) fn of_halves(halves: &Rows, reach: usize) -> Self {
-        let planes = halves.planes() / 2;
+    /// In a region, of two halves, one after the other in `halves`: their mean, and its variance, averaged over squares.
+    pub(super) fn of_halves(halves: &Rows, reach: usize, region: &Region) -> Self {
+        let guides = halves.planes() / 2;
         let (width, height) = (halves.width(), halves.height());
-        let both = |f: fn(f32, f32) -> f32| {
-            let mut out = Rows::zeros(width, height, planes);
-            out.fill_rows(|y, out| {
-                for (plane, out) in out.chunks_exact_mut(width).enumerate() {
-                    let pairs = halves.row(plane, y).iter().zip(halves.row(planes + plane, y));
-                    out.iter_mut().zip(pairs).for_each(|(o, (a, b))| *o = f(*a, *b));
-                }
-            });
-            out
+        let pairs = |y: usize, plane: usize, region: &Region| {
+            let [a, b] = [plane, guides + plane].map(|plane| &halves.row(plane, y)[region.x.clone()]);
+            a.iter().zip(b)
         };
-        Self { images: both(|a, b| 0.5 * (a + b)), variance: both(|a, b| 0.25 * (a - b) * (a - b)).box_mean(reach) }
+        let mut variance = Rows::zeros(width, height, 1);
+        let around = region.grown(reach, halves);
+        variance.fill_rows(&around, |y, _, out| {
+            for plane in 0..guides {
+                let pairs = out.iter_mut().zip(pairs(y, plane, &around));
+                pairs.for_each(|(o, (a, b))| *o += 0.25 * (a - b) * (a - b));
+            }
+        });
+        let variance = variance.box_mean(reach, region);
+        let mut rows = Rows::zeros(width, height, guides + 2);
+        rows.fill_rows(region, |y, plane, out| {
+            if plane < guides {
+                out.iter_mut().zip(pairs(y, plane, region)).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
+            } else if plane == guides {
+                out.copy_from_slice(&variance.row(0, y)[region.x.clone()]);
+            } else {
+                for guide in 0..guides {
+                    let pairs = out.iter_mut().zip(pairs(y, guide, region));
+                    pairs.for_each(|(o, (a, b))| *o += 0.25 * (a + b) * (a + b));
+                }
+            }
+        });
+        Self { rows, guides }
     }
 
-    /// Adds to `out` the mean over guides of the squared differences, less their noise, over the noise.
-    pub(super) fn add_distances(
-        &self,
-        y: usize,
-        (across, down): (isize, isize),
-        span: Range<usize>,
+    /// What a tile's neighbours are compared by over patches of these pixels to each side.
+    pub(super) fn around(&self, tile: Tile, reach: usize, patch: usize) -> GuideCut {
+        let cut = Cut::of(&self.rows, 0..self.guides + 2, tile, reach + patch);
+        GuideCut { cut, guides: self.guides, patch, distances: Vec::new() }
+    }
+}
+
+/// The guides around a tile.
+pub(super) struct GuideCut {
+    cut: Cut,
+    guides: usize,
+    patch: usize,
+    distances: Vec<f32>,
+}
+
+impl GuideCut {
+    /// The sum over guides of the squared differences of pixels, less their noise, over the noise: the mean over a patch around
+    /// both pixels.
+    #[inline(always)]
+    pub(super) fn distances<S: Simd>(
+        &mut self,
+        simd: S,
+        (across, down): Offset,
         widths: &GuideWidths,
-        out: &mut [f32],
+        out: &mut [f32; TILE_PIXELS],
     ) {
-        let row = (y as isize + down) as usize;
-        let begin = (span.start as isize + across) as usize;
-        let there = begin..begin + span.len();
+        let patch = self.patch;
+        // Of the tile and what its patches reach, row by row.
+        let length = whole_vectors::<S>(TILE_WIDTH + 2 * patch);
+        self.distances.resize((TILE_HEIGHT + 2 * patch) * length, 0.0);
         let (noise, relative) = (widths.noise * widths.noise, widths.relative * widths.relative);
-        let mut squares = vec![0.0f32; span.len()];
-        let mut noises = vec![0.0f32; span.len()];
-        let mut sizes = vec![0.0f32; span.len()];
-        for plane in 0..self.images.planes() {
-            let a = &self.images.row(plane, y)[span.clone()];
-            let b = &self.images.row(plane, row)[there.clone()];
-            let va = &self.variance.row(plane, y)[span.clone()];
-            let vb = &self.variance.row(plane, row)[there.clone()];
-            for i in 0..squares.len() {
-                squares[i] += (a[i] - b[i]) * (a[i] - b[i]);
-                noises[i] += va[i] + vb[i];
-                sizes[i] += a[i] * a[i] + b[i] * b[i];
+        let x = -(patch as isize);
+        for (row, out) in self.distances.chunks_exact_mut(length).enumerate() {
+            let y = row as isize - patch as isize;
+            self.cut.squared_differences(simd, self.guides, (x, y), (across, down), out);
+            let here = |plane| self.cut.pixels(plane, (x, y), length);
+            let there = |plane| self.cut.pixels(plane, (x + across, y + down), length);
+            let (noise_here, noise_there) = (here(self.guides), there(self.guides));
+            let (size_here, size_there) = (here(self.guides + 1), there(self.guides + 1));
+            for i in 0..length {
+                let noises = noise_here[i] + noise_there[i];
+                let sizes = size_here[i] + size_there[i];
+                out[i] = (out[i] - noises) / (noise * noises + relative * sizes + 1e-12);
             }
         }
-        for i in 0..squares.len() {
-            let d = (squares[i] - noises[i]) / (noise * noises[i] + relative * sizes[i] + 1e-12);
-            out[i] += d;
-        }
-    }
-
-    /// The same, the mean over a square of pixels around both.
-    pub(super) fn add_patch_distances(
-        &self,
-        y: usize,
-        offset: (isize, isize),
-        span: Range<usize>,
-        (widths, reach): (&GuideWidths, usize),
-        out: &mut [f32],
-    ) {
-        if reach == 0 {
-            return self.add_distances(y, offset, span, widths, out);
-        }
-        let (width, height) = (self.images.width(), self.images.height());
-        let mut sums = vec![0.0f32; span.len()];
-        let mut rows = 0;
-        for near in y.saturating_sub(reach)..(y + reach + 1).min(height) {
-            if near.checked_add_signed(offset.1).is_some_and(|row| row < height) {
-                self.add_distances(near, offset, overlap(width, offset.0), widths, &mut sums);
-                rows += 1;
+        out.fill(0.0);
+        let side = 2 * patch + 1;
+        for (y, out) in out.chunks_exact_mut(TILE_WIDTH).enumerate() {
+            for row in self.distances[y * length..][..side * length].chunks_exact(length) {
+                for x in 0..side {
+                    out.iter_mut().zip(&row[x..x + TILE_WIDTH]).for_each(|(o, d)| *o += d);
+                }
             }
         }
-        for (x, out) in out.iter_mut().enumerate() {
-            let near = &sums[x.saturating_sub(reach)..(x + reach + 1).min(sums.len())];
-            *out += near.iter().sum::<f32>() / (near.len() * rows) as f32;
-        }
+        let scale = 1.0 / (side * side) as f32;
+        out.iter_mut().for_each(|o| *o *= scale);
     }
 }
 
 /// Mixtures of the clusters' images, summed over channels, of each half: `mix` is clusters × guides, guide by guide. Two more
 /// say how the first of them is coloured: red and blue less green, [`CHROMA`] times.
-pub(super) fn mixtures(halves: &Rows, mix: &[f32]) -> Rows {
-    let (width, clusters) = (halves.width(), halves.planes() / 6);
+pub(super) fn mixtures(halves: &Rows, mix: &[f32], region: &Region) -> Rows {
+    let clusters = halves.planes() / 6;
     let guides = mix.len() / clusters;
     let chroma = [[CHROMA, -CHROMA, 0.0], [0.0, -CHROMA, CHROMA]];
-    let mut images = Rows::zeros(width, halves.height(), 2 * (guides + chroma.len()));
-    images.fill_rows(|y, out| {
-        for (plane, out) in out.chunks_exact_mut(width).enumerate() {
-            let (half, guide) = (plane / (guides + chroma.len()), plane % (guides + chroma.len()));
-            let (guide, channels) = match guide.checked_sub(guides) {
-                Some(colour) => (0, chroma[colour]),
-                None => (guide, [1.0; 3]),
-            };
-            for (cluster, weight) in mix[guide * clusters..][..clusters].iter().enumerate() {
-                for (channel, share) in channels.iter().enumerate().filter(|(_, share)| **share != 0.0) {
-                    let row = halves.row((half * clusters + cluster) * 3 + channel, y);
-                    out.iter_mut().zip(row).for_each(|(o, v)| *o += weight * share * v);
-                }
+    let mut images = Rows::zeros(halves.width(), halves.height(), 2 * (guides + chroma.len()));
+    images.fill_rows(region, |y, plane, out| {
+        let (half, guide) = (plane / (guides + chroma.len()), plane % (guides + chroma.len()));
+        let (guide, channels) = match guide.checked_sub(guides) {
+            Some(colour) => (0, chroma[colour]),
+            None => (guide, [1.0; 3]),
+        };
+        for (cluster, weight) in mix[guide * clusters..][..clusters].iter().enumerate() {
+            for (channel, share) in channels.iter().enumerate().filter(|(_, share)| **share != 0.0) {
+                let row = &halves.row((half * clusters + cluster) * 3 + channel, y)[region.x.clone()];
+                out.iter_mut().zip(row).for_each(|(o, v)| *o += weight * share * v);
             }
         }
     });
@@ -124,6 +137,7 @@ pub(super) fn mixtures(halves: &Rows, mix: &[f32]) -> Rows {
 }
 
 /// Weights from distances.
+#[inline(always)]
 pub(super) fn weights(distances: &mut [f32]) {
     // (1 − d/8)⁸ is near exp(−d) and needs no table; far distances count nothing.
     for d in distances {

@@ -1,109 +1,256 @@
-//! Weighted means of neighbours, and values of planes laid through them: a row of weights for each offset, then the same
-//! weights for every image.
+//! Weighted means of neighbours, and values of planes laid through them: for each tile of pixels the weights of every offset,
+//! then the same weights for every image.
 
-use std::ops::Range;
+use pulp::{Simd, WithSimd};
 
 use super::constants::{BESIDE, MOST_LEVERAGE};
-use super::rows::Rows;
+use super::rows::{Region, Rows};
+use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load};
 
-/// Offsets (across, down) that a filter reads.
-pub(super) fn square(radius: isize, stride: usize) -> Vec<(isize, isize)> {
-    let steps = || (-radius..=radius).step_by(stride);
-    steps().flat_map(|y| steps().map(move |x| (x, y))).collect()
+/// Planes that are summed at once.
+const TOGETHER: usize = 4;
+
+/// How much the neighbours of pixels weigh.
+pub(super) trait Weigh: Sync {
+    /// What is made ready for a tile.
+    type Ready;
+
+    /// Makes ready what [`weigh`](Self::weigh) needs for the neighbours of a tile within a reach.
+    fn ready(&self, tile: Tile, reach: usize) -> Self::Ready;
+
+    /// The weights of the neighbours at one offset of the pixels of a tile, row by row. What it says of neighbours beyond the
+    /// image counts nothing. To be inlined, so that it is compiled for the vectors of the machine.
+    fn weigh<S: Simd>(&self, simd: S, ready: &mut Self::Ready, offset: Offset, out: &mut [f32; TILE_PIXELS]);
 }
 
-/// Columns of a row whose neighbour at `across` lies in the image.
-pub(super) fn span(width: usize, across: isize) -> Range<usize> {
-    let begin = (-across).max(0) as usize;
-    begin..((width as isize - across.max(0)).max(begin as isize)) as usize
+/// Pixels across and down.
+pub(super) type Offset = (isize, isize);
+
+/// Offsets that a filter reads.
+pub(super) struct Offsets {
+    radius: usize,
+    each: Vec<Offset>,
 }
 
-/// For each pixel the mean of its neighbours in each plane of `images`, corrected for their slope as far as `slope` allows
-/// ([`correct_slope`]). `weigh` fills the weights of the pixels of row `y` for one offset, given the columns whose neighbours
-/// there are in the image; the others count nothing. A pixel weighs for itself as much as the one most alike, so that one that
-/// is like no other, on the edge of two surfaces say, does not keep its grain: it becomes what is beside it. A pixel without
-/// any weight keeps its value.
+impl Offsets {
+    /// A square of these pixels to each side, of which every `stride`th is read; the middle is among them.
+    pub(super) fn square(radius: usize, stride: usize) -> Self {
+        debug_assert!(radius.is_multiple_of(stride));
+        let steps = || (-(radius as isize)..=radius as isize).step_by(stride);
+        Self { radius, each: steps().flat_map(|y| steps().map(move |x| (x, y))).collect() }
+    }
+
+    /// How far each is from a pixel in a plane of a [`Cut`] with this radius.
+    fn taps(&self) -> Vec<isize> {
+        let stride = Cut::stride(self.radius) as isize;
+        self.each.iter().map(|(across, down)| down * stride + across).collect()
+    }
+}
+
+/// For each pixel of a region the mean of its neighbours in each plane of `images`, corrected for their slope as far as `slope`
+/// allows ([`correct_slope`]). A pixel weighs for itself as much as the one most alike, so that one that is like no other, on
+/// the edge of two surfaces say, does not keep its grain: it becomes what is beside it.
 pub(super) fn weighted_means(
     images: &Rows,
-    offsets: &[(isize, isize)],
+    region: &Region,
+    offsets: &Offsets,
     slope: f32,
-    weigh: impl Fn(usize, (isize, isize), Range<usize>, &mut [f32]) + Sync,
+    weigher: &impl Weigh,
 ) -> Rows {
-    let (width, height) = (images.width(), images.height());
-    let mut means = Rows::zeros(width, height, images.planes());
-    means.fill_rows(|y, out| {
-        let mut weights = vec![0.0f32; offsets.len() * width];
-        let (mut sums, mut most) = (vec![0.0f32; width], vec![0.0f32; width]);
-        let others = || offsets.iter().enumerate().filter(|(_, offset)| **offset != (0, 0));
-        for (at, &(across, down)) in others() {
-            if y.checked_add_signed(down).is_some_and(|row| row < height) {
-                let (weights, span) = (&mut weights[at * width..][..width], span(width, across));
-                weigh(y, (across, down), span.clone(), &mut weights[span.clone()]);
-                if across.abs() <= 1 && down.abs() <= 1 {
-                    weights[span].iter_mut().for_each(|w| *w += BESIDE);
-                }
-                sums.iter_mut().zip(&*weights).for_each(|(sum, w)| *sum += w);
-                most.iter_mut().zip(&*weights).for_each(|(most, w)| *most = most.max(*w));
-            }
+    let (width, planes) = (images.width(), images.planes());
+    let taps = &offsets.taps();
+    let mut means = Rows::zeros(width, images.height(), planes);
+    means.fill_strips(&region.y, TILE_HEIGHT, |y, strip| {
+        let mut weights = vec![0.0f32; offsets.each.len() * TILE_PIXELS];
+        for x in region.x.clone().step_by(TILE_WIDTH) {
+            let tile = Tile { x, y };
+            let out = Target { width, planes, columns: x..region.x.end.min(x + TILE_WIDTH), rows: strip };
+            let weights = &mut weights;
+            pulp::Arch::new().dispatch(TileOfMeans { images, tile, offsets, taps, slope, weigher, weights, out });
         }
-        if let Some(own) = offsets.iter().position(|offset| *offset == (0, 0)) {
-            weights[own * width..][..width].copy_from_slice(&most);
-            sums.iter_mut().zip(&most).for_each(|(sum, w)| *sum += w);
-        }
-        sums.iter_mut().for_each(|sum| *sum = if *sum > 0.0 { 1.0 / *sum } else { 0.0 });
-        for weights in weights.chunks_exact_mut(width) {
-            weights.iter_mut().zip(&sums).for_each(|(w, scale)| *w *= scale);
-        }
-        correct_slope(&mut weights, offsets, width, slope);
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || {
-                for (plane, out) in out.chunks_exact_mut(width).enumerate() {
-                    for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact(width)) {
-                        let Some(row) = y.checked_add_signed(down).filter(|&row| row < height) else { continue };
-                        let span = span(width, across);
-                        let from = (span.start as isize + across) as usize;
-                        let from = &images.row(plane, row)[from..from + span.len()];
-                        let pairs = weights[span.clone()].iter().zip(from);
-                        out[span].iter_mut().zip(pairs).for_each(|(out, (w, v))| *out += w * v);
-                    }
-                    let kept = images.row(plane, y).iter().zip(&sums);
-                    out.iter_mut().zip(kept).for_each(|(out, (v, &scale))| *out = if scale > 0.0 { *out } else { *v });
-                }
-            },
-        );
     });
     means
 }
 
-/// Turns weights of one row of pixels, which add up to 1 for each pixel, from those of a mean into those of the value at the
+/// The rows that a tile is a part of, and which of their columns are its own.
+struct Target<'a> {
+    width: usize,
+    planes: usize,
+    columns: std::ops::Range<usize>,
+    rows: &'a mut [f32],
+}
+
+struct TileOfMeans<'a, W> {
+    images: &'a Rows,
+    tile: Tile,
+    offsets: &'a Offsets,
+    /// How far each of those is in a plane of a cut.
+    taps: &'a [isize],
+    slope: f32,
+    weigher: &'a W,
+    /// [`TILE_PIXELS`] for each offset.
+    weights: &'a mut [f32],
+    out: Target<'a>,
+}
+
+impl<W: Weigh> WithSimd for TileOfMeans<'_, W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(mut self, simd: S) {
+        self.weigh(simd);
+        correct_slope(self.weights, &self.offsets.each, self.slope);
+        let mut cut = Cut::default();
+        for first in (0..self.out.planes).step_by(TOGETHER) {
+            cut.fill(self.images, first..self.out.planes.min(first + TOGETHER), self.tile, self.offsets.radius);
+            self.add_up(simd, &cut, first);
+        }
+    }
+}
+
+impl<W: Weigh> TileOfMeans<'_, W> {
+    /// Fills the weights; they add up to 1 for each pixel.
+    #[inline(always)]
+    fn weigh<S: Simd>(&mut self, simd: S) {
+        let mut ready = self.weigher.ready(self.tile, self.offsets.radius);
+        let (mut sums, mut most) = ([0.0f32; TILE_PIXELS], [0.0f32; TILE_PIXELS]);
+        let mut own = None;
+        for (&offset, weights) in self.offsets.each.iter().zip(self.weights.chunks_exact_mut(TILE_PIXELS)) {
+            let Ok(weights) = <&mut [f32; TILE_PIXELS]>::try_from(weights) else { continue };
+            if offset == (0, 0) {
+                own = Some(weights);
+                continue;
+            }
+            self.weigher.weigh(simd, &mut ready, offset, weights);
+            if offset.0.abs() <= 1 && offset.1.abs() <= 1 {
+                weights.iter_mut().for_each(|w| *w += BESIDE);
+            }
+            forget_outside(self.images, self.tile, offset, weights);
+            for i in 0..TILE_PIXELS {
+                sums[i] += weights[i];
+                most[i] = if weights[i] > most[i] { weights[i] } else { most[i] };
+            }
+        }
+        if let Some(own) = own {
+            for i in 0..TILE_PIXELS {
+                // A pixel without any other keeps its value.
+                own[i] = if most[i] > 0.0 { most[i] } else { 1.0 };
+                sums[i] += own[i];
+            }
+        }
+        sums.iter_mut().for_each(|sum| *sum = 1.0 / *sum);
+        for weights in self.weights.chunks_exact_mut(TILE_PIXELS) {
+            weights.iter_mut().zip(&sums).for_each(|(w, scale)| *w *= scale);
+        }
+    }
+
+    /// Adds up the weighted neighbours in the planes of a cut, the first of which is this.
+    #[inline(always)]
+    fn add_up<S: Simd>(&mut self, simd: S, cut: &Cut, first: usize) {
+        let Target { width, planes, columns, rows } = &mut self.out;
+        // What is missing of four planes is summed again, and forgotten.
+        let together = TOGETHER.min(*planes - first);
+        let each: [&[f32]; TOGETHER] = std::array::from_fn(|plane| {
+            &cut.values()[plane.min(together - 1) * cut.plane_length()..][..cut.plane_length()]
+        });
+        let mut out = [[0.0f32; TILE_WIDTH]; TOGETHER];
+        for (y, row) in rows.chunks_exact_mut(*planes * *width).enumerate() {
+            for x in (0..TILE_WIDTH).step_by(2 * S::F32_LANES) {
+                let weights = &self.weights[y * TILE_WIDTH + x..];
+                let sums = add_up_vectors(simd, &each, cut.at((x as isize, y as isize)), weights, self.taps);
+                for (out, sums) in out.iter_mut().zip(&sums) {
+                    S::as_mut_simd_f32s(&mut out[x..x + 2 * S::F32_LANES]).0.copy_from_slice(sums);
+                }
+            }
+            for (plane, out) in out.iter().enumerate().take(together) {
+                let row = &mut row[(first + plane) * *width..][columns.clone()];
+                row.copy_from_slice(&out[..row.len()]);
+            }
+        }
+    }
+}
+
+/// Weighted sums of two vectors of pixels, of each of these planes. `taps` says how far each neighbour is from them in a plane.
+/// Written out, for the sums to stay in registers; not fused, for the same bits on every machine.
+#[inline(always)]
+fn add_up_vectors<S: Simd>(
+    simd: S,
+    [a, b, c, d]: &[&[f32]; TOGETHER],
+    at: usize,
+    weights: &[f32],
+    taps: &[isize],
+) -> [[S::f32s; 2]; TOGETHER] {
+    let zero = simd.splat_f32s(0.0);
+    let add = |[low, high]: [S::f32s; 2], [w_low, w_high]: [S::f32s; 2], plane: &[f32], at: usize| {
+        let values = [load::<S>(plane, at), load::<S>(plane, at + S::F32_LANES)];
+        let (low_term, high_term) = (simd.mul_f32s(w_low, values[0]), simd.mul_f32s(w_high, values[1]));
+        [simd.add_f32s(low, low_term), simd.add_f32s(high, high_term)]
+    };
+    let [mut of_a, mut of_b, mut of_c, mut of_d] = [[zero; 2]; TOGETHER];
+    for (&tap, weights) in taps.iter().zip(weights.chunks(TILE_PIXELS)) {
+        let weights = [load::<S>(weights, 0), load::<S>(weights, S::F32_LANES)];
+        let at = at.wrapping_add_signed(tap);
+        of_a = add(of_a, weights, a, at);
+        of_b = add(of_b, weights, b, at);
+        of_c = add(of_c, weights, c, at);
+        of_d = add(of_d, weights, d, at);
+    }
+    [of_a, of_b, of_c, of_d]
+}
+
+/// Neighbours beyond the image weigh nothing.
+#[inline(always)]
+fn forget_outside(images: &Rows, tile: Tile, (across, down): Offset, weights: &mut [f32; TILE_PIXELS]) {
+    let (width, height) = (images.width() as isize, images.height() as isize);
+    let (x, y) = (tile.x as isize + across, tile.y as isize + down);
+    if x >= 0 && y >= 0 && x + TILE_WIDTH as isize <= width && y + TILE_HEIGHT as isize <= height {
+        return;
+    }
+    for (row, weights) in weights.chunks_exact_mut(TILE_WIDTH).enumerate() {
+        let in_rows = (0..height).contains(&(y + row as isize));
+        for (column, weight) in weights.iter_mut().enumerate() {
+            if !in_rows || !(0..width).contains(&(x + column as isize)) {
+                *weight = 0.0;
+            }
+        }
+    }
+}
+
+/// Turns weights of a tile of pixels, which add up to 1 for each pixel, from those of a mean into those of the value at the
 /// pixel of a plane laid through its neighbours by weighted least squares: local linear regression (Fan and Gijbels 1996,
 /// section 2.2; Bitterli et al. 2016 for images of samples). A mean is wrong where neighbours lie to one side and light has a
 /// slope, on the rim of a surface above all; the plane is not, but it has more noise: by the factor `1 + t`, where
 /// `t = mᵀ C⁻¹ m` is the leverage of the mean offset `m` with the covariance `C` of the offsets. So the correction is scaled down
 /// to a leverage of at most `slope` times the number of samples that a mean with these weights is worth, and never above
 /// [`MOST_LEVERAGE`].
-fn correct_slope(weights: &mut [f32], offsets: &[(isize, isize)], width: usize, slope: f32) {
+#[inline(always)]
+fn correct_slope(weights: &mut [f32], offsets: &[Offset], slope: f32) {
     // Sums of: the offset, its products, the weights' squares.
-    let mut moments = vec![[0.0f32; 6]; width];
-    for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact(width)) {
+    let mut moments = [[0.0f32; TILE_PIXELS]; 6];
+    for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact(TILE_PIXELS)) {
         let (x, y) = (across as f32, down as f32);
-        for (moments, w) in moments.iter_mut().zip(weights) {
-            let terms = [x, y, x * x, x * y, y * y, *w];
-            moments.iter_mut().zip(terms).for_each(|(sum, term)| *sum += w * term);
+        for (moments, term) in moments.iter_mut().zip([x, y, x * x, x * y, y * y]) {
+            moments.iter_mut().zip(weights).for_each(|(sum, w)| *sum += w * term);
         }
+        moments[5].iter_mut().zip(weights).for_each(|(sum, w)| *sum += w * w);
     }
     // Each weight is multiplied by `1 − (C⁻¹ m)ᵀ (offset − m)`, or by less of it.
-    let tilts: Vec<[f32; 3]> = moments.iter().map(|moments| tilt(*moments, slope)).collect();
-    for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact_mut(width)) {
+    let mut tilts = [[0.0f32; TILE_PIXELS]; 3];
+    for i in 0..TILE_PIXELS {
+        let tilt = tilt(std::array::from_fn(|moment| moments[moment][i]), slope);
+        tilts.iter_mut().zip(tilt).for_each(|(tilts, tilt)| tilts[i] = tilt);
+    }
+    let [tilt_x, tilt_y, constant] = &tilts;
+    for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact_mut(TILE_PIXELS)) {
         let (x, y) = (across as f32, down as f32);
-        for (w, [tilt_x, tilt_y, constant]) in weights.iter_mut().zip(&tilts) {
-            *w *= constant - x * tilt_x - y * tilt_y;
+        for (i, w) in weights.iter_mut().enumerate() {
+            *w *= constant[i] - x * tilt_x[i] - y * tilt_y[i];
         }
     }
 }
 
 /// What the offset across and the offset down are multiplied by, and what their sum is taken from.
+#[inline(always)]
 fn tilt([x, y, xx, xy, yy, squares]: [f32; 6], slope: f32) -> [f32; 3] {
     if squares <= 0.0 {
         return [0.0, 0.0, 1.0];
@@ -123,29 +270,80 @@ fn tilt([x, y, xx, xy, yy, squares]: [f32; 6], slope: f32) -> [f32; 3] {
 mod tests {
     use super::*;
 
+    /// Weights by the place of a pixel and its neighbour.
+    struct ByPlace<F>(F);
+
+    impl<F: Fn((usize, usize), Offset) -> f32 + Sync> Weigh for ByPlace<F> {
+        type Ready = Tile;
+
+        fn ready(&self, tile: Tile, _: usize) -> Tile {
+            tile
+        }
+
+        fn weigh<S: Simd>(&self, _: S, tile: &mut Tile, offset: Offset, out: &mut [f32; TILE_PIXELS]) {
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = self.0((tile.x + i % TILE_WIDTH, tile.y + i / TILE_WIDTH), offset);
+            }
+        }
+    }
+
     /// Light that rises from the rim of a surface: a mean brightens the rim, a plane does not.
     #[test]
     fn a_slope_at_the_rim_is_no_bias() {
         let (width, height) = (20, 3);
         let mut ramp = Rows::zeros(width, height, 1);
         (0..height).for_each(|y| (0..width).for_each(|x| ramp.row_mut(0, y)[x] = x as f32));
-        let rim = |slope: f32| weighted_means(&ramp, &square(5, 1), slope, |_, _, _, out| out.fill(1.0)).row(0, 1)[0];
+        let even = ByPlace(|_, _| 1.0);
+        let rim = |slope: f32| weighted_means(&ramp, &ramp.whole(), &Offsets::square(5, 1), slope, &even).row(0, 1)[0];
         assert!((rim(0.0) - 2.5).abs() < 0.1, "{}", rim(0.0));
         assert!(rim(1.0).abs() < 0.05, "{}", rim(1.0));
         // What the mean of few samples is worth pays for a part of it only.
         assert!((0.5..2.0).contains(&rim(0.02)), "{}", rim(0.02));
     }
 
+    fn uneven((x, y): (usize, usize), (across, down): Offset) -> f32 {
+        1.0 / (1.0 + ((y * 7 + x * 3) as isize + across * 5 + down).unsigned_abs() as f32 % 4.0)
+    }
+
     #[test]
     fn weights_of_a_plane_add_up_to_one() {
         let mut flat = Rows::zeros(20, 9, 1);
         flat.values_mut().fill(3.0);
-        let uneven = |y: usize, (across, down): (isize, isize), span: Range<usize>, out: &mut [f32]| {
-            let weight =
-                |x: usize| 1.0 / (1.0 + ((y * 7 + x * 3) as isize + across * 5 + down).unsigned_abs() as f32 % 4.0);
-            span.zip(out).for_each(|(x, out)| *out = weight(x));
-        };
-        let means = weighted_means(&flat, &square(4, 1), 1.0, uneven);
+        let means = weighted_means(&flat, &flat.whole(), &Offsets::square(4, 1), 1.0, &ByPlace(uneven));
         assert!(means.values().iter().all(|v| (v - 3.0).abs() < 1e-3), "{means:?}");
+    }
+
+    /// Against sums over neighbours pixel by pixel, for images of several planes that are larger than a tile, and regions.
+    #[test]
+    fn means_are_those_of_the_neighbours_with_their_weights() {
+        let (width, height, planes) = (71, 19, 9);
+        let mut images = Rows::zeros(width, height, planes);
+        images.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = (i * i % 101) as f32);
+        let offsets = Offsets::square(6, 3);
+        for region in [images.whole(), Region { x: 3..50, y: 5..17 }] {
+            let means = weighted_means(&images, &region, &offsets, 0.0, &ByPlace(uneven));
+            for y in region.y.clone() {
+                for x in region.x.clone() {
+                    let inside = |&&(across, down): &&Offset| {
+                        x.checked_add_signed(across).is_some_and(|x| x < width)
+                            && y.checked_add_signed(down).is_some_and(|y| y < height)
+                    };
+                    let weight = |&offset: &Offset| uneven((x, y), offset);
+                    let near: Vec<&Offset> = offsets.each.iter().filter(inside).collect();
+                    let others = || near.iter().filter(|offset| ***offset != (0, 0));
+                    let most = others().map(|offset| weight(offset)).fold(0.0, f32::max);
+                    let sum = most + others().map(|offset| weight(offset)).sum::<f32>();
+                    for plane in 0..planes {
+                        let at = |(across, down): Offset| {
+                            images.row(plane, y.strict_add_signed(down))[x.strict_add_signed(across)]
+                        };
+                        let of_others: f32 = others().map(|&&offset| weight(&offset) * at(offset)).sum();
+                        let right = (of_others + most * at((0, 0))) / sum;
+                        let found = means.row(plane, y)[x];
+                        assert!((found - right).abs() < 1e-3 * right.max(1.0), "{x}, {y}: {found}, not {right}");
+                    }
+                }
+            }
+        }
     }
 }

@@ -17,6 +17,7 @@
 //! that corners and contact shadows, where all that is alike lies to one side, are not brightened (`kernel`).
 
 mod constants;
+mod errors;
 mod filter;
 mod guide;
 mod kernel;
@@ -25,11 +26,13 @@ mod rows;
 mod shrink;
 mod surfaces;
 mod tally;
+mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 3;
+pub const CLEANER_VERSION: u32 = 4;
 
-pub use filter::{HALO, Window, clean, pixel_bytes};
+pub use errors::ErrorSums;
+pub use filter::{Cleaned, HALO, Window, clean, pixel_bytes};
 pub use map_fit::{MapFit, TILE, tile_means};
-pub use rows::Rows;
+pub use rows::{Region, Rows};
 pub use tally::{Guides, Tally};

@@ -1,5 +1,9 @@
 //! Images in rows: for each row of pixels, the row of every plane.
 
+use std::ops::Range;
+
+use rayon::prelude::*;
+
 /// Planes of one size, stored row by row: row `y` of plane `p` begins at `(y · planes + p) · width`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rows {
@@ -7,6 +11,23 @@ pub struct Rows {
     height: usize,
     planes: usize,
     values: Vec<f32>,
+}
+
+/// A rectangle of pixels of an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Region {
+    /// Pixels across.
+    pub x: Range<usize>,
+    /// Pixels down.
+    pub y: Range<usize>,
+}
+
+impl Region {
+    /// What of the image lies within `reach` of the region.
+    pub(super) fn grown(&self, reach: usize, image: &Rows) -> Self {
+        let grow = |range: &Range<usize>, size: usize| range.start.saturating_sub(reach)..(range.end + reach).min(size);
+        Self { x: grow(&self.x, image.width), y: grow(&self.y, image.height) }
+    }
 }
 
 impl Rows {
@@ -30,6 +51,11 @@ impl Rows {
         self.planes
     }
 
+    /// All pixels.
+    pub fn whole(&self) -> Region {
+        Region { x: 0..self.width, y: 0..self.height }
+    }
+
     /// One row of one plane.
     pub fn row(&self, plane: usize, y: usize) -> &[f32] {
         &self.values[(y * self.planes + plane) * self.width..][..self.width]
@@ -50,35 +76,82 @@ impl Rows {
         &mut self.values
     }
 
-    /// Fills each row of all planes by a function of the row, with all threads.
-    pub(super) fn fill_rows(&mut self, fill: impl Fn(usize, &mut [f32]) + Sync) {
-        use rayon::prelude::*;
-        let length = (self.planes * self.width).max(1);
-        self.values.par_chunks_exact_mut(length).enumerate().for_each(|(y, row)| fill(y, row));
+    /// Fills strips of at most `height` rows of all planes by a function of their first row, with all threads.
+    pub(super) fn fill_strips(&mut self, rows: &Range<usize>, height: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+        let row = self.planes * self.width;
+        if row > 0 {
+            let strips = self.values[rows.start * row..rows.end * row].par_chunks_mut(height * row);
+            strips.enumerate().for_each(|(strip, values)| fill(rows.start + strip * height, values));
+        }
     }
 
-    /// The mean of each pixel's square of `2 · reach + 1` pixels, as far as it lies in the image.
-    pub(super) fn box_mean(&self, reach: usize) -> Self {
-        let (width, height, planes) = (self.width, self.height, self.planes);
-        let mut across = Self::zeros(width, height, planes);
-        across.fill_rows(|y, out| {
-            for (plane, out) in out.chunks_exact_mut(width).enumerate() {
-                let row = self.row(plane, y);
-                for (x, out) in out.iter_mut().enumerate() {
-                    let span = &row[x.saturating_sub(reach)..(x + reach + 1).min(width)];
-                    *out = span.iter().sum::<f32>() / span.len() as f32;
-                }
+    /// Fills each row of all planes in a region by a function of the row and the plane, with all threads. It is given those
+    /// pixels of the row that lie in the region.
+    pub(super) fn fill_rows(&mut self, region: &Region, fill: impl Fn(usize, usize, &mut [f32]) + Sync) {
+        let width = self.width;
+        self.fill_strips(&region.y, 1, |y, row| {
+            for (plane, row) in row.chunks_exact_mut(width).enumerate() {
+                fill(y, plane, &mut row[region.x.clone()]);
             }
         });
-        let mut mean = Self::zeros(width, height, planes);
-        mean.fill_rows(|y, out| {
-            let rows = y.saturating_sub(reach)..(y + reach + 1).min(height);
+    }
+
+    /// For each pixel of a region the mean of the square of `2 · reach + 1` pixels around it, as far as it lies in the image.
+    pub(super) fn box_mean(&self, reach: usize, region: &Region) -> Self {
+        let mut across = Self::zeros(self.width, self.height, self.planes);
+        across.fill_rows(&Region { x: region.x.clone(), y: region.grown(reach, self).y }, |y, plane, out| {
+            let row = self.row(plane, y);
+            let near = |x: usize| x.saturating_sub(reach)..(x + reach + 1).min(self.width);
+            // Shifted rows are added, for sums along a row would wait for one another.
+            for (from, to) in shifts(&region.x, reach, self.width) {
+                out[to].iter_mut().zip(&row[from]).for_each(|(o, v)| *o += v);
+            }
+            out.iter_mut().zip(region.x.clone()).for_each(|(o, x)| *o /= near(x).len() as f32);
+        });
+        let mut mean = Self::zeros(self.width, self.height, self.planes);
+        mean.fill_rows(region, |y, plane, out| {
+            let rows = y.saturating_sub(reach)..(y + reach + 1).min(self.height);
             let scale = 1.0 / rows.len() as f32;
             for from in rows {
-                let from = &across.values[from * planes * width..][..planes * width];
-                out.iter_mut().zip(from).for_each(|(o, v)| *o += v * scale);
+                out.iter_mut().zip(&across.row(plane, from)[region.x.clone()]).for_each(|(o, v)| *o += v * scale);
             }
         });
         mean
+    }
+}
+
+/// For each shift of at most `reach` to either side: which pixels of a row of `width` go to which of those in `columns`.
+fn shifts(columns: &Range<usize>, reach: usize, width: usize) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
+    let (begin, end) = (columns.start, columns.end);
+    (0..2 * reach + 1).filter_map(move |shift| {
+        // Pixel x reads x + shift − reach.
+        let first = begin.max(reach.saturating_sub(shift));
+        let last = end.min((width + reach).saturating_sub(shift));
+        (first < last).then(|| (first + shift - reach..last + shift - reach, first - begin..last - begin))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_of_a_square_is_of_what_lies_in_the_image() {
+        let mut image = Rows::zeros(7, 5, 2);
+        image.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = (i * i % 17) as f32);
+        for region in [image.whole(), Region { x: 2..4, y: 1..5 }] {
+            let means = image.box_mean(2, &region);
+            for plane in 0..2 {
+                for y in region.y.clone() {
+                    for x in region.x.clone() {
+                        let near: Vec<f32> = (y.saturating_sub(2)..(y + 3).min(5))
+                            .flat_map(|y| image.row(plane, y)[x.saturating_sub(2)..(x + 3).min(7)].to_vec())
+                            .collect();
+                        let right = near.iter().sum::<f32>() / near.len() as f32;
+                        assert!((means.row(plane, y)[x] - right).abs() < 1e-4, "{x} {y}");
+                    }
+                }
+            }
+        }
     }
 }

@@ -1,97 +1,115 @@
 //! How far two pixels see one surface: the part of the weights that no light has a say in.
 
-use std::ops::Range;
+use pulp::Simd;
 
 use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, NORMAL_WIDTH, SHARE_WIDTH};
+use super::kernel::Offset;
 use super::rows::Rows;
+use super::tile::{Cut, TILE_PIXELS, TILE_WIDTH, Tile};
 
 const NORMAL: usize = 3;
 const DEPTH: usize = 6;
 const SPECULAR: usize = 8;
 const SURFACE: usize = 9;
 
-/// Planes that are compared: normal, albedo, shares; then the inverse depth with its slope across and down.
+/// Planes that are compared: normal, albedo, shares.
 const COMPARED: usize = 8;
 const WIDTHS: [f32; COMPARED] =
     [NORMAL_WIDTH, NORMAL_WIDTH, NORMAL_WIDTH, ALBEDO_WIDTH, ALBEDO_WIDTH, ALBEDO_WIDTH, SHARE_WIDTH, SHARE_WIDTH];
 
-/// What pixels see, made ready for comparing.
-pub(super) struct Surfaces {
-    /// Compared planes, each in units of its width.
-    compared: Rows,
-    /// Half the variance of the sum of those, capped.
-    noise: Rows,
-    /// Inverse depth, its slope across and its slope down: planes are planes in it, whatever their tilt. Then its variance.
-    inverse_depth: Rows,
-}
+/// What pixels see, made ready for comparing: the compared planes, each in units of its width; half the variance of the sum of
+/// those; the inverse depth, its slope across, its slope down (planes are planes in it, whatever their tilt) and its variance.
+pub(super) struct Surfaces(Rows);
+
+const NOISE: usize = COMPARED;
+const INVERSE_DEPTH: usize = COMPARED + 1;
+const SLOPE_ACROSS: usize = COMPARED + 2;
+const SLOPE_DOWN: usize = COMPARED + 3;
+const INVERSE_DEPTH_NOISE: usize = COMPARED + 4;
+const PLANES: usize = COMPARED + 5;
 
 impl Surfaces {
     pub(super) fn new(features: &Rows, variance: &Rows) -> Self {
         let (width, height) = (features.width(), features.height());
         let order = [NORMAL, NORMAL + 1, NORMAL + 2, 0, 1, 2, SPECULAR, SURFACE];
-        let mut compared = Rows::zeros(width, height, COMPARED);
-        compared.fill_rows(|y, out| {
-            for ((plane, out), width) in order.iter().zip(out.chunks_exact_mut(width)).zip(WIDTHS) {
-                out.iter_mut().zip(features.row(*plane, y)).for_each(|(o, v)| *o = v / width);
-            }
-        });
-        let mut noise = Rows::zeros(width, height, 1);
-        noise.fill_rows(|y, out| {
-            for (plane, width) in order.iter().zip(WIDTHS) {
-                let scale = 1.0 / (width * width);
-                out.iter_mut().zip(variance.row(*plane, y)).for_each(|(o, v)| *o += v * scale);
-            }
-        });
         let mut inverse = Rows::zeros(width, height, 1);
-        inverse.fill_rows(|y, out| {
+        inverse.fill_rows(&features.whole(), |y, _, out| {
             let pairs = features.row(DEPTH, y).iter().zip(features.row(SURFACE, y));
             out.iter_mut()
                 .zip(pairs)
                 .for_each(|(o, (depth, share))| *o = if *depth > 0.0 { share / depth } else { 0.0 });
         });
-        let mut inverse_depth = Rows::zeros(width, height, 4);
-        inverse_depth.fill_rows(|y, out| {
+        let inverse_noise = |x: usize, y: usize| {
+            let depth = features.row(DEPTH, y)[x];
+            if depth > 0.0 { variance.row(DEPTH, y)[x] * (inverse.row(0, y)[x] / depth).powi(2) } else { 0.0 }
+        };
+        let mut planes = Rows::zeros(width, height, PLANES);
+        planes.fill_rows(&features.whole(), |y, plane, out| {
             let row = inverse.row(0, y);
-            let above = (y > 0).then(|| inverse.row(0, y - 1));
-            let below = (y + 1 < height).then(|| inverse.row(0, y + 1));
-            let depths = features.row(DEPTH, y).iter().zip(variance.row(DEPTH, y));
-            for (x, (depth, variance)) in depths.enumerate() {
-                let (left, right) = (x.checked_sub(1).map(|x| row[x]), row.get(x + 1).copied());
-                let across = gentle(left, row[x], right);
-                let down = gentle(above.map(|row| row[x]), row[x], below.map(|row| row[x]));
-                let noise = if *depth > 0.0 { variance * (row[x] / depth).powi(2) } else { 0.0 };
-                let values = [row[x], certain(across, noise), certain(down, noise), noise];
-                values.iter().enumerate().for_each(|(plane, value)| out[plane * width + x] = *value);
+            match plane {
+                NOISE => {
+                    for (plane, width) in order.iter().zip(WIDTHS) {
+                        let scale = 1.0 / (width * width);
+                        out.iter_mut().zip(variance.row(*plane, y)).for_each(|(o, v)| *o += v * scale);
+                    }
+                }
+                INVERSE_DEPTH => out.copy_from_slice(row),
+                SLOPE_ACROSS => {
+                    for (x, out) in out.iter_mut().enumerate() {
+                        let (left, right) = (x.checked_sub(1).map(|x| row[x]), row.get(x + 1).copied());
+                        *out = certain(gentle(left, row[x], right), inverse_noise(x, y));
+                    }
+                }
+                SLOPE_DOWN => {
+                    let above = (y > 0).then(|| inverse.row(0, y - 1));
+                    let below = (y + 1 < height).then(|| inverse.row(0, y + 1));
+                    for (x, out) in out.iter_mut().enumerate() {
+                        let slope = gentle(above.map(|row| row[x]), row[x], below.map(|row| row[x]));
+                        *out = certain(slope, inverse_noise(x, y));
+                    }
+                }
+                INVERSE_DEPTH_NOISE => out.iter_mut().enumerate().for_each(|(x, out)| *out = inverse_noise(x, y)),
+                _ => {
+                    let width = WIDTHS[plane];
+                    out.iter_mut().zip(features.row(order[plane], y)).for_each(|(o, v)| *o = v / width);
+                }
             }
         });
-        Self { compared, noise, inverse_depth }
+        Self(planes)
     }
 
-    /// Adds the distances of the pixels of a row from their neighbours at one offset.
-    pub(super) fn add_distances(&self, y: usize, (across, down): (isize, isize), span: Range<usize>, out: &mut [f32]) {
-        let row = (y as isize + down) as usize;
-        let begin = (span.start as isize + across) as usize;
-        let there = begin..begin + span.len();
-        let noise = self.noise.row(0, y)[span.clone()].iter().zip(&self.noise.row(0, row)[there.clone()]);
-        let mut sum = vec![0.0f32; span.len()];
-        for plane in 0..COMPARED {
-            let a = &self.compared.row(plane, y)[span.clone()];
-            let b = &self.compared.row(plane, row)[there.clone()];
-            sum.iter_mut().zip(a.iter().zip(b)).for_each(|(s, (a, b))| *s += (a - b) * (a - b));
-        }
-        for ((o, s), (a, b)) in out.iter_mut().zip(&sum).zip(noise) {
-            *o += (s - a - b).max(0.0) / (1.0 + a + b);
-        }
-        let [here, slope_across, slope_down, noise] =
-            [0, 1, 2, 3].map(|plane| &self.inverse_depth.row(plane, y)[span.clone()]);
-        let [other, other_noise] = [0, 3].map(|plane| &self.inverse_depth.row(plane, row)[there.clone()]);
-        let (across, down) = (across as f32, down as f32);
-        for (i, out) in out.iter_mut().enumerate() {
-            let expected = here[i] + slope_across[i] * across + slope_down[i] * down;
-            let off = expected - other[i];
-            let width = DEPTH_WIDTH * here[i].max(other[i]);
-            let noise = noise[i] + other_noise[i];
-            *out += (off * off - noise).max(0.0) / (width * width + noise + 1e-24);
+    /// What a tile's neighbours are compared by.
+    pub(super) fn around(&self, tile: Tile, reach: usize) -> SurfacesCut {
+        SurfacesCut(Cut::of(&self.0, 0..PLANES, tile, reach))
+    }
+}
+
+/// What pixels around a tile see.
+pub(super) struct SurfacesCut(Cut);
+
+impl SurfacesCut {
+    /// Adds the distances of the pixels of a tile from their neighbours at one offset.
+    #[inline(always)]
+    pub(super) fn add_distances<S: Simd>(&self, simd: S, (across, down): Offset, out: &mut [f32; TILE_PIXELS]) {
+        let mut sums = [0.0f32; TILE_WIDTH];
+        for (row, out) in out.chunks_exact_mut(TILE_WIDTH).enumerate() {
+            let y = row as isize;
+            self.0.squared_differences(simd, COMPARED, (0, y), (across, down), &mut sums);
+            let here = |plane| self.0.pixels(plane, (0, y), TILE_WIDTH);
+            let there = |plane| self.0.pixels(plane, (across, y + down), TILE_WIDTH);
+            let (noise, other_noise) = (here(NOISE), there(NOISE));
+            let (depth, other_depth) = (here(INVERSE_DEPTH), there(INVERSE_DEPTH));
+            let (slope_across, slope_down) = (here(SLOPE_ACROSS), here(SLOPE_DOWN));
+            let (depth_noise, other_depth_noise) = (here(INVERSE_DEPTH_NOISE), there(INVERSE_DEPTH_NOISE));
+            for (i, out) in out.iter_mut().enumerate() {
+                let noises = noise[i] + other_noise[i];
+                let off = (sums[i] - noises).max(0.0) / (1.0 + noises);
+                let expected = depth[i] + slope_across[i] * across as f32 + slope_down[i] * down as f32;
+                let depth_off = expected - other_depth[i];
+                let width = DEPTH_WIDTH * depth[i].max(other_depth[i]);
+                let noises = depth_noise[i] + other_depth_noise[i];
+                *out += off + (depth_off * depth_off - noises).max(0.0) / (width * width + noises + 1e-24);
+            }
         }
     }
 }

@@ -6,6 +6,7 @@ use super::reader::ContainerReader;
 use super::writer::{ContainerSummary, assemble};
 use crate::error::{Error, Result};
 use crate::files::check_output;
+use crate::light::StatedErrors;
 use crate::matrix::BlockId;
 
 /// Joins containers of the same job into one at `target`; each block is taken, byte for byte, from the first part that
@@ -55,8 +56,8 @@ pub fn merge(
         holders[id.index()].expect("only present blocks are asked for").read_chunk(id, layer)
     };
     // Those of parts do not make those of the whole.
-    let light_errors = first.light_errors().filter(|_| readers.len() == 1);
-    assemble(target, overwrite, (first.job(), first.report(), light_errors), records, chunk)
+    let errors = if readers.len() == 1 { *first.errors() } else { StatedErrors::default() };
+    assemble(target, overwrite, (first.job(), first.report(), &errors), records, chunk)
 }
 
 /// The first part that holds a block undamaged; none where no part holds it.

@@ -1,9 +1,10 @@
-//! The metadata of a container: the job, the report and, where it is known, what single lights lose, compressed together.
+//! The metadata of a container: the job, the report and, where they are known, the errors of single lights and of cleaning,
+//! compressed together.
 
 use super::format::u32_at;
 use super::report::ContainerReport;
 use crate::encoding::{decode as decode_record, encode as encode_record};
-use crate::light::{Job, LightErrors, decode_job, encode_job};
+use crate::light::{CleaningErrors, Job, LightErrors, StatedErrors, decode_job, encode_job};
 
 /// What any metadata may unpack to, and what each of its bytes on disk earns on top of that.
 const FREE_BYTES: usize = 1 << 16;
@@ -13,11 +14,14 @@ const EARNED_PER_BYTE: usize = 256;
 const LARGE_BYTES: usize = 1 << 20;
 
 /// Encodes job and report: two lengths, a flag, and their bytes, zstd-compressed unless that would look like a bomb.
-pub(super) fn encode(job: &Job, report: &ContainerReport, lights: Option<&LightErrors>) -> Vec<u8> {
+pub(super) fn encode(job: &Job, report: &ContainerReport, errors: &StatedErrors) -> Vec<u8> {
     let job = encode_job(job);
     let mut report = encode_record(report);
-    if let Some(lights) = lights {
+    if let Some(lights) = &errors.lights {
         report.extend(encode_record(lights));
+        if let Some(cleaning) = &errors.cleaning {
+            report.extend(encode_record(cleaning));
+        }
     }
     let plain = [job.as_slice(), report.as_slice()].concat();
     let packed = zstd::bulk::compress(&plain, if plain.len() < LARGE_BYTES { 19 } else { 9 })
@@ -32,7 +36,7 @@ pub(super) fn encode(job: &Job, report: &ContainerReport, lights: Option<&LightE
 }
 
 /// Decodes job and report, refusing lengths that the bytes have not earned.
-pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, Option<LightErrors>), String> {
+pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, StatedErrors), String> {
     let Some(body) = bytes.get(12..) else {
         return Err("the metadata is cut short".into());
     };
@@ -57,17 +61,24 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, Option<Light
         decode_record(&plain[job_bytes..]).map_err(|e| format!("the report does not decode ({e})"))?;
     let rest = &plain[job_bytes + used..];
     if rest.is_empty() {
-        return Ok((job, report, None));
+        return Ok((job, report, StatedErrors::default()));
     }
     let (lights, used): (LightErrors, usize) =
         decode_record(rest).map_err(|e| format!("the errors of lights do not decode ({e})"))?;
-    if used != rest.len() {
-        return Err(format!("the report has {} trailing bytes", rest.len() - used));
+    let mut rest = &rest[used..];
+    let mut cleaning = None;
+    if !rest.is_empty() {
+        let (errors, used): (CleaningErrors, usize) =
+            decode_record(rest).map_err(|e| format!("the errors of cleaning do not decode ({e})"))?;
+        (cleaning, rest) = (Some(errors), &rest[used..]);
+    }
+    if !rest.is_empty() {
+        return Err(format!("the report has {} trailing bytes", rest.len()));
     }
     if lights.worst_column as usize >= job.shape.columns() {
         return Err(format!("the errors of lights name column {}, beyond the last", lights.worst_column));
     }
-    Ok((job, report, Some(lights)))
+    Ok((job, report, StatedErrors { lights: Some(lights), cleaning }))
 }
 
 fn allowed(packed_bytes: usize) -> usize {

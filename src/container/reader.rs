@@ -19,7 +19,7 @@ use super::report::ContainerReport;
 use super::spill::Spill;
 use crate::error::{Error, Result};
 use crate::files::open_input;
-use crate::light::{Job, LightErrors};
+use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixShape};
 
 /// The first read takes this share of the file (between the two bounds), which covers the index of any container
@@ -42,7 +42,7 @@ pub struct ContainerReader {
     file: File,
     job: Job,
     report: ContainerReport,
-    light_errors: Option<LightErrors>,
+    errors: StatedErrors,
     lights: LightLayout,
     index: Index,
     header_crc: u32,
@@ -99,7 +99,7 @@ impl ContainerReader {
             }
             end = read(trailer.metadata_offset, tail_bytes as usize)?;
         }
-        let (index, (job, report, light_errors)) =
+        let (index, (job, report, errors)) =
             decode_tail(end, &trailer).map_err(|problem| Error::damaged(path, problem, CUT_SHORT))?;
         Ok(Self {
             path: path.to_owned(),
@@ -107,7 +107,7 @@ impl ContainerReader {
             lights: LightLayout::of(&job.basis),
             job,
             report,
-            light_errors,
+            errors,
             index,
             header_crc: trailer.header_crc,
             file_bytes,
@@ -124,9 +124,9 @@ impl ContainerReader {
         &self.report
     }
 
-    /// What lightings of every kind lose over the whole picture; none where it was not measured, or not for all blocks.
-    pub fn light_errors(&self) -> Option<&LightErrors> {
-        self.light_errors.as_ref()
+    /// Errors over the whole picture, as far as they were measured, and for all blocks.
+    pub fn errors(&self) -> &StatedErrors {
+        &self.errors
     }
 
     /// Error and noise of a block, as measured when it was packed.
@@ -355,7 +355,7 @@ fn usable(block: FactoredBlock) -> Result<FactoredBlock, String> {
     }
 }
 
-type Metadata = (Job, ContainerReport, Option<LightErrors>);
+type Metadata = (Job, ContainerReport, StatedErrors);
 
 /// What the end of a file says.
 fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Metadata), String> {

@@ -17,11 +17,11 @@ use super::report::ContainerReport;
 use super::spill::Spill;
 use crate::error::{Error, Result};
 use crate::files::{check_output, replace};
-use crate::light::{Job, LightErrors};
+use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactoredBlock};
 
-/// Of [`LightErrors`] in the file at most: 33 bytes that zstd may not make shorter, and its words for a second kind of data.
-const LIGHT_ERRORS_BYTES: u64 = 48;
+/// Of [`StatedErrors`] in the file at most: 33 bytes that zstd may not make shorter, and its words for a second kind of data.
+const ERRORS_BYTES: u64 = 64;
 
 /// How a container is to be written.
 #[derive(Clone, Debug, Default)]
@@ -101,7 +101,7 @@ pub struct ContainerWriter {
     job: Job,
     lights: LightLayout,
     options: ContainerOptions,
-    light_errors: Option<LightErrors>,
+    errors: StatedErrors,
     spill: Spill,
 }
 
@@ -112,7 +112,7 @@ impl ContainerWriter {
     /// The file exists and may not be replaced; its folder cannot be written; another process packs into it.
     pub fn create(path: &Path, job: &Job, options: ContainerOptions) -> Result<Self> {
         let mut hash = Sha256::new();
-        hash.update(metadata::encode(job, &options.report, None));
+        hash.update(metadata::encode(job, &options.report, &StatedErrors::default()));
         hash.update(format!("{FORMAT_VERSION} {:?}", options.codec));
         let (fingerprint, blocks) = (hash.finalize().into(), job.shape.block_count());
         if let Err(error) = check_output(path, options.overwrite) {
@@ -121,12 +121,13 @@ impl ContainerWriter {
         }
         let spill = Spill::open(path, fingerprint, blocks, options.overwrite)?;
         let lights = LightLayout::of(&job.basis);
-        Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, light_errors: None, spill })
+        Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, errors: StatedErrors::default(), spill })
     }
 
-    /// Has the file say what lightings of every kind lose. Without it the file says nothing of that.
-    pub fn state_light_errors(&mut self, errors: LightErrors) {
-        self.light_errors = Some(errors);
+    /// Has the file say what errors there are over the whole picture. Without it the file says nothing of them; those of
+    /// cleaning are said beside those of lights only.
+    pub fn state_errors(&mut self, errors: StatedErrors) {
+        self.errors = errors;
     }
 
     /// What is known of a block that is there already, written by this run or by the one that it continues.
@@ -205,7 +206,8 @@ impl ContainerWriter {
 
     /// Bytes at most of the finished file beside its chunks, if all blocks together have so many layers.
     pub fn overhead_bytes(&self, layers: u64) -> u64 {
-        let metadata = metadata::encode(&self.job, &self.options.report, None).len() as u64 + LIGHT_ERRORS_BYTES;
+        let metadata =
+            metadata::encode(&self.job, &self.options.report, &StatedErrors::default()).len() as u64 + ERRORS_BYTES;
         let blocks = u64::from(self.job.shape.block_count());
         let records = blocks * BLOCK_RECORD_BYTES as u64 + layers * LAYER_RECORD_BYTES as u64;
         (HEADER_BYTES + TRAILER_BYTES) as u64 + metadata + records
@@ -231,7 +233,7 @@ impl ContainerWriter {
         };
         let records: Vec<BlockRecord> =
             blocks.iter().map(|b| b.as_ref().map_or(BlockRecord::default(), |b| b.record)).collect();
-        let about = (&self.job, &self.options.report, self.light_errors.as_ref());
+        let about = (&self.job, &self.options.report, &self.errors);
         let summary = assemble(&self.path, self.options.overwrite, about, records, source)?;
         self.spill.remove()?;
         Ok(summary)
@@ -259,7 +261,7 @@ impl EncodedBlock {
 pub(super) fn assemble(
     path: &Path,
     overwrite: bool,
-    (job, report, light_errors): (&Job, &ContainerReport, Option<&LightErrors>),
+    (job, report, errors): (&Job, &ContainerReport, &StatedErrors),
     mut records: Vec<BlockRecord>,
     chunk: impl Fn(BlockId, usize) -> Result<Vec<u8>>,
 ) -> Result<ContainerSummary> {
@@ -288,7 +290,7 @@ pub(super) fn assemble(
                 summary.base_bytes = offset;
             }
         }
-        let mut tail = metadata::encode(job, report, light_errors);
+        let mut tail = metadata::encode(job, report, errors);
         let mut trailer = Trailer {
             metadata_offset: offset,
             metadata_bytes: tail.len() as u32,

@@ -26,6 +26,34 @@ pub struct LightErrors {
     pub noise_worst: f32,
 }
 
+/// What cleaning did to the images of the clusters of columns, relative L2, estimated from the two halves of the samples.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct CleaningErrors {
+    /// The noise of the samples before.
+    pub noise_before: f32,
+    /// What is left of it.
+    pub noise_after: f32,
+    /// What the cleaned images are off beside noise: where they were averaged over what is not alike.
+    pub bias: f32,
+}
+
+/// A line on what cleaning did, for people.
+pub fn cleaning_errors_line(errors: &CleaningErrors) -> String {
+    format!(
+        "cleaning, relative L2 of the images of groups of lights: noise {:.2e} before, {:.2e} after, bias {:.2e} (estimated)",
+        errors.noise_before, errors.noise_after, errors.bias
+    )
+}
+
+/// What is known of errors over the whole picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StatedErrors {
+    /// What compression loses.
+    pub lights: Option<LightErrors>,
+    /// What cleaning did before that.
+    pub cleaning: Option<CleaningErrors>,
+}
+
 /// Two lines on what images lose, for people.
 pub fn light_errors_lines(errors: &LightErrors, basis: &LightBasis) -> [String; 2] {
     let noise = |share: f32| match share.is_nan() {

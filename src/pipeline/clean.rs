@@ -13,6 +13,7 @@
 //!
 //! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -21,11 +22,11 @@ use rayon::prelude::*;
 use super::basis::Basis;
 use super::pack::stop_if_interrupted;
 use super::spill::{CLEANED, GATHERED, open_spill};
-use crate::clean::{self, Guides, MapFit, Rows, Tally, Window};
+use crate::clean::{self, ErrorSums, Guides, MapFit, Region, Rows, Tally, Window};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
-use crate::light::{Clusters, Job};
+use crate::light::{CleaningErrors, Clusters, Job};
 use crate::matrix::{
     Block, BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, SeenEmission,
     TracedBlock, decode_unsigned, encode_unsigned,
@@ -205,18 +206,21 @@ impl Cleaned {
     /// Filters the blocks of one window.
     fn filter_window(&self, blocks: &[BlockId], guides: &Guides) -> Result<()> {
         let rects = || blocks.iter().map(|&id| self.shape.rect(id));
+        let across = rects().map(|r| r.x).min().unwrap_or(0)..rects().map(|r| r.x + r.width).max().unwrap_or(0);
+        let down = rects().map(|r| r.y).min().unwrap_or(0)..rects().map(|r| r.y + r.height).max().unwrap_or(0);
         let halo = clean::HALO as u32;
-        let left = rects().map(|r| r.x).min().unwrap_or(0).saturating_sub(halo);
-        let top = rects().map(|r| r.y).min().unwrap_or(0).saturating_sub(halo);
-        let right = (rects().map(|r| r.x + r.width).max().unwrap_or(0) + halo).min(self.shape.width());
-        let bottom = (rects().map(|r| r.y + r.height).max().unwrap_or(0) + halo).min(self.shape.height());
+        let (left, top) = (across.start.saturating_sub(halo), down.start.saturating_sub(halo));
+        let (right, bottom) = ((across.end + halo).min(self.shape.width()), (down.end + halo).min(self.shape.height()));
         let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
+        let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
+        let region = Region { x: within(across, left), y: within(down, top) };
         let reaches = |r: PixelRect| r.x < right && r.x + r.width > left && r.y < bottom && r.y + r.height > top;
         let mut window = self.empty_window(whole);
         for id in self.shape.blocks().filter(|&id| reaches(self.shape.rect(id))) {
             self.put(&self.gathered(id)?, whole, &mut window);
         }
-        let images = clean::clean(window, guides);
+        let cleaned = clean::clean(window, &region, guides);
+        let images = &cleaned.images;
         for &id in blocks {
             let rect = self.shape.rect(id);
             let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
@@ -226,7 +230,10 @@ impl Cleaned {
                     bytes.extend_from_slice(bytemuck::cast_slice(row));
                 }
             }
-            self.images.append(id.0, &[&bytes])?;
+            let across = (rect.x - left) as usize..(rect.x + rect.width - left) as usize;
+            let down = (rect.y - top) as usize..(rect.y + rect.height - top) as usize;
+            let errors = cleaned.errors(&Region { x: across, y: down });
+            self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])?;
         }
         Ok(())
     }
@@ -362,13 +369,40 @@ impl Cleaned {
         Ok(sum.max(0.0) / count.max(1) as f64)
     }
 
+    /// What cleaning did to the whole picture; none where the images come from a file.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(super) fn errors(&self) -> Result<Option<CleaningErrors>> {
+        let mut sums = ErrorSums::default();
+        for id in self.shape.blocks() {
+            let Some(part) = self.image_bytes(id)?.1 else { return Ok(None) };
+            sums.add(&part);
+        }
+        let share = |squares: f64| (squares.max(0.0) / sums.light.max(f64::MIN_POSITIVE)).sqrt() as f32;
+        Ok(Some(CleaningErrors {
+            noise_before: share(sums.noise_before),
+            noise_after: share(sums.noise_after),
+            bias: share(sums.changed - sums.noise_of_change),
+        }))
+    }
+
+    /// The cleaned images of a block as their file has them, and what cleaning did to them, where it was done here.
+    fn image_bytes(&self, id: BlockId) -> Result<(Vec<u8>, Option<ErrorSums>)> {
+        let mut bytes = self.images.read(id.0)?;
+        let images = 4 * self.shape.rect(id).rows() * self.clusters;
+        let Some(rest) = bytes.get(images..).filter(|rest| rest.is_empty() || rest.len() == size_of::<ErrorSums>())
+        else {
+            return Err(self.images.damaged(id.0, "it is cut short"));
+        };
+        let errors = (!rest.is_empty()).then(|| bytemuck::pod_read_unaligned(rest));
+        bytes.truncate(images);
+        Ok((bytes, errors))
+    }
+
     /// The cleaned images of a block, clusters × channels × pixels.
     fn images_of(&self, id: BlockId) -> Result<Vec<f32>> {
-        let bytes = self.images.read(id.0)?;
-        if bytes.len() != 4 * self.shape.rect(id).rows() * self.clusters {
-            return Err(self.images.damaged(id.0, "it is cut short"));
-        }
-        Ok(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
+        Ok(self.image_bytes(id)?.0.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
     }
 }
 

@@ -27,7 +27,7 @@ use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
 use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
-use crate::light::{Job, LightErrors};
+use crate::light::{CleaningErrors, Job, LightErrors, StatedErrors};
 use crate::matrix::{BlockId, BlockSource, ColumnIndex, MatrixShape, TracedBlock};
 use crate::store;
 
@@ -85,6 +85,8 @@ pub struct PackReport {
     pub sparse_entries: u64,
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`].
     pub relative_l2: f64,
+    /// What cleaning did, where images were cleaned: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
+    pub cleaning: Option<CleaningErrors>,
     /// What lightings of every kind lose: see [`light_errors_lines`](crate::light::light_errors_lines).
     pub lights: LightErrors,
     /// Where the target could not be reached: how near.
@@ -230,6 +232,7 @@ pub(super) struct Packing {
     /// Of the job, how its entries are stored, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
+    cleaning: Option<CleaningErrors>,
     basis: Option<Basis>,
     overwrite: bool,
     threads: Threads,
@@ -286,6 +289,7 @@ impl Packing {
             spill,
             fingerprint,
             denoise,
+            cleaning: None,
             basis,
             overwrite,
             threads,
@@ -308,7 +312,7 @@ impl Packing {
     /// Cleans the blocks where that is asked for, and compresses them. `make` puts a block into its target and says how much
     /// work that was, in `work_unit`.
     pub(super) fn run(
-        self,
+        mut self,
         stage: &str,
         work_unit: &str,
         watch: &dyn Watch,
@@ -324,6 +328,7 @@ impl Packing {
             None => cleaned.filter(&self.threads, watch)?,
         }
         cleaned.fit(watch)?;
+        self.cleaning = cleaned.errors()?;
         let packed = self.compress("analysing", "B", watch, |id, block| {
             cleaned.read_block(id, block)?;
             Ok(size_of_val(block.block.entries()) as u64)
@@ -368,7 +373,7 @@ impl Packing {
         watch.end();
         let stored = stored?;
         let lights = lights.errors(cut.expected_relative_l2);
-        self.writer.state_light_errors(lights);
+        self.writer.state_errors(StatedErrors { lights: Some(lights), cleaning: self.cleaning });
         let summary = self.writer.finish()?;
         self.spill.remove()?;
         let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
@@ -386,6 +391,7 @@ impl Packing {
             mean_rank: sum(|s| s.rank as f64) / stored.len() as f64,
             sparse_entries: stored.iter().map(|s| s.sparse_entries as u64).sum(),
             relative_l2: (error / norm.max(f64::MIN_POSITIVE)).sqrt(),
+            cleaning: self.cleaning,
             lights,
             short_of_target: (!is_reached).then(|| Shortfall {
                 target,

@@ -7,6 +7,7 @@ use eframe::egui::{self, RichText, Ui};
 use super::document::Document;
 use super::theme::{ACCENT, ALARM, TEXT, WEAK};
 use ltm::host::human_bytes;
+use ltm::light::cleaning_errors_line;
 
 /// Stated error from which on it is pointed out.
 const FAR: f64 = 0.15;
@@ -78,6 +79,11 @@ fn worth(ui: &mut Ui, document: &Document) {
     let is_far = document.session.stated_error().is_some_and(|error| error > FAR);
     ui.label(if is_far { error.color(ACCENT) } else { error })
         .on_hover_text("‖packed − stored‖ / ‖stored‖ over all blocks, as the container says");
+    if let Some(errors) = &container.errors().cleaning {
+        let percent = |share: f32| share * 100.0;
+        let text = format!("cleaned: noise {:.1} %, bias {:.1} %", percent(errors.noise_after), percent(errors.bias));
+        ui.label(weak(text)).on_hover_text(cleaning_errors_line(errors));
+    }
     let read = format!("{} read", human_bytes(meter.bytes_read.load(Ordering::Relaxed)));
     let file =
         format!("of a file of {}; layers that lean on others are read with them", human_bytes(container.file_bytes()));

@@ -125,6 +125,7 @@ fn pack_options(arguments: &Arguments) -> PackOptions {
 fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
     let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
     format!("{}: {report}", output.display()).lines().for_each(|line| say!("{line}"));
+    report.cleaning.iter().for_each(|errors| say!("{}", ltm::light::cleaning_errors_line(errors)));
     ltm::light::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| say!("{line}"));
     say!(
         "{:.1} s, {}/s of raw input, peak memory {}",

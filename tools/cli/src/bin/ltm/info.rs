@@ -10,7 +10,7 @@ use ltm::container::ContainerReader;
 use ltm::host::{hold_to_memory, human_bytes, parse_bytes};
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::{Job, Light, LightBasis};
-use ltm::light::{column_name, light_errors_lines};
+use ltm::light::{cleaning_errors_line, column_name, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
 use ltm::store::StoreReader;
 use ltm_cli::say;
@@ -227,7 +227,10 @@ fn print_container(container: &ContainerReader, figures: &Figures) {
         "  all on     {}",
         known(figures.worst_uniform, format!("at most {:.2e} relative L2 of a block's pixels", figures.worst_uniform))
     );
-    match container.light_errors() {
+    if let Some(errors) = &container.errors().cleaning {
+        say!("  {}", cleaning_errors_line(errors));
+    }
+    match &container.errors().lights {
         Some(errors) => {
             let lines = light_errors_lines(errors, &container.job().basis);
             lines.iter().for_each(|line| say!("  {line}"));
@@ -356,7 +359,11 @@ fn container_json(path: &Path, container: &ContainerReader, figures: &Figures) -
         "program": report.program, "method": report.method, "target": report.target, "prior": report.prior,
         "settings": report.settings, "provenance": report.provenance,
     });
-    json["light_errors"] = container.light_errors().map_or(Value::Null, |errors| {
+    json["cleaning_errors"] = container.errors().cleaning.map_or(
+        Value::Null,
+        |errors| json!({ "noise_before": errors.noise_before, "noise_after": errors.noise_after, "bias": errors.bias }),
+    );
+    json["light_errors"] = container.errors().lights.map_or(Value::Null, |errors| {
         let basis = &container.job().basis;
         json!({
             "prior_expected": errors.prior, "all_on": errors.all_on, "random": errors.random,

@@ -152,6 +152,7 @@ fn run_packed(options: &Render, loaded: LoadedScene, output: &Path, console: &Co
     print_report(output, &render);
     packed.to_string().lines().for_each(|line| say!("{line}"));
     let basis = ContainerReader::open(output)?.job().basis.clone();
+    packed.cleaning.iter().for_each(|errors| say!("{}", ltm::light::cleaning_errors_line(errors)));
     ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| say!("{line}"));
     say!("next: ltm relight {} -o relit.png", output.display());
     Ok(())
