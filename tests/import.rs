@@ -7,10 +7,16 @@ use std::sync::Mutex;
 
 use libtest_mimic::{Arguments, Trial};
 use ltm::compress::Target;
+use ltm::container::ContainerReader;
 use ltm::host::{Quiet, Watch, parse_bytes};
-use ltm::image::{ImageSize, LayerPattern, LayerRole, LightSet, LinearImage, write_exr, write_exr_rows, write_npy};
+use ltm::image::{
+    FeaturePasses, ImageSize, LayerPattern, LayerRole, LightSet, LinearImage, write_exr, write_exr_channels,
+    write_exr_rows, write_npy,
+};
+use ltm::light::Lighting;
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
-use ltm::pipeline::{self, ImportedMatrix, PackOptions};
+use ltm::pipeline::{self, ImportedMatrix, PackOptions, SecondImages};
+use ltm::relight::relight_streaming;
 use ltm::{Error, Result};
 
 fn main() -> ExitCode {
@@ -40,6 +46,8 @@ fn main() -> ExitCode {
         own("clamped_and_negative_images_are_warned_about", clamped_and_negative_images_are_warned_about),
         own("the_whole_need_is_said_before_images_are_read", the_whole_need_is_said_before_images_are_read),
         own("a_target_in_bytes_is_that_of_the_file", a_target_in_bytes_is_that_of_the_file),
+        own("two_renderings_are_cleaned_of_their_noise", two_renderings_are_cleaned),
+        own("a_second_rendering_of_other_lights_is_refused", another_second_rendering),
         real("blender_multi_part_groups_add_up", blender_multi_part),
         real("blender_interleaved_half_groups_add_up", blender_interleaved),
         real("mitsuba_files_of_all_kinds_agree", mitsuba),
@@ -91,7 +99,7 @@ fn import(path: &Path, layers: Option<&str>) -> Result<ImportedMatrix> {
     let layers = layers.map(|layers| layers.parse::<LayerPattern>().unwrap());
     let beside = tempfile::tempdir().unwrap();
     let set = LightSet::open(path, layers.as_ref())?;
-    ImportedMatrix::read(&set, "test", &beside.path().join("x"), 8, &PackOptions::default(), &Quiet)
+    ImportedMatrix::read(&set, None, "test", &beside.path().join("x"), 8, &PackOptions::default(), &Quiet)
 }
 
 fn names(matrix: &ImportedMatrix) -> Vec<String> {
@@ -264,7 +272,7 @@ fn what_cannot_be_imported_is_refused() {
     assert!(error.contains("'key light' is not finite at pixel 1, 1"), "{error}");
     let set = LightSet::open(&path, None).unwrap();
     let options = PackOptions { memory_bytes: Some(1 << 20), ..Default::default() };
-    let error = ImportedMatrix::read(&set, "test", &path, 8, &options, &Quiet).unwrap_err();
+    let error = ImportedMatrix::read(&set, None, "test", &path, 8, &options, &Quiet).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }), "{error}");
 }
 
@@ -310,7 +318,7 @@ fn the_whole_need_is_said_before_images_are_read() {
     write_layers(&path, &NAMES, &images());
     let set = LightSet::open(&path, None).unwrap();
     let (notes, output) = (Notes::default(), folder.path().join("a.ltc"));
-    let matrix = ImportedMatrix::read(&set, "test", &output, 8, &PackOptions::default(), &notes).unwrap();
+    let matrix = ImportedMatrix::read(&set, None, "test", &output, 8, &PackOptions::default(), &notes).unwrap();
     pipeline::pack(&matrix, matrix.job(), &output, &PackOptions::default(), &notes).unwrap();
     let said = notes.0.into_inner().unwrap();
     assert!(said[0].contains("reading the images, then packing") && said[0].contains("of disk"), "{said:?}");
@@ -346,13 +354,105 @@ fn a_target_in_bytes_is_that_of_the_file() {
         let mut options = PackOptions::default();
         options.compress.target = Target::Bytes(wanted);
         let output = folder.path().join(format!("{wanted}.ltc"));
-        let matrix = ImportedMatrix::read(&set, "test", &output, 32, &options, &Quiet).unwrap();
+        let matrix = ImportedMatrix::read(&set, None, "test", &output, 32, &options, &Quiet).unwrap();
         let report = pipeline::pack(&matrix, matrix.job(), &output, &options, &Quiet).unwrap();
         assert_eq!(report.packed_bytes, std::fs::metadata(&output).unwrap().len());
         // All six blocks are encoded for each guess. Steps are powers of 2^(1/8), so that not every size can be had.
         let share = report.packed_bytes as f64 / wanted as f64;
         assert!((0.9..=1.0).contains(&share), "{} of {wanted}", report.packed_bytes);
     }
+}
+
+/// A checkered floor before a wall under two lights, one of which has a shadow: light, then the rest of what a file has.
+fn room(noise: impl Fn(usize) -> f32) -> Vec<(String, Vec<f32>)> {
+    let (width, height) = (64, 48);
+    let mut channels: Vec<(String, Vec<f32>)> = Vec::new();
+    let mut add = |name: &str, value: &dyn Fn(usize, usize) -> f32| {
+        channels.push((name.to_owned(), (0..width * height).map(|i| value(i % width, i / width)).collect()));
+    };
+    let albedo = |x: usize, y: usize| if y >= 24 && (x / 4 + y / 4) % 2 == 0 { 0.8 } else { 0.3 };
+    for (light, name) in ["key", "fill"].into_iter().enumerate() {
+        for (channel, colour) in ["R", "G", "B"].into_iter().enumerate() {
+            add(&format!("V.Combined_{name}.{colour}"), &|x, y| {
+                let lit = if light == 0 && x < 20 { 0.1 } else { 1.0 + 0.01 * x as f32 };
+                let at = ((light * 3 + channel) * height + y) * width + x;
+                lit * albedo(x, y) * (1.0 + noise(at)).max(0.0)
+            });
+        }
+    }
+    ["R", "G", "B"].iter().for_each(|c| add(&format!("V.Denoising Albedo.{c}"), &albedo));
+    add("V.Denoising Normal.X", &|_, _| 0.0);
+    add("V.Denoising Normal.Y", &|_, y| f32::from(u8::from(y >= 24)));
+    add("V.Denoising Normal.Z", &|_, y| f32::from(u8::from(y < 24)));
+    add("V.Denoising Depth.Z", &|_, _| 4.0);
+    channels
+}
+
+fn write_room(path: &Path, channels: &[(String, Vec<f32>)]) {
+    let names: Vec<String> = channels.iter().map(|(name, _)| name.clone()).collect();
+    let size = ImageSize { width: 64, height: 48 };
+    let mut fetch = |channel: usize, y: usize, row: &mut [f32]| -> Result<()> {
+        row.copy_from_slice(&channels[channel].1[y * 64..][..64]);
+        Ok(())
+    };
+    write_exr_channels(path, &names, size, &mut fetch).unwrap();
+}
+
+/// Noise of half the light, of one rendering.
+fn grain(seed: usize) -> impl Fn(usize) -> f32 {
+    move |at| {
+        let mut hash = (at as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ (seed as u64) << 32;
+        hash = (hash ^ hash >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        ((hash >> 40) as f32 / (1u64 << 24) as f32 - 0.5) * 1.7
+    }
+}
+
+fn two_renderings_are_cleaned() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for (seed, name) in ["a.exr", "b.exr"].into_iter().enumerate() {
+        write_room(&at(name), &room(grain(seed)));
+    }
+    let sets = ["a.exr", "b.exr"].map(|name| LightSet::open(&at(name), None).unwrap());
+    let passes = ["a.exr", "b.exr"].map(|name| FeaturePasses::find(&at(name)).unwrap().expect("it has passes"));
+    let truth = room(|_| 0.0);
+    let error = |features: [Option<&FeaturePasses>; 2], denoise: bool| {
+        let options = PackOptions { denoise, ..Default::default() };
+        let output = at(&format!("{denoise}-{}.ltc", features[0].is_some()));
+        let second = Some(SecondImages { set: &sets[1], features });
+        let matrix = ImportedMatrix::read(&sets[0], second, "test", &output, 16, &options, &Quiet).unwrap();
+        assert_eq!(matrix.warnings, Vec::<String>::new());
+        let report = pipeline::pack(&matrix, matrix.job(), &output, &options, &Quiet).unwrap();
+        assert_eq!(report.cleaning.is_some(), denoise);
+        let container = ContainerReader::open(&output).unwrap();
+        let mut squares = 0.0;
+        for (light, name) in names(&matrix).iter().enumerate() {
+            let lighting = Lighting::uniform(2, [1.0; 3]).unwrap().only([light as u32]);
+            let (image, _) = relight_streaming(&container, &lighting).unwrap();
+            for (channel, colour) in ["R", "G", "B"].into_iter().enumerate() {
+                let (_, right) = truth.iter().find(|(n, _)| *n == format!("V.Combined_{name}.{colour}")).unwrap();
+                let pairs = image.pixels.iter().zip(right);
+                squares += pairs.map(|(p, v)| f64::from(p[channel] - v).powi(2)).sum::<f64>();
+            }
+        }
+        squares
+    };
+    let (raw, bare) = (error([None, None], false), error([None, None], true));
+    let cleaned = error(passes.each_ref().map(Some), true);
+    assert!(bare < raw / 2.0, "{bare} of {raw}: the images alone say much");
+    assert!(cleaned < bare / 2.0, "{cleaned} of {bare}: what is seen says more");
+}
+
+fn another_second_rendering() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_layers(&at("a.exr"), &["RGBA_fill", "RGBA_key"], &images()[..2]);
+    write_layers(&at("b.exr"), &["RGBA_fill", "RGBA_sun"], &images()[..2]);
+    let [a, b] = ["a.exr", "b.exr"].map(|name| LightSet::open(&at(name), None).unwrap());
+    let second = Some(SecondImages { set: &b, features: [None, None] });
+    let error = ImportedMatrix::read(&a, second, "test", &at("x"), 8, &PackOptions::default(), &Quiet).unwrap_err();
+    assert!(error.to_string().contains("has light 'sun' where the first has 'key'"), "{error}");
+    assert!(FeaturePasses::open(&at("a.exr")).unwrap_err().to_string().contains("no layers of albedo"));
 }
 
 fn mean_red(image: &LinearImage) -> f64 {

@@ -20,7 +20,7 @@ pub use linear::{LinearImage, luminance};
 pub(crate) use measure::percentile;
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;
-pub use per_light::{LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, TakeRow};
+pub use per_light::{FeaturePasses, LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, TakeRow};
 pub use read::{ImageFacts, RgbaImage, decode_srgb, embedded_facts, image_facts, read_embedded, read_image, read_rgba};
 pub use tone::{
     LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, exposure_for, false_colour, false_colour_scale, write_png,

@@ -4,15 +4,16 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
+use super::imported_features::ImportedFeatures;
 use super::rows::RowSpill;
 use super::spill::spill_path;
 use super::{PackOptions, pack};
 use crate::compress::Compressor;
 use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
-use crate::image::{LayerMatch, LightRow, LightSet};
-use crate::light::{Job, Light, LightBasis, LightKind, LightUnit, Provenance};
-use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
+use crate::image::{FeaturePasses, LayerMatch, LayerRole, LightRow, LightSet};
+use crate::light::{Clusters, Job, Light, LightBasis, LightKind, LightUnit, Provenance, probe_lightings};
+use crate::matrix::{BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 
 /// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
 /// so that blocks of two versions are never mixed.
@@ -28,6 +29,7 @@ const SUM_TOLERANCE: f64 = 2e-3;
 pub struct ImportedMatrix {
     job: Job,
     rows: RowSpill,
+    second: Option<Second>,
     /// What each layer or file was taken for.
     pub matches: Vec<LayerMatch>,
     /// What looks wrong or was added, one line each, for people.
@@ -36,9 +38,30 @@ pub struct ImportedMatrix {
     pub sum_difference: Option<f64>,
 }
 
+/// The same lights rendered once more, with other random numbers, and what is seen: from them the noise is known, so that images
+/// can be cleaned.
+#[derive(Clone, Copy, Debug)]
+pub struct SecondImages<'a> {
+    /// The images; their lights have the same names.
+    pub set: &'a LightSet,
+    /// The passes of features of the first and of the second rendering; one alone is taken as without noise.
+    pub features: [Option<&'a FeaturePasses>; 2],
+}
+
+/// What a second rendering tells.
+#[derive(Debug)]
+struct Second {
+    rows: RowSpill,
+    features: ImportedFeatures,
+    /// Columns × probes, see [`probe_lightings`].
+    probes: Vec<f32>,
+    /// Whether images can be cleaned: every column is a cluster of its own.
+    cleans: bool,
+}
+
 impl ImportedMatrix {
-    /// Makes a matrix of images, in blocks of `block_side` pixels. `source` is their name, for the provenance; the
-    /// temporary file is made beside `beside`.
+    /// Makes a matrix of images, in blocks of `block_side` pixels: of `set`, or of the mean of that and a second rendering.
+    /// `source` is their name, for the provenance; the temporary files are made beside `beside`.
     ///
     /// The sum of lights is held against the image under all lights, where there is one; what is missing becomes a light of
     /// its own, called `Rest`.
@@ -46,11 +69,12 @@ impl ImportedMatrix {
     /// What reading takes and the disk for packing with `options` too is admitted before anything is read.
     ///
     /// # Errors
-    /// Values that are not finite, naming the light; sizes beyond what a matrix can have; a budget that does not
-    /// hold one image as its decoder wants it, or in which the images could not be packed then; a disk without room;
-    /// those of the readers in `image`.
+    /// Values that are not finite, naming the light; sizes beyond what a matrix can have; a second rendering of other lights
+    /// or another size; a budget that does not hold one image as its decoder wants it, or in which the images could not be
+    /// packed then; a disk without room; those of the readers in `image`.
     pub fn read(
         set: &LightSet,
+        second: Option<SecondImages<'_>>,
         source: &str,
         beside: &Path,
         block_side: u32,
@@ -58,47 +82,63 @@ impl ImportedMatrix {
         watch: &dyn Watch,
     ) -> Result<Self> {
         let mut need = reading_need(set);
+        if let Some(second) = &second {
+            check_second(set, second)?;
+            let also = reading_need(second.set);
+            need.fixed_bytes = need.fixed_bytes.max(also.fixed_bytes);
+            need.per_thread_bytes = need.per_thread_bytes.max(also.per_thread_bytes);
+            need.disk_bytes += also.disk_bytes + ImportedFeatures::disk_bytes(set.width, set.height);
+            let features = second.features.iter().flatten().map(|passes| passes.needs_bytes_per_thread());
+            need.per_thread_bytes = features.fold(need.per_thread_bytes, u64::max);
+        }
         let packing = packing_need(set, block_side, options)?;
         need.most_disk_bytes = need.disk_bytes + packing.most_disk_bytes;
         need.disk_bytes += packing.disk_bytes;
         let there = spill_path(beside);
         let threads = need.admit("reading the images, then packing", beside, &[&there], options.memory_bytes, watch)?;
-        let (width, height) = (set.width as usize, set.height as usize);
         let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;
-        let rows = RowSpill::create(beside, set.images(), width, height)?;
-        let mut looks = vec![Look::default(); set.images()];
-        watch.begin("reading images", (set.images() * height) as u64, "rows");
-        let mut take = |row: LightRow<'_>| {
-            if watch.interrupted() {
-                return Err(Error::Interrupted("nothing was written".into()));
-            }
-            if let Some(at) = row.values.iter().position(|v| !v.is_finite()) {
-                let name =
-                    set.lights.get(row.image).map_or("under all lights".to_owned(), |l| format!("of light '{l}'"));
-                let problem = format!("the image {name} is not finite at pixel {}, {}", row.x + at, row.y);
-                return Err(Error::input(source, problem, "render it again, or replace the pixel"));
-            }
-            looks[row.image].add(row.values);
-            let done = usize::from(row.channel + 1 == CHANNELS && row.x + row.values.len() == width);
-            watch.advance(done as u64, size_of_val(row.values) as u64, "B");
-            rows.write((row.image, row.channel, row.y), row.x, row.values)
+        let mut warnings = set.warnings.clone();
+        let mut read = |set: &LightSet, source: &str| -> Result<RowSpill> {
+            let (rows, looks) = spill_rows(set, source, beside, threads, watch)?;
+            warnings.extend(set.lights.iter().zip(&looks).flat_map(|(light, look)| look.warnings(light)));
+            Ok(rows)
         };
-        let result = Threads::new(threads)?.run(|| set.read(&mut take));
-        watch.end();
-        result?;
+        let rows = read(set, source)?;
+        let second = match &second {
+            None => None,
+            Some(second) => Some(Second {
+                rows: read(second.set, "the second rendering")?,
+                features: ImportedFeatures::read(second.features, (set.width, set.height), beside, threads)?,
+                probes: Vec::new(),
+                cleans: false,
+            }),
+        };
         let mut imported = Self {
             job: Job { shape, basis: LightBasis::new(), provenance: Provenance::default() },
             rows,
+            second,
             matches: set.matches.clone(),
-            warnings: set.warnings.clone(),
+            warnings,
             sum_difference: None,
         };
-        imported.warnings.extend(set.lights.iter().zip(&looks).flat_map(|(light, look)| look.warnings(light)));
-        let denoised = |m: &LayerMatch| ["denois", "noisy"].iter().any(|word| m.layer.to_lowercase().contains(word));
+        let denoised = |m: &LayerMatch| {
+            let (layer, is_light) = (m.layer.to_lowercase(), !matches!(m.role, LayerRole::Ignored));
+            // What denoisers are given is no denoised image.
+            let given = ["albedo", "normal", "depth"].iter().any(|word| layer.contains(word)) && !is_light;
+            ["denois", "noisy"].iter().any(|word| layer.contains(word)) && !given
+        };
         if set.matches.iter().any(denoised) {
             imported.warnings.push("the file has denoising passes: denoised light groups no longer add up".into());
         }
         imported.add_up(set, source)?;
+        let columns = imported.job.shape.columns();
+        if let Some(second) = &mut imported.second {
+            second.probes = probe_lightings(&imported.job.basis);
+            second.cleans = Clusters::of_basis(&imported.job.basis).count() == columns;
+            if options.denoise && !second.cleans {
+                imported.warnings.push(format!("{columns} lights are too many to be cleaned: at most 32 are"));
+            }
+        }
         Ok(imported)
     }
 
@@ -115,23 +155,28 @@ impl ImportedMatrix {
         let squares = |row: &[f32]| row.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
         let mut row = vec![0.0; set.width as usize];
         let mut rest = row.clone();
-        for y in 0..set.height as usize {
-            for channel in 0..CHANNELS {
-                if set.has_sum {
-                    self.rows.read((lights, channel, y), 0, &mut rest)?;
-                    squared_sum += squares(&rest);
+        for rows in std::iter::once(&self.rows).chain(self.second.as_ref().map(|second| &second.rows)) {
+            for y in 0..set.height as usize {
+                for channel in 0..CHANNELS {
+                    if set.has_sum {
+                        rows.read((lights, channel, y), 0, &mut rest)?;
+                        squared_sum += squares(&rest);
+                    }
+                    for light in 0..lights {
+                        rows.read((light, channel, y), 0, &mut row)?;
+                        content.update(bytemuck::cast_slice(&row));
+                        rest.iter_mut().zip(&row).for_each(|(rest, v)| *rest -= v);
+                    }
+                    if set.has_sum {
+                        squared_rest += squares(&rest);
+                        rows.write((lights, channel, y), 0, &rest)?;
+                    }
+                    rest.fill(0.0);
                 }
-                for light in 0..lights {
-                    self.rows.read((light, channel, y), 0, &mut row)?;
-                    content.update(bytemuck::cast_slice(&row));
-                    rest.iter_mut().zip(&row).for_each(|(rest, v)| *rest -= v);
-                }
-                if set.has_sum {
-                    squared_rest += squares(&rest);
-                    self.rows.write((lights, channel, y), 0, &rest)?;
-                }
-                rest.fill(0.0);
             }
+        }
+        if let Some(second) = &self.second {
+            second.features.add_to(&mut content)?;
         }
         let mut names = set.lights.clone();
         if set.has_sum {
@@ -155,6 +200,120 @@ impl ImportedMatrix {
         };
         Ok(())
     }
+
+    /// The entries of a block of one rendering.
+    fn read_entries(&self, rows: &RowSpill, rect: PixelRect, entries: &mut [f32]) -> Result<()> {
+        let (width, height) = (rect.width as usize, rect.height as usize);
+        for (light, column) in entries.chunks_exact_mut(rect.rows()).enumerate() {
+            for (row, piece) in column.chunks_exact_mut(width).enumerate() {
+                let (channel, y) = (row / height, rect.y as usize + row % height);
+                rows.read((light, channel, y), rect.x as usize, piece)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes a block the mean of both renderings, with what they tell of its noise.
+    fn join_second(&self, second: &Second, rect: PixelRect, target: &mut TracedBlock) -> Result<()> {
+        let first = target.block.entries().to_vec();
+        let mut other = vec![0.0; first.len()];
+        self.read_entries(&second.rows, rect, &mut other)?;
+        let (rows, columns) = (rect.rows(), self.job.shape.columns());
+        let halves: Vec<f32> = first.iter().zip(&other).map(|(a, b)| 0.5 * (a - b)).collect();
+        target.block.entries_mut().iter_mut().zip(&other).for_each(|(entry, b)| *entry = 0.5 * (*entry + b));
+        target.noise = Some(noise_of(&halves, rows, columns, &second.probes));
+        if second.cleans {
+            let (features, feature_variance) = second.features.of(rect)?;
+            let dark = || vec![0.0; rows * columns];
+            target.planes = Some(BlockPlanes {
+                direct: [dark(), dark()],
+                indirect: [first, other],
+                features,
+                feature_variance,
+                emission: Vec::new(),
+            });
+        }
+        Ok(())
+    }
+}
+
+/// The noise of a mean of two, of half their difference: rows × columns, column-major.
+fn noise_of(halves: &[f32], rows: usize, columns: usize, probes: &[f32]) -> BlockNoise {
+    let mut noise = BlockNoise {
+        row_variance: vec![0.0; rows],
+        column_variance: Vec::with_capacity(columns),
+        probes: vec![0.0; rows * (probes.len() / columns)],
+    };
+    for (column, halves) in halves.chunks_exact(rows).enumerate() {
+        let share = 1.0 / columns as f32;
+        noise.row_variance.iter_mut().zip(halves).for_each(|(sum, d)| *sum += share * d * d);
+        noise.column_variance.push(halves.iter().map(|d| d * d).sum::<f32>() / rows as f32);
+        for (probe, out) in noise.probes.chunks_exact_mut(rows).enumerate() {
+            let weight = probes[probe * columns + column];
+            out.iter_mut().zip(halves).for_each(|(o, d)| *o += weight * d);
+        }
+    }
+    noise
+}
+
+/// A second rendering of other lights, of another size, with other passes.
+fn check_second(set: &LightSet, second: &SecondImages<'_>) -> Result<()> {
+    let refuse = |problem: String| {
+        let hint = "render the same scene twice, with another seed, and nothing else changed";
+        Err(Error::input("the second rendering", problem, hint))
+    };
+    let other = second.set;
+    if (other.width, other.height) != (set.width, set.height) {
+        return refuse(format!(
+            "has {} × {} pixels, the first {} × {}",
+            other.width, other.height, set.width, set.height
+        ));
+    }
+    if other.lights != set.lights || other.has_sum != set.has_sum {
+        let differs = set.lights.iter().zip(&other.lights).find(|(a, b)| a != b);
+        return refuse(match differs {
+            Some((a, b)) => format!("has light '{b}' where the first has '{a}'"),
+            None => format!("has {} images, the first {}", other.images(), set.images()),
+        });
+    }
+    for passes in second.features.iter().flatten() {
+        if (passes.width, passes.height) != (set.width, set.height) {
+            return refuse(format!("has features of {} × {} pixels", passes.width, passes.height));
+        }
+    }
+    Ok(())
+}
+
+/// Reads all images of a set into a file, and looks at them on the way.
+fn spill_rows(
+    set: &LightSet,
+    source: &str,
+    beside: &Path,
+    threads: usize,
+    watch: &dyn Watch,
+) -> Result<(RowSpill, Vec<Look>)> {
+    let (width, height) = (set.width as usize, set.height as usize);
+    let rows = RowSpill::create(beside, set.images(), width, height)?;
+    let mut looks = vec![Look::default(); set.images()];
+    watch.begin("reading images", (set.images() * height) as u64, "rows");
+    let mut take = |row: LightRow<'_>| {
+        if watch.interrupted() {
+            return Err(Error::Interrupted("nothing was written".into()));
+        }
+        if let Some(at) = row.values.iter().position(|v| !v.is_finite()) {
+            let name = set.lights.get(row.image).map_or("under all lights".to_owned(), |l| format!("of light '{l}'"));
+            let problem = format!("the image {name} is not finite at pixel {}, {}", row.x + at, row.y);
+            return Err(Error::input(source, problem, "render it again, or replace the pixel"));
+        }
+        looks[row.image].add(row.values);
+        let done = usize::from(row.channel + 1 == CHANNELS && row.x + row.values.len() == width);
+        watch.advance(done as u64, size_of_val(row.values) as u64, "B");
+        rows.write((row.image, row.channel, row.y), row.x, row.values)
+    };
+    let result = Threads::new(threads)?.run(|| set.read(&mut take));
+    watch.end();
+    result?;
+    Ok((rows, looks))
 }
 
 /// What reading images takes; they wait on disk.
@@ -214,14 +373,11 @@ impl BlockSource for ImportedMatrix {
         target.block.reset(rect.rows(), self.job.shape.columns());
         target.noise = None;
         target.planes = None;
-        let (width, height) = (rect.width as usize, rect.height as usize);
-        for (light, column) in target.block.entries_mut().chunks_exact_mut(rect.rows()).enumerate() {
-            for (row, piece) in column.chunks_exact_mut(width).enumerate() {
-                let (channel, y) = (row / height, rect.y as usize + row % height);
-                self.rows.read((light, channel, y), rect.x as usize, piece)?;
-            }
+        self.read_entries(&self.rows, rect, target.block.entries_mut())?;
+        match &self.second {
+            Some(second) => self.join_second(second, rect, target),
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 

@@ -14,6 +14,7 @@ mod fused;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod import;
+mod imported_features;
 #[cfg(not(feature = "gpu"))]
 mod no_gpu;
 mod pack;
@@ -40,7 +41,7 @@ pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
 pub use features::{FEATURE_CHANNELS, write_features};
 #[cfg(feature = "scene")]
 pub use fused::render_packed;
-pub use import::ImportedMatrix;
+pub use import::{ImportedMatrix, SecondImages};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, pack};
 #[cfg(feature = "scene")]
 pub use preview::{PreviewReport, preview};

@@ -43,19 +43,11 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
     open_input(path, "open")?;
     let meta = MetaData::read_from_file(path, false).map_err(|e| failed(path, e))?;
     let mut planes: BTreeMap<String, Places> = BTreeMap::new();
-    for (part, header) in meta.headers.iter().enumerate().filter(|(_, header)| !header.deep) {
-        let name = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
-        for (index, channel) in header.channels.list.iter().enumerate() {
-            let channel = channel.name.to_string();
-            // Blender's parts repeat their name in their channels' names.
-            let repeats = name.is_empty() || channel.starts_with(&name);
-            let full = if repeats { channel } else { format!("{name}.{channel}") };
-            let (layer, colour) = full.rsplit_once('.').unwrap_or(("", &full));
-            let colour = ["R", "G", "B"].iter().position(|c| c.eq_ignore_ascii_case(colour));
-            let planes = planes.entry(layer.to_owned()).or_default();
-            if let Some(colour) = colour {
-                planes[colour] = Some((part, index));
-            }
+    for Channel { layer, name, part, index } in channels(&meta) {
+        let colour = ["R", "G", "B"].iter().position(|c| c.eq_ignore_ascii_case(&name));
+        let planes = planes.entry(layer).or_default();
+        if let Some(colour) = colour {
+            planes[colour] = Some((part, index));
         }
     }
     let colours: Vec<&str> =
@@ -100,7 +92,7 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
         }
     }
     let size = window.map_or((0, 0), |(size, _)| (size.x() as u32, size.y() as u32));
-    let chunk_bytes = meta.headers.iter().map(|header| header.max_block_byte_size() as u64).max().unwrap_or(0);
+    let chunk_bytes = chunk_bytes(&meta);
     Ok(LightSet {
         width: size.0,
         height: size.1,
@@ -110,6 +102,74 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
         warnings: Vec::new(),
         source: Source::Layers(Layers { path: path.to_owned(), places, chunk_bytes }),
     })
+}
+
+/// What a renderer's passes say of the surfaces in view: albedo, normal, depth.
+const FEATURES: [(&str, &[&str]); 3] = [("albedo", &["R", "G", "B"]), ("normal", &["X", "Y", "Z"]), ("depth", &["Z"])];
+
+/// Where albedo (image 0), normal (1) and depth (2) stand in an OpenEXR file, as far as it has them, and its size. Passes made for
+/// denoisers come first; else the layer of the shortest name.
+pub(super) fn open_features(path: &Path) -> Result<Option<(Layers, (u32, u32))>> {
+    open_input(path, "open")?;
+    let meta = MetaData::read_from_file(path, false).map_err(|e| failed(path, e))?;
+    let channels = channels(&meta);
+    let mut places: Vec<Vec<Option<(usize, usize)>>> =
+        meta.headers.iter().map(|header| vec![None; header.channels.list.len()]).collect();
+    let mut size = None;
+    for (image, (word, names)) in FEATURES.iter().enumerate() {
+        let mut layers: Vec<&str> = channels.iter().map(|channel| channel.layer.as_str()).collect();
+        layers.retain(|layer| layer.to_lowercase().contains(word));
+        layers.sort_by_key(|layer| (!layer.to_lowercase().contains("denois"), layer.len(), *layer));
+        let Some(&layer) = layers.first() else { continue };
+        let of_layer: Vec<&Channel> = channels.iter().filter(|channel| channel.layer == layer).collect();
+        for (index, name) in names.iter().enumerate() {
+            // Normals may be stored as colours, and a depth alone under any name.
+            let is_named = |channel: &&&Channel| {
+                let is = |name: &str| channel.name.eq_ignore_ascii_case(name);
+                is(name)
+                    || (*word == "normal" && is(["R", "G", "B"][index]))
+                    || (names.len() == 1 && of_layer.len() == 1)
+            };
+            let Some(found) = of_layer.iter().find(is_named) else { continue };
+            let header = &meta.headers[found.part];
+            let here = (header.layer_size.x() as u32, header.layer_size.y() as u32);
+            if *size.get_or_insert(here) == here {
+                places[found.part][found.index] = Some((image, index));
+            }
+        }
+    }
+    let chunk_bytes = chunk_bytes(&meta);
+    Ok(size.map(|size| (Layers { path: path.to_owned(), places, chunk_bytes }, size)))
+}
+
+/// A channel of a file.
+struct Channel {
+    /// What stands before the last dot of its name.
+    layer: String,
+    name: String,
+    part: usize,
+    index: usize,
+}
+
+/// The channels of the parts that are flat pictures.
+fn channels(meta: &MetaData) -> Vec<Channel> {
+    let mut channels = Vec::new();
+    for (part, header) in meta.headers.iter().enumerate().filter(|(_, header)| !header.deep) {
+        let name = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
+        for (index, channel) in header.channels.list.iter().enumerate() {
+            let channel = channel.name.to_string();
+            // Blender's parts repeat their name in their channels' names.
+            let repeats = name.is_empty() || channel.starts_with(&name);
+            let full = if repeats { channel } else { format!("{name}.{channel}") };
+            let (layer, name) = full.rsplit_once('.').unwrap_or(("", &full));
+            channels.push(Channel { layer: layer.to_owned(), name: name.to_owned(), part, index });
+        }
+    }
+    channels
+}
+
+fn chunk_bytes(meta: &MetaData) -> u64 {
+    meta.headers.iter().map(|header| header.max_block_byte_size() as u64).max().unwrap_or(0)
 }
 
 impl Layers {

@@ -4,11 +4,14 @@
 //! a set may be larger than memory.
 
 mod array;
+mod features;
 mod files;
 mod layers;
 
 use std::collections::HashSet;
 use std::path::Path;
+
+pub use features::FeaturePasses;
 
 use crate::error::{Error, Result};
 

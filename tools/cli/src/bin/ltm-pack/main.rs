@@ -8,10 +8,10 @@ use std::process::ExitCode;
 use clap::{Args, Parser};
 use ltm::container::ContainerReader;
 use ltm::host::{human_bytes, parse_bytes};
-use ltm::image::{LayerPattern, LightSet};
+use ltm::image::{FeaturePasses, LayerPattern, LightSet};
 use ltm::light::Job;
 use ltm::matrix::{BlockSource, MatrixShape};
-use ltm::pipeline::{self, ImportedMatrix, PackOptions};
+use ltm::pipeline::{self, ImportedMatrix, PackOptions, SecondImages};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::compression::Compression;
@@ -29,6 +29,7 @@ use ltm_cli::say;
   ltm-pack room.ltm --verify             compares every entry with the matrix afterwards
   ltm-pack room.ltm --basis clean.exr    with images that another denoiser has cleaned
   ltm-pack blender.exr -o room.ltc       light groups of Blender, Arnold, V-Ray, LuxCore
+  ltm-pack seed1.exr --second seed2.exr -o room.ltc   rendered twice: cleaned of noise
   ltm-pack any.exr -o room.ltc --layers '^beauty_(.+)$'
   ltm-pack 'renders/room_{{light}}.exr' -o room.ltc
   ltm-pack lights.npz -o room.ltc        images [lights, height, width, 3], lights: their names
@@ -69,6 +70,14 @@ struct Images {
     /// light's name [default: the conventions of Blender, Arnold, V-Ray, LuxCore].
     #[arg(long, value_name = "REGEX")]
     layers: Option<LayerPattern>,
+    /// The same lights rendered once more with another seed, given as the first are: from the two the noise is known, and the
+    /// images, whose mean is taken, are cleaned of it.
+    #[arg(long, value_name = "IMAGES")]
+    second: Option<PathBuf>,
+    /// An OpenEXR file with albedo, normal and depth of what is seen, which cleaning heeds [default: the layers of the images'
+    /// own files].
+    #[arg(long, value_name = "EXR", requires = "second")]
+    features: Option<PathBuf>,
     /// Side of a block in pixels [default: 32].
     #[arg(long)]
     block_side: Option<u32>,
@@ -85,7 +94,11 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let (input, images) = (&*arguments.input, &arguments.images);
     let output = arguments.output.clone().unwrap_or_else(|| default_output(input));
     if input.extension().is_some_and(|e| e == "ltm" || e == "part") {
-        let for_images = [(images.layers.is_some(), "--layers"), (images.block_side.is_some(), "--block-side")];
+        let for_images = [
+            (images.layers.is_some(), "--layers"),
+            (images.second.is_some(), "--second"),
+            (images.block_side.is_some(), "--block-side"),
+        ];
         if let Some((_, name)) = for_images.iter().find(|(given, _)| *given) {
             return Err(Error::input(*name, "is for images of single lights; a matrix has its own", "leave it out"));
         }
@@ -96,7 +109,14 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     pipeline::check_container_output(&output, arguments.force)?;
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
     let side = images.block_side.unwrap_or(MatrixShape::DEFAULT_BLOCK_SIDE);
-    let matrix = ImportedMatrix::read(&set, &name, &output, side, &pack_options(arguments), console)?;
+    let second_set = images.second.as_ref().map(|path| LightSet::open(path, images.layers.as_ref())).transpose()?;
+    let passes = match (&images.second, &images.features) {
+        (None, _) => [None, None],
+        (_, Some(path)) => [Some(FeaturePasses::open(path)?), None],
+        (Some(second), None) => [FeaturePasses::find(input)?, FeaturePasses::find(second)?],
+    };
+    let second = second_set.as_ref().map(|set| SecondImages { set, features: passes.each_ref().map(Option::as_ref) });
+    let matrix = ImportedMatrix::read(&set, second, &name, &output, side, &pack_options(arguments), console)?;
     tables::print_matches(&matrix);
     pack(&matrix, matrix.job(), &output, arguments, console)
 }
