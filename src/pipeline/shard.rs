@@ -1,7 +1,7 @@
 //! Shards: what a machine of a farm makes of a range of blocks, as one file that never changes.
 //!
 //! A shard holds, for each block of its range, what the merge needs in place of the block: the planes of a matrix that is cleaned
-//! ([`gather`](super::gather)), else the analysed candidate ([`analysis`](super::analysis)). `formats/shard.md` has the bytes. Its
+//! ([`gather`](super::gather)), else the analysed candidate ([`analysis`](super::analysis)). `formats/farm.md` has the bytes. Its
 //! name says what it is for and what is in it: `PLAN-FIRST-END-SHA256.shard`.
 
 use std::fs::File;
@@ -297,5 +297,46 @@ impl ShardSet {
             None => PathBuf::from(&self.address),
         };
         Error::damaged(path, format!("block {key}: {problem}"), "merge again: what the shard lacks is listed then")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_head_is_as_documented() {
+        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/formats/farm.md")).unwrap();
+        let rows = text.lines().skip_while(|line| *line != "| offset | size | field | value |").skip(2);
+        let number = |cell: Option<&str>| cell.unwrap().trim().parse::<usize>().unwrap();
+        let fields: Vec<(usize, usize, String)> = rows
+            .take_while(|line| line.starts_with('|'))
+            .map(|line| {
+                let mut cells = line.split('|').skip(1);
+                (number(cells.next()), number(cells.next()), cells.next().unwrap().trim().to_owned())
+            })
+            .collect();
+        let end = fields.iter().fold(0, |end, (offset, size, field)| {
+            assert_eq!(*offset, end, "{field}");
+            offset + size
+        });
+        assert_eq!(end, HEAD_BYTES);
+        let head = ShardHead { job: [1; 32], fingerprint: [2; 32], blocks: 3..4, rays: 5 << 40, non_finite: 6 << 40 };
+        let bytes = head.encode((HEAD_BYTES + PLACE_BYTES) as u64, &[0; PLACE_BYTES]);
+        let at = |name: &str| {
+            let (offset, size, _) = fields.iter().find(|(_, _, field)| field == name).unwrap();
+            &bytes[*offset..offset + size]
+        };
+        assert_eq!((at("mark"), at("byte order")), (&MARK[..], &BYTE_ORDER.to_ne_bytes()[..]));
+        assert_eq!((at("job hash"), at("fingerprint")), (&[1; 32][..], &[2; 32][..]));
+        assert_eq!((at("first block"), at("end of the blocks")), (&3u32.to_ne_bytes()[..], &4u32.to_ne_bytes()[..]));
+        assert_eq!((at("rays"), at("not finite")), (&(5u64 << 40).to_ne_bytes()[..], &(6u64 << 40).to_ne_bytes()[..]));
+        assert_eq!(at("file bytes"), &((HEAD_BYTES + PLACE_BYTES) as u64).to_ne_bytes()[..]);
+        let file = [&bytes[..], &[0; PLACE_BYTES]].concat();
+        let (read, places) = ShardHead::read(&mut &*file, file.len() as u64).unwrap();
+        assert_eq!((read, places.len()), (head, 1));
+        for cut in 0..file.len() {
+            assert!(ShardHead::read(&mut &file[..cut], cut as u64).is_err());
+        }
     }
 }
