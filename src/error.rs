@@ -14,6 +14,8 @@ pub enum ErrorKind {
     Io,
     /// [`Error::Resources`].
     Resources,
+    /// [`Error::Incomplete`].
+    Incomplete,
     /// [`Error::Interrupted`].
     Interrupted,
     /// [`Error::NoGpu`].
@@ -66,6 +68,16 @@ pub enum Error {
         /// What to do about it.
         hint: String,
     },
+    /// Parts are missing that others are to make: make them, then go on.
+    #[error("{place}: {missing}; {hint}")]
+    Incomplete {
+        /// Where they were looked for.
+        place: String,
+        /// What is missing.
+        missing: String,
+        /// What to do about it.
+        hint: String,
+    },
     /// The user stopped the work: what is committed is kept.
     #[error("interrupted: {0}")]
     Interrupted(String),
@@ -101,6 +113,7 @@ impl Error {
             Self::Damaged { .. } => ErrorKind::Damaged,
             Self::Io { .. } => ErrorKind::Io,
             Self::Resources { .. } => ErrorKind::Resources,
+            Self::Incomplete { .. } => ErrorKind::Incomplete,
             Self::Interrupted(_) => ErrorKind::Interrupted,
             Self::NoGpu(_) => ErrorKind::NoGpu,
         }
@@ -114,6 +127,7 @@ impl Error {
             Self::Io { .. } => 5,
             Self::Resources { .. } => 6,
             Self::NoGpu(_) => 7,
+            Self::Incomplete { .. } => 8,
             Self::Interrupted(_) => 130,
         }
     }

@@ -40,8 +40,8 @@
 //! | `container` | `error`, `encoding`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `share` | `error`, `matrix`, `light` |
-//! | `host` | `error`, `files` |
-//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `share`, `host` |
+//! | `host`, `depot` | `error`, `files` |
+//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `share`, `host`, `depot` |
 //!
 //! # Which crate is used where
 //!
@@ -66,13 +66,13 @@
 //! | `libc`, `memmap2` | `store` |
 //! | `rustix` | `files`, `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share` |
-//! | `crc32fast` | `container`, `files`, `share`, `store` |
+//! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
 //! | `bytemuck` | `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
 //! | `pulp` | `clean`, `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline` |
 //! | `thiserror` | `error`, `trace` |
-//! | `std::fs` | `container`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
+//! | `std::fs` | `container`, `depot`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
 //! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
 //! | `std::thread` | `host`, `image`, `pipeline`, `store` |
 //! | `std::env` | `files` |
@@ -83,6 +83,7 @@
 pub mod clean;
 pub mod compress;
 pub mod container;
+pub mod depot;
 mod encoding;
 pub mod error;
 pub mod files;

@@ -160,6 +160,14 @@ impl ContinuationFile {
         Ok(bytes)
     }
 
+    /// Length of the bytes of a key, and their CRC-32.
+    ///
+    /// # Errors
+    /// They are not there.
+    pub fn length_and_checksum(&self, key: u32) -> Result<(u64, u32)> {
+        self.place(key).map(|place| (place.bytes, place.checksum))
+    }
+
     /// Reads some of the bytes of a key, of which the caller knows the checksum.
     ///
     /// # Errors

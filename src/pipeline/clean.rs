@@ -14,48 +14,35 @@
 //! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-
-use rayon::prelude::*;
+use std::path::Path;
 
 use super::basis::Basis;
+use super::gather::{Gathering, floats, tile_values};
 use super::pack::stop_if_interrupted;
+use super::records::Records;
+use super::shard::ShardSet;
 use super::spill::{CLEANED, GATHERED, open_spill};
-use crate::clean::{self, ErrorSums, Guides, MapFit, Region, Rows, Tally, Window};
-use crate::error::{Error, Result};
+use crate::clean::{self, ErrorSums, Guides, MapFit, Region, Tally};
+use crate::error::Result;
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
 use crate::light::{CleaningErrors, Clusters, Job};
-use crate::matrix::{
-    Block, BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, SeenEmission,
-    TracedBlock, decode_unsigned, encode_unsigned,
-};
+use crate::matrix::{Block, BlockId, BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 
 /// Memory that the images of a window may take; a window of one block is filtered whatever it takes.
 const WINDOW_BYTES: u64 = 256 << 20;
 
 /// A matrix whose images are cleaned, block by block.
 pub(super) struct Cleaned {
-    /// What the file of gathered planes is beside.
-    path: PathBuf,
     shape: MatrixShape,
     clusters: usize,
     /// `R`: clusters × columns, row-major; the identity until it is fitted.
     map: Vec<f32>,
     /// Which column is in which cluster.
     partition: Clusters,
-    gathered: ContinuationFile,
+    gathering: Gathering,
     images: ContinuationFile,
     tally: Tally,
-}
-
-/// A block of a window: where it stands and what was gathered of it.
-struct Gathered {
-    rect: PixelRect,
-    planes: BlockPlanes,
-    /// Means of tiles of all columns without emission, columns × channels × tiles; empty where every column is a cluster.
-    tiles: Vec<f32>,
 }
 
 impl Cleaned {
@@ -81,20 +68,31 @@ impl Cleaned {
         BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64) + tiles
     }
 
-    /// Opens the files for it beside `path`, those of an interrupted run of the same fingerprint where there are any.
+    /// Opens the files for it beside `path`, those of an interrupted run of the same fingerprint where there are any. What was
+    /// gathered elsewhere comes as `shards`.
     ///
     /// # Errors
     /// Those of the disk.
-    pub(super) fn begin(job: &Job, path: &Path, fingerprint: [u8; 32], overwrite: bool) -> Result<Self> {
+    pub(super) fn begin(
+        job: &Job,
+        path: &Path,
+        fingerprint: [u8; 32],
+        overwrite: bool,
+        shards: Option<ShardSet>,
+    ) -> Result<Self> {
         let shape = job.shape;
         let open = |name| open_spill(&with_suffix(path, name), fingerprint, shape.block_count(), overwrite);
         let clusters = Clusters::of_basis(&job.basis);
+        let records = match shards {
+            Some(shards) => Records::Shards(shards),
+            None => Records::File(open(GATHERED)?),
+        };
+        let gathering = Gathering { path: with_suffix(path, GATHERED), shape, clusters: clusters.count(), records };
         Ok(Self {
-            path: with_suffix(path, GATHERED),
             shape,
             clusters: clusters.count(),
             map: identity(clusters.count(), shape.columns()),
-            gathered: open(GATHERED)?,
+            gathering,
             images: open(CLEANED)?,
             tally: Tally::new(clusters.count()),
             partition: clusters,
@@ -103,54 +101,25 @@ impl Cleaned {
 
     /// Removes the files that it worked with.
     pub(super) fn remove(self) -> Result<()> {
-        self.gathered.remove()?;
+        self.gathering.records.remove()?;
         self.images.remove()
     }
 
-    /// Takes from each block what filtering needs of it. `make` puts a block into its target and says how much work that was,
-    /// in `work_unit`. Gives the number of blocks that an earlier run had left.
+    /// Takes from each block what filtering needs of it, see [`Gathering::gather`]. Gives the number of blocks that an earlier run had
+    /// left.
     ///
     /// # Errors
-    /// A block without planes; those of `make` and of the disk; [`Error::Interrupted`] when the watch says so.
+    /// Those of [`Gathering::gather`].
     pub(super) fn gather(
         &mut self,
         threads: &Threads,
-        (stage, work_unit): (&str, &str),
+        stage: (&str, &str),
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<u64> {
         let blocks: Vec<BlockId> = self.shape.blocks().collect();
-        let blocks_kept = blocks.iter().filter(|&&id| self.gathered.has(id.0)).count() as u64;
-        let total = Mutex::new(Tally::new(self.clusters));
-        watch.begin(stage, blocks.len() as u64, "blocks");
-        let gather = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
-            stop_if_interrupted(&self.path, watch)?;
-            let mut tally = Tally::new(self.clusters);
-            let rect = self.shape.rect(id);
-            let work = if self.gathered.has(id.0) {
-                tally.add(&self.window_of(&[self.gathered(id)?], rect));
-                0
-            } else {
-                let work = make(id, block)?;
-                let planes = block.planes.take().ok_or_else(|| {
-                    let hint = "pack it as it is, with --denoise off";
-                    Error::input(id.to_string(), "its samples were not kept apart, so it cannot be cleaned", hint)
-                })?;
-                let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
-                let gathered = Gathered { rect, planes, tiles };
-                self.gathered.append(id.0, &[&encode(&gathered)])?;
-                tally.add(&self.window_of(std::slice::from_ref(&gathered), rect));
-                block.planes = Some(gathered.planes);
-                work
-            };
-            total.lock().unwrap_or_else(|e| e.into_inner()).merge(&tally);
-            watch.advance(1, work, work_unit);
-            Ok(())
-        };
-        let done = threads.run(|| -> Result<()> { blocks.par_iter().map_init(TracedBlock::default, gather).collect() });
-        watch.end();
-        done?;
-        self.tally = total.into_inner().unwrap_or_else(|e| e.into_inner());
+        let blocks_kept = blocks.iter().filter(|&&id| self.gathering.records.has(id.0)).count() as u64;
+        self.tally = self.gathering.gather(&blocks, threads, stage, watch, make)?;
         Ok(blocks_kept)
     }
 
@@ -166,7 +135,7 @@ impl Cleaned {
         let done = threads.run(|| -> Result<()> {
             for top in (0..down).step_by(step as usize) {
                 for left in (0..across).step_by(step as usize) {
-                    stop_if_interrupted(&self.path, watch)?;
+                    stop_if_interrupted(&self.gathering.path, watch)?;
                     let rows = top..(top + step).min(down);
                     let blocks: Vec<BlockId> = rows
                         .flat_map(|y| (left..(left + step).min(across)).map(move |x| BlockId(y * across + x)))
@@ -215,9 +184,9 @@ impl Cleaned {
         let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
         let region = Region { x: within(across, left), y: within(down, top) };
         let reaches = |r: PixelRect| r.x < right && r.x + r.width > left && r.y < bottom && r.y + r.height > top;
-        let mut window = self.empty_window(whole);
+        let mut window = self.gathering.empty_window(whole);
         for id in self.shape.blocks().filter(|&id| reaches(self.shape.rect(id))) {
-            self.put(&self.gathered(id)?, whole, &mut window);
+            self.gathering.put(&self.gathering.read(id)?, whole, &mut window);
         }
         let cleaned = clean::clean(window, &region, guides);
         let images = &cleaned.images;
@@ -236,78 +205,6 @@ impl Cleaned {
             self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])?;
         }
         Ok(())
-    }
-
-    fn empty_window(&self, whole: PixelRect) -> Window {
-        let rows = |planes| Rows::zeros(whole.width as usize, whole.height as usize, planes);
-        let light = 2 * CHANNELS * self.clusters;
-        Window {
-            direct: rows(light),
-            indirect: rows(light),
-            features: rows(FEATURE_PLANES),
-            feature_variance: rows(FEATURE_PLANES),
-        }
-    }
-
-    fn window_of(&self, blocks: &[Gathered], whole: PixelRect) -> Window {
-        let mut window = self.empty_window(whole);
-        blocks.iter().for_each(|block| self.put(block, whole, &mut window));
-        window
-    }
-
-    /// Puts what lies in `whole` of a block into a window.
-    fn put(&self, block: &Gathered, whole: PixelRect, window: &mut Window) {
-        let Gathered { rect, planes, .. } = block;
-        let (left, top) = (rect.x.max(whole.x), rect.y.max(whole.y));
-        let right = (rect.x + rect.width).min(whole.x + whole.width);
-        let bottom = (rect.y + rect.height).min(whole.y + whole.height);
-        let copy = |from: &[f32], target: &mut Rows, first: usize| {
-            for (plane, from) in from.chunks_exact(rect.pixels()).enumerate() {
-                for y in top..bottom {
-                    let from = &from[((y - rect.y) * rect.width + left - rect.x) as usize..][..(right - left) as usize];
-                    let row = target.row_mut(first + plane, (y - whole.y) as usize);
-                    row[(left - whole.x) as usize..][..from.len()].copy_from_slice(from);
-                }
-            }
-        };
-        for half in 0..2 {
-            copy(&planes.direct[half], &mut window.direct, half * CHANNELS * self.clusters);
-            copy(&planes.indirect[half], &mut window.indirect, half * CHANNELS * self.clusters);
-        }
-        copy(&planes.features, &mut window.features, 0);
-        copy(&planes.feature_variance, &mut window.feature_variance, 0);
-    }
-
-    fn gathered(&self, id: BlockId) -> Result<Gathered> {
-        let bytes = self.gathered.read(id.0)?;
-        Ok(self.parts(id, &bytes)?.decode(self.shape.rect(id), self.clusters))
-    }
-
-    /// The parts of what was gathered of a block.
-    fn parts<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<Parts<'a>> {
-        let rect = self.shape.rect(id);
-        let tiles = tile_values(self.shape, rect, self.clusters as u64);
-        let parts = Parts::of(bytes, rect.pixels(), self.clusters, tiles);
-        parts.ok_or_else(|| self.gathered.damaged(id.0, "it is cut short"))
-    }
-
-    /// See [`Gathered::tiles`].
-    fn tiles_of(&self, entries: &[f32], rect: PixelRect, emission: &[SeenEmission]) -> Vec<f32> {
-        if tile_values(self.shape, rect, self.clusters as u64) == 0 {
-            return Vec::new();
-        }
-        let (width, height) = (rect.width as usize, rect.height as usize);
-        let mut tiles = clean::tile_means(entries, (width, height));
-        let (across, down) = (width.div_ceil(clean::TILE), height.div_ceil(clean::TILE));
-        for seen in emission {
-            let (x, y) = (seen.pixel as usize % width / clean::TILE, seen.pixel as usize / width / clean::TILE);
-            let within = |at: usize, size: usize| clean::TILE.min(size - at * clean::TILE);
-            let share = 1.0 / (within(x, width) * within(y, height)) as f32;
-            for (channel, value) in seen.value.iter().enumerate() {
-                tiles[((seen.column as usize * CHANNELS + channel) * down + y) * across + x] -= share * value;
-            }
-        }
-        tiles
     }
 
     /// Fits the map from clusters to columns, where a cluster has several: after the images are cleaned.
@@ -333,10 +230,10 @@ impl Cleaned {
         let mean = self.mean_light()?;
         let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
         for id in self.shape.blocks() {
-            stop_if_interrupted(&self.path, watch)?;
+            stop_if_interrupted(&self.gathering.path, watch)?;
             let images = self.image_tiles(id)?;
-            let gathered = self.gathered.read(id.0)?;
-            let tiles = floats(self.parts(id, &gathered)?.tiles);
+            let gathered = self.gathering.records.read(id.0)?;
+            let tiles = floats(self.gathering.parts(id, &gathered)?.tiles);
             let each = images.len() / self.clusters;
             for row in 0..each {
                 of_images.iter_mut().enumerate().for_each(|(i, v)| *v = images[i * each + row]);
@@ -420,7 +317,7 @@ impl BlockSource for Cleaned {
             target.block.reset(rows, columns);
         }
         multiply(&images, &self.map, &mut target.block);
-        let emission = self.parts(id, &self.gathered.read(id.0)?)?.emission();
+        let emission = self.gathering.parts(id, &self.gathering.records.read(id.0)?)?.emission();
         let pixels = rows / CHANNELS;
         for seen in &emission {
             for (channel, value) in seen.value.iter().enumerate() {
@@ -463,67 +360,4 @@ fn window_blocks(shape: MatrixShape, clusters: u64) -> u32 {
 fn window_bytes(width: u64, height: u64, clusters: u64) -> u64 {
     let halo = 2 * clean::HALO as u64;
     (width + halo) * (height + halo) * clean::pixel_bytes(clusters)
-}
-
-/// Values that a block has in [`Gathered::tiles`].
-fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) -> usize {
-    if clusters == shape.columns() as u64 {
-        return 0;
-    }
-    let tiles = |side: u32| (side as usize).div_ceil(clean::TILE);
-    CHANNELS * shape.columns() * tiles(rect.width) * tiles(rect.height)
-}
-
-/// What was gathered of a block for the file: light and variances as tracing rounds them, the rest as it is.
-fn encode(Gathered { planes, tiles, .. }: &Gathered) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let light = planes.direct.iter().chain(&planes.indirect);
-    for value in light.chain([&planes.feature_variance]).flatten() {
-        bytes.extend(encode_unsigned(*value).to_ne_bytes());
-    }
-    bytes.extend_from_slice(bytemuck::cast_slice(&planes.features));
-    bytes.extend_from_slice(bytemuck::cast_slice(tiles));
-    bytes.extend_from_slice(bytemuck::cast_slice(&planes.emission));
-    bytes
-}
-
-/// What was gathered of a block, as the file has it ([`encode`]).
-struct Parts<'a> {
-    halves: &'a [u8],
-    features: &'a [u8],
-    tiles: &'a [u8],
-    emission: &'a [u8],
-}
-
-impl<'a> Parts<'a> {
-    /// None if there is too little of it.
-    fn of(bytes: &'a [u8], pixels: usize, clusters: usize, tiles: usize) -> Option<Self> {
-        let light = pixels * CHANNELS * clusters;
-        let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
-        let (features, rest) = rest.split_at_checked(4 * FEATURE_PLANES * pixels)?;
-        let (tiles, emission) = rest.split_at_checked(4 * tiles)?;
-        Some(Self { halves, features, tiles, emission })
-    }
-
-    fn emission(&self) -> Vec<SeenEmission> {
-        self.emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect()
-    }
-
-    fn decode(&self, rect: PixelRect, clusters: usize) -> Gathered {
-        let light = rect.pixels() * CHANNELS * clusters;
-        let mut values = self.halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
-        let mut take = |count: usize| values.by_ref().take(count).collect::<Vec<f32>>();
-        let planes = BlockPlanes {
-            direct: [take(light), take(light)],
-            indirect: [take(light), take(light)],
-            feature_variance: take(FEATURE_PLANES * rect.pixels()),
-            features: floats(self.features),
-            emission: self.emission(),
-        };
-        Gathered { rect, planes, tiles: floats(self.tiles) }
-    }
-}
-
-fn floats(bytes: &[u8]) -> Vec<f32> {
-    bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
 }

@@ -3,14 +3,18 @@
 //! Each job is a function from paths and settings to a report; what a person sees while it runs is the business of the
 //! [`Watch`](crate::host::Watch) that the caller passes in.
 
+mod analysis;
 mod basis;
 mod clean;
 mod compare;
 #[cfg(feature = "scene")]
 pub mod demo;
+#[cfg(feature = "scene")]
+mod farm;
 mod features;
 #[cfg(feature = "scene")]
 mod fused;
+mod gather;
 #[cfg(feature = "gpu")]
 mod gpu;
 mod import;
@@ -20,6 +24,7 @@ mod no_gpu;
 mod pack;
 #[cfg(feature = "scene")]
 mod preview;
+mod records;
 mod relight;
 #[cfg(feature = "scene")]
 mod render;
@@ -27,6 +32,7 @@ mod render;
 mod repair;
 mod rows;
 mod selection;
+mod shard;
 mod share;
 mod spill;
 #[cfg(feature = "scene")]
@@ -35,9 +41,13 @@ mod strip;
 mod unpack;
 mod unpack_source;
 mod verify;
+#[cfg(feature = "scene")]
+mod worker;
 
 pub use basis::write_basis;
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
+#[cfg(feature = "scene")]
+pub use farm::{BuildReport, FarmJob, Probe, ProbedBlock, RefusedShard, Shards};
 pub use features::{FEATURE_CHANNELS, write_features};
 #[cfg(feature = "scene")]
 pub use fused::render_packed;

@@ -14,17 +14,19 @@ use std::time::Instant;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
+use super::analysis::Analysis;
 use super::basis::Basis;
 use super::clean::Cleaned;
+use super::records::Records;
+use super::shard::ShardSet;
 use super::spill::{check_container_output, open_spill, spill_path};
 use crate::clean::CLEANER_VERSION;
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
-    Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
+    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, CandidateSummary, CompressSettings, Compressor, Cut,
+    LightErrorSums, Method, Residual, Target, cut_of_size,
 };
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
 use crate::error::{Error, Result};
-use crate::files::ContinuationFile;
 use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::light::{CleaningErrors, Job, LightErrors, StatedErrors};
@@ -57,8 +59,22 @@ pub struct PackOptions {
 }
 
 impl PackOptions {
+    /// What tells a pack of a job by these, as [`for_source`](Self::for_source) has them, from every other.
+    pub(super) fn fingerprint(&self, job: &Job, variant: &str, basis: Option<&Basis>) -> [u8; 32] {
+        let mut hash = Sha256::new();
+        hash.update(job.hash().0);
+        hash.update(format!("{variant} compressor {COMPRESSOR_VERSION} {:?}", self.compress));
+        if self.denoise {
+            hash.update(format!("cleaner {CLEANER_VERSION}"));
+        }
+        if let Some(basis) = basis {
+            hash.update(basis.hash);
+        }
+        hash.finalize().into()
+    }
+
     /// These, for blocks that come with planes or without, of so many lights.
-    fn for_source(&self, has_planes: bool, lights: usize) -> Self {
+    pub(super) fn for_source(&self, has_planes: bool, lights: usize) -> Self {
         let mut options = self.clone();
         let compress = &mut options.compress;
         options.denoise &= has_planes && compress.method == Method::Auto && compress.noise_factor.is_some();
@@ -226,9 +242,8 @@ pub(super) struct Packing {
     memory: PeakMemory,
     path: PathBuf,
     job: Job,
-    compressor: Compressor,
+    analysis: Analysis,
     writer: ContainerWriter,
-    spill: ContinuationFile,
     /// Of the job, how its entries are stored, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
@@ -266,27 +281,18 @@ impl Packing {
         check_container_output(path, overwrite)?;
         let there = spill_path(path);
         let threads = Threads::new(need.admit("packing", path, &[&there], options.memory_bytes, watch)?)?;
-        let mut hash = Sha256::new();
-        hash.update(job.hash().0);
-        hash.update(format!("{variant} compressor {COMPRESSOR_VERSION} {:?}", options.compress));
-        if options.denoise {
-            hash.update(format!("cleaner {CLEANER_VERSION}"));
-        }
-        if let Some(basis) = &basis {
-            hash.update(basis.hash);
-        }
-        let fingerprint = hash.finalize().into();
+        let fingerprint = options.fingerprint(job, variant, basis.as_ref());
         let writer = ContainerWriter::create(path, job, container)?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
+        let analysis = Analysis { compressor, cleans: denoise, records: Records::File(spill), path: path.clone() };
         Ok(Self {
             begun,
             memory,
             path,
             job,
-            compressor,
+            analysis,
             writer,
-            spill,
             fingerprint,
             denoise,
             cleaning: None,
@@ -296,15 +302,28 @@ impl Packing {
         })
     }
 
+    /// Packs what shards hold of all blocks.
+    pub(super) fn run_shards(mut self, shards: ShardSet, watch: &dyn Watch) -> Result<PackReport> {
+        let address = shards.address().to_owned();
+        let absent =
+            |id: BlockId, _: &mut TracedBlock| Err(Error::damaged(&address, format!("{id} is missing"), "merge again"));
+        if self.denoise {
+            return self.run_cleaned(Some(shards), ("reading shards", "B"), watch, absent);
+        }
+        let own = std::mem::replace(&mut self.analysis.records, Records::Shards(shards));
+        own.remove()?;
+        self.compress("reading shards", "B", watch, absent)
+    }
+
     /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
     fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
-        let passes = u64::from(self.compressor.global_passes());
-        if passes == 0 || self.job.shape.blocks().all(|id| self.spill.has(id.0)) {
+        let passes = u64::from(self.analysis.compressor.global_passes());
+        if passes == 0 || self.job.shape.blocks().all(|id| self.analysis.records.has(id.0)) {
             return Ok(());
         }
         watch.begin("choosing rows and columns", passes * u64::from(self.job.shape.block_count()), "blocks");
         let source = Watched { source, watch, path: &self.path };
-        let done = self.threads.run(|| self.compressor.choose_globally(&source));
+        let done = self.threads.run(|| self.analysis.compressor.choose_globally(&source));
         watch.end();
         done
     }
@@ -312,7 +331,7 @@ impl Packing {
     /// Cleans the blocks where that is asked for, and compresses them. `make` puts a block into its target and says how much
     /// work that was, in `work_unit`.
     pub(super) fn run(
-        mut self,
+        self,
         stage: &str,
         work_unit: &str,
         watch: &dyn Watch,
@@ -321,7 +340,18 @@ impl Packing {
         if !self.denoise {
             return self.compress(&format!("{stage} and analysing"), work_unit, watch, make);
         }
-        let mut cleaned = Cleaned::begin(&self.job, &self.path, self.fingerprint, self.overwrite)?;
+        self.run_cleaned(None, (stage, work_unit), watch, make)
+    }
+
+    /// Cleans blocks, of which the planes come as `shards` or are taken from what `make` makes, and compresses them.
+    fn run_cleaned(
+        mut self,
+        shards: Option<ShardSet>,
+        (stage, work_unit): (&str, &str),
+        watch: &dyn Watch,
+        make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
+    ) -> Result<PackReport> {
+        let mut cleaned = Cleaned::begin(&self.job, &self.path, self.fingerprint, self.overwrite, shards)?;
         let blocks_kept = cleaned.gather(&self.threads, (stage, work_unit), watch, make)?;
         match &self.basis {
             Some(basis) => cleaned.take(basis, watch)?,
@@ -346,13 +376,13 @@ impl Packing {
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         let blocks: Vec<BlockId> = self.job.shape.blocks().collect();
-        let blocks_kept = blocks.iter().filter(|&&id| self.spill.has(id.0)).count() as u64;
-        if blocks_kept > 0 {
+        let blocks_kept = blocks.iter().filter(|&&id| self.analysis.records.has(id.0)).count() as u64;
+        if blocks_kept > 0 && matches!(self.analysis.records, Records::File(_)) {
             watch.note(&format!("{}: continuing, {blocks_kept} blocks are analysed", self.path.display()));
         }
         watch.begin(stage, blocks.len() as u64, "blocks");
-        watch.advance(blocks_kept, 0, work_unit);
-        let analyse = |block: &mut TracedBlock, &id: &BlockId| self.analyse(id, block, (&make, work_unit), watch);
+        let analyse =
+            |block: &mut TracedBlock, &id: &BlockId| self.analysis.analyse(id, block, (&make, work_unit), watch);
         let analysed = self
             .threads
             .run(|| -> Result<Vec<_>> { blocks.par_iter().map_init(TracedBlock::default, analyse).collect() });
@@ -375,10 +405,10 @@ impl Packing {
         let lights = lights.errors(cut.expected_relative_l2);
         self.writer.state_errors(StatedErrors { lights: Some(lights), cleaning: self.cleaning });
         let summary = self.writer.finish()?;
-        self.spill.remove()?;
+        self.analysis.records.remove()?;
         let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
         let (error, norm) = (sum(|s| s.report.squared_error), sum(|s| s.report.squared_norm));
-        let target = self.compressor.settings().target;
+        let target = self.analysis.compressor.settings().target;
         let is_reached = match target {
             // What blocks take together was estimated from some of them.
             Target::Bytes(bytes) => summary.file_bytes <= bytes,
@@ -406,36 +436,10 @@ impl Packing {
         })
     }
 
-    /// The first pass over a block: its candidate and what that lacks of it go to the spill file, if they are not there.
-    fn analyse(
-        &self,
-        id: BlockId,
-        block: &mut TracedBlock,
-        (make, work_unit): (&(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync), &str),
-        watch: &dyn Watch,
-    ) -> Result<CandidateSummary> {
-        if self.spill.has(id.0) {
-            return Ok(self.candidate(id)?.0.summary().clone());
-        }
-        stop_if_interrupted(&self.path, watch)?;
-        let work = make(id, block)?;
-        let planes = block.planes.as_ref().filter(|_| self.denoise);
-        let seen = planes.map_or(&[][..], |planes| &planes.emission);
-        let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), seen);
-        let mut bytes = candidate.to_bytes();
-        let candidate_bytes = bytes.len() as u64;
-        let projected = self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
-        Residual::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
-        bytes.extend(candidate_bytes.to_le_bytes());
-        self.spill.append(id.0, &[&bytes])?;
-        watch.advance(1, work, work_unit);
-        Ok(candidate.summary().clone())
-    }
-
     /// The second pass over a block: cuts its candidate, writes it, and adds what it lost to `lights`.
     fn store(&self, id: BlockId, cut: &Cut, lights: &LightErrorSums, watch: &dyn Watch) -> Result<WrittenBlock> {
         stop_if_interrupted(&self.path, watch)?;
-        let (candidate, residual) = self.candidate(id)?;
+        let (candidate, residual) = self.analysis.read(id)?;
         let factored = candidate.cut(cut);
         let encoded = self.writer.encode(id, &factored)?;
         let (report, columns) = residual.report(&candidate.whole(), &self.writer.decode(id, &encoded)?);
@@ -451,8 +455,8 @@ impl Packing {
 
     /// The cut for the target; where that is a number of bytes, the one of the largest file that is not larger.
     fn choose(&self, analysed: &[CandidateSummary]) -> Result<Cut> {
-        let cut = self.compressor.choose(analysed.iter());
-        match self.compressor.settings().target {
+        let cut = self.analysis.compressor.choose(analysed.iter());
+        match self.analysis.compressor.settings().target {
             Target::Bytes(bytes) if cut.slope > 0.0 => {
                 self.threads.run(|| cut_of_size(cut, bytes, |cut| self.bytes_at(cut)))
             }
@@ -466,7 +470,7 @@ impl Packing {
         let sample: Vec<BlockId> =
             (0..blocks).step_by(blocks.div_ceil(SAMPLE_BLOCKS)).map(|i| BlockId(i as u32)).collect();
         let encode = |&id: &BlockId| -> Result<(usize, usize)> {
-            let size = self.writer.encode(id, &self.candidate(id)?.0.cut(cut))?.size();
+            let size = self.writer.encode(id, &self.analysis.read(id)?.0.cut(cut))?.size();
             Ok((size.bytes(), size.layer_bytes.len()))
         };
         let sizes = sample.par_iter().map(encode).collect::<Result<Vec<_>>>()?;
@@ -474,19 +478,6 @@ impl Packing {
         let bytes = share * sizes.iter().map(|(bytes, _)| *bytes as f64).sum::<f64>();
         let layers = share * sizes.iter().map(|(_, layers)| *layers as f64).sum::<f64>();
         Ok(bytes + self.writer.overhead_bytes(layers.round() as u64) as f64)
-    }
-
-    /// A candidate and its residual, back from the spill file.
-    fn candidate(&self, id: BlockId) -> Result<(Candidate, Residual)> {
-        let bytes = self.spill.read(id.0)?;
-        let parts = || -> Result<_, String> {
-            let short = || "it is cut short".to_owned();
-            let (bytes, length) = bytes.split_last_chunk::<8>().ok_or_else(short)?;
-            let (candidate, residual) =
-                bytes.split_at_checked(u64::from_le_bytes(*length) as usize).ok_or_else(short)?;
-            Ok((Candidate::from_bytes(candidate)?, Residual::from_bytes(residual).ok_or_else(short)?))
-        };
-        parts().map_err(|problem| self.spill.damaged(id.0, &problem))
     }
 }
 

@@ -62,6 +62,28 @@ impl Compression {
         self.denoise == Denoise::Auto
     }
 
+    /// These as arguments of a command line.
+    pub fn arguments(&self) -> Vec<String> {
+        let mut arguments =
+            vec!["--method".to_owned(), self.method.to_string(), "--seed".to_owned(), self.seed.to_string()];
+        let mut say = |name: &str, value: String| arguments.extend([name.to_owned(), value]);
+        match self.target {
+            Some(Target::PsnrDb(db)) => say("--target", format!("{db}dB")),
+            Some(Target::RelativeL2(error)) => say("--target", error.to_string()),
+            Some(Target::Bytes(bytes)) => say("--target", format!("{bytes}B")),
+            // No command line asks for others.
+            Some(Target::Slope(_) | Target::Automatic) | None => {}
+        }
+        self.rank.into_iter().for_each(|rank| say("--rank", rank.to_string()));
+        let name =
+            |value: Option<clap::builder::PossibleValue>| value.map_or_else(String::new, |v| v.get_name().to_owned());
+        say("--scope", name(self.scope.to_possible_value()));
+        say("--prior", name(self.prior.to_possible_value()));
+        say("--denoise", name(self.denoise.to_possible_value()));
+        arguments.extend(self.keep_noise.then(|| "--keep-noise".to_owned()));
+        arguments
+    }
+
     /// What they mean.
     pub fn settings(&self) -> CompressSettings {
         let mut settings = CompressSettings::of_method(self.method);
@@ -98,6 +120,33 @@ fn parse_target(text: &str) -> Result<Target, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        compression: Compression,
+    }
+
+    #[test]
+    fn arguments_mean_what_they_were_made_from() {
+        use clap::Parser;
+        let lines = [
+            "",
+            "--target 45.5dB --rank 7 --denoise off",
+            "--target 2MiB --prior flat",
+            "--target 0.01 --keep-noise",
+            "--method svd --seed 3",
+        ];
+        for line in lines {
+            let parse = |arguments: Vec<String>| {
+                Line::parse_from(std::iter::once("ltm".to_owned()).chain(arguments)).compression
+            };
+            let typed = parse(line.split_whitespace().map(str::to_owned).collect());
+            let again = parse(typed.arguments());
+            assert_eq!(format!("{:?}", again.settings()), format!("{:?}", typed.settings()), "{line}");
+            assert_eq!(again.denoise(), typed.denoise(), "{line}");
+        }
+    }
 
     #[test]
     fn a_target_says_what_it_counts() {

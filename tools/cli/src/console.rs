@@ -25,7 +25,7 @@ static RUN_MEMORY: OnceLock<PeakMemory> = OnceLock::new();
 
 /// The exit codes, for `--help`.
 pub const EXIT_CODES: &str = "Exit codes: 0 success, 2 unusable arguments, 3 unusable input, 4 damaged file, \
-5 input or output failed, 6 not enough memory or disk, 7 no GPU where one was demanded, 70 a fault of the program, 130 interrupted.";
+5 input or output failed, 6 not enough memory or disk, 7 no GPU where one was demanded, 8 blocks are missing that others are to build, 70 a fault of the program, 130 interrupted.";
 
 /// Exit code of a program that was interrupted.
 const INTERRUPTED_CODE: i32 = 130;

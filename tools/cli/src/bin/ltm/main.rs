@@ -3,10 +3,12 @@
 #![expect(clippy::print_stdout, reason = "a program's results go to standard output")]
 
 mod demo;
+mod farm;
 mod info;
 mod input;
 mod maintain;
 mod picture;
+mod plan;
 mod relight;
 mod render;
 mod share;
@@ -47,6 +49,16 @@ enum Command {
   ltm render room.toml --blocks 0..100       one part of a farm's work
   ltm render room.toml --pack --target 45dB  writes room.ltc, and no matrix")]
     Render(render::Render),
+    /// Plan the work of many machines: ranges of blocks, and what each will take, in a file that they all read.
+    #[command(after_help = "Examples:
+  ltm plan room.toml                         writes room.plan.json, ranges of five minutes of one core
+  ltm plan room.toml -o p.json --each 20min --samples 1024 --target 45dB")]
+    Plan(plan::Plan),
+    /// Build one range of a plan into a shard. A range that is there already costs one look.
+    #[command(after_help = "Examples:
+  ltm build --plan room.plan.json --range 7 --out shards
+  ltm build --plan room.plan.json --blocks 0..64 --out /shared/shards")]
+    Build(farm::Build),
     /// Make an image from a container (.ltc) or a stored matrix (.ltm) under a lighting.
     #[command(after_help = "Examples:
   ltm relight room.ltc -o room.exr
@@ -77,9 +89,13 @@ enum Command {
     /// Render the damaged and missing blocks of a matrix again.
     #[command(after_help = "Example: ltm repair room.ltm room.toml --samples 256")]
     Repair(maintain::Repair),
-    /// Join files that hold different blocks of the same job. Doing it again changes nothing.
+    /// Join files that hold different blocks of the same job, or the shards of a plan. Doing it again changes nothing.
     #[command(
-        after_help = "Exits with 4 where a block is damaged in every file, with 3 where one is missing. Example: ltm merge -o whole.ltm part-*.ltm"
+        after_help = "Exits with 4 where a block is damaged in every file, with 3 where one is missing; with --plan with 8 where \
+one is missing, after a line FIRST..END for each range to build. Examples:
+  ltm merge -o whole.ltm part-*.ltm
+  ltm merge --plan room.plan.json shards -o room.ltc
+  ltm merge --plan room.plan.json shards -o room.ltc --list=array     for Slurm's --array"
     )]
     Merge(maintain::Merge),
     /// Measure what the program reaches: each study writes CSV, a plot and a table. A program of its own, ltm-study.
@@ -98,6 +114,8 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
     match arguments.command.unwrap_or_else(|| Command::Demo(demo::Demo::default())) {
         Command::Demo(options) => demo::run(&options, console),
         Command::Render(options) => render::run(&options, console),
+        Command::Plan(options) => plan::run(&options, console),
+        Command::Build(options) => farm::build(&options, console),
         Command::Relight(options) => relight::run(&options, console),
         Command::Share(options) => share::run(&options, console),
         Command::View(options) => sibling::run("ltm-view", arguments.threads, &options),

@@ -11,6 +11,7 @@ use ltm::pipeline;
 use ltm::scene::LoadOptions;
 use ltm::{Error, Result};
 
+use crate::farm::{self, Listing};
 use crate::input::{Kind, kind_of, parse_size, with_overrides};
 use ltm_cli::console::Console;
 use ltm_cli::say;
@@ -43,21 +44,30 @@ pub(crate) struct Repair {
 
 #[derive(Args)]
 pub(crate) struct Merge {
-    /// The parts: all .ltm or all .ltc.
+    /// The parts: all .ltm or all .ltc; with --plan, the folder of the shards.
     #[arg(required = true)]
-    parts: Vec<PathBuf>,
+    pub(crate) parts: Vec<PathBuf>,
     /// The joined file.
     #[arg(short, long)]
-    output: PathBuf,
+    pub(crate) output: PathBuf,
+    /// The plan whose shards are to be made a container.
+    #[arg(long, conflicts_with = "partial")]
+    plan: Option<PathBuf>,
+    /// With --plan: merge nothing, and list the ranges that are missing.
+    #[arg(long, value_enum, requires = "plan", num_args = 0..=1, require_equals = true, default_missing_value = "ranges")]
+    pub(crate) list: Option<Listing>,
+    /// With --plan: the scene file, where it does not lie where the plan says.
+    #[arg(long, requires = "plan")]
+    pub(crate) scene: Option<PathBuf>,
     /// Replace a container that is there (a matrix is added to).
     #[arg(long)]
-    force: bool,
+    pub(crate) force: bool,
     /// Blocks may be missing still: more parts follow.
     #[arg(long)]
     partial: bool,
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
-    memory: Option<u64>,
+    pub(crate) memory: Option<u64>,
 }
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
@@ -75,7 +85,10 @@ pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
 }
 
 pub(crate) fn merge(options: &Merge, console: &Console) -> Result<()> {
-    let Merge { parts, output, force, partial, memory } = options;
+    let Merge { parts, output, force, partial, memory, .. } = options;
+    if let Some(plan) = &options.plan {
+        return farm::merge(options, plan, console);
+    }
     pipeline::admit_merge(parts, *memory)?;
     let begun = std::cell::Cell::new(false);
     let progress = |_: u32, blocks: u32| {

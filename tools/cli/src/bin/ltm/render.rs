@@ -172,7 +172,7 @@ fn print_report(output: &Path, report: &RenderReport) {
     }
 }
 
-fn parse_range(text: &str) -> Result<std::ops::Range<u32>, String> {
+pub(crate) fn parse_range(text: &str) -> Result<std::ops::Range<u32>, String> {
     let (first, end) = text.split_once("..").ok_or("write FIRST..END, for example 0..100")?;
     let index = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a block index ({e})"));
     Ok(index(first)?..index(end)?)

@@ -1,0 +1,141 @@
+//! `ltm build`, and `ltm merge --plan`.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use ltm::container::ContainerReader;
+use ltm::depot::Depot;
+use ltm::files::check_output;
+use ltm::host::{Watch, parse_bytes};
+use ltm::pipeline::{FarmJob, Shards};
+use ltm::{Error, Result};
+
+use crate::maintain::Merge;
+use crate::plan::Planned;
+use ltm_cli::console::Console;
+use ltm_cli::say;
+
+#[derive(Args)]
+pub(crate) struct Build {
+    /// The plan, as ltm plan wrote it.
+    #[arg(long)]
+    plan: PathBuf,
+    /// Blocks to build, FIRST..END.
+    #[arg(long, value_parser = crate::render::parse_range, required_unless_present = "range")]
+    blocks: Option<Range<u32>>,
+    /// The range of the plan of this number, from 0.
+    #[arg(long, conflicts_with = "blocks")]
+    range: Option<usize>,
+    /// The folder for the shards.
+    #[arg(long)]
+    out: String,
+    /// The scene file, where it does not lie where the plan says.
+    #[arg(long)]
+    scene: Option<PathBuf>,
+    /// Read a shard that is there, and build the range again where its bytes have changed.
+    #[arg(long)]
+    check: bool,
+    /// Folder for what is built until it is whole [default: the system's for such files].
+    #[arg(long)]
+    scratch: Option<PathBuf>,
+    /// Memory to stay within, for example 1GiB [default: what the system has].
+    #[arg(long, value_parser = parse_bytes)]
+    memory: Option<u64>,
+}
+
+/// How missing ranges are listed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Listing {
+    /// A line for each range of the plan, FIRST..END.
+    Ranges,
+    /// Numbers of the plan's ranges as one line, 0-3,7: what Slurm's --array takes.
+    Array,
+}
+
+pub(crate) fn build(options: &Build, console: &Console) -> Result<()> {
+    let plan = Planned::read(&options.plan)?;
+    let blocks = match (&options.blocks, options.range) {
+        (Some(blocks), _) => blocks.clone(),
+        (None, number) => {
+            let number = number.unwrap_or_default();
+            plan.ranges.get(number).cloned().ok_or_else(|| {
+                let problem = format!("has {} ranges, and none of number {number}", plan.ranges.len());
+                Error::input(options.plan.display().to_string(), problem, "numbers begin at 0")
+            })?
+        }
+    };
+    let said = format!("{}..{}", blocks.start, blocks.end);
+    let depot = Depot::open(&options.out)?;
+    // Before the scene is loaded: a range that is there costs one look.
+    let cache = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
+    if let Some(name) = FarmJob::find(&plan.fingerprint, &blocks, &depot, options.check.then_some(&*cache))? {
+        say!("{said}: there already, {name}");
+        return Ok(());
+    }
+    let job = plan.load(options.scene.as_deref(), options.memory, false, console)?;
+    let report = job.build(blocks, &depot, options.scratch.as_deref(), console)?;
+    let rate = report.rays as f64 / report.seconds / 1e6;
+    say!("{said}: {} in {:.1} s, {rate:.2} M rays/s", report.name, report.seconds);
+    if report.non_finite > 0 {
+        say!("{} contributions were not finite and were dropped", report.non_finite);
+    }
+    Ok(())
+}
+
+/// Merges the shards of a plan.
+pub(crate) fn merge(options: &Merge, plan: &Path, console: &Console) -> Result<()> {
+    let [address] = &*options.parts else {
+        let problem = format!("{} places were given", options.parts.len());
+        return Err(Error::input("ltm merge --plan", problem, "name the one folder that the shards are in"));
+    };
+    let plan = Planned::read(plan)?;
+    let depot = Depot::open(&address.to_string_lossy())?;
+    let output = &options.output;
+    if options.list.is_none() {
+        check_output(output, options.force)?;
+    }
+    let job = plan.load(options.scene.as_deref(), options.memory, options.force, console)?;
+    let cache = FarmJob::cache_path(output);
+    let shards = job.shards(&depot, &cache, console)?;
+    for refused in &shards.refused {
+        console.note(&format!("refused: {}: {}", refused.name, refused.problem));
+    }
+    if let Some(listing) = options.list {
+        return list(&plan, &shards, listing);
+    }
+    if !shards.missing.is_empty() {
+        list(&plan, &shards, Listing::Ranges)?;
+    }
+    if shards.non_finite > 0 {
+        say!("{} contributions were not finite and were dropped", shards.non_finite);
+    }
+    let count = shards.count;
+    let packed = job.merge(shards, output, console)?;
+    say!("{}: {count} shards merged in {:.1} s", output.display(), packed.seconds);
+    packed.to_string().lines().for_each(|line| say!("{line}"));
+    let basis = ContainerReader::open(output)?.job().basis.clone();
+    packed.cleaning.iter().for_each(|errors| say!("{}", ltm::light::cleaning_errors_line(errors)));
+    ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| say!("{line}"));
+    say!("next: ltm relight {} -o relit.png", output.display());
+    Ok(())
+}
+
+/// Prints the ranges of the plan that have blocks in no shard: nothing else goes to standard output.
+fn list(plan: &Planned, shards: &Shards, listing: Listing) -> Result<()> {
+    let numbers = plan.having(&shards.missing);
+    match listing {
+        Listing::Ranges => {
+            numbers.iter().map(|&number| &plan.ranges[number]).for_each(|r| say!("{}..{}", r.start, r.end))
+        }
+        Listing::Array => {
+            let runs = numbers.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
+                [one] => one.to_string(),
+                [first, .., last] => format!("{first}-{last}"),
+                [] => String::new(),
+            });
+            say!("{}", runs.collect::<Vec<_>>().join(","));
+        }
+    }
+    Ok(())
+}

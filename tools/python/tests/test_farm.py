@@ -1,0 +1,286 @@
+"""Farms: ranges as tasks of Dask, of a Slurm script and of an Open Job Description, and the container of one machine in the end.
+
+They want the program: ``LTM`` says where it is. ``LTM_FARM_GIB=2`` makes the matrix of the proof so large.
+"""
+
+import hashlib
+import json
+import os
+import random
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+distributed = pytest.importorskip("distributed")
+from ltm import farm  # noqa: E402
+
+PROGRAM = os.environ.get("LTM") or shutil.which("ltm")
+FARM = Path(__file__).parents[2] / "farm"
+pytestmark = [
+    pytest.mark.skipif(PROGRAM is None, reason="the program ltm is not there, and LTM does not say where it is"),
+    # Dask's own, of clusters that are killed.
+    pytest.mark.filterwarnings("ignore"),
+]
+
+OBJ = """mtllib room.mtl
+v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1
+v -0.5 2 -0.5\nv 0.5 2 -0.5\nv 0.5 2 0.5\nv -0.5 2 0.5
+vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1
+usemtl floor\nf 4 3 2 1
+usemtl lamp\nf 5/1 6/2 7/3 8/4
+"""
+MTL = "newmtl floor\nKd 0.5 0.5 0.5\nnewmtl lamp\nKd 0 0 0\nKe 3 2 1\n"
+SCENE = """
+geometry = ["room.obj"]
+
+[camera]
+eye = [0.0, 1.0, 3.0]
+look_at = [0.0, 0.5, 0.0]
+vertical_fov_degrees = 50.0
+width = {width}
+height = {height}
+
+[render]
+samples_per_pixel = {samples}
+block_side = {side}
+
+[[light]]
+material = "lamp"
+texels = [{texels}, {texels}]
+"""
+
+
+def run(*words: object) -> subprocess.CompletedProcess:
+    done = subprocess.run([str(word) for word in words], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    assert done.returncode == 0, f"{words}: {done.stderr}"
+    return done
+
+
+def digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def make(folder: Path, width: int, height: int, texels: int, samples: int, side: int, blocks: int, *words: str) -> Path:
+    """Writes a room, its plan, and the container of one machine, `single.ltc`."""
+    (folder / "room.obj").write_text(OBJ)
+    (folder / "room.mtl").write_text(MTL)
+    (folder / "room.toml").write_text(SCENE.format(width=width, height=height, texels=texels, samples=samples, side=side))
+    run(PROGRAM, "plan", folder / "room.toml", "-o", folder / "room.plan.json", "--blocks", blocks, *words)
+    run(PROGRAM, "render", folder / "room.toml", "--pack", "-o", folder / "single.ltc", *words)
+    return folder / "room.plan.json"
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("room")
+    make(folder, 48, 32, 8, 16, 8, 5)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def client():
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        with distributed.Client(cluster) as client:
+            yield client
+
+
+def failing(folder: Path, when: str) -> str:
+    """The program, but for the cases of a shell's pattern of its arguments."""
+    path = folder / "ltm"
+    path.write_text(f'#!/bin/bash\n{when}\nexec "{PROGRAM}" "$@"\n')
+    path.chmod(0o755)
+    return str(path)
+
+
+def test_a_farm_makes_the_container_of_one_machine(room: Path, client, tmp_path: Path):
+    told = []
+    out = farm.render(
+        room / "room.plan.json", client, tmp_path / "room.ltc", tmp_path / "shards", progress=lambda *now: told.append(now)
+    )
+    assert digest(out) == digest(room / "single.ltc")
+    # 24 blocks by five.
+    assert len(list((tmp_path / "shards").iterdir())) == 5
+    assert told[0] == (0, 24, 0) and told[-1] == (24, 24, 0) and len(told) == 6
+    with pytest.raises(FileExistsError):
+        farm.render(room / "room.plan.json", client, out, tmp_path / "shards")
+    told.clear()
+    farm.render(
+        room / "room.plan.json", client, out, tmp_path / "shards", overwrite=True, progress=lambda *now: told.append(now)
+    )
+    assert told == [(24, 24, 0)], "nothing was built again"
+
+
+def test_a_range_that_cannot_be_built_is_named_and_the_others_are_finished(room: Path, client, tmp_path: Path):
+    bad = failing(tmp_path, '[[ "$*" == *"--blocks 5..10"* ]] && { echo "ltm: the lens cap is on" >&2; exit 5; }')
+    with pytest.raises(farm.FarmError, match="1 of the ranges .* lens cap") as raised:
+        farm.render(room / "room.plan.json", client, tmp_path / "room.ltc", tmp_path / "shards", program=bad, retries=1)
+    assert list(raised.value.poisoned) == ["5..10"]
+    assert len(list((tmp_path / "shards").iterdir())) == 4
+    told = []
+    out = farm.render(
+        room / "room.plan.json", client, tmp_path / "room.ltc", tmp_path / "shards", progress=lambda *now: told.append(now)
+    )
+    assert told == [(19, 24, 0), (24, 24, 0)]
+    assert digest(out) == digest(room / "single.ltc")
+
+
+def test_a_shard_that_was_changed_is_built_again(room: Path, client, tmp_path: Path):
+    shards = tmp_path / "shards"
+    run(PROGRAM, "build", "--plan", room / "room.plan.json", "--range", 0, "--out", shards)
+    (shard,) = shards.iterdir()
+    data = bytearray(shard.read_bytes())
+    data[len(data) // 2] ^= 1
+    shard.write_bytes(data)
+    out = farm.render(room / "room.plan.json", client, tmp_path / "room.ltc", shards)
+    assert digest(out) == digest(room / "single.ltc")
+
+
+def test_the_command_line_of_a_merge_says_what_is_missing(room: Path, tmp_path: Path):
+    plan, shards, out = room / "room.plan.json", tmp_path / "shards", tmp_path / "room.ltc"
+    for number in (1, 3):
+        run(PROGRAM, "build", "--plan", plan, "--range", number, "--out", shards)
+    merge = [PROGRAM, "merge", "--plan", str(plan), str(shards), "-o", str(out)]
+    done = subprocess.run(merge, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.split()) == (farm.MISSING, ["0..5", "10..15", "20..24"])
+    assert "build the missing ranges" in done.stderr and not out.exists()
+    assert run(*merge, "--list=array").stdout == "0,2,4\n"
+
+
+def test_the_command_line_renders_a_scene(room: Path, tmp_path: Path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("LTM", PROGRAM)
+    assert farm.main([str(room / "room.toml"), "--local", "2", "--plan", "--blocks 6"]) == 0
+    assert capsys.readouterr().out.endswith("room.ltc\n")
+    assert digest(tmp_path / "room.ltc") == digest(room / "single.ltc")
+
+
+def ranges_of(plan: Path) -> list:
+    return json.loads(plan.read_text())["ranges"]
+
+
+def test_the_script_for_slurm_builds_the_range_of_its_task(room: Path, tmp_path: Path):
+    """The script itself, started as Slurm starts it."""
+    plan = room / "room.plan.json"
+    for number in range(len(ranges_of(plan))):
+        environment = os.environ | {"LTM": PROGRAM, "SLURM_ARRAY_TASK_ID": str(number), "SLURM_CPUS_PER_TASK": "2"}
+        subprocess.run(["bash", FARM / "array.sbatch", plan, tmp_path / "shards"], check=True, env=environment)
+    run(PROGRAM, "merge", "--plan", plan, tmp_path / "shards", "-o", tmp_path / "room.ltc")
+    assert digest(tmp_path / "room.ltc") == digest(room / "single.ltc")
+
+
+@pytest.mark.skipif(shutil.which("sbatch") is None, reason="no Slurm here")
+def test_slurm_runs_the_array(room: Path, tmp_path: Path):
+    plan, shards, out = room / "room.plan.json", tmp_path / "shards", tmp_path / "room.ltc"
+    missing = run(PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--list=array").stdout.strip()
+    environment = os.environ | {"LTM": PROGRAM}
+    words = ["sbatch", "--wait", f"--array={missing}", f"--chdir={tmp_path}", FARM / "array.sbatch", plan, shards]
+    subprocess.run(words, check=True, env=environment, timeout=300)
+    run(PROGRAM, "merge", "--plan", plan, shards, "-o", out)
+    assert digest(out) == digest(room / "single.ltc")
+
+
+OPENJD = shutil.which("openjd", path=f"{Path(sys.executable).parent}:{os.environ.get('PATH', '')}")
+
+
+@pytest.mark.skipif(OPENJD is None, reason="no openjd here (pip install openjd-cli)")
+def test_open_job_description_builds_and_merges(room: Path, tmp_path: Path):
+    plan, template = room / "room.plan.json", FARM / "template.openjd.yaml"
+    run(OPENJD, "check", template)
+    parameters = {
+        "Plan": plan, "Shards": tmp_path / "shards", "Output": tmp_path / "room.ltc",
+        "Ranges": f"0-{len(ranges_of(plan)) - 1}", "Program": PROGRAM,
+    }
+    words = [word for name, value in parameters.items() for word in ("-p", f"{name}={value}")]
+    run(OPENJD, "run", template, "--step", "Merge", "--run-dependencies", *words)
+    assert digest(tmp_path / "room.ltc") == digest(room / "single.ltc")
+
+
+#: Of what builds one start in ten fails, half of them after the work; merging is one machine's own.
+UNSTEADY = """case "$*" in *" build "*)
+  ((RANDOM % 20 == 0)) && { echo "ltm: the store does not answer" >&2; exit 5; }
+  ((RANDOM % 20 == 0)) && { "%s" "$@" > /dev/null; echo "ltm: the store's answer was lost" >&2; exit 5; }
+esac"""
+
+
+class Machines:
+    """A scheduler and three workers as processes, some of which are killed; who is dead is started again."""
+
+    def __init__(self, kill_every: float, scheduler_dies_after: float):
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self.kill_every, self.scheduler_dies_after = kill_every, scheduler_dies_after
+        self.stopping = threading.Event()
+        self.killed = {"workers": 0, "schedulers": 0}
+        self.random = random.Random(7)
+        self.scheduler = self.start("scheduler", "--host", "127.0.0.1", "--port", self.port, "--no-dashboard")
+        self.workers = [self.worker() for _ in range(3)]
+        self.thread = threading.Thread(target=self.haunt)
+        self.thread.start()
+
+    def start(self, *words: object) -> subprocess.Popen:
+        command = [sys.executable, "-m", "distributed.cli.dask_" + str(words[0]), *map(str, words[1:])]
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def worker(self) -> subprocess.Popen:
+        return self.start("worker", self.address, "--nthreads", 1, "--no-nanny", "--no-dashboard", "--death-timeout", 5)
+
+    def haunt(self) -> None:
+        begun = last = time.monotonic()
+        while not self.stopping.wait(0.2):
+            now = time.monotonic()
+            if not self.killed["schedulers"] and now - begun > self.scheduler_dies_after:
+                self.killed["schedulers"] += 1
+                self.scheduler.send_signal(signal.SIGKILL)
+                self.scheduler.wait()
+                self.scheduler = self.start("scheduler", "--host", "127.0.0.1", "--port", self.port, "--no-dashboard")
+            if now - last > self.kill_every:
+                last = now
+                self.killed["workers"] += 1
+                self.random.choice(self.workers).send_signal(signal.SIGKILL)
+            self.workers = [w if w.poll() is None else self.worker() for w in self.workers]
+
+    def stop(self) -> None:
+        self.stopping.set()
+        self.thread.join()
+        for process in [*self.workers, self.scheduler]:
+            process.kill()
+            process.wait()
+
+
+def test_with_workers_and_the_scheduler_killed_and_a_store_that_fails_the_bytes_are_those_of_one_machine(tmp_path: Path):
+    gib = float(os.environ.get("LTM_FARM_GIB", "0.05"))
+    # A small picture under many columns: 3 × 4 bytes for each pixel and column.
+    texels, side = 32, 16
+    pixels = gib * 2**30 / (12 * texels**2)
+    width = max(int((pixels * 1.5) ** 0.5) // side * side, 4 * side)
+    height = max(int(pixels / width) // side * side, 2 * side)
+    blocks = (width // side) * (height // side)
+    large = gib >= 1
+    plan = make(tmp_path, width, height, texels, 16 if large else 64, side, max(blocks // 60, 1))
+    raw = json.loads(plan.read_text())["shape"]["raw_bytes"]
+    # One start of the program in ten fails, half of them after the work.
+    unsteady = failing(tmp_path, UNSTEADY % PROGRAM)
+    machines = Machines(10 if large else 2, 15 if large else 3)
+    begun, again = time.monotonic(), []
+    try:
+        out = farm.render(
+            plan, machines.address, tmp_path / "farm.ltc", tmp_path / "shards", program=unsteady, retries=20, patience=60,
+            progress=lambda done, total, tries: again.append(tries),
+        )
+    finally:
+        machines.stop()
+    print(
+        f"{raw / 2**30:.2f} GiB of matrix, {len(ranges_of(plan))} ranges, {time.monotonic() - begun:.0f} s, "
+        f"{machines.killed['workers']} workers and {machines.killed['schedulers']} scheduler killed, {again[-1]} tries again"
+    )
+    assert digest(out) == digest(tmp_path / "single.ltc")
+    assert machines.killed["schedulers"] == 1 and machines.killed["workers"] >= 1
