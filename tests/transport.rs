@@ -4,6 +4,8 @@
 mod bsdf;
 #[path = "transport/bvh.rs"]
 mod bvh;
+#[path = "transport/caustics.rs"]
+mod caustics;
 #[path = "transport/layers.rs"]
 mod layers;
 #[path = "transport/light.rs"]

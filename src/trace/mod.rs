@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! tracer ── for each pixel and sample ──► integrator ──► world (bvh, surfaces), bsdf, lights
-//!    ▲                                        │
+//!    ▲                                        │      ▲
+//!    │                                        │      └── photons, sent before the first block
 //!    └── block and noise ◄── accumulator ◄────┤ (column, RGB)
 //!    └── layers, features ◄────── planes ◄────┘ (how it came, cluster, RGB)
 //! ```
@@ -13,6 +14,7 @@ pub mod bvh;
 mod frame;
 mod integrator;
 mod lights;
+mod photons;
 mod planes;
 mod sampler;
 #[cfg(test)]
