@@ -8,7 +8,7 @@ use ltm::matrix::{BlockSource, CHANNELS, TracedBlock};
 use ltm::scene::{Camera, Emitter, EnvironmentEmitter, IesProfile, Paint, PointEmitter, Scene, Surface};
 use ltm::trace::{TraceSettings, Tracer};
 
-use crate::scenes::{Builder, camera, lambert, mean, settings, tracer};
+use crate::scenes::{Builder, blocks, camera, lambert, mean, settings, tracer};
 
 const WHITE: f32 = 0.8;
 const SILVER: f32 = 0.9;
@@ -37,15 +37,6 @@ fn columns(tracer: &Tracer) -> Vec<Vec<f32>> {
         columns.iter_mut().zip(entries).for_each(|(column, entries)| column.extend(entries));
     }
     columns
-}
-
-fn blocks(tracer: &Tracer) -> Vec<TracedBlock> {
-    let traced = |id| {
-        let mut block = TracedBlock::default();
-        tracer.trace_block(id, &mut block);
-        block
-    };
-    tracer.shape().blocks().map(traced).collect()
 }
 
 /// Radiance of a white level as the camera sees it, of an irradiance: in the order of rows, red alone.
@@ -87,7 +78,8 @@ fn relative_error(found: &[f32], expected: &[f32]) -> f64 {
 fn above_a_mirror(lamp: Emitter, kind: LightKind, side: u32) -> Scene {
     let view = camera(Vec3::new(0.2, 1.2, 0.1), Vec3::new(0.3, 2.0, -0.1), 70.0, side);
     let mut builder = Builder::new(view);
-    level(&mut builder, 0.0, 6.0, true, mirror());
+    // As large as what is seen needs, so that most photons come there.
+    level(&mut builder, 0.0, 0.6, true, mirror());
     level(&mut builder, 2.0, 6.0, false, lambert(WHITE));
     builder.bodiless("lamp", kind, lamp);
     builder.build()
@@ -134,10 +126,10 @@ fn a_lamp_over_a_mirror_lights_as_its_mirror_image_does() {
             direct * from_lamp(lamp, point) + SILVER * relative(point) * from_lamp(below, point)
         });
         let found = red(&tracer(scene, settings(64, 3)), 0);
-        // A gathering holds some 30 photons; the view some hundred gatherings that overlap little.
+        // Of 65,536 photons some 10,000 come into view, evenly: a deviation below 1 %. A gathering holds some 30, of 18 %.
         let difference = mean(&found) / mean(&expected) - 1.0;
-        assert!(difference.abs() < 0.01, "{kind:?}: {} for {}", mean(&found), mean(&expected));
-        assert!(relative_error(&found, &expected) < 0.15, "{kind:?}: {}", relative_error(&found, &expected));
+        assert!(difference.abs() < 0.02, "{kind:?}: {} for {}", mean(&found), mean(&expected));
+        assert!(relative_error(&found, &expected) < 0.25, "{kind:?}: {}", relative_error(&found, &expected));
     }
 }
 
@@ -147,14 +139,15 @@ fn a_mirror_sends_the_sun_onto_what_is_above_it() {
     let towards = Vec3::new(0.6, 0.8, 0.0);
     for angular_radius_radians in [0.0, 0.03] {
         let mut builder = Builder::new(camera(Vec3::new(-1.5, 1.0, 0.1), Vec3::new(-1.5, 2.0, 0.1), 30.0, 16));
-        level(&mut builder, 0.0, 8.0, true, mirror());
+        level(&mut builder, 0.0, 1.0, true, mirror());
         // What is seen, about x = −1.5 at a height of 2, has its light from x = 0 on the mirror, and that from x = 1.5.
         builder.quad(Vec3::new(-8.0, 2.0, -8.0), Vec3::X * 8.5, Vec3::Z * 16.0, lambert(WHITE));
         let sun = PointEmitter::Sun { towards, angular_radius_radians };
         builder.bodiless("sun", LightKind::Sun, Emitter::Point(sun));
         let found = mean(&red(&tracer(builder.build(), settings(64, 3)), 0));
         let expected = f64::from(WHITE * SILVER / std::f32::consts::PI * towards.y);
-        assert!((found / expected - 1.0).abs() < 0.02, "{angular_radius_radians}: {found} for {expected}");
+        // Some 3,000 photons, evenly: a deviation below 2 %.
+        assert!((found / expected - 1.0).abs() < 0.04, "{angular_radius_radians}: {found} for {expected}");
     }
 }
 
@@ -169,7 +162,7 @@ fn passed(cosine: f32, cosine_inside: f32) -> f32 {
 /// `sin θ = n sin θ′`, with the Fresnel share that passes: `E = F sin θ / (ρ dρ/dθ)`.
 #[test]
 fn a_lamp_above_water_lights_the_ground_by_what_is_refracted() {
-    let (height, depth) = (0.7f32, 1.1f32);
+    let (height, depth) = (1.2f32, 1.1f32);
     let at = |theta: f32| {
         let (sine, cosine) = theta.sin_cos();
         let sine_inside = sine / INDEX;
@@ -187,17 +180,16 @@ fn a_lamp_above_water_lights_the_ground_by_what_is_refracted() {
         at(low).1
     };
     // The camera is in the water.
-    let mut builder = Builder::new(camera(Vec3::new(0.3, -0.1, 0.2), Vec3::new(0.4, -depth, 0.1), 70.0, 16));
-    level(&mut builder, 0.0, 8.0, true, glass(INDEX));
+    let mut builder = Builder::new(camera(Vec3::new(0.3, -0.1, 0.2), Vec3::new(0.4, -depth, 0.1), 50.0, 16));
+    level(&mut builder, 0.0, 0.8, true, glass(INDEX));
     level(&mut builder, -depth, 8.0, true, lambert(WHITE));
     let lamp = PointEmitter::Point { position: Vec3::Y * height };
     builder.bodiless("lamp", LightKind::Point, Emitter::Point(lamp));
     let scene = builder.build();
     let expected = expected(&scene.camera, -depth, |point| irradiance(point.x.hypot(point.z)));
-    // Up to the light that comes back from the water's surface, of which there is little.
     let found = red(&tracer(scene, settings(64, 3)), 0);
-    assert!((mean(&found) / mean(&expected) - 1.0).abs() < 0.01, "{} for {}", mean(&found), mean(&expected));
-    assert!(relative_error(&found, &expected) < 0.15, "{}", relative_error(&found, &expected));
+    assert!((mean(&found) / mean(&expected) - 1.0).abs() < 0.02, "{} for {}", mean(&found), mean(&expected));
+    assert!(relative_error(&found, &expected) < 0.25, "{}", relative_error(&found, &expected));
 }
 
 /// As many photons as paths: sixteen times as many have `16^(2/3)` in reach and `16^(−1/3) = 0.40` of the error.
@@ -278,9 +270,6 @@ fn photons_bring_the_light_that_paths_from_the_camera_find() {
     let total: f64 = paths.iter().map(|(b, _)| b).sum();
     assert!(squares < 2.0, "mean z² {squares}");
     assert!((difference / total).abs() < 0.004 + 4.0 * variance.sqrt() / total, "{}", difference / total);
-    // Summed over columns and quarters, which share paths; but far less noise of ours at a sixteenth of the samples.
-    let noise = |of: &[(f64, f64)]| of.iter().map(|(_, v)| v).sum::<f64>();
-    println!("noise {} {}, mean z² {squares}, whole {}", noise(&ours), noise(&paths), difference / total);
 }
 
 #[test]
