@@ -32,6 +32,9 @@ pub(in crate::trace) struct Targets {
     scene: Sphere,
 }
 
+/// A sphere, and the triangles in it.
+type Group = (Sphere, Vec<u32>);
+
 /// What a point sees of the targets: directions are chosen uniformly over each cone, and cones by their solid angle.
 struct Cones {
     /// Axis, `1 − cos` of the half angle; and the sum of these up to and with each.
@@ -171,14 +174,14 @@ impl Sphere {
 }
 
 /// Two parts of a group whose spheres are smaller together, the one with the larger sphere last.
-fn part(mesh: &Mesh, sphere: &Sphere, triangles: &[u32]) -> Option<[(Sphere, Vec<u32>); 2]> {
+fn part(mesh: &Mesh, sphere: &Sphere, triangles: &[u32]) -> Option<[Group; 2]> {
     let middle = |t: u32| {
         let [a, b, c] = mesh.corners(&mesh.triangles[t as usize]);
         (a + b + c) / 3.0
     };
     let bounds = |(low, high): (Vec3, Vec3), &t: &u32| (low.min(middle(t)), high.max(middle(t)));
     let (low, high) = triangles.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), bounds);
-    let mut best: Option<(f32, [(Sphere, Vec<u32>); 2])> = None;
+    let mut best: Option<(f32, [Group; 2])> = None;
     for axis in 0..3 {
         for plane in 1..=PLANES {
             let at = low[axis] + (high[axis] - low[axis]) * plane as f32 / (PLANES + 1) as f32;

@@ -54,7 +54,7 @@ impl Tree {
 
     /// The ranges of all leaves, in their order.
     pub(super) fn leaves(&self) -> Vec<std::ops::Range<usize>> {
-        let mut leaves = vec![0..self.points];
+        let mut leaves = Vec::from([std::ops::Range { start: 0, end: self.points }]);
         for _ in 0..self.depth {
             let halves = |range: std::ops::Range<usize>| {
                 let middle = range.start + range.len() / 2;
