@@ -82,3 +82,25 @@ fn tracing_a_block_takes_what_is_stated() {
     // At most, and not much more than it may come to: the list of differences grows with what a pixel's paths reach.
     assert!(taken <= stated && taken > stated * 3 / 4, "took {taken} bytes, said {stated}");
 }
+
+/// Photons are sent anew: what the ones before took is counted as held.
+#[test]
+fn photons_take_what_is_stated() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let loaded = BuiltIn { width: 256, height: 192, texels: 4 }.named("mixed").unwrap();
+    let scene = std::sync::Arc::new(loaded.scene);
+    let shape = MatrixShape::new(256, 192, 16, 32).unwrap();
+    // A path of one segment sees no photon.
+    let none = TraceSettings { samples_per_pixel: 16, seed: 0, max_depth: 1 };
+    let settings = TraceSettings { max_depth: 8, ..none };
+    let tracer = Tracer::new(std::sync::Arc::clone(&scene), shape, none).unwrap();
+    assert_eq!(tracer.photon_count(), 0);
+    let mut count = 0;
+    let taken = taken_by(|| count = tracer.with_settings(settings).unwrap().photon_count());
+    let stated = Tracer::photons_need_bytes(&scene, shape, settings);
+    // At most, as if every photon came to rest somewhere; half of them do.
+    assert!(count > 50_000 && taken <= stated && taken > stated / 3, "{count} took {taken} bytes, said {stated}");
+    // However many samples there are.
+    let many = TraceSettings { samples_per_pixel: 4096, ..settings };
+    assert!(Tracer::photons_need_bytes(&scene, shape, many) <= 64 << 20);
+}

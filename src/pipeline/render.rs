@@ -182,9 +182,10 @@ pub(super) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
     }
 }
 
-/// What tracing takes, wherever the blocks go: the scene, and for each thread a block.
+/// What tracing takes, wherever the blocks go: the scene and its photons, and for each thread a block.
 pub(super) fn tracing_need(loaded: &LoadedScene, job: &Job) -> Need {
-    Need { fixed_bytes: scene_bytes(loaded), per_thread_bytes: block_need(job), ..Need::default() }
+    let photons = Tracer::photons_need_bytes(&loaded.scene, job.shape, settings_of(loaded));
+    Need { fixed_bytes: scene_bytes(loaded) + photons, per_thread_bytes: block_need(job), ..Need::default() }
 }
 
 /// Memory of a scene while it is traced: its arrays, its textures, and the tree, whose nodes and building take about

@@ -3,14 +3,16 @@
 //!
 //! Next-event estimation and the light that scattered rays find by themselves are joined by multiple importance
 //! sampling with the power heuristic (Veach 1997, §9.2). A thin sheet that a ray passes straight through is no vertex:
-//! shadow rays pass it too, and both ways of finding a light must see the same path.
+//! shadow rays pass it too, and both ways of finding a light must see the same path. Light that comes by mirrors and smooth
+//! glass is found by scattered rays and by photons, which are weighed likewise ([`photons`](super::photons)).
 
 use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Scattered};
 use super::frame::Frame;
-use super::lights::EmitterHit;
+use super::lights::{EmitterHit, Found};
+use super::photons::{Gathering, Photons};
 use super::planes::{Layer, PlaneSums, SampleFeatures};
 use super::sampler::{Sampler, Use};
 use super::world::{MAX_PASSES, SurfacePoint, World};
@@ -31,6 +33,15 @@ pub(super) struct PathCost {
     pub(super) non_finite: u64,
 }
 
+/// What paths are traced through, and how far.
+#[derive(Clone, Copy)]
+pub(super) struct Paths<'a> {
+    pub(super) world: &'a World,
+    pub(super) photons: Option<&'a Photons>,
+    /// Longest path in segments.
+    pub(super) max_depth: u32,
+}
+
 /// The last surface that scattered the path, for the weights of the light it finds.
 struct Last {
     position: Vec3,
@@ -38,6 +49,9 @@ struct Last {
     pdf: Option<f32>,
     cosine: f32,
     light_samples: f32,
+    /// Where photons were gathered at the last surface with more than single directions: within what radius, and with what
+    /// density over projected solid angle the path goes on from there.
+    gathered: Option<(f32, f32)>,
 }
 
 /// Where the contributions of one path go.
@@ -50,14 +64,14 @@ struct Record<'a, 'b> {
 }
 
 /// A surface that a path has come to, seen from where it came.
-struct Vertex {
-    point: SurfacePoint,
-    bsdf: Bsdf,
+pub(super) struct Vertex {
+    pub(super) point: SurfacePoint,
+    pub(super) bsdf: Bsdf,
     /// Geometric normal on the viewer's side.
-    normal: Vec3,
+    pub(super) normal: Vec3,
     frame: Frame,
     /// Direction to the viewer in the frame.
-    wo: Vec3,
+    pub(super) wo: Vec3,
 }
 
 impl Record<'_, '_> {
@@ -76,129 +90,144 @@ impl Record<'_, '_> {
     }
 }
 
-/// Traces one sample of the pixel at image position (x, y) into its half of `sums`, and of `planes` where wanted.
+/// Traces a sample of the pixel at image position (x, y) into its half of `sums`, and of `planes` where wanted.
 pub(super) fn trace_sample(
-    world: &World,
-    max_depth: u32,
+    paths: &Paths<'_>,
     (x, y): (u32, u32),
+    sample: u32,
     sampler: &Sampler,
     (sums, planes): (&mut PixelSums, Option<&mut PlaneSums<'_>>),
-    half: usize,
 ) -> PathCost {
-    let camera = &world.scene.camera;
+    let camera = &paths.world.scene.camera;
     let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Use::Pixel, 0));
-    let features = SampleFeatures::default();
+    let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
     let mut record = Record { sums, planes, half, features, cost: PathCost::default() };
-    follow(world, max_depth, camera.eye, camera.direction(position), sampler, &mut record);
+    let map = paths.photons.map_or(0, |photons| photons.map_of(sample));
+    paths.follow((camera.eye, camera.direction(position)), map, sampler, &mut record);
     if let Some(planes) = record.planes {
         planes.add_features(&record.features);
     }
     record.cost
 }
 
-fn follow(
-    world: &World,
-    max_depth: u32,
-    mut origin: Vec3,
-    mut direction: Vec3,
-    sampler: &Sampler,
-    record: &mut Record<'_, '_>,
-) {
-    let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
-    let mut last = Last { position: origin, pdf: None, cosine: 0.0, light_samples: 0.0 };
-    // The layer of an emitter that the next ray finds: emission until a surface has scattered the path.
-    let mut layer = Layer::Emission;
-    let (mut vertex, mut passes, mut travelled) = (0, 0, 0.0);
-    loop {
-        let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
-            for found in world.lights.beyond(direction, last.cosine) {
-                record.add(layer, found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
-            }
-            return;
-        };
-        if let Some(emitter) = world.scene.mesh.triangles[point.triangle as usize].emitter {
-            let hit = EmitterHit {
-                position: point.position,
-                normal: point.normal,
-                uv: point.uv,
-                direction,
-                distance: point.position.distance(last.position),
+impl Paths<'_> {
+    /// Follows the path of a ray, which gathers photons of `map`.
+    fn follow(&self, ray: (Vec3, Vec3), map: u32, sampler: &Sampler, record: &mut Record<'_, '_>) {
+        let (world, (mut origin, mut direction)) = (self.world, ray);
+        let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
+        let mut last = Last { position: origin, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None };
+        // The layer of an emitter that the next ray finds: emission until a surface has scattered the path.
+        let mut layer = Layer::Emission;
+        let (mut vertex, mut passes, mut travelled) = (0, 0, 0.0);
+        loop {
+            let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
+                let hit = EmitterHit::beyond(origin, direction);
+                for found in world.lights.beyond(direction, last.cosine) {
+                    let weight = self.weight_of_found(&last, &found, &hit);
+                    record.add(layer, found.column, throughput * found.radiance * weight);
+                }
+                return;
             };
-            if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit) {
-                record.add(layer, found.column, throughput * found.radiance * weight_of_found(&last, found.pdf));
+            if let Some(emitter) = world.scene.mesh.triangles[point.triangle as usize].emitter {
+                let hit = EmitterHit {
+                    position: point.position,
+                    normal: point.normal,
+                    uv: point.uv,
+                    direction,
+                    distance: point.position.distance(last.position),
+                };
+                if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit) {
+                    let weight = self.weight_of_found(&last, &found, &hit);
+                    record.add(layer, found.column, throughput * found.radiance * weight);
+                }
             }
-        }
-        let at = Vertex::new(world, point, direction);
-        // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
-        let at_end = vertex + 1 >= max_depth;
-        if layer == Layer::Emission {
-            travelled += at.point.position.distance(origin);
-            if at.bsdf.is_spread() || at_end || matches!(at.bsdf, Bsdf::Black) {
-                at.show(&mut record.features, throughput, travelled);
+            let at = Vertex::new(world, point, direction);
+            // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
+            let at_end = vertex + 1 >= self.max_depth;
+            if layer == Layer::Emission {
+                travelled += at.point.position.distance(origin);
+                if at.bsdf.is_spread() || at_end || matches!(at.bsdf, Bsdf::Black) {
+                    at.show(&mut record.features, throughput, travelled);
+                }
             }
-        }
-        if at_end && !at.bsdf.lets_pass() {
-            return;
-        }
-        let choice = sampler.pair(Use::Choice, vertex + passes);
-
-        let mut light_samples = 0;
-        if at.bsdf.is_spread() {
-            light_samples = if layer == Layer::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
-            layer = if layer == Layer::Emission { Layer::Direct } else { Layer::Indirect };
-            for member in 0..light_samples {
-                let pair = sampler.member(Use::Light, vertex, member, light_samples);
-                at.sample_light(world, throughput, pair, light_samples, layer, record);
-            }
-        }
-
-        let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
-        throughput *= next.weight;
-        compression *= next.compression;
-        if !next.straight {
-            match at.leaving(&next) {
-                Some(leaving) => direction = leaving,
-                None => return,
-            }
-        }
-        origin = at.point.start(direction);
-        if next.straight {
-            passes += 1;
-            if passes >= MAX_PASSES {
+            if at_end && !at.bsdf.lets_pass() {
                 return;
             }
-            continue;
-        }
-        if at_end {
-            return;
-        }
-        if next.singular {
-            // A mirror or glass: what is seen in it is emission still, what lights by it is no longer direct.
-            match layer {
-                Layer::Emission => record.features.specular = true,
-                Layer::Direct | Layer::Indirect => layer = Layer::Indirect,
+            let choice = sampler.pair(Use::Choice, vertex + passes);
+
+            let (mut light_samples, mut radius) = (0, None);
+            if at.bsdf.is_spread() {
+                light_samples = if layer == Layer::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
+                layer = if layer == Layer::Emission { Layer::Direct } else { Layer::Indirect };
+                for member in 0..light_samples {
+                    let pair = sampler.member(Use::Light, vertex, member, light_samples);
+                    at.sample_light(world, throughput, pair, light_samples, layer, record);
+                }
+                radius = self
+                    .photons
+                    .map(|photons| at.gather(photons, map, self.max_depth - vertex - 1, throughput, record));
             }
-        }
-        last = Last {
-            position: at.point.position,
-            pdf: (!next.singular).then_some(next.pdf),
-            cosine: next.wi.z,
-            light_samples: light_samples as f32,
-        };
-        vertex += 1;
-        if vertex >= CERTAIN_VERTICES {
-            // Radiance inside glass is larger by the square of its index, which says nothing about the path's worth.
-            let survival = (throughput.max_element() * compression).min(1.0);
-            if choice.y >= survival {
+
+            let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
+            throughput *= next.weight;
+            compression *= next.compression;
+            if !next.straight {
+                match at.leaving(&next) {
+                    Some(leaving) => direction = leaving,
+                    None => return,
+                }
+            }
+            origin = at.point.start(direction);
+            if next.straight {
+                passes += 1;
+                if passes >= MAX_PASSES {
+                    return;
+                }
+                continue;
+            }
+            if at_end {
                 return;
             }
-            throughput /= survival;
+            if next.singular {
+                // A mirror or glass: what is seen in it is emission still, what lights by it is no longer direct.
+                match layer {
+                    Layer::Emission => record.features.specular = true,
+                    Layer::Direct | Layer::Indirect => layer = Layer::Indirect,
+                }
+            }
+            let spread = || next.pdf / direction.dot(at.normal).abs();
+            last = Last {
+                position: at.point.position,
+                pdf: (!next.singular).then_some(next.pdf),
+                cosine: next.wi.z,
+                light_samples: light_samples as f32,
+                gathered: if next.singular { last.gathered } else { radius.map(|radius| (radius, spread())) },
+            };
+            vertex += 1;
+            if vertex >= CERTAIN_VERTICES {
+                // Radiance inside glass is larger by the square of its index, which says nothing about the path's worth.
+                let survival = (throughput.max_element() * compression).min(1.0);
+                if choice.y >= survival {
+                    return;
+                }
+                throughput /= survival;
+            }
+        }
+    }
+
+    /// Weight of light that a ray has found beside light samples at the last surface, or beside the photons that came from it to
+    /// the last surface that scatters.
+    fn weight_of_found(&self, last: &Last, found: &Found, hit: &EmitterHit) -> f32 {
+        match (last.pdf, self.photons, last.gathered) {
+            (Some(pdf), ..) => power_heuristic(pdf, last.light_samples * found.pdf),
+            (None, Some(photons), Some(gathered)) => photons.weight_of_path(self.world, found.source, hit, gathered),
+            _ => 1.0,
         }
     }
 }
 
 impl Vertex {
-    fn new(world: &World, point: SurfacePoint, direction: Vec3) -> Self {
+    pub(super) fn new(world: &World, point: SurfacePoint, direction: Vec3) -> Self {
         let front = point.normal.dot(direction) < 0.0;
         let bsdf = world.bsdf(&point, front);
         let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
@@ -247,9 +276,34 @@ impl Vertex {
         }
     }
 
+    /// Gathers the photons around, whose paths have `most_segments` at most. Returns the radius.
+    fn gather(
+        &self,
+        photons: &Photons,
+        map: u32,
+        most_segments: u32,
+        throughput: Vec3,
+        record: &mut Record<'_, '_>,
+    ) -> f32 {
+        let (position, normal) = (self.point.position, self.normal);
+        let radius = photons.radius_at(position);
+        photons.gather(&Gathering { map, position, normal, radius, most_segments }, |photon| {
+            let (value, pdf) = self.bsdf.eval(self.wo, self.frame.to_local(photon.towards));
+            // Photons lie as the surface itself faces them, not as its shading normal does.
+            let cosine = photon.towards.dot(normal);
+            if value == Vec3::ZERO || cosine <= 0.0 {
+                return;
+            }
+            let weight = photons.weight(&photon, radius, pdf / cosine);
+            let value = throughput * value * photon.irradiance * (weight / cosine);
+            record.add(Layer::Indirect, photon.column, value);
+        });
+        radius
+    }
+
     /// The world direction of what was scattered. None where the shading normal allows it and the surface itself does
     /// not.
-    fn leaving(&self, next: &Scattered) -> Option<Vec3> {
+    pub(super) fn leaving(&self, next: &Scattered) -> Option<Vec3> {
         let direction = self.frame.to_world(next.wi).normalize();
         if (direction.dot(self.normal) > 0.0) == (next.wi.z > 0.0) {
             return Some(direction);
@@ -285,12 +339,8 @@ fn lifted(direction: Vec3, normal: Vec3) -> Vec3 {
     (direction + (GRAZING - direction.dot(normal)) * normal).try_normalize().unwrap_or(normal)
 }
 
-fn weight_of_found(last: &Last, light_pdf: f32) -> f32 {
-    last.pdf.map_or(1.0, |pdf| power_heuristic(pdf, last.light_samples * light_pdf))
-}
-
 /// Weight of the technique with expected density `a` beside one with `b`, which are counts times densities.
-fn power_heuristic(a: f32, b: f32) -> f32 {
+pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
     // As a ratio, so that large densities do not overflow.
     let ratio = b / a;
     if a > 0.0 { 1.0 / (1.0 + ratio * ratio) } else { 0.0 }

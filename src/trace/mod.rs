@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! tracer ── for each pixel and sample ──► integrator ──► world (bvh, surfaces), bsdf, lights
-//!    ▲                                        │
+//!    ▲                                        │      ▲
+//!    │                                        │      └── photons, sent before the first block
 //!    └── block and noise ◄── accumulator ◄────┤ (column, RGB)
 //!    └── layers, features ◄────── planes ◄────┘ (how it came, cluster, RGB)
 //! ```
@@ -13,6 +14,7 @@ pub mod bvh;
 mod frame;
 mod integrator;
 mod lights;
+mod photons;
 mod planes;
 mod sampler;
 #[cfg(test)]
@@ -25,4 +27,4 @@ pub use tracer::{BlockStats, TraceSettings, Tracer};
 
 /// Version of what the tracer makes of a scene, which every matrix names: to be raised with every change of an entry, so that
 /// blocks of two versions are never mixed in one matrix.
-pub const TRACER_VERSION: u32 = 2;
+pub const TRACER_VERSION: u32 = 3;

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 
 use super::accumulator::{NoiseSums, PixelSums, RUN, Run, Tile, interleave};
 use super::bvh::Bvh;
-use super::integrator::trace_sample;
+use super::integrator::{Paths, trace_sample};
+use super::photons::Photons;
 use super::planes::{self, PlaneSums};
 use super::sampler::Sampler;
 use super::world::World;
@@ -45,6 +46,9 @@ pub struct BlockStats {
 #[derive(Debug)]
 pub struct Tracer {
     world: World,
+    /// None where none are wanted, or no mirror and no glass sends light to anything.
+    photons: Option<Photons>,
+    wants_photons: bool,
     shape: MatrixShape,
     settings: TraceSettings,
     /// Probe lightings for the noise, columns × probes, probe fastest.
@@ -76,7 +80,26 @@ impl Tracer {
         check(settings)?;
         let (probes_of_column, probes) = interleave(&probe_lightings(&scene.basis), columns);
         let clusters = Clusters::of_basis(&scene.basis);
-        Ok(Self { world: World::new(scene)?, shape, settings, probes_of_column, probes, clusters })
+        let world = World::new(scene)?;
+        let photons = Photons::new(&world, pixels(shape), settings);
+        Ok(Self { world, photons, wants_photons: true, shape, settings, probes_of_column, probes, clusters })
+    }
+
+    /// The same by paths from the camera alone, which do not find what mirrors and glass throw of lamps without extent. An
+    /// independent estimate of the same image for all others.
+    #[must_use]
+    pub fn without_photons(self) -> Self {
+        Self { photons: None, wants_photons: false, ..self }
+    }
+
+    /// Photons that light what is seen by mirrors and smooth glass: none where no light does.
+    pub fn photon_count(&self) -> usize {
+        self.photons.as_ref().map_or(0, Photons::count)
+    }
+
+    /// Bytes that the photons of a scene take at most, beside the blocks.
+    pub fn photons_need_bytes(scene: &Scene, shape: MatrixShape, settings: TraceSettings) -> u64 {
+        Photons::needs_bytes(scene, pixels(shape), settings)
     }
 
     /// Bytes that tracing a block of this shape takes at most beside the block: sums and means of the pixels at hand, and
@@ -92,9 +115,12 @@ impl Tracer {
     ///
     /// # Errors
     /// Settings out of range.
-    pub fn with_settings(self, settings: TraceSettings) -> Result<Self> {
+    pub fn with_settings(mut self, settings: TraceSettings) -> Result<Self> {
         check(settings)?;
-        Ok(Self { settings, ..self })
+        drop(self.photons.take());
+        self.settings = settings;
+        self.photons = self.wants_photons.then(|| Photons::new(&self.world, pixels(self.shape), settings)).flatten();
+        Ok(self)
     }
 
     /// The scene.
@@ -178,15 +204,20 @@ impl Tracer {
         stats: &mut BlockStats,
     ) {
         let key = u64::from(y) * u64::from(self.shape.width()) + u64::from(x);
+        let (world, photons) = (&self.world, self.photons.as_ref());
+        let paths = Paths { world, photons, max_depth: self.settings.max_depth };
         for sample in 0..self.settings.samples_per_pixel {
             let sampler = Sampler::new(self.settings.seed, key, sample);
-            let half = (sample & 1) as usize;
             let into = (&mut *sums, planes.as_deref_mut());
-            let cost = trace_sample(&self.world, self.settings.max_depth, (x, y), &sampler, into, half);
+            let cost = trace_sample(&paths, (x, y), sample, &sampler, into);
             stats.rays += cost.rays;
             stats.non_finite += cost.non_finite;
         }
     }
+}
+
+fn pixels(shape: MatrixShape) -> u64 {
+    u64::from(shape.width()) * u64::from(shape.height())
 }
 
 fn check(settings: TraceSettings) -> Result<()> {

@@ -16,7 +16,7 @@ pub(super) const MAX_PASSES: u32 = 256;
 
 /// How far new rays start off a surface, in units of the size of its coordinates: some hundred roundings of f32, which
 /// covers the errors of the hit point (a few) and of the intersection with its neighbours.
-const OFFSET: f32 = 1.0e-5;
+pub(super) const OFFSET: f32 = 1.0e-5;
 
 /// A scene with its tree and lights.
 #[derive(Debug)]

@@ -177,6 +177,16 @@ pub(crate) fn tracer(scene: impl Into<Arc<Scene>>, settings: TraceSettings) -> T
     Tracer::new(scene, shape, settings).unwrap()
 }
 
+/// All blocks of a tracer.
+pub(crate) fn blocks(tracer: &Tracer) -> Vec<TracedBlock> {
+    let traced = |id| {
+        let mut block = TracedBlock::default();
+        tracer.trace_block(id, &mut block);
+        block
+    };
+    ltm::matrix::BlockSource::shape(tracer).blocks().map(traced).collect()
+}
+
 /// All blocks of a scene.
 pub(crate) fn trace(scene: impl Into<Arc<Scene>>, settings: TraceSettings) -> Vec<(TracedBlock, BlockStats)> {
     let tracer = tracer(scene, settings);

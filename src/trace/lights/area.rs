@@ -2,7 +2,9 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{EmitterHit, Found, LightSample};
+use super::super::photons::Targets;
+use super::super::world::OFFSET;
+use super::{Emitted, EmitterHit, Found, LightSample};
 use crate::error::{Error, Result};
 use crate::scene::{AreaEmitter, AreaLayout, Paint, Scene};
 
@@ -62,9 +64,10 @@ impl AreaLight {
         self.pattern.map_or(Vec3::ONE, |paint| paint.at(&scene.textures, uv))
     }
 
-    /// Uniform over the area, so that every texel gets the same number of samples.
-    pub(super) fn sample(&self, scene: &Scene, position: Vec3, pair: Vec2) -> Option<LightSample> {
-        let (point, normal, uv, column) = match self.layout {
+    /// A point of the light, uniform over the area, so that every texel gets the same number of samples: position, front
+    /// normal, texture coordinates, column.
+    fn point(&self, scene: &Scene, pair: Vec2) -> (Vec3, Vec3, Vec2, u32) {
+        match self.layout {
             AreaLayout::Texels { origin, edge_u, edge_v, normal, across, down } => {
                 let point = origin + edge_u * pair.x + edge_v * pair.y;
                 let texel = |x: f32, n: u32| ((x * n as f32) as u32).min(n - 1);
@@ -79,7 +82,12 @@ impl AreaLight {
                 let uv = uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v;
                 (a + (b - a) * u + (c - a) * v, (b - a).cross(c - a).normalize_or_zero(), uv, 0)
             }
-        };
+        }
+    }
+
+    /// A point of the light as a surface sees it.
+    pub(super) fn sample(&self, scene: &Scene, position: Vec3, pair: Vec2) -> Option<LightSample> {
+        let (point, normal, uv, column) = self.point(scene, pair);
         let offset = point - position;
         let distance2 = offset.length_squared();
         let distance = distance2.sqrt();
@@ -90,6 +98,37 @@ impl AreaLight {
         }
         let pdf = distance2 / (cosine * self.area);
         Some(LightSample { towards, distance, column, weight: self.colour(scene, uv) / pdf, pdf })
+    }
+
+    /// The side that it emits to, where that is one.
+    fn side(&self, normal: Vec3) -> Option<Vec3> {
+        (!self.two_sided).then_some(normal)
+    }
+
+    /// A photon from anywhere on it towards the targets.
+    pub(super) fn emit(&self, scene: &Scene, targets: &Targets, [place, way]: [Vec2; 2]) -> Option<Emitted> {
+        let (point, normal, uv, column) = self.point(scene, place);
+        let (direction, density) = targets.sample_direction(point, self.side(normal), way)?;
+        let cosine = self.cosine(normal, direction);
+        let density = density / self.area;
+        // Off the light, as rays start off other surfaces.
+        let size = point.abs().max_element().max(self.area.sqrt());
+        let origin = point + normal * (OFFSET * size).copysign(normal.dot(direction));
+        let power = self.colour(scene, uv) * (cosine / density);
+        (cosine > 0.0).then_some(Emitted { origin, direction, column, power, density: density / cosine })
+    }
+
+    /// Density of the photons that come from `hit` to where its ray began: over area and projected solid angle.
+    pub(super) fn emitted_density(&self, targets: &Targets, hit: &EmitterHit) -> f32 {
+        let normal = match self.layout {
+            AreaLayout::Whole => hit.normal,
+            AreaLayout::Texels { normal, .. } => normal,
+        };
+        let cosine = self.cosine(normal, -hit.direction);
+        if cosine <= 0.0 {
+            return 0.0;
+        }
+        targets.direction_density(hit.position, self.side(normal), -hit.direction) / (self.area * cosine)
     }
 
     /// Emission where a ray hits one of its triangles.
@@ -104,6 +143,7 @@ impl AreaLight {
         };
         let cosine = self.cosine(normal, -hit.direction);
         (cosine > 0.0).then(|| Found {
+            source: 0,
             column,
             radiance: self.colour(scene, uv),
             pdf: hit.distance * hit.distance / (cosine * self.area),

@@ -14,10 +14,13 @@ use glam::{Vec2, Vec3};
 
 use super::bsdf::cosine_hemisphere;
 use super::frame::Frame;
+use super::photons::Targets;
+use super::sampler::{Sampler, Use};
 use crate::error::{Error, Result};
 use crate::scene::{Emitter, EnvironmentEmitter, Scene};
 use area::AreaLight;
 use point::PointLight;
+pub(super) use point::{cap_direction, cap_height_of};
 
 /// One light, ready to be sampled.
 #[derive(Debug)]
@@ -50,9 +53,26 @@ pub(super) struct LightSample {
     pub(super) pdf: f32,
 }
 
+/// A photon that leaves a light of emission 1.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Emitted {
+    pub(super) origin: Vec3,
+    /// Unit direction.
+    pub(super) direction: Vec3,
+    /// Column of `T` that it belongs to.
+    pub(super) column: u32,
+    /// Flux, over the density of this photon.
+    pub(super) power: Vec3,
+    /// Its density over area times projected solid angle, from afar over solid angle times the area across; 0 for lights that
+    /// no ray can find.
+    pub(super) density: f32,
+}
+
 /// Emission that a ray has found.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Found {
+    /// The light.
+    pub(super) source: u32,
     /// Column of `T`.
     pub(super) column: u32,
     /// Radiance.
@@ -125,6 +145,7 @@ impl Lights {
     pub(super) fn on_surface(&self, scene: &Scene, emitter: u32, hit: &EmitterHit) -> Option<Found> {
         let (Source::Area(light), first_column) = self.sources.get(emitter as usize)? else { return None };
         let mut found = light.found(scene, hit)?;
+        found.source = emitter;
         found.column += first_column;
         found.pdf *= self.chance();
         Some(found)
@@ -139,22 +160,56 @@ impl Lights {
                 Source::Area(_) => return None,
                 Source::Point(light) => light.found(direction)?,
                 Source::Environment(light) => Found {
+                    source: 0,
                     column: environment_column(light, direction),
                     radiance: Vec3::ONE,
                     pdf: cosine.max(0.0) * FRAC_1_PI,
                 },
             };
+            found.source = i;
             found.column += first_column;
             found.pdf *= self.chance();
             Some(found)
         })
     }
+
+    /// A photon from a light towards the targets. None where the light sends nothing on the way that was drawn.
+    pub(super) fn emit(&self, scene: &Scene, targets: &Targets, source: u32, sampler: &Sampler) -> Option<Emitted> {
+        let (source, first_column) = &self.sources[source as usize];
+        let pairs = [sampler.pair(Use::Light, 0), sampler.pair(Use::Scatter, 0)];
+        let mut emitted = match source {
+            Source::Area(light) => light.emit(scene, targets, pairs)?,
+            Source::Point(light) => light.emit(targets, pairs)?,
+            Source::Environment(light) => {
+                let towards = cap_direction(Vec3::Z, 2.0, pairs[0]);
+                let (origin, across) = targets.sample_beam(towards, pairs[1])?;
+                let density = across * EVERYWHERE;
+                let column = environment_column(light, towards);
+                Emitted { origin, direction: -towards, column, power: Vec3::splat(1.0 / density), density }
+            }
+        };
+        emitted.column += first_column;
+        Some(emitted)
+    }
+
+    /// Density with which [`Self::emit`] sends photons from what a ray has found: back along the ray.
+    pub(super) fn emitted_density(&self, targets: &Targets, source: u32, hit: &EmitterHit) -> f32 {
+        match self.sources.get(source as usize) {
+            Some((Source::Area(light), _)) => light.emitted_density(targets, hit),
+            Some((Source::Point(light), _)) => light.emitted_density(targets, hit),
+            Some((Source::Environment(_), _)) => EVERYWHERE * targets.beam_density(hit.position, hit.direction),
+            None => 0.0,
+        }
+    }
 }
 
-/// Where a ray has hit a triangle of an emitter.
+/// Density over solid angle that is the same in all directions.
+const EVERYWHERE: f32 = 0.25 * FRAC_1_PI;
+
+/// Where a ray has hit a triangle of an emitter, or has left the scene.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EmitterHit {
-    /// The point.
+    /// The point; any of the ray where it has left.
     pub(super) position: Vec3,
     /// Unit normal of the triangle's front.
     pub(super) normal: Vec3,
@@ -164,6 +219,13 @@ pub(super) struct EmitterHit {
     pub(super) direction: Vec3,
     /// Distance from where the ray was scattered.
     pub(super) distance: f32,
+}
+
+impl EmitterHit {
+    /// Of a ray that has left the scene.
+    pub(super) fn beyond(origin: Vec3, direction: Vec3) -> Self {
+        Self { position: origin, normal: Vec3::ZERO, uv: Vec2::ZERO, direction, distance: f32::INFINITY }
+    }
 }
 
 fn environment_column(light: &EnvironmentEmitter, towards: Vec3) -> u32 {

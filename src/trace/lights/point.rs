@@ -6,7 +6,8 @@ use glam::{Vec2, Vec3};
 
 use super::super::bsdf::concentric_disc;
 use super::super::frame::Frame;
-use super::{Found, LightSample};
+use super::super::photons::Targets;
+use super::{Emitted, EmitterHit, Found, LightSample};
 use crate::scene::{IesProfile, PointEmitter};
 
 /// A point-like light of one column.
@@ -27,34 +28,61 @@ impl PointLight {
 
     pub(super) fn sample(&self, position: Vec3, pair: Vec2) -> Option<LightSample> {
         match self.emitter {
-            PointEmitter::Point { position: light } => from_point(light, position, |_| 1.0),
-            PointEmitter::Spot { position: light, direction, inner_radians, outer_radians } => {
-                from_point(light, position, |away| {
-                    let (inner, outer) = (inner_radians.cos(), outer_radians.cos());
-                    let t = ((away.dot(direction) - outer) / (inner - outer).max(1e-6)).clamp(0.0, 1.0);
-                    t * t * (3.0 - 2.0 * t)
-                })
-            }
-            PointEmitter::Ies { position: light, world_from_luminaire, ref profile } => {
-                from_point(light, position, |away| intensity(profile, world_from_luminaire.transpose() * away))
-            }
+            PointEmitter::Point { position: light }
+            | PointEmitter::Spot { position: light, .. }
+            | PointEmitter::Ies { position: light, .. } => from_point(light, position, |away| self.intensity(away)),
             PointEmitter::Sun { towards, angular_radius_radians } => {
                 let distance = f32::INFINITY;
                 if angular_radius_radians <= 0.0 {
                     return Some(LightSample { towards, distance, column: 0, weight: Vec3::ONE, pdf: 0.0 });
                 }
-                // Uniform over the cap: the squared radius on the disc becomes the height above its base.
-                let disc = concentric_disc(pair);
-                let r2 = disc.length_squared().min(1.0);
-                let drop = r2 * cap_height(angular_radius_radians);
-                let ring = (drop * (2.0 - drop)).max(0.0).sqrt();
-                let flat = if r2 > 0.0 { disc / r2.sqrt() * ring } else { Vec2::ZERO };
-                let direction = Frame::around(towards).to_world(Vec3::new(flat.x, flat.y, 1.0 - drop));
+                let direction = cap_direction(towards, cap_height(angular_radius_radians), pair);
                 let found = self.found_inside(angular_radius_radians);
                 let weight = found.radiance / found.pdf;
                 Some(LightSample { towards: direction, distance, column: 0, weight, pdf: found.pdf })
             }
         }
+    }
+
+    /// Relative intensity along `away`; 0 for suns, which are seen from nowhere but afar.
+    fn intensity(&self, away: Vec3) -> f32 {
+        match self.emitter {
+            PointEmitter::Point { .. } => 1.0,
+            PointEmitter::Spot { direction, inner_radians, outer_radians, .. } => {
+                let (inner, outer) = (inner_radians.cos(), outer_radians.cos());
+                let t = ((away.dot(direction) - outer) / (inner - outer).max(1e-6)).clamp(0.0, 1.0);
+                t * t * (3.0 - 2.0 * t)
+            }
+            PointEmitter::Ies { world_from_luminaire, ref profile, .. } => {
+                intensity(profile, world_from_luminaire.transpose() * away)
+            }
+            PointEmitter::Sun { .. } => 0.0,
+        }
+    }
+
+    /// A photon towards the targets.
+    pub(super) fn emit(&self, targets: &Targets, [place, way]: [Vec2; 2]) -> Option<Emitted> {
+        match self.emitter {
+            PointEmitter::Point { position }
+            | PointEmitter::Spot { position, .. }
+            | PointEmitter::Ies { position, .. } => {
+                let (direction, density) = targets.sample_direction(position, None, way)?;
+                let power = Vec3::splat(self.intensity(direction) / density);
+                let lit = power.x > 0.0;
+                lit.then_some(Emitted { origin: position, direction, column: 0, power, density: 0.0 })
+            }
+            PointEmitter::Sun { .. } => {
+                let LightSample { towards, weight, pdf, .. } = self.sample(Vec3::ZERO, place)?;
+                let (origin, across) = targets.sample_beam(towards, way)?;
+                let power = weight / across;
+                Some(Emitted { origin, direction: -towards, column: 0, power, density: pdf * across })
+            }
+        }
+    }
+
+    /// Density of the photons that come along a ray which has left the scene: over directions and the area across them.
+    pub(super) fn emitted_density(&self, targets: &Targets, hit: &EmitterHit) -> f32 {
+        self.found(hit.direction).map_or(0.0, |found| found.pdf * targets.beam_density(hit.position, hit.direction))
     }
 
     /// Emission found by a ray that leaves the scene along `direction`.
@@ -68,8 +96,24 @@ impl PointLight {
     fn found_inside(&self, radius: f32) -> Found {
         // Irradiance 1 on a facing plane: L ∫ cos θ dω = L π sin² r = 1.
         let radiance = 1.0 / (PI * radius.sin().powi(2));
-        Found { column: 0, radiance: Vec3::splat(radiance), pdf: 1.0 / (TAU * cap_height(radius)) }
+        Found { source: 0, column: 0, radiance: Vec3::splat(radiance), pdf: 1.0 / (TAU * cap_height(radius)) }
     }
+}
+
+/// Uniform over the directions whose cosine with `axis` is at least `1 − height`.
+pub(in crate::trace) fn cap_direction(axis: Vec3, height: f32, pair: Vec2) -> Vec3 {
+    // The squared radius on the disc becomes the height above the cap's base.
+    let disc = concentric_disc(pair);
+    let r2 = disc.length_squared().min(1.0);
+    let drop = r2 * height;
+    let ring = (drop * (2.0 - drop)).max(0.0).sqrt();
+    let flat = if r2 > 0.0 { disc / r2.sqrt() * ring } else { Vec2::ZERO };
+    Frame::around(axis).to_world(Vec3::new(flat.x, flat.y, 1.0 - drop))
+}
+
+/// `1 − cos` between unit vectors, without cancellation for small angles.
+pub(in crate::trace) fn cap_height_of(axis: Vec3, direction: Vec3) -> f32 {
+    0.5 * (direction - axis).length_squared()
 }
 
 /// `1 − cos r`, without cancellation for small caps.

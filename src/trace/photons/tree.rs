@@ -1,0 +1,136 @@
+//! A balanced tree of points (Bentley 1975, *Multidimensional binary search trees used for associative searching*): each node
+//! parts the points of its range at their median along the axis on which they reach farthest.
+
+use glam::Vec3;
+
+/// The planes of a tree, in the order of a heap: node `i` has the children `2i + 1` and `2i + 2`. A node's points are a range
+/// of the sorted points, parted in its middle.
+#[derive(Debug)]
+pub(super) struct Tree {
+    planes: Vec<(f32, u32)>,
+    points: usize,
+    depth: u32,
+}
+
+impl Tree {
+    /// Sorts `points` into a tree with at most `leaf` in a range that is parted no more.
+    pub(super) fn sort<T>(points: &mut [T], leaf: usize, position: impl Fn(&T) -> Vec3 + Copy) -> Self {
+        let depth = points.len().div_ceil(leaf.max(1)).max(1).next_power_of_two().ilog2();
+        let mut tree = Self { planes: vec![(0.0, 0); (1 << depth) - 1], points: points.len(), depth };
+        tree.part(0, points, position);
+        tree
+    }
+
+    /// Bytes of a tree for each of its points, at most.
+    pub(super) const fn bytes_per_point(leaf: usize) -> usize {
+        (2 * size_of::<(f32, u32)>()).div_ceil(leaf)
+    }
+
+    fn part<T>(&mut self, node: usize, points: &mut [T], position: impl Fn(&T) -> Vec3 + Copy) {
+        if node >= self.planes.len() {
+            return;
+        }
+        let middle = points.len() / 2;
+        let (low, high) = bounds(points.iter().map(position));
+        let extent = high - low;
+        let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
+        if middle < points.len() {
+            points.select_nth_unstable_by(middle, |a, b| position(a)[axis].total_cmp(&position(b)[axis]));
+            self.planes[node] = (position(&points[middle])[axis], axis as u32);
+        }
+        let (left, right) = points.split_at_mut(middle);
+        self.part(2 * node + 1, left, position);
+        self.part(2 * node + 2, right, position);
+    }
+
+    /// The leaf that a place lies in: from 0 to the number of leaves.
+    pub(super) fn leaf_of(&self, place: Vec3) -> usize {
+        let mut node = 0;
+        while let Some(&(at, axis)) = self.planes.get(node) {
+            node = 2 * node + 1 + usize::from(place[axis as usize] >= at);
+        }
+        node - self.planes.len()
+    }
+
+    /// The ranges of all leaves, in their order.
+    pub(super) fn leaves(&self) -> Vec<std::ops::Range<usize>> {
+        let mut leaves = Vec::from([std::ops::Range { start: 0, end: self.points }]);
+        for _ in 0..self.depth {
+            let halves = |range: std::ops::Range<usize>| {
+                let middle = range.start + range.len() / 2;
+                [range.start..middle, middle..range.end]
+            };
+            leaves = leaves.into_iter().flat_map(halves).collect();
+        }
+        leaves
+    }
+
+    /// Every range of points that a sphere may reach into.
+    #[inline]
+    pub(super) fn near(&self, centre: Vec3, radius: f32, mut each: impl FnMut(std::ops::Range<usize>)) {
+        // One entry for each level at most.
+        let mut waiting = [(0u32, 0u32, 0u32); 33];
+        let (mut count, mut next) = (0, Some((0u32, 0u32, self.points as u32)));
+        while let Some((node, start, end)) = next {
+            let pop = |count: &mut usize| {
+                *count = count.checked_sub(1)?;
+                Some(waiting[*count])
+            };
+            let Some(&(at, axis)) = self.planes.get(node as usize) else {
+                each(start as usize..end as usize);
+                next = pop(&mut count);
+                continue;
+            };
+            let middle = start + (end - start) / 2;
+            let (below, above) = ((2 * node + 1, start, middle), (2 * node + 2, middle, end));
+            let beyond = centre[axis as usize] - at;
+            next = match (beyond <= radius, beyond >= -radius) {
+                (true, false) => Some(below),
+                (false, _) => Some(above),
+                (true, true) => {
+                    waiting[count] = above;
+                    count += 1;
+                    Some(below)
+                }
+            };
+        }
+    }
+}
+
+/// The box around points.
+pub(super) fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), point| (low.min(point), high.max(point)))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    #[test]
+    fn a_sphere_finds_all_points_in_it_and_leaves_hold_what_lies_in_them() {
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        for count in [0usize, 1, 2, 7, 8, 9, 1000] {
+            // Some lie on planes, as photons do; and some in one place.
+            let mut place = || Vec3::new(random.random(), random.random(), (random.random::<f32>() * 4.0).floor());
+            let mut points: Vec<Vec3> = (0..count).map(|_| place()).collect();
+            let tree = Tree::sort(&mut points, 8, |&point| point);
+            let leaves = tree.leaves();
+            assert!(leaves.iter().all(|leaf| leaf.len() <= 8) && leaves.last().unwrap().end == count);
+            for (leaf, range) in leaves.into_iter().enumerate() {
+                // Those on a plane between two leaves may be in either.
+                let strays = points[range].iter().filter(|&&point| tree.leaf_of(point) != leaf).count();
+                assert!(strays <= 8, "{strays} of leaf {leaf}");
+            }
+            for _ in 0..50 {
+                let (centre, radius) = (place(), 0.3);
+                let inside = |point: &&Vec3| point.distance(centre) <= radius;
+                let mut found = 0;
+                tree.near(centre, radius, |range| found += points[range].iter().filter(inside).count());
+                assert_eq!(found, points.iter().filter(inside).count());
+            }
+        }
+    }
+}
