@@ -46,7 +46,8 @@ impl CubeMap {
                 energy[channel] += part;
             }
         });
-        let means: Vec<[f64; 3]> = sums.iter().zip(&angles).map(|(sum, angle)| sum.map(|v| v / angle.max(1e-30))).collect();
+        let means: Vec<[f64; 3]> =
+            sums.iter().zip(&angles).map(|(sum, angle)| sum.map(|v| v / angle.max(1e-30))).collect();
         let mut shown = [0.0f64; 3];
         for (texel, mean) in means.iter().enumerate() {
             let angle = f64::from(mapping.solid_angle(texel as u32));

@@ -266,7 +266,9 @@ pub(super) fn image_source(
         (None, None) => Err(refuse(format!("image {index} has no data"))),
         (None, Some(text)) => match uri(text) {
             Ok(Uri::Data(bytes)) => Ok(embedded(&bytes)),
-            Ok(Uri::File(file)) => Ok(ImageSource::File(path.parent().unwrap_or(Path::new("")).to_owned(), plain(&file))),
+            Ok(Uri::File(file)) => {
+                Ok(ImageSource::File(path.parent().unwrap_or(Path::new("")).to_owned(), plain(&file)))
+            }
             Err(problem) => Err(refuse(format!("image {index} {problem}"))),
         },
     }

@@ -146,7 +146,8 @@ impl Pages {
 
     fn table(&mut self, table: &Table) {
         let columns = table.iter().map(Vec::len).max().unwrap_or(0);
-        let widest = |column: usize| table.iter().filter_map(|row| row.get(column)).map(|cell| width(cell)).fold(0.0, f32::max);
+        let widest =
+            |column: usize| table.iter().filter_map(|row| row.get(column)).map(|cell| width(cell)).fold(0.0, f32::max);
         let mut widths: Vec<f32> = (0..columns).map(widest).collect();
         let room = PAPER[0] - 2.0 * MARGIN - BETWEEN * columns.saturating_sub(1) as f32;
         // The widest column gives way where all do not fit.

@@ -36,7 +36,8 @@ mod tests {
     #[test]
     fn lights_are_where_the_camera_sees_them() {
         let eye = Vec3::new(0.0, 1.0, 4.0);
-        let camera = Camera::looking(eye, Vec3::NEG_Z, Vec3::Y, std::f32::consts::FRAC_PI_2, (200, 100), PixelFilter::Box);
+        let camera =
+            Camera::looking(eye, Vec3::NEG_Z, Vec3::Y, std::f32::consts::FRAC_PI_2, (200, 100), PixelFilter::Box);
         let camera = camera.unwrap();
         let mut basis = LightBasis::new();
         let mut add = |name: &str, kind, places: Vec<[f32; 3]>| {
@@ -53,7 +54,10 @@ mod tests {
         let near = |found: Option<[f32; 2]>, wanted: [f32; 2]| {
             found.is_some_and(|found| (0..2).all(|axis| (found[axis] - wanted[axis]).abs() < 1e-3))
         };
-        assert!(near(seen[0], [100.0, 50.0]) && near(seen[1], [150.0, 25.0]) && near(seen[3], [50.0, 50.0]), "{seen:?}");
+        assert!(
+            near(seen[0], [100.0, 50.0]) && near(seen[1], [150.0, 25.0]) && near(seen[3], [50.0, 50.0]),
+            "{seen:?}"
+        );
         assert!(seen[2].is_none() && seen[4].is_none(), "{seen:?}");
         assert_eq!(lights_within(&camera, &basis, [[160.0, 60.0], [90.0, 20.0]]), [0, 1]);
         assert_eq!(lights_within(&camera, &basis, [[0.0, 0.0], [200.0, 100.0]]), [0, 1, 3]);

@@ -364,14 +364,17 @@ impl App {
 
     /// Takes the answer of the desktop's dialogue.
     fn take_from_desktop(&mut self, context: &egui::Context) {
-        let Some((purpose, outcome)) = self.dialog.as_ref().and_then(|d| Some((d.purpose, d.outcome()?))) else { return };
+        let Some((purpose, outcome)) = self.dialog.as_ref().and_then(|d| Some((d.purpose, d.outcome()?))) else {
+            return;
+        };
         self.dialog = None;
         match outcome {
             Outcome::Answered(Answer::Chosen(path)) => self.chosen(context, purpose, path),
             Outcome::Answered(Answer::Cancelled) => self.after_save = None,
             Outcome::Failed => {
                 self.native_dialogs = false;
-                let near = self.document.as_ref().map_or_else(|| PathBuf::from("."), |document| near(document, purpose));
+                let near =
+                    self.document.as_ref().map_or_else(|| PathBuf::from("."), |document| near(document, purpose));
                 self.chooser = Some(Chooser::new(purpose, &near));
             }
         }

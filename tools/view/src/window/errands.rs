@@ -194,16 +194,8 @@ impl Document {
         let container = self.session.path.display().to_string();
         let look = self.work.saved_in().map_or_else(|| "not saved".to_owned(), |path| path.display().to_string());
         let mut tables = vec![vec![text(&["container", &container]), text(&["look", &look])]];
-        let mut rows = vec![text(&[
-            "light",
-            "kind",
-            "group",
-            "shines",
-            "EV",
-            "share of the picture's light, %",
-            "value",
-            "unit",
-        ])];
+        let mut rows =
+            vec![text(&["light", "kind", "group", "shines", "EV", "share of the picture's light, %", "value", "unit"])];
         let metres = self.metres_per_unit();
         let all: f32 = self.list.contributions.iter().map(|v| v.max(0.0)).sum();
         for (index, light) in self.basis().lights().iter().enumerate() {

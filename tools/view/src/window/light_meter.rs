@@ -263,7 +263,11 @@ fn area(ui: &mut Ui, document: &mut Document) {
         if ui.add_enabled(some, egui::Button::new("Clear")).clicked() {
             (meter.area, meter.draws) = (Area::default(), false);
         }
-        if ui.button("Report…").on_hover_text("A table of lights and of this area, as CSV, or as PDF with the picture").clicked() {
+        if ui
+            .button("Report…")
+            .on_hover_text("A table of lights and of this area, as CSV, or as PDF with the picture")
+            .clicked()
+        {
             document.files.wanted = Some(Purpose::Report);
         }
     });

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use eframe::egui::{Key, Modifiers, vec2};
 use ltm::scene::BuiltIn;
+use ltm_view::sun::nearest_texel;
 
 use super::driver::Driver;
 use super::{CTRL, container, room};
@@ -197,10 +198,20 @@ fn the_sun_is_dragged_over_the_sky_and_put_by_date() {
 fn the_sun_is_put_and_dragged_in_the_picture() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sky.ltc");
-    container::write(&path, BuiltIn { width: 64, height: 48, texels: 16 }.named("environment").unwrap(), 8);
+    let loaded = BuiltIn { width: 64, height: 48, texels: 16 }.named("environment").unwrap();
+    let (camera, basis) = (loaded.scene.camera, loaded.scene.basis.clone());
+    container::write(&path, loaded, 8);
     let mut driver = Driver::open(&path);
     let scene = driver.picture();
-    let middle = driver.find("picture").center();
+    let view = driver.find("picture");
+    let middle = view.center();
+    // The sun stands in the middle of the texel that a look straight ahead meets; the picture fits its room but for a margin.
+    let sky = basis.lights().iter().find(|light| light.kind.is_environment()).unwrap();
+    let direction = glam::Vec3::from(sky.places[nearest_texel(sky, camera.forward.to_array())]);
+    let at = camera.position(direction.normalize()).unwrap();
+    let zoom = ((view.width() - 24.0) / 64.0).min((view.height() - 24.0) / 48.0);
+    let sun = middle + vec2(at.x - 32.0, at.y - 24.0) * zoom;
+    assert!(view.contains(sun), "{sun} in {view}");
     driver.click(driver.find("Sun").center());
     driver.settle();
     driver.find("Click on the map below or in the picture");
@@ -213,7 +224,7 @@ fn the_sun_is_put_and_dragged_in_the_picture() {
     driver.click(driver.find("Brush").center());
     driver.settle();
     // Some texels to the side: further than the sun is wide.
-    driver.drag(middle, middle - vec2(250.0, 60.0), 6);
+    driver.drag(sun, sun + (middle - sun) * 2.0 + vec2(0.0, -150.0), 6);
     driver.settle();
     let aside = driver.picture();
     assert!(aside != ahead);
@@ -231,10 +242,12 @@ fn a_band_in_the_picture_selects_lights() {
     let mut scene = BuiltIn { width: 64, height: 48, texels: 2 }.named("mixed").unwrap();
     // Straight at the ceiling's light.
     let light = scene.scene.basis.lights()[0].clone();
-    let middle = light.places.iter().map(|place| glam::Vec3::from(*place)).sum::<glam::Vec3>() / light.places.len() as f32;
+    let middle =
+        light.places.iter().map(|place| glam::Vec3::from(*place)).sum::<glam::Vec3>() / light.places.len() as f32;
     let camera = &scene.scene.camera;
     let (eye, size, fov) = (camera.eye, (camera.width, camera.height), camera.vertical_fov_radians);
-    scene.scene.camera = ltm::scene::Camera::looking(eye, middle - eye, glam::Vec3::Y, fov, size, camera.filter).unwrap();
+    scene.scene.camera =
+        ltm::scene::Camera::looking(eye, middle - eye, glam::Vec3::Y, fov, size, camera.filter).unwrap();
     container::write(&path, scene, 4);
     let mut driver = Driver::open(&path);
     let picture = driver.find("picture");
@@ -267,8 +280,10 @@ fn reports_and_sheets_are_written_as_pdf() {
     driver.settle();
     driver.enter(report.to_str().unwrap());
     driver.settle();
-    driver.key(Key::K, Modifiers::NONE);
-    driver.settle();
+    for _ in 0..2 {
+        driver.key(Key::K, Modifiers::NONE);
+        driver.settle();
+    }
     driver.click(driver.find("Sheet…").center());
     driver.settle();
     driver.enter(sheet.to_str().unwrap());
@@ -278,10 +293,11 @@ fn reports_and_sheets_are_written_as_pdf() {
         assert!(bytes.starts_with(b"%PDF"));
         bytes.windows(text.len()).any(|part| part == text.as_bytes())
     };
-    for text in ["(ceiling)", "uniformity U0", "Colours from", "at least: surfaces taken for white", "/Subtype /Image"] {
+    for text in ["(ceiling)", "uniformity U0", "Colours from", "at least: surfaces taken for white", "/Subtype /Image"]
+    {
         assert!(holds(&report, text), "{text}");
     }
-    assert!(holds(&sheet, "(Snapshot 1)") && holds(&sheet, "/Subtype /Image"));
+    assert!(holds(&sheet, "(Snapshot 1)") && holds(&sheet, "(Snapshot 2)") && holds(&sheet, "/Subtype /Image"));
     if let Some(kept) = std::env::var_os("LTM_VIEW_PICTURES").map(std::path::PathBuf::from) {
         std::fs::copy(&report, kept.join("report.pdf")).unwrap();
         std::fs::copy(&sheet, kept.join("sheet.pdf")).unwrap();
