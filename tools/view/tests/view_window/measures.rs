@@ -4,6 +4,7 @@ use std::path::Path;
 
 use eframe::egui::{Key, Modifiers, vec2};
 use ltm::scene::BuiltIn;
+use ltm_view::WindowOptions;
 use ltm_view::sun::nearest_texel;
 
 use super::driver::Driver;
@@ -272,7 +273,9 @@ fn a_band_in_the_picture_selects_lights() {
 fn reports_and_sheets_are_written_as_pdf() {
     let folder = tempfile::tempdir().unwrap();
     let (report, sheet) = (folder.path().join("report.pdf"), folder.path().join("sheet.pdf"));
-    let mut driver = Driver::open(room());
+    // Tall enough for all of the panel.
+    let options = WindowOptions { path: Some(room().to_owned()), ..Default::default() };
+    let mut driver = Driver::open_with(options, vec2(1280.0, 1500.0));
     driver.click(driver.find("Illuminance").center());
     driver.settle();
     draw_area(&mut driver);
