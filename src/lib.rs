@@ -53,11 +53,11 @@
 //! | `wgpu`, `pollster` | `relight/gpu` |
 //! | `gltf` | `scene/gltf` |
 //! | `faer` | `clean`, `compress` |
-//! | `rand`, `rand_pcg` | `compress`, `light` |
+//! | `rand`, `rand_pcg` | `compress`, `light`, `relight` |
 //! | `glam` | `light`, `scene`, `trace` |
 //! | `obvhs` | `trace` |
 //! | `serde`, `toml` | `look`, `scene` |
-//! | `serde_json` | `look` |
+//! | `serde_json` | `look`, `scene` |
 //! | `exr`, `image`, `regex_lite`, `zip` | `image` |
 //! | `flate2` | `image`, `share` |
 //! | `bincode` | `encoding` |

@@ -15,6 +15,8 @@ mod gltf_bad;
 mod gltf_reference;
 #[path = "scene/gltf_samples.rs"]
 mod gltf_samples;
+#[path = "scene/gltf_sky.rs"]
+mod gltf_sky;
 #[path = "scene/real.rs"]
 mod real;
 #[path = "transport/z_test.rs"]
@@ -75,7 +77,7 @@ fn trial(name: &str, test: fn()) -> Trial {
 fn main() -> ExitCode {
     let arguments = Arguments::from_args();
     let mut trials: Vec<Trial> = Vec::new();
-    let of_gltf = gltf::TESTS.iter().chain(gltf_bad::TESTS).chain(gltf_reference::TESTS);
+    let of_gltf = gltf::TESTS.iter().chain(gltf_bad::TESTS).chain(gltf_sky::TESTS).chain(gltf_reference::TESTS);
     for (name, test) in files::TESTS.iter().chain(bad::TESTS).chain(of_gltf) {
         trials.push(trial(name, *test));
     }

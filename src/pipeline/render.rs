@@ -60,8 +60,11 @@ pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
         samples_per_pixel: settings.samples_per_pixel,
         seed: settings.seed,
         settings: format!(
-            "{} samples per pixel, depth {}, seed {}",
-            settings.samples_per_pixel, settings.max_depth, settings.seed
+            "{} samples per pixel, depth {}, seed {}; {}",
+            settings.samples_per_pixel,
+            settings.max_depth,
+            settings.seed,
+            scene.camera.in_words()
         ),
         metres_per_unit: scene.metres_per_unit,
     };

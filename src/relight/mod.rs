@@ -29,7 +29,7 @@ pub use adjoint::{adjoint_raw, adjoint_streaming};
 pub use compact::CompactBlock;
 pub use cpu::{CpuRelighter, Relit, relight_streaming};
 #[cfg(feature = "gpu")]
-pub use gpu::{GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, ShownAs};
+pub use gpu::{GpuAdapter, GpuRelighter, GpuScreen, GpuSettings, PagedGpuRelighter, ShownAs};
 pub use paged::{PagedRelighter, Reads};
 pub use pager::{Admission, Detail, Pager, plan};
 pub use raw::relight_raw;

@@ -4,6 +4,7 @@
 //! left holds factors, which spares the decoding.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
+use std::ops::Deref;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use rayon::prelude::*;
@@ -36,9 +37,26 @@ pub struct Reads {
 ///
 /// Beside the budget, each thread that reads holds one block while it is decoded.
 pub struct PagedRelighter<'a> {
-    source: &'a dyn FactorSource,
+    source: Source<'a>,
     shape: MatrixShape,
     state: Mutex<State>,
+}
+
+/// What is read from, and who owns it.
+enum Source<'a> {
+    Borrowed(&'a dyn FactorSource),
+    Shared(Arc<dyn FactorSource>),
+}
+
+impl<'a> Deref for Source<'a> {
+    type Target = dyn FactorSource + 'a;
+
+    fn deref(&self) -> &Self::Target {
+        match self {
+            Self::Borrowed(source) => *source,
+            Self::Shared(source) => &**source,
+        }
+    }
 }
 
 struct State {
@@ -83,6 +101,15 @@ struct Chunks {
 impl<'a> PagedRelighter<'a> {
     /// A relighter that holds at most `budget_bytes` of chunks and factors. Reads nothing yet.
     pub fn new(source: &'a dyn FactorSource, budget_bytes: u64) -> Self {
+        Self::over(Source::Borrowed(source), budget_bytes)
+    }
+
+    /// As [`new`](Self::new), over a source that others may hold too, so that the relighter depends on no one's life.
+    pub fn sharing(source: Arc<dyn FactorSource>, budget_bytes: u64) -> PagedRelighter<'static> {
+        PagedRelighter::over(Source::Shared(source), budget_bytes)
+    }
+
+    fn over(source: Source<'a>, budget_bytes: u64) -> Self {
         let shape = source.shape();
         let stored_bytes = |id: BlockId| {
             let layers = source.layer_count(id);

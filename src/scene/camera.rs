@@ -90,4 +90,80 @@ impl Camera {
         let y = (0.5 * self.height as f32 - position.y) * scale;
         (self.forward + self.right * x + self.up * y).normalize()
     }
+
+    /// Position in pixels at which a unit direction is seen, also beside the image; none behind the eye.
+    pub fn position(&self, direction: Vec3) -> Option<Vec2> {
+        let depth = direction.dot(self.forward);
+        if depth < 1e-6 {
+            return None;
+        }
+        let scale = 0.5 * self.height as f32 / (0.5 * self.vertical_fov_radians).tan() / depth;
+        let (x, y) = (direction.dot(self.right) * scale, direction.dot(self.up) * scale);
+        Some(Vec2::new(0.5 * self.width as f32 + x, 0.5 * self.height as f32 - y))
+    }
+
+    /// The camera as a job's settings state it, in the keys of a scene file.
+    pub fn in_words(&self) -> String {
+        let [eye, direction, up] = [self.eye, self.forward, self.up].map(|v| v.to_array());
+        let degrees = self.vertical_fov_radians.to_degrees();
+        format!("{WORDS}eye = {eye:?}, direction = {direction:?}, up = {up:?}, vertical_fov_degrees = {degrees:?}")
+    }
+
+    /// The camera whose words stand in a job's settings, of an image of this size, without a filter; none where there are
+    /// none, or where the matrix is a part of what was rendered.
+    pub fn of_words(settings: &str, size: (u32, u32)) -> Option<Self> {
+        let words = settings.split_once(WORDS)?.1;
+        if words.contains(';') {
+            return None;
+        }
+        let after = |key: &str| words.split_once(key)?.1.strip_prefix(" = ");
+        let vector = |key: &str| {
+            let inside = after(key)?.strip_prefix('[')?.split_once(']')?.0;
+            let mut numbers = inside.split(',').map(|number| number.trim().parse::<f32>());
+            let vector = Vec3::new(numbers.next()?.ok()?, numbers.next()?.ok()?, numbers.next()?.ok()?);
+            numbers.next().is_none().then_some(vector)
+        };
+        let degrees: f32 = after("vertical_fov_degrees")?.trim().parse().ok()?;
+        let (eye, direction, up) = (vector("eye")?, vector("direction")?, vector("up")?);
+        Self::looking(eye, direction, up, degrees.to_radians(), size, PixelFilter::Box).ok()
+    }
+}
+
+/// How the words of [`Camera::in_words`] begin.
+const WORDS: &str = "camera: ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Camera {
+        let (eye, direction) = (Vec3::new(-4.5, 1e-7, 1e6), Vec3::new(0.3, -0.2, 0.9));
+        Camera::looking(eye, direction, Vec3::Y, 0.7, (640, 480), PixelFilter::Box).unwrap()
+    }
+
+    #[test]
+    fn a_position_is_the_inverse_of_a_direction() {
+        let camera = camera();
+        for at in [Vec2::new(0.5, 0.5), Vec2::new(320.0, 240.0), Vec2::new(-90.0, 700.0)] {
+            let found = camera.position(camera.direction(at)).unwrap();
+            assert!((found - at).length() < 1e-2, "{found} for {at}");
+        }
+        assert_eq!(camera.position(-camera.forward), None);
+    }
+
+    #[test]
+    fn a_camera_survives_its_words_and_nothing_else_is_one() {
+        let camera = camera();
+        let words = format!("64 samples per pixel, depth 8, seed 1; {}", camera.in_words());
+        let found = Camera::of_words(&words, (640, 480)).unwrap();
+        assert_eq!(found.eye, camera.eye);
+        // Two normalisations and two changes of unit round.
+        assert!((found.forward - camera.forward).length() < 1e-6 && (found.up - camera.up).length() < 1e-6);
+        assert!((found.vertical_fov_radians - camera.vertical_fov_radians).abs() < 1e-6);
+        for other in ["", "64 samples per pixel, depth 8, seed 1", "camera: eye = [1, 2], direction = [0, 0, 1]"] {
+            assert_eq!(Camera::of_words(other, (640, 480)), None, "{other}");
+        }
+        assert_eq!(Camera::of_words(&words.replace("0.7", "NaN").replace("40.1", "900"), (640, 480)), None);
+        assert_eq!(Camera::of_words(&format!("{words}; pixels 0,0,9x9 and 2 lights of it"), (9, 9)), None);
+    }
 }

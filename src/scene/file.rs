@@ -7,6 +7,7 @@ use std::path::Path;
 use glam::Mat3;
 use serde::Deserialize;
 
+use super::cube_map::CubeMap;
 use super::names;
 use super::photometry::Photometry;
 use crate::error::{Error, Result};
@@ -121,6 +122,9 @@ pub(super) struct LightEntry {
     /// What stands for `file`, `direction` and `turn_degrees` of a luminaire that a glTF file brings.
     #[serde(skip)]
     pub(super) luminaire: Option<Luminaire>,
+    /// What stands for `map` and `turn_degrees` of an environment that a glTF file brings.
+    #[serde(skip)]
+    pub(super) cube: Option<CubeMap>,
 }
 
 /// A measured luminaire and how it hangs.

@@ -273,15 +273,19 @@ impl Lights<'_> {
         self.admit_columns(u64::from(across) * u64::from(down), place)?;
         let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
         let emission = entry.emission.unwrap_or([1.0; 3]);
-        self.assembly.environment(&name, mapping, Quat::from_rotation_y(turn), emission)?;
+        let rotation = entry.cube.as_ref().map_or_else(|| Quat::from_rotation_y(turn), |cube| cube.rotation);
+        self.assembly.environment(&name, mapping, rotation, emission)?;
+        let scale = |[r, g, b]: [f32; 3]| [r * emission[0], g * emission[1], b * emission[2]];
+        let first = self.assembly.basis.lights().last().map_or(0, |light| light.first_column);
+        if let Some(cube) = &entry.cube {
+            self.weights.push((first, cube.weights(mapping).into_iter().map(scale).collect()));
+        }
         if let Some(map) = &entry.map {
             let path = self.folders.find(map, place)?;
             self.memory.check(image_facts(&path)?.needs_bytes, &path)?;
             let image = read_image(&path)?;
-            let scale = |[r, g, b]: [f32; 3]| [r * emission[0], g * emission[1], b * emission[2]];
             let weights =
                 mapping.resample((image.width, image.height), &image.pixels, 0.0).into_iter().map(scale).collect();
-            let first = self.assembly.basis.lights().last().map_or(0, |light| light.first_column);
             self.weights.push((first, weights));
         }
         Ok(())

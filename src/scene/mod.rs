@@ -5,6 +5,7 @@
 mod assembly;
 mod built_in;
 mod camera;
+mod cube_map;
 mod emitter;
 mod eulumdat;
 mod file;

@@ -1,5 +1,6 @@
 //! glTF files that others made, in the folder that `LTM_GLTF_SAMPLES` names: every one is rendered under a white sky, or refused
-//! for the reason that is listed. Tried with the models of Debian's package `assimp-testmodels`, many of them Khronos's samples.
+//! for the reason that is listed. Tried with the models of Debian's package
+//! `assimp-testmodels`, many of them Khronos's samples, and of the crate `easy-gltf`.
 
 use std::path::{Path, PathBuf};
 

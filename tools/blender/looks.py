@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bringing a mixed lighting back to Blender's lamps, materials and world."""
 
+import json
+import tomllib
+from fnmatch import fnmatchcase
+
 import bpy
 
 from . import glb, lamps, world
@@ -33,6 +37,37 @@ def apply(context, lights, surfaces):
     for material, (_, weight, before) in materials.items():
         changed += set_material(material, weight, before, remarks)
     return changed, remarks
+
+
+def apply_groups(context, file):
+    """Gives objects and the world the groups of a look file as Cycles' light groups: of a light in several, the smallest.
+
+    Returns how many groups there are, and remarks.
+    """
+    text = file.read_text(encoding="utf-8")
+    look = json.loads(text) if file.suffix.lower() == ".json" else tomllib.loads(text)
+    stated = {name: [n for n in names if isinstance(n, str)] for name, names in look.get("groups", {}).items() if isinstance(names, list)}
+    scene = context.scene
+    things = {thing.name: thing for thing in scene.objects}
+    if scene.world is not None:
+        # As the export calls it.
+        things["World"] = scene.world
+    # Of the look's wildcards, brackets are none.
+    members = {
+        group: [name for name in things if any(fnmatchcase(name, pattern.replace("[", "[[]")) for pattern in patterns)]
+        for group, patterns in stated.items()
+    }
+    remarks = [f"no object of the group '{group}' is in this scene" for group, found in members.items() if not found]
+    known = {group.name for group in context.view_layer.lightgroups}
+    for group, found in sorted(members.items(), key=lambda entry: -len(entry[1])):
+        # Blender cuts longer names.
+        name = group.encode()[:63].decode(errors="ignore")
+        if found and name not in known:
+            context.view_layer.lightgroups.add(name=name)
+            known.add(name)
+        for thing in found:
+            things[thing].lightgroup = name
+    return sum(map(bool, members.values())), remarks
 
 
 def differs(weight, before):

@@ -179,9 +179,10 @@ class LTM_OT_apply_look(bpy.types.Operator, ImportHelper):
             self.report({"ERROR"}, (done.stderr.strip().splitlines() or ["ltm ended without a word"])[-1])
             return {"CANCELLED"}
         changed, remarks = looks.apply(context, json.loads(done.stdout)["lights"], packed.with_suffix(".glb"))
-        for remark in remarks:
+        groups, more = looks.apply_groups(context, Path(self.filepath))
+        for remark in remarks + more:
             self.report({"WARNING"}, remark)
-        self.report({"INFO"}, f"{changed} lights changed")
+        self.report({"INFO"}, f"{changed} lights changed" + (f", {groups} light groups" if groups else ""))
         return {"FINISHED"}
 
 

@@ -17,19 +17,49 @@ pub(super) struct Gpu {
     complaint: Arc<Mutex<Option<String>>>,
 }
 
+/// What [`GpuRelighter`](super::GpuRelighter) would run on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GpuAdapter {
+    /// Its name and its driver's interface, as in "llvmpipe (Vulkan)".
+    pub name: String,
+    /// Whether it computes on the processor (llvmpipe, WARP), slower than the CPU path.
+    pub is_software: bool,
+}
+
+impl GpuAdapter {
+    /// Looks for the most powerful adapter, without opening it.
+    ///
+    /// # Errors
+    /// [`Error::NoGpu`] without a loader or an adapter.
+    pub fn find() -> Result<Self> {
+        let info = find_adapter()?.get_info();
+        Ok(Self { name: name_of(&info), is_software: is_software(&info) })
+    }
+}
+
+fn find_adapter() -> Result<wgpu::Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::PRIMARY;
+    let instance = wgpu::Instance::new(descriptor);
+    let options =
+        wgpu::RequestAdapterOptions { power_preference: wgpu::PowerPreference::HighPerformance, ..Default::default() };
+    pollster::block_on(instance.request_adapter(&options))
+        .map_err(|e| Error::NoGpu(format!("no adapter was found ({}); relighting on the CPU works", line(&e))))
+}
+
+fn name_of(info: &wgpu::AdapterInfo) -> String {
+    format!("{} ({})", info.name, info.backend)
+}
+
+fn is_software(info: &wgpu::AdapterInfo) -> bool {
+    info.device_type == wgpu::DeviceType::Cpu
+}
+
 impl Gpu {
     /// Opens the most powerful adapter with the default limits of WebGPU, which every adapter has, and with subgroups if
     /// they are wanted and offered.
     pub(super) fn open(subgroups: bool) -> Result<Self> {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-        descriptor.backends = wgpu::Backends::PRIMARY;
-        let instance = wgpu::Instance::new(descriptor);
-        let options = wgpu::RequestAdapterOptions {
-            power_preference: wgpu::PowerPreference::HighPerformance,
-            ..Default::default()
-        };
-        let adapter = pollster::block_on(instance.request_adapter(&options))
-            .map_err(|e| Error::NoGpu(format!("no adapter was found ({}); relighting on the CPU works", line(&e))))?;
+        let adapter = find_adapter()?;
         let info = adapter.get_info();
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("relight"),
@@ -72,12 +102,12 @@ impl Gpu {
 
     /// Name of the adapter and its driver's interface.
     pub(super) fn name(&self) -> String {
-        format!("{} ({})", self.adapter.name, self.adapter.backend)
+        name_of(&self.adapter)
     }
 
     /// Whether the adapter computes on the processor.
     pub(super) fn is_software(&self) -> bool {
-        self.adapter.device_type == wgpu::DeviceType::Cpu
+        is_software(&self.adapter)
     }
 
     /// Errors if the driver has complained since the last call.

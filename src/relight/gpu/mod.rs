@@ -26,6 +26,7 @@ use bank::{Bank, Lengths};
 use device::Gpu;
 use resident::{ResidentBank, SharedArrays, read_back, relight, submit, submit_copy};
 
+pub use device::GpuAdapter;
 pub use paged::PagedGpuRelighter;
 pub use screen::{GpuScreen, ShownAs};
 

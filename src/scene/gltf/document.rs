@@ -17,8 +17,9 @@ pub(super) const MOST_BYTES: u64 = 4 << 30;
 const TREE_BYTES: u64 = 24;
 
 /// Extensions whose meaning is read, or that change nothing here.
-const KNOWN: [&str; 10] = [
+const KNOWN: [&str; 11] = [
     "EXT_lights_ies",
+    "EXT_lights_image_based",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",

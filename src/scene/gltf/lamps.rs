@@ -10,7 +10,7 @@ use super::nodes::Placed;
 use crate::error::{Error, Result};
 
 /// Lumens of a watt, as exporters of glTF reckon: what light of 555 nm has.
-const EXPORTERS_LUMENS_PER_WATT: f32 = 683.0;
+pub(super) const EXPORTERS_LUMENS_PER_WATT: f32 = 683.0;
 
 /// The lamps of the nodes. Errors: colours and intensities that are negative or not finite, cones that are none.
 pub(super) fn of(path: &Path, nodes: &[Placed<'_>], warnings: &mut Vec<String>) -> Result<Vec<LightEntry>> {

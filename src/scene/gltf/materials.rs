@@ -240,31 +240,37 @@ impl Images<'_> {
         if let Some(known) = &self.known[image.index()] {
             return Ok(known.clone());
         }
-        // Told apart from the others of the file, for messages and for what is read once.
-        let name = format!("{}, image {}", self.path.display(), image.index());
-        let embedded = |bytes: &[u8]| ImageSource::Embedded(name.clone().into(), bytes.into());
-        // As it is written: the crate's own way to it panics where an image has neither, or a view without a MIME type.
-        let written = &self.document.as_json().images[image.index()];
-        let view = written.buffer_view.and_then(|view| self.document.views().nth(view.value()));
-        let source = match (view, &written.uri) {
-            (Some(view), _) => embedded(self.buffers.view(&view)?),
-            (None, None) => {
-                let problem = format!("image {} has no data", image.index());
-                return Err(Error::input(place, problem, "export the file again with its images"));
-            }
-            (None, Some(text)) => match uri(text) {
-                Ok(Uri::Data(bytes)) => embedded(&bytes),
-                Ok(Uri::File(file)) => {
-                    ImageSource::File(self.path.parent().unwrap_or(Path::new("")).to_owned(), plain(&file))
-                }
-                Err(problem) => {
-                    let problem = format!("image {} {problem}", image.index());
-                    return Err(Error::input(place, problem, "export the file again with its images"));
-                }
-            },
-        };
+        let source = image_source(self.path, self.document, self.buffers, image.index(), place)?;
         self.known[image.index()] = Some(source.clone());
         Ok(source)
+    }
+}
+
+/// Where the bytes of an image are. Errors: nowhere, or where they may not be; `place` names who wants them.
+pub(super) fn image_source(
+    path: &Path,
+    document: &Document,
+    buffers: &Buffers,
+    index: usize,
+    place: &str,
+) -> Result<ImageSource> {
+    // Told apart from the others of the file, for messages and for what is read once.
+    let name = format!("{}, image {index}", path.display());
+    let embedded = |bytes: &[u8]| ImageSource::Embedded(name.clone().into(), bytes.into());
+    // As it is written: the crate's own way to it panics where an image has neither, or a view without a MIME type.
+    let written = &document.as_json().images[index];
+    let view = written.buffer_view.and_then(|view| document.views().nth(view.value()));
+    let refuse = |problem: String| Error::input(place, problem, "export the file again with its images");
+    match (view, &written.uri) {
+        (Some(view), _) => Ok(embedded(buffers.view(&view)?)),
+        (None, None) => Err(refuse(format!("image {index} has no data"))),
+        (None, Some(text)) => match uri(text) {
+            Ok(Uri::Data(bytes)) => Ok(embedded(&bytes)),
+            Ok(Uri::File(file)) => {
+                Ok(ImageSource::File(path.parent().unwrap_or(Path::new("")).to_owned(), plain(&file)))
+            }
+            Err(problem) => Err(refuse(format!("image {index} {problem}"))),
+        },
     }
 }
 

@@ -14,6 +14,7 @@ mod lamps;
 mod materials;
 mod nodes;
 mod primitives;
+mod skies;
 
 use std::path::Path;
 
@@ -60,7 +61,20 @@ pub(super) fn read(
     primitives::add(path, &nodes, &buffers, first_material, geometry, memory, warnings)?;
     let mut lamps = lamps::of(path, &nodes, warnings)?;
     lamps.extend(ies::of(path, &file.document, &nodes, &buffers, folders)?);
+    let sky = skies::of(path, &file.document, &buffers, folders, memory, warnings)?;
+    // A node may have its name.
+    lamps.extend(sky.map(|sky| named_apart(sky, &nodes)));
     Ok(FileExtras { cameras: cameras::of(path, &file.document, &nodes, warnings), lamps })
+}
+
+/// A light that no node carries, under a name that no node has.
+fn named_apart(mut light: LightEntry, nodes: &[nodes::Placed<'_>]) -> LightEntry {
+    if let Some(name) = &mut light.name {
+        while nodes.iter().any(|placed| placed.name == *name) {
+            name.push_str(" sky");
+        }
+    }
+    light
 }
 
 /// A name from the file as one line of bounded length.

@@ -73,9 +73,13 @@ def test_the_whole_way(scene, program, tmp_path):
     assert tomllib.loads(groups) == {"groups": {"warm": ["bulb"]}}
     rules = '[[light]]\nname = "warm"\nstops = 1\n[[light]]\nname = "panel"\ncolor = { linear = [0, 1, 0] }\n'
     rules += '[[light]]\nname = "dark"\non = false\n[[light]]\nname = "sign"\nstops = -1\n[[light]]\nname = "World"\nstops = -2\n'
+    # Groups as the mixer makes them, one in another: the smaller is what a light can have here.
+    groups += '"all of it" = ["bulb", "panel", "dark"]\nnobody = ["gone"]\nsky = ["World"]\n'
     look.write_text(groups + rules, encoding="utf-8")
     bpy.ops.ed.undo_push(message="before")
     assert bpy.ops.ltm.apply_look(filepath=str(look)) == {"FINISHED"}
+    assert (bulb.lightgroup, panel.lightgroup, dark.lightgroup, sky.lightgroup) == ("warm", "all of it", "all of it", "sky")
+    assert {group.name for group in bpy.context.view_layer.lightgroups} >= {"warm", "all of it", "sky"}
     near(bulb.data.energy, 100)
     near(bulb.data.color[:], RED)
     near(panel.data.color[:], (0, 1, 0))

@@ -190,10 +190,13 @@ fn read_gltf(bytes: &[u8], folder: &Path) -> bool {
 }
 
 /// The JSON of a small room; its buffer follows in the GLB.
-const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,2,3,4]}],
-"extensionsUsed":["KHR_lights_punctual","KHR_texture_transform","EXT_lights_ies"],"extensions":{"KHR_lights_punctual":{"lights":[
+const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,2,3,4],
+"extensions":{"EXT_lights_image_based":{"light":0}}}],
+"extensionsUsed":["KHR_lights_punctual","KHR_texture_transform","EXT_lights_ies","EXT_lights_image_based"],"extensions":{"KHR_lights_punctual":{"lights":[
 {"type":"spot","intensity":683,"spot":{"innerConeAngle":0.2,"outerConeAngle":0.5}}]},
-"EXT_lights_ies":{"lights":[{"bufferView":5,"mimeType":"application/x-ies-lm-63"}]}},
+"EXT_lights_ies":{"lights":[{"bufferView":5,"mimeType":"application/x-ies-lm-63"}]},
+"EXT_lights_image_based":{"lights":[{"name":"sky","intensity":0.5,"rotation":[0,0.6,0,0.8],"irradianceCoefficients":[[9,9,9]],
+"specularImageSize":4,"specularImages":[[0,0,0,0,0,0]]}]}},
 "nodes":[{"mesh":0,"children":[1],"scale":[1,1,-1]},{"name":"lamp","mesh":1,"translation":[0,2,0],"rotation":[1,0,0,0]},
 {"name":"eye","camera":0,"translation":[0,1,4]},{"name":"spot","translation":[0,2,0],"extensions":{"KHR_lights_punctual":{"light":0},
 "EXT_lights_ies":{"light":0,"multiplier":2,"color":[1,0.5,0]}}},

@@ -2,13 +2,17 @@
 
     python measure.py [width height lights]
     python measure.py --slices room.ltm
+    python measure.py --program room.ltc
 
 Renders and packs a built-in room with a ceiling light of lights × lights texels, then relights it. numpy has the whole matrix
 in memory as float32; its product is the matrix times the weights of each channel. Both write into arrays that are there.
-``--slices`` says what memory slices of a file take, which may be larger than memory.
+``--program`` opens and relights a file as ``ltm relight`` (on the path, or what LTM names) does, each as a new process and in turn,
+and on a GPU if there is one. ``--slices`` says what memory slices of a file take, which may be larger than memory.
 """
 
+import os
 import re
+import subprocess
 import sys
 import tempfile
 import threading
@@ -78,6 +82,64 @@ def products(width: int, height: int, texels: int) -> None:
             print(f"256 images filled: {1e3 * seconds(lambda: images.fill(1)):.2f} ms")
 
 
+def process_seconds(command: list[str], times: int = 7) -> float:
+    """The median time of a process from its start to its end."""
+    taken = []
+    for _ in range(times):
+        begun = time.perf_counter()
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        taken.append(time.perf_counter() - begun)
+    return sorted(taken)[times // 2]
+
+
+#: A process that does what `ltm relight` does, and says how long that took without starting and importing.
+WITHIN = """
+import sys, time, numpy, ltm
+try:
+    import OpenEXR
+except ImportError:
+    OpenEXR = None
+begun = time.perf_counter()
+with ltm.open(sys.argv[1]) as m:
+    image = m.relight(m.scene_weights, device="cpu")
+relit = time.perf_counter()
+if OpenEXR is None:
+    numpy.save(sys.argv[2], image)
+else:
+    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": image}).write(sys.argv[2])
+print(relit - begun, time.perf_counter() - begun)
+"""
+
+
+def program(path: str) -> None:
+    """Opening and relighting once, beside the program; and on the GPU."""
+    tool = os.environ.get("LTM", "ltm")
+    with tempfile.TemporaryDirectory() as folder:
+        begun = time.perf_counter()
+        with ltm.open(path) as m:
+            weights = m.scene_weights
+            m.relight(weights, device="cpu")
+            first = time.perf_counter() - begun
+            again = seconds(lambda: m.relight(weights, device="cpu"))
+            print(f"{path}: {m.shape[0]} × {m.shape[1]} × 3 × {m.shape[3]}")
+            print(f"open and first image {1e3 * first:.1f} ms, further images {1e3 * again:.2f} ms each")
+            found = ltm.gpu()
+            if found is not None:
+                kind = "software" if found.is_software else "hardware"
+                m.relight(weights, device="gpu")
+                on_gpu = seconds(lambda: m.relight(weights, device="gpu"))
+                print(f"on {found.name} ({kind}): {1e3 * on_gpu:.2f} ms, ratio {again / on_gpu:.2f}")
+        image = f"{folder}/a.exr"
+        theirs = [tool, "relight", path, "--device", "cpu", "-o", image]
+        ours = [sys.executable, "-c", WITHIN, path, image]
+        process_seconds(theirs, 1)
+        within = sorted(subprocess.run(ours, check=True, capture_output=True, text=True).stdout.split() for _ in range(7))
+        relit, done = (1e3 * float(value) for value in within[3])
+        print(f"open and relight in a new process {relit:.0f} ms, with an image file {done:.0f} ms")
+        a, b = process_seconds(ours), process_seconds(theirs)
+        print(f"whole process: {1e3 * a:.0f} ms, ltm relight {1e3 * b:.0f} ms, ratio {b / a:.2f}; without start and imports {1e3 * b / done:.2f}")
+
+
 def status(name: str) -> float:
     """A figure of the process in MiB, as Linux has it."""
     return int(re.search(rf"{name}:\s+(\d+)", Path("/proc/self/status").read_text())[1]) / 1024
@@ -117,6 +179,8 @@ def slices(path: str) -> None:
 def main() -> None:
     if sys.argv[1:2] == ["--slices"]:
         return slices(sys.argv[2])
+    if sys.argv[1:2] == ["--program"]:
+        return program(sys.argv[2])
     width, height, texels = (int(argument) for argument in sys.argv[1:4]) if len(sys.argv) > 3 else (256, 192, 16)
     products(width, height, texels)
 

@@ -5,6 +5,7 @@
 //! would lack: see [`threads`].
 
 mod errors;
+mod gpu;
 mod light;
 mod make;
 mod matrix;
@@ -19,6 +20,8 @@ use pyo3::prelude::*;
 mod _ltm {
     #[pymodule_export]
     use super::errors::{DamagedError, NoGpuError};
+    #[pymodule_export]
+    use super::gpu::gpu;
     #[pymodule_export]
     use super::make::{merge, pack_array, pack_store, render, verify, write_array, write_basis};
     #[pymodule_export]

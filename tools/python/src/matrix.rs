@@ -1,13 +1,14 @@
 //! An open matrix, stored or packed.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use ltm::container::ContainerReader;
 use ltm::host::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape, PixelRect};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
+use ltm::scene::Camera;
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use numpy::prelude::*;
@@ -17,13 +18,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::errors::{exception, unlocked};
+use crate::gpu::{Device, OnGpu, adapter, second_run};
 use crate::light::{LightTuple, lightings_of, to_tuple};
 use crate::slice::{Wanted, read};
 use crate::threads::on_pool;
 
 /// Where the entries come from.
 pub(crate) enum Source {
-    Container(ContainerReader),
+    Container(Arc<ContainerReader>),
     Matrix(StoreReader),
 }
 
@@ -32,14 +34,14 @@ impl Source {
     fn open(path: &Path) -> Result<Self> {
         let is = |wanted: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted));
         if is("ltc") {
-            return ContainerReader::open(path).map(Self::Container);
+            return ContainerReader::open(path).map(Arc::new).map(Self::Container);
         }
         if is("ltm") || is("part") {
             return StoreReader::open(path).map(Self::Matrix);
         }
         match ContainerReader::open(path) {
             Err(Error::Input { .. }) => StoreReader::open(path).map(Self::Matrix),
-            other => other.map(Self::Container),
+            other => other.map(Arc::new).map(Self::Container),
         }
     }
 
@@ -60,7 +62,17 @@ struct Opened {
     source: Source,
     /// None: not asked for yet.
     relighter: Mutex<Option<Option<Arc<CpuRelighter>>>>,
+    gpu: Mutex<Gpu>,
     memory_bytes: Option<u64>,
+    gpu_memory_bytes: Option<u64>,
+}
+
+/// What is known of a matrix and the GPU.
+#[derive(Default)]
+struct Gpu {
+    factors: Option<Arc<OnGpu>>,
+    /// Whether it is what [`Device::Auto`] means; None: not tried yet.
+    is_chosen: Option<bool>,
 }
 
 impl Opened {
@@ -79,26 +91,97 @@ impl Opened {
             return Ok(decided.clone());
         }
         let fits = shape.blocks().map(block).sum::<u64>() <= budget_bytes(self.memory_bytes);
-        let made = if fits { Some(on_pool(|| CpuRelighter::load(container))?) } else { None };
+        let made = if fits { Some(on_pool(|| CpuRelighter::load(&**container))?) } else { None };
         let decided = made.filter(|made| made.damage().is_empty()).map(Arc::new);
         *kept = Some(decided.clone());
         Ok(decided)
     }
 
-    fn relight(&self, lightings: &[Lighting], region: PixelRect, pixels: &mut [[f32; CHANNELS]]) -> Result<()> {
+    fn relight(
+        &self,
+        device: Device,
+        lightings: &[Lighting],
+        region: PixelRect,
+        pixels: &mut [[f32; CHANNELS]],
+    ) -> Result<()> {
+        if let Some(gpu) = self.on_gpu(device)? {
+            match on_pool(|| gpu.relight(lightings, region, pixels)) {
+                // The CPU's strict way says what is damaged, or that it is not in the region.
+                Ok(()) if gpu.is_damaged() => {}
+                // A device that is lost is lost for good.
+                Err(Error::NoGpu(_)) if device == Device::Auto => {
+                    *self.lock_gpu() = Gpu { factors: None, is_chosen: Some(false) };
+                }
+                done => return done,
+            }
+        }
+        self.relight_on_cpu(lightings, region, pixels)
+    }
+
+    fn relight_on_cpu(&self, lightings: &[Lighting], region: PixelRect, pixels: &mut [[f32; CHANNELS]]) -> Result<()> {
         let relighter = self.relighter()?;
         on_pool(|| match (&self.source, relighter) {
             (_, Some(relighter)) => relighter.relight_region(lightings, region, pixels),
-            (Source::Container(container), None) => relight_region_streaming(container, lightings, region, pixels),
+            (Source::Container(container), None) => relight_region_streaming(&**container, lightings, region, pixels),
             (Source::Matrix(matrix), None) => relight_region_raw(matrix, lightings, region, pixels),
         })
+    }
+
+    fn lock_gpu(&self) -> MutexGuard<'_, Gpu> {
+        self.gpu.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The factors on the GPU where they are to be used: where that is demanded, or where an adapter that is no software
+    /// has relit the scene's own lighting faster than the CPU. Errors: it is demanded and cannot be.
+    fn on_gpu(&self, device: Device) -> Result<Option<Arc<OnGpu>>> {
+        let container = match (&self.source, device) {
+            (_, Device::Cpu) | (Source::Matrix(_), Device::Auto) => return Ok(None),
+            (Source::Matrix(_), Device::Gpu) => {
+                let problem = "a GPU relights factors, and this is a stored matrix, which has none";
+                return Err(Error::input("device", problem, "pack it, or use device='cpu'"));
+            }
+            (Source::Container(container), _) => container,
+        };
+        let open = || on_pool(|| OnGpu::open(container, self.memory_bytes, self.gpu_memory_bytes)).map(Arc::new);
+        let mut held = self.lock_gpu();
+        if device == Device::Gpu {
+            if held.factors.is_none() {
+                held.factors = Some(open()?);
+            }
+            return Ok(held.factors.clone());
+        }
+        if held.is_chosen.is_none() {
+            let is_hardware = on_pool(adapter).is_ok_and(|adapter| !adapter.is_software);
+            let made = match held.factors.clone() {
+                _ if !is_hardware => None,
+                Some(made) => Some(made),
+                // Nothing is demanded: what does not work is not used.
+                None => open().ok(),
+            };
+            let is_faster = made.as_ref().map_or(Ok(false), |made| self.is_faster(made))?;
+            if is_faster {
+                held.factors = made;
+            }
+            held.is_chosen = Some(is_faster);
+        }
+        Ok(held.factors.clone().filter(|_| held.is_chosen == Some(true)))
+    }
+
+    fn is_faster(&self, gpu: &OnGpu) -> Result<bool> {
+        let shape = self.source.shape();
+        let whole = PixelRect { x: 0, y: 0, width: shape.width(), height: shape.height() };
+        let lighting = [Lighting::of_scene(&self.source.job().basis)];
+        let mut pixels = vec![[0.0; CHANNELS]; whole.pixels()];
+        let on_gpu = second_run(|| on_pool(|| gpu.relight(&lighting, whole, &mut pixels)));
+        let on_cpu = second_run(|| self.relight_on_cpu(&lighting, whole, &mut pixels))?;
+        Ok(on_gpu.is_ok_and(|on_gpu| on_gpu < on_cpu))
     }
 
     fn adjoint(&self, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
         let relighter = self.relighter()?;
         on_pool(|| match (&self.source, relighter) {
             (_, Some(relighter)) => relighter.adjoint(images),
-            (Source::Container(container), None) => adjoint_streaming(container, images),
+            (Source::Container(container), None) => adjoint_streaming(&**container, images),
             (Source::Matrix(matrix), None) => adjoint_raw(matrix, images),
         })
     }
@@ -129,10 +212,16 @@ fn contiguous<'a>(array: &'a PyReadonlyArrayDyn<'_, f32>) -> PyResult<&'a [f32]>
 #[pymethods]
 impl Native {
     #[new]
-    #[pyo3(signature = (path, memory_bytes=None))]
-    fn new(py: Python<'_>, path: PathBuf, memory_bytes: Option<u64>) -> PyResult<Self> {
+    #[pyo3(signature = (path, memory_bytes=None, gpu_memory_bytes=None))]
+    fn new(
+        py: Python<'_>,
+        path: PathBuf,
+        memory_bytes: Option<u64>,
+        gpu_memory_bytes: Option<u64>,
+    ) -> PyResult<Self> {
         let source = unlocked(py, || on_pool(|| Source::open(&path)))?;
-        let opened = Opened { source, relighter: Mutex::new(None), memory_bytes };
+        let (relighter, gpu) = (Mutex::new(None), Mutex::default());
+        let opened = Opened { source, relighter, gpu, memory_bytes, gpu_memory_bytes };
         Ok(Self { path, opened: RwLock::new(Some(Arc::new(opened))) })
     }
 
@@ -179,6 +268,16 @@ impl Native {
         known.set_item("seed", provenance.seed)?;
         known.set_item("settings", &provenance.settings)?;
         known.set_item("metres_per_unit", provenance.metres_per_unit)?;
+        let size = (job.shape.width(), job.shape.height());
+        let camera = Camera::of_words(&provenance.settings, size).map(|camera| {
+            let stated = PyDict::new(py);
+            stated.set_item("eye", camera.eye.to_array())?;
+            stated.set_item("direction", camera.forward.to_array())?;
+            stated.set_item("up", camera.up.to_array())?;
+            stated.set_item("vertical_fov_degrees", camera.vertical_fov_radians.to_degrees())?;
+            Ok::<_, PyErr>(stated)
+        });
+        known.set_item("camera", camera.transpose()?)?;
         known.set_item("raw_bytes", job.shape.raw_bytes())?;
         match &opened.source {
             Source::Container(container) => {
@@ -257,14 +356,16 @@ impl Native {
     }
 
     /// Sets `out` (lightings × height × width × 3 of the region) from `weights` (lightings × columns × 3). The region is
-    /// x, y, width, height.
+    /// x, y, width, height; the device "auto", "cpu" or "gpu".
     fn relight(
         &self,
         py: Python<'_>,
         weights: PyReadonlyArrayDyn<'_, f32>,
         region: (u32, u32, u32, u32),
         mut out: PyReadwriteArrayDyn<'_, f32>,
+        device: &str,
     ) -> PyResult<()> {
+        let device = Device::parse(device)?;
         let opened = self.opened()?;
         let weights = contiguous(&weights)?;
         let lightings = lightings_of(weights, opened.source.shape().columns()).map_err(|error| exception(&error))?;
@@ -273,7 +374,16 @@ impl Native {
         }
         let (pixels, _) = out.as_slice_mut()?.as_chunks_mut::<CHANNELS>();
         let (x, y, width, height) = region;
-        unlocked(py, || opened.relight(&lightings, PixelRect { x, y, width, height }, pixels))
+        let region = PixelRect { x, y, width, height };
+        let shape = opened.source.shape();
+        let ends = |at: u32, size: u32, limit: u32| size > 0 && at.checked_add(size).is_some_and(|end| end <= limit);
+        if !ends(x, width, shape.width()) || !ends(y, height, shape.height()) {
+            return Err(PyValueError::new_err("the region is empty or not inside the image"));
+        }
+        if pixels.len() != lightings.len() * region.pixels() {
+            return Err(PyValueError::new_err("the target has another number of pixels than lightings × region"));
+        }
+        unlocked(py, || opened.relight(device, &lightings, region, pixels))
     }
 
     /// `Tᵀ x` of images (height × width × 3 each, one after the other): images × columns × 3.

@@ -1,5 +1,6 @@
 """Small matrices that the tests share."""
 
+import os
 from pathlib import Path
 
 import ltm
@@ -58,6 +59,17 @@ def path(request: pytest.FixtureRequest, matrix_path: Path, container_path: Path
 def m(path: Path):
     with ltm.open(path) as m:
         yield m
+
+
+@pytest.fixture(scope="session")
+def adapter() -> ltm.Gpu:
+    """The GPU, a software one too; LTM_REQUIRE_GPU=1 makes a missing one a failure."""
+    found = ltm.gpu()
+    if found is None:
+        if os.environ.get("LTM_REQUIRE_GPU") == "1":
+            pytest.fail("LTM_REQUIRE_GPU=1, and there is no adapter")
+        pytest.skip("no Vulkan, Metal or DX12 adapter: relighting on a GPU is not tested")
+    return found
 
 
 def copy_of(path: Path, folder: Path) -> Path:

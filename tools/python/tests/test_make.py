@@ -185,6 +185,11 @@ def test_a_scene_is_rendered_and_packed(tmp_path):
     with ltm.open(tmp_path / "a.ltm") as raw, ltm.open(tmp_path / "a.ltc") as m:
         assert raw.shape == m.shape and raw.shape[:2] == (32, 48)
         assert raw.attrs["samples_per_pixel"] == 4
+        camera = m.attrs["camera"]
+        assert camera == raw.attrs["camera"] and 0 < camera["vertical_fov_degrees"] < 180
+        for key in ("direction", "up"):
+            assert abs(np.linalg.norm(camera[key]) - 1) < 1e-6
+        assert len(camera["eye"]) == 3 and abs(np.dot(camera["direction"], camera["up"])) < 1e-6
         a, b = raw.relight(raw.scene_weights), m.relight(m.scene_weights)
         assert a.max() > 0 and np.linalg.norm(a - b) < 0.3 * np.linalg.norm(a)
     assert ltm.verify(tmp_path / "a.ltm") and ltm.verify(tmp_path / "a.ltc")

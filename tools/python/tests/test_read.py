@@ -16,6 +16,8 @@ def test_shape_lights_and_attributes(m):
     with pytest.raises(KeyError, match="nearest names are 'sky'"):
         m.lights["skye"]
     assert m.attrs["path"] == m.path and m.attrs["source"] == "array" and m.attrs["block_side"] == 16
+    # No camera made an array.
+    assert m.attrs["camera"] is None
     assert m.scene_weights.shape == (COLUMNS, 3) and (m.scene_weights == 1).all()
     assert ltm.info(m.path)["lights"] == NAMES
 

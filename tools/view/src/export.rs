@@ -118,6 +118,12 @@ pub fn with_ending(path: &Path, ending: &str) -> PathBuf {
     if has { path.to_owned() } else { PathBuf::from(format!("{}.{ending}", path.display())) }
 }
 
+/// As [`with_ending`], with the first of several endings where it has none of them.
+pub fn with_one_of(path: &Path, endings: &[&str]) -> PathBuf {
+    let has = path.extension().is_some_and(|e| endings.iter().any(|ending| e.eq_ignore_ascii_case(ending)));
+    if has { path.to_owned() } else { with_ending(path, endings.first().unwrap_or(&"")) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -140,5 +146,7 @@ mod tests {
     fn endings_are_added_once() {
         assert_eq!(with_ending(Path::new("a.PNG"), "png"), Path::new("a.PNG"));
         assert_eq!(with_ending(Path::new("v1.2"), "png"), Path::new("v1.2.png"));
+        assert_eq!(with_one_of(Path::new("a.PDF"), &["csv", "pdf"]), Path::new("a.PDF"));
+        assert_eq!(with_one_of(Path::new("a.png"), &["csv", "pdf"]), Path::new("a.png.csv"));
     }
 }

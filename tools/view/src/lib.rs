@@ -17,10 +17,12 @@ mod metered;
 pub mod mixer;
 mod paged_desk;
 pub mod pattern;
+pub mod pdf;
 pub mod photometry;
 pub mod reach;
 pub mod recent;
 pub mod rows;
+pub mod seen;
 pub mod sheet;
 pub mod snapshots;
 pub mod sun;
@@ -74,6 +76,8 @@ pub struct WindowOptions {
     /// Set once the window and its device are there: until then a display that does not answer can keep
     /// [`run`] waiting for as long as it likes.
     pub opened: Arc<AtomicBool>,
+    /// Whether files are chosen in the desktop's own dialogues, as far as there are any.
+    pub native_dialogs: bool,
     /// Folder in which the list of recent files and work that no file has yet are kept; none: they go with the window.
     pub state_folder: Option<PathBuf>,
 }

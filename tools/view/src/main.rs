@@ -63,6 +63,7 @@ fn run(options: Arguments) -> Result<()> {
             DeviceName::Gpu => RelightOn::Gpu,
         },
         state_folder: state_folder(),
+        native_dialogs: is_desktop(),
         ..Default::default()
     })
 }
@@ -82,6 +83,13 @@ fn give_up_unless(opened: Arc<AtomicBool>) {
             std::process::exit(i32::from(error.exit_code()));
         }
     });
+}
+
+/// Whether a desktop runs here that may have dialogues for files. Elsewhere asking for one can take long.
+fn is_desktop() -> bool {
+    let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    // macOS wants its dialogues on the main thread, which draws.
+    !cfg!(target_os = "macos") && (cfg!(windows) || is_set("XDG_CURRENT_DESKTOP"))
 }
 
 /// Where programs keep what a user would not miss: the XDG base directories' state folder.

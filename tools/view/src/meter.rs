@@ -205,6 +205,60 @@ fn round_down(value: f32) -> f32 {
     [5.0, 2.0, 1.0].map(|step| step * power).into_iter().find(|step| *step <= value * 1.0001).unwrap_or(value)
 }
 
+/// A value written at a line of equal value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Label {
+    /// Where, in pixels from the picture's top left.
+    pub at: [f32; 2],
+    /// The line's value.
+    pub value: f32,
+}
+
+/// Labels of a line at most, lines that are tried for each, and how near two labels may be, as a share of the picture's width.
+const LABELS_A_LINE: usize = 2;
+const TRIES: usize = 400;
+const LABELS_APART: f32 = 0.12;
+
+/// Where lines of equal value are named: at clear pieces of them, apart from each other and from the picture's edge.
+pub fn labels(field: &Field, scale: Scale) -> Vec<Label> {
+    let [width, height] = field.size;
+    let margin = (width.min(height) / 20).max(7);
+    let value = |x: usize, y: usize| field.values[y * width + x];
+    // Whether the line of a value passes a pixel.
+    let passes = |step: f32, x: usize, y: usize| {
+        let is_above = |v: Option<f32>| v.map(|v| v >= step);
+        let own = is_above(value(x, y));
+        own.is_some()
+            && [value(x + 1, y), value(x, y + 1)].into_iter().any(|v| is_above(v).is_some_and(|v| Some(v) != own))
+    };
+    // A line that goes through has a pixel for each of some rows or columns around; grain has many, an islet few.
+    let is_clear = |step: f32, x: usize, y: usize| {
+        let around = (y - 6..=y + 6).flat_map(|y| (x - 6..=x + 6).map(move |x| (x, y)));
+        (10..=28).contains(&around.filter(|&(x, y)| passes(step, x, y)).count())
+    };
+    let mut labels: Vec<Label> = Vec::new();
+    let apart = LABELS_APART * width as f32;
+    if width <= 2 * margin || height <= 2 * margin {
+        return labels;
+    }
+    for step in scale.steps() {
+        let rows = (margin..height - margin).into_par_iter();
+        let on_line: Vec<(usize, usize)> = rows
+            .flat_map_iter(|y| (margin..width - margin).filter(move |&x| passes(step, x, y)).map(move |x| (x, y)))
+            .collect();
+        let mut of_line = 0;
+        for &(x, y) in on_line.iter().step_by(on_line.len() / TRIES + 1) {
+            let at = [x as f32 + 1.0, y as f32 + 1.0];
+            let is_apart = |label: &Label| (label.at[0] - at[0]).hypot(label.at[1] - at[1]) >= apart;
+            if of_line < LABELS_A_LINE && labels.iter().all(is_apart) && is_clear(step, x, y) {
+                labels.push(Label { at, value: step });
+                of_line += 1;
+            }
+        }
+    }
+    labels
+}
+
 /// A field in colours; what has no value is grey.
 ///
 /// Errors: a scale whose ends are not positive and in order.
@@ -321,6 +375,28 @@ mod tests {
         assert!(coloured(&none, scale).unwrap().rgba.chunks_exact(4).all(|pixel| pixel == [60, 60, 60, 255]));
         assert!(coloured(&none, Scale { low: 2.0, high: 1.0, lines: false }).is_err());
         assert_eq!(scale.colours(64).len(), 64);
+    }
+
+    #[test]
+    fn lines_are_named_where_they_are_clear() {
+        let field = ramp(100, 60);
+        let scale = Scale { low: 5.0, high: 100.0, lines: true };
+        let named = labels(&field, scale);
+        // The steps are 5, 10, 20, 50 and 100, of which the first and the last lie at the edge.
+        for value in [10.0, 20.0, 50.0] {
+            let own: Vec<_> = named.iter().filter(|label| label.value == value).collect();
+            assert!((1..=LABELS_A_LINE).contains(&own.len()), "{named:?}");
+            // Column x has the value x + 1: the line stands at the left edge of column 9, 19, 49.
+            assert!(own.iter().all(|label| label.at[0] == value - 1.0), "{named:?}");
+        }
+        assert!(named.iter().all(|label| ![5.0, 100.0].contains(&label.value)), "{named:?}");
+        let near = |a: &Label, b: &Label| a != b && (a.at[0] - b.at[0]).hypot(a.at[1] - b.at[1]) < 12.0;
+        assert!(!named.iter().any(|a| named.iter().any(|b| near(a, b))), "{named:?}");
+        // Grain has lines everywhere, and none that can be named.
+        let grain = (0..6000u32).map(|i| Some(if i.wrapping_mul(2_654_435_769) >> 31 == 1 { 6.0 } else { 60.0 }));
+        let grain = Field { values: grain.collect(), ..field };
+        assert!(labels(&grain, scale).is_empty());
+        assert!(labels(&ramp(9, 9), scale).is_empty());
     }
 
     #[test]

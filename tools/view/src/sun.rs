@@ -144,6 +144,11 @@ impl PlacedSun {
         Self { light: index, texel, sky, with }
     }
 
+    /// The sky that it was put into.
+    pub fn light(&self) -> usize {
+        self.light
+    }
+
     /// The texel that it stands on, while it is still there.
     pub fn texel(&self, index: usize, own: &LightMix) -> Option<usize> {
         (self.light == index && own.pattern.as_ref() == Some(&self.with)).then_some(self.texel)

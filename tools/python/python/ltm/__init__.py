@@ -15,7 +15,7 @@ Images are linear Rec. 709, rows from the top. A column's weight is in the unit 
 from ._lights import Light, Lights
 from ._ltm import BUILT_IN_SCENES, DamagedError, NoGpuError, __version__
 from ._make import BuiltIn, PackReport, RenderReport, Verified, info, merge, pack, render, verify, write, write_basis
-from ._matrix import Block, Blocks, Look, Matrix, open
+from ._matrix import Block, Blocks, Gpu, Look, Matrix, gpu, open
 
 __all__ = [
     "BUILT_IN_SCENES",
@@ -23,6 +23,7 @@ __all__ = [
     "Blocks",
     "BuiltIn",
     "DamagedError",
+    "Gpu",
     "Light",
     "Lights",
     "Look",
@@ -32,6 +33,7 @@ __all__ = [
     "RenderReport",
     "Verified",
     "__version__",
+    "gpu",
     "info",
     "merge",
     "open",

@@ -95,10 +95,12 @@ class Matrix:
     dtype = np.dtype(np.float32)
     ndim = 4
 
-    def __init__(self, path: str | os.PathLike[str], memory: int | None = None) -> None:
+    def __init__(
+        self, path: str | os.PathLike[str], memory: int | None = None, gpu_memory: int | None = None
+    ) -> None:
         self.path = os.path.abspath(os.fspath(path))
-        self._memory = memory
-        self._native = _ltm.Native(self.path, memory)
+        self._memory = (memory, gpu_memory)
+        self._native = _ltm.Native(self.path, memory, gpu_memory)
         height, width, columns, self.block_side = self._native.shape()
         #: Height and width in pixels, channels, columns.
         self.shape = (height, width, 3, columns)
@@ -122,7 +124,7 @@ class Matrix:
     def __reduce__(self) -> Any:
         if self.closed:
             raise ValueError(f"{self.path}: the matrix is closed")
-        return (open, (self.path, self._memory))
+        return (open, (self.path, *self._memory))
 
     def __repr__(self) -> str:
         height, width, _, columns = self.shape
@@ -155,8 +157,9 @@ class Matrix:
 
     @property
     def attrs(self) -> dict[str, Any]:
-        """What the file says of itself: job, source, program, settings, samples, seed; of a container also how it was
-        packed and where its error figures come from. The file does not hold the camera."""
+        """What the file says of itself: job, source, program, settings, samples, seed; ``camera``, in the keys of a scene file,
+        None where the file does not state it (an import, a part of a picture, a file of an older version); of a container also
+        how it was packed and where its error figures come from."""
         return self._native.attrs()
 
     @property
@@ -296,16 +299,15 @@ class Matrix:
         the factors. Weights are in the unit of each light.
 
         ``roi``: (rows, columns) of pixels as slices without steps, ``numpy.s_[y0:y1, x0:x1]``; only its blocks are worked
-        on. ``out``: a float32 array of the result's shape in C order, which is set and returned. ``device``: "auto" and
-        "cpu" are the CPU; "gpu" raises :class:`NoGpuError`, this package is built without.
+        on. ``out``: a float32 array of the result's shape in C order, which is set and returned.
+
+        ``device``: "cpu", "gpu", or "auto": a GPU that is no software adapter, if it relit the scene's own lighting faster
+        than the CPU when this was first asked. "gpu" takes any adapter (see :func:`ltm.gpu`) and relights containers only.
+        Images of the two differ by rounding.
 
         The first call reads the factors of a container and keeps them if they fit the memory. Raises ValueError for
-        shapes and for weights that are not finite, DamagedError.
+        shapes and for weights that are not finite, DamagedError, NoGpuError where "gpu" cannot be had.
         """
-        if device not in ("auto", "cpu", "gpu"):
-            raise ValueError(f"device: '{device}' is none of auto, cpu, gpu")
-        if device == "gpu":
-            raise _ltm.NoGpuError("this package is built without GPUs; use device='auto'")
         array = self.weights(weights)
         y, x = (slice(None), slice(None)) if roi is None else roi
         y, x = _bounds(y, self.shape[0], "rows"), _bounds(x, self.shape[1], "columns")
@@ -316,9 +318,11 @@ class Matrix:
             raise TypeError("out: is not an array of float32")
         elif out.shape != shape or not out.flags.c_contiguous or not out.flags.writeable:
             raise ValueError(f"out: is not a writeable array of the shape {shape} in C order")
+        if device not in ("auto", "cpu", "gpu"):
+            raise ValueError(f"device: '{device}' is none of auto, cpu, gpu")
         if 0 in shape:
             return out
-        self._native.relight(array, (x.start, y.start, shape[-2], shape[-3]), out)
+        self._native.relight(array, (x.start, y.start, shape[-2], shape[-3]), out, device)
         return out
 
     def adjoint(self, image: ArrayLike, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
@@ -374,10 +378,28 @@ def _indices(part: Any, size: int, axis: int) -> tuple[list[int], Any]:
     return unique.tolist(), inverse
 
 
-def open(path: str | os.PathLike[str], memory: int | None = None) -> Matrix:  # noqa: A001
+@dataclass(frozen=True)
+class Gpu:
+    """An adapter that relights."""
+
+    #: Its name and its driver's interface.
+    name: str
+    #: Whether it computes on the processor, slower than ``device="cpu"``.
+    is_software: bool
+
+
+def gpu() -> Gpu | None:
+    """The adapter that ``device="gpu"`` relights on; None where there is none."""
+    found = _ltm.gpu()
+    return None if found is None else Gpu(*found)
+
+
+def open(  # noqa: A001
+    path: str | os.PathLike[str], memory: int | None = None, gpu_memory: int | None = None
+) -> Matrix:
     """Opens a stored matrix (``.ltm``) or a container (``.ltc``) to read it; a context manager.
 
-    ``memory``: bytes to stay within, for factors that are kept and for slices; None: what the system has. Raises
-    FileNotFoundError, ValueError for a file that is neither, DamagedError.
+    ``memory``: bytes to stay within, for factors that are kept and for slices; None: what the system has. ``gpu_memory``:
+    the same of the GPU's memory. Raises FileNotFoundError, ValueError for a file that is neither, DamagedError.
     """
-    return Matrix(path, memory)
+    return Matrix(path, memory, gpu_memory)

@@ -11,6 +11,8 @@ use super::chooser::{Answer, Chooser, Purpose};
 use super::document::{Document, Opening};
 use super::keys::{Action, act, help, pressed};
 use super::layout::{Tab, show_document};
+use super::native_dialog::{NativeDialog, Outcome};
+use super::one_at_a_time::Waiting;
 use super::question::{Next, Question, Reply};
 use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, recent_files};
@@ -32,6 +34,11 @@ pub struct App {
     /// What containers are opened with.
     opening: Opening,
     chooser: Option<Chooser>,
+    /// The desktop's dialogue, while one is open.
+    dialog: Option<NativeDialog>,
+    native_dialogs: bool,
+    /// Events of the pointer that later frames are shown.
+    waiting: Waiting,
     question: Option<Question>,
     /// What is to be done once the work is saved.
     after_save: Option<Next>,
@@ -83,6 +90,9 @@ impl App {
             recent,
             opening: Opening { means, state, state_folder: options.state_folder },
             chooser: None,
+            dialog: None,
+            native_dialogs: options.native_dialogs,
+            waiting: Waiting::default(),
             question: None,
             after_save: None,
             may_close: false,
@@ -198,7 +208,7 @@ impl App {
     fn go_on_after_save(&mut self, context: &egui::Context) {
         let Some(document) = &self.document else { return };
         let awaited = document.files.beside > 0 || document.files.wanted.is_some();
-        if self.after_save.is_none() || awaited || self.chooser.is_some() {
+        if self.after_save.is_none() || awaited || self.chooser.is_some() || self.dialog.is_some() {
             return;
         }
         let was_saved = !document.is_modified();
@@ -280,7 +290,7 @@ impl App {
         self.check_close(&context);
         self.fit_to_screen(&context);
         self.take_dropped(&context);
-        if self.chooser.is_none() && self.question.is_none() {
+        if self.chooser.is_none() && self.dialog.is_none() && self.question.is_none() {
             for action in pressed(&context) {
                 self.act(&context, action);
             }
@@ -295,8 +305,9 @@ impl App {
                 let choice = show_document(ui, document, self.panels, &mut self.tab, &self.recent);
                 let held = context.input(|input| input.pointer.any_down());
                 document.ask(&context, held);
-                if let Some(purpose) = document.files.wanted.take() {
-                    self.chooser = Some(Chooser::new(purpose, &near(document, purpose)));
+                let wanted = document.files.wanted.take().map(|purpose| (purpose, near(document, purpose)));
+                if let Some((purpose, near)) = wanted {
+                    self.begin_choosing(&context, purpose, &near);
                 }
                 match choice {
                     Some(Choice::Act(action)) => self.act(&context, action),
@@ -333,7 +344,8 @@ impl App {
             }
             (Action::Open, document) => {
                 let near = document.as_ref().map_or(Path::new("."), |document| document.session.path.as_path());
-                self.chooser = Some(Chooser::new(Purpose::Container, near));
+                let near = near.to_owned();
+                self.begin_choosing(context, Purpose::Container, &near);
             }
             (Action::Reload, Some(_)) => self.reload(context),
             (action, Some(document)) => act(context, document, action),
@@ -341,8 +353,44 @@ impl App {
         }
     }
 
+    /// Asks for a file: in the desktop's dialogue if there is one, else in a list of the window's own.
+    fn begin_choosing(&mut self, context: &egui::Context, purpose: Purpose, near: &Path) {
+        if self.native_dialogs {
+            self.dialog = Some(NativeDialog::open(context, purpose, near));
+        } else {
+            self.chooser = Some(Chooser::new(purpose, near));
+        }
+    }
+
+    /// Takes the answer of the desktop's dialogue.
+    fn take_from_desktop(&mut self, context: &egui::Context) {
+        let Some((purpose, outcome)) = self.dialog.as_ref().and_then(|d| Some((d.purpose, d.outcome()?))) else {
+            return;
+        };
+        self.dialog = None;
+        match outcome {
+            Outcome::Answered(Answer::Chosen(path)) => self.chosen(context, purpose, path),
+            Outcome::Answered(Answer::Cancelled) => self.after_save = None,
+            Outcome::Failed => {
+                self.native_dialogs = false;
+                let near =
+                    self.document.as_ref().map_or_else(|| PathBuf::from("."), |document| near(document, purpose));
+                self.chooser = Some(Chooser::new(purpose, &near));
+            }
+        }
+    }
+
+    /// Leaves of what the system brings what this frame may see; the rest comes in those that follow.
+    pub fn take_turns(&mut self, context: &egui::Context, input: &mut egui::RawInput) {
+        // What is drawn now is what the pointer meets in the next frame.
+        if self.waiting.take_turns(&mut input.events, context.cumulative_frame_nr() > 1) {
+            context.request_repaint();
+        }
+    }
+
     /// Shows the list of files while one is being chosen.
     fn choose(&mut self, context: &egui::Context) {
+        self.take_from_desktop(context);
         let Some(chooser) = &mut self.chooser else { return };
         let purpose = chooser.purpose;
         match chooser.show(context) {
@@ -401,7 +449,7 @@ impl App {
                 ui.label(RichText::new("a .ltc file, as ltm-pack makes it").color(WEAK));
                 ui.add_space(14.0);
                 if ui.button("Open…  (Ctrl+O)").clicked() {
-                    self.chooser = Some(Chooser::new(Purpose::Container, Path::new(".")));
+                    self.begin_choosing(&ui.ctx().clone(), Purpose::Container, Path::new("."));
                 }
                 if self.recent.of(RecentKind::Container).next().is_some() {
                     ui.add_space(14.0);
@@ -481,6 +529,10 @@ impl App {
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
         self.show(ui);
+    }
+
+    fn raw_input_hook(&mut self, context: &egui::Context, input: &mut egui::RawInput) {
+        self.take_turns(context, input);
     }
 
     fn clear_color(&self, _: &egui::Visuals) -> [f32; 4] {

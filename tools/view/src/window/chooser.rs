@@ -1,4 +1,4 @@
-//! Choosing a file: folders and names inside the window, since not every desktop has a dialogue to ask for one.
+//! Choosing a file: folders and names inside the window, where there is no desktop with a dialogue of its own.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -8,7 +8,7 @@ use eframe::egui::{self, Key, RichText, ScrollArea, TextEdit, vec2};
 
 use super::question::ago;
 use super::theme::{ALARM, WEAK};
-use crate::export::with_ending;
+use crate::export::{with_ending, with_one_of};
 use crate::rows::natural;
 use ltm::host::human_bytes;
 
@@ -61,7 +61,7 @@ pub(super) struct Chooser {
 const IMAGES: [&str; 7] = ["exr", "hdr", "png", "jpg", "jpeg", "tga", "bmp"];
 
 impl Purpose {
-    fn title(self) -> &'static str {
+    pub(super) fn title(self) -> &'static str {
         match self {
             Self::Container => "Open a container",
             Self::LoadLook => "Load a look",
@@ -71,25 +71,26 @@ impl Purpose {
             Self::Png => "Save the picture as PNG",
             Self::Exr => "Save the radiance as EXR",
             Self::Layers => "Save an EXR with a layer for each light",
-            Self::Report => "Save the report as CSV",
-            Self::Sheet => "Save a contact sheet as PNG",
+            Self::Report => "Save the report as CSV or PDF",
+            Self::Sheet => "Save a contact sheet as PNG or PDF",
             Self::Frames => "Save numbered frames as PNG",
         }
     }
 
-    fn endings(self) -> &'static [&'static str] {
+    pub(super) fn endings(self) -> &'static [&'static str] {
         match self {
             Self::Container => &["ltc"],
             Self::LoadLook => &["toml", "json"],
             Self::SaveLook => &["toml"],
             Self::LightImage(_) | Self::Reference => &IMAGES,
-            Self::Png | Self::Sheet | Self::Frames => &["png"],
+            Self::Png | Self::Frames => &["png"],
+            Self::Sheet => &["png", "pdf"],
             Self::Exr | Self::Layers => &["exr"],
-            Self::Report => &["csv"],
+            Self::Report => &["csv", "pdf"],
         }
     }
 
-    fn saves(self) -> bool {
+    pub(super) fn saves(self) -> bool {
         !matches!(self, Self::Container | Self::LoadLook | Self::LightImage(_) | Self::Reference)
     }
 }
@@ -266,7 +267,7 @@ impl Chooser {
     /// What the name means from this folder.
     fn target(&self) -> PathBuf {
         let path = self.folder.join(self.name.trim());
-        if self.purpose.saves() && !path.is_dir() { with_ending(&path, self.purpose.endings()[0]) } else { path }
+        if self.purpose.saves() && !path.is_dir() { with_one_of(&path, self.purpose.endings()) } else { path }
     }
 
     fn accept(&mut self, target: PathBuf) -> Option<Answer> {

@@ -12,6 +12,7 @@ use crate::looks::{self, Saved};
 use crate::meter::csv;
 use crate::mixer::{LightMix, Mix};
 use crate::pattern::Pattern;
+use crate::pdf::{self, Table};
 use crate::photometry::{mean_weight, quantities};
 use crate::sheet::{contact_sheet, frame_paths, frames};
 use crate::unsaved::LeftBehind;
@@ -172,26 +173,29 @@ impl Document {
 
     /// Writes the numbers: lights and measured area.
     pub(super) fn write_report(&mut self, path: PathBuf) {
-        let text = csv(&self.report());
-        self.beside(move || ltm::files::write_file(&path, true, text.as_bytes()).map(|()| wrote(&path)));
+        let tables = self.report();
+        if !is_pdf(&path) {
+            let text = csv(&tables.concat());
+            return self.beside(move || ltm::files::write_file(&path, true, text.as_bytes()).map(|()| wrote(&path)));
+        }
+        let (overlay, legend) = (self.meter.overlay().cloned(), self.meter.legend_in_words());
+        let (image, display, title) = (self.shown.image.clone(), self.view.display, name_of(&self.session.path));
+        self.beside(move || {
+            let shown = overlay.or_else(|| image.map(|image| display.show(&image)));
+            let about = legend.unwrap_or_else(|| "As shown in the window".to_owned());
+            let pages = pdf::report(&title, shown.as_ref().map(|shown| (shown, about.as_str())), &tables)?;
+            ltm::files::write_file(&path, true, &pages).map(|()| wrote(&path))
+        });
     }
 
-    /// The table of a report.
-    fn report(&self) -> Vec<Vec<String>> {
+    /// The tables of a report: the files, the lights, and what was measured.
+    fn report(&self) -> Vec<Table> {
         let text = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect::<Vec<String>>();
         let container = self.session.path.display().to_string();
         let look = self.work.saved_in().map_or_else(|| "not saved".to_owned(), |path| path.display().to_string());
-        let mut rows = vec![text(&["container", &container]), text(&["look", &look])];
-        rows.push(text(&[
-            "light",
-            "kind",
-            "group",
-            "shines",
-            "EV",
-            "share of the picture's light, %",
-            "value",
-            "unit",
-        ]));
+        let mut tables = vec![vec![text(&["container", &container]), text(&["look", &look])]];
+        let mut rows =
+            vec![text(&["light", "kind", "group", "shines", "EV", "share of the picture's light, %", "value", "unit"])];
         let metres = self.metres_per_unit();
         let all: f32 = self.list.contributions.iter().map(|v| v.max(0.0)).sum();
         for (index, light) in self.basis().lights().iter().enumerate() {
@@ -207,18 +211,19 @@ impl Document {
             }
             rows.push(row);
         }
+        tables.push(rows);
         if let Some(figures) = &self.meter.figures {
             let unit = self.meter.measured().unit();
             let kind = if self.meter.is_least() { "at least: surfaces taken for white" } else { "" };
-            rows.push(text(&["area", "average", "minimum", "maximum", "uniformity U0", "points", "unit", "remark"]));
+            let head = text(&["area", "average", "minimum", "maximum", "uniformity U0", "points", "unit", "remark"]);
             let corners: Vec<String> = self.meter.area.corners.iter().map(|[x, y]| format!("{x:.1} {y:.1}")).collect();
             let mut row = vec![corners.join("; ")];
             row.extend([figures.average, figures.least, figures.most].map(|value| format!("{value:.3}")));
             row.extend([format!("{:.3}", figures.uniformity()), figures.count.to_string()]);
             row.extend(text(&[unit, kind]));
-            rows.push(row);
+            tables.push(vec![head, row]);
         }
-        rows
+        tables
     }
 
     /// Writes a layer for each light.
@@ -246,7 +251,11 @@ impl Document {
                 let own = if is_displayed { Display::default() } else { display };
                 (name, own.show(&image))
             });
-            let sheet = contact_sheet(&shown.collect::<Vec<_>>())?;
+            let shown: Vec<_> = shown.collect();
+            if is_pdf(&path) {
+                return ltm::files::write_file(&path, true, &pdf::sheet(&shown)?).map(|()| wrote(&path));
+            }
+            let sheet = contact_sheet(&shown)?;
             export::write_rgba(&path, sheet.size, &sheet.rgba).map(|()| wrote(&path))
         });
     }
@@ -332,6 +341,10 @@ impl Document {
 
 fn name_of(path: &Path) -> String {
     path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+}
+
+fn is_pdf(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("pdf"))
 }
 
 fn wrote(path: &Path) -> Brought {

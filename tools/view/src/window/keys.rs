@@ -143,13 +143,15 @@ pub(super) const BINDINGS: [Binding; 55] = [
 ];
 
 /// What the numbers and the pointer do, for the help.
-const OTHERS: [(&str, &str); 15] = [
+const OTHERS: [(&str, &str); 17] = [
     ("1 … 9", "Select the light in that row"),
     ("Shift+1 … 9", "Compare with that snapshot"),
     ("Alt, held", "See the compared picture whole"),
     ("Tab / Shift+Tab", "Go from control to control; Space presses"),
     ("Left / Right on a fader", "A quarter stop; with Shift a twentieth"),
     ("Drag the picture", "Pan"),
+    ("Shift-drag the picture", "Select the lights in a rectangle; with Ctrl too, add them"),
+    ("Drag a sun in the picture", "Move it over the sky"),
     ("Click the picture", "Select the light that matters most there"),
     ("Double-click the picture", "Zoom to fit"),
     ("Ctrl-click a light's switch", "Solo; with Shift add to the solo"),

@@ -10,7 +10,7 @@ use super::shown_picture::set_texture;
 use super::theme::{ACCENT, WEAK, section};
 use super::view_panel::short;
 use crate::display::Shown;
-use crate::meter::{Area, Field, Figures, Measured, Scale, coloured, measure};
+use crate::meter::{Area, Field, Figures, Label, Measured, Scale, coloured, labels, measure};
 use crate::surfaces::Surfaces;
 use crate::worker::Brought;
 
@@ -50,6 +50,8 @@ pub(super) struct LightMeter {
     of_figures: Option<(FieldKey, Area)>,
     /// The picture in colours, with what it was made of.
     overlay: Option<(FieldKey, Scale, Shown)>,
+    /// What is written at its lines.
+    labels: Vec<Label>,
     texture: Option<TextureHandle>,
 }
 
@@ -64,6 +66,14 @@ impl LightMeter {
     /// What to draw in place of the picture.
     pub(super) fn id(&self) -> Option<TextureId> {
         self.shows.and(self.texture.as_ref()).map(TextureHandle::id)
+    }
+
+    /// What the colours mean, in words.
+    pub(super) fn legend_in_words(&self) -> Option<String> {
+        let (scale, unit) = (self.scale().filter(|_| self.shows.is_some())?, self.measured.unit());
+        let lines: Vec<String> = scale.steps().into_iter().map(short).collect();
+        let colours = format!("Colours from {} (black) to {} {unit} (white)", short(scale.low), short(scale.high));
+        Some(if scale.lines { format!("{colours}; lines at {}", lines.join(", ")) } else { colours })
     }
 
     /// The picture in colours, as it is shown.
@@ -125,6 +135,7 @@ impl Document {
             match coloured(field, scale) {
                 Ok(shown) => {
                     set_texture(context, &mut meter.texture, "meter", &shown);
+                    meter.labels = if scale.lines { labels(field, scale) } else { Vec::new() };
                     meter.overlay = Some((key, scale, shown));
                 }
                 Err(error) => {
@@ -252,7 +263,11 @@ fn area(ui: &mut Ui, document: &mut Document) {
         if ui.add_enabled(some, egui::Button::new("Clear")).clicked() {
             (meter.area, meter.draws) = (Area::default(), false);
         }
-        if ui.button("Report…").on_hover_text("A table of lights and of this area, CSV").clicked() {
+        if ui
+            .button("Report…")
+            .on_hover_text("A table of lights and of this area, as CSV, or as PDF with the picture")
+            .clicked()
+        {
             document.files.wanted = Some(Purpose::Report);
         }
     });
@@ -276,6 +291,16 @@ fn area(ui: &mut Ui, document: &mut Document) {
     } else if meter.draws {
         let count = meter.area.corners.len();
         ui.label(RichText::new(format!("{count} corners; Enter ends")).size(12.0).color(ACCENT));
+    }
+}
+
+/// Writes the values at the lines. `to_screen` brings picture positions there.
+pub(super) fn draw_labels(painter: &egui::Painter, meter: &LightMeter, to_screen: impl Fn([f32; 2]) -> egui::Pos2) {
+    for label in meter.labels.iter().filter(|_| meter.shows.is_some()) {
+        let galley = painter.layout_no_wrap(short(label.value), egui::FontId::proportional(11.0), Color32::WHITE);
+        let place = egui::Align2::CENTER_CENTER.anchor_size(to_screen(label.at), galley.size());
+        painter.rect_filled(place.expand2(vec2(3.0, 1.0)), 3.0, Color32::from_black_alpha(190));
+        painter.galley(place.min, galley, Color32::WHITE);
     }
 }
 

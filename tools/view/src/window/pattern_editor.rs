@@ -66,6 +66,13 @@ impl Default for Easel {
     }
 }
 
+impl Easel {
+    /// Whether the pointer puts suns into skies.
+    pub(super) fn puts_suns(&self) -> bool {
+        self.tool == Tool::Sun
+    }
+}
+
 pub(super) fn pattern_editor(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
     head(ui, document, index, light);
     let is_environment = light.kind.is_environment();

@@ -3,7 +3,8 @@
 use eframe::egui::{self, Align2, Color32, FontId, Pos2, Rect, Sense, Ui, pos2, vec2};
 
 use super::document::Document;
-use super::light_meter::draw_area;
+use super::light_meter::{draw_area, draw_labels};
+use super::seen_lights::{SUN_GRIP, draw_band, draw_suns};
 use super::theme::{ACCENT, WEAK};
 use super::view_state::Beside;
 use crate::difference::Difference;
@@ -16,6 +17,10 @@ const GRIP: f32 = 7.0;
 enum Held {
     Wipe,
     Corner(usize),
+    /// The sun of this light.
+    Sun(usize),
+    /// A band from here that selects lights.
+    Band(Pos2),
     Picture,
 }
 
@@ -56,8 +61,19 @@ impl Place {
         match document.meter.area.corners.iter().position(near) {
             Some(corner) => Held::Corner(corner),
             None if wipes && (at.x - self.wipe_x(document)).abs() < GRIP => Held::Wipe,
-            None => Held::Picture,
+            None => self.sun_at(document, at).map_or(Held::Picture, Held::Sun),
         }
+    }
+
+    /// The light whose sun is taken hold of at a place.
+    fn sun_at(&self, document: &Document, at: Pos2) -> Option<usize> {
+        let suns = document.seen_suns().into_iter();
+        let near = suns.map(|sun| (self.to_screen(document, sun.position).distance(at), sun.light));
+        near.filter(|(distance, _)| *distance < SUN_GRIP).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, light)| light)
+    }
+
+    fn to_picture(&self, document: &Document, at: Pos2) -> [f32; 2] {
+        document.view.viewport.to_picture(self.offset_of(at))
     }
 }
 
@@ -77,9 +93,9 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
         }
         match place.held_at(document, pointer) {
             Held::Wipe => ui.ctx().set_cursor_icon(egui::CursorIcon::ResizeHorizontal),
-            Held::Corner(_) => ui.ctx().set_cursor_icon(egui::CursorIcon::Grab),
+            Held::Corner(_) | Held::Sun(_) => ui.ctx().set_cursor_icon(egui::CursorIcon::Grab),
             Held::Picture if document.meter.draws => ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair),
-            Held::Picture => {}
+            Held::Picture | Held::Band(_) => {}
         }
     }
     let at = |pointer: Pos2| document.view.viewport.pixel_at(place.offset_of(pointer), size);
@@ -88,27 +104,64 @@ pub(super) fn picture(ui: &mut Ui, document: &mut Document) {
         draw_corner(ui, document, &response, &place);
     } else if response.double_clicked() {
         document.view.viewport.fit();
+    } else if let (true, Some(sky), Some(pointer)) =
+        (response.clicked(), sky_for_suns(document), response.interact_pointer_pos())
+    {
+        document.move_sun(sky, place.to_picture(document, pointer));
     } else if let (true, Some(pixel)) = (response.clicked(), document.view.hovered) {
         document.view.select_strongest = true;
         document.session.worker.ask_pixel(pixel);
     }
-    draw(ui, document, &Place::of(rect, document));
+    let place = Place::of(rect, document);
+    draw(ui, document, &place);
+    let painter = ui.painter().with_clip_rect(rect);
+    draw_suns(&painter, &document.seen_suns(), |position| place.to_screen(document, position));
+    if let Some(band) = held_band(ui, &response) {
+        draw_band(&painter, band);
+    }
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, "picture"));
 }
 
-/// Moves the wipe, a corner of the measured area, or the picture.
+/// The sky that a click in the picture puts the sun into: the selected one, while the sun is its tool.
+fn sky_for_suns(document: &Document) -> Option<usize> {
+    let light = document.list.selected().filter(|&light| document.basis().lights()[light].kind.is_environment());
+    light.filter(|_| document.easel.puts_suns() && document.camera().is_some())
+}
+
+fn held_id() -> egui::Id {
+    egui::Id::unique("held in the picture")
+}
+
+/// The band that is being drawn.
+fn held_band(ui: &Ui, response: &egui::Response) -> Option<Rect> {
+    match (ui.data(|data| data.get_temp(held_id())), response.interact_pointer_pos()) {
+        (Some(Held::Band(from)), Some(to)) if response.dragged() => Some(Rect::from_two_pos(from, to)),
+        _ => None,
+    }
+}
+
+/// Moves the wipe, a corner of the measured area, a sun, or the picture; with Shift a band selects lights.
 fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
     let place = Place::of(response.rect, document);
-    let id = egui::Id::unique("held in the picture");
+    let id = held_id();
+    let modifiers = ui.input(|input| input.modifiers);
     if response.drag_started() {
         let origin = ui.input(|input| input.pointer.press_origin());
-        let held = origin.map_or(Held::Picture, |origin| place.held_at(document, origin));
+        let held = match origin {
+            Some(origin) if modifiers.shift => Held::Band(origin),
+            Some(origin) => place.held_at(document, origin),
+            None => Held::Picture,
+        };
         ui.data_mut(|data| data.insert_temp(id, held));
+    }
+    let held = ui.data(|data| data.get_temp(id).unwrap_or(Held::Picture));
+    if let (Held::Band(from), Some(to), true) = (held, response.interact_pointer_pos(), response.drag_stopped()) {
+        let corners = [from, to].map(|at| place.to_picture(document, at));
+        document.select_in_picture(corners, modifiers.command);
     }
     if !response.dragged() {
         return;
     }
-    let held = ui.data(|data| data.get_temp(id).unwrap_or(Held::Picture));
     match (held, response.interact_pointer_pos()) {
         (Held::Wipe, Some(pointer)) => {
             let part = (pointer.x - place.picture.left()) / place.picture.width();
@@ -120,6 +173,8 @@ fn drag(ui: &Ui, document: &mut Document, response: &egui::Response) {
                 *corner = position;
             }
         }
+        (Held::Sun(light), Some(pointer)) => document.move_sun(light, place.to_picture(document, pointer)),
+        (Held::Band(_), _) => {}
         _ => {
             let delta = response.drag_delta();
             document.view.viewport.pan([delta.x, delta.y], document.size());
@@ -156,6 +211,7 @@ fn draw(ui: &Ui, document: &Document, place: &Place) {
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(document.meter.id().unwrap_or(texture), picture, whole, Color32::WHITE);
     draw_compared(ui, &painter, document, place);
+    draw_labels(&painter, &document.meter, |position| place.to_screen(document, position));
     draw_area(&painter, &document.meter, |position| place.to_screen(document, position));
     if let Some(asked) = &document.view.asked {
         let at = place.to_screen(document, [asked.pixel[0] as f32 + 0.5, asked.pixel[1] as f32 + 0.5]);

@@ -42,7 +42,7 @@ fn sequence(ui: &mut Ui, document: &mut Document) {
     }
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
-        if ui.button("Sheet…").on_hover_text("All snapshots with their names on one PNG").clicked() {
+        if ui.button("Sheet…").on_hover_text("All snapshots with their names, on one PNG or a PDF").clicked() {
             document.files.wanted = Some(Purpose::Sheet);
         }
         let about = "Numbered PNGs from snapshot to snapshot; times of a look's file count, if it has any";

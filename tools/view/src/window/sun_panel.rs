@@ -32,7 +32,11 @@ pub(super) fn sun_settings(ui: &mut Ui, document: &mut Document, index: usize, l
                 ui.label(RichText::new(text).size(11.5).color(WEAK));
             }
             None => {
-                ui.label(RichText::new("Click or drag on the map below").size(11.5).color(WEAK));
+                let where_to = match document.camera() {
+                    Some(_) => "Click on the map below or in the picture",
+                    None => "Click or drag on the map below",
+                };
+                ui.label(RichText::new(where_to).size(11.5).color(WEAK));
             }
         }
     });

@@ -11,7 +11,7 @@ use super::driver::Driver;
 use super::{CTRL, container, room};
 
 /// Tests of this file.
-pub(crate) const TESTS: [(&str, fn()); 9] = [
+pub(crate) const TESTS: [(&str, fn()); 11] = [
     ("windows_of_any_size_keep_picture_and_panels", windows_of_any_size_keep_picture_and_panels),
     ("a_fader_is_fine_with_shift_resets_and_takes_numbers", a_fader_is_fine_with_shift_resets_and_takes_numbers),
     ("kelvin_and_colour_change_the_light_and_scene_brings_it_back", kelvin_and_colour),
@@ -21,6 +21,8 @@ pub(crate) const TESTS: [(&str, fn()); 9] = [
     ("an_environment_is_turned_by_dragging", an_environment_is_turned_by_dragging),
     ("lights_are_sorted_by_effect", lights_are_sorted_by_effect),
     ("recent_files_are_offered_again", recent_files_are_offered_again),
+    ("clicks_of_one_slow_frame_are_all_taken", clicks_of_one_slow_frame_are_all_taken),
+    ("a_click_before_the_first_frame_is_taken", a_click_before_the_first_frame_is_taken),
 ];
 
 fn options(path: &Path) -> WindowOptions {
@@ -30,8 +32,22 @@ fn options(path: &Path) -> WindowOptions {
 /// From the smallest window up, the picture is the largest thing in it, and every control of the panels can be reached
 /// without one lying on another.
 fn windows_of_any_size_keep_picture_and_panels() {
-    for size in [vec2(560.0, 360.0), vec2(640.0, 400.0), vec2(800.0, 500.0), vec2(1280.0, 500.0), vec2(1280.0, 800.0)] {
-        let mut driver = Driver::open_with(options(room()), size);
+    // The last as on a display of twice the pixels.
+    for (width, height, scale) in [
+        (560.0, 360.0, 1.0),
+        (560.0, 380.0, 1.0),
+        (640.0, 400.0, 1.0),
+        (800.0, 500.0, 1.0),
+        (1024.0, 700.0, 1.0),
+        (1280.0, 500.0, 1.0),
+        (1280.0, 800.0, 1.0),
+        (1440.0, 900.0, 1.0),
+        (1920.0, 1080.0, 1.0),
+        (960.0, 540.0, 2.0),
+    ] {
+        let size = vec2(width, height);
+        let mut driver = Driver::open_scaled(options(room()), size, scale);
+        assert_eq!(driver.pixels_per_point(), scale);
         let picture = driver.find("picture");
         assert!(picture.width() >= 0.42 * size.x && picture.height() >= 0.7 * size.y, "{size}: {picture}");
         assert!(driver.has("ceiling, stops"), "{size}");
@@ -264,4 +280,35 @@ fn recent_files_are_offered_again() {
         driver.settle();
         assert!(driver.has("row 1/2, on"));
     }
+}
+
+/// Two clicks that come in one frame, as on a machine under load, do what they do in two: the first asks the picture, the
+/// second selects a row.
+fn clicks_of_one_slow_frame_are_all_taken() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stage.ltc");
+    container::write_stage(&path, 8);
+    let mut driver = Driver::open(&path);
+    let all = driver.picture();
+    let [first, second] = ["row 1/2, on", "row 1/5, on"].map(|name| driver.find(name).center());
+    driver.clicks_in_one_frame(&[first, second]);
+    driver.settle();
+    let together = driver.picture();
+    assert!(together != all);
+    for at in [first, second] {
+        driver.click(at);
+        driver.settle();
+        assert!(driver.picture() != together, "each of the two had switched its light");
+    }
+    assert!(driver.picture() == all);
+}
+
+/// What is pressed before the window is drawn reaches what is drawn there.
+fn a_click_before_the_first_frame_is_taken() {
+    let drawn = Driver::open(room());
+    let (switch, lit) = (drawn.find("ceiling, on").center(), drawn.picture());
+    let mut driver = Driver::open_unseen(room());
+    driver.clicks_in_one_frame(&[switch]);
+    driver.settle();
+    assert!(driver.picture() != lit && driver.picture().chunks_exact(4).all(|pixel| pixel[..3] == [0; 3]));
 }

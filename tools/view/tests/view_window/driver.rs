@@ -19,6 +19,8 @@ pub(crate) struct Driver {
     app: App,
     time_secs: f64,
     size: egui::Vec2,
+    /// Pixels of a point.
+    scale: f32,
     modifiers: Modifiers,
     /// Files that are dropped in the next frame.
     dropped: Vec<egui::DroppedFileHandle>,
@@ -59,15 +61,49 @@ impl Driver {
         Self::open_drawn_by(None, options, size)
     }
 
+    /// As [`open_with`](Self::open_with), on a display of so many pixels a point.
+    pub(crate) fn open_scaled(options: WindowOptions, size: egui::Vec2, scale: f32) -> Self {
+        let mut driver = Self::unseen(None, options, size);
+        driver.scale = scale;
+        driver.settle();
+        driver
+    }
+
+    /// Opens a window of which no frame has been drawn.
+    pub(crate) fn open_unseen(path: &Path) -> Self {
+        Self::unseen(None, WindowOptions { path: Some(path.to_owned()), ..Default::default() }, SIZE)
+    }
+
+    /// Pixels of a point, as the window takes them.
+    pub(crate) fn pixels_per_point(&self) -> f32 {
+        self.context.pixels_per_point()
+    }
+
+    /// Clicks at several places, all of which come in one frame.
+    pub(crate) fn clicks_in_one_frame(&mut self, places: &[Pos2]) {
+        let click = |&at: &Pos2| [Event::PointerMoved(at), self.button(at, true), self.button(at, false)];
+        let clicks = places.iter().flat_map(click).collect();
+        self.frame(clicks);
+        (0..2 * places.len() + 2).for_each(|_| self.frame(Vec::new()));
+        self.time_secs += 1.0;
+    }
+
     fn open_drawn_by(state: Option<RenderState>, options: WindowOptions, size: egui::Vec2) -> Self {
+        let mut driver = Self::unseen(state, options, size);
+        driver.settle();
+        driver
+    }
+
+    fn unseen(state: Option<RenderState>, options: WindowOptions, size: egui::Vec2) -> Self {
         let context = egui::Context::default();
         context.enable_accesskit();
         let app = App::new(&context, options, state, Arc::new(Mutex::new(None)));
-        let mut driver = Self {
+        Self {
             context,
             app,
             time_secs: 0.0,
             size,
+            scale: 1.0,
             dropped: Vec::new(),
             modifiers: Modifiers::NONE,
             widgets: Vec::new(),
@@ -76,9 +112,7 @@ impl Driver {
             close_requested: false,
             closed: false,
             textures: BTreeMap::new(),
-        };
-        driver.settle();
-        driver
+        }
     }
 
     /// One frame of a sixtieth of a second.
@@ -97,6 +131,8 @@ impl Driver {
         if close_requested {
             input.viewports.entry(egui::ViewportId::ROOT).or_default().events.push(egui::ViewportEvent::Close);
         }
+        input.viewports.entry(egui::ViewportId::ROOT).or_default().native_pixels_per_point = Some(self.scale);
+        self.app.take_turns(&self.context, &mut input);
         let mut output = self.context.run_ui(input, |ui| self.app.show(ui));
         if let Some(update) = output.platform_output.accesskit_update.take() {
             let focused = update.nodes.iter().find(|(id, _)| *id == update.focus);

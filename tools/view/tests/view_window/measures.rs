@@ -4,18 +4,23 @@ use std::path::Path;
 
 use eframe::egui::{Key, Modifiers, vec2};
 use ltm::scene::BuiltIn;
+use ltm_view::WindowOptions;
+use ltm_view::sun::nearest_texel;
 
 use super::driver::Driver;
 use super::{CTRL, container, room};
 
 /// Tests of this file.
-pub(crate) const TESTS: [(&str, fn()); 6] = [
+pub(crate) const TESTS: [(&str, fn()); 9] = [
     ("a_png_reference_is_shown_as_it_is", a_png_reference_is_shown_as_it_is),
     ("the_difference_is_measured_and_shown", the_difference_is_measured_and_shown),
     ("a_light_is_set_in_candela_per_square_metre", a_light_is_set_in_candela_per_square_metre),
     ("an_area_is_measured_in_lux_and_reported", an_area_is_measured_in_lux_and_reported),
     ("false_colour_with_a_legend_takes_the_place_of_the_picture", false_colour_takes_the_place_of_the_picture),
     ("the_sun_is_dragged_over_the_sky_and_put_by_date", the_sun_is_dragged_over_the_sky_and_put_by_date),
+    ("the_sun_is_put_and_dragged_in_the_picture", the_sun_is_put_and_dragged_in_the_picture),
+    ("a_band_in_the_picture_selects_lights", a_band_in_the_picture_selects_lights),
+    ("reports_and_sheets_are_written_as_pdf", reports_and_sheets_are_written_as_pdf),
 ];
 
 fn save(driver: &mut Driver, key: Key, path: &Path) {
@@ -189,4 +194,115 @@ fn the_sun_is_dragged_over_the_sky_and_put_by_date() {
     driver.settle();
     assert!(driver.picture() != first);
     driver.find_containing("° high");
+}
+
+fn the_sun_is_put_and_dragged_in_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sky.ltc");
+    let loaded = BuiltIn { width: 64, height: 48, texels: 16 }.named("environment").unwrap();
+    let (camera, basis) = (loaded.scene.camera, loaded.scene.basis.clone());
+    container::write(&path, loaded, 8);
+    let mut driver = Driver::open(&path);
+    let scene = driver.picture();
+    let view = driver.find("picture");
+    let middle = view.center();
+    // The sun stands in the middle of the texel that a look straight ahead meets; the picture fits its room but for a margin.
+    let sky = basis.lights().iter().find(|light| light.kind.is_environment()).unwrap();
+    let direction = glam::Vec3::from(sky.places[nearest_texel(sky, camera.forward.to_array())]);
+    let at = camera.position(direction.normalize()).unwrap();
+    let zoom = ((view.width() - 24.0) / 64.0).min((view.height() - 24.0) / 48.0);
+    let sun = middle + vec2(at.x - 32.0, at.y - 24.0) * zoom;
+    assert!(view.contains(sun), "{sun} in {view}");
+    driver.click(driver.find("Sun").center());
+    driver.settle();
+    driver.find("Click on the map below or in the picture");
+    driver.click(middle);
+    driver.settle();
+    let ahead = driver.picture();
+    assert!(ahead != scene);
+    driver.find_containing("° high");
+    // By whichever tool: what is taken hold of is the sun.
+    driver.click(driver.find("Brush").center());
+    driver.settle();
+    // Some texels to the side: further than the sun is wide.
+    driver.drag(sun, sun + (middle - sun) * 2.0 + vec2(0.0, -150.0), 6);
+    driver.settle();
+    let aside = driver.picture();
+    assert!(aside != ahead);
+    driver.key(Key::Z, CTRL);
+    driver.settle();
+    assert!(driver.picture() == ahead, "a drag in the picture is one step");
+    driver.key(Key::Z, CTRL);
+    driver.settle();
+    assert!(driver.picture() == scene);
+}
+
+fn a_band_in_the_picture_selects_lights() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("band.ltc");
+    let mut scene = BuiltIn { width: 64, height: 48, texels: 2 }.named("mixed").unwrap();
+    // Straight at the ceiling's light.
+    let light = scene.scene.basis.lights()[0].clone();
+    let middle =
+        light.places.iter().map(|place| glam::Vec3::from(*place)).sum::<glam::Vec3>() / light.places.len() as f32;
+    let camera = &scene.scene.camera;
+    let (eye, size, fov) = (camera.eye, (camera.width, camera.height), camera.vertical_fov_radians);
+    scene.scene.camera =
+        ltm::scene::Camera::looking(eye, middle - eye, glam::Vec3::Y, fov, size, camera.filter).unwrap();
+    container::write(&path, scene, 4);
+    let mut driver = Driver::open(&path);
+    let picture = driver.find("picture");
+    let before = driver.picture();
+    let at = picture.center();
+    driver.drag_with(at - vec2(30.0, 30.0), at + vec2(30.0, 30.0), 5, Modifiers::SHIFT);
+    driver.settle();
+    driver.find("One light selected");
+    assert!(driver.picture() == before, "nothing but the selection changes");
+    driver.drag_with(at + vec2(60.0, 60.0), at + vec2(90.0, 90.0), 5, Modifiers::SHIFT);
+    driver.settle();
+    driver.find("No light has its middle there");
+    // A container that does not say how its camera stood.
+    let path = folder.path().join("stage.ltc");
+    container::write_stage(&path, 3);
+    let mut driver = Driver::open(&path);
+    driver.drag_with(at - vec2(30.0, 30.0), at + vec2(30.0, 30.0), 5, Modifiers::SHIFT);
+    driver.settle();
+    driver.find_containing("does not say how its camera stood");
+}
+
+fn reports_and_sheets_are_written_as_pdf() {
+    let folder = tempfile::tempdir().unwrap();
+    let (report, sheet) = (folder.path().join("report.pdf"), folder.path().join("sheet.pdf"));
+    // Tall enough for all of the panel.
+    let options = WindowOptions { path: Some(room().to_owned()), ..Default::default() };
+    let mut driver = Driver::open_with(options, vec2(1280.0, 1500.0));
+    driver.click(driver.find("Illuminance").center());
+    driver.settle();
+    draw_area(&mut driver);
+    driver.click(driver.find("Report…").center());
+    driver.settle();
+    driver.enter(report.to_str().unwrap());
+    driver.settle();
+    for _ in 0..2 {
+        driver.key(Key::K, Modifiers::NONE);
+        driver.settle();
+    }
+    driver.click(driver.find("Sheet…").center());
+    driver.settle();
+    driver.enter(sheet.to_str().unwrap());
+    driver.settle();
+    let holds = |path: &Path, text: &str| {
+        let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        assert!(bytes.starts_with(b"%PDF"));
+        bytes.windows(text.len()).any(|part| part == text.as_bytes())
+    };
+    for text in ["(ceiling)", "uniformity U0", "Colours from", "at least: surfaces taken for white", "/Subtype /Image"]
+    {
+        assert!(holds(&report, text), "{text}");
+    }
+    assert!(holds(&sheet, "(Snapshot 1)") && holds(&sheet, "(Snapshot 2)") && holds(&sheet, "/Subtype /Image"));
+    if let Some(kept) = std::env::var_os("LTM_VIEW_PICTURES").map(std::path::PathBuf::from) {
+        std::fs::copy(&report, kept.join("report.pdf")).unwrap();
+        std::fs::copy(&sheet, kept.join("sheet.pdf")).unwrap();
+    }
 }

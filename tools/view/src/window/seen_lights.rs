@@ -1,0 +1,108 @@
+//! Lights in the picture, where the container says how its camera stood: suns that are dragged, and a band that selects.
+
+use eframe::egui::{self, Color32, Pos2, Rect, Stroke};
+
+use super::document::Document;
+use super::sun_panel::put_sun;
+use super::theme::ACCENT;
+use crate::seen::{lights_within, position};
+use crate::sun::{choose_sun, nearest_texel, suns};
+use ltm::light::LightKind;
+use ltm::scene::Camera;
+
+/// How near, in points, the pointer must be to take hold of a sun.
+pub(super) const SUN_GRIP: f32 = 12.0;
+
+/// A sun in the picture.
+pub(super) struct SeenSun {
+    /// The sky that it stands in, or the light that it is.
+    pub(super) light: usize,
+    /// Where, in pixels from the picture's top left.
+    pub(super) position: [f32; 2],
+    shines: bool,
+}
+
+impl Document {
+    /// The camera that the picture was rendered with.
+    pub(super) fn camera(&self) -> Option<Camera> {
+        let job = self.session.container.job();
+        Camera::of_words(&job.provenance.settings, (job.shape.width(), job.shape.height()))
+    }
+
+    /// The suns that the camera has before it: that which was put into a sky, and those of the scene.
+    pub(super) fn seen_suns(&self) -> Vec<SeenSun> {
+        let Some(camera) = self.camera() else { return Vec::new() };
+        let mix = &self.work.mix;
+        let put = self.easel.sun.as_ref().and_then(|sun| {
+            let (index, own) = (sun.light(), mix.lights.get(sun.light())?);
+            // A sky that is turned takes its sun along; the next sun is put into the sky as it lies then.
+            let texel = sun.texel(index, own).filter(|_| own.turn_radians == 0.0)?;
+            let direction = self.basis().lights()[index].places[texel];
+            Some((index, camera.position(direction.into())?.to_array()))
+        });
+        let own = suns(self.basis()).into_iter();
+        let own = own.filter_map(|index| Some((index, position(&camera, &self.basis().lights()[index])?)));
+        put.into_iter()
+            .chain(own)
+            .map(|(light, position)| SeenSun { light, position, shines: mix.shines(light) })
+            .collect()
+    }
+
+    /// Moves the sun of a sky to where a position of the picture points, or leaves on that of several suns which stands
+    /// nearest to it.
+    pub(super) fn move_sun(&mut self, light: usize, position: [f32; 2]) {
+        let Some(camera) = self.camera() else { return };
+        let direction = camera.direction(position.into()).to_array();
+        let container = self.session.container.clone();
+        let basis = &container.job().basis;
+        if basis.lights()[light].kind == LightKind::Sun {
+            choose_sun(basis, &mut self.work.mix, direction);
+        } else {
+            let own = &basis.lights()[light];
+            put_sun(self, light, own, nearest_texel(own, direction));
+        }
+    }
+
+    /// Selects the lights whose middle lies in a rectangle of the picture, beside those that are selected if it `adds`.
+    pub(super) fn select_in_picture(&mut self, corners: [[f32; 2]; 2], adds: bool) {
+        let Some(camera) = self.camera() else {
+            let text = "This container does not say how its camera stood; those rendered from now on do";
+            return self.files.message = Some((text.to_owned(), false));
+        };
+        let found = lights_within(&camera, self.basis(), corners);
+        let count = found.len();
+        if count > 0 {
+            let before: Vec<usize> = self.list.chosen().iter().copied().filter(|_| adds).collect();
+            self.list.select_all(found.into_iter().chain(before));
+            self.list.scroll_to_selected = true;
+        }
+        let text = match count {
+            0 => "No light has its middle there".to_owned(),
+            1 => "One light selected".to_owned(),
+            count => format!("{count} lights selected"),
+        };
+        self.files.message = Some((text, false));
+    }
+}
+
+/// Draws the suns over the picture. `to_screen` brings picture positions there.
+pub(super) fn draw_suns(painter: &egui::Painter, suns: &[SeenSun], to_screen: impl Fn([f32; 2]) -> Pos2) {
+    for sun in suns {
+        let at = to_screen(sun.position);
+        let colour = if sun.shines { Color32::from_rgb(255, 214, 90) } else { Color32::from_gray(150) };
+        for (width, colour) in [(4.0, Color32::from_black_alpha(170)), (1.8, colour)] {
+            let stroke = Stroke::new(width, colour);
+            painter.circle_stroke(at, 5.0, stroke);
+            for ray in 0..8 {
+                let direction = egui::Vec2::angled(ray as f32 * std::f32::consts::FRAC_PI_4);
+                painter.line_segment([at + direction * 8.0, at + direction * 11.5], stroke);
+            }
+        }
+    }
+}
+
+/// Draws the band that selects.
+pub(super) fn draw_band(painter: &egui::Painter, band: Rect) {
+    painter.rect_filled(band, 0.0, ACCENT.gamma_multiply(0.15));
+    painter.rect_stroke(band, 0.0, (1.0, ACCENT), egui::StrokeKind::Middle);
+}
