@@ -236,7 +236,10 @@ class _Connection:
     def lose(self) -> None:
         client, self.client = self.client, None
         if client is not None:
-            client.close(timeout=1)
+            try:
+                client.close(timeout=1)
+            except (OSError, TimeoutError) as error:
+                log.debug("closing a client without a scheduler: %s", error)
 
 
 class _Work:
@@ -291,8 +294,10 @@ class _Work:
     def _fails(self, blocks: str, error: BaseException | None, left: dict[str, int], poisoned: dict[str, str]) -> bool:
         """Counts a failure; whether the range is to be tried again."""
         left[blocks] += 1
-        hopeless = isinstance(error, BuildError) and error.code in HOPELESS
-        text = str(error) if isinstance(error, BuildError) else f"blocks {blocks}: {type(error).__name__}: {error}"
+        # Not by its class, which a worker without this package has only a copy of.
+        code = getattr(error, "code", None)
+        hopeless = code in HOPELESS
+        text = str(error) if code is not None else f"blocks {blocks}: {type(error).__name__}: {error}"
         log.warning("%s (try %d of %d)", text, left[blocks], self.retries + 1)
         if hopeless or left[blocks] > self.retries:
             poisoned[blocks] = text
