@@ -358,7 +358,10 @@ def _planned(scene: Path, words: str) -> Path:
         return scene
     plan = Path(scene.with_suffix(".plan.json").name)
     command = [_program(None), "plan", str(scene), "-o", str(plan), "--force", *shlex.split(words)]
-    if subprocess.run(command, stdin=subprocess.DEVNULL, stdout=sys.stderr).returncode:
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+    # Of a plan that was made, the first line; the second says what is done here next.
+    print("".join(done.stdout.splitlines(keepends=True)[:1]), end="", file=sys.stderr)
+    if done.returncode:
         raise FarmError("ltm plan failed; what it said stands above")
     return plan
 
