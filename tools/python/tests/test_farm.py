@@ -204,8 +204,8 @@ def test_open_job_description_builds_and_merges(room: Path, tmp_path: Path):
 
 #: Of what builds one start in ten fails, half of them after the work; merging is one machine's own.
 UNSTEADY = """case "$*" in *" build "*)
-  ((RANDOM % 20 == 0)) && { echo "ltm: the store does not answer" >&2; exit 5; }
-  ((RANDOM % 20 == 0)) && { "%s" "$@" > /dev/null; echo "ltm: the store's answer was lost" >&2; exit 5; }
+  ((RANDOM %% 20 == 0)) && { echo "ltm: the store does not answer" >&2; exit 5; }
+  ((RANDOM %% 20 == 0)) && { "%s" "$@" > /dev/null; echo "ltm: the store's answer was lost" >&2; exit 5; }
 esac"""
 
 

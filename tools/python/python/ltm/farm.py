@@ -236,7 +236,10 @@ class _Connection:
     def lose(self) -> None:
         client, self.client = self.client, None
         if client is not None:
-            client.close(timeout=1)
+            try:
+                client.close(timeout=1)
+            except (OSError, TimeoutError) as error:
+                log.debug("closing a client without a scheduler: %s", error)
 
 
 class _Work:
@@ -291,8 +294,10 @@ class _Work:
     def _fails(self, blocks: str, error: BaseException | None, left: dict[str, int], poisoned: dict[str, str]) -> bool:
         """Counts a failure; whether the range is to be tried again."""
         left[blocks] += 1
-        hopeless = isinstance(error, BuildError) and error.code in HOPELESS
-        text = str(error) if isinstance(error, BuildError) else f"blocks {blocks}: {type(error).__name__}: {error}"
+        # Not by its class, which a worker without this package has only a copy of.
+        code = getattr(error, "code", None)
+        hopeless = code in HOPELESS
+        text = str(error) if code is not None else f"blocks {blocks}: {type(error).__name__}: {error}"
         log.warning("%s (try %d of %d)", text, left[blocks], self.retries + 1)
         if hopeless or left[blocks] > self.retries:
             poisoned[blocks] = text
@@ -353,7 +358,10 @@ def _planned(scene: Path, words: str) -> Path:
         return scene
     plan = Path(scene.with_suffix(".plan.json").name)
     command = [_program(None), "plan", str(scene), "-o", str(plan), "--force", *shlex.split(words)]
-    if subprocess.run(command, stdin=subprocess.DEVNULL, stdout=sys.stderr).returncode:
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
+    # Of a plan that was made, the first line; the second says what is done here next.
+    print("".join(done.stdout.splitlines(keepends=True)[:1]), end="", file=sys.stderr)
+    if done.returncode:
         raise FarmError("ltm plan failed; what it said stands above")
     return plan
 
