@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::Vec3;
 use ltm::matrix::{CHANNELS, TracedBlock};
 use ltm::scene::{Paint, Scene, Surface};
-use ltm::trace::TraceSettings;
+use ltm::trace::{TraceSettings, Tracer};
 
-use crate::scenes::{Builder, camera, lambert, settings, trace};
+use crate::scenes::{Builder, blocks, camera, lambert, settings, tracer};
 use crate::z_test::{Comparison, compare, reference, write_evidence};
 
 const SIDE: usize = 16;
@@ -67,9 +67,9 @@ fn scene(name: &str) -> Scene {
 }
 
 /// One render in the reference's order.
-fn image(blocks: &[(TracedBlock, ltm::trace::BlockStats)]) -> Vec<f64> {
+fn image(blocks: &[TracedBlock]) -> Vec<f64> {
     let mut image = vec![0.0; ENTRIES];
-    for (index, (traced, _)) in blocks.iter().enumerate() {
+    for (index, traced) in blocks.iter().enumerate() {
         let view = traced.block.view();
         for column in 0..TEXELS {
             for row in 0..view.rows() {
@@ -84,9 +84,16 @@ fn image(blocks: &[(TracedBlock, ltm::trace::BlockStats)]) -> Vec<f64> {
 
 /// Compares `name` with the reference `with`, of which the order is `[texel][channel][y][x]`.
 fn compared(name: &str, with: &str) -> (Comparison, String) {
+    compared_by(name, with, |tracer| tracer)
+}
+
+fn compared_by(name: &str, with: &str, by: impl Fn(Tracer) -> Tracer) -> (Comparison, String) {
     let scene = Arc::new(scene(name));
-    let renders: Vec<Vec<f64>> =
-        (0..24).map(|seed| image(&trace(Arc::clone(&scene), TraceSettings { seed, ..settings(128, 24) }))).collect();
+    let render = |seed| {
+        let tracer = by(tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(128, 24) }));
+        image(&blocks(&tracer))
+    };
+    let renders: Vec<Vec<f64>> = (0..24).map(render).collect();
     let (mean, variance) = reference(with);
     assert_eq!(mean.len(), ENTRIES);
     // Channels are the same paths: one of them stands for all.
@@ -144,7 +151,9 @@ fn smooth_balls_agree_with_perfect_spheres() {
 #[test]
 fn coarse_smooth_balls_differ_from_the_reference_at_their_rims_alone() {
     for (name, most) in [("coarse_mirror", 0.004), ("coarse_glossy", 0.008), ("coarse_glass", 0.015)] {
-        let (found, evidence) = compared(name, name);
+        // Of paths from the camera, whose rule this is. Photons follow it from the other side, where it is another: with them the
+        // coarse mirror lost 0.45 %, with z² 1.54.
+        let (found, evidence) = compared_by(name, name, Tracer::without_photons);
         // Measured: z² 1.40, 1.17, 1.34; differences of 0.01, 0.36 and −0.70 %. Losing such rays, as was done once,
         // gave z² 1.75 and 1.73 with −0.75 % of a mirror and −1.7 % of glass.
         assert!(

@@ -20,6 +20,8 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("plan", help="a plan of ltm plan: what blocks cost, and loading the scene")
     parser.add_argument("--size", default=None, metavar="WxH", help="the picture in pixels [default: the plan's]")
     parser.add_argument("--samples-factor", type=float, default=1.0, help="times the samples of the plan [default: 1]")
+    parser.add_argument("--block-seconds", type=float, help="seconds of one core for a block [default: the plan's, range by range]")
+    parser.add_argument("--setup-seconds", type=float, help="seconds before each range [default: the plan's]")
     parser.add_argument("--workers", default="10,100,1000,10000", help="numbers of workers, of one core each")
     parser.add_argument("--range-seconds", type=float, default=300.0, help="work of a range [default: 300]")
     parser.add_argument("--merge-block-seconds", type=float, required=True, help="seconds of one core that merging takes for a block")
@@ -40,11 +42,12 @@ class Costs:
         side = shape["block_side"]
         self.blocks = -(-width // side) * -(-height // side)
         self.raw_bytes = width * height * 3 * shape["columns"] * 4
-        self.setup = plan["estimate"]["setup_seconds"]
+        self.setup = plan["estimate"]["setup_seconds"] if asked.setup_seconds is None else asked.setup_seconds
         self.each = []
         for part in plan["ranges"]:
             first, end = map(int, part["blocks"].split(".."))
-            self.each.append((part["core_seconds"] * asked.samples_factor / (end - first), part["bytes"] / (end - first)))
+            seconds = part["core_seconds"] / (end - first) if asked.block_seconds is None else asked.block_seconds
+            self.each.append((seconds * asked.samples_factor, part["bytes"] / (end - first)))
         seconds = sum(cost for cost, _ in self.each) / len(self.each)
         self.of_range = max(round(asked.range_seconds / seconds), 1)
         self.ranges = -(-self.blocks // self.of_range)

@@ -74,7 +74,7 @@ def test_the_whole_way(scene, program, tmp_path):
     rules = '[[light]]\nname = "warm"\nstops = 1\n[[light]]\nname = "panel"\ncolor = { linear = [0, 1, 0] }\n'
     rules += '[[light]]\nname = "dark"\non = false\n[[light]]\nname = "sign"\nstops = -1\n[[light]]\nname = "World"\nstops = -2\n'
     # Groups as the mixer makes them, one in another: the smaller is what a light can have here.
-    groups += '"all of it" = ["bulb", "panel", "dark"]\nnobody = ["gone"]\nsky = ["World"]\n'
+    groups += '"all of it" = ["bulb", "panel", "dark"]\nsky = ["World"]\n'
     look.write_text(groups + rules, encoding="utf-8")
     bpy.ops.ed.undo_push(message="before")
     assert bpy.ops.ltm.apply_look(filepath=str(look)) == {"FINISHED"}

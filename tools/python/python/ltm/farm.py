@@ -268,7 +268,8 @@ class _Work:
         client = self.connection.get()
         submit = _submitter(client, (self.plan, self.depot, self.options))
         running = {submit(blocks): blocks for blocks in left}
-        results = as_completed(list(running))
+        with client.as_current():
+            results = as_completed(list(running))
         try:
             for future in results:
                 blocks = running.pop(future)

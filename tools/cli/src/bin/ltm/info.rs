@@ -335,9 +335,9 @@ fn add_weights(json: &mut Value, job: &Job, options: &Info) -> Result<()> {
         json["lights"][index]["scene_weight"] = json!(mean(scene));
         json["lights"][index]["is_even"] = own.iter().all(|weight| *weight == own[0]).into();
     }
-    let groups = look.groups().iter().map(|(name, lights)| {
-        let names = lights.iter().map(|&light| job.basis.lights()[light as usize].name.as_str());
-        (name.clone(), names.collect::<Value>())
+    let groups = look.groups().iter().map(|(name, columns)| {
+        let lights = job.basis.lights().iter().filter(|light| columns.contains(&light.first_column));
+        (name.clone(), lights.map(|light| light.name.as_str()).collect::<Value>())
     });
     json["groups"] = Value::Object(groups.collect());
     Ok(())
