@@ -370,7 +370,7 @@ fn room(noise: impl Fn(usize) -> f32) -> Vec<(String, Vec<f32>)> {
     let mut add = |name: &str, value: &dyn Fn(usize, usize) -> f32| {
         channels.push((name.to_owned(), (0..width * height).map(|i| value(i % width, i / width)).collect()));
     };
-    let albedo = |x: usize, y: usize| if y >= 24 && (x / 4 + y / 4) % 2 == 0 { 0.8 } else { 0.3 };
+    let albedo = |x: usize, y: usize| if y >= 24 && (x / 4 + y / 4).is_multiple_of(2) { 0.8 } else { 0.3 };
     for (light, name) in ["key", "fill"].into_iter().enumerate() {
         for (channel, colour) in ["R", "G", "B"].into_iter().enumerate() {
             add(&format!("V.Combined_{name}.{colour}"), &|x, y| {
