@@ -67,7 +67,7 @@
 //! | `rustix` | `files`, `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share` |
 //! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
-//! | `bytemuck` | `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
+//! | `bytemuck` | `clean`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
 //! | `pulp` | `clean`, `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline` |
