@@ -3,7 +3,7 @@
 
 use super::rows::{Region, Rows};
 
-/// Planes of [`Sums`] as images.
+/// Planes that [`add_squares`] fills.
 pub(super) const PLANES: usize = 4;
 
 /// Sums over pixels, channels and clusters of squares, from which [`CleaningErrors`](crate::light::CleaningErrors) follow.

@@ -126,7 +126,7 @@ impl Cleaned {
     /// Filters what was gathered, window by window.
     ///
     /// # Errors
-    /// Those of the disk; [`Error::Interrupted`] when the watch says so.
+    /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
     pub(super) fn filter(&self, threads: &Threads, watch: &dyn Watch) -> Result<()> {
         let guides = &self.tally.guides();
         let step = window_blocks(self.shape, self.clusters as u64);
@@ -210,7 +210,7 @@ impl Cleaned {
     /// Fits the map from clusters to columns, where a cluster has several: after the images are cleaned.
     ///
     /// # Errors
-    /// Those of the disk; [`Error::Interrupted`] when the watch says so.
+    /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
     pub(super) fn fit(&mut self, watch: &dyn Watch) -> Result<()> {
         if self.clusters == self.shape.columns() {
             return Ok(());

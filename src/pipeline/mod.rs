@@ -32,6 +32,7 @@ mod render;
 mod repair;
 mod rows;
 mod selection;
+#[cfg_attr(not(feature = "scene"), expect(dead_code, reason = "only jobs of scenes are cut into shards"))]
 mod shard;
 mod share;
 mod spill;

@@ -303,6 +303,7 @@ impl Packing {
     }
 
     /// Packs what shards hold of all blocks.
+    #[cfg(feature = "scene")]
     pub(super) fn run_shards(mut self, shards: ShardSet, watch: &dyn Watch) -> Result<PackReport> {
         let address = shards.address().to_owned();
         let absent =
