@@ -26,7 +26,7 @@ use crate::threads::on_pool;
 /// Where the entries come from.
 pub(crate) enum Source {
     Container(Arc<ContainerReader>),
-    Matrix(StoreReader),
+    Matrix(Box<StoreReader>),
 }
 
 impl Source {
@@ -37,10 +37,10 @@ impl Source {
             return ContainerReader::open(path).map(Arc::new).map(Self::Container);
         }
         if is("ltm") || is("part") {
-            return StoreReader::open(path).map(Self::Matrix);
+            return StoreReader::open(path).map(Box::new).map(Self::Matrix);
         }
         match ContainerReader::open(path) {
-            Err(Error::Input { .. }) => StoreReader::open(path).map(Self::Matrix),
+            Err(Error::Input { .. }) => StoreReader::open(path).map(Box::new).map(Self::Matrix),
             other => other.map(Arc::new).map(Self::Container),
         }
     }
@@ -123,7 +123,7 @@ impl Opened {
         on_pool(|| match (&self.source, relighter) {
             (_, Some(relighter)) => relighter.relight_region(lightings, region, pixels),
             (Source::Container(container), None) => relight_region_streaming(&**container, lightings, region, pixels),
-            (Source::Matrix(matrix), None) => relight_region_raw(matrix, lightings, region, pixels),
+            (Source::Matrix(matrix), None) => relight_region_raw(&**matrix, lightings, region, pixels),
         })
     }
 
@@ -182,7 +182,7 @@ impl Opened {
         on_pool(|| match (&self.source, relighter) {
             (_, Some(relighter)) => relighter.adjoint(images),
             (Source::Container(container), None) => adjoint_streaming(&**container, images),
-            (Source::Matrix(matrix), None) => adjoint_raw(matrix, images),
+            (Source::Matrix(matrix), None) => adjoint_raw(&**matrix, images),
         })
     }
 }
@@ -213,12 +213,7 @@ fn contiguous<'a>(array: &'a PyReadonlyArrayDyn<'_, f32>) -> PyResult<&'a [f32]>
 impl Native {
     #[new]
     #[pyo3(signature = (path, memory_bytes=None, gpu_memory_bytes=None))]
-    fn new(
-        py: Python<'_>,
-        path: PathBuf,
-        memory_bytes: Option<u64>,
-        gpu_memory_bytes: Option<u64>,
-    ) -> PyResult<Self> {
+    fn new(py: Python<'_>, path: PathBuf, memory_bytes: Option<u64>, gpu_memory_bytes: Option<u64>) -> PyResult<Self> {
         let source = unlocked(py, || on_pool(|| Source::open(&path)))?;
         let (relighter, gpu) = (Mutex::new(None), Mutex::default());
         let opened = Opened { source, relighter, gpu, memory_bytes, gpu_memory_bytes };
