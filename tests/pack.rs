@@ -276,7 +276,6 @@ fn cleaned_images_are_nearer_to_the_truth_and_unlit_lamps_stay_dark() {
                 }
             }
         }
-        println!("{name}: {clean} of {raw}, glow {glow}");
         assert!(clean < most * raw, "{name}: {clean} of {raw}");
         assert!(glow < 0.01, "{name}: what was dark shines at {glow}");
     }
