@@ -23,8 +23,8 @@ MATERIALS = {
 TOLERANCES = {"matte": 0.01, "mirror": 0.02, "glass": 0.02, "metal": 0.03, "plastic": 0.03, "lacquer": 0.03}
 
 
-def ball_of(inputs):
-    """A large ball in the room, under a panel and a sky, and the pixels that show it."""
+def ball_of(inputs, bulb):
+    """A large ball in the room, under a panel and a sky, and a bulb where one is wanted, and the pixels that show it."""
     for name in ("Cube", "Sphere"):
         bpy.data.objects.remove(bpy.data.objects[name])
     bpy.ops.mesh.primitive_uv_sphere_add(radius=1.0, location=(0.0, 0.0, 1.2), segments=64, ring_count=32)
@@ -34,14 +34,16 @@ def ball_of(inputs):
         material.node_tree.nodes["Principled BSDF"].inputs[name].default_value = value
     bpy.context.object.data.materials.append(material)
     room.world((0.6, 0.8, 1.0), 0.6)
-    room.lamp("POINT", "bulb", (-1.5, -3.0, 3.5), energy=300, shadow_soft_size=0)
+    if bulb:
+        room.lamp("POINT", "bulb", (-1.5, -3.0, 3.5), energy=300, shadow_soft_size=0)
     rows, columns = numpy.mgrid[: room.HEIGHT, : room.WIDTH]
     return (rows - room.HEIGHT * 0.573) ** 2 + (columns - room.WIDTH / 2) ** 2 < 14**2
 
 
 @pytest.mark.parametrize("name", MATERIALS)
 def test_a_ball_of_every_material_is_about_as_bright_as_in_cycles(scene, program, tmp_path, name):
-    shown = ball_of(MATERIALS[name])
+    # What a point casts through glass or off a mirror Cycles does not find.
+    shown = ball_of(MATERIALS[name], bulb=name not in ("mirror", "glass"))
     scene.ltm.samples = 256
     assert bpy.ops.ltm.render() == {"FINISHED"}
     image = tmp_path / "ours.exr"
