@@ -1,8 +1,12 @@
-//! How to compress, as arguments: of `ltm-pack`, and of `ltm render --pack`.
+//! How to compress, as arguments: of `ltm-pack`, of `ltm render --pack` and of `ltm plan`; and what came of it.
 
 use clap::{Args, ValueEnum};
 use ltm::compress::{CompressSettings, Method, PriorChoice, Scope, Target};
 use ltm::host::parse_bytes;
+use ltm::light::{LightBasis, cleaning_errors_line, light_errors_lines};
+use ltm::pipeline::PackReport;
+
+use crate::say;
 
 /// The options under the heading "Compression".
 #[derive(Args)]
@@ -115,6 +119,12 @@ fn parse_target(text: &str) -> Result<Target, String> {
         Ok(_) => Err(format!("'{text}' has no unit; write {text}dB, {text}MiB, or an error below 1 as 0.01")),
         _ => parse_bytes(text).map(Target::Bytes).map_err(|e| format!("{e}; or a PSNR, 45dB, or an error, 0.01")),
     }
+}
+
+/// Says what cleaning did, where images were cleaned, and what lightings of every kind lose.
+pub fn say_errors(report: &PackReport, basis: &LightBasis) {
+    report.cleaning.iter().for_each(|errors| say!("{}", cleaning_errors_line(errors)));
+    light_errors_lines(&report.lights, basis).iter().for_each(|line| say!("{line}"));
 }
 
 #[cfg(test)]

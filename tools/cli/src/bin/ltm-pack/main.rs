@@ -14,7 +14,7 @@ use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, ImportedMatrix, PackOptions, SecondImages};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
-use ltm_cli::compression::Compression;
+use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{self, Console, EXIT_CODES, peak_memory_bytes};
 use ltm_cli::say;
 
@@ -145,8 +145,7 @@ fn pack_options(arguments: &Arguments) -> PackOptions {
 fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
     let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
     format!("{}: {report}", output.display()).lines().for_each(|line| say!("{line}"));
-    report.cleaning.iter().for_each(|errors| say!("{}", ltm::light::cleaning_errors_line(errors)));
-    ltm::light::light_errors_lines(&report.lights, &job.basis).iter().for_each(|line| say!("{line}"));
+    say_errors(&report, &job.basis);
     say!(
         "{:.1} s, {}/s of raw input, peak memory {}",
         report.seconds,

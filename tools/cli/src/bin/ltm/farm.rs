@@ -4,7 +4,6 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use ltm::container::ContainerReader;
 use ltm::depot::Depot;
 use ltm::files::check_output;
 use ltm::host::{Watch, parse_bytes};
@@ -13,6 +12,7 @@ use ltm::{Error, Result};
 
 use crate::maintain::Merge;
 use crate::plan::Planned;
+use crate::render::print_packed;
 use ltm_cli::console::Console;
 use ltm_cli::say;
 
@@ -113,12 +113,7 @@ pub(crate) fn merge(options: &Merge, plan: &Path, console: &Console) -> Result<(
     let count = shards.count;
     let packed = job.merge(shards, output, console)?;
     say!("{}: {count} shards merged in {:.1} s", output.display(), packed.seconds);
-    packed.to_string().lines().for_each(|line| say!("{line}"));
-    let basis = ContainerReader::open(output)?.job().basis.clone();
-    packed.cleaning.iter().for_each(|errors| say!("{}", ltm::light::cleaning_errors_line(errors)));
-    ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| say!("{line}"));
-    say!("next: ltm relight {} -o relit.png", output.display());
-    Ok(())
+    print_packed(output, &packed)
 }
 
 /// Prints the ranges of the plan that have blocks in no shard: nothing else goes to standard output.

@@ -2,13 +2,40 @@
 
 use std::path::Path;
 
-use ltm::scene::LoadedScene;
+use clap::Args;
+use ltm::scene::{LoadOptions, LoadedScene};
 use ltm::{Error, Result};
 
 pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let (width, height) = text.split_once('x').ok_or("write WIDTHxHEIGHT, for example 1024x768")?;
     let side = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a size ({e})"));
     Ok((side(width)?, side(height)?))
+}
+
+/// What of a scene is rendered, and what may be read for it.
+#[derive(Args)]
+pub(crate) struct SceneFiles {
+    /// Which camera of a glTF file [default: the first].
+    #[arg(long)]
+    pub(crate) camera: Option<String>,
+    /// Render although textures are missing, with the materials' colours in their place.
+    #[arg(long)]
+    pub(crate) allow_missing: bool,
+    /// Read files that the scene names outside of its folder and of LTM_SCENES: for scenes whose author you trust.
+    #[arg(long)]
+    pub(crate) allow_outside: bool,
+}
+
+impl SceneFiles {
+    pub(crate) fn load_options(&self, memory_bytes: Option<u64>) -> LoadOptions {
+        let Self { camera, allow_missing, allow_outside } = self;
+        LoadOptions {
+            allow_missing: *allow_missing,
+            allow_outside: *allow_outside,
+            memory_bytes,
+            camera: camera.clone(),
+        }
+    }
 }
 
 /// A scene with the samples and size that the command line asks for.

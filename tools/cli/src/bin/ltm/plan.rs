@@ -11,7 +11,7 @@ use ltm::scene::LoadOptions;
 use ltm::{Error, Result};
 use serde_json::{Value, json};
 
-use crate::input::{parse_size, with_overrides};
+use crate::input::{SceneFiles, parse_size, with_overrides};
 use ltm_cli::compression::Compression;
 use ltm_cli::console::Console;
 use ltm_cli::say;
@@ -40,15 +40,8 @@ pub(crate) struct Plan {
     /// Image size, WIDTHxHEIGHT [default: the scene file's].
     #[arg(long, value_parser = parse_size)]
     size: Option<(u32, u32)>,
-    /// Which camera of a glTF file [default: the first].
-    #[arg(long)]
-    camera: Option<String>,
-    /// Render although textures are missing, with the materials' colours in their place.
-    #[arg(long)]
-    allow_missing: bool,
-    /// Read files that the scene names outside of its folder and of LTM_SCENES: for scenes whose author you trust.
-    #[arg(long)]
-    allow_outside: bool,
+    #[command(flatten)]
+    files: SceneFiles,
     /// Replace a plan that is there.
     #[arg(long)]
     force: bool,
@@ -78,9 +71,9 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
         "scene": scene.to_string_lossy(),
         "samples": options.samples,
         "size": options.size.map(|(width, height)| [width, height]),
-        "camera": options.camera,
-        "allow_missing": options.allow_missing,
-        "allow_outside": options.allow_outside,
+        "camera": options.files.camera,
+        "allow_missing": options.files.allow_missing,
+        "allow_outside": options.files.allow_outside,
         "compression": options.compression.arguments(),
     });
     let mut plan = Planned { path: output.clone(), value, ranges: Vec::new(), fingerprint: String::new() };

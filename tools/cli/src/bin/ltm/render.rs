@@ -6,12 +6,12 @@ use clap::{Args, ValueEnum};
 use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{Watch, human_bytes, parse_bytes};
-use ltm::pipeline::{self, PackOptions, RenderOptions, RenderReport, StopRule, parse_error, parse_seconds};
-use ltm::scene::{LoadOptions, LoadedScene};
+use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport, StopRule, parse_error, parse_seconds};
+use ltm::scene::LoadedScene;
 use ltm::store::{Precision, StoreReader};
 
-use crate::input::{parse_size, with_overrides};
-use ltm_cli::compression::Compression;
+use crate::input::{SceneFiles, parse_size, with_overrides};
+use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{Console, peak_memory_bytes};
 use ltm_cli::say;
 
@@ -48,15 +48,8 @@ pub(crate) struct Render {
     /// Replace a matrix that is there.
     #[arg(long)]
     force: bool,
-    /// Which camera of a glTF file [default: the first].
-    #[arg(long)]
-    camera: Option<String>,
-    /// Render although textures are missing, with the materials' colours in their place.
-    #[arg(long)]
-    allow_missing: bool,
-    /// Read files that the scene names outside of its folder and of LTM_SCENES: for scenes whose author you trust.
-    #[arg(long)]
-    allow_outside: bool,
+    #[command(flatten)]
+    files: SceneFiles,
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
@@ -84,13 +77,7 @@ enum Preview {
 }
 
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
-    let camera = options.camera.clone();
-    let allowed = LoadOptions {
-        allow_missing: options.allow_missing,
-        allow_outside: options.allow_outside,
-        memory_bytes: options.memory,
-        camera,
-    };
+    let allowed = options.files.load_options(options.memory);
     let mut loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));
@@ -150,10 +137,13 @@ fn run_packed(options: &Render, loaded: LoadedScene, output: &Path, console: &Co
     pack.container.overwrite = options.force;
     let (render, packed) = pipeline::render_packed(loaded, output, &pack, console)?;
     print_report(output, &render);
+    print_packed(output, &packed)
+}
+
+/// What a container is worth that was made of a scene.
+pub(crate) fn print_packed(output: &Path, packed: &PackReport) -> Result<()> {
     packed.to_string().lines().for_each(|line| say!("{line}"));
-    let basis = ContainerReader::open(output)?.job().basis.clone();
-    packed.cleaning.iter().for_each(|errors| say!("{}", ltm::light::cleaning_errors_line(errors)));
-    ltm::light::light_errors_lines(&packed.lights, &basis).iter().for_each(|line| say!("{line}"));
+    say_errors(packed, &ContainerReader::open(output)?.job().basis);
     say!("next: ltm relight {} -o relit.png", output.display());
     Ok(())
 }
