@@ -43,10 +43,11 @@ pub(super) const PILOT_SLOPE: f32 = 0.1;
 pub(super) const SLOPE: f32 = 0.01;
 pub(super) const MOST_LEVERAGE: f32 = 3.0;
 
-/// Reach of the squares over which the noise of raw and of filtered guides, and risks, are means.
+/// Reach of the squares over which the noise of raw and of filtered guides are means.
 pub(super) const RAW_NOISE_REACH: usize = 2;
 pub(super) const FILTERED_NOISE_REACH: usize = 3;
-pub(super) const RISK_REACH: usize = 7;
+/// Cells of 3 × 3 pixels to each side over which risks are means.
+pub(super) const RISK_CELLS: usize = 2;
 /// Estimated best shares of the mean below which none of it is taken, and from which on all.
 pub(super) const LEAST_SHARE: f32 = 0.1;
 pub(super) const WHOLE_SHARE: f32 = 0.5;

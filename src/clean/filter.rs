@@ -7,7 +7,7 @@ use super::errors::{self, ErrorSums, add_squares};
 use super::guide::{Guide, GuideCut, GuideWidths, mixtures, weights};
 use super::kernel::{Offset, Offsets, Weigh, weighted_means};
 use super::rows::{Region, Rows};
-use super::shrink::mix_in;
+use super::shrink::{RISK_REACH, mix_in};
 use super::surfaces::{Surfaces, SurfacesCut};
 use super::tally::Guides;
 use super::tile::{TILE_PIXELS, Tile};
@@ -98,7 +98,7 @@ fn clean_direct(light: &Rows, mix: &[f32], surfaces: &Surfaces, region: &Region)
     let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
     let alike = Alike { surfaces, guide, widths, patch: PATCH, radius: Some(DIRECT) };
     let mut means = weighted_means(light, &filtered, &Offsets::square(DIRECT, 1), SLOPE, &alike);
-    mix_in(light, &mut means, RISK_REACH, region);
+    mix_in(light, &mut means, region);
     means
 }
 
@@ -118,7 +118,7 @@ fn clean_indirect(light: &Rows, mix: &[f32], surfaces: &Surfaces, region: &Regio
     let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
     let alike = Alike { surfaces, guide, widths, patch: 0, radius: None };
     let mut means = wide_then_narrow(light, &filtered, SLOPE, alike);
-    mix_in(light, &mut means, RISK_REACH, region);
+    mix_in(light, &mut means, region);
     means
 }
 

@@ -103,7 +103,7 @@ impl Rows {
             let row = self.row(plane, y);
             let near = |x: usize| x.saturating_sub(reach)..(x + reach + 1).min(self.width);
             // Shifted rows are added, for sums along a row would wait for one another.
-            for (from, to) in shifts(&region.x, reach, self.width) {
+            for (from, to) in shifts(&region.x, (reach, 1), self.width) {
                 out[to].iter_mut().zip(&row[from]).for_each(|(o, v)| *o += v);
             }
             out.iter_mut().zip(region.x.clone()).for_each(|(o, x)| *o /= near(x).len() as f32);
@@ -120,10 +120,15 @@ impl Rows {
     }
 }
 
-/// For each shift of at most `reach` to either side: which pixels of a row of `width` go to which of those in `columns`.
-fn shifts(columns: &Range<usize>, reach: usize, width: usize) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
+/// For each shift of at most `reach` to either side, from one to the next a step: which pixels of a row of `width` go to which
+/// of those in `columns`.
+pub(super) fn shifts(
+    columns: &Range<usize>,
+    (reach, step): (usize, usize),
+    width: usize,
+) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
     let (begin, end) = (columns.start, columns.end);
-    (0..2 * reach + 1).filter_map(move |shift| {
+    (0..2 * reach + 1).step_by(step).filter_map(move |shift| {
         // Pixel x reads x + shift − reach.
         let first = begin.max(reach.saturating_sub(shift));
         let last = end.min((width + reach).saturating_sub(shift));

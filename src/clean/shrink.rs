@@ -1,39 +1,91 @@
 //! How far a filter may be trusted: pixel by pixel and image by image.
 
-use super::constants::{LEAST_SHARE, WHOLE_SHARE};
-use super::rows::{Region, Rows};
+use std::ops::Range;
+
+use super::constants::{LEAST_SHARE, RISK_CELLS, WHOLE_SHARE};
+use super::rows::{Region, Rows, shifts};
+
+/// Pixels to each side of the middle of a cell, and across it.
+const CELL_REACH: usize = 1;
+const CELL: usize = 2 * CELL_REACH + 1;
+
+/// Pixels to each side that [`mix_in`] reads.
+pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH;
 
 /// Mixes `smooth` into `raw`, in a region, pixel by pixel and for each cluster, as far as the estimated risk falls (Stein 1981): of
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
-/// halves, one after the other; expectations are means over squares of pixels.
-pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, reach: usize, region: &Region) {
-    let planes = raw.planes() / 2;
-    let groups = planes / 3;
-    let around = region.grown(reach, raw);
-    // What is gained, then what is changed.
-    let mut terms = Rows::zeros(raw.width(), raw.height(), 2 * groups);
-    terms.fill_rows(&around, |y, plane, out| {
-        let of_group = plane % groups * 3;
-        for channel in of_group..of_group + 3 {
-            let [raw_a, raw_b] = [channel, planes + channel].map(|plane| &raw.row(plane, y)[around.x.clone()]);
-            let [a, b] = [channel, planes + channel].map(|plane| &smooth.row(plane, y)[around.x.clone()]);
-            for (x, out) in out.iter_mut().enumerate() {
-                let (noise, left) = (0.5 * (raw_a[x] - raw_b[x]), 0.5 * (a[x] - b[x]));
-                let change = 0.5 * (raw_a[x] + raw_b[x] - a[x] - b[x]);
-                *out += if plane < groups { noise * (noise - left) } else { change * change };
+/// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
+/// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it.
+pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region) {
+    let (width, planes) = (raw.width(), raw.planes() / 2);
+    let cells = Cells::new(raw, smooth, region);
+    smooth.fill_strips(&region.y, 1, |y, row| {
+        for group in 0..planes / 3 {
+            let shares = cells.shares(group, y, region);
+            for plane in [0, 1, 2, planes, planes + 1, planes + 2].map(|channel| 3 * group + channel) {
+                let out = &mut row[plane * width..][region.x.clone()];
+                let raw = &raw.row(plane, y)[region.x.clone()];
+                out.iter_mut().zip(raw).zip(&shares).for_each(|((out, raw), share)| *out = raw + share * (*out - raw));
             }
         }
     });
-    let terms = terms.box_mean(reach, region);
-    smooth.fill_rows(region, |y, plane, out| {
-        let group = plane % planes / 3;
-        let [gained, changed, raw] =
-            [terms.row(group, y), terms.row(groups + group, y), raw.row(plane, y)].map(|row| &row[region.x.clone()]);
-        for (x, out) in out.iter_mut().enumerate() {
-            let share = if changed[x] > 0.0 { trusted(gained[x] / changed[x]) } else { 1.0 };
-            *out = raw[x] + share * (*out - raw[x]);
+}
+
+/// Of the cell around each pixel what is gained, what is changed, and the squared light: planes of all groups, in this order.
+struct Cells(Rows);
+
+impl Cells {
+    fn new(raw: &Rows, smooth: &Rows, region: &Region) -> Self {
+        let planes = raw.planes() / 2;
+        let groups = planes / 3;
+        let around = region.grown(RISK_REACH, raw);
+        let mut terms = Rows::zeros(raw.width(), raw.height(), 3 * groups);
+        terms.fill_rows(&around, |y, plane, out| {
+            let of_group = plane % groups * 3;
+            for channel in of_group..of_group + 3 {
+                let ([raw_a, raw_b], [a, b]) =
+                    (halves(raw, channel, (&around.x, y)), halves(smooth, channel, (&around.x, y)));
+                for (x, out) in out.iter_mut().enumerate() {
+                    let (noise, left) = (0.5 * (raw_a[x] - raw_b[x]), 0.5 * (a[x] - b[x]));
+                    let light = 0.5 * (a[x] + b[x]);
+                    let change = 0.5 * (raw_a[x] + raw_b[x]) - light;
+                    *out += match plane / groups {
+                        0 => noise * (noise - left),
+                        1 => change * change,
+                        _ => light * light,
+                    };
+                }
+            }
+        });
+        Self(terms.box_mean(CELL_REACH, &region.grown(CELL * RISK_CELLS, raw)))
+    }
+
+    /// How much of the smooth image the pixels of a row in the region take.
+    fn shares(&self, group: usize, y: usize, region: &Region) -> Vec<f32> {
+        let Self(terms) = self;
+        let groups = terms.planes() / 3;
+        let row = |term: usize, y: usize| terms.row(term * groups + group, y);
+        let own = &row(2, y)[region.x.clone()];
+        let mut sums = vec![[0.0; 2]; own.len()];
+        let rows = (0..=2 * RISK_CELLS).filter_map(|cell| (y + CELL * cell).checked_sub(CELL * RISK_CELLS));
+        for y in rows.filter(|&y| y < terms.height()) {
+            let [gained, changed, light] = [0, 1, 2].map(|term| row(term, y));
+            for (from, to) in shifts(&region.x, (CELL * RISK_CELLS, CELL), terms.width()) {
+                let cells = gained[from.clone()].iter().zip(&changed[from.clone()]).zip(&light[from]);
+                for ((sums, own), ((gained, changed), light)) in sums[to.clone()].iter_mut().zip(&own[to]).zip(cells) {
+                    let weight = (own / (own + light + f32::MIN_POSITIVE)).powi(2);
+                    sums[0] += weight * gained;
+                    sums[1] += weight * changed;
+                }
+            }
         }
-    });
+        sums.iter().map(|[gained, changed]| if *changed > 0.0 { trusted(gained / changed) } else { 1.0 }).collect()
+    }
+}
+
+/// The halves of a channel: some pixels of a row.
+fn halves<'a>(rows: &'a Rows, channel: usize, (x, y): (&Range<usize>, usize)) -> [&'a [f32]; 2] {
+    [channel, rows.planes() / 2 + channel].map(|plane| &rows.row(plane, y)[x.clone()])
 }
 
 /// The share that is taken where an estimate says `best`. The mean alone is no worse than what was there from a half on, and
