@@ -25,6 +25,8 @@ pub(super) const DIRECT_PILOT: usize = 5;
 pub(super) const DIRECT_PILOT_NOISE: f32 = 0.7;
 pub(super) const DIRECT_PILOT_RELATIVE: f32 = 0.05;
 pub(super) const DIRECT: usize = 7;
+/// Beyond so many pixels it reads every second one.
+pub(super) const DIRECT_DENSE: usize = 3;
 pub(super) const DIRECT_NOISE: f32 = 1.0;
 pub(super) const DIRECT_RELATIVE: f32 = 0.05;
 

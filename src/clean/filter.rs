@@ -36,9 +36,9 @@ pub struct Window {
 
 /// Bytes that [`clean`] takes at most for each pixel of a window.
 pub fn pixel_bytes(clusters: u64) -> u64 {
-    // Light, direct and indirect, and what is filtered of one, each in two halves of three channels; the terms of the risk in
-    // three steps; features, guides.
-    4 * (3 * 6 * clusters + 3 * 2 * clusters + 110)
+    // Indirect light, what the wide and the narrow filter make of it, each in two halves of three channels; direct light that is
+    // clean; features, guides, the terms of the risk in three steps.
+    4 * (3 * 6 * clusters + 3 * clusters + 110)
 }
 
 /// What [`clean`] makes of a window.
@@ -97,7 +97,7 @@ fn clean_direct(light: &Rows, mix: &[f32], surfaces: &Surfaces, region: &Region)
     };
     let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
     let alike = Alike { surfaces, guide, widths, patch: PATCH, radius: Some(DIRECT) };
-    let mut means = weighted_means(light, &filtered, &Offsets::square(DIRECT, 1), SLOPE, &alike);
+    let mut means = weighted_means(light, &filtered, &Offsets::disc(DIRECT, 1, DIRECT_DENSE), SLOPE, &alike);
     mix_in(light, &mut means, region);
     means
 }
@@ -124,11 +124,11 @@ fn clean_indirect(light: &Rows, mix: &[f32], surfaces: &Surfaces, region: &Regio
 
 /// A wide filter that reads some of the pixels, then a narrow one that reads all.
 fn wide_then_narrow(light: &Rows, region: &Region, slope: f32, alike: Alike) -> Rows {
-    let wide = Offsets::square(INDIRECT_WIDE, INDIRECT_STRIDE);
+    let wide = Offsets::disc(INDIRECT_WIDE, INDIRECT_STRIDE, INDIRECT_WIDE);
     let alike = Alike { radius: Some(INDIRECT_WIDE), ..alike };
     let wide = weighted_means(light, &region.grown(INDIRECT_NARROW, light), &wide, slope, &alike);
     let alike = Alike { radius: Some(INDIRECT_NARROW), ..alike };
-    weighted_means(&wide, region, &Offsets::square(INDIRECT_NARROW, 1), slope, &alike)
+    weighted_means(&wide, region, &Offsets::disc(INDIRECT_NARROW, 1, INDIRECT_NARROW), slope, &alike)
 }
 
 /// Weights by the guide, compared over patches, by what is seen, and by the distance within a radius.

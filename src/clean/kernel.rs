@@ -40,6 +40,19 @@ impl Offsets {
         Self { radius, each: steps().flat_map(|y| steps().map(move |x| (x, y))).collect() }
     }
 
+    /// Those of a square that lie within a circle through the middle of its sides; beyond `dense` pixels every second, as on a
+    /// chessboard.
+    pub(super) fn disc(radius: usize, stride: usize, dense: usize) -> Self {
+        let Self { radius, mut each } = Self::square(radius, stride);
+        let reach = radius as f32 + 0.5 * stride as f32;
+        let dense = dense as isize;
+        each.retain(|&(x, y)| {
+            let near = x.abs() <= dense && y.abs() <= dense;
+            (x as f32).hypot(y as f32) <= reach && (near || (x + y) % (2 * stride as isize) == 0)
+        });
+        Self { radius, each }
+    }
+
     /// How far each is from a pixel in a plane of a [`Cut`] with this radius.
     fn taps(&self) -> Vec<isize> {
         let stride = Cut::stride(self.radius) as isize;

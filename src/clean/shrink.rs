@@ -18,42 +18,42 @@ pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH;
 /// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it.
 pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region) {
     let (width, planes) = (raw.width(), raw.planes() / 2);
-    let cells = Cells::new(raw, smooth, region);
-    smooth.fill_strips(&region.y, 1, |y, row| {
-        for group in 0..planes / 3 {
-            let shares = cells.shares(group, y, region);
-            for plane in [0, 1, 2, planes, planes + 1, planes + 2].map(|channel| 3 * group + channel) {
+    for first in (0..planes).step_by(3) {
+        let cells = Cells::new(raw, smooth, first, region);
+        smooth.fill_strips(&region.y, 1, |y, row| {
+            let shares = cells.shares(y, region);
+            for plane in (first..first + 3).flat_map(|channel| [channel, planes + channel]) {
                 let out = &mut row[plane * width..][region.x.clone()];
                 let raw = &raw.row(plane, y)[region.x.clone()];
                 out.iter_mut().zip(raw).zip(&shares).for_each(|((out, raw), share)| *out = raw + share * (*out - raw));
             }
-        }
-    });
+        });
+    }
 }
 
-/// Of the cell around each pixel what is gained, what is changed, and the squared light: planes of all groups, in this order.
+/// Of the cell around each pixel, in the image of one cluster: what is gained, what is changed, and the squared light.
 struct Cells(Rows);
 
 impl Cells {
-    fn new(raw: &Rows, smooth: &Rows, region: &Region) -> Self {
-        let planes = raw.planes() / 2;
-        let groups = planes / 3;
+    /// Of the cluster whose first plane is this.
+    fn new(raw: &Rows, smooth: &Rows, first: usize, region: &Region) -> Self {
         let around = region.grown(RISK_REACH, raw);
-        let mut terms = Rows::zeros(raw.width(), raw.height(), 3 * groups);
-        terms.fill_rows(&around, |y, plane, out| {
-            let of_group = plane % groups * 3;
-            for channel in of_group..of_group + 3 {
+        let mut terms = Rows::zeros(raw.width(), raw.height(), 3);
+        terms.fill_strips(&around.y, 1, |y, row| {
+            let mut terms = row.chunks_exact_mut(raw.width()).map(|row| &mut row[around.x.clone()]);
+            let [Some(gained), Some(changed), Some(squared)] = [terms.next(), terms.next(), terms.next()] else {
+                return;
+            };
+            for channel in first..first + 3 {
                 let ([raw_a, raw_b], [a, b]) =
                     (halves(raw, channel, (&around.x, y)), halves(smooth, channel, (&around.x, y)));
-                for (x, out) in out.iter_mut().enumerate() {
+                for x in 0..around.x.len() {
                     let (noise, left) = (0.5 * (raw_a[x] - raw_b[x]), 0.5 * (a[x] - b[x]));
                     let light = 0.5 * (a[x] + b[x]);
                     let change = 0.5 * (raw_a[x] + raw_b[x]) - light;
-                    *out += match plane / groups {
-                        0 => noise * (noise - left),
-                        1 => change * change,
-                        _ => light * light,
-                    };
+                    gained[x] += noise * (noise - left);
+                    changed[x] += change * change;
+                    squared[x] += light * light;
                 }
             }
         });
@@ -61,15 +61,13 @@ impl Cells {
     }
 
     /// How much of the smooth image the pixels of a row in the region take.
-    fn shares(&self, group: usize, y: usize, region: &Region) -> Vec<f32> {
+    fn shares(&self, y: usize, region: &Region) -> Vec<f32> {
         let Self(terms) = self;
-        let groups = terms.planes() / 3;
-        let row = |term: usize, y: usize| terms.row(term * groups + group, y);
-        let own = &row(2, y)[region.x.clone()];
+        let own = &terms.row(2, y)[region.x.clone()];
         let mut sums = vec![[0.0; 2]; own.len()];
         let rows = (0..=2 * RISK_CELLS).filter_map(|cell| (y + CELL * cell).checked_sub(CELL * RISK_CELLS));
         for y in rows.filter(|&y| y < terms.height()) {
-            let [gained, changed, light] = [0, 1, 2].map(|term| row(term, y));
+            let [gained, changed, light] = [0, 1, 2].map(|term| terms.row(term, y));
             for (from, to) in shifts(&region.x, (CELL * RISK_CELLS, CELL), terms.width()) {
                 let cells = gained[from.clone()].iter().zip(&changed[from.clone()]).zip(&light[from]);
                 for ((sums, own), ((gained, changed), light)) in sums[to.clone()].iter_mut().zip(&own[to]).zip(cells) {

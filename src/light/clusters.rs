@@ -8,13 +8,16 @@ const SINGLE_COLUMNS: usize = 32;
 const MOST_CLUSTERS: usize = 24;
 /// Clusters of one light, at most.
 const MOST_OF_LIGHT: usize = 16;
+/// Part of the power of its light, in the scene's own lighting, from which on a texel is a cluster of its own.
+const BRIGHT_SHARE: f64 = 1.0 / 32.0;
 /// Steps of Lloyd's iteration; a few dozen lights settle sooner.
 const ITERATIONS: usize = 32;
 
 /// A partition of the columns of a basis: `S`, the 0/1 matrix columns × clusters. It follows from the basis alone.
 ///
 /// At most 32 columns are each a cluster. Of more, a light with texels is cut into nearly square rectangles of its grid,
-/// larger lights into more of them; single lamps are grouped by place, suns by direction.
+/// larger lights into more of them; single lamps are grouped by place, suns by direction. The brightest texels of the scene's own
+/// lighting, such as the sun in an environment's map, are then clusters of their own, as far as there are clusters left.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Clusters {
     of_column: Vec<u16>,
@@ -44,6 +47,14 @@ impl Clusters {
                 [light] => cut_grid(light, part.clusters, &mut of_column, &mut count),
                 _ => group_by_place(&part, &mut of_column, &mut count),
             }
+        }
+        let bright = bright_columns(basis);
+        for &column in bright.iter().take(SINGLE_COLUMNS - count) {
+            of_column[column] = count;
+            count += 1;
+        }
+        if !bright.is_empty() {
+            count = number_anew(&mut of_column);
         }
         Self { of_column: of_column.into_iter().map(|cluster| cluster as u16).collect(), count }
     }
@@ -103,6 +114,36 @@ fn cut_grid(light: &Light, clusters: usize, of_column: &mut [usize], count: &mut
         of_column[column as usize] = *count + v * b / down * a + u * a / across;
     }
     *count += a * b;
+}
+
+/// Texels that have at least [`BRIGHT_SHARE`] of the power of their light in the scene's own lighting; the brightest first.
+fn bright_columns(basis: &LightBasis) -> Vec<usize> {
+    let weights = basis.scene_weights();
+    let mut bright = Vec::new();
+    for light in basis.lights().iter().filter(|light| light.places.len() > 1) {
+        let power = |(column, extent): (u32, &f32)| {
+            let weight: f32 = weights[column as usize].iter().sum();
+            f64::from(weight.max(0.0)) * f64::from(*extent)
+        };
+        let powers: Vec<f64> = light.columns().zip(&light.extents).map(power).collect();
+        let all: f64 = powers.iter().sum();
+        let shares = light.columns().zip(&powers).map(|(column, power)| (power / all, column as usize));
+        // Of a light with few texels each has as much without being brighter than the others.
+        let least = BRIGHT_SHARE.max(2.0 / powers.len() as f64);
+        bright.extend(shares.filter(|(share, _)| *share >= least));
+    }
+    bright.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    bright.into_iter().map(|(_, column)| column).collect()
+}
+
+/// Numbers clusters as they first appear, so that none is empty, and gives their number.
+fn number_anew(of_column: &mut [usize]) -> usize {
+    let mut numbers = std::collections::BTreeMap::new();
+    for cluster in of_column {
+        let next = numbers.len();
+        *cluster = *numbers.entry(*cluster).or_insert(next);
+    }
+    numbers.len()
 }
 
 /// Groups lights by k-means over their places (for suns: directions): the first centre is the first light, each
@@ -184,6 +225,19 @@ mod tests {
         let clusters = Clusters::of_basis(&basis((0..32).map(|i| (LightKind::Point, i as f32))));
         assert_eq!(clusters.of_column(), (0..32).collect::<Vec<_>>());
         assert_eq!(Clusters::of_basis(&LightBasis::new()).count(), 0);
+    }
+
+    /// A map with a sun, a lesser one, and one that is only somewhat brighter than the sky.
+    #[test]
+    fn what_is_brightest_in_a_map_is_a_cluster_of_its_own() {
+        let mut basis = basis([(LightKind::LatLong { across: 64, down: 16 }, 0.0)]);
+        let mut weights = vec![[1.0; 3]; 1024];
+        (weights[70], weights[71], weights[900]) = ([5000.0; 3], [400.0; 3], [30.0; 3]);
+        basis.set_scene_weights(0, weights).unwrap();
+        let clusters = Clusters::of_basis(&basis);
+        let sizes = sizes(&clusters);
+        assert_eq!((clusters.count(), sizes.iter().filter(|&&size| size == 1).count()), (18, 2), "{sizes:?}");
+        assert!([70, 71].map(|column: usize| sizes[usize::from(clusters.of_column()[column])]) == [1, 1]);
     }
 
     #[test]

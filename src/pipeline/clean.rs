@@ -16,6 +16,8 @@
 use std::ops::Range;
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use super::basis::Basis;
 use super::gather::{Gathering, floats, tile_values};
 use super::pack::stop_if_interrupted;
@@ -30,7 +32,10 @@ use crate::light::{CleaningErrors, Clusters, Job};
 use crate::matrix::{Block, BlockId, BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 
 /// Memory that the images of a window may take; a window of one block is filtered whatever it takes.
-const WINDOW_BYTES: u64 = 256 << 20;
+const WINDOW_BYTES: u64 = 512 << 20;
+
+/// Blocks that are decoded side by side.
+const BLOCKS_AT_HAND: u64 = 4;
 
 /// A matrix whose images are cleaned, block by block.
 pub(super) struct Cleaned {
@@ -56,7 +61,7 @@ impl Cleaned {
         let tiles = 4 * tile_values(job.shape, block, clusters) as u64;
         // The map and what it is fitted with; planes and tiles of the blocks at hand.
         let fit = if tiles > 0 { MapFit::needs_bytes(clusters, columns) } else { 0 };
-        window_bytes(side, side, clusters) + 4 * (planes + 3 * tiles) + 4 * clusters * columns + fit
+        window_bytes(side, side, clusters) + BLOCKS_AT_HAND * (planes + 3 * tiles) + 4 * clusters * columns + fit
     }
 
     /// Bytes of disk that it takes.
@@ -129,17 +134,15 @@ impl Cleaned {
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
     pub(super) fn filter(&self, threads: &Threads, watch: &dyn Watch) -> Result<()> {
         let guides = &self.tally.guides();
-        let step = window_blocks(self.shape, self.clusters as u64);
+        let most = window_blocks(self.shape, self.clusters as u64);
         let (across, down) = (self.shape.blocks_across(), self.shape.blocks_down());
         watch.begin("cleaning", u64::from(self.shape.block_count()), "blocks");
         let done = threads.run(|| -> Result<()> {
-            for top in (0..down).step_by(step as usize) {
-                for left in (0..across).step_by(step as usize) {
+            for rows in equal_parts(down, most) {
+                for columns in equal_parts(across, most) {
                     stop_if_interrupted(&self.gathering.path, watch)?;
-                    let rows = top..(top + step).min(down);
-                    let blocks: Vec<BlockId> = rows
-                        .flat_map(|y| (left..(left + step).min(across)).map(move |x| BlockId(y * across + x)))
-                        .collect();
+                    let blocks: Vec<BlockId> =
+                        rows.clone().flat_map(|y| columns.clone().map(move |x| BlockId(y * across + x))).collect();
                     if !blocks.iter().all(|&id| self.images.has(id.0)) {
                         self.filter_window(&blocks, guides)?;
                     }
@@ -185,8 +188,10 @@ impl Cleaned {
         let region = Region { x: within(across, left), y: within(down, top) };
         let reaches = |r: PixelRect| r.x < right && r.x + r.width > left && r.y < bottom && r.y + r.height > top;
         let mut window = self.gathering.empty_window(whole);
-        for id in self.shape.blocks().filter(|&id| reaches(self.shape.rect(id))) {
-            self.gathering.put(&self.gathering.read(id)?, whole, &mut window);
+        let near: Vec<BlockId> = self.shape.blocks().filter(|&id| reaches(self.shape.rect(id))).collect();
+        for few in near.chunks(BLOCKS_AT_HAND as usize) {
+            let gathered: Vec<_> = few.par_iter().map(|&id| self.gathering.read(id)).collect::<Result<_>>()?;
+            gathered.iter().for_each(|block| self.gathering.put(block, whole, &mut window));
         }
         let cleaned = clean::clean(window, &region, guides);
         let images = &cleaned.images;
@@ -350,11 +355,18 @@ fn multiply(images: &[f32], map: &[f32], block: &mut Block) {
     }
 }
 
-/// Blocks along the side of a window.
+/// Most blocks along the side of a window.
 fn window_blocks(shape: MatrixShape, clusters: u64) -> u32 {
     let most = shape.blocks_across().max(shape.blocks_down());
     let side = |blocks: u32| u64::from(blocks * shape.block_side());
     (1..=most).rev().find(|&blocks| window_bytes(side(blocks), side(blocks), clusters) <= WINDOW_BYTES).unwrap_or(1)
+}
+
+/// As few parts of nearly equal length as there can be with at most `most` each.
+fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
+    let count = length.div_ceil(most.max(1));
+    let border = move |part: u32| (u64::from(part) * u64::from(length) / u64::from(count)) as u32;
+    (0..count).map(move |part| border(part)..border(part + 1))
 }
 
 fn window_bytes(width: u64, height: u64, clusters: u64) -> u64 {

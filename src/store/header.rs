@@ -53,6 +53,8 @@ pub(super) struct UnverifiedHeader(Box<[u8; PAGE]>);
 pub(super) struct Header {
     pub(super) layout: Layout,
     pub(super) job: Job,
+    /// Whether there are planes, of the clusters that [`Clusters`] makes today.
+    pub(super) planes_known: bool,
 }
 
 impl Header {
@@ -182,10 +184,8 @@ impl UnverifiedHeader {
         if job.shape != shape {
             return Err(damaged("the header and the job description differ in shape".into()));
         }
-        if has_planes && clusters as usize != Clusters::of_basis(&job.basis).count() {
-            return Err(damaged("the header and the job description differ in clusters of columns".into()));
-        }
-        Ok(Header { layout, job })
+        let planes_known = has_planes && clusters as usize == Clusters::of_basis(&job.basis).count();
+        Ok(Header { layout, job, planes_known })
     }
 
     /// Bound on the probes of a block.

@@ -244,6 +244,9 @@ impl<S: Storage> StoreReader<S> {
     }
 
     fn decode_planes(&self, id: BlockId, record: &Record, target: Option<BlockPlanes>) -> Result<Option<BlockPlanes>> {
+        if !self.header.planes_known {
+            return Ok(None);
+        }
         let (mut scratch, mut target) = (Vec::new(), target.unwrap_or_default());
         let (Some(bytes), Some(said)) = (self.planes_of(id, record, &mut scratch)?, record.planes) else {
             return Ok(None);
