@@ -182,13 +182,50 @@ def test_a_hidden_lighting_is_recovered(container_path):
         np.testing.assert_allclose(found, hidden, atol=0.02)
 
 
-def test_the_torch_function_of_the_documentation(m, random):
+@pytest.fixture
+def torch_relight():
     torch = pytest.importorskip("torch")
     text = (Path(__file__).parent.parent / "README.md").read_text()
     code = next(part.split("```")[0] for part in text.split("```python\n") if part.startswith("class Relight"))
     names = {"torch": torch}
     exec(code, names)
-    weights = torch.tensor(random.uniform(size=(COLUMNS, 3)), dtype=torch.float32, requires_grad=True)
-    target = torch.tensor(random.uniform(size=(HEIGHT, WIDTH, 3)), dtype=torch.float32)
-    (names["Relight"].apply(weights, m) * target).sum().backward()
-    np.testing.assert_allclose(weights.grad.numpy(), m.adjoint(target.numpy()), rtol=1e-6)
+    return torch, names["Relight"].apply
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64", "bfloat16"])
+@pytest.mark.parametrize("shape", [(COLUMNS,), (COLUMNS, 3), (4, COLUMNS, 3)])
+def test_the_torch_function_of_the_documentation(m, random, torch_relight, shape, dtype):
+    torch, relight = torch_relight
+    weights = torch.tensor(random.uniform(size=shape), dtype=getattr(torch, dtype), requires_grad=True)
+    image = relight(weights, m)
+    np.testing.assert_array_equal(image.detach().numpy(), m.relight(weights.detach().float().numpy()))
+    target = torch.tensor(random.uniform(size=image.shape), dtype=torch.float32)
+    (image * target).sum().backward()
+    wanted = m.adjoint(target.numpy())
+    wanted = wanted.sum(-1) if len(shape) == 1 else wanted
+    assert weights.grad.dtype == weights.dtype
+    # Rounding of the weights' own type: 8 bits of bfloat16.
+    np.testing.assert_allclose(weights.grad.float().numpy(), wanted, rtol=4e-3 if dtype == "bfloat16" else 1e-6)
+    # A gradient that is one value everywhere has no strides.
+    weights.grad = None
+    relight(weights, m).sum().backward()
+    assert (weights.grad > 0).all()
+
+
+def test_torch_trains_weights_through_the_matrix(m, random, torch_relight):
+    torch, relight = torch_relight
+    hidden = torch.tensor(random.uniform(0.5, 2, (COLUMNS, 3)), dtype=torch.float32)
+    target = relight(hidden, m)
+    weights = torch.ones((COLUMNS, 3), requires_grad=True)
+    # Least squares in 27 unknowns: quasi-Newton steps, of which it takes some tens.
+    optimizer = torch.optim.LBFGS([weights], max_iter=100, tolerance_grad=0, tolerance_change=0, line_search_fn="strong_wolfe")
+
+    def loss():
+        optimizer.zero_grad()
+        loss = ((relight(weights, m) - target) / target.mean()).square().mean()
+        loss.backward()
+        return loss
+
+    optimizer.step(loss)
+    # The lights of this room are nearly dependent, so that other weights make the same image: it is the image that is compared.
+    assert loss().item() < 1e-6
