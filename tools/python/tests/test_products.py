@@ -1,5 +1,7 @@
 """Relighting and its adjoint."""
 
+import os
+import runpy
 from pathlib import Path
 
 import ltm
@@ -171,15 +173,38 @@ def test_inputs_that_do_not_fit_are_refused(m):
     np.testing.assert_array_equal(m.relight(np.asfortranarray(good)), m.relight(good))
 
 
-def test_a_hidden_lighting_is_recovered(container_path):
-    import runpy
-
+@pytest.fixture
+def fit():
     pytest.importorskip("scipy")
-    example = runpy.run_path(str(Path(__file__).parent.parent / "examples" / "fit_lights.py"))
+    return runpy.run_path(str(Path(__file__).parent.parent / "examples" / "fit_lights.py"))["fit"]
+
+
+def test_a_hidden_lighting_is_recovered(container_path, fit):
     with ltm.open(container_path) as m:
         hidden = np.array([[0.0, 1.5, 0.2]] * 2 + [[2.0, 0.0, 1.0]] * (COLUMNS - 2))
-        found = example["fit"](m, m.relight(hidden))
+        picture = m.relight(hidden)
+        found = fit(m, picture)
         np.testing.assert_allclose(found, hidden, atol=0.02)
+        assert np.linalg.norm(m.relight(found) - picture) < 1e-5 * np.linalg.norm(picture)
+        no_red = picture * [0, 1, 1]
+        np.testing.assert_allclose(fit(m, no_red), hidden * [0, 1, 1], atol=0.02)
+
+
+def test_where_no_light_shines_none_is_found(images, tmp_path, fit):
+    green = images * np.array([0, 1, 0], np.float32)
+    ltm.write(green, tmp_path / "a.ltm", block_side=16)
+    with ltm.open(tmp_path / "a.ltm") as m:
+        found = fit(m, m.relight(np.ones((COLUMNS, 3))))
+        assert (found[:, [0, 2]] == 0).all() and (found[:, 1] >= 0).all() and found[:, 1].any()
+
+
+@pytest.mark.skipif("LTM_SCENES" not in os.environ, reason="LTM_SCENES names no folder of real scenes")
+def test_the_lamps_of_the_conference_room_are_recovered(tmp_path, random, fit):
+    scene = Path(__file__).parents[3] / "formats" / "scenes" / "conference-24.toml"
+    ltm.render(scene, tmp_path / "a.ltc", samples=1, pack=True, denoise=False)
+    with ltm.open(tmp_path / "a.ltc") as m:
+        hidden = random.uniform(0, 3, (24, 3)) * (random.random((24, 1)) < 0.6)
+        np.testing.assert_allclose(fit(m, m.relight(hidden)), hidden, atol=1e-3)
 
 
 @pytest.fixture
