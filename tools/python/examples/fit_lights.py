@@ -2,9 +2,10 @@
 
     python fit_lights.py room.ltc
 
-hides a lighting, relights the container with it, and recovers it from the picture alone. For each colour channel the
-least squares problem min ‖T w - x‖, w ≥ 0 is solved by scipy, which is given T and its transpose as products with the
-factors: T itself is never in memory.
+hides a lighting, relights the container with it, and recovers it from the picture alone. For each colour channel scipy solves the
+least squares problem min ‖T w - x‖, w ≥ 0. T itself is never in memory: its inner products TᵀT, columns × columns, are made once
+of a few images at a time, and each of some steps takes the slope Tᵀ(x - T w) of the picture that is still missing, so that the
+result is not bound by the rounding of TᵀT.
 """
 
 import sys
@@ -12,33 +13,36 @@ import sys
 import ltm
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.sparse.linalg import LinearOperator
+
+#: Images that are in memory at once.
+IMAGES = 8
+#: Eigenvalues of TᵀT that float32 tells from zero, over the largest.
+TOLD_APART = 1e-6
 
 
-def fit(m: ltm.Matrix, picture: np.ndarray) -> np.ndarray:
+def inner_products(m: ltm.Matrix) -> np.ndarray:
+    """TᵀT of each channel: (3, columns, columns)."""
+    units = np.repeat(np.eye(m.shape[3], dtype=np.float32)[..., None], 3, 2)
+    parts = [m.adjoint(m.relight(units[first : first + IMAGES])) for first in range(0, len(units), IMAGES)]
+    return np.concatenate(parts).transpose(2, 0, 1).astype(float)
+
+
+def fit(m: ltm.Matrix, picture: np.ndarray, steps: int = 8) -> np.ndarray:
     """Weights (columns, 3) that light the matrix nearest to a picture (height, width, 3)."""
-    height, width, _, columns = m.shape
-    weights = np.zeros((columns, 3))
-    # So that a picture that is dark or bright as a whole is fitted as closely.
-    scale = float(np.abs(picture).max()) or 1.0
-    for channel in range(3):
-
-        def relight(w: np.ndarray, channel: int = channel) -> np.ndarray:
-            lighting = np.zeros((columns, 3), np.float32)
-            lighting[:, channel] = w.ravel()
-            return m.relight(lighting)[..., channel].ravel().astype(float)
-
-        def adjoint(x: np.ndarray, channel: int = channel) -> np.ndarray:
-            image = np.zeros((height, width, 3), np.float32)
-            image[..., channel] = x.reshape(height, width)
-            return m.adjoint(image)[:, channel].astype(float)
-
-        operator = LinearOperator((height * width, columns), matvec=relight, rmatvec=adjoint, dtype=float)
-        target = picture[..., channel].ravel().astype(float) / scale
-        # Lights that look alike take more steps than there are columns.
-        steps = {"max_iter": 200, "lsmr_maxiter": 20 * columns + 100}
-        found = lsq_linear(operator, target, bounds=(0, np.inf), lsq_solver="lsmr", tol=1e-10, **steps)
-        weights[:, channel] = found.x * scale
+    weights = np.zeros((m.shape[3], 3))
+    factors = []
+    for products in inner_products(m):
+        values, vectors = np.linalg.eigh(products)
+        kept = values > TOLD_APART * values[-1]
+        factors.append((np.sqrt(values[kept]), vectors[:, kept].T))
+    for _ in range(steps):
+        slope = m.adjoint(picture - m.relight(weights))
+        for channel, (roots, vectors) in enumerate(factors):
+            if len(roots) == 0:  # No light shines in this colour.
+                continue
+            missing = vectors @ slope[:, channel] / roots
+            step = lsq_linear(roots[:, None] * vectors, missing, bounds=(-weights[:, channel] - 1e-12, np.inf), tol=1e-12)
+            weights[:, channel] = np.maximum(weights[:, channel] + step.x, 0)
     return weights
 
 

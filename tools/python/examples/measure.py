@@ -6,12 +6,14 @@
 
 Renders and packs a built-in room with a ceiling light of lights × lights texels, then relights it. numpy has the whole matrix
 in memory as float32; its product is the matrix times the weights of each channel. Both write into arrays that are there.
-``--program`` opens and relights a file as ``ltm relight`` (on the path, or what LTM names) does, each as a new process and in turn,
-and on a GPU if there is one. ``--slices`` says what memory slices of a file take, which may be larger than memory.
+``--program`` opens and relights a file and writes the image as ``ltm relight`` (on the path, or what LTM names) does, each as a new
+process and in turn, with what the interpreter and its imports take apart, and relights on a GPU if there is one; it needs
+OpenEXR's module. ``--slices`` says what memory slices of a file take, which may be larger than memory.
 """
 
 import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -19,6 +21,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from statistics import median
 
 import ltm
 import numpy as np
@@ -82,62 +85,67 @@ def products(width: int, height: int, texels: int) -> None:
             print(f"256 images filled: {1e3 * seconds(lambda: images.fill(1)):.2f} ms")
 
 
-def process_seconds(command: list[str], times: int = 7) -> float:
-    """The median time of a process from its start to its end."""
-    taken = []
-    for _ in range(times):
-        begun = time.perf_counter()
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        taken.append(time.perf_counter() - begun)
-    return sorted(taken)[times // 2]
-
-
 #: A process that does what `ltm relight` does, and says how long that took without starting and importing.
 WITHIN = """
-import sys, time, numpy, ltm
-try:
-    import OpenEXR
-except ImportError:
-    OpenEXR = None
+import sys, time, numpy, ltm, OpenEXR
 begun = time.perf_counter()
 with ltm.open(sys.argv[1]) as m:
     image = m.relight(m.scene_weights, device="cpu")
 relit = time.perf_counter()
-if OpenEXR is None:
-    numpy.save(sys.argv[2], image)
-else:
-    OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, {"RGB": image}).write(sys.argv[2])
+OpenEXR.File({"compression": OpenEXR.RLE_COMPRESSION}, {"RGB": image}).write(sys.argv[2])
 print(relit - begun, time.perf_counter() - begun)
 """
 
 
+def processes(commands: dict[str, list[str]], rounds: int) -> dict[str, list[tuple[float, float, str]]]:
+    """Seconds from a process's start to its end, seconds of processors that it took, and what it printed, each round
+    running every command once, so that what else runs on the machine meets all of them alike."""
+    taken: dict[str, list[tuple[float, float, str]]] = {name: [] for name in commands}
+    for _ in range(rounds):
+        for name, command in commands.items():
+            before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+            done = subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+            wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+            spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+            taken[name].append((wall, spent, done.stdout))
+    return taken
+
+
 def program(path: str) -> None:
-    """Opening and relighting once, beside the program; and on the GPU."""
+    """Opening, relighting once and writing an image, beside the program; further images; and a GPU's."""
     tool = os.environ.get("LTM", "ltm")
     with tempfile.TemporaryDirectory() as folder:
-        begun = time.perf_counter()
-        with ltm.open(path) as m:
-            weights = m.scene_weights
-            m.relight(weights, device="cpu")
-            first = time.perf_counter() - begun
-            again = seconds(lambda: m.relight(weights, device="cpu"))
-            print(f"{path}: {m.shape[0]} × {m.shape[1]} × 3 × {m.shape[3]}")
-            print(f"open and first image {1e3 * first:.1f} ms, further images {1e3 * again:.2f} ms each")
-            found = ltm.gpu()
-            if found is not None:
-                kind = "software" if found.is_software else "hardware"
-                m.relight(weights, device="gpu")
-                on_gpu = seconds(lambda: m.relight(weights, device="gpu"))
-                print(f"on {found.name} ({kind}): {1e3 * on_gpu:.2f} ms, ratio {again / on_gpu:.2f}")
         image = f"{folder}/a.exr"
-        theirs = [tool, "relight", path, "--device", "cpu", "-o", image]
-        ours = [sys.executable, "-c", WITHIN, path, image]
-        process_seconds(theirs, 1)
-        within = sorted(subprocess.run(ours, check=True, capture_output=True, text=True).stdout.split() for _ in range(7))
-        relit, done = (1e3 * float(value) for value in within[3])
-        print(f"open and relight in a new process {relit:.0f} ms, with an image file {done:.0f} ms")
-        a, b = process_seconds(ours), process_seconds(theirs)
-        print(f"whole process: {1e3 * a:.0f} ms, ltm relight {1e3 * b:.0f} ms, ratio {b / a:.2f}; without start and imports {1e3 * b / done:.2f}")
+        commands = {"python": [sys.executable, "-c", "pass"]}
+        for module in ("numpy", "ltm", "ltm, OpenEXR"):
+            commands[module] = [sys.executable, "-c", f"import {module}"]
+        commands["ours"] = [sys.executable, "-c", WITHIN, path, image]
+        commands["program"] = [tool, "relight", path, "--device", "cpu", "-o", image]
+        processes(commands, 1)
+        taken = processes(commands, 15)
+    wall = {name: 1e3 * median([run[0] for run in runs]) for name, runs in taken.items()}
+    spent = {name: 1e3 * median([run[1] for run in runs]) for name, runs in taken.items()}
+    own = [[float(value) for value in run[2].split()] for run in taken["ours"]]
+    relit, done = (1e3 * median([run[i] for run in own]) for i in (0, 1))
+    print("milliseconds, medians of 15 processes each in turn: from start to end, and of processors")
+    print(f"the interpreter alone: {wall['python']:.0f}, {spent['python']:.0f}")
+    for module in ("numpy", "ltm", "ltm, OpenEXR"):
+        print(f"and import {module}: {wall[module]:.0f}, {spent[module]:.0f}")
+    print(f"and open, relight, write: {wall['ours']:.0f}, {spent['ours']:.0f}")
+    print(f"ltm relight: {wall['program']:.0f}, {spent['program']:.0f}")
+    apart = spent["ours"] - spent["ltm, OpenEXR"]
+    print(f"ours without start and imports: {done:.0f} ({relit:.0f} to the image, the rest its file), {apart:.0f}")
+    ratios = [theirs[0] / mine[1] for theirs, mine in zip(taken["program"], own, strict=True)]
+    print(f"speed over that of ltm relight, start and imports apart: {median(ratios):.2f}; of processors {spent['program'] / apart:.2f}")
+    with ltm.open(path) as m:
+        weights = m.scene_weights
+        again = seconds(lambda: m.relight(weights, device="cpu"))
+        print(f"{path}, {m.shape[0]} × {m.shape[1]} × 3 × {m.shape[3]}: further images {1e3 * again:.2f} ms each")
+        found = ltm.gpu()
+        if found is not None:
+            kind = "software" if found.is_software else "hardware"
+            on_gpu = seconds(lambda: m.relight(weights, device="gpu"))
+            print(f"on {found.name} ({kind}): {1e3 * on_gpu:.2f} ms, ratio {again / on_gpu:.2f}")
 
 
 def status(name: str) -> float:

@@ -1,5 +1,7 @@
 """Relighting and its adjoint."""
 
+import os
+import runpy
 from pathlib import Path
 
 import ltm
@@ -171,24 +173,84 @@ def test_inputs_that_do_not_fit_are_refused(m):
     np.testing.assert_array_equal(m.relight(np.asfortranarray(good)), m.relight(good))
 
 
-def test_a_hidden_lighting_is_recovered(container_path):
-    import runpy
-
+@pytest.fixture
+def fit():
     pytest.importorskip("scipy")
-    example = runpy.run_path(str(Path(__file__).parent.parent / "examples" / "fit_lights.py"))
+    return runpy.run_path(str(Path(__file__).parent.parent / "examples" / "fit_lights.py"))["fit"]
+
+
+def test_a_hidden_lighting_is_recovered(container_path, fit):
     with ltm.open(container_path) as m:
         hidden = np.array([[0.0, 1.5, 0.2]] * 2 + [[2.0, 0.0, 1.0]] * (COLUMNS - 2))
-        found = example["fit"](m, m.relight(hidden))
+        picture = m.relight(hidden)
+        found = fit(m, picture)
         np.testing.assert_allclose(found, hidden, atol=0.02)
+        assert np.linalg.norm(m.relight(found) - picture) < 1e-5 * np.linalg.norm(picture)
+        no_red = picture * [0, 1, 1]
+        np.testing.assert_allclose(fit(m, no_red), hidden * [0, 1, 1], atol=0.02)
 
 
-def test_the_torch_function_of_the_documentation(m, random):
+def test_where_no_light_shines_none_is_found(images, tmp_path, fit):
+    green = images * np.array([0, 1, 0], np.float32)
+    ltm.write(green, tmp_path / "a.ltm", block_side=16)
+    with ltm.open(tmp_path / "a.ltm") as m:
+        found = fit(m, m.relight(np.ones((COLUMNS, 3))))
+        assert (found[:, [0, 2]] == 0).all() and (found[:, 1] >= 0).all() and found[:, 1].any()
+
+
+@pytest.mark.skipif("LTM_SCENES" not in os.environ, reason="LTM_SCENES names no folder of real scenes")
+def test_the_lamps_of_the_conference_room_are_recovered(tmp_path, random, fit):
+    scene = Path(__file__).parents[3] / "formats" / "scenes" / "conference-24.toml"
+    ltm.render(scene, tmp_path / "a.ltc", samples=1, pack=True, denoise=False)
+    with ltm.open(tmp_path / "a.ltc") as m:
+        hidden = random.uniform(0, 3, (24, 3)) * (random.random((24, 1)) < 0.6)
+        np.testing.assert_allclose(fit(m, m.relight(hidden)), hidden, atol=1e-3)
+
+
+@pytest.fixture
+def torch_relight():
     torch = pytest.importorskip("torch")
     text = (Path(__file__).parent.parent / "README.md").read_text()
     code = next(part.split("```")[0] for part in text.split("```python\n") if part.startswith("class Relight"))
     names = {"torch": torch}
     exec(code, names)
-    weights = torch.tensor(random.uniform(size=(COLUMNS, 3)), dtype=torch.float32, requires_grad=True)
-    target = torch.tensor(random.uniform(size=(HEIGHT, WIDTH, 3)), dtype=torch.float32)
-    (names["Relight"].apply(weights, m) * target).sum().backward()
-    np.testing.assert_allclose(weights.grad.numpy(), m.adjoint(target.numpy()), rtol=1e-6)
+    return torch, names["Relight"].apply
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64", "bfloat16"])
+@pytest.mark.parametrize("shape", [(COLUMNS,), (COLUMNS, 3), (4, COLUMNS, 3)])
+def test_the_torch_function_of_the_documentation(m, random, torch_relight, shape, dtype):
+    torch, relight = torch_relight
+    weights = torch.tensor(random.uniform(size=shape), dtype=getattr(torch, dtype), requires_grad=True)
+    image = relight(weights, m)
+    np.testing.assert_array_equal(image.detach().numpy(), m.relight(weights.detach().float().numpy()))
+    target = torch.tensor(random.uniform(size=image.shape), dtype=torch.float32)
+    (image * target).sum().backward()
+    wanted = m.adjoint(target.numpy())
+    wanted = wanted.sum(-1) if len(shape) == 1 else wanted
+    assert weights.grad.dtype == weights.dtype
+    # Rounding of the weights' own type: 8 bits of bfloat16.
+    np.testing.assert_allclose(weights.grad.float().numpy(), wanted, rtol=4e-3 if dtype == "bfloat16" else 1e-6)
+    # A gradient that is one value everywhere has no strides.
+    weights.grad = None
+    relight(weights, m).sum().backward()
+    assert (weights.grad > 0).all()
+
+
+def test_torch_trains_weights_through_the_matrix(m, random, torch_relight):
+    torch, relight = torch_relight
+    hidden = torch.tensor(random.uniform(0.5, 2, (COLUMNS, 3)), dtype=torch.float32)
+    target = relight(hidden, m)
+    weights = torch.ones((COLUMNS, 3), requires_grad=True)
+    # Least squares in 27 unknowns: quasi-Newton steps, of which it takes some tens.
+    optimizer = torch.optim.LBFGS([weights], max_iter=100, tolerance_grad=0, tolerance_change=0, line_search_fn="strong_wolfe")
+
+    def loss():
+        optimizer.zero_grad()
+        loss = ((relight(weights, m) - target) / target.mean()).square().mean()
+        loss.backward()
+        return loss
+
+    optimizer.step(loss)
+    # The lights of this room are nearly dependent, so that other weights make the same image: it is the image that is compared.
+    assert loss().item() < 1e-6

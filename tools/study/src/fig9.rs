@@ -40,6 +40,8 @@ struct Plan {
     steps: &'static [i32],
     /// Exponents of two of zfp's tolerances over the largest entry, which are kept by far.
     tolerances: &'static [i32],
+    /// The matrix over the bytes at which all are read off; of the environment, which has fewer columns.
+    fixed: (f64, f64),
 }
 
 const QUICK: Plan = Plan {
@@ -49,6 +51,7 @@ const QUICK: Plan = Plan {
     ranks: &[2, 6, 16],
     steps: &[-5, -7, -9],
     tolerances: &[2, -2],
+    fixed: (60.0, 60.0),
 };
 
 const FULL: Plan = Plan {
@@ -65,6 +68,7 @@ const FULL: Plan = Plan {
     ranks: &[1, 2, 4, 8, 16, 32],
     steps: &[-4, -6, -7, -8, -10],
     tolerances: &[8, 6, 4, 2, 0, -2, -5],
+    fixed: (1000.0, 400.0),
 };
 
 /// Fidelity that was set as the goal for 1,024 columns (512 of the environment): scene, ratio, lin and clip in dB.
@@ -104,8 +108,9 @@ reference's 95th luminance percentile to 1 and clipping to [0, 1]; relMSE: (a �
 
 const FORMS_NOTE: &str = "Bytes are those of whole files. Algorithm 4, the proposed method: `ltm-pack` with its codec at a fixed \
 rank. Kernel Nyström: the same codec, rows and columns as Algorithm 4, a power map fitted to each block. Block SVD: \
-16-bit floats, byte planes, zstd 12. DCT: 4-D over pixels and texels, one step, zstd 12. zfp: each colour of a \
-block in four dimensions, one absolute tolerance, zstd 12.";
+16-bit floats, byte planes, zstd 12. DCT: over pixels and texels, one step, zstd 12. zfp: each colour of a \
+block over pixels and texels, one absolute tolerance, zstd 12. Both in four dimensions where there is one light; the columns of several \
+lights are one dimension.";
 
 /// What is read off a summary.
 type Value = fn(&Summary) -> f64;
@@ -130,6 +135,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         let mut table = Table::new(format!("PSNR against bytes, light of {texels} × {texels}"), notes, COLUMNS);
         let mut panels = (Vec::new(), Vec::new());
         let mut gains = gain_table(bench, texels);
+        let mut fixed = fixed_table(bench, texels);
         for scene in bench.with_conference(scenes) {
             let wanted = Wanted { scene, size, texels, samples: plan.samples, seed: 0, block_side: 32 };
             let matrix = bench.matrix(wanted)?;
@@ -141,6 +147,8 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
             let title = format!("{scene}, {} columns", matrix.shape().columns());
             panels.0.push(Panel { title: title.clone(), lines: lines(|s| s.mean.psnr_linear) });
             panels.1.push(Panel { title, lines: lines(|s| s.mean.psnr_clipped) });
+            let ratio = if scene == "environment" { plan.fixed.1 } else { plan.fixed.0 };
+            fixed_rows(&mut fixed, &matrix, (scene, ratio), &points);
             for ours in [OURS, NOISE_KEPT] {
                 gain_row(&mut gains, &matrix, scene, ours, &points);
             }
@@ -148,6 +156,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         let caption = bench.caption(&format!("{} spp, blocks of 32 px, mean of the lightings", plan.samples));
         report.add_table(&bench.out, &format!("fig9-{texels}"), &table)?;
         report.add_table(&bench.out, &format!("fig9-{texels}-gain"), &gains)?;
+        report.add_table(&bench.out, &format!("fig9-{texels}-fixed"), &fixed)?;
         for (panels, name, what) in [(panels.0, "PSNR lin (dB)", "lin"), (panels.1, "PSNR clip (dB)", "clip")] {
             let chart = Chart {
                 title: format!("PSNR ({what}) against bytes on disk, light of {texels} × {texels} texels"),
@@ -210,7 +219,7 @@ fn measure(bench: &Bench<'_>, plan: &Plan, matrix: &StoreReader) -> Result<Vec<P
     for (path, step) in files.iter().zip(steps) {
         let images = dct::read(path, step, shape, &matrix.job().basis, &lightings)?;
         let packed = Packed { bytes: super::bench::file_bytes(path)?, rank: None, seconds, images };
-        keep("4-D DCT", "one step + zstd", packed);
+        keep("DCT", "one step + zstd", packed);
     }
     let largest = zfp::scale(matrix)?;
     for &exponent in plan.tolerances {
@@ -221,7 +230,7 @@ fn measure(bench: &Bench<'_>, plan: &Plan, matrix: &StoreReader) -> Result<Vec<P
         let seconds = begun.elapsed().as_secs_f64();
         let images = zfp::read(&path, tolerance, shape, &matrix.job().basis, &lightings)?;
         let packed = Packed { bytes: super::bench::file_bytes(&path)?, rank: None, seconds, images };
-        keep("4-D zfp", "one tolerance + zstd", packed);
+        keep("zfp", "one tolerance + zstd", packed);
     }
     Ok(points)
 }
@@ -261,6 +270,41 @@ fn curves(points: &[Point], value: Value) -> Vec<Line> {
         }
     }
     lines
+}
+
+fn fixed_table(bench: &Bench<'_>, texels: u32) -> Table {
+    let note = "Each method where its file has the bytes of the matrix over the ratio, on the straight lines between its points over the \
+logarithm of the bytes; – where it has no point on one side.";
+    Table::new(
+        format!("All methods at one size, light of {texels} × {texels}"),
+        bench.notes(&[METRIC_NOTE, LIGHTINGS_NOTE, FORMS_NOTE, note]),
+        &[
+            ("scene", 0),
+            ("columns", 0),
+            ("ratio", 0),
+            ("method", 0),
+            ("psnr_lin_db", 1),
+            ("psnr_clip_db", 1),
+            ("psnr_lin_worst_db", 1),
+            ("psnr_clip_worst_db", 1),
+        ],
+    )
+}
+
+/// A row for each method.
+fn fixed_rows(table: &mut Table, matrix: &StoreReader, (scene, ratio): (&str, f64), points: &[Point]) {
+    const VALUES: [Value; 4] =
+        [|s| s.mean.psnr_linear, |s| s.mean.psnr_clipped, |s| s.worst.psnr_linear, |s| s.worst.psnr_clipped];
+    let (shape, bytes) = (matrix.shape(), matrix.shape().raw_bytes() as f64 / ratio);
+    for method in curves(points, VALUES[0]).into_iter().map(|line| line.name) {
+        let mut cells: Vec<Cell> = vec![scene.into(), shape.columns().into(), ratio.into(), method.clone().into()];
+        for value in VALUES {
+            let of = points.iter().filter(|point| point.method == method);
+            let line: Vec<_> = of.map(|p| ((p.packed.bytes as f64).ln(), value(&p.summary))).collect();
+            cells.push(curve::at(&line, bytes.ln()).into());
+        }
+        table.push(cells);
+    }
 }
 
 fn gain_table(bench: &Bench<'_>, texels: u32) -> Table {

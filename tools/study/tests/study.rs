@@ -56,6 +56,27 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
         }
     }
 
+    // Read off at one size: on the line between the two files around it.
+    let fixed = read_csv(&out.join("fig9-16-fixed.csv"));
+    let matrix_bytes = |row: &Row| number(row, "rows") * number(row, "columns") * 4.0;
+    let mut compared = 0;
+    for row in fixed.iter().filter(|row| !row["psnr_clip_db"].is_empty()) {
+        let is = |point: &&Row| point["scene"] == row["scene"] && point["method"] == row["method"];
+        let own: Vec<(f64, f64)> =
+            fig9.iter().filter(is).map(|p| (number(p, "bytes"), number(p, "psnr_clip_db"))).collect();
+        let bytes = matrix_bytes(fig9.iter().find(is).unwrap()) / number(row, "ratio");
+        let below = own.iter().copied().filter(|p| p.0 <= bytes).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        let above = own.iter().copied().filter(|p| p.0 >= bytes).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+        let (low, high) = (below.1.min(above.1), below.1.max(above.1));
+        // Both tables are rounded to a tenth or less.
+        assert!(
+            (low - 0.06..=high + 0.06).contains(&number(row, "psnr_clip_db")),
+            "{row:?} between {below:?} and {above:?}"
+        );
+        compared += 1;
+    }
+    assert!(compared >= 8, "{compared} of {} rows have a value", fixed.len());
+
     // The stored way and the fused one end in the same container, and the memory that was allowed was enough.
     let large = read_csv(&out.join("large.csv"));
     assert_eq!(

@@ -3,6 +3,7 @@
 //! What the window knows is kept apart from how it looks: all modules but the private `window` are plain state with tests of
 //! their own.
 
+pub mod animation;
 mod desk;
 mod device_desk;
 pub mod difference;

@@ -1,13 +1,9 @@
-//! Several looks on one sheet, and pictures on the way from one to the next.
-
-use std::path::{Path, PathBuf};
+//! Several looks on one sheet.
 
 use ab_glyph::{Font, FontRef, ScaleFont, point};
 
 use super::display::Shown;
 use ltm::error::{Error, Result};
-use ltm::light::Lighting;
-use ltm::look::Frames;
 
 /// Width of a picture on the sheet at most, in pixels; room between pictures, and below each for its name.
 const WIDEST: usize = 960;
@@ -90,24 +86,6 @@ impl Canvas {
     }
 }
 
-/// An animation from look to look, each with its time in seconds, at this many frames a second: as `ltm relight --fps` makes it.
-///
-/// # Errors
-/// Fewer than two looks, times that do not rise, and those of [`Frames::new`].
-pub fn frames(looks: &[(f32, Lighting)], per_sec: f32) -> Result<Frames<'_>> {
-    let rises = looks.windows(2).all(|pair| pair[0].0 < pair[1].0) && looks.iter().all(|(time, _)| time.is_finite());
-    if looks.len() < 2 || !rises {
-        return Err(Error::input("the frames", "need two looks or more, each later than the one before", ""));
-    }
-    Frames::new("the frames", looks.iter().map(|(time, lighting)| (*time, lighting)).collect(), per_sec)
-}
-
-/// The files of numbered frames: `night.png` gives `night-0000.png` and so on.
-pub fn frame_paths(path: &Path, count: usize) -> Vec<PathBuf> {
-    let stem = path.with_extension("").display().to_string();
-    (0..count).map(|frame| PathBuf::from(format!("{stem}-{frame:04}.png"))).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,22 +108,5 @@ mod tests {
         assert!(contact_sheet(&[("a".into(), grey(1, [2, 2])), ("b".into(), grey(1, [2, 3]))]).is_err());
         let large = contact_sheet(&[("wide".into(), grey(9, [4000, 10]))]).unwrap();
         assert_eq!(large.size[0], 800 + 2 * GAP);
-    }
-
-    #[test]
-    fn frames_go_evenly_from_look_to_look() {
-        let even = |value: f32| Lighting::uniform(1, [value; 3]).unwrap();
-        let looks = [(1.0, even(0.0)), (2.0, even(4.0)), (4.0, even(0.0))];
-        let made = frames(&looks, 2.0).unwrap();
-        let values: Vec<f32> = (0..made.count()).map(|frame| made.lighting(frame).unwrap().weights()[0][0]).collect();
-        assert_eq!(values, [0.0, 2.0, 4.0, 3.0, 2.0, 1.0, 0.0]);
-        assert!(frames(&[(0.0, even(1.0))], 2.0).is_err());
-        assert!(frames(&[(0.0, even(1.0)), (0.0, even(1.0))], 2.0).is_err());
-        assert!(frames(&[(0.0, even(1.0)), (1e9, even(1.0))], 2.0).is_err());
-        assert!(frames(&[(0.0, even(1.0)), (1.0, even(1.0))], 0.0).is_err());
-        assert_eq!(
-            frame_paths(Path::new("/a/night.png"), 2),
-            ["/a/night-0000.png", "/a/night-0001.png"].map(PathBuf::from)
-        );
     }
 }

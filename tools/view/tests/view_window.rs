@@ -509,5 +509,10 @@ fn main() -> ExitCode {
     trials.push(driven.with_ignored_flag(without || !real::has_hands()));
     let killed = trial("a_killed_window_loses_no_work", real::a_killed_window_loses_no_work);
     trials.push(killed.with_ignored_flag(without || !real::has_hands()));
+    let undesktopped =
+        trial("a_desktop_without_dialogues_is_done_without", real::a_desktop_without_dialogues_is_done_without);
+    trials.push(undesktopped.with_ignored_flag(without || !real::has_hands()));
+    let video = trial("an_animation_is_written_as_a_video", measures::an_animation_is_written_as_a_video);
+    trials.push(video.with_ignored_flag(!measures::has_encoder()));
     libtest_mimic::run(&arguments, trials).exit_code()
 }

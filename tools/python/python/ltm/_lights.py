@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -135,6 +134,8 @@ class Lights(Sequence[Light], Mapping[str, Light]):
         return found
 
     def _nearest(self, name: str) -> str:
+        import difflib  # Not for every import of this package.
+
         near = difflib.get_close_matches(name, self._by_name, 3, 0.0)
         return "the nearest names are " + ", ".join(f"'{n}'" for n in near)
 

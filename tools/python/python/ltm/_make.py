@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -148,6 +147,8 @@ def _images(images: Any, size: tuple[int, int] | None, folder: str) -> tuple[NDA
         raise TypeError(
             "images: give an array (lights, height, width, 3), an iterable of images or blocks, or the path of a .ltm"
         )
+    import tempfile  # Not for every import of this package.
+
     spill = tempfile.TemporaryFile(dir=folder)
     try:
         return (_spill_images(images, spill) if size is None else _spill_blocks(images, size, spill)), spill

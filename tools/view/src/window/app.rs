@@ -426,7 +426,7 @@ impl App {
             Purpose::Layers => document.write_layers(path),
             Purpose::Report => document.write_report(path),
             Purpose::Sheet => document.write_sheet(path),
-            Purpose::Frames => document.write_frames(path),
+            Purpose::Animation => document.write_animation(path),
         }
     }
 
@@ -548,7 +548,7 @@ fn near(document: &Document, purpose: Purpose) -> PathBuf {
         // Not the name under which the radiance is saved.
         (_, Purpose::Layers) => PathBuf::from(format!("{}-layers", base.display())),
         (_, Purpose::Sheet) => PathBuf::from(format!("{}-sheet", base.display())),
-        (_, Purpose::Frames) => PathBuf::from(format!("{}-frame", base.display())),
+        (_, Purpose::Animation) => PathBuf::from(format!("{}-frame", base.display())),
         _ => base.clone(),
     }
 }

@@ -8,6 +8,7 @@ use eframe::egui::{self, Key, RichText, ScrollArea, TextEdit, vec2};
 
 use super::question::ago;
 use super::theme::{ALARM, WEAK};
+use crate::animation;
 use crate::export::{with_ending, with_one_of};
 use crate::rows::natural;
 use ltm::host::human_bytes;
@@ -26,7 +27,7 @@ pub(super) enum Purpose {
     Layers,
     Report,
     Sheet,
-    Frames,
+    Animation,
 }
 
 /// What became of it.
@@ -73,7 +74,7 @@ impl Purpose {
             Self::Layers => "Save an EXR with a layer for each light",
             Self::Report => "Save the report as CSV or PDF",
             Self::Sheet => "Save a contact sheet as PNG or PDF",
-            Self::Frames => "Save numbered frames as PNG",
+            Self::Animation => "Save an animation: numbered PNGs, or a video where ffmpeg is installed",
         }
     }
 
@@ -83,7 +84,8 @@ impl Purpose {
             Self::LoadLook => &["toml", "json"],
             Self::SaveLook => &["toml"],
             Self::LightImage(_) | Self::Reference => &IMAGES,
-            Self::Png | Self::Frames => &["png"],
+            Self::Png => &["png"],
+            Self::Animation => animation::endings(),
             Self::Sheet => &["png", "pdf"],
             Self::Exr | Self::Layers => &["exr"],
             Self::Report => &["csv", "pdf"],

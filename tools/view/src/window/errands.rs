@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::chooser::Purpose;
 use super::document::Document;
+use crate::animation::{self, frames};
 use crate::display::Display;
 use crate::export::{self, with_ending};
 use crate::file_watch::FileChange;
@@ -14,11 +15,12 @@ use crate::mixer::{LightMix, Mix};
 use crate::pattern::Pattern;
 use crate::pdf::{self, Table};
 use crate::photometry::{mean_weight, quantities};
-use crate::sheet::{contact_sheet, frame_paths, frames};
+use crate::sheet::contact_sheet;
 use crate::unsaved::LeftBehind;
 use crate::worker::Brought;
 use ltm::error::{Error, Result};
 use ltm::image::{LinearImage, read_image};
+use ltm::light::Lighting;
 use ltm::relight::relight_streaming;
 
 /// Files of a document, and what is said of them.
@@ -260,8 +262,8 @@ impl Document {
         });
     }
 
-    /// Writes an animation from snapshot to snapshot as numbered pictures: by the times of the look's file, else evenly.
-    pub(super) fn write_frames(&mut self, path: PathBuf) {
+    /// Writes an animation from snapshot to snapshot, as numbered pictures or a video: by the times of the look's file, else evenly.
+    pub(super) fn write_animation(&mut self, path: PathBuf) {
         let mixes = self.compare.snapshots.mixes();
         let mix_of = |name: &String| mixes.iter().find(|(own, _)| own == name).map(|(_, mix)| mix);
         let by_file: Vec<(f32, &Mix)> =
@@ -276,21 +278,11 @@ impl Document {
         self.beside(move || {
             let looks = looks?;
             let frames = frames(&looks, per_sec)?;
-            let paths = frame_paths(&path, frames.count());
-            if let Some(there) = paths.iter().find(|path| path.exists()) {
-                let problem = "is there already, and frames replace nothing";
-                return Err(Error::input(there.display().to_string(), problem, "give another name"));
-            }
-            for (frame, path) in paths.iter().enumerate() {
-                let lighting = frames.lighting(frame)?;
-                let image = match &relighter {
-                    Some(relighter) => relighter.relight(&lighting)?,
-                    None => relight_streaming(&*container, &lighting)?.0,
-                };
-                export::write_png(path, &image, &display)?;
-            }
-            let first = paths.first().map_or_else(String::new, |path| path.display().to_string());
-            Ok(Brought::Message(format!("Wrote {} frames from {first} on", frames.count())))
+            let relight = |lighting: &Lighting| match &relighter {
+                Some(relighter) => relighter.relight(lighting),
+                None => relight_streaming(&*container, lighting).map(|(image, _)| image),
+            };
+            animation::write(&path, &frames, per_sec, &display, relight).map(Brought::Message)
         });
     }
 

@@ -45,9 +45,10 @@ fn sequence(ui: &mut Ui, document: &mut Document) {
         if ui.button("Sheet…").on_hover_text("All snapshots with their names, on one PNG or a PDF").clicked() {
             document.files.wanted = Some(Purpose::Sheet);
         }
-        let about = "Numbered PNGs from snapshot to snapshot; times of a look's file count, if it has any";
-        if ui.add_enabled(mixes > 1, egui::Button::new("Frames…")).on_hover_text(about).clicked() {
-            document.files.wanted = Some(Purpose::Frames);
+        let about = "From snapshot to snapshot, as numbered PNGs or, where ffmpeg is installed, as a video (MP4, WebM); \
+                     times of a look's file count, if it has any";
+        if ui.add_enabled(mixes > 1, egui::Button::new("Animation…")).on_hover_text(about).clicked() {
+            document.files.wanted = Some(Purpose::Animation);
         }
         let step = egui::DragValue::new(&mut document.compare.step_secs).range(0.1..=600.0).speed(0.05);
         ui.add(step.max_decimals(1).suffix(" s")).on_hover_text("Time from one snapshot to the next");

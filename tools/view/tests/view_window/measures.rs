@@ -11,7 +11,7 @@ use super::driver::Driver;
 use super::{CTRL, container, room};
 
 /// Tests of this file.
-pub(crate) const TESTS: [(&str, fn()); 9] = [
+pub(crate) const TESTS: [(&str, fn()); 10] = [
     ("a_png_reference_is_shown_as_it_is", a_png_reference_is_shown_as_it_is),
     ("the_difference_is_measured_and_shown", the_difference_is_measured_and_shown),
     ("a_light_is_set_in_candela_per_square_metre", a_light_is_set_in_candela_per_square_metre),
@@ -21,6 +21,7 @@ pub(crate) const TESTS: [(&str, fn()); 9] = [
     ("the_sun_is_put_and_dragged_in_the_picture", the_sun_is_put_and_dragged_in_the_picture),
     ("a_band_in_the_picture_selects_lights", a_band_in_the_picture_selects_lights),
     ("reports_and_sheets_are_written_as_pdf", reports_and_sheets_are_written_as_pdf),
+    ("an_animation_is_written_as_numbered_pictures", an_animation_is_written_as_numbered_pictures),
 ];
 
 fn save(driver: &mut Driver, key: Key, path: &Path) {
@@ -305,4 +306,76 @@ fn reports_and_sheets_are_written_as_pdf() {
         std::fs::copy(&report, kept.join("report.pdf")).unwrap();
         std::fs::copy(&sheet, kept.join("sheet.pdf")).unwrap();
     }
+}
+
+/// Two snapshots, the second a stop and a half darker, and the animation between them under this name.
+fn animation(path: &Path) {
+    let mut driver =
+        Driver::open_with(WindowOptions { path: Some(room().to_owned()), ..Default::default() }, vec2(1280.0, 1500.0));
+    driver.key(Key::K, Modifiers::NONE);
+    driver.settle();
+    driver.click(driver.find("ceiling, stops").right_center() + vec2(29.0, 0.0));
+    driver.settle();
+    driver.enter("-1.5");
+    driver.settle();
+    driver.key(Key::K, Modifiers::NONE);
+    driver.settle();
+    driver.click(driver.find("Animation…").center());
+    driver.settle();
+    driver.enter(path.to_str().unwrap());
+    driver.settle();
+    // Two seconds of 24 frames, and the last.
+    driver.find_containing("49 frames");
+}
+
+/// Mean of all values of the first and the last picture of several, each of so many values.
+fn ends(values: &[u8], of_picture: usize) -> [f64; 2] {
+    let mean = |part: &[u8]| part.iter().map(|&value| f64::from(value)).sum::<f64>() / part.len() as f64;
+    [mean(&values[..of_picture]), mean(&values[values.len() - of_picture..])]
+}
+
+fn an_animation_is_written_as_numbered_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    animation(&folder.path().join("night.png"));
+    let picture = |number: u32| image::open(folder.path().join(format!("night-{number:04}.png"))).unwrap().into_rgb8();
+    let [first, middle, last] = [0, 24, 48].map(|number| {
+        let picture = picture(number).into_raw();
+        ends(&picture, picture.len())[0]
+    });
+    assert!(first > middle + 5.0 && middle > last + 5.0, "{first} {middle} {last}");
+    assert!(!folder.path().join("night-0049.png").exists());
+}
+
+pub(crate) fn has_encoder() -> bool {
+    ltm_view::animation::endings().contains(&"mp4")
+}
+
+pub(crate) fn an_animation_is_written_as_a_video() {
+    let folder = tempfile::tempdir().unwrap();
+    animation(&folder.path().join("night.png"));
+    let shown = image::open(folder.path().join("night-0000.png")).unwrap().into_rgb8();
+    let (width, height) = (shown.width() as usize & !1, shown.height() as usize & !1);
+    let last = image::open(folder.path().join("night-0048.png")).unwrap().into_rgb8();
+    let wanted = [shown, last].map(|picture| ends(picture.as_raw(), picture.as_raw().len())[0]);
+    for name in ["night.mp4", "night.webm"] {
+        let path = folder.path().join(name);
+        animation(&path);
+        let decoded = std::process::Command::new("ffmpeg")
+            .args(["-v", "error", "-i", path.to_str().unwrap(), "-f", "rawvideo", "-pix_fmt", "rgb24"])
+            .args(["-sws_flags", "accurate_rnd+full_chroma_int", "-"])
+            .output()
+            .unwrap();
+        assert!(decoded.status.success(), "{}", String::from_utf8_lossy(&decoded.stderr));
+        let of_picture = width * height * 3;
+        assert_eq!(decoded.stdout.len(), 49 * of_picture, "{name}");
+        // Means of the pictures: a matrix or range of colours that is taken for another moves them by 3 and more, as does rounding down
+        // on the way by 1; coding by a tenth.
+        for (found, wanted) in ends(&decoded.stdout, of_picture).into_iter().zip(wanted) {
+            assert!((found - wanted).abs() < 0.5, "{name}: {found} {wanted}");
+        }
+        if let Some(kept) = std::env::var_os("LTM_VIEW_PICTURES").map(std::path::PathBuf::from) {
+            std::fs::copy(&path, kept.join(name)).unwrap();
+        }
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 49 + 2, "nothing but pictures and videos is left");
 }

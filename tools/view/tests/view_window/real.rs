@@ -26,10 +26,12 @@ pub(crate) const TESTS: [(&str, fn()); 4] = [
 ];
 
 /// First argument with which this program is the viewer: container, screenshot, "gpu" to relight there, "screen" to show
-/// it there too.
+/// it there too, width and height of the window in points.
 const AS_VIEWER: &str = "--act-as-viewer";
 /// Names the state folder of such a viewer.
 const STATE: &str = "LTM_VIEW_TEST_STATE";
+/// Names that such a viewer asks the desktop for its dialogues.
+const DIALOGUES: &str = "LTM_VIEW_TEST_DIALOGUES";
 /// First argument with which it writes a container: scene file or built-in name, samples per pixel, container.
 const AS_TRACER: &str = "--act-as-tracer";
 
@@ -53,6 +55,11 @@ pub(crate) fn act_as_program() -> Option<ExitCode> {
                 frames: 30,
                 relight_on: if rest.get(1).is_some_and(|on| on != "cpu") { RelightOn::Gpu } else { RelightOn::Cpu },
                 shown_on_device: Some(rest.get(1).is_some_and(|on| on == "screen")),
+                size: match rest {
+                    [_, _, width, height] => Some([width, height].map(|points| points.parse().unwrap())),
+                    _ => None,
+                },
+                native_dialogs: std::env::var_os(DIALOGUES).is_some(),
                 state_folder: std::env::var_os(STATE).map(PathBuf::from),
                 ..Default::default()
             };
@@ -80,14 +87,22 @@ fn this_program() -> PathBuf {
     std::env::current_exe().unwrap()
 }
 
-/// What a real window shows of a container, as a picture of the whole window.
+/// What a real window of the usual size shows of a container, as a picture of the whole window.
 fn screenshot(container: &Path, name: &str, on: &str) -> LinearImage {
+    screenshot_on(container, name, on, [1440, 900], 1)
+}
+
+/// As [`screenshot`], of a window of some points on a display that has `scale` pixels for each and little room beside it.
+fn screenshot_on(container: &Path, name: &str, on: &str, points: [u32; 2], scale: u32) -> LinearImage {
+    let [width, height] = points.map(|points| (points * scale).to_string());
     let folder = container.parent().unwrap().to_owned();
     let picture = std::env::var_os("LTM_VIEW_PICTURES").map_or(folder, PathBuf::from).join(name);
     let output = Command::new("xvfb-run")
-        .args(["-a", "-s", "-screen 0 1600x1000x24"])
+        .args(["-a", "-s", &format!("-screen 0 {width}x{height}x24")])
         .arg(this_program())
         .args([AS_VIEWER.as_ref(), container.as_os_str(), picture.as_os_str(), on.as_ref()])
+        .args(points.map(|points| points.to_string()))
+        .env("WINIT_X11_SCALE_FACTOR", scale.to_string())
         .env_remove("WAYLAND_DISPLAY")
         .output()
         .unwrap();
@@ -116,13 +131,22 @@ fn expected(container: &ContainerReader) -> (LinearImage, ToneMapping) {
     (image, tone)
 }
 
-/// Every pixel of the picture stands on the screen in its place and in its colour.
+/// Every pixel of the picture stands on the screen in its place and in its colour: in windows of several sizes, the larger
+/// ones filling their display, and on one with two pixels for each point.
 fn a_real_window_shows_the_room() {
     let folder = tempfile::tempdir().unwrap();
     let container = room(&folder);
-    let seen = screenshot(&container, "window.png", "cpu");
-    let (across, seen) = (seen.width as usize, ToneMapping::default().bytes(&seen));
-    let (image, tone) = expected(&ContainerReader::open(&container).unwrap());
+    for (points, scale) in [([1440, 900], 1), ([1920, 1080], 1), ([960, 540], 2), ([1440, 900], 2)] {
+        let [width, height] = points;
+        let seen = screenshot_on(&container, &format!("window-{width}x{height}-{scale}.png"), "cpu", points, scale);
+        assert_eq!([seen.width, seen.height], points.map(|points| points * scale));
+        room_is_shown(&container, &seen, scale as f32);
+    }
+}
+
+fn room_is_shown(container: &Path, seen: &LinearImage, scale: f32) {
+    let (across, seen) = (seen.width as usize, ToneMapping::default().bytes(seen));
+    let (image, tone) = expected(&ContainerReader::open(container).unwrap());
     let shown = tone.bytes(&image);
     // The picture fills what is between the panels up to a margin of the surround's grey. From the middle, where it
     // certainly is, to where a whole line of it ends.
@@ -135,7 +159,8 @@ fn a_real_window_shows_the_room() {
     let (width, height) = (image.width as usize, image.height as usize);
     let zoom = (right - left) as f32 / width as f32;
     assert!(
-        zoom > 3.0 && ((bottom - top) as f32 / height as f32 - zoom).abs() < 0.02,
+        // Across less than half of the window of 960 points, of which the panels take the same as of others.
+        zoom > 2.0 * scale && ((bottom - top) as f32 / height as f32 - zoom).abs() < 0.02,
         "{left}–{right}, {top}–{bottom}"
     );
     for y in 0..height {
@@ -243,6 +268,35 @@ pub(crate) fn a_killed_window_loses_no_work() {
     let mix = looks::load(&look, &reader.job().basis).unwrap().mix;
     assert!((-6.0..-1.0).contains(&mix.lights[0].stops), "{:?}", mix.lights[0].stops);
     assert_eq!(std::fs::read_dir(state.join("unsaved")).unwrap().count(), 0, "what is saved is not kept twice");
+}
+
+/// Where a desktop is named that has no dialogues, the window's own list takes their place.
+pub(crate) fn a_desktop_without_dialogues_is_done_without() {
+    const SCRIPT: &str = r#"
+        export PATH="$TOOLS" DBUS_SESSION_BUS_ADDRESS=unix:path=/nonexistent
+        "$VIEWER" --act-as-viewer "$CONTAINER" & viewer=$!
+        window=$(xdotool search --sync --onlyvisible --name "room.ltc" | tail -1)
+        sleep 2; xdotool windowfocus "$window"; sleep 0.5
+        for look in "$LOOK" "$SECOND"; do
+            xdotool key ctrl+k; sleep 2; xdotool key ctrl+a; xdotool type --delay 20 "$look"; sleep 0.3
+            xdotool key Return; wait_for "$look"; sleep 1
+        done
+        xdotool key ctrl+q
+        wait $viewer"#;
+    let folder = tempfile::tempdir().unwrap();
+    let (container, tools) = (room(&folder), folder.path().join("bin"));
+    // Without the programs by which dialogues are shown where no portal answers.
+    std::fs::create_dir(&tools).unwrap();
+    for tool in ["xdotool", "sleep", "seq", "tail"] {
+        let found = Command::new("sh").args(["-c", &format!("command -v {tool}")]).output().unwrap();
+        let found = String::from_utf8(found.stdout).unwrap();
+        std::os::unix::fs::symlink(found.trim(), tools.join(tool)).unwrap();
+    }
+    let [look, second] = ["l.toml", "m.toml"].map(|name| folder.path().join(name));
+    let yes = PathBuf::from("1");
+    play(SCRIPT, &container, &[("LOOK", &look), ("SECOND", &second), ("TOOLS", &tools), (DIALOGUES, &yes)]);
+    let basis = ContainerReader::open(&container).unwrap().job().basis.clone();
+    assert!(looks::load(&look, &basis).is_ok() && looks::load(&second, &basis).is_ok());
 }
 
 fn the_device_that_draws_the_window_relights_as_the_cpu_does() {
