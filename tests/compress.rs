@@ -109,7 +109,7 @@ fn a_candidate_survives_its_bytes_and_every_truncation_is_an_error() {
 }
 
 #[test]
-fn a_higher_target_costs_more_and_reaches_what_it_says() {
+fn a_higher_target_costs_more_and_is_expected_to_be_reached() {
     let (basis, shape) = (panel(16), MatrixShape::new(64, 48, 256, 16).unwrap());
     let mut last = 0;
     for target in [20.0, 30.0, 40.0, 50.0] {

@@ -22,7 +22,7 @@ impl Flip {
         f64::from(nv_flip::FlipPool::from_image(&self.0).mean())
     }
 
-    /// The map as 8-bit sRGB bytes: black (0) over red to white (1).
+    /// The map as 8-bit sRGB bytes: from black (0) over violet and orange to light yellow (1).
     pub(super) fn coloured(&self) -> Vec<u8> {
         self.0.apply_color_lut(&nv_flip::magma_lut()).to_vec()
     }

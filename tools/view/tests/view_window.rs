@@ -128,7 +128,7 @@ fn keys_expose_and_help_lists_them() {
 fn painting_on_the_light_changes_the_room() {
     let mut driver = Driver::open(room());
     let before = driver.picture();
-    let dark = driver.find("Dark");
+    let dark = driver.find("Black");
     driver.click(dark.center());
     driver.settle();
     assert!(driver.picture().chunks_exact(4).all(|pixel| pixel[..3] == [0, 0, 0]));

@@ -144,10 +144,10 @@ fn head(ui: &mut Ui, document: &mut Document, index: usize, light: &Light) {
             if ui.button(name).on_hover_text(about).clicked() {
                 document.files.wanted = Some(Purpose::LightImage(index));
             }
-            if ui.button("Dark").on_hover_text("Black, to paint light into").clicked() {
+            if ui.button("Black").on_hover_text("All off, to paint light into").clicked() {
                 put(document, index, Pattern::filled(light.layout(), [0.0; 3]));
             }
-            if ui.button("Even").on_hover_text("The same everywhere").clicked() {
+            if ui.button("Uniform").on_hover_text("The same everywhere").clicked() {
                 let mix = &mut document.work.mix.lights[index];
                 (mix.pattern, mix.shape, mix.turn_radians) = (None, None, 0.0);
             }
@@ -167,7 +167,7 @@ fn tools(ui: &mut Ui, document: &mut Document, index: usize, light: &Light, is_e
             (Tool::Shape(ShapeKind::Disc), "Disc"),
             (Tool::Shape(ShapeKind::Rectangle), "Box"),
             (Tool::Shape(ShapeKind::Gradient), "Ramp"),
-            (Tool::Turn, "Turn"),
+            (Tool::Turn, "Rotate"),
             (Tool::Sun, "Sun"),
         ] {
             if !matches!(tool, Tool::Turn | Tool::Sun) || is_environment {

@@ -216,7 +216,7 @@ fn an_environment_is_turned_by_dragging() {
     driver.click(texture.center());
     driver.settle();
     let painted = driver.picture();
-    driver.click(driver.find("Turn").center());
+    driver.click(driver.find("Rotate").center());
     driver.drag(texture.center(), texture.center() + vec2(texture.width() / 4.0, 0.0), 10);
     driver.settle();
     assert!(driver.picture() != painted);

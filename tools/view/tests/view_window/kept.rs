@@ -208,7 +208,7 @@ fn work_of_a_window_that_ended_by_force_is_recovered() {
     let size = vec2(1280.0, 800.0);
     let mut driver = Driver::open_with(with_state(folder.path()), size);
     let scene = driver.picture();
-    driver.click(driver.find("Dark").center());
+    driver.click(driver.find("Black").center());
     let texture = driver.find("texture").center();
     driver.drag(texture - vec2(30.0, 0.0), texture, 4);
     driver.key(Key::K, Modifiers::NONE);
