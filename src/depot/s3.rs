@@ -26,9 +26,14 @@ use super::upload::Upload;
 use crate::error::{Error, Result};
 use crate::files::{Ranged, check_free_space, replace};
 
-/// Retries of a request that the store refuses for now, or that does not reach it, and the longest pause before one.
-const RETRIES: usize = 8;
+/// Retries of a request that the store refuses for now, or that does not reach it, and the pauses before them: the first, the longest,
+/// and how many times as long as the last one is at most. All of them are half a minute, give or take its half.
+const RETRIES: usize = 10;
+const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LONGEST_PAUSE: Duration = Duration::from_secs(8);
+const GROWTH: f64 = 3.0;
+/// Where machines of the cloud ask for their own credentials, when the environment names none.
+const MACHINE_CREDENTIALS: &str = "169.254.169.254";
 /// Tries of an operation whose answer the client did not get whole, or did not understand, which it makes no retries for.
 const TRIES: u32 = 4;
 /// How long tries may have taken for another: where the answer broke off, and where the store may have meant what it said.
@@ -110,11 +115,7 @@ impl Bucket {
     }
 
     fn connect(&self) -> Result<AmazonS3> {
-        let backoff = BackoffConfig {
-            init_backoff: Duration::from_millis(100),
-            max_backoff: LONGEST_PAUSE,
-            ..Default::default()
-        };
+        let backoff = BackoffConfig { init_backoff: FIRST_PAUSE, max_backoff: LONGEST_PAUSE, base: GROWTH };
         let retry = RetryConfig { backoff, max_retries: RETRIES, retry_timeout: 2 * BROKEN_OFF };
         let builder = AmazonS3Builder::from_env().with_bucket_name(&self.name).with_retry(retry);
         let value = |key: AmazonS3ConfigKey| builder.get_config_value(&key);
@@ -333,6 +334,8 @@ fn said_by(error: &object_store::Error) -> String {
     }
     let text = if deepest.is_empty() { text } else { format!("{text}: {deepest}") };
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    // What we set ourselves.
+    let words = words.replace(&format!(", max_retries: {RETRIES}, retry_timeout: {:?}", 2 * BROKEN_OFF), "");
     match words.char_indices().nth(MOST_SAID) {
         Some((end, _)) => format!("{}…", &words[..end]),
         None => words,
@@ -353,6 +356,13 @@ fn refusal(address: &str, action: &str, error: &object_store::Error) -> Error {
         }
         Of::Precondition { .. } => {
             (ErrorKind::InvalidData, "it was replaced while it was read; open it again".to_owned())
+        }
+        _ if error.to_string().contains(MACHINE_CREDENTIALS) => {
+            let hint = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_SKIP_SIGNATURE=true for what is public";
+            (
+                ErrorKind::PermissionDenied,
+                format!("the environment has no credentials, and this machine none of its own; {hint}"),
+            )
         }
         _ if is_far => {
             let hint = "look at the network, AWS_ENDPOINT_URL and AWS_REGION, then run the same again";
