@@ -72,7 +72,7 @@
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline` |
 //! | `object_store`, `reqwest`, `rustls`, `tokio` | `depot` |
-//! | `thiserror` | `error`, `trace` |
+//! | `thiserror` | `depot`, `error`, `trace` |
 //! | `std::fs` | `container`, `depot`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
 //! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
 //! | `std::thread` | `host`, `image`, `pipeline`, `store` |
