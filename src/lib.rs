@@ -19,7 +19,7 @@
 //! # Features
 //!
 //! `scene` (on by default): scene files, lighting files and the tracer. Without it matrices come from elsewhere. `gpu` (on by
-//! default): relighting on a GPU. The rest works without both.
+//! default): relighting on a GPU. `s3`: shards and containers in an object store. The rest works without them.
 //!
 //! # Who may know whom
 //!
@@ -71,12 +71,14 @@
 //! | `pulp` | `clean`, `compress`, `container`, `relight`, `store` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline` |
-//! | `thiserror` | `error`, `trace` |
+//! | `object_store`, `reqwest`, `rustls`, `tokio` | `depot` |
+//! | `thiserror` | `depot`, `error`, `trace` |
 //! | `std::fs` | `container`, `depot`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
 //! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
 //! | `std::thread` | `host`, `image`, `pipeline`, `store` |
 //! | `std::env` | `files` |
-//! | `std::process`, `std::net` | none |
+//! | `std::process` | `depot` |
+//! | `std::net` | none |
 
 #![warn(clippy::missing_errors_doc, clippy::missing_panics_doc, clippy::return_self_not_must_use)]
 

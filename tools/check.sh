@@ -36,7 +36,7 @@ if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))
     (cd tools/python && cargo fmt --check && cargo clippy --release --locked -- -D warnings)
     python3 -m venv "$demo/venv"
     if "$demo/venv/bin/pip" download --quiet --no-deps --dest "$demo/wheels" numpy; then
-        "$demo/venv/bin/pip" install --quiet './tools/python[test,farm]' openjd-cli
+        "$demo/venv/bin/pip" install --quiet './tools/python[test,farm,slurm]' openjd-cli
         LTM=$(realpath "$target/release/ltm") "$demo/venv/bin/python" -m pytest --quiet tools/python
     else
         echo "no package index can be reached: the Python package is not tested"

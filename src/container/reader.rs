@@ -1,8 +1,6 @@
 //! Reading a container.
 
-use std::fs::File;
 use std::ops::Range;
-use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,7 +16,7 @@ use super::metadata;
 use super::report::ContainerReport;
 use super::spill::Spill;
 use crate::error::{Error, Result};
-use crate::files::open_input;
+use crate::files::{Ranged, open_input};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixShape};
 
@@ -39,7 +37,7 @@ const CUT_SHORT: &str = "make it again, or fetch it again if it was copied";
 #[derive(Debug)]
 pub struct ContainerReader {
     path: PathBuf,
-    file: File,
+    file: Box<dyn Ranged>,
     job: Job,
     report: ContainerReport,
     errors: StatedErrors,
@@ -55,18 +53,25 @@ impl ContainerReader {
     /// # Errors
     /// The file is missing, is no container, is of another version, is cut short or damaged in its index.
     pub fn open(path: &Path) -> Result<Self> {
-        let file = open_input(path, "open")?;
-        let file_bytes = file.metadata().map_err(Error::io(path, "read"))?.len();
+        Self::open_ranged(path, Box::new(open_input(path, "open")?))
+    }
+
+    /// Opens a container that lies anywhere; `path` is what messages call it.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_ranged(path: &Path, file: Box<dyn Ranged>) -> Result<Self> {
+        let file_bytes = file.bytes().map_err(Error::io(path, "read"))?;
         let read = |offset: u64, bytes: usize| {
             let mut buffer = vec![0; bytes];
             let failed = || Error::io(path, format!("read {bytes} bytes at {offset}"));
             if bytes <= PIECE_BYTES {
-                file.read_exact_at(&mut buffer, offset).map_err(failed())?;
+                file.fill(&mut buffer, offset).map_err(failed())?;
             } else {
                 // Most of the time goes into giving the memory out, which two threads do twice as fast.
                 let places = (offset..).step_by(PIECE_BYTES);
                 let pieces: Vec<_> = buffer.chunks_mut(PIECE_BYTES).zip(places).collect();
-                pieces.into_par_iter().try_for_each(|(piece, at)| file.read_exact_at(piece, at)).map_err(failed())?;
+                pieces.into_par_iter().try_for_each(|(piece, at)| file.fill(piece, at)).map_err(failed())?;
             }
             Ok(buffer)
         };
@@ -92,7 +97,10 @@ impl ContainerReader {
         };
         let tail_bytes = trailer.tail_bytes();
         if tail_bytes > end.len() as u64 {
-            if tail_bytes > FREE_TAIL_BYTES && tail_bytes / EARNED_PER_STORED_BYTE > stored_bytes(&file, path)? {
+            if tail_bytes > FREE_TAIL_BYTES
+                && tail_bytes / EARNED_PER_STORED_BYTE
+                    > file.stored_bytes().map_err(Error::io(path, "ask for the size"))?
+            {
                 let problem =
                     format!("it claims an index of {tail_bytes} bytes, but the disk holds hardly any of them");
                 return Err(Error::damaged(path, problem, CUT_SHORT));
@@ -159,9 +167,9 @@ impl ContainerReader {
         self.index.base_end()
     }
 
-    /// Memory that the open index takes.
+    /// Memory that the open container takes: its index, and what a store is read ahead.
     pub fn index_bytes(&self) -> u64 {
-        self.index.bytes()
+        self.index.bytes() + self.file.held_bytes()
     }
 
     /// The whole of a block: all its layers.
@@ -177,7 +185,7 @@ impl ContainerReader {
         let record = self.index.layer(self.record(id).first_layer as usize + layer);
         let mut bytes = vec![0; record.bytes as usize];
         self.file
-            .read_exact_at(&mut bytes, record.offset)
+            .fill(&mut bytes, record.offset)
             .map_err(Error::io(&self.path, format!("read {id}, layer {layer}")))?;
         if crc32fast::hash(&bytes) != record.crc {
             return Err(self.bad_block(id, layer, "the checksum does not fit"));
@@ -288,7 +296,7 @@ impl ContainerReader {
     /// Reads and checks the header against the trailer.
     fn check_header(&self) -> Result<(), String> {
         let mut bytes = [0; HEADER_BYTES];
-        self.file.read_exact_at(&mut bytes, 0).map_err(|e| e.to_string())?;
+        self.file.fill(&mut bytes, 0).map_err(|e| e.to_string())?;
         let header = Header::decode(&bytes)?;
         let fits = header.block_count == self.job.shape.block_count()
             && header.job_hash == self.job.hash().0
@@ -366,12 +374,6 @@ fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Metadata), Str
         return Err(format!("the index has {} blocks, the job {blocks}", trailer.block_count));
     }
     Ok((index, metadata))
-}
-
-/// Bytes of the disk that a file takes, or its length where the file system does not say.
-fn stored_bytes(file: &File, path: &Path) -> Result<u64> {
-    let metadata = file.metadata().map_err(Error::io(path, "ask for the size"))?;
-    Ok(if metadata.blocks() == 0 { metadata.len() } else { metadata.blocks() * 512 })
 }
 
 fn not_ours(path: &Path) -> Error {

@@ -15,7 +15,11 @@ impl Folder {
     pub(super) fn new(address: &str) -> Result<Self> {
         let path = PathBuf::from(address.strip_prefix("file://").unwrap_or(address));
         if let Some((scheme, _)) = address.split_once("://").filter(|(scheme, _)| *scheme != "file") {
-            return Err(Error::input(address, format!("{scheme}:// is not known"), "name a folder"));
+            return Err(Error::input(
+                address,
+                format!("{scheme}:// is not known"),
+                "name a folder, or s3://BUCKET/PREFIX",
+            ));
         }
         if path.exists() && !path.is_dir() {
             return Err(Error::input(address, "is not a folder", "name a folder for the shards"));

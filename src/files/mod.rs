@@ -10,6 +10,8 @@
 //! One rule for locks, [`open_locked`]: whoever writes a file that a second process could find holds it by `flock` for as long as it
 //! is open. Where the file system knows no locks the job goes on, and says so once ([`tell_missing_locks`]).
 //!
+//! What is [`Ranged`] is read where it is wanted, wherever it lies.
+//!
 //! A [`Reach`] says which files a document of someone else may have opened.
 //!
 //! New files have the permissions that the umask leaves, and never more than the file that they replace.
@@ -18,6 +20,7 @@ mod continuation;
 mod input;
 mod lock;
 mod names;
+mod ranged;
 mod reach;
 mod replace;
 mod space;
@@ -26,6 +29,7 @@ pub use continuation::ContinuationFile;
 pub use input::{open_input, read_input, read_input_text};
 pub use lock::{open_locked, tell_missing_locks};
 pub use names::{check_output, folder_of, sync_folder, with_suffix};
+pub use ranged::Ranged;
 pub use reach::{LIBRARY_VARIABLE, Reach, library_folder};
 pub use replace::{Replacement, publish, replace, write_file};
 pub use space::{check_free_space, free_bytes};

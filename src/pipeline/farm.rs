@@ -23,7 +23,7 @@ use crate::compress::{Compressor, Scope};
 use crate::depot::Depot;
 use crate::error::{Error, Result};
 use crate::files::with_suffix;
-use crate::host::{Need, Threads, Watch};
+use crate::host::{Need, Threads, Watch, hold_to_memory};
 use crate::light::Job;
 use crate::matrix::{BlockId, TracedBlock};
 use crate::scene::LoadedScene;
@@ -153,9 +153,9 @@ impl FarmJob {
     pub fn probe(self, watch: &dyn Watch) -> Result<Probe> {
         let begun = Instant::now();
         let job = &self.terms.job;
-        let (worker, need) = self.worker(None)?;
-        let compressor = Compressor::new(&job.basis, job.shape, self.terms.options.compress.clone())?;
+        let compressor = self.compressor()?;
         let mut merging = need_of(&compressor, job.shape, Need::default());
+        let (worker, need) = self.worker(compressor, None)?;
         merging.fixed_bytes += if self.cleans() { Cleaned::needs_bytes(job) } else { 0 };
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
         let settings = settings_of(&self.loaded);
@@ -194,15 +194,15 @@ impl FarmJob {
     }
 
     /// The shard of these blocks in the depot, of the job of a fingerprint, if it is there. One look, which trusts the name, unless the
-    /// shard is to be read and held to it; then `check` is a folder for a copy.
+    /// shard is to be read and held to it (`check`).
     ///
     /// # Errors
     /// The depot cannot be read.
-    pub fn find(fingerprint: &str, blocks: &Range<u32>, depot: &Depot, check: Option<&Path>) -> Result<Option<String>> {
+    pub fn find(fingerprint: &str, blocks: &Range<u32>, depot: &Depot, check: bool) -> Result<Option<String>> {
         for name in depot.names(&range_prefix(fingerprint, blocks))? {
-            let is_good = || match check {
-                Some(cache) => Ok(Shard::verify(&depot.local(&name, cache)?, &name)?.is_ok()),
-                None => Ok::<_, Error>(true),
+            let is_good = || {
+                let place = Path::new(depot.address()).join(&name);
+                Ok::<_, Error>(!check || Shard::verify(&*depot.open_file(&name)?, &place, &name)?.is_ok())
             };
             if name.ends_with(EXTENSION) && is_good()? {
                 return Ok(Some(name));
@@ -229,7 +229,8 @@ impl FarmJob {
             let problem = format!("{}..{} is not a range of its blocks, 0..{count}", blocks.start, blocks.end);
             return Err(Error::input("the matrix", problem, "take the ranges of the plan"));
         }
-        let (worker, need) = self.worker(scratch)?;
+        let (worker, mut need) = self.worker(self.compressor()?, scratch)?;
+        need.fixed_bytes += depot.held_bytes();
         let output = Path::new(depot.address()).join(format!("{}..{}", blocks.start, blocks.end));
         let threads =
             need.threads_within(&format!("building {}", output.display()), self.terms.options.memory_bytes)?;
@@ -267,19 +268,28 @@ impl FarmJob {
         let Terms { job, fingerprint, .. } = &self.terms;
         let names: Vec<String> =
             depot.names("")?.into_iter().filter(|name| name.ends_with(EXTENSION) && !name.starts_with('.')).collect();
+        hold_to_memory("fetching shards", depot.held_bytes(), self.terms.options.memory_bytes)?;
         watch.begin("checking shards", names.len() as u64, "shards");
         let check = |name: &String| -> Result<Result<Shard, String>> {
             if watch.interrupted() {
                 return Err(Error::Interrupted("nothing was written".to_owned()));
             }
-            let own = name.starts_with(&plan_prefix(&hex(fingerprint)));
-            let shard = match own {
-                true => Shard::verify(&depot.local(name, cache)?, name)?,
-                // Of another plan only the beginning is read, to say what it is of.
-                false => Shard::look(&depot.local(name, cache)?)?,
+            let open = || Shard::open(&depot.local(name, cache)?, name);
+            let checked = if !name.starts_with(&plan_prefix(&hex(fingerprint))) {
+                // Only the beginning is read, to say what it is of.
+                let head = ShardHead::of(&*depot.open_file(name)?, &Path::new(depot.address()).join(name))?;
+                let renamed = "its content is not that of its name: it was renamed";
+                head.and_then(|head| self.terms.accept(&head)).and(Err(renamed.to_owned()))
+            } else {
+                let checked = match open()? {
+                    // A copy may be bad where the shard is not.
+                    Err(_) if depot.remove_copies(cache, Some(name))? => open()?,
+                    checked => checked,
+                };
+                checked.and_then(|shard| self.terms.accept(&shard.head).map(|()| shard))
             };
             watch.advance(1, 0, "B");
-            Ok(shard.and_then(|shard| self.terms.accept(shard)))
+            Ok(checked)
         };
         let checked: Result<Vec<_>> = names.par_iter().map(check).collect();
         watch.end();
@@ -334,19 +344,21 @@ impl FarmJob {
         with_suffix(container, ".shards")
     }
 
-    /// What builds, and what that takes.
-    fn worker(&self, scratch: Option<&Path>) -> Result<(Worker, Need)> {
+    fn compressor(&self) -> Result<Compressor> {
         let Terms { job, options, .. } = &self.terms;
-        let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
-        let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, job));
+        Compressor::new(&job.basis, job.shape, options.compress.clone())
+    }
+
+    /// What builds, and what that takes.
+    fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, Need)> {
+        let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, &self.terms.job));
         Ok((Worker::new(&self.terms, compressor, scratch)?, need))
     }
 }
 
 impl Terms {
-    /// A shard, if it is of these; else what it is of.
-    fn accept(&self, shard: Shard) -> Result<Shard, String> {
-        let head = &shard.head;
+    /// Whether a shard is of these; else what it is of.
+    fn accept(&self, head: &ShardHead) -> Result<(), String> {
         if head.job != self.job.hash().0 {
             return Err("it is of another job".to_owned());
         }
@@ -354,7 +366,7 @@ impl Terms {
             return Err("it was built with other settings, or by another version of the program".to_owned());
         }
         match head.blocks.end <= self.job.shape.block_count() {
-            true => Ok(shard),
+            true => Ok(()),
             false => Err("it has blocks that the matrix has not".to_owned()),
         }
     }

@@ -50,7 +50,8 @@ impl Gathering {
         let total = Mutex::new(Tally::new(self.clusters));
         watch.begin(stage, blocks.len() as u64, "blocks");
         let gather = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
-            let (tally, work) = self.take(id, block, watch, &make)?;
+            let mut tally = Tally::new(self.clusters);
+            let work = self.take(id, block, watch, &make, Some(&mut tally))?;
             total.lock().unwrap_or_else(|e| e.into_inner()).merge(&tally);
             watch.advance(1, work, work_unit);
             Ok(())
@@ -61,7 +62,7 @@ impl Gathering {
         Ok(total.into_inner().unwrap_or_else(|e| e.into_inner()))
     }
 
-    /// Takes from one block what filtering needs of it, unless it is there: its share of the tally, and the work that it was.
+    /// Takes from one block what filtering needs of it, unless it is there, and adds it to a tally; gives the work that it was.
     ///
     /// # Errors
     /// Those of [`gather`](Self::gather).
@@ -71,13 +72,15 @@ impl Gathering {
         block: &mut TracedBlock,
         watch: &dyn Watch,
         make: &(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync),
-    ) -> Result<(Tally, u64)> {
+        tally: Option<&mut Tally>,
+    ) -> Result<u64> {
         stop_if_interrupted(&self.path, watch)?;
-        let mut tally = Tally::new(self.clusters);
         let rect = self.shape.rect(id);
         if self.records.has(id.0) {
-            tally.add(&self.window_of(&[self.read(id)?], rect));
-            return Ok((tally, 0));
+            if let Some(tally) = tally {
+                tally.add(&self.window_of(&[self.read(id)?], rect));
+            }
+            return Ok(0);
         }
         let work = make(id, block)?;
         let planes = block.planes.take().ok_or_else(|| {
@@ -87,9 +90,11 @@ impl Gathering {
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
         let gathered = Gathered { rect, planes, tiles };
         self.records.append(id.0, &[&encode(&gathered)])?;
-        tally.add(&self.window_of(std::slice::from_ref(&gathered), rect));
+        if let Some(tally) = tally {
+            tally.add(&self.window_of(std::slice::from_ref(&gathered), rect));
+        }
         block.planes = Some(gathered.planes);
-        Ok((tally, work))
+        Ok(work)
     }
 
     pub(super) fn empty_window(&self, whole: PixelRect) -> Window {

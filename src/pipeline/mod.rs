@@ -21,6 +21,7 @@ mod import;
 mod imported_features;
 #[cfg(not(feature = "gpu"))]
 mod no_gpu;
+mod open;
 mod pack;
 #[cfg(feature = "scene")]
 mod preview;
@@ -53,6 +54,7 @@ pub use features::{FEATURE_CHANNELS, write_features};
 #[cfg(feature = "scene")]
 pub use fused::render_packed;
 pub use import::{ImportedMatrix, SecondImages};
+pub use open::open_container;
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, pack};
 #[cfg(feature = "scene")]
 pub use preview::{PreviewReport, preview};

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
-use crate::files::ContinuationFile;
+use crate::files::{ContinuationFile, Ranged};
 
 /// First bytes of a shard; the last is the version of the format.
 const MARK: [u8; 8] = *b"LTMshrd1";
@@ -41,7 +41,7 @@ pub(super) struct ShardHead {
 
 /// Where the record of a block stands in its shard.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Place {
+pub(super) struct Place {
     offset: u64,
     bytes: u64,
     checksum: u32,
@@ -109,6 +109,14 @@ impl ShardHead {
         head
     }
 
+    /// Of a shard that is not looked at any further; as text what is wrong.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(super) fn of(file: &dyn Ranged, place: &Path) -> Result<Result<Self, String>> {
+        Ok(Reading::head(file, place)?.map(|(head, _)| head))
+    }
+
     /// Head and places; as text what is wrong.
     fn read(file: &mut dyn Read, file_bytes: u64) -> Result<(Self, Vec<Place>), String> {
         let short = |_| "it is cut short".to_owned();
@@ -174,6 +182,37 @@ pub(super) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
+/// Reads what is ranged from its beginning on.
+struct Reading<'a> {
+    file: &'a dyn Ranged,
+    offset: u64,
+    length: u64,
+    /// What tells a shard that cannot be read from one that is cut short.
+    failed: Option<std::io::Error>,
+}
+
+impl<'a> Reading<'a> {
+    /// Head and places of a shard; as text what is wrong.
+    fn head(file: &'a dyn Ranged, place: &Path) -> Result<Result<(ShardHead, Vec<Place>), String>> {
+        let length = file.bytes().map_err(Error::io(place, "look at"))?;
+        let mut reading = Self { file, offset: 0, length, failed: None };
+        let head = ShardHead::read(&mut reading, length);
+        reading.failed.map_or(Ok(head), |error| Err(Error::io(place, "read")(error)))
+    }
+}
+
+impl Read for Reading<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let step = (self.length - self.offset).min(buffer.len() as u64) as usize;
+        if let Err(error) = self.file.fill(&mut buffer[..step], self.offset) {
+            self.failed = Some(error);
+            return Err(std::io::ErrorKind::Other.into());
+        }
+        self.offset += step as u64;
+        Ok(step)
+    }
+}
+
 /// A shard whose content is that of its name.
 pub(super) struct Shard {
     path: PathBuf,
@@ -182,26 +221,28 @@ pub(super) struct Shard {
 }
 
 impl Shard {
-    /// Reads the beginning of a shard; as text what is wrong.
+    /// Reads a shard of this machine whole and holds it to its name; as text what is wrong.
     ///
     /// # Errors
     /// The system refuses to read.
-    pub(super) fn look(path: &Path) -> Result<Result<Self, String>> {
-        let mut file = File::open(path).map_err(Error::io(path, "open"))?;
-        let length = file.metadata().map_err(Error::io(path, "look at"))?.len();
-        let parts = ShardHead::read(&mut file, length);
+    pub(super) fn open(path: &Path, name: &str) -> Result<Result<Self, String>> {
+        let file = File::open(path).map_err(Error::io(path, "open"))?;
+        let parts = Self::verify(&file, path, name)?;
         Ok(parts.map(|(head, places)| Self { path: path.to_owned(), head, places }))
     }
 
-    /// Reads a shard whole and holds it to its name; as text what is wrong.
+    /// Reads a shard whole, wherever it lies, and holds it to its name; as text what is wrong. `place` is what messages call it.
     ///
     /// # Errors
-    /// The system refuses to read.
-    pub(super) fn verify(path: &Path, name: &str) -> Result<Result<Self, String>> {
-        let failed = || Error::io(path, "read");
-        let mut file = File::open(path).map_err(failed())?;
-        let length = file.metadata().map_err(failed())?.len();
-        let (head, places) = match ShardHead::read(&mut file, length) {
+    /// It cannot be read.
+    pub(super) fn verify(
+        file: &dyn Ranged,
+        place: &Path,
+        name: &str,
+    ) -> Result<Result<(ShardHead, Vec<Place>), String>> {
+        let failed = || Error::io(place, "read");
+        let length = file.bytes().map_err(failed())?;
+        let (head, places) = match Reading::head(file, place)? {
             Ok(parts) => parts,
             Err(problem) => return Ok(Err(problem)),
         };
@@ -209,7 +250,7 @@ impl Shard {
         let (mut buffer, mut offset) = (vec![0; STEP_BYTES], 0);
         while offset < length {
             let step = (length - offset).min(STEP_BYTES as u64) as usize;
-            file.read_exact_at(&mut buffer[..step], offset).map_err(failed())?;
+            file.fill(&mut buffer[..step], offset).map_err(failed())?;
             hash.update(&buffer[..step]);
             offset += step as u64;
         }
@@ -217,7 +258,7 @@ impl Shard {
         if expected != name {
             return Ok(Err("its content is not that of its name: it was changed, or renamed".to_owned()));
         }
-        Ok(Ok(Self { path: path.to_owned(), head, places }))
+        Ok(Ok((head, places)))
     }
 }
 

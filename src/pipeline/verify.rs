@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::open::open_container;
 use super::relight::decoding_bytes;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
@@ -75,11 +76,11 @@ pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Resu
 /// Reads and decodes every byte of a container, blocks side by side on all threads that the memory allows.
 ///
 /// # Errors
-/// Those of [`ContainerReader::open`]; [`Error::Resources`] where the memory is too small; [`Error::Interrupted`].
+/// Those of [`open_container`]; [`Error::Resources`] where the memory is too small; [`Error::Interrupted`].
 pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Verified> {
     let begun = Instant::now();
     let memory = PeakMemory::start();
-    let reader = ContainerReader::open(path)?;
+    let reader = open_container(path)?;
     let fixed_bytes = PROGRAM_BYTES + reader.index_bytes();
     let need = Need { fixed_bytes, per_thread_bytes: decoding_bytes(&reader), ..Need::default() };
     let threads = Threads::new(need.admit("checking", path, &[], memory_bytes, watch)?)?;

@@ -62,8 +62,8 @@ impl Worker {
         let side = shape.block_side();
         let tiles = 4 * tile_values(shape, PixelRect { x: 0, y: 0, width: side, height: side }, clusters) as u64;
         let planes = BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters);
-        // The planes as they come, as a window, and as bytes.
-        let per_thread_bytes = source.per_thread_bytes + 3 * planes + 2 * tiles;
+        // The planes as they come, and as bytes.
+        let per_thread_bytes = source.per_thread_bytes + 2 * planes + 2 * tiles;
         Need { fixed_bytes: source.fixed_bytes + places, per_thread_bytes, ..source }
     }
 
@@ -82,7 +82,7 @@ impl Worker {
             return Err(Error::Interrupted("nothing is kept of the range".to_owned()));
         }
         match self {
-            Self::Gathers(gathering) => gathering.take(id, block, watch, make).map(|(_, work)| work),
+            Self::Gathers(gathering) => gathering.take(id, block, watch, make, None),
             Self::Analyses(analysis) => analysis.take(id, block, make).map(|(_, work)| work),
         }
     }

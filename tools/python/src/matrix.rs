@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use ltm::container::ContainerReader;
+use ltm::depot::is_object;
 use ltm::host::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape, PixelRect};
+use ltm::pipeline::open_container;
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
 use ltm::scene::Camera;
 use ltm::store::StoreReader;
@@ -33,6 +35,13 @@ impl Source {
     /// Opens either kind, by its name or else by what it holds.
     fn open(path: &Path) -> Result<Self> {
         let is = |wanted: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted));
+        if is_object(path) {
+            if is("ltm") {
+                let problem = "a stored matrix is read through a memory map, and not from an object store";
+                return Err(Error::input(path.display().to_string(), problem, "copy it to a disk, or pack it"));
+            }
+            return open_container(path).map(Arc::new).map(Self::Container);
+        }
         if is("ltc") {
             return ContainerReader::open(path).map(Arc::new).map(Self::Container);
         }

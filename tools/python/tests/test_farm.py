@@ -20,6 +20,8 @@ import pytest
 
 distributed = pytest.importorskip("distributed")
 from ltm import farm  # noqa: E402
+from slurm import cluster, why_not  # noqa: E402
+from stores import BUCKET, FAULTS, Network, moto  # noqa: E402
 
 PROGRAM = os.environ.get("LTM") or shutil.which("ltm")
 FARM = Path(__file__).parents[2] / "farm"
@@ -175,15 +177,39 @@ def test_the_script_for_slurm_builds_the_range_of_its_task(room: Path, tmp_path:
     assert digest(tmp_path / "room.ltc") == digest(room / "single.ltc")
 
 
-@pytest.mark.skipif(shutil.which("sbatch") is None, reason="no Slurm here")
-def test_slurm_runs_the_array(room: Path, tmp_path: Path):
+@pytest.fixture(scope="module")
+def slurm(tmp_path_factory):
+    """A cluster of Slurm of one machine, by its configuration. Its environment is that of what a test starts."""
+    with cluster(tmp_path_factory.mktemp("slurm")) as configuration, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("SLURM_CONF", str(configuration))
+        patch.setenv("LTM", PROGRAM)
+        yield
+
+
+needs_slurm = pytest.mark.skipif(why_not() is not None, reason=str(why_not()))
+
+
+@needs_slurm
+def test_slurm_runs_the_array(room: Path, slurm, tmp_path: Path):
     plan, shards, out = room / "room.plan.json", tmp_path / "shards", tmp_path / "room.ltc"
     missing = run(PROGRAM, "merge", "--plan", plan, shards, "-o", out, "--list=array").stdout.strip()
-    environment = os.environ | {"LTM": PROGRAM}
     words = ["sbatch", "--wait", f"--array={missing}", f"--chdir={tmp_path}", FARM / "array.sbatch", plan, shards]
-    subprocess.run(words, check=True, env=environment, timeout=300)
+    subprocess.run(words, check=True, timeout=300)
     run(PROGRAM, "merge", "--plan", plan, shards, "-o", out)
     assert digest(out) == digest(room / "single.ltc")
+
+
+@needs_slurm
+def test_the_command_line_has_slurm_start_workers(room: Path, slurm, tmp_path: Path, monkeypatch):
+    pytest.importorskip("dask_jobqueue", reason="no dask-jobqueue here")
+    monkeypatch.chdir(tmp_path)
+    words = ["--slurm", "jobs=2 cores=1 memory=1GB --comment=ltm", "--plan", "--blocks 6"]
+    assert farm.main([str(room / "room.toml"), *words]) == 0
+    assert digest(tmp_path / "room.ltc") == digest(room / "single.ltc")
+    end = time.monotonic() + 60
+    while subprocess.run(["squeue", "--noheader"], stdout=subprocess.PIPE, check=True).stdout:
+        assert time.monotonic() < end, "the jobs end with the work"
+        time.sleep(0.5)
 
 
 OPENJD = shutil.which("openjd", path=f"{Path(sys.executable).parent}:{os.environ.get('PATH', '')}")
@@ -256,7 +282,20 @@ class Machines:
             process.wait()
 
 
-def test_with_workers_and_the_scheduler_killed_and_a_store_that_fails_the_bytes_are_those_of_one_machine(tmp_path: Path):
+@pytest.fixture(params=["folder", "store"])
+def place(request, tmp_path: Path, monkeypatch):
+    """Address of shards, the program, and what says how often the place failed: one time in ten, one way or another."""
+    if request.param == "folder":
+        yield str(tmp_path / "shards"), failing(tmp_path, UNSTEADY % PROGRAM), lambda: "a folder"
+        return
+    with moto() as port, Network(port, FAULTS, 0.1) as network:
+        for name, value in network.environment.items():
+            monkeypatch.setenv(name, value)
+        yield f"s3://{BUCKET}/proof", PROGRAM, lambda: f"{network.failed} of {len(network.asked)} requests failed"
+
+
+def test_with_workers_and_the_scheduler_killed_and_a_store_that_fails_the_bytes_are_those_of_one_machine(tmp_path: Path, place):
+    shards, program, told = place
     gib = float(os.environ.get("LTM_FARM_GIB", "0.05"))
     # A small picture under many columns: 3 × 4 bytes for each pixel and column.
     texels, side = 32, 16
@@ -267,20 +306,18 @@ def test_with_workers_and_the_scheduler_killed_and_a_store_that_fails_the_bytes_
     large = gib >= 1
     plan = make(tmp_path, width, height, texels, 16 if large else 64, side, max(blocks // 60, 1))
     raw = json.loads(plan.read_text())["shape"]["raw_bytes"]
-    # One start of the program in ten fails, half of them after the work.
-    unsteady = failing(tmp_path, UNSTEADY % PROGRAM)
     machines = Machines(10 if large else 2, 15 if large else 3)
     begun, again = time.monotonic(), []
     try:
         out = farm.render(
-            plan, machines.address, tmp_path / "farm.ltc", tmp_path / "shards", program=unsteady, retries=20, patience=60,
+            plan, machines.address, tmp_path / "farm.ltc", shards, program=program, retries=20, patience=60,
             progress=lambda done, total, tries: again.append(tries),
         )
     finally:
         machines.stop()
     print(
         f"{raw / 2**30:.2f} GiB of matrix, {len(ranges_of(plan))} ranges, {time.monotonic() - begun:.0f} s, "
-        f"{machines.killed['workers']} workers and {machines.killed['schedulers']} scheduler killed, {again[-1]} tries again"
+        f"{machines.killed['workers']} workers and {machines.killed['schedulers']} scheduler killed, {again[-1]} tries again; {told()}"
     )
     assert digest(out) == digest(tmp_path / "single.ltc")
     assert machines.killed["schedulers"] == 1 and machines.killed["workers"] >= 1

@@ -98,7 +98,8 @@ class Matrix:
     def __init__(
         self, path: str | os.PathLike[str], memory: int | None = None, gpu_memory: int | None = None
     ) -> None:
-        self.path = os.path.abspath(os.fspath(path))
+        path = os.fspath(path)
+        self.path = path if path.startswith("s3://") else os.path.abspath(path)
         self._memory = (memory, gpu_memory)
         self._native = _ltm.Native(self.path, memory, gpu_memory)
         height, width, columns, self.block_side = self._native.shape()
@@ -398,6 +399,9 @@ def open(  # noqa: A001
     path: str | os.PathLike[str], memory: int | None = None, gpu_memory: int | None = None
 ) -> Matrix:
     """Opens a stored matrix (``.ltm``) or a container (``.ltc``) to read it; a context manager.
+
+    A container may lie in an object store, ``"s3://bucket/room.ltc"``: only what is wanted of it is fetched. The store is found and
+    entered by the environment, ``AWS_ENDPOINT_URL``, ``AWS_ACCESS_KEY_ID`` and the like.
 
     ``memory``: bytes to stay within, for factors that are kept and for slices; None: what the system has. ``gpu_memory``:
     the same of the GPU's memory. Raises FileNotFoundError, ValueError for a file that is neither, DamagedError.

@@ -22,12 +22,14 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+    from distributed.deploy import Cluster
 
 __all__ = ["FarmError", "Progress", "main", "render"]
 
@@ -161,7 +163,7 @@ def render(
     """Builds the ranges of ``plan`` that its depot lacks on the workers of ``client``, and merges them into ``out``.
 
     ``client`` is a client of Dask, the address of a scheduler, or a function that gives a client; a scheduler that is gone is waited for
-    ``patience`` seconds. ``shards`` is the folder of the depot, beside ``out`` by default; all workers must see it. A range that fails, or
+    ``patience`` seconds. ``shards`` is the depot, a folder that all workers see or ``s3://BUCKET/PREFIX``, by default a folder beside ``out``. A range that fails, or
     whose worker dies, is done again elsewhere, ``retries`` times; then the others are finished, and :class:`FarmError` names it. Each task
     gets ``threads`` threads, and ``memory`` bytes, by default its share of what its worker may take. Ctrl-C cancels what is not begun;
     the same call goes on. Returns ``out``.
@@ -331,7 +333,7 @@ def main(words: list[str] | None = None) -> int:
     where.add_argument("--scheduler", metavar="ADDRESS", help="the cluster of this scheduler, for example tcp://head:8786")
     where.add_argument("--slurm", metavar="WORDS", help='jobs of Slurm, for example "jobs=20 cores=4 memory=8GB --partition=night"')
     parser.add_argument("-o", "--output", type=Path, help="the container [default: the scene's name with .ltc]")
-    parser.add_argument("--shards", help="folder of the shards, seen by all workers [default: beside the output]")
+    parser.add_argument("--shards", help="where the shards go: a folder that all workers see, or s3://BUCKET/PREFIX [default: a folder beside the output]")
     parser.add_argument("--plan", default="", metavar="WORDS", help='options of ltm plan, for example "--samples 256 --each 10min"')
     parser.add_argument("--threads", type=int, default=1, help="threads of a task [default: 1]")
     parser.add_argument("--retries", type=int, default=3, help="times that a range is tried again [default: 3]")
@@ -367,13 +369,25 @@ def _planned(scene: Path, words: str) -> Path:
     return plan
 
 
-def _cluster(asked: argparse.Namespace) -> Client:
+@contextmanager
+def _cluster(asked: argparse.Namespace) -> Iterator[Client]:
+    """A client of the cluster that was asked for; what was started for it ends with it."""
     from distributed import Client, LocalCluster
 
     if asked.scheduler:
-        return Client(asked.scheduler)
+        with Client(asked.scheduler) as client:
+            yield client
+        return
     if asked.local:
-        return Client(LocalCluster(n_workers=asked.local, threads_per_worker=1, dashboard_address=None))
+        cluster = LocalCluster(n_workers=asked.local, threads_per_worker=1, dashboard_address=None)
+    else:
+        cluster = _slurm(asked)
+    with cluster, Client(cluster) as client:
+        yield client
+
+
+def _slurm(asked: argparse.Namespace) -> Cluster:
+    """Jobs of Slurm; gives their tasks all their cores."""
     from dask_jobqueue import SLURMCluster
 
     words = shlex.split(asked.slurm)
@@ -384,7 +398,7 @@ def _cluster(asked: argparse.Namespace) -> Client:
     asked.threads = max(asked.threads, cores)
     cluster = SLURMCluster(cores=cores, processes=1, worker_extra_args=["--nthreads", "1"], job_extra_directives=extra, **settings)
     cluster.scale(jobs=jobs)
-    return Client(cluster)
+    return cluster
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use ltm::container::ContainerReader;
 use ltm::host::{PeakMemory, human_bytes, parse_bytes};
 use ltm::matrix::PixelRect;
 use ltm::pipeline::{self, Selection, UnpackOptions, UnpackSource};
@@ -134,7 +133,7 @@ fn is_matrix(input: &Path) -> bool {
 fn open(input: &Path) -> Result<Box<dyn UnpackSource>> {
     Ok(match is_matrix(input) {
         true => Box::new(StoreReader::open(input)?),
-        false => Box::new(ContainerReader::open(input)?),
+        false => Box::new(pipeline::open_container(input)?),
     })
 }
 

@@ -27,7 +27,7 @@ pub(crate) struct Build {
     /// The range of the plan of this number, from 0.
     #[arg(long, conflicts_with = "blocks")]
     range: Option<usize>,
-    /// The folder for the shards.
+    /// The place for the shards: a folder, or s3://BUCKET/PREFIX.
     #[arg(long)]
     out: String,
     /// The scene file, where it does not lie where the plan says.
@@ -68,8 +68,7 @@ pub(crate) fn build(options: &Build, console: &Console) -> Result<()> {
     let said = format!("{}..{}", blocks.start, blocks.end);
     let depot = Depot::open(&options.out)?;
     // Before the scene is loaded: a range that is there costs one look.
-    let cache = options.scratch.clone().unwrap_or_else(std::env::temp_dir);
-    if let Some(name) = FarmJob::find(&plan.fingerprint, &blocks, &depot, options.check.then_some(&*cache))? {
+    if let Some(name) = FarmJob::find(&plan.fingerprint, &blocks, &depot, options.check)? {
         say!("{said}: there already, {name}");
         return Ok(());
     }
@@ -87,7 +86,7 @@ pub(crate) fn build(options: &Build, console: &Console) -> Result<()> {
 pub(crate) fn merge(options: &Merge, plan: &Path, console: &Console) -> Result<()> {
     let [address] = &*options.parts else {
         let problem = format!("{} places were given", options.parts.len());
-        return Err(Error::input("ltm merge --plan", problem, "name the one folder that the shards are in"));
+        return Err(Error::input("ltm merge --plan", problem, "name the one place that the shards are in"));
     };
     let plan = Planned::read(plan)?;
     let depot = Depot::open(&address.to_string_lossy())?;
@@ -112,6 +111,7 @@ pub(crate) fn merge(options: &Merge, plan: &Path, console: &Console) -> Result<(
     }
     let count = shards.count;
     let packed = job.merge(shards, output, console)?;
+    depot.remove_copies(&cache, None)?;
     say!("{}: {count} shards merged in {:.1} s", output.display(), packed.seconds);
     print_packed(output, &packed)
 }

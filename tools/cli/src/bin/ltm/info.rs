@@ -12,6 +12,7 @@ use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::{Job, Light, LightBasis};
 use ltm::light::{cleaning_errors_line, column_name, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
+use ltm::pipeline::open_container;
 use ltm::store::StoreReader;
 use ltm_cli::say;
 use serde_json::{Value, json};
@@ -60,7 +61,7 @@ pub(crate) fn run(options: &Info) -> Result<()> {
     }
     match kind_of(path)? {
         Kind::Container => {
-            let container = ContainerReader::open(path)?;
+            let container = open_container(path)?;
             let map_bytes = options.rank_map.as_ref().map_or(0, |_| container.shape().rows() * MAP_BYTES_PER_VALUE);
             let listed_bytes = if options.json { u64::from(container.shape().block_count()) * LISTED_BYTES } else { 0 };
             let bytes = container.index_bytes() + map_bytes.max(listed_bytes);

@@ -57,7 +57,8 @@ enum Command {
     /// Build one range of a plan into a shard. A range that is there already costs one look.
     #[command(after_help = "Examples:
   ltm build --plan room.plan.json --range 7 --out shards
-  ltm build --plan room.plan.json --blocks 0..64 --out /shared/shards")]
+  ltm build --plan room.plan.json --blocks 0..64 --out /shared/shards
+  ltm build --plan room.plan.json --range 7 --out s3://bucket/room")]
     Build(farm::Build),
     /// Make an image from a container (.ltc) or a stored matrix (.ltm) under a lighting.
     #[command(after_help = "Examples:
@@ -80,6 +81,7 @@ enum Command {
     /// Say what a .ltm or .ltc file is, or what a scene or glTF file holds.
     #[command(after_help = "Examples:
   ltm info room.ltc
+  ltm info s3://bucket/room.ltc              only its index is fetched
   ltm info room.ltc --lighting look.toml     what each light gives under a look
   ltm info room.glb                          cameras, lights, materials, and what is left out")]
     Info(info::Info),

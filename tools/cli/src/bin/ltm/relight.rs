@@ -4,14 +4,15 @@ use std::cell::Cell;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use ltm::container::ContainerReader;
 use ltm::files::check_output;
 use ltm::host::{Watch, parse_bytes};
 use ltm::image::LinearImage;
 use ltm::light::names::{fits, suggest};
 use ltm::light::{Job, Light, Lighting};
 use ltm::look::{self, Look};
-use ltm::pipeline::{Device, RelightOptions, Relighter, relight_matrix, relit_layers_need_bytes, write_relit_layers};
+use ltm::pipeline::{
+    Device, RelightOptions, Relighter, open_container, relight_matrix, relit_layers_need_bytes, write_relit_layers,
+};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
@@ -87,7 +88,7 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
     }
     match kind_of(&options.input)? {
         Kind::Container => {
-            let container = ContainerReader::open(&options.input)?;
+            let container = open_container(&options.input)?;
             let task = Task::new(options, container.job(), format)?;
             let device = match options.device {
                 DeviceName::Auto => Device::Auto,

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use ltm::container::ContainerReader;
 use ltm::host::{human_bytes, parse_bytes};
 use ltm::light::{LightBasis, Lighting};
 use ltm::pipeline::{self, ShareOptions};
@@ -41,7 +40,7 @@ pub(crate) struct Share {
 }
 
 pub(crate) fn run(options: &Share, console: &Console) -> Result<()> {
-    let container = ContainerReader::open(&options.input)?;
+    let container = pipeline::open_container(&options.input)?;
     if let Some(stops) = options.exposure.filter(|stops| !(-60.0..=60.0).contains(stops)) {
         return Err(Error::input("--exposure", format!("{stops} stops are out of range"), "give −60 to 60"));
     }

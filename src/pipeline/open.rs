@@ -1,0 +1,18 @@
+//! Opening what is named by a path or by an address.
+
+use std::path::Path;
+
+use crate::container::ContainerReader;
+use crate::depot::{is_object, open_object};
+use crate::error::Result;
+
+/// Opens a container: a file, or an object of a store (`s3://BUCKET/NAME`), of which only what is wanted is fetched.
+///
+/// # Errors
+/// Those of [`ContainerReader::open`] and of [`open_object`].
+pub fn open_container(path: &Path) -> Result<ContainerReader> {
+    match is_object(path) {
+        true => ContainerReader::open_ranged(path, open_object(path)?),
+        false => ContainerReader::open(path),
+    }
+}
