@@ -160,7 +160,7 @@ mod tests {
         // The last bytes, and a read that is longer than any request.
         let ends = reading(&Ahead::default(), [(LENGTH - 10, 10), (1, 5 << 20)]);
         assert_eq!(ends[0], LENGTH - 10..LENGTH);
-        assert_eq!(ends.iter().skip(1).map(|range| range.end - range.start).collect::<Vec<_>>(), [MOST, MOST, 2 << 19]);
+        assert_eq!(ends.iter().skip(1).map(|range| range.end - range.start).collect::<Vec<_>>(), [MOST; 3]);
     }
 
     #[test]

@@ -55,7 +55,7 @@ def test_what_a_container_in_a_store_gives_is_what_the_file_gives(store, network
         again = pickle.loads(pickle.dumps(far))
         assert np.array_equal(again[3:5, 7], near[3:5, 7])
         again.close()
-    assert ltm.info(address) == ltm.info(container_path)
+    assert ltm.info(address) == ltm.info(container_path) | {"path": address}
     assert ltm.verify(address).blocks == ltm.verify(container_path).blocks
 
 
@@ -188,9 +188,9 @@ def test_the_programs_read_a_container_from_a_store(store, network, large, tmp_p
     near, far = run(PROGRAM, "info", large).stdout, run(PROGRAM, "info", address).stdout
     assert far == near.replace(str(large), address)
     assert network.bytes < large.stat().st_size / 8
-    run(PROGRAM, "relight", large, "-o", tmp_path / "near.exr", "--device", "cpu")
-    run(PROGRAM, "relight", address, "-o", tmp_path / "far.exr", "--device", "cpu")
-    assert digest(tmp_path / "far.exr") == digest(tmp_path / "near.exr")
+    run(PROGRAM, "relight", large, "-o", tmp_path / "near.png", "--device", "cpu")
+    run(PROGRAM, "relight", address, "-o", tmp_path / "far.png", "--device", "cpu")
+    assert digest(tmp_path / "far.png") == digest(tmp_path / "near.png")
     assert "sound" in run(PROGRAM, "verify", address).stdout
     unpack = Path(PROGRAM).with_name("ltm-unpack")
     if unpack.exists():
