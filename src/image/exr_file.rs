@@ -6,6 +6,7 @@ use std::path::Path;
 use exr::block::writer::ChunksWriter;
 use exr::block::{self, UncompressedBlock};
 use exr::compression::Compression;
+use exr::image::Encoding;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
@@ -26,7 +27,9 @@ pub fn write_exr(path: &Path, image: &LinearImage) -> Result<()> {
         (r, g, b)
     };
     let channels = exr::prelude::SpecificChannels::rgb(|at: exr::prelude::Vec2<usize>| pixel(at.x(), at.y()));
-    let whole = exr::prelude::Image::from_channels((width, image.height as usize), channels);
+    // In this order, for the same bytes however many threads compress.
+    let encoding = Encoding { line_order: LineOrder::Increasing, ..Encoding::FAST_LOSSLESS };
+    let whole = exr::prelude::Image::from_encoded_channels((width, image.height as usize), encoding, channels);
     replace(path, true, |file| {
         use exr::prelude::WritableImage;
         whole.write().to_buffered(file).map_err(|e| Error::io(path, "write the image")(into_io(e)))
@@ -181,5 +184,24 @@ fn into_io(error: exr::error::Error) -> std::io::Error {
     match error {
         exr::error::Error::Io(io) => io,
         other => std::io::Error::other(other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bytes_do_not_depend_on_threads() {
+        let pixels = (0..300 * 200).map(|i| [i as f32, (i * i % 997) as f32, 0.5]).collect();
+        let image = LinearImage { width: 300, height: 200, pixels };
+        let folder = tempfile::tempdir().unwrap();
+        let written = [1, 3, 3].map(|threads| {
+            let path = folder.path().join("image.exr");
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| write_exr(&path, &image)).unwrap();
+            std::fs::read(&path).unwrap()
+        });
+        assert!(written[0] == written[1] && written[1] == written[2]);
     }
 }
