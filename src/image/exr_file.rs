@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn the_bytes_do_not_depend_on_threads() {
-        let pixels = (0..300 * 200).map(|i| [i as f32, (i * i % 997) as f32, 0.5]).collect();
+        let pixels = (0..300 * 200u64).map(|i| [i as f32, (i * i % 997) as f32, 0.5]).collect();
         let image = LinearImage { width: 300, height: 200, pixels };
         let folder = tempfile::tempdir().unwrap();
         let written = [1, 3, 3].map(|threads| {

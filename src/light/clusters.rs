@@ -36,6 +36,21 @@ impl Clusters {
 
     /// The clusters of a basis.
     pub fn of_basis(basis: &LightBasis) -> Self {
+        let Self { mut of_column, mut count } = Self::by_place(basis);
+        let bright = bright_columns(basis);
+        let left = if basis.column_count() <= SINGLE_COLUMNS { 0 } else { SINGLE_COLUMNS - count };
+        for &column in bright.iter().take(left) {
+            of_column[column] = count as u16;
+            count += 1;
+        }
+        if left > 0 && !bright.is_empty() {
+            count = number_anew(&mut of_column);
+        }
+        Self { of_column, count }
+    }
+
+    /// The clusters of a basis as the first planes of the format had them: without any for the brightest texels.
+    pub(crate) fn by_place(basis: &LightBasis) -> Self {
         let columns = basis.column_count();
         if columns <= SINGLE_COLUMNS {
             return Self { of_column: (0..columns as u16).collect(), count: columns };
@@ -47,14 +62,6 @@ impl Clusters {
                 [light] => cut_grid(light, part.clusters, &mut of_column, &mut count),
                 _ => group_by_place(&part, &mut of_column, &mut count),
             }
-        }
-        let bright = bright_columns(basis);
-        for &column in bright.iter().take(SINGLE_COLUMNS - count) {
-            of_column[column] = count;
-            count += 1;
-        }
-        if !bright.is_empty() {
-            count = number_anew(&mut of_column);
         }
         Self { of_column: of_column.into_iter().map(|cluster| cluster as u16).collect(), count }
     }
@@ -137,10 +144,10 @@ fn bright_columns(basis: &LightBasis) -> Vec<usize> {
 }
 
 /// Numbers clusters as they first appear, so that none is empty, and gives their number.
-fn number_anew(of_column: &mut [usize]) -> usize {
+fn number_anew(of_column: &mut [u16]) -> usize {
     let mut numbers = std::collections::BTreeMap::new();
     for cluster in of_column {
-        let next = numbers.len();
+        let next = numbers.len() as u16;
         *cluster = *numbers.entry(*cluster).or_insert(next);
     }
     numbers.len()

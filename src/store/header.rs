@@ -185,6 +185,9 @@ impl UnverifiedHeader {
             return Err(damaged("the header and the job description differ in shape".into()));
         }
         let planes_known = has_planes && clusters as usize == Clusters::of_basis(&job.basis).count();
+        if has_planes && !planes_known && clusters as usize != Clusters::by_place(&job.basis).count() {
+            return Err(damaged("the header and the job description differ in clusters of columns".into()));
+        }
         Ok(Header { layout, job, planes_known })
     }
 
