@@ -27,6 +27,11 @@ impl Folders {
         Self { beside: file.parent().unwrap_or(Path::new("")).to_owned(), ..self.clone() }
     }
 
+    /// The folder of the file itself.
+    pub(super) fn own(&self) -> &Path {
+        &self.beside
+    }
+
     /// The file that `name` means, if there is one. Errors: it may not be opened.
     pub(super) fn look_up(&self, name: &str, asked_by: &str) -> Result<Option<PathBuf>> {
         let found = self.candidates(name).find(|path| path.is_file());

@@ -12,6 +12,7 @@ use super::memory::Memory;
 use super::mtl::{self, MtlMaterial};
 use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
+use super::textures::find_as_elsewhere;
 use super::{MaterialId, Mesh, Triangle};
 use crate::error::{Error, Result};
 use crate::files::{open_input, read_input};
@@ -131,12 +132,7 @@ impl Geometry {
         let beside = folders.beside(path);
         let mut library: Vec<(MtlMaterial, PathBuf)> = Vec::new();
         for name in &file.libraries {
-            let Some(mtl_path) = beside.look_up(name, &path.display().to_string())? else {
-                let problem =
-                    format!("{}: the material file \"{name}\" is missing; its materials are grey", path.display());
-                warnings.push(problem);
-                continue;
-            };
+            let Some(mtl_path) = find_library(name, &beside, path, warnings)? else { continue };
             // The text, and the materials that it describes: fewer bytes than 32 for each of it.
             let text = read_input(&mtl_path, "read the materials", MOST_MATERIAL_BYTES)?;
             memory.take((text.len() as u64).saturating_mul(32), &mtl_path)?;
@@ -216,4 +212,22 @@ impl Geometry {
             self.object_of.push(object as u32);
         }
     }
+}
+
+/// The material file that an OBJ file names; the same in other upper and lower case or with backslashes is taken with a warning,
+/// its absence is one.
+fn find_library(name: &str, beside: &Folders, path: &Path, warnings: &mut Vec<String>) -> Result<Option<PathBuf>> {
+    let place = path.display().to_string();
+    if let Some(found) = beside.look_up(name, &place)? {
+        return Ok(Some(found));
+    }
+    let found = find_as_elsewhere(beside.own(), name);
+    match &found {
+        Some(found) => {
+            beside.reach.admit(found, &place)?;
+            warnings.push(format!("{place}: the material file \"{name}\" is read from {}", found.display()));
+        }
+        None => warnings.push(format!("{place}: the material file \"{name}\" is missing; its materials are grey")),
+    }
+    Ok(found)
 }

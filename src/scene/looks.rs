@@ -167,8 +167,11 @@ impl Workshop<'_> {
             let place = format!("{}, material \"{}\"", self.place, entry.pattern);
             look.change(entry, &place)?;
             let mut map = |name: &Option<String>, usage: Use| {
-                let path = name.as_ref().map(|name| self.folders.find(name, &place)).transpose()?;
-                path.map(|path| self.textures.get(&path, usage, &place, &mut self.warnings)).transpose()
+                let Some(name) = name else { return Ok(None) };
+                match self.folders.look_up(name, &place)? {
+                    Some(path) => self.textures.get(&path, usage, &mut self.warnings).map(Some),
+                    None => self.textures.named((self.folders.own(), name), usage, &place, &mut self.warnings),
+                }
             };
             if let Some(id) = map(&entry.reflectance_map, Use::Reflectance)? {
                 look.reflectance = Paint::Textured(id, entry.reflectance.map_or(Vec3::ONE, Vec3::from));

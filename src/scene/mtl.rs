@@ -111,8 +111,7 @@ fn map_of(text: &str) -> Option<String> {
             }
         }
     }
-    // Windows exporters write backslashes.
-    (!rest.is_empty()).then(|| rest.replace('\\', "/"))
+    (!rest.is_empty()).then(|| rest.to_owned())
 }
 
 #[cfg(test)]
@@ -138,7 +137,7 @@ mod tests {
     #[test]
     fn maps_are_found_behind_their_options() {
         assert_eq!(map_of("wood.png").as_deref(), Some("wood.png"));
-        assert_eq!(map_of("-s 2 2 1 -clamp on tex\\my wood.png").as_deref(), Some("tex/my wood.png"));
+        assert_eq!(map_of("-s 2 2 1 -clamp on tex\\my wood.png").as_deref(), Some("tex\\my wood.png"));
         assert_eq!(map_of("-bm 0.5 4.png").as_deref(), Some("4.png"));
         assert_eq!(map_of(""), None);
     }

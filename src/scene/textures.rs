@@ -39,7 +39,7 @@ pub(super) struct Textures {
     bytes: u64,
     /// Files that materials name and that are not there, with who names them first.
     missing: Vec<(PathBuf, String)>,
-    /// Files whose names materials write with other upper and lower case: as written, as found.
+    /// Files whose names materials write in another way, with other upper and lower case or backslashes: as written, as found.
     respelled: Vec<(PathBuf, PathBuf)>,
 }
 
@@ -51,7 +51,7 @@ impl Textures {
     }
 
     /// The texture that a material names in a folder: `name` as it is written, else the file whose name differs in upper
-    /// and lower case only, as on the machines of other systems. None where there is no such file, which
+    /// and lower case or has `/` for `\` only, as on the machines of other systems. None where there is no such file, which
     /// [`report`](Self::report) will say.
     ///
     /// # Errors
@@ -64,17 +64,21 @@ impl Textures {
         warnings: &mut Vec<String>,
     ) -> Result<Option<TextureId>> {
         let written = folder.join(name);
-        let Some(found) = find_ignoring_case(folder, name) else {
-            if self.missing.iter().all(|(path, _)| *path != written) {
-                self.missing.push((written, asked_by.to_owned()));
-            }
+        let Some(found) = find_as_elsewhere(folder, name) else {
+            self.miss(written, asked_by);
             return Ok(None);
         };
         self.reach.admit(&found, asked_by)?;
         if found != written && self.respelled.iter().all(|(known, _)| *known != written) {
             self.respelled.push((written, found.clone()));
         }
-        self.get(&found, usage, asked_by, warnings).map(Some)
+        self.get(&found, usage, warnings).map(Some)
+    }
+
+    fn miss(&mut self, written: PathBuf, asked_by: &str) {
+        if self.missing.iter().all(|(path, _)| *path != written) {
+            self.missing.push((written, asked_by.to_owned()));
+        }
     }
 
     /// Says in one warning which names were found under another spelling, and names all files that are missing.
@@ -83,11 +87,11 @@ impl Textures {
     /// Files are missing and that is not allowed. If it is, they become a warning.
     pub(super) fn report(&self, place: &str, allow_missing: bool, warnings: &mut Vec<String>) -> Result<()> {
         if let Some((written, found)) = self.respelled.first() {
-            let (count, found) = (self.respelled.len(), found.file_name().unwrap_or_default().to_string_lossy());
-            let names = if count == 1 { "name differs" } else { "names differ" };
-            let written = written.display();
-            warnings
-                .push(format!("{count} texture {names} from the file's in upper and lower case: {written} is {found}"));
+            let (count, written, found) = (self.respelled.len(), written.display(), found.display());
+            let (names, first) = if count == 1 { ("name differs", "") } else { ("names differ", "the first, ") };
+            warnings.push(format!(
+                "{count} texture {names} from the file's in upper and lower case or in \\ for /: {first}{written}, is {found}"
+            ));
         }
         if self.missing.is_empty() {
             return Ok(());
@@ -108,20 +112,10 @@ impl Textures {
     /// The texture of a file.
     ///
     /// # Errors
-    /// A file that is missing or no image, or more textures than fit.
-    pub(super) fn get(
-        &mut self,
-        path: &Path,
-        usage: Use,
-        asked_by: &str,
-        warnings: &mut Vec<String>,
-    ) -> Result<TextureId> {
+    /// A file that cannot be read or is no image, or more textures than fit.
+    pub(super) fn get(&mut self, path: &Path, usage: Use, warnings: &mut Vec<String>) -> Result<TextureId> {
         if let Some(&id) = self.known.get(&(path.to_owned(), usage)) {
             return Ok(id);
-        }
-        if !path.is_file() {
-            let problem = format!("the texture {} is missing", path.display());
-            return Err(Error::input(asked_by, problem, "put it there, or take the map out of the material"));
         }
         let facts = image_facts(path)?;
         self.keep(path, facts, usage, warnings, || read_rgba(path))
@@ -165,13 +159,13 @@ impl Textures {
     pub(super) fn average(&mut self, source: &ImageSource, asked_by: &str) -> Result<Option<[f32; 3]>> {
         let (facts, path, bytes) = match source {
             ImageSource::Embedded(name, bytes) => (embedded_facts(name, bytes)?, name.clone(), Some(bytes)),
-            ImageSource::File(folder, name) => match find_ignoring_case(folder, name) {
+            ImageSource::File(folder, name) => match find_as_elsewhere(folder, name) {
                 Some(path) => {
                     self.reach.admit(&path, asked_by)?;
                     (image_facts(&path)?, path, None)
                 }
                 None => {
-                    self.missing.push((folder.join(name), asked_by.to_owned()));
+                    self.miss(folder.join(name), asked_by);
                     return Ok(None);
                 }
             },
@@ -246,13 +240,15 @@ impl Textures {
     }
 }
 
-/// The file of this name in a folder, each part of it spelled as written if that is there, else in any case.
-fn find_ignoring_case(folder: &Path, name: &str) -> Option<PathBuf> {
+/// The file of this name in a folder, each part of it spelled as written if that is there, else in any case, and with
+/// backslashes between the parts as well.
+pub(super) fn find_as_elsewhere(folder: &Path, name: &str) -> Option<PathBuf> {
     let written = folder.join(name);
     if written.is_file() {
         return Some(written);
     }
-    let mut path = if Path::new(name).is_absolute() { PathBuf::from("/") } else { folder.to_owned() };
+    let name = name.replace('\\', "/");
+    let mut path = if Path::new(&name).is_absolute() { PathBuf::from("/") } else { folder.to_owned() };
     for part in name.split('/').filter(|part| !part.is_empty() && *part != ".") {
         let next = path.join(part);
         if part == ".." || next.exists() {

@@ -25,6 +25,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("energy_above_one_is_clamped_with_one_warning", energy_above_one_is_clamped),
     ("textures_are_read_once_and_cut_outs_use_alpha", textures_are_read_once),
     ("textures_are_found_in_any_case_with_one_warning", textures_in_any_case),
+    ("material_files_are_found_in_any_case", material_files_in_any_case),
     ("missing_textures_are_all_named_or_give_way_to_colours", missing_textures),
     ("degenerate_triangles_are_left_out_and_counted", degenerate_triangles_are_left_out),
     ("missing_materials_are_grey_with_a_warning", missing_materials_are_grey),
@@ -370,9 +371,9 @@ fn blue(path: std::path::PathBuf) {
 }
 
 fn textures_in_any_case() {
-    let mtl =
-        "newmtl lamp\nKe 1 1 1\nnewmtl ground\nKd 1 1 1\nmap_Kd TEXTURES\\Wood.PNG\nnewmtl other\nmap_Kd tile.png\n";
-    let obj = format!("{}usemtl other\nf 1 2 3\n", super::ROOM_OBJ);
+    let mtl = "newmtl lamp\nKe 1 1 1\nnewmtl ground\nKd 1 1 1\nmap_Kd TEXTURES\\Wood.PNG\nnewmtl other\nmap_Kd tile.png\n\
+        newmtl plain\nmap_Kd Textures\\wood.png\n";
+    let obj = format!("{}usemtl other\nf 1 2 3\nusemtl plain\nf 1 2 3\n", super::ROOM_OBJ);
     let folder = room("").with("room.mtl", mtl).with("room.obj", obj);
     blue(folder.path("Textures/wood.png"));
     blue(folder.path("Tile.png"));
@@ -380,20 +381,43 @@ fn textures_in_any_case() {
     let Surface::Lambert { reflectance } = loaded.scene.materials[0].surface else { panic!("a textured floor") };
     assert_eq!(reflectance.at(&loaded.scene.textures, Vec2::ZERO), Vec3::Z);
     let said: Vec<_> = loaded.warnings.iter().filter(|warning| warning.contains("upper and lower case")).collect();
-    assert!(said.len() == 1 && said[0].contains("2 texture names"), "{:?}", loaded.warnings);
+    assert!(said.len() == 1 && said[0].contains("3 texture names"), "{:?}", loaded.warnings);
+    assert!(said[0].contains("TEXTURES\\Wood.PNG, is ") && said[0].ends_with("Textures/wood.png"), "{}", said[0]);
     // The right spelling is taken where both are there, and says nothing.
-    blue(folder.path("TEXTURES/Wood.PNG"));
     blue(folder.path("tile.png"));
-    assert!(!folder.load().unwrap().warnings.iter().any(|warning| warning.contains("case")));
+    let mtl = "newmtl lamp\nKe 1 1 1\nnewmtl ground\nmap_Kd tile.png\n";
+    let loaded = folder.with("room.mtl", mtl).with("room.obj", super::ROOM_OBJ).load().unwrap();
+    assert!(!loaded.warnings.iter().any(|warning| warning.contains("case")), "{:?}", loaded.warnings);
+    assert_eq!(loaded.scene.textures[0].name, "tile.png");
+}
+
+fn material_files_in_any_case() {
+    let folder = room("").with("room.obj", super::ROOM_OBJ.replace("room.mtl", "ROOM.mtl"));
+    let loaded = folder.load().unwrap();
+    assert!(
+        loaded.warnings.iter().any(|warning| warning.contains("\"ROOM.mtl\" is read from")),
+        "{:?}",
+        loaded.warnings
+    );
+    assert!(!loaded.warnings.iter().any(|warning| warning.contains("grey")), "{:?}", loaded.warnings);
 }
 
 fn missing_textures() {
     let mtl =
         "newmtl lamp\nKe 1 1 1\nmap_Ke glow.png\nnewmtl ground\nKd 0.5 0.4 0.3\nmap_Kd wood.png\nmap_d holes.png\n";
-    let folder = room("").with("room.mtl", mtl);
+    let maps = "[[material]]\nmatch = \"ground\"\ncutout_map = \"mask.png\"\n";
+    let folder = room(maps).with("room.mtl", mtl);
     let refused = folder.load().unwrap_err().to_string();
-    for name in ["3 textures are missing", "glow.png", "wood.png", "holes.png", "'ground'", "'lamp'", "--allow-missing"]
-    {
+    for name in [
+        "4 textures are missing",
+        "mask.png",
+        "glow.png",
+        "wood.png",
+        "holes.png",
+        "'ground'",
+        "'lamp'",
+        "--allow-missing",
+    ] {
         assert!(refused.contains(name), "{name} is not in: {refused}");
     }
     assert!(!refused.contains('\n'));
@@ -402,5 +426,5 @@ fn missing_textures() {
     let Surface::Lambert { reflectance } = loaded.scene.materials[0].surface else { panic!("a floor of one colour") };
     assert_eq!(reflectance.at(&[], Vec2::ZERO), Vec3::new(0.5, 0.4, 0.3));
     assert!(loaded.scene.materials[0].cutout.is_none() && loaded.scene.textures.is_empty());
-    assert_eq!(loaded.warnings.iter().filter(|warning| warning.contains("3 textures are missing")).count(), 1);
+    assert_eq!(loaded.warnings.iter().filter(|warning| warning.contains("4 textures are missing")).count(), 1);
 }
