@@ -36,16 +36,15 @@ impl Clusters {
 
     /// The clusters of a basis.
     pub fn of_basis(basis: &LightBasis) -> Self {
-        let Self { mut of_column, mut count } = Self::by_place(basis);
+        let Self { mut of_column, count } = Self::by_place(basis);
         let bright = bright_columns(basis);
-        let left = if basis.column_count() <= SINGLE_COLUMNS { 0 } else { SINGLE_COLUMNS - count };
-        for &column in bright.iter().take(left) {
-            of_column[column] = count as u16;
-            count += 1;
+        if basis.column_count() <= SINGLE_COLUMNS || bright.is_empty() {
+            return Self { of_column, count };
         }
-        if left > 0 && !bright.is_empty() {
-            count = number_anew(&mut of_column);
+        for (column, cluster) in bright.into_iter().zip(count..SINGLE_COLUMNS) {
+            of_column[column] = cluster as u16;
         }
+        let count = number_anew(&mut of_column);
         Self { of_column, count }
     }
 

@@ -45,6 +45,23 @@ pub fn cleaning_errors_line(errors: &CleaningErrors) -> String {
     )
 }
 
+/// The error of exposed images in units of white: the image under each of the probe lightings
+/// ([`probe_lightings`](super::probe_lightings)) is exposed so that its 95th percentile is white, the error is the root mean square
+/// over its pixels, those beyond white left out, which are clipped; of all lightings the worst.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct ExposedError {
+    /// What was asked for.
+    pub asked: f32,
+    /// What was reached: of some blocks, against samples of their own.
+    pub reached: f32,
+}
+
+/// A line on what was asked for and reached, for people.
+pub fn exposed_error_line(error: &ExposedError) -> String {
+    let [reached, asked] = [error.reached, error.asked].map(|share| 100.0 * share);
+    format!("exposed images: error {reached:.2} % of white reached, {asked:.2} % asked for (the worst of 16 lightings)")
+}
+
 /// What is known of errors over the whole picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StatedErrors {
@@ -52,6 +69,8 @@ pub struct StatedErrors {
     pub lights: Option<LightErrors>,
     /// What cleaning did before that.
     pub cleaning: Option<CleaningErrors>,
+    /// That of exposed images, where one was asked for and images were cleaned.
+    pub exposed: Option<ExposedError>,
 }
 
 /// Two lines on what images lose, for people.

@@ -15,7 +15,10 @@ mod probes;
 pub use basis::{Column, Light, LightBasis, LightKind, LightUnit};
 pub use clusters::Clusters;
 pub use environment::{EnvironmentMapping, turn_about_vertical};
-pub use errors::{CleaningErrors, LightErrors, StatedErrors, cleaning_errors_line, column_name, light_errors_lines};
+pub use errors::{
+    CleaningErrors, ExposedError, LightErrors, StatedErrors, cleaning_errors_line, column_name, exposed_error_line,
+    light_errors_lines,
+};
 pub use job::{Job, JobHash, Provenance};
 pub use lighting::Lighting;
 pub use metadata::{decode_job, encode_job};

@@ -1,53 +1,137 @@
 //! When a render is good enough: samples per pixel from an error or a time that people state.
 //!
-//! A pilot traces some blocks with a few samples. Their noise says what error more samples will leave (its variance
-//! falls with their number), their time what more will take. The render itself is then one of so many samples, the same
+//! A pilot traces some windows of the picture, with few samples and, where an error is asked for, twice with more. Cleaned as
+//! packing will clean them, and held against each other ([`exposed`](super::exposed)), they say how the error of packed images
+//! falls with the samples; their seconds say what more samples take. The render itself is then one of so many samples, the same
 //! bytes as with that number given, and goes on with it when it was stopped.
 
-use std::path::Path;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-use rayon::prelude::*;
-
+use super::clean::Cleaned;
+use super::exposed::{
+    Blocks, Images, Promise, WINDOW, WindowImages, error_squares, noise_squares, spread_blocks, spread_windows, worst,
+};
+use super::pack::PackOptions;
 use super::render::{job_of, settings_of, tracing_need};
+use super::shard::hex;
 use crate::error::{Error, Result};
+use crate::files::with_suffix;
 use crate::host::{Threads, Watch};
-use crate::image::percentile;
-use crate::light::{LightBasis, PROBES, probe_lightings};
-use crate::matrix::{BlockId, BlockSource, TracedBlock};
-use crate::scene::LoadedScene;
+use crate::light::{Job, PROBES};
+use crate::matrix::{BlockId, BlockSource};
+use crate::scene::{LoadedScene, Scene};
 use crate::store::{StoreReader, partial_path};
-use crate::trace::Tracer;
+use crate::trace::{TraceSettings, Tracer};
 
-/// Samples per pixel of the pilot.
-const PILOT_SAMPLES: u32 = 8;
-/// Blocks that stand for all, spread evenly; in the pilot for each thread as many as fill a few seconds at most.
-const BLOCKS: u32 = 24;
+/// Samples per pixel of the pilot: first few, then more.
+const SAMPLES: (u32, u32) = (8, 32);
+/// Windows of the pilot that stand for the picture.
+const WINDOWS: usize = 4;
+/// Blocks by which the noise of a stored matrix is measured.
+const BLOCKS: usize = 24;
+/// Part of a stated time that the pilot may take.
+const PILOT_SHARE: f64 = 0.2;
 /// Part of a stated time that tracing may take: the rest is for reading the scene, the pilot and the disk.
 const TRACING_SHARE: f64 = 0.9;
-/// Luminance percentile that an image is exposed by.
-const WHITE: f64 = 0.95;
+/// Slowest fall that is believed: of the squared error, as a power of the samples.
+const LEAST_POWER: f64 = 0.25;
 
 /// When to stop: the first of these that is reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StopRule {
-    /// Expected error of an exposed image, see [`expected_error`].
+    /// Expected error of exposed images, see [`ExposedError`](crate::light::ExposedError).
     pub error: Option<f64>,
     /// Wall-clock seconds for all.
     pub seconds: Option<f64>,
+    /// Whether packing is part of it, or left for later.
+    pub packs: bool,
 }
 
-/// What a pilot found, for one sample per pixel.
-struct Pilot {
-    /// Expected error; falls with the root of the number of samples.
-    error: f64,
-    /// Seconds for the whole image on all threads.
-    seconds: f64,
+/// A scene with as many samples as a rule wants, and what it is held to where that is an error.
+pub struct Chosen {
+    /// The scene.
+    pub loaded: LoadedScene,
+    /// What will show whether the error was reached.
+    pub promise: Option<Promise>,
 }
 
-/// Sets the scene's samples per pixel so that the first of a rule's ends is reached. A matrix of the same scene that is
-/// `unfinished` (by its finished name) goes on with its own number.
+/// How an error falls with the samples: its square as a power of them, and never slower than that of the samples themselves.
+#[derive(Clone, Copy, Debug)]
+struct Law {
+    /// Squared error of the worst lighting at `samples`.
+    square: f64,
+    samples: f64,
+    power: f64,
+    /// Squared noise of the worst lighting for one sample per pixel.
+    noise: f64,
+}
+
+/// Seconds that a render takes.
+#[derive(Clone, Copy, Debug)]
+struct Seconds {
+    /// Of its tree, and of cleaning.
+    fixed: f64,
+    per_photon: f64,
+    per_sample: f64,
+}
+
+impl Law {
+    /// Of samples as they are.
+    fn of_noise(noise: f64, samples: u32) -> Self {
+        let samples = f64::from(samples);
+        Self { square: noise, samples, power: 1.0, noise: noise * samples }
+    }
+
+    /// Of squared errors of the probe lightings at few and at more samples, and the noise of those. What is measured at more is
+    /// not believed where it has fallen faster than noise can. The power is one for all lightings.
+    fn fitted(few: &[f64; PROBES], more: &[f64; PROBES], noise: f64) -> Self {
+        let (of_few, of_more) = (f64::from(SAMPLES.0), f64::from(SAMPLES.1));
+        let least = of_few / of_more;
+        let believed: [f64; PROBES] = std::array::from_fn(|probe| more[probe].max(few[probe] * least));
+        let sum = |squares: &[f64; PROBES]| squares.iter().filter(|square| square.is_finite()).sum::<f64>();
+        let power = (sum(few) / sum(&believed)).ln() / (of_more / of_few).ln();
+        let power = if power.is_finite() { power.clamp(LEAST_POWER, 1.0) } else { 1.0 };
+        Self { square: worst(&believed), samples: of_more, power, noise: noise * of_more }
+    }
+
+    /// Below the fewest samples that were measured as fast as noise falls: filters fail where there is too little to compare.
+    fn error(&self, samples: f64) -> f64 {
+        let least = f64::from(SAMPLES.0).min(self.samples);
+        let few = self.square * (self.samples / samples.max(least)).powf(self.power);
+        let cleaned = few * (least / samples).max(1.0);
+        cleaned.min(self.noise / samples).max(0.0).sqrt()
+    }
+
+    /// Pairs of samples that bring the error down to this, so many at most.
+    fn pairs(&self, error: f64, most: u32) -> u32 {
+        first(most, |pairs| self.error(2.0 * f64::from(pairs)) <= error)
+    }
+}
+
+/// The first number from 1 on for which something holds that holds for all above, or `most`.
+fn first(most: u32, holds: impl Fn(u32) -> bool) -> u32 {
+    let (mut low, mut high) = (1, most.max(1));
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if holds(middle) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    high
+}
+
+impl Seconds {
+    fn of(&self, samples: u32, photons: u64) -> f64 {
+        self.fixed + self.per_photon * photons as f64 + self.per_sample * f64::from(samples)
+    }
+}
+
+/// Sets the scene's samples per pixel so that the first of a rule's ends is reached, for a matrix that will be packed with these
+/// options. What is `unfinished` of the same scene (by its finished name) goes on with its own number.
 ///
 /// # Errors
 /// A rule without an end, or with one that is not above 0; what tracing refuses; [`Error::Interrupted`].
@@ -55,140 +139,251 @@ pub fn choose_samples(
     mut loaded: LoadedScene,
     unfinished: Option<&Path>,
     rule: StopRule,
-    memory_bytes: Option<u64>,
+    pack: &PackOptions,
     watch: &dyn Watch,
-) -> Result<LoadedScene> {
+) -> Result<Chosen> {
     let begun = Instant::now();
     for (name, end) in [("--error", rule.error), ("--time", rule.seconds)] {
         if end.is_some_and(|end| !(end > 0.0 && end.is_finite())) {
             return Err(Error::input(name, "is not above 0", "give for example --error 2% or --time 60s"));
         }
     }
-    if let Some(path) = unfinished
-        && let Some(samples) = samples_of_unfinished(&mut loaded, path)?
-    {
+    let known = match unfinished {
+        Some(path) => samples_of_unfinished(&mut loaded, path)?,
+        None => None,
+    };
+    if let (Some(samples), Some(path)) = (known, unfinished) {
         watch.note(&format!("{}: goes on with {samples} samples per pixel", path.display()));
-        return Ok(loaded);
+        if rule.error.is_none() {
+            return Ok(Chosen { loaded, promise: None });
+        }
     }
-    loaded.settings.samples_per_pixel = PILOT_SAMPLES;
     let job = job_of(&loaded)?;
-    let threads = tracing_need(&loaded, &job).threads_within("a pilot", memory_bytes)?;
+    let cleans = pack.for_source(true, job.basis.lights().len()).denoise && pack.basis.is_none();
+    let windows = spread_windows(job.shape, WINDOWS);
+    let mut need = tracing_need(&loaded, &job);
+    need.fixed_bytes += Blocks::images_need_bytes(job.shape, windows.concat().len());
+    need.fixed_bytes += if cleans { Cleaned::windows_need_bytes(&job, WINDOW) } else { 0 };
+    let threads = Threads::new(need.threads_within("a pilot", pack.memory_bytes)?)?;
     let settings = settings_of(&loaded);
     let scene = Arc::new(loaded.scene);
-    let tracer = Tracer::new(Arc::clone(&scene), job.shape, settings)?;
-    let pilot = Threads::new(threads)?.run(|| pilot(&tracer, &job.basis, watch));
-    drop(tracer);
-    loaded.scene = Arc::try_unwrap(scene).unwrap_or_else(|shared| (*shared).clone());
-    let Pilot { error, seconds } = pilot?;
-    let most = f64::from(Tracer::MAX_SAMPLES_PER_PIXEL);
-    let by_error = rule.error.map(|end| (error / end).powi(2).ceil());
-    let left = |end: f64| (TRACING_SHARE * end - begun.elapsed().as_secs_f64()).max(0.0);
-    let by_time = rule.seconds.map(|end| (left(end) / seconds).floor());
-    let wanted = by_error.into_iter().chain(by_time).fold(most, f64::min);
-    // Two at least, so that the noise is known, and as many in each half.
-    let samples = (wanted.max(2.0) / 2.0).ceil() as u32 * 2;
-    let ends = match (by_error, by_time) {
-        (Some(by_error), Some(by_time)) if by_time < by_error => "the time ends it",
-        (Some(_), _) => "for the error",
-        _ => "for the time",
+    let pilot = Pilot { scene: &scene, settings, job: &job, cleans, threads: &threads, watch };
+    let found = match known {
+        Some(_) => pilot.references(windows).map(|references| (None, Some(references))),
+        None => pilot.run(windows, rule, begun).map(|(found, references)| (Some(found), references)),
     };
-    let expected = 100.0 * error / f64::from(samples).sqrt();
-    watch.note(&format!(
-        "{samples} samples per pixel {ends}: expected error {expected:.2} % of white, about {:.0} s of tracing",
-        seconds * f64::from(samples)
-    ));
-    loaded.settings.samples_per_pixel = samples;
-    Ok(loaded)
+    let chosen = found.map(|(found, references)| {
+        let samples = found.map(|found| found.samples(rule, begun, &pilot));
+        (samples, references)
+    });
+    loaded.scene = Arc::try_unwrap(scene).unwrap_or_else(|shared| (*shared).clone());
+    let (samples, references) = chosen.map_err(|error| match error {
+        Error::Interrupted(_) => Error::Interrupted("nothing was begun".to_owned()),
+        other => other,
+    })?;
+    if let Some(samples) = samples {
+        loaded.settings.samples_per_pixel = samples;
+        if let (Some(path), true) = (unfinished, rule.packs) {
+            note_samples(&loaded, path)?;
+        }
+    }
+    let promise = rule.error.zip(references).map(|(asked, (windows, references))| Promise {
+        asked,
+        cleans,
+        windows,
+        references,
+        packed: Mutex::default(),
+    });
+    Ok(Chosen { loaded, promise })
 }
 
-/// Gives the scene the samples of the unfinished matrix at `path`, if there is one of this scene.
-fn samples_of_unfinished(loaded: &mut LoadedScene, path: &Path) -> Result<Option<u32>> {
-    let Ok(unfinished) = StoreReader::open(&partial_path(path)) else { return Ok(None) };
-    let before = loaded.settings.samples_per_pixel;
-    let samples = unfinished.job().provenance.samples_per_pixel;
-    loaded.settings.samples_per_pixel = samples;
-    if job_of(loaded)?.hash() == unfinished.job().hash() {
-        return Ok(Some(samples));
+/// Windows with independent samples of them.
+type References = (Vec<Vec<BlockId>>, Vec<Images>);
+
+/// What traces some windows of a scene.
+struct Pilot<'a> {
+    scene: &'a Arc<Scene>,
+    settings: TraceSettings,
+    job: &'a Job,
+    cleans: bool,
+    threads: &'a Threads,
+    watch: &'a dyn Watch,
+}
+
+/// What a pilot found.
+struct Found {
+    law: Law,
+    seconds: Seconds,
+}
+
+impl Pilot<'_> {
+    /// Settings of one of its runs, which share no random numbers with each other or with the render.
+    fn settings(&self, run: u64, samples_per_pixel: u32) -> TraceSettings {
+        let seed = self.settings.seed ^ (run + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        TraceSettings { samples_per_pixel, seed, ..self.settings }
     }
-    loaded.settings.samples_per_pixel = before;
+
+    fn tracer(&self, settings: TraceSettings) -> Result<Tracer> {
+        Tracer::new(Arc::clone(self.scene), self.job.shape, settings)
+    }
+
+    fn images(&self, tracer: &Tracer, windows: &[Vec<BlockId>], cleans: bool) -> Result<WindowImages> {
+        let blocks = Blocks { source: tracer, job: self.job, windows };
+        blocks.images(cleans, self.threads, ("a pilot", self.watch))
+    }
+
+    /// Independent samples of windows and nothing more.
+    fn references(&self, windows: Vec<Vec<BlockId>>) -> Result<References> {
+        let tracer = self.tracer(self.settings(1, SAMPLES.1))?;
+        let first = self.images(&tracer, &windows, false)?.sampled;
+        let tracer = tracer.with_settings(self.settings(2, SAMPLES.1))?;
+        let second = self.images(&tracer, &windows, false)?.sampled;
+        Ok((windows, vec![first, second]))
+    }
+
+    fn run(
+        &self,
+        mut windows: Vec<Vec<BlockId>>,
+        rule: StopRule,
+        begun: Instant,
+    ) -> Result<(Found, Option<References>)> {
+        let shape = self.job.shape;
+        let pixels = |windows: &[Vec<BlockId>]| {
+            windows.iter().flatten().map(|&id| shape.rect(id).pixels()).sum::<usize>() as f64
+        };
+        let share = f64::from(shape.width()) * f64::from(shape.height()) / pixels(&windows);
+        let preparing = Instant::now();
+        let tracer = self.tracer(self.settings(0, SAMPLES.0))?;
+        let (preparing, photons) = (preparing.elapsed().as_secs_f64(), tracer.photon_cost());
+        let tracing = Instant::now();
+        // With only a time to keep, cleaning tells no more than how long it takes.
+        let cleans = self.cleans && (rule.error.is_some() || rule.packs);
+        let mut few = self.images(&tracer, &windows, cleans)?;
+        let tracing = tracing.elapsed().as_secs_f64() - few.cleaning_seconds;
+        let cleaning = if rule.packs { few.cleaning_seconds * share } else { 0.0 };
+        let seconds = Seconds {
+            fixed: preparing - photons.seconds + cleaning,
+            per_photon: photons.seconds / photons.sent.max(1) as f64,
+            per_sample: tracing / f64::from(SAMPLES.0) * share,
+        };
+        if rule.error.is_none() {
+            let law = Law::of_noise(worst(&noise_squares(&few.sampled)), SAMPLES.0);
+            return Ok((Found { law, seconds }, None));
+        }
+        if let Some(end) = rule.seconds {
+            let left = PILOT_SHARE * end - begun.elapsed().as_secs_f64();
+            let each = 2.0 * seconds.per_sample * f64::from(SAMPLES.1) / share / windows.len() as f64;
+            windows.truncate(((left / each) as usize).max(1));
+        }
+        let at_hand = windows.concat();
+        few.shown.retain(|id, _| at_hand.contains(id));
+        let tracer = tracer.with_settings(self.settings(1, SAMPLES.1))?;
+        let first = self.images(&tracer, &windows, self.cleans)?;
+        let tracer = tracer.with_settings(self.settings(2, SAMPLES.1))?;
+        let second = self.images(&tracer, &windows, self.cleans)?;
+        let mean = |a: [f64; PROBES], b: [f64; PROBES]| std::array::from_fn(|probe| 0.5 * (a[probe] + b[probe]));
+        let noise = worst(&mean(noise_squares(&first.sampled), noise_squares(&second.sampled)));
+        let law = match self.cleans {
+            true => {
+                let of_first = error_squares(&first.shown, [&second.sampled]);
+                let of_second = error_squares(&second.shown, [&first.sampled]);
+                let of_few = error_squares(&few.shown, [&first.sampled, &second.sampled]);
+                Law::fitted(&of_few, &mean(of_first, of_second), noise)
+            }
+            false => Law::of_noise(noise, SAMPLES.1),
+        };
+        Ok((Found { law, seconds }, Some((windows, vec![first.sampled, second.sampled]))))
+    }
+}
+
+impl Found {
+    /// The samples that a rule wants, and a note on them.
+    fn samples(&self, rule: StopRule, begun: Instant, pilot: &Pilot<'_>) -> u32 {
+        let most = Tracer::MAX_SAMPLES_PER_PIXEL / 2;
+        let takes = |samples: u32| {
+            let settings = TraceSettings { samples_per_pixel: samples, ..pilot.settings };
+            self.seconds.of(samples, Tracer::photons_sent(pilot.scene, pilot.job.shape, settings))
+        };
+        // Pairs of samples, so that the noise is known and there are as many in each half.
+        let by_error = rule.error.map(|error| self.law.pairs(error, most));
+        let by_time = rule.seconds.map(|end| {
+            let left = TRACING_SHARE * end - begun.elapsed().as_secs_f64();
+            first(most, |pairs| takes(2 * pairs + 2) > left)
+        });
+        let pairs = by_error.into_iter().chain(by_time).fold(most, u32::min);
+        let why = match (by_error, by_time) {
+            (Some(by_error), Some(by_time)) if by_time < by_error => "the time ends it",
+            (Some(by_error), _) if by_error == most => "there are no more",
+            (Some(_), _) => "for the error",
+            _ => "for the time",
+        };
+        let (samples, what) = (2 * pairs, if pilot.cleans && rule.error.is_some() { PACKED } else { RAW });
+        pilot.watch.note(&format!(
+            "{samples} samples per pixel, {why}: expected error {:.2} % of white {what}, about {:.0} s",
+            100.0 * self.law.error(f64::from(samples)),
+            takes(samples),
+        ));
+        samples
+    }
+}
+
+/// Of which images an error is.
+const PACKED: &str = "in exposed images of the packed, cleaned matrix, the worst of 16 lightings";
+const RAW: &str = "in exposed images of the matrix as it is, not cleaned, the worst of 16 lightings";
+
+/// Where a render that packs keeps its number of samples until it is finished.
+fn samples_path(path: &Path) -> PathBuf {
+    with_suffix(path, ".samples")
+}
+
+/// Writes down the samples of a render that packs.
+fn note_samples(loaded: &LoadedScene, path: &Path) -> Result<()> {
+    let text = format!("{} {}", loaded.settings.samples_per_pixel, hex(&job_of(loaded)?.hash().0));
+    let path = samples_path(path);
+    std::fs::write(&path, text).map_err(Error::io(&path, "write"))
+}
+
+/// Forgets them when the render is finished.
+pub(super) fn forget_samples(path: &Path) {
+    // There is none where the number was given.
+    let _ = std::fs::remove_file(samples_path(path));
+}
+
+/// Gives the scene the samples of the unfinished render to `path`, if there is one of this scene.
+fn samples_of_unfinished(loaded: &mut LoadedScene, path: &Path) -> Result<Option<u32>> {
+    let before = loaded.settings.samples_per_pixel;
+    let noted = std::fs::read_to_string(samples_path(path)).ok();
+    let noted = noted.as_deref().and_then(|text| text.split_once(' ')).and_then(|(samples, hash)| {
+        Some((samples.parse().ok().filter(|s| (1..=Tracer::MAX_SAMPLES_PER_PIXEL).contains(s))?, hash.to_owned()))
+    });
+    let stored = || {
+        let unfinished = StoreReader::open(&partial_path(path)).ok()?;
+        let job = unfinished.job();
+        Some((job.provenance.samples_per_pixel, hex(&job.hash().0)))
+    };
+    if let Some((samples, hash)) = noted.or_else(stored) {
+        loaded.settings.samples_per_pixel = samples;
+        if hex(&job_of(loaded)?.hash().0) == hash {
+            return Ok(Some(samples));
+        }
+        loaded.settings.samples_per_pixel = before;
+    }
     Ok(None)
 }
 
-fn pilot(tracer: &Tracer, basis: &LightBasis, watch: &dyn Watch) -> Result<Pilot> {
-    let shape = BlockSource::shape(tracer);
-    let blocks = spread(shape.blocks().collect());
-    watch.begin("a pilot", blocks.len() as u64, "blocks");
-    let begun = Instant::now();
-    let error = error_of(tracer, basis, &blocks, watch);
-    let seconds = begun.elapsed().as_secs_f64();
-    watch.end();
-    let traced: usize = blocks.iter().map(|&id| shape.rect(id).pixels()).sum();
-    let all = f64::from(shape.width()) * f64::from(shape.height());
-    let samples = f64::from(PILOT_SAMPLES);
-    Ok(Pilot { error: error? * samples.sqrt(), seconds: seconds / samples * all / traced as f64 })
-}
-
-/// The expected error of an image relit from a stored matrix, as a fraction of white: of the probe lightings
-/// (`light::probe_lightings`) the worst. The image of each is exposed so that its 95th percentile is white; the error is
-/// the root mean square of its noise, that of pixels beyond white left out, which are clipped. Packing removes a part of
-/// it. From some blocks that stand for all; none where the matrix does not know its noise.
+/// The error of exposed images of a stored matrix as it is, from its own noise, as a fraction of white: see
+/// [`ExposedError`](crate::light::ExposedError). From some blocks that stand for all; none where the matrix does not know its
+/// noise.
 ///
 /// # Errors
 /// Those of reading.
 pub fn expected_error(matrix: &StoreReader, watch: &dyn Watch) -> Result<Option<f64>> {
-    let committed = BlockSource::shape(matrix).blocks().filter(|&id| matrix.is_committed(id)).collect();
-    match error_of(matrix, &matrix.job().basis, &spread(committed), watch) {
-        Ok(error) => Ok(Some(error).filter(|error| error.is_finite())),
-        Err(error) => Err(error),
-    }
-}
-
-/// Some of the blocks, evenly spread.
-fn spread(blocks: Vec<BlockId>) -> Vec<BlockId> {
-    let count = blocks.len().min(BLOCKS as usize);
-    (0..count).map(|i| blocks[(2 * i + 1) * blocks.len() / (2 * count)]).collect()
-}
-
-/// [`expected_error`] from these blocks; NaN where none knows its noise.
-fn error_of<S: BlockSource + ?Sized>(
-    source: &S,
-    basis: &LightBasis,
-    blocks: &[BlockId],
-    watch: &dyn Watch,
-) -> Result<f64> {
-    let probes = probe_lightings(basis);
-    let relit = |traced: &mut TracedBlock, &id: &BlockId| {
-        if watch.interrupted() {
-            return Err(Error::Interrupted("nothing was begun".to_owned()));
-        }
-        source.read_block(id, traced)?;
-        watch.advance(1, 1, "blocks");
-        Ok(probed(traced, &probes))
-    };
-    let parts: Result<Vec<_>> = blocks.par_iter().map_init(TracedBlock::default, relit).collect();
-    let parts: Vec<_> = parts?.into_iter().flatten().collect();
-    let errors = (0..PROBES).filter_map(|probe| {
-        let rows = || parts.iter().flat_map(|part| &part[probe]);
-        let white = percentile(rows().map(|(value, _)| value.abs()).collect(), WHITE);
-        let visible = rows().filter(|(value, _)| value.abs() < white);
-        let square: f64 = visible.map(|(_, noise)| f64::from(*noise).powi(2)).sum();
-        (white > 0.0).then(|| (square / rows().count() as f64).sqrt() / f64::from(white))
-    });
-    Ok(errors.fold(f64::NAN, f64::max))
-}
-
-/// For each probe lighting, each row's value and noise.
-fn probed(traced: &TracedBlock, probes: &[f32]) -> Option<Vec<Vec<(f32, f32)>>> {
-    let (rows, noise) = (traced.block.rows(), traced.noise.as_ref()?);
-    let lightings = probes.chunks_exact(traced.block.columns()).zip(noise.probes.chunks_exact(rows));
-    let relit = lightings.map(|(weights, noise)| {
-        let mut image = vec![0.0f32; rows];
-        for (entries, &weight) in traced.block.entries().chunks_exact(rows).zip(weights) {
-            image.iter_mut().zip(entries).for_each(|(value, entry)| *value += weight * entry);
-        }
-        image.into_iter().zip(noise.iter().copied()).collect()
-    });
-    Some(relit.collect())
+    let shape = BlockSource::shape(matrix);
+    let committed = shape.blocks().filter(|&id| matrix.is_committed(id)).collect();
+    let blocks = [spread_blocks(shape, committed, BLOCKS)];
+    let blocks = Blocks { source: matrix, job: matrix.job(), windows: &blocks };
+    let images = blocks.images(false, &Threads::new(rayon::current_num_threads())?, ("measuring the noise", watch))?;
+    Ok(Some(worst(&noise_squares(&images.sampled)).sqrt()).filter(|error| error.is_finite()))
 }
 
 /// Reads an error such as `2%` or `0.02`.
@@ -220,8 +415,10 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::exposed::ProbedBlock;
     use super::*;
     use crate::host::Quiet;
+    use crate::matrix::TracedBlock;
     use crate::scene::BuiltIn;
 
     fn scene() -> LoadedScene {
@@ -249,10 +446,97 @@ mod tests {
         traced.block.reset(job.shape.rect(BlockId(0)).rows(), job.shape.columns());
         crate::matrix::BlockSink::write_block(&writer, BlockId(0), &traced).unwrap();
         drop(writer);
-        let rule = StopRule { error: None, seconds: Some(1.0) };
-        let again = choose_samples(scene(), Some(&path), rule, None, &Quiet).unwrap();
-        assert_eq!(again.settings.samples_per_pixel, 6);
-        let bad = StopRule { error: Some(-0.1), seconds: None };
-        assert!(choose_samples(scene(), Some(&path), bad, None, &Quiet).is_err());
+        let rule = StopRule { seconds: Some(1.0), ..Default::default() };
+        let again = choose_samples(scene(), Some(&path), rule, &PackOptions::default(), &Quiet).unwrap();
+        assert_eq!(again.loaded.settings.samples_per_pixel, 6);
+        let bad = StopRule { error: Some(-0.1), ..Default::default() };
+        assert!(choose_samples(scene(), Some(&path), bad, &PackOptions::default(), &Quiet).is_err());
+    }
+
+    #[test]
+    fn an_unfinished_pack_goes_on_with_its_samples() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ltc");
+        let options = PackOptions { denoise: true, ..Default::default() };
+        let chosen = |seconds| {
+            let rule = StopRule { seconds: Some(seconds), packs: true, ..Default::default() };
+            choose_samples(scene(), Some(&path), rule, &options, &Quiet).unwrap().loaded
+        };
+        let first = chosen(1.0).settings.samples_per_pixel;
+        assert!(samples_path(&path).exists());
+        // Another time would give another number: twice as long at least, were it not for what is begun.
+        let again = chosen(60.0);
+        assert_eq!(again.settings.samples_per_pixel, first);
+        let mut other = scene();
+        other.settings.seed += 1;
+        assert_eq!(samples_of_unfinished(&mut other, &path).unwrap(), None);
+        let few =
+            LoadedScene { settings: crate::scene::RenderSettings { samples_per_pixel: 2, ..again.settings }, ..again };
+        crate::pipeline::render_packed(few, &path, &options, &Quiet).unwrap();
+        assert!(!samples_path(&path).exists());
+    }
+
+    /// The image of every block of a packed scene, and of independent samples of it.
+    fn images_of(path: &Path) -> (Images, Images) {
+        let container = crate::container::ContainerReader::open(path).unwrap();
+        let job = container.job();
+        let probes = crate::light::probe_lightings(&job.basis);
+        let packed =
+            job.shape.blocks().map(|id| (id, ProbedBlock::of_factors(&container.read_block(id).unwrap(), &probes)));
+        let settings = TraceSettings { samples_per_pixel: 1024, seed: 4711, ..settings_of(&scene()) };
+        let tracer = Tracer::new(scene().scene, job.shape, settings).unwrap();
+        let windows = [job.shape.blocks().collect()];
+        let blocks = Blocks { source: &tracer, job, windows: &windows };
+        let threads = Threads::new(rayon::current_num_threads()).unwrap();
+        let truth = blocks.images(false, &threads, ("", &Quiet)).unwrap().sampled;
+        (packed.collect(), truth)
+    }
+
+    /// Against a converged reference: what is stated as reached is right to a quarter, and what was asked for is kept to a half.
+    #[test]
+    fn a_promised_error_is_reached_and_what_is_stated_is_true() {
+        let folder = tempfile::tempdir().unwrap();
+        for asked in [0.04, 0.015] {
+            let path = folder.path().join(format!("{asked}.ltc"));
+            let mut options = PackOptions { denoise: true, ..Default::default() };
+            let rule = StopRule { error: Some(asked), packs: true, ..Default::default() };
+            let chosen = choose_samples(scene(), Some(&path), rule, &options, &Quiet).unwrap();
+            let samples = chosen.loaded.settings.samples_per_pixel;
+            options.promise = chosen.promise.map(Arc::new);
+            let (_, report) = crate::pipeline::render_packed(chosen.loaded, &path, &options, &Quiet).unwrap();
+            let stated = report.exposed.unwrap();
+            assert_eq!(crate::container::ContainerReader::open(&path).unwrap().errors().exposed, Some(stated));
+            let (packed, truth) = images_of(&path);
+            let error = worst(&error_squares(&packed, [&truth])).sqrt();
+            let said = format!("{asked} asked, {samples} samples, {} stated, {error} true", stated.reached);
+            assert!((0.8..1.25).contains(&(f64::from(stated.reached) / error)), "{said}");
+            assert!((0.5..1.5).contains(&(error / asked)), "{said}");
+        }
+    }
+
+    #[test]
+    fn the_rays_of_photons_are_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let room = || {
+            let mut room = BuiltIn { width: 32, height: 24, texels: 2 }.named("caustics").unwrap();
+            room.settings.samples_per_pixel = 4;
+            room
+        };
+        let (loaded, job) = (room(), job_of(&room()).unwrap());
+        let settings = settings_of(&loaded);
+        let tracer = Tracer::new(loaded.scene, job.shape, settings).unwrap();
+        let cost = tracer.photon_cost();
+        assert_eq!(cost.sent, Tracer::photons_sent(tracer.scene(), job.shape, settings));
+        // Each that rests has come by a mirror or glass.
+        assert!(cost.rays >= 2 * tracer.photon_count() as u64 && tracer.photon_count() > 0);
+        let trace = |id| tracer.trace_block(id, &mut TracedBlock::default()).rays;
+        let rays = cost.rays + job.shape.blocks().map(trace).sum::<u64>();
+        let report =
+            crate::pipeline::render(room(), &folder.path().join("a.ltm"), &Default::default(), &Quiet).unwrap();
+        assert_eq!(report.rays, rays);
+        let packed = folder.path().join("a.ltc");
+        let (report, _) = crate::pipeline::render_packed(room(), &packed, &Default::default(), &Quiet).unwrap();
+        assert_eq!(report.rays, rays);
+        assert_eq!(tracer.without_photons().photon_cost(), Default::default());
     }
 }

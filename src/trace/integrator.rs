@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Scattered};
 use super::frame::Frame;
-use super::lights::{EmitterHit, Found};
+use super::lights::{Chances, EmitterHit, Found};
 use super::photons::{Gathering, Photons};
 use super::planes::{Layer, PlaneSums, SampleFeatures};
 use super::sampler::{Sampler, Use};
@@ -45,6 +45,8 @@ pub(super) struct Paths<'a> {
 /// The last surface that scattered the path, for the weights of the light it finds.
 struct Last {
     position: Vec3,
+    /// Shading normal.
+    normal: Vec3,
     /// Density over solid angle with which the direction was chosen; None where no light sample could have made it.
     pdf: Option<f32>,
     cosine: f32,
@@ -115,14 +117,15 @@ impl Paths<'_> {
     fn follow(&self, ray: (Vec3, Vec3), map: u32, sampler: &Sampler, record: &mut Record<'_, '_>) {
         let (world, (mut origin, mut direction)) = (self.world, ray);
         let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
-        let mut last = Last { position: origin, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None };
+        let mut last =
+            Last { position: origin, normal: direction, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None };
         // The layer of an emitter that the next ray finds: emission until a surface has scattered the path.
         let mut layer = Layer::Emission;
         let (mut vertex, mut passes, mut travelled) = (0, 0, 0.0);
         loop {
             let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
                 let hit = EmitterHit::beyond(origin, direction);
-                for found in world.lights.beyond(direction, last.cosine) {
+                for found in world.lights.beyond(direction, last.cosine, (last.position, last.normal)) {
                     let weight = self.weight_of_found(&last, &found, &hit);
                     record.add(layer, found.column, throughput * found.radiance * weight);
                 }
@@ -136,7 +139,8 @@ impl Paths<'_> {
                     direction,
                     distance: point.position.distance(last.position),
                 };
-                if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit) {
+                if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit, (last.position, last.normal))
+                {
                     let weight = self.weight_of_found(&last, &found, &hit);
                     record.add(layer, found.column, throughput * found.radiance * weight);
                 }
@@ -159,9 +163,10 @@ impl Paths<'_> {
             if at.bsdf.is_spread() {
                 light_samples = if layer == Layer::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
                 layer = if layer == Layer::Emission { Layer::Direct } else { Layer::Indirect };
+                let chances = world.lights.chances(at.point.position, at.frame.z);
                 for member in 0..light_samples {
                     let pair = sampler.member(Use::Light, vertex, member, light_samples);
-                    at.sample_light(world, throughput, pair, light_samples, layer, record);
+                    at.sample_light(world, &chances, throughput, (pair, light_samples), layer, record);
                 }
                 radius = self
                     .photons
@@ -198,6 +203,7 @@ impl Paths<'_> {
             let spread = || next.pdf / direction.dot(at.normal).abs();
             last = Last {
                 position: at.point.position,
+                normal: at.frame.z,
                 pdf: (!next.singular).then_some(next.pdf),
                 cosine: next.wi.z,
                 light_samples: light_samples as f32,
@@ -246,13 +252,14 @@ impl Vertex {
     fn sample_light(
         &self,
         world: &World,
+        chances: &Chances,
         throughput: Vec3,
-        pair: Vec2,
-        count: u32,
+        (pair, count): (Vec2, u32),
         layer: Layer,
         record: &mut Record<'_, '_>,
     ) {
-        let Some(light) = world.lights.sample(&world.scene, self.point.position, &self.frame, pair) else { return };
+        let here = (self.point.position, &self.frame);
+        let Some(light) = world.lights.sample(&world.scene, here, chances, pair) else { return };
         if light.towards.dot(self.normal) <= 0.0 {
             return;
         }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::accumulator::{NoiseSums, PixelSums, RUN, Run, Tile, interleave};
 use super::bvh::Bvh;
 use super::integrator::{Paths, trace_sample};
-use super::photons::Photons;
+use super::photons::{PhotonCost, Photons};
 use super::planes::{self, PlaneSums};
 use super::sampler::Sampler;
 use super::world::World;
@@ -32,7 +32,7 @@ pub struct TraceSettings {
 /// What tracing a block took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlockStats {
-    /// Rays traced, to surfaces and to lights.
+    /// Rays traced, to surfaces and to lights; those of photons are the tracer's ([`Tracer::photon_cost`]).
     pub rays: u64,
     /// Paths traced: pixels × samples per pixel.
     pub paths: u64,
@@ -48,6 +48,7 @@ pub struct Tracer {
     world: World,
     /// None where none are wanted, or no mirror and no glass sends light to anything.
     photons: Option<Photons>,
+    photon_cost: PhotonCost,
     wants_photons: bool,
     shape: MatrixShape,
     settings: TraceSettings,
@@ -81,20 +82,31 @@ impl Tracer {
         let (probes_of_column, probes) = interleave(&probe_lightings(&scene.basis), columns);
         let clusters = Clusters::of_basis(&scene.basis);
         let world = World::new(scene)?;
-        let photons = Photons::new(&world, pixels(shape), settings);
-        Ok(Self { world, photons, wants_photons: true, shape, settings, probes_of_column, probes, clusters })
+        let (photons, photon_cost) = Photons::new(&world, pixels(shape), settings);
+        let wants_photons = true;
+        Ok(Self { world, photons, photon_cost, wants_photons, shape, settings, probes_of_column, probes, clusters })
     }
 
     /// The same by paths from the camera alone, which do not find what mirrors and glass throw of lamps without extent. An
     /// independent estimate of the same image for all others.
     #[must_use]
     pub fn without_photons(self) -> Self {
-        Self { photons: None, wants_photons: false, ..self }
+        Self { photons: None, photon_cost: PhotonCost::default(), wants_photons: false, ..self }
     }
 
     /// Photons that light what is seen by mirrors and smooth glass: none where no light does.
     pub fn photon_count(&self) -> usize {
         self.photons.as_ref().map_or(0, Photons::count)
+    }
+
+    /// What sending the photons took, whether or not any came to rest: rays that no block counts.
+    pub fn photon_cost(&self) -> PhotonCost {
+        self.photon_cost
+    }
+
+    /// Photons that leave the lights of a scene with these settings.
+    pub fn photons_sent(scene: &Scene, shape: MatrixShape, settings: TraceSettings) -> u64 {
+        Photons::sent(scene, pixels(shape), settings)
     }
 
     /// Bytes that the photons of a scene take at most, beside the blocks.
@@ -119,7 +131,9 @@ impl Tracer {
         check(settings)?;
         drop(self.photons.take());
         self.settings = settings;
-        self.photons = self.wants_photons.then(|| Photons::new(&self.world, pixels(self.shape), settings)).flatten();
+        if self.wants_photons {
+            (self.photons, self.photon_cost) = Photons::new(&self.world, pixels(self.shape), settings);
+        }
         Ok(self)
     }
 

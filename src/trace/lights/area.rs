@@ -54,6 +54,18 @@ impl AreaLight {
         })
     }
 
+    pub(super) fn layout(&self) -> AreaLayout {
+        self.layout
+    }
+
+    pub(super) fn is_two_sided(&self) -> bool {
+        self.two_sided
+    }
+
+    pub(super) fn triangles(&self) -> &[u32] {
+        &self.triangles
+    }
+
     /// Cosine at the light towards a surface, 0 behind a one-sided one.
     fn cosine(&self, normal: Vec3, away: Vec3) -> f32 {
         let cosine = normal.dot(away);

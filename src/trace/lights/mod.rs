@@ -2,10 +2,11 @@
 //! ends on an emitter or leaves the scene. Both give the density of the sampling, so that they can be weighed.
 //!
 //! Which light a sample goes to does not depend on any emission: the columns of `T` are lit later, and a lamp that is
-//! dim in the scene file may be the only one that burns. All lights get the same share of the samples; one pair of
-//! numbers from a net chooses light and point together, so the samples of a pixel cover all texels evenly.
+//! dim in the scene file may be the only one that burns. It depends on where lights and surface stand (`choice`); one pair of
+//! numbers from a net chooses light and point together, so the samples of a pixel cover all texels of a light evenly.
 
 mod area;
+mod choice;
 mod point;
 
 use std::f32::consts::FRAC_1_PI;
@@ -19,6 +20,8 @@ use super::sampler::{Sampler, Use};
 use crate::error::{Error, Result};
 use crate::scene::{Emitter, EnvironmentEmitter, Scene};
 use area::AreaLight;
+pub(super) use choice::Chances;
+use choice::Choice;
 use point::PointLight;
 pub(super) use point::{cap_direction, cap_height_of};
 
@@ -34,6 +37,7 @@ enum Source {
 #[derive(Debug)]
 pub(super) struct Lights {
     sources: Vec<(Source, u32)>,
+    choice: Choice,
     /// Sources that a ray leaving the scene may find.
     distant: Vec<u32>,
 }
@@ -106,22 +110,27 @@ impl Lights {
             Source::Environment(_) => true,
         };
         let distant = (0..sources.len() as u32).filter(|&i| is_distant(&sources[i as usize].0)).collect();
-        Ok(Self { sources, distant })
+        let choice = Choice::new(scene, &sources);
+        Ok(Self { sources, choice, distant })
     }
 
-    /// Chance that a sample goes to one light.
-    fn chance(&self) -> f32 {
-        1.0 / self.sources.len() as f32
+    /// The chances of all lights at a surface at `position` with shading normal `normal`.
+    pub(super) fn chances(&self, position: Vec3, normal: Vec3) -> Chances {
+        self.choice.at(position, normal)
     }
 
-    /// Chooses a light and a point on it for a surface at `position` with shading frame `frame`. None where the point
-    /// sends nothing there.
-    pub(super) fn sample(&self, scene: &Scene, position: Vec3, frame: &Frame, pair: Vec2) -> Option<LightSample> {
-        let scaled = pair.x * self.sources.len() as f32;
-        let index = (scaled as usize).min(self.sources.len() - 1);
-        let pair = Vec2::new((scaled - index as f32).clamp(0.0, 0.999_999_9), pair.y);
+    /// Chooses a light and a point on it for a surface at `position` with shading frame `frame` and its chances. None where the
+    /// point sends nothing there.
+    pub(super) fn sample(
+        &self,
+        scene: &Scene,
+        (position, frame): (Vec3, &Frame),
+        chances: &Chances,
+        pair: Vec2,
+    ) -> Option<LightSample> {
+        let (index, chance, x) = chances.choose(pair.x);
+        let pair = Vec2::new(x, pair.y);
         let (source, first_column) = &self.sources[index];
-        let chance = self.chance();
         let mut sample = match source {
             Source::Area(light) => light.sample(scene, position, pair)?,
             Source::Point(light) => light.sample(position, pair)?,
@@ -141,19 +150,26 @@ impl Lights {
     }
 
     /// Emission of light `emitter` where a ray along `direction` hits its triangle at `position`, `distance` from the
-    /// surface that scattered it. `normal` is the triangle's front.
-    pub(super) fn on_surface(&self, scene: &Scene, emitter: u32, hit: &EmitterHit) -> Option<Found> {
+    /// surface that scattered it, `from` there with its shading normal. `normal` is the triangle's front.
+    pub(super) fn on_surface(
+        &self,
+        scene: &Scene,
+        emitter: u32,
+        hit: &EmitterHit,
+        from: (Vec3, Vec3),
+    ) -> Option<Found> {
         let (Source::Area(light), first_column) = self.sources.get(emitter as usize)? else { return None };
         let mut found = light.found(scene, hit)?;
         found.source = emitter;
         found.column += first_column;
-        found.pdf *= self.chance();
+        found.pdf *= self.chances(from.0, from.1).of(emitter as usize);
         Some(found)
     }
 
     /// Emission found by a ray that leaves the scene along `direction`, having been scattered at a surface whose
     /// shading normal makes `cosine` with it.
-    pub(super) fn beyond(&self, direction: Vec3, cosine: f32) -> impl Iterator<Item = Found> + '_ {
+    pub(super) fn beyond(&self, direction: Vec3, cosine: f32, from: (Vec3, Vec3)) -> impl Iterator<Item = Found> + '_ {
+        let chances = (!self.distant.is_empty()).then(|| self.chances(from.0, from.1));
         self.distant.iter().filter_map(move |&i| {
             let (source, first_column) = &self.sources[i as usize];
             let mut found = match source {
@@ -168,7 +184,7 @@ impl Lights {
             };
             found.source = i;
             found.column += first_column;
-            found.pdf *= self.chance();
+            found.pdf *= chances.map_or(0.0, |chances| chances.of(i as usize));
             Some(found)
         })
     }
@@ -297,11 +313,13 @@ mod tests {
     fn found(world: &World, position: Vec3, frame: &Frame, direction: Vec3) -> Option<Found> {
         let lights = &world.lights;
         let Some(point) = world.intersect(position, direction, &mut 0) else {
-            return lights.beyond(direction, frame.to_local(direction).z).next();
+            return lights.beyond(direction, frame.to_local(direction).z, (position, frame.z)).next();
         };
         let (position_hit, normal, uv) = (point.position, point.normal, point.uv);
         let distance = position.distance(position_hit);
-        lights.on_surface(&world.scene, 0, &EmitterHit { position: position_hit, normal, uv, direction, distance })
+        let hit = EmitterHit { position: position_hit, normal, uv, direction, distance };
+        let emitter = world.scene.mesh.triangles[point.triangle as usize].emitter.unwrap_or(0);
+        lights.on_surface(&world.scene, emitter, &hit, (position, frame.z))
     }
 
     /// Samples of a light, binned by direction around `axis` within `reach` radians, against the density that a ray
@@ -326,7 +344,12 @@ mod tests {
         let mut strangers = 0;
         for _ in 0..draws {
             let pair = Vec2::new(random.random(), random.random());
-            let bin = match world.lights.sample(&world.scene, position, &shading, pair) {
+            let bin = match world.lights.sample(
+                &world.scene,
+                (position, &shading),
+                &world.lights.chances(position, shading.z),
+                pair,
+            ) {
                 Some(sample) => {
                     let back = found(&world, position, &shading, sample.towards);
                     // At a texel's or the light's own edge rounding may put the ray on the other side.
@@ -382,6 +405,32 @@ mod tests {
         let tent = [roof[0], roof[1], wall[0], wall[1]];
         holds("triangles", area(&tent, AreaLayout::Whole, false), Vec3::new(0.5, 1.0, 0.2), 1.9);
         holds("triangles, both sides", area(&tent, AreaLayout::Whole, true), Vec3::new(0.5, 1.0, 0.2), 1.9);
+    }
+
+    #[test]
+    fn lights_are_chosen_with_the_chances_that_rays_are_told() {
+        let panel = |x: f32, y: f32| rectangle(Vec3::new(x, y, 0.3), Vec3::Z * -0.6, Vec3::X * 0.5);
+        // None before another, or before the sun.
+        let panels = [panel(-0.4, 0.9), panel(0.7, 1.6), panel(-2.6, 2.5)];
+        let place = |members: [u32; 2]| AreaEmitter {
+            triangles: members.to_vec(),
+            layout: AreaLayout::Whole,
+            two_sided: true,
+            pattern: None,
+        };
+        let mut lit = Arc::unwrap_or_clone(area(panels.as_flattened(), AreaLayout::Whole, true));
+        let sun = PointEmitter::Sun { towards: Vec3::new(-0.2, 0.5, -0.9).normalize(), angular_radius_radians: 0.3 };
+        lit.emitters = (0..3).map(|i| Emitter::Area(place([2 * i, 2 * i + 1]))).collect();
+        lit.emitters.push(Emitter::Point(sun));
+        let light = lit.basis.lights()[0].clone();
+        for (index, triangle) in lit.mesh.triangles.iter_mut().enumerate() {
+            triangle.emitter = Some(index as u32 / 2);
+        }
+        for column in 1..4 {
+            let (name, kind) = (format!("light {column}"), if column < 3 { LightKind::Lamp } else { LightKind::Sun });
+            lit.basis.push(Light { name, kind, first_column: column, ..light.clone() }).unwrap();
+        }
+        holds("several", Arc::new(lit), Vec3::Y, 1.7);
     }
 
     #[test]

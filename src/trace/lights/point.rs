@@ -21,6 +21,16 @@ impl PointLight {
         Self { emitter }
     }
 
+    /// Where it is; none for suns.
+    pub(super) fn position(&self) -> Option<Vec3> {
+        match self.emitter {
+            PointEmitter::Point { position }
+            | PointEmitter::Spot { position, .. }
+            | PointEmitter::Ies { position, .. } => Some(position),
+            PointEmitter::Sun { .. } => None,
+        }
+    }
+
     /// Whether rays that leave the scene can find it.
     pub(super) fn is_disc(&self) -> bool {
         matches!(self.emitter, PointEmitter::Sun { angular_radius_radians, .. } if angular_radius_radians > 0.0)

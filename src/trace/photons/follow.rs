@@ -12,13 +12,19 @@ use super::{Photon, fold};
 const MOST_GAIN: f32 = 4.0;
 
 /// Follows a photon to the first surface that scatters. None where it comes there straight, which light samples see to, or
-/// not at all. `share` is that of its light's flux.
-pub(super) fn follow(world: &World, max_depth: u32, emitted: Emitted, sampler: &Sampler, share: f32) -> Option<Photon> {
+/// not at all. `share` is that of its light's flux; `rays` counts those that it takes.
+pub(super) fn follow(
+    world: &World,
+    max_depth: u32,
+    emitted: Emitted,
+    (sampler, share): (&Sampler, f32),
+    rays: &mut u64,
+) -> Option<Photon> {
     let Emitted { mut origin, mut direction, column, mut power, density } = emitted;
     let (mut segments, mut passes) = (1, 0);
     // The camera's path to where it rests has one segment at least.
     while segments < max_depth && passes < MAX_PASSES {
-        let point = world.intersect(origin, direction, &mut 0)?;
+        let point = world.intersect(origin, direction, rays)?;
         let at = Vertex::new(world, point, direction);
         if at.bsdf.is_spread() {
             let folded = (fold(direction), fold(at.normal));

@@ -20,6 +20,8 @@ mod radius;
 mod targets;
 mod tree;
 
+use std::time::Instant;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -85,6 +87,17 @@ pub(super) struct Photons {
     per_sample: f32,
 }
 
+/// What sending the photons took, before the first block.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PhotonCost {
+    /// Photons that left the lights.
+    pub sent: u64,
+    /// Rays traced for them.
+    pub rays: u64,
+    /// Wall-clock seconds, with sorting them.
+    pub seconds: f64,
+}
+
 /// How many photons leave the lights.
 #[derive(Clone, Copy, Debug)]
 struct Numbers {
@@ -135,13 +148,20 @@ impl Numbers {
 }
 
 impl Photons {
-    /// Sends the photons of a job. None where there is no mirror and no smooth glass, or no light comes from there to a surface
-    /// that scatters.
-    pub(super) fn new(world: &World, pixels: u64, settings: TraceSettings) -> Option<Self> {
-        let targets = Targets::of(&world.scene)?;
+    /// Sends the photons of a job, and says what that took. None where there is no mirror and no smooth glass, or no light comes
+    /// from there to a surface that scatters.
+    pub(super) fn new(world: &World, pixels: u64, settings: TraceSettings) -> (Option<Self>, PhotonCost) {
+        let begun = Instant::now();
+        let Some(targets) = Targets::of(&world.scene) else { return (None, PhotonCost::default()) };
         let numbers = Numbers::of(&world.scene, pixels, settings);
-        let mut maps: Vec<Vec<Photon>> =
-            (0..numbers.maps).into_par_iter().map(|map| send(world, &targets, map, numbers, settings)).collect();
+        let send = |map| send(world, &targets, map, numbers, settings);
+        let (maps, rays): (Vec<_>, Vec<u64>) = (0..numbers.maps).into_par_iter().map(send).unzip();
+        let photons = Self::sorted(maps, targets, numbers, settings);
+        let (rays, seconds) = (rays.iter().sum(), begun.elapsed().as_secs_f64());
+        (photons, PhotonCost { sent: numbers.all(), rays, seconds })
+    }
+
+    fn sorted(mut maps: Vec<Vec<Photon>>, targets: Targets, numbers: Numbers, settings: TraceSettings) -> Option<Self> {
         let radius = RadiusField::of(&maps, targets.scene_radius())?;
         let maps = maps.par_iter_mut().map(|photons| {
             let mut photons = std::mem::take(photons);
@@ -156,7 +176,12 @@ impl Photons {
     /// Bytes that the photons of a scene take at most, while they are sorted.
     pub(super) fn needs_bytes(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
         let each = (size_of::<Photon>() + RadiusField::BYTES_PER_PHOTON + Tree::bytes_per_point(LEAF)) as u64;
-        if Targets::of(scene).is_none() { 0 } else { Numbers::of(scene, pixels, settings).all() * each }
+        Self::sent(scene, pixels, settings) * each
+    }
+
+    /// How many leave the lights of a scene.
+    pub(super) fn sent(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
+        if Targets::of(scene).is_none() { 0 } else { Numbers::of(scene, pixels, settings).all() }
     }
 
     /// How many have come to rest.
@@ -225,8 +250,9 @@ impl Photons {
     }
 }
 
-/// The photons of one map.
-fn send(world: &World, targets: &Targets, map: u32, numbers: Numbers, settings: TraceSettings) -> Vec<Photon> {
+/// The photons of one map, and the rays that they took.
+fn send(world: &World, targets: &Targets, map: u32, numbers: Numbers, settings: TraceSettings) -> (Vec<Photon>, u64) {
+    let (mut rays, share) = (0, 1.0 / numbers.per_light as f32);
     let mut photons = Vec::with_capacity(numbers.per_light as usize * numbers.lights as usize);
     for light in 0..numbers.lights as u32 {
         let key = u64::from(map) * numbers.lights + u64::from(light);
@@ -234,11 +260,11 @@ fn send(world: &World, targets: &Targets, map: u32, numbers: Numbers, settings: 
             // A seed of its own, so that photons share no numbers with the pixels.
             let sampler = Sampler::new(!settings.seed, key, index << 1);
             let Some(emitted) = world.lights.emit(&world.scene, targets, light, &sampler) else { continue };
-            photons.extend(follow(world, settings.max_depth, emitted, &sampler, 1.0 / numbers.per_light as f32));
+            photons.extend(follow(world, settings.max_depth, emitted, (&sampler, share), &mut rays));
         }
     }
     photons.shrink_to_fit();
-    photons
+    (photons, rays)
 }
 
 /// A unit vector as a point of the square that an octahedron unfolds to (Cigolle et al. 2014).
