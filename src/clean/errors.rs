@@ -55,27 +55,25 @@ pub(super) fn add_squares(
     squares: &mut Rows,
 ) {
     let planes = raw.planes() / 2;
-    squares.fill_rows(region, |y, square, out| {
+    let width = raw.width();
+    squares.fill_strips(&region.y, 1, |y, sums| {
         for plane in 0..planes {
-            let scale = scale(plane, y);
-            let [scale, raw_a, raw_b, a, b] = [
-                &scale,
-                raw.row(plane, y),
-                raw.row(planes + plane, y),
-                cleaned.row(plane, y),
-                cleaned.row(planes + plane, y),
-            ]
-            .map(|row| &row[region.x.clone()]);
-            for (x, out) in out.iter_mut().enumerate() {
-                let (was, is) = (raw_a[x] - raw_b[x], a[x] - b[x]);
-                let term = match square {
-                    0 => was,
-                    1 => is,
-                    2 => raw_a[x] + raw_b[x] - a[x] - b[x],
-                    _ => was - is,
-                };
-                let term = 0.5 * scale[x] * term;
-                *out += term * term;
+            let [raw_a, raw_b, a, b] =
+                [raw.row(plane, y), raw.row(planes + plane, y), cleaned.row(plane, y), cleaned.row(planes + plane, y)]
+                    .map(|row| &row[region.x.clone()]);
+            let scale = &scale(plane, y)[region.x.clone()];
+            for (square, sums) in sums.chunks_exact_mut(width).enumerate() {
+                for (x, sum) in sums[region.x.clone()].iter_mut().enumerate() {
+                    let (was, is) = (raw_a[x] - raw_b[x], a[x] - b[x]);
+                    let term = match square {
+                        0 => was,
+                        1 => is,
+                        2 => raw_a[x] + raw_b[x] - a[x] - b[x],
+                        _ => was - is,
+                    };
+                    let term = 0.5 * scale[x] * term;
+                    *sum += term * term;
+                }
             }
         }
     });

@@ -6,7 +6,7 @@ use super::constants::*;
 use super::errors::{self, ErrorSums, add_squares};
 use super::guide::{Guide, GuideCut, GuideWidths, mixtures, weights};
 use super::kernel::{Offset, Offsets, Weigh, weighted_means};
-use super::rows::{Region, Rows};
+use super::rows::{Pool, Region, Rows};
 use super::shrink::{RISK_REACH, mix_in};
 use super::surfaces::{Surfaces, SurfacesCut};
 use super::tally::Guides;
@@ -34,11 +34,51 @@ pub struct Window {
     pub feature_variance: Rows,
 }
 
-/// Bytes that [`clean`] takes at most for each pixel of a window.
+/// Some rows of pixels of a window, to be filled: of each row the rows of all planes.
+pub struct WindowStrip<'a> {
+    /// See [`Window::direct`].
+    pub direct: &'a mut [f32],
+    /// See [`Window::indirect`].
+    pub indirect: &'a mut [f32],
+    /// See [`Window::features`].
+    pub features: &'a mut [f32],
+    /// See [`Window::feature_variance`].
+    pub feature_variance: &'a mut [f32],
+}
+
+impl Window {
+    /// Of pixels across and down, with any values.
+    pub fn of_size((width, height): (usize, usize), clusters: usize, features: usize, pool: &Pool) -> Self {
+        let light = 2 * 3 * clusters;
+        Self {
+            direct: pool.rows(width, height, light),
+            indirect: pool.rows(width, height, light),
+            features: pool.rows(width, height, features),
+            feature_variance: pool.rows(width, height, features),
+        }
+    }
+
+    /// Cut before each of these rows of pixels but the first, which is row 0.
+    pub fn strips_mut(&mut self, borders: &[usize]) -> Vec<WindowStrip<'_>> {
+        let light = self.direct.strips_mut(borders).into_iter().zip(self.indirect.strips_mut(borders));
+        let features = self.features.strips_mut(borders).into_iter().zip(self.feature_variance.strips_mut(borders));
+        light
+            .zip(features)
+            .map(|((direct, indirect), (features, feature_variance))| WindowStrip {
+                direct,
+                indirect,
+                features,
+                feature_variance,
+            })
+            .collect()
+    }
+}
+
+/// Bytes that [`clean`] takes at most for each pixel of a window, with what the pool keeps.
 pub fn pixel_bytes(clusters: u64) -> u64 {
-    // Indirect light, what the wide and the narrow filter make of it, each in two halves of three channels; direct light that is
-    // clean; features, guides, the terms of the risk in three steps.
-    4 * (3 * 6 * clusters + 3 * clusters + 110)
+    // Direct and indirect light and one filter's result in two halves of three channels, the cleaned images; features, guides and
+    // squares; of one cluster the three terms of the risk, in three steps.
+    4 * (3 * 6 * clusters + 3 * clusters + 120 + 3 * 3)
 }
 
 /// What [`clean`] makes of a window.
@@ -54,81 +94,123 @@ impl Cleaned {
     pub fn errors(&self, region: &Region) -> ErrorSums {
         ErrorSums::of(&self.images, &self.squares, region)
     }
+
+    /// Gives its memory back.
+    pub fn keep_in(self, pool: &Pool) {
+        pool.keep(self.images);
+        pool.keep(self.squares);
+    }
 }
 
 /// The cleaned images of the clusters. Right for a region that is [`HALO`] away from the window's rim, or where the image ends
 /// there; elsewhere there is anything.
-pub fn clean(window: Window, region: &Region, guides: &Guides) -> Cleaned {
-    let Window { mut direct, mut indirect, features, feature_variance } = window;
-    let surfaces = Surfaces::new(&features, &feature_variance);
-    let whole = features.whole();
-    let mut squares = Rows::zeros(features.width(), features.height(), errors::PLANES);
+pub fn clean(window: Window, region: &Region, guides: &Guides, pool: &Pool) -> Cleaned {
+    let Window { direct, indirect, features, feature_variance } = window;
+    let (width, height) = (features.width(), features.height());
+    let filter = Filter { surfaces: Surfaces::new(&features, &feature_variance, pool), region, pool };
     let albedo = |plane: usize, y: usize| -> Vec<f32> {
         features.row(plane % 3, y).iter().map(|a| a.max(LEAST_ALBEDO)).collect()
     };
-    let mut clean = |light: &mut Rows, filter: &dyn Fn(&Rows) -> Rows| {
-        light.fill_rows(&whole, |y, plane, out| out.iter_mut().zip(albedo(plane, y)).for_each(|(o, a)| *o /= a));
-        let cleaned = filter(light);
-        add_squares(light, &cleaned, albedo, region, &mut squares);
-        *light = Rows::default();
-        mean_of_halves(&cleaned)
-    };
-    let direct = clean(&mut direct, &|light| clean_direct(light, &guides.direct, &surfaces, region));
-    let mut images = clean(&mut indirect, &|light| clean_indirect(light, &guides.indirect, &surfaces, region));
-    images.fill_rows(&whole, |y, plane, out| {
-        let parts = direct.row(plane, y).iter().zip(albedo(plane, y));
-        out.iter_mut().zip(parts).for_each(|(o, (d, a))| *o = (*o + d) * a);
-    });
+    let planes = direct.planes() / 2;
+    let mut images = pool.rows(width, height, planes);
+    let mut squares = pool.rows(width, height, errors::PLANES);
+    images.clear(region);
+    squares.clear(region);
+    for (mut light, is_direct) in [(direct, true), (indirect, false)] {
+        let whole = light.whole();
+        light.change_rows(&whole, |y, plane, out| out.iter_mut().zip(albedo(plane, y)).for_each(|(o, a)| *o /= a));
+        let cleaned =
+            if is_direct { filter.direct(&light, &guides.direct) } else { filter.indirect(&light, &guides.indirect) };
+        add_squares(&light, &cleaned, albedo, region, &mut squares);
+        pool.keep(light);
+        images.change_rows(region, |y, plane, out| {
+            let [a, b] = [plane, planes + plane].map(|plane| &cleaned.row(plane, y)[region.x.clone()]);
+            let albedo = albedo(plane, y);
+            let halves = a.iter().zip(b).zip(&albedo[region.x.clone()]);
+            out.iter_mut().zip(halves).for_each(|(o, ((a, b), albedo))| *o += 0.5 * (a + b) * albedo);
+        });
+        pool.keep(cleaned);
+    }
+    [features, feature_variance, filter.surfaces.into_rows()].into_iter().for_each(|done| pool.keep(done));
     Cleaned { images, squares }
 }
 
-fn clean_direct(light: &Rows, mix: &[f32], surfaces: &Surfaces, region: &Region) -> Rows {
-    let filtered = region.grown(RISK_REACH, light);
-    let guide = {
-        let compared = filtered.grown(DIRECT + PATCH, light);
-        let pilot = compared.grown(FILTERED_NOISE_REACH, light);
-        let raw_compared = pilot.grown(DIRECT_PILOT + PATCH, light);
-        let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light));
-        let guide = Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared);
-        let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
-        let alike = Alike { surfaces, guide, widths, patch: PATCH, radius: None };
-        let means = weighted_means(&raw, &pilot, &Offsets::square(DIRECT_PILOT, 1), 0.0, &alike);
-        Guide::of_halves(&means, FILTERED_NOISE_REACH, &compared)
-    };
-    let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
-    let alike = Alike { surfaces, guide, widths, patch: PATCH, radius: Some(DIRECT) };
-    let mut means = weighted_means(light, &filtered, &Offsets::disc(DIRECT, 1, DIRECT_DENSE), SLOPE, &alike);
-    mix_in(light, &mut means, region);
-    means
+/// What filters both kinds of light.
+struct Filter<'a> {
+    surfaces: Surfaces,
+    region: &'a Region,
+    pool: &'a Pool,
 }
 
-fn clean_indirect(light: &Rows, mix: &[f32], surfaces: &Surfaces, region: &Region) -> Rows {
-    let filtered = region.grown(RISK_REACH, light);
-    let guide = {
-        let compared = region.grown(LIGHT_HALO, light);
-        let pilot = compared.grown(FILTERED_NOISE_REACH, light);
-        let raw_compared = pilot.grown(INDIRECT_NARROW + INDIRECT_WIDE + PATCH, light);
-        let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light));
-        let guide = Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared);
-        let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
-        let alike = Alike { surfaces, guide, widths, patch: PATCH, radius: None };
-        let means = wide_then_narrow(&raw, &pilot, PILOT_SLOPE, alike);
-        Guide::of_halves(&means, FILTERED_NOISE_REACH, &compared)
-    };
-    let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
-    let alike = Alike { surfaces, guide, widths, patch: 0, radius: None };
-    let mut means = wide_then_narrow(light, &filtered, SLOPE, alike);
-    mix_in(light, &mut means, region);
-    means
-}
+impl Filter<'_> {
+    fn direct(&self, light: &Rows, mix: &[f32]) -> Rows {
+        let filtered = self.region.grown(RISK_REACH, light);
+        let guide = {
+            let compared = filtered.grown(DIRECT + PATCH, light);
+            let pilot = compared.grown(FILTERED_NOISE_REACH, light);
+            let raw_compared = pilot.grown(DIRECT_PILOT + PATCH, light);
+            let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light), self.pool);
+            let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
+            let alike = self.alike(Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared, self.pool), widths, PATCH);
+            let means =
+                weighted_means(&raw, &pilot, &Offsets::disc(DIRECT_PILOT, 1, DIRECT_DENSE), 0.0, &alike, self.pool);
+            self.guide_of(means, &compared, [raw, alike.guide.into_rows()])
+        };
+        let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
+        let alike = Alike { radius: Some(DIRECT), ..self.alike(guide, widths, PATCH) };
+        let offsets = Offsets::disc(DIRECT, 1, DIRECT_DENSE);
+        let means = weighted_means(light, &filtered, &offsets, SLOPE, &alike, self.pool);
+        self.trusted(light, means, alike)
+    }
 
-/// A wide filter that reads some of the pixels, then a narrow one that reads all.
-fn wide_then_narrow(light: &Rows, region: &Region, slope: f32, alike: Alike) -> Rows {
-    let wide = Offsets::disc(INDIRECT_WIDE, INDIRECT_STRIDE, INDIRECT_WIDE);
-    let alike = Alike { radius: Some(INDIRECT_WIDE), ..alike };
-    let wide = weighted_means(light, &region.grown(INDIRECT_NARROW, light), &wide, slope, &alike);
-    let alike = Alike { radius: Some(INDIRECT_NARROW), ..alike };
-    weighted_means(&wide, region, &Offsets::disc(INDIRECT_NARROW, 1, INDIRECT_NARROW), slope, &alike)
+    fn indirect(&self, light: &Rows, mix: &[f32]) -> Rows {
+        let filtered = self.region.grown(RISK_REACH, light);
+        let guide = {
+            let compared = self.region.grown(LIGHT_HALO, light);
+            let pilot = compared.grown(FILTERED_NOISE_REACH, light);
+            let raw_compared = pilot.grown(INDIRECT_NARROW + INDIRECT_WIDE + PATCH, light);
+            let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light), self.pool);
+            let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
+            let guide = Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared, self.pool);
+            let mut alike = self.alike(guide, widths, PATCH);
+            let means = self.wide_then_narrow(&raw, &pilot, PILOT_SLOPE, &mut alike);
+            self.guide_of(means, &compared, [raw, alike.guide.into_rows()])
+        };
+        let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
+        let mut alike = self.alike(guide, widths, 0);
+        let means = self.wide_then_narrow(light, &filtered, SLOPE, &mut alike);
+        self.trusted(light, means, alike)
+    }
+
+    /// A wide filter that reads some of the pixels, then a narrow one that reads all.
+    fn wide_then_narrow(&self, light: &Rows, region: &Region, slope: f32, alike: &mut Alike<'_>) -> Rows {
+        let offsets = Offsets::disc(INDIRECT_WIDE, INDIRECT_STRIDE, INDIRECT_WIDE);
+        alike.radius = Some(INDIRECT_WIDE);
+        let wide = weighted_means(light, &region.grown(INDIRECT_NARROW, light), &offsets, slope, &*alike, self.pool);
+        let offsets = Offsets::disc(INDIRECT_NARROW, 1, INDIRECT_NARROW);
+        alike.radius = Some(INDIRECT_NARROW);
+        let narrow = weighted_means(&wide, region, &offsets, slope, &*alike, self.pool);
+        self.pool.keep(wide);
+        narrow
+    }
+
+    fn alike(&self, guide: Guide, widths: GuideWidths, patch: usize) -> Alike<'_> {
+        Alike { surfaces: &self.surfaces, guide, widths, patch, radius: None }
+    }
+
+    /// The guide that filtered mixtures make; what made them is done with.
+    fn guide_of(&self, means: Rows, compared: &Region, done: [Rows; 2]) -> Guide {
+        let guide = Guide::of_halves(&means, FILTERED_NOISE_REACH, compared, self.pool);
+        [means].into_iter().chain(done).for_each(|done| self.pool.keep(done));
+        guide
+    }
+
+    /// The means as far as they may be trusted beside the light that they are of.
+    fn trusted(&self, light: &Rows, mut means: Rows, alike: Alike<'_>) -> Rows {
+        self.pool.keep(alike.guide.into_rows());
+        mix_in(light, &mut means, self.region, self.pool);
+        means
+    }
 }
 
 /// Weights by the guide, compared over patches, by what is seen, and by the distance within a radius.
@@ -166,16 +248,6 @@ impl Weigh for Alike<'_> {
 fn nearness((across, down): Offset, radius: usize) -> f32 {
     let width = radius as f32 * NEARNESS;
     (across * across + down * down) as f32 / (2.0 * width * width)
-}
-
-fn mean_of_halves(halves: &Rows) -> Rows {
-    let planes = halves.planes() / 2;
-    let mut mean = Rows::zeros(halves.width(), halves.height(), planes);
-    mean.fill_rows(&halves.whole(), |y, plane, out| {
-        let pairs = halves.row(plane, y).iter().zip(halves.row(planes + plane, y));
-        out.iter_mut().zip(pairs).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
-    });
-    mean
 }
 
 #[cfg(test)]
@@ -219,9 +291,35 @@ mod tests {
     }
 
     fn guides(window: &Window) -> Guides {
+        let halves = |light: &Rows| {
+            let plane = |plane| (0..light.height()).flat_map(move |y| light.row(plane, y).to_vec());
+            [0, 1].map(|half| (half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS).flat_map(plane).collect::<Vec<f32>>())
+        };
+        let (direct, indirect) = (halves(&window.direct), halves(&window.indirect));
         let mut tally = Tally::new(CLUSTERS);
-        tally.add(window);
+        tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
         tally.guides()
+    }
+
+    fn mean_of_halves(halves: &Rows) -> Rows {
+        let planes = halves.planes() / 2;
+        let mut mean = Rows::zeros(halves.width(), halves.height(), planes);
+        mean.fill_rows(&halves.whole(), |y, plane, out| {
+            let pairs = halves.row(plane, y).iter().zip(halves.row(planes + plane, y));
+            out.iter_mut().zip(pairs).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
+        });
+        mean
+    }
+
+    /// With memory that others have used.
+    fn clean(window: Window, region: &Region, guides: &Guides) -> Cleaned {
+        let pool = Pool::default();
+        for planes in [1, 3, 4, 10, 12, 16, 16] {
+            let mut used = Rows::zeros(window.features.width(), window.features.height(), planes);
+            used.values_mut().fill(f32::NAN);
+            pool.keep(used);
+        }
+        super::clean(window, region, guides, &pool)
     }
 
     fn clean_all(window: &Window) -> Rows {

@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use super::constants::CHROMA;
 use super::kernel::Offset;
-use super::rows::{Region, Rows};
+use super::rows::{Pool, Region, Rows};
 use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, whole_vectors};
 
 /// Guides, then the sum of their variances, then that of their squares.
@@ -22,23 +22,23 @@ pub(super) struct GuideWidths {
 
 impl Guide {
     /// In a region, of two halves, one after the other in `halves`: their mean, and its variance, averaged over squares.
-    pub(super) fn of_halves(halves: &Rows, reach: usize, region: &Region) -> Self {
+    pub(super) fn of_halves(halves: &Rows, reach: usize, region: &Region, pool: &Pool) -> Self {
         let guides = halves.planes() / 2;
         let (width, height) = (halves.width(), halves.height());
         let pairs = |y: usize, plane: usize, region: &Region| {
             let [a, b] = [plane, guides + plane].map(|plane| &halves.row(plane, y)[region.x.clone()]);
             a.iter().zip(b)
         };
-        let mut variance = Rows::zeros(width, height, 1);
+        let mut squares = pool.rows(width, height, 1);
         let around = region.grown(reach, halves);
-        variance.fill_rows(&around, |y, _, out| {
+        squares.fill_rows(&around, |y, _, out| {
             for plane in 0..guides {
                 let pairs = out.iter_mut().zip(pairs(y, plane, &around));
                 pairs.for_each(|(o, (a, b))| *o += 0.25 * (a - b) * (a - b));
             }
         });
-        let variance = variance.box_mean(reach, region);
-        let mut rows = Rows::zeros(width, height, guides + 2);
+        let variance = squares.box_mean(reach, region, pool);
+        let mut rows = pool.rows(width, height, guides + 2);
         rows.fill_rows(region, |y, plane, out| {
             if plane < guides {
                 out.iter_mut().zip(pairs(y, plane, region)).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
@@ -51,7 +51,13 @@ impl Guide {
                 }
             }
         });
+        pool.keep(squares);
+        pool.keep(variance);
         Self { rows, guides }
+    }
+
+    pub(super) fn into_rows(self) -> Rows {
+        self.rows
     }
 
     /// What a tile's neighbours are compared by over patches of these pixels to each side.
@@ -99,27 +105,30 @@ impl GuideCut {
                 out[i] = (out[i] - noises) / (noise * noises + relative * sizes + 1e-12);
             }
         }
-        out.fill(0.0);
         let side = 2 * patch + 1;
-        for (y, out) in out.chunks_exact_mut(TILE_WIDTH).enumerate() {
-            for row in self.distances[y * length..][..side * length].chunks_exact(length) {
-                for x in 0..side {
-                    out.iter_mut().zip(&row[x..x + TILE_WIDTH]).for_each(|(o, d)| *o += d);
-                }
+        let scale = 1.0 / (side * side) as f32;
+        // Sums across, each of which goes to all rows that it is near.
+        out.fill(0.0);
+        for (row, distances) in self.distances.chunks_exact(length).enumerate() {
+            let mut across: [f32; TILE_WIDTH] = std::array::from_fn(|x| distances[x]);
+            for x in 1..side {
+                across.iter_mut().zip(&distances[x..x + TILE_WIDTH]).for_each(|(sum, d)| *sum += d);
+            }
+            let (first, end) = ((row + 1).saturating_sub(side), (row + 1).min(TILE_HEIGHT));
+            for out in out[first * TILE_WIDTH..end * TILE_WIDTH].chunks_exact_mut(TILE_WIDTH) {
+                out.iter_mut().zip(&across).for_each(|(out, sum)| *out += scale * sum);
             }
         }
-        let scale = 1.0 / (side * side) as f32;
-        out.iter_mut().for_each(|o| *o *= scale);
     }
 }
 
 /// Mixtures of the clusters' images, summed over channels, of each half: `mix` is clusters × guides, guide by guide. Two more
 /// say how the first of them is coloured: red and blue less green, [`CHROMA`] times.
-pub(super) fn mixtures(halves: &Rows, mix: &[f32], region: &Region) -> Rows {
+pub(super) fn mixtures(halves: &Rows, mix: &[f32], region: &Region, pool: &Pool) -> Rows {
     let clusters = halves.planes() / 6;
     let guides = mix.len() / clusters;
     let chroma = [[CHROMA, -CHROMA, 0.0], [0.0, -CHROMA, CHROMA]];
-    let mut images = Rows::zeros(halves.width(), halves.height(), 2 * (guides + chroma.len()));
+    let mut images = pool.rows(halves.width(), halves.height(), 2 * (guides + chroma.len()));
     images.fill_rows(region, |y, plane, out| {
         let (half, guide) = (plane / (guides + chroma.len()), plane % (guides + chroma.len()));
         let (guide, channels) = match guide.checked_sub(guides) {

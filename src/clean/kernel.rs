@@ -4,7 +4,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::constants::{BESIDE, MOST_LEVERAGE};
-use super::rows::{Region, Rows};
+use super::rows::{Pool, Region, Rows};
 use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load};
 
 /// Planes that are summed at once.
@@ -34,7 +34,7 @@ pub(super) struct Offsets {
 
 impl Offsets {
     /// A square of these pixels to each side, of which every `stride`th is read; the middle is among them.
-    pub(super) fn square(radius: usize, stride: usize) -> Self {
+    fn square(radius: usize, stride: usize) -> Self {
         debug_assert!(radius.is_multiple_of(stride));
         let steps = || (-(radius as isize)..=radius as isize).step_by(stride);
         Self { radius, each: steps().flat_map(|y| steps().map(move |x| (x, y))).collect() }
@@ -52,12 +52,11 @@ impl Offsets {
         });
         Self { radius, each }
     }
+}
 
-    /// How far each is from a pixel in a plane of a [`Cut`] with this radius.
-    fn taps(&self) -> Vec<isize> {
-        let stride = Cut::stride(self.radius) as isize;
-        self.each.iter().map(|(across, down)| down * stride + across).collect()
-    }
+/// How far each is from a pixel in a plane of rows that are so far from one another.
+fn taps(offsets: &[Offset], row: usize) -> Vec<isize> {
+    offsets.iter().map(|(across, down)| down * row as isize + across).collect()
 }
 
 /// For each pixel of a region the mean of its neighbours in each plane of `images`, corrected for their slope as far as `slope`
@@ -69,10 +68,13 @@ pub(super) fn weighted_means(
     offsets: &Offsets,
     slope: f32,
     weigher: &impl Weigh,
+    pool: &Pool,
 ) -> Rows {
     let (width, planes) = (images.width(), images.planes());
-    let taps = &offsets.taps();
-    let mut means = Rows::zeros(width, images.height(), planes);
+    // Those of tiles at the image's edge, and of others.
+    let taps = [Cut::stride(offsets.radius), planes * width].map(|row| taps(&offsets.each, row));
+    let taps = taps.each_ref().map(Vec::as_slice);
+    let mut means = pool.rows(width, images.height(), planes);
     means.fill_strips(&region.y, TILE_HEIGHT, |y, strip| {
         let mut weights = vec![0.0f32; offsets.each.len() * TILE_PIXELS];
         for x in region.x.clone().step_by(TILE_WIDTH) {
@@ -97,8 +99,8 @@ struct TileOfMeans<'a, W> {
     images: &'a Rows,
     tile: Tile,
     offsets: &'a Offsets,
-    /// How far each of those is in a plane of a cut.
-    taps: &'a [isize],
+    /// How far each of those is in a plane of a cut, and of the images.
+    taps: [&'a [isize]; 2],
     slope: f32,
     weigher: &'a W,
     /// [`TILE_PIXELS`] for each offset.
@@ -113,10 +115,21 @@ impl<W: Weigh> WithSimd for TileOfMeans<'_, W> {
     fn with_simd<S: Simd>(mut self, simd: S) {
         self.weigh(simd);
         correct_slope(self.weights, &self.offsets.each, self.slope);
+        if self.is_inside() {
+            let (Tile { x, y }, width, planes) = (self.tile, self.out.width, self.out.planes);
+            for first in (0..planes).step_by(TOGETHER) {
+                let begin = (y * planes + first) * width + x;
+                let source = Source { values: self.images.values(), begin, row: planes * width, plane: width };
+                self.add_up(simd, source, self.taps[1], first);
+            }
+            return;
+        }
         let mut cut = Cut::default();
         for first in (0..self.out.planes).step_by(TOGETHER) {
             cut.fill(self.images, first..self.out.planes.min(first + TOGETHER), self.tile, self.offsets.radius);
-            self.add_up(simd, &cut, first);
+            let row = Cut::stride(self.offsets.radius);
+            let source = Source { values: cut.values(), begin: cut.at((0, 0)), row, plane: cut.plane_length() };
+            self.add_up(simd, source, self.taps[0], first);
         }
     }
 }
@@ -157,20 +170,27 @@ impl<W: Weigh> TileOfMeans<'_, W> {
         }
     }
 
-    /// Adds up the weighted neighbours in the planes of a cut, the first of which is this.
+    /// Whether all that is read lies within the image, vectors that begin in it too.
+    fn is_inside(&self) -> bool {
+        let (Tile { x, y }, radius) = (self.tile, self.offsets.radius);
+        let (right, bottom) = (x + TILE_WIDTH + radius, y + TILE_HEIGHT + radius);
+        x >= radius && y >= radius && right <= self.out.width && bottom <= self.images.height()
+    }
+
+    /// Adds up the weighted neighbours in some planes, the first of which is this.
     #[inline(always)]
-    fn add_up<S: Simd>(&mut self, simd: S, cut: &Cut, first: usize) {
+    fn add_up<S: Simd>(&mut self, simd: S, source: Source<'_>, taps: &[isize], first: usize) {
         let Target { width, planes, columns, rows } = &mut self.out;
         // What is missing of four planes is summed again, and forgotten.
         let together = TOGETHER.min(*planes - first);
-        let each: [&[f32]; TOGETHER] = std::array::from_fn(|plane| {
-            &cut.values()[plane.min(together - 1) * cut.plane_length()..][..cut.plane_length()]
-        });
+        let begins: [usize; TOGETHER] =
+            std::array::from_fn(|plane| source.begin + plane.min(together - 1) * source.plane);
         let mut out = [[0.0f32; TILE_WIDTH]; TOGETHER];
         for (y, row) in rows.chunks_exact_mut(*planes * *width).enumerate() {
             for x in (0..TILE_WIDTH).step_by(2 * S::F32_LANES) {
                 let weights = &self.weights[y * TILE_WIDTH + x..];
-                let sums = add_up_vectors(simd, &each, cut.at((x as isize, y as isize)), weights, self.taps);
+                let at = begins.map(|begin| begin + y * source.row + x);
+                let sums = add_up_vectors(simd, source.values, at, weights, taps);
                 for (out, sums) in out.iter_mut().zip(&sums) {
                     S::as_mut_simd_f32s(&mut out[x..x + 2 * S::F32_LANES]).0.copy_from_slice(sums);
                 }
@@ -183,30 +203,39 @@ impl<W: Weigh> TileOfMeans<'_, W> {
     }
 }
 
-/// Weighted sums of two vectors of pixels, of each of these planes. `taps` says how far each neighbour is from them in a plane.
-/// Written out, for the sums to stay in registers; not fused, for the same bits on every machine.
+/// Where the pixels of a tile are read.
+struct Source<'a> {
+    values: &'a [f32],
+    /// The tile's first pixel in the first plane.
+    begin: usize,
+    /// From a row to the next.
+    row: usize,
+    /// From a plane to the next.
+    plane: usize,
+}
+
+/// Weighted sums of two vectors of pixels in each of four planes, which begin there. `taps` says how far each neighbour is from them.
+/// Written out, for the sums to stay in registers; fused on every machine, for the same bits.
 #[inline(always)]
 fn add_up_vectors<S: Simd>(
     simd: S,
-    [a, b, c, d]: &[&[f32]; TOGETHER],
-    at: usize,
+    values: &[f32],
+    [a, b, c, d]: [usize; TOGETHER],
     weights: &[f32],
     taps: &[isize],
 ) -> [[S::f32s; 2]; TOGETHER] {
     let zero = simd.splat_f32s(0.0);
-    let add = |[low, high]: [S::f32s; 2], [w_low, w_high]: [S::f32s; 2], plane: &[f32], at: usize| {
-        let values = [load::<S>(plane, at), load::<S>(plane, at + S::F32_LANES)];
-        let (low_term, high_term) = (simd.mul_f32s(w_low, values[0]), simd.mul_f32s(w_high, values[1]));
-        [simd.add_f32s(low, low_term), simd.add_f32s(high, high_term)]
+    let add = |[low, high]: [S::f32s; 2], [w_low, w_high]: [S::f32s; 2], at: usize| {
+        let values = [load::<S>(values, at), load::<S>(values, at + S::F32_LANES)];
+        [simd.mul_add_f32s(w_low, values[0], low), simd.mul_add_f32s(w_high, values[1], high)]
     };
     let [mut of_a, mut of_b, mut of_c, mut of_d] = [[zero; 2]; TOGETHER];
     for (&tap, weights) in taps.iter().zip(weights.chunks(TILE_PIXELS)) {
         let weights = [load::<S>(weights, 0), load::<S>(weights, S::F32_LANES)];
-        let at = at.wrapping_add_signed(tap);
-        of_a = add(of_a, weights, a, at);
-        of_b = add(of_b, weights, b, at);
-        of_c = add(of_c, weights, c, at);
-        of_d = add(of_d, weights, d, at);
+        of_a = add(of_a, weights, a.wrapping_add_signed(tap));
+        of_b = add(of_b, weights, b.wrapping_add_signed(tap));
+        of_c = add(of_c, weights, c.wrapping_add_signed(tap));
+        of_d = add(of_d, weights, d.wrapping_add_signed(tap));
     }
     [of_a, of_b, of_c, of_d]
 }
@@ -300,6 +329,10 @@ mod tests {
         }
     }
 
+    fn means(images: &Rows, region: &Region, offsets: &Offsets, slope: f32, weigher: &impl Weigh) -> Rows {
+        weighted_means(images, region, offsets, slope, weigher, &Pool::default())
+    }
+
     /// Light that rises from the rim of a surface: a mean brightens the rim, a plane does not.
     #[test]
     fn a_slope_at_the_rim_is_no_bias() {
@@ -307,7 +340,7 @@ mod tests {
         let mut ramp = Rows::zeros(width, height, 1);
         (0..height).for_each(|y| (0..width).for_each(|x| ramp.row_mut(0, y)[x] = x as f32));
         let even = ByPlace(|_, _| 1.0);
-        let rim = |slope: f32| weighted_means(&ramp, &ramp.whole(), &Offsets::square(5, 1), slope, &even).row(0, 1)[0];
+        let rim = |slope: f32| means(&ramp, &ramp.whole(), &Offsets::square(5, 1), slope, &even).row(0, 1)[0];
         assert!((rim(0.0) - 2.5).abs() < 0.1, "{}", rim(0.0));
         assert!(rim(1.0).abs() < 0.05, "{}", rim(1.0));
         // What the mean of few samples is worth pays for a part of it only.
@@ -322,7 +355,7 @@ mod tests {
     fn weights_of_a_plane_add_up_to_one() {
         let mut flat = Rows::zeros(20, 9, 1);
         flat.values_mut().fill(3.0);
-        let means = weighted_means(&flat, &flat.whole(), &Offsets::square(4, 1), 1.0, &ByPlace(uneven));
+        let means = means(&flat, &flat.whole(), &Offsets::square(4, 1), 1.0, &ByPlace(uneven));
         assert!(means.values().iter().all(|v| (v - 3.0).abs() < 1e-3), "{means:?}");
     }
 
@@ -334,7 +367,7 @@ mod tests {
         images.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = (i * i % 101) as f32);
         let offsets = Offsets::square(6, 3);
         for region in [images.whole(), Region { x: 3..50, y: 5..17 }] {
-            let means = weighted_means(&images, &region, &offsets, 0.0, &ByPlace(uneven));
+            let means = means(&images, &region, &offsets, 0.0, &ByPlace(uneven));
             for y in region.y.clone() {
                 for x in region.x.clone() {
                     let inside = |&&(across, down): &&Offset| {

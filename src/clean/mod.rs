@@ -29,10 +29,10 @@ mod tally;
 mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 5;
+pub const CLEANER_VERSION: u32 = 6;
 
 pub use errors::ErrorSums;
-pub use filter::{Cleaned, HALO, Window, clean, pixel_bytes};
+pub use filter::{Cleaned, HALO, Window, WindowStrip, clean, pixel_bytes};
 pub use map_fit::{MapFit, TILE, tile_means};
-pub use rows::{Region, Rows};
+pub use rows::{Pool, Region, Rows};
 pub use tally::{Guides, Tally};

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::constants::{LEAST_SHARE, RISK_CELLS, WHOLE_SHARE};
-use super::rows::{Region, Rows, shifts};
+use super::rows::{Pool, Region, Rows, shifts};
 
 /// Pixels to each side of the middle of a cell, and across it.
 const CELL_REACH: usize = 1;
@@ -16,10 +16,10 @@ pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH;
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
 /// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
 /// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it.
-pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region) {
+pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region, pool: &Pool) {
     let (width, planes) = (raw.width(), raw.planes() / 2);
     for first in (0..planes).step_by(3) {
-        let cells = Cells::new(raw, smooth, first, region);
+        let cells = Cells::new(raw, smooth, first, region, pool);
         smooth.fill_strips(&region.y, 1, |y, row| {
             let shares = cells.shares(y, region);
             for plane in (first..first + 3).flat_map(|channel| [channel, planes + channel]) {
@@ -28,6 +28,7 @@ pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region) {
                 out.iter_mut().zip(raw).zip(&shares).for_each(|((out, raw), share)| *out = raw + share * (*out - raw));
             }
         });
+        pool.keep(cells.0);
     }
 }
 
@@ -36,14 +37,14 @@ struct Cells(Rows);
 
 impl Cells {
     /// Of the cluster whose first plane is this.
-    fn new(raw: &Rows, smooth: &Rows, first: usize, region: &Region) -> Self {
+    fn new(raw: &Rows, smooth: &Rows, first: usize, region: &Region, pool: &Pool) -> Self {
         let around = region.grown(RISK_REACH, raw);
-        let mut terms = Rows::zeros(raw.width(), raw.height(), 3);
+        let mut terms = pool.rows(raw.width(), raw.height(), 3);
         terms.fill_strips(&around.y, 1, |y, row| {
-            let mut terms = row.chunks_exact_mut(raw.width()).map(|row| &mut row[around.x.clone()]);
-            let [Some(gained), Some(changed), Some(squared)] = [terms.next(), terms.next(), terms.next()] else {
-                return;
-            };
+            row.fill(0.0);
+            let (gained, rest) = row.split_at_mut(raw.width());
+            let (changed, squared) = rest.split_at_mut(raw.width());
+            let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[around.x.clone()]);
             for channel in first..first + 3 {
                 let ([raw_a, raw_b], [a, b]) =
                     (halves(raw, channel, (&around.x, y)), halves(smooth, channel, (&around.x, y)));
@@ -57,7 +58,9 @@ impl Cells {
                 }
             }
         });
-        Self(terms.box_mean(CELL_REACH, &region.grown(CELL * RISK_CELLS, raw)))
+        let means = terms.box_mean(CELL_REACH, &region.grown(CELL * RISK_CELLS, raw), pool);
+        pool.keep(terms);
+        Self(means)
     }
 
     /// How much of the smooth image the pixels of a row in the region take.

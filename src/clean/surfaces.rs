@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, NORMAL_WIDTH, SHARE_WIDTH};
 use super::kernel::Offset;
-use super::rows::Rows;
+use super::rows::{Pool, Rows};
 use super::tile::{Cut, TILE_PIXELS, TILE_WIDTH, Tile};
 
 const NORMAL: usize = 3;
@@ -29,10 +29,10 @@ const INVERSE_DEPTH_NOISE: usize = COMPARED + 4;
 const PLANES: usize = COMPARED + 5;
 
 impl Surfaces {
-    pub(super) fn new(features: &Rows, variance: &Rows) -> Self {
+    pub(super) fn new(features: &Rows, variance: &Rows, pool: &Pool) -> Self {
         let (width, height) = (features.width(), features.height());
         let order = [NORMAL, NORMAL + 1, NORMAL + 2, 0, 1, 2, SPECULAR, SURFACE];
-        let mut inverse = Rows::zeros(width, height, 1);
+        let mut inverse = pool.rows(width, height, 1);
         inverse.fill_rows(&features.whole(), |y, _, out| {
             let pairs = features.row(DEPTH, y).iter().zip(features.row(SURFACE, y));
             out.iter_mut()
@@ -43,7 +43,7 @@ impl Surfaces {
             let depth = features.row(DEPTH, y)[x];
             if depth > 0.0 { variance.row(DEPTH, y)[x] * (inverse.row(0, y)[x] / depth).powi(2) } else { 0.0 }
         };
-        let mut planes = Rows::zeros(width, height, PLANES);
+        let mut planes = pool.rows(width, height, PLANES);
         planes.fill_rows(&features.whole(), |y, plane, out| {
             let row = inverse.row(0, y);
             match plane {
@@ -75,7 +75,12 @@ impl Surfaces {
                 }
             }
         });
+        pool.keep(inverse);
         Self(planes)
+    }
+
+    pub(super) fn into_rows(self) -> Rows {
+        self.0
     }
 
     /// What a tile's neighbours are compared by.

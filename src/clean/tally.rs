@@ -3,9 +3,10 @@
 use faer::linalg::solvers::SelfAdjointEigen;
 use faer::{Mat, Side};
 
-use super::Window;
 use super::constants::GUIDES;
-use super::rows::Rows;
+
+/// Colour channels of each image.
+const CHANNELS: usize = 3;
 
 /// Sums are kept in units of this, as integers, so that they do not depend on the order of blocks.
 const UNIT: f64 = 1.0 / (1u64 << 30) as f64;
@@ -40,10 +41,11 @@ impl Tally {
         Self { clusters, direct: moments.clone(), indirect: moments }
     }
 
-    /// Adds the pixels of a window.
-    pub fn add(&mut self, window: &Window) {
-        self.direct.add(&window.direct, self.clusters);
-        self.indirect.add(&window.indirect, self.clusters);
+    /// Adds some pixels: two halves of direct and of indirect light, of each all clusters, of each three channels, of each
+    /// the pixels.
+    pub fn add(&mut self, direct: [&[f32]; 2], indirect: [&[f32]; 2]) {
+        self.direct.add(direct, self.clusters);
+        self.indirect.add(indirect, self.clusters);
     }
 
     /// Adds what another has seen.
@@ -65,31 +67,31 @@ impl Tally {
 }
 
 impl Moments {
-    fn add(&mut self, light: &Rows, clusters: usize) {
-        let width = light.width();
+    fn add(&mut self, halves: [&[f32]; 2], clusters: usize) {
+        let pixels = halves[0].len() / (CHANNELS * clusters);
         let mut products = vec![0.0f64; clusters * clusters];
         let mut sums = vec![0.0f64; clusters];
-        let mut rows = vec![0.0f32; 2 * clusters * width];
-        for y in 0..light.height() {
-            rows.fill(0.0);
-            for plane in 0..light.planes() {
-                let row = &mut rows[plane / 3 * width..][..width];
-                row.iter_mut().zip(light.row(plane, y)).for_each(|(sum, v)| *sum += v);
+        // Pixel by pixel, sums over channels: of all clusters in one half, then in the other.
+        let mut light = vec![0.0f64; 2 * clusters * pixels];
+        for (half, images) in halves.iter().enumerate() {
+            for (cluster, channels) in images.chunks_exact((CHANNELS * pixels).max(1)).enumerate() {
+                let targets = light[half * clusters + cluster..].iter_mut().step_by(2 * clusters);
+                for (pixel, target) in targets.enumerate() {
+                    *target = (0..CHANNELS).map(|channel| f64::from(channels[channel * pixels + pixel])).sum();
+                }
             }
-            for x in 0..width {
-                let at = |half: usize, cluster: usize| f64::from(rows[(half * clusters + cluster) * width + x]);
-                let total: f64 = (0..clusters).map(|c| at(0, c) + at(1, c)).sum();
-                if total <= 0.0 {
-                    continue;
-                }
-                let scale = 1.0 / total;
-                for i in 0..clusters {
-                    let (a, b) = (at(0, i) * scale, at(1, i) * scale);
-                    sums[i] += a + b;
-                    for j in 0..=i {
-                        products[i * clusters + j] += scale * (a * at(1, j) + b * at(0, j));
-                    }
-                }
+        }
+        for light in light.chunks_exact_mut(2 * clusters) {
+            let total: f64 = light.iter().sum();
+            if total <= 0.0 {
+                continue;
+            }
+            light.iter_mut().for_each(|v| *v /= total);
+            let (a, b) = light.split_at(clusters);
+            sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a + b);
+            for (i, products) in products.chunks_exact_mut(clusters).enumerate() {
+                let others = a[..=i].iter().zip(&b[..=i]);
+                products.iter_mut().zip(others).for_each(|(sum, (a_j, b_j))| *sum += a[i] * b_j + b[i] * a_j);
             }
         }
         let whole = |value: f64| (value / UNIT).round() as i64;

@@ -10,7 +10,7 @@ use super::rows::Rows;
 /// Pixels across a tile; two vectors of any width that machines have divide it.
 pub(super) const TILE_WIDTH: usize = 32;
 /// Pixels down a tile.
-pub(super) const TILE_HEIGHT: usize = 16;
+pub(super) const TILE_HEIGHT: usize = 32;
 /// Pixels of a tile.
 pub(super) const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 /// A vector that begins in the last pixels that are read may reach so far beyond them.

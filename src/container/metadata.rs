@@ -1,10 +1,10 @@
-//! The metadata of a container: the job, the report and, where they are known, the errors of single lights and of cleaning,
-//! compressed together.
+//! The metadata of a container: the job, the report and, where they are known, the errors of single lights, of cleaning and
+//! of exposed images, compressed together.
 
 use super::format::u32_at;
 use super::report::ContainerReport;
 use crate::encoding::{decode as decode_record, encode as encode_record};
-use crate::light::{CleaningErrors, Job, LightErrors, StatedErrors, decode_job, encode_job};
+use crate::light::{CleaningErrors, ExposedError, Job, LightErrors, StatedErrors, decode_job, encode_job};
 
 /// What any metadata may unpack to, and what each of its bytes on disk earns on top of that.
 const FREE_BYTES: usize = 1 << 16;
@@ -21,6 +21,7 @@ pub(super) fn encode(job: &Job, report: &ContainerReport, errors: &StatedErrors)
         report.extend(encode_record(lights));
         if let Some(cleaning) = &errors.cleaning {
             report.extend(encode_record(cleaning));
+            errors.exposed.iter().for_each(|exposed| report.extend(encode_record(exposed)));
         }
     }
     let plain = [job.as_slice(), report.as_slice()].concat();
@@ -72,13 +73,19 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, StatedErrors
             decode_record(rest).map_err(|e| format!("the errors of cleaning do not decode ({e})"))?;
         (cleaning, rest) = (Some(errors), &rest[used..]);
     }
+    let mut exposed = None;
+    if !rest.is_empty() {
+        let (error, used): (ExposedError, usize) =
+            decode_record(rest).map_err(|e| format!("the error of exposed images does not decode ({e})"))?;
+        (exposed, rest) = (Some(error), &rest[used..]);
+    }
     if !rest.is_empty() {
         return Err(format!("the report has {} trailing bytes", rest.len()));
     }
     if lights.worst_column as usize >= job.shape.columns() {
         return Err(format!("the errors of lights name column {}, beyond the last", lights.worst_column));
     }
-    Ok((job, report, StatedErrors { lights: Some(lights), cleaning }))
+    Ok((job, report, StatedErrors { lights: Some(lights), cleaning, exposed }))
 }
 
 fn allowed(packed_bytes: usize) -> usize {

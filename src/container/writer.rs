@@ -20,7 +20,7 @@ use crate::files::{check_output, replace};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactoredBlock};
 
-/// Of [`StatedErrors`] in the file at most: 33 bytes that zstd may not make shorter, and its words for a second kind of data.
+/// Of [`StatedErrors`] in the file at most: 53 bytes that zstd may not make shorter, and its words for a second kind of data.
 const ERRORS_BYTES: u64 = 64;
 
 /// How a container is to be written.
@@ -125,7 +125,7 @@ impl ContainerWriter {
     }
 
     /// Has the file say what errors there are over the whole picture. Without it the file says nothing of them; those of
-    /// cleaning are said beside those of lights only.
+    /// cleaning are said beside those of lights only, those of exposed images beside those of cleaning.
     pub fn state_errors(&mut self, errors: StatedErrors) {
         self.errors = errors;
     }

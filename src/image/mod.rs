@@ -16,7 +16,6 @@ pub use exr_file::{
 };
 pub use kelvin::{KELVIN_RANGE, kelvin_to_linear};
 pub use linear::{LinearImage, luminance};
-#[cfg(feature = "scene")]
 pub(crate) use measure::percentile;
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;

@@ -24,8 +24,8 @@ use super::pack::stop_if_interrupted;
 use super::records::Records;
 use super::shard::ShardSet;
 use super::spill::{CLEANED, GATHERED, open_spill};
-use crate::clean::{self, ErrorSums, Guides, MapFit, Region, Tally};
-use crate::error::Result;
+use crate::clean::{self, ErrorSums, Guides, MapFit, Pool, Region, Tally};
+use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
 use crate::light::{CleaningErrors, Clusters, Job};
@@ -41,6 +41,10 @@ const BLOCKS_AT_HAND: u64 = 4;
 pub(super) struct Cleaned {
     shape: MatrixShape,
     clusters: usize,
+    /// What is filtered at once, one after the other.
+    windows: Vec<Vec<BlockId>>,
+    /// Pixels around a window that its filter reads.
+    halo: u32,
     /// `R`: clusters × columns, row-major; the identity until it is fitted.
     map: Vec<f32>,
     /// Which column is in which cluster.
@@ -54,7 +58,13 @@ impl Cleaned {
     /// Bytes that filtering takes at most beside the blocks.
     pub(super) fn needs_bytes(job: &Job) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
-        let side = u64::from(window_blocks(job.shape, clusters) * job.shape.block_side());
+        Self::windows_need_bytes(job, window_blocks(job.shape, clusters))
+    }
+
+    /// The same with windows of so many blocks a side.
+    pub(super) fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        let side = u64::from(blocks * job.shape.block_side());
         let planes = BlockPlanes::fixed_bytes(u64::from(job.shape.block_side()).pow(2), clusters);
         let columns = job.shape.columns() as u64;
         let block = PixelRect { x: 0, y: 0, width: job.shape.block_side(), height: job.shape.block_side() };
@@ -87,21 +97,48 @@ impl Cleaned {
     ) -> Result<Self> {
         let shape = job.shape;
         let open = |name| open_spill(&with_suffix(path, name), fingerprint, shape.block_count(), overwrite);
-        let clusters = Clusters::of_basis(&job.basis);
         let records = match shards {
             Some(shards) => Records::Shards(shards),
             None => Records::File(open(GATHERED)?),
         };
-        let gathering = Gathering { path: with_suffix(path, GATHERED), shape, clusters: clusters.count(), records };
-        Ok(Self {
-            shape,
-            clusters: clusters.count(),
-            map: identity(clusters.count(), shape.columns()),
-            gathering,
-            images: open(CLEANED)?,
-            tally: Tally::new(clusters.count()),
-            partition: clusters,
-        })
+        let clusters = Clusters::of_basis(&job.basis);
+        let windows = windows_of(shape, window_blocks(shape, clusters.count() as u64));
+        Ok(Self::over((windows, clean::HALO as u32), (shape, clusters), path, (records, open(CLEANED)?)))
+    }
+
+    /// For these windows of the image alone, each as if the image ended at its rim. The files are gone with the process, however
+    /// that ends.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(super) fn of_windows(job: &Job, windows: Vec<Vec<BlockId>>) -> Result<Self> {
+        let folder =
+            tempfile::tempdir().map_err(Error::io("the system's temporary files", "create a folder for them"))?;
+        let (path, shape) = (folder.path().join("pilot"), job.shape);
+        let open = |name| open_spill(&with_suffix(&path, name), job.hash().0, shape.block_count(), false);
+        let files = (Records::File(open(GATHERED)?), open(CLEANED)?);
+        // Without their names the files live as long as they are open.
+        folder.close().map_err(Error::io(&path, "take the name of"))?;
+        Ok(Self::over((windows, 0), (shape, Clusters::of_basis(&job.basis)), &path, files))
+    }
+
+    fn over(
+        (windows, halo): (Vec<Vec<BlockId>>, u32),
+        (shape, partition): (MatrixShape, Clusters),
+        path: &Path,
+        (records, images): (Records, ContinuationFile),
+    ) -> Self {
+        let clusters = partition.count();
+        let gathering = Gathering { path: with_suffix(path, GATHERED), shape, clusters, records };
+        let (map, tally) = (identity(clusters, shape.columns()), Tally::new(clusters));
+        Self { shape, clusters, windows, halo, map, partition, gathering, images, tally }
+    }
+
+    /// The blocks of all windows, ascending.
+    fn blocks(&self) -> Vec<BlockId> {
+        let mut blocks = self.windows.concat();
+        blocks.sort_unstable();
+        blocks
     }
 
     /// Removes the files that it worked with.
@@ -122,7 +159,7 @@ impl Cleaned {
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<u64> {
-        let blocks: Vec<BlockId> = self.shape.blocks().collect();
+        let blocks = self.blocks();
         let blocks_kept = blocks.iter().filter(|&&id| self.gathering.records.has(id.0)).count() as u64;
         self.tally = self.gathering.gather(&blocks, threads, stage, watch, make)?;
         Ok(blocks_kept)
@@ -134,20 +171,15 @@ impl Cleaned {
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
     pub(super) fn filter(&self, threads: &Threads, watch: &dyn Watch) -> Result<()> {
         let guides = &self.tally.guides();
-        let most = window_blocks(self.shape, self.clusters as u64);
-        let (across, down) = (self.shape.blocks_across(), self.shape.blocks_down());
-        watch.begin("cleaning", u64::from(self.shape.block_count()), "blocks");
+        watch.begin("cleaning", self.blocks().len() as u64, "blocks");
         let done = threads.run(|| -> Result<()> {
-            for rows in equal_parts(down, most) {
-                for columns in equal_parts(across, most) {
-                    stop_if_interrupted(&self.gathering.path, watch)?;
-                    let blocks: Vec<BlockId> =
-                        rows.clone().flat_map(|y| columns.clone().map(move |x| BlockId(y * across + x))).collect();
-                    if !blocks.iter().all(|&id| self.images.has(id.0)) {
-                        self.filter_window(&blocks, guides)?;
-                    }
-                    watch.advance(blocks.len() as u64, 0, "px");
+            let pool = Pool::default();
+            for blocks in &self.windows {
+                stop_if_interrupted(&self.gathering.path, watch)?;
+                if !blocks.iter().all(|&id| self.images.has(id.0)) {
+                    self.filter_window(blocks, guides, &pool)?;
                 }
+                watch.advance(blocks.len() as u64, 0, "px");
             }
             Ok(())
         });
@@ -176,39 +208,34 @@ impl Cleaned {
     }
 
     /// Filters the blocks of one window.
-    fn filter_window(&self, blocks: &[BlockId], guides: &Guides) -> Result<()> {
+    fn filter_window(&self, blocks: &[BlockId], guides: &Guides, pool: &Pool) -> Result<()> {
         let rects = || blocks.iter().map(|&id| self.shape.rect(id));
         let across = rects().map(|r| r.x).min().unwrap_or(0)..rects().map(|r| r.x + r.width).max().unwrap_or(0);
         let down = rects().map(|r| r.y).min().unwrap_or(0)..rects().map(|r| r.y + r.height).max().unwrap_or(0);
-        let halo = clean::HALO as u32;
+        let halo = self.halo;
         let (left, top) = (across.start.saturating_sub(halo), down.start.saturating_sub(halo));
         let (right, bottom) = ((across.end + halo).min(self.shape.width()), (down.end + halo).min(self.shape.height()));
         let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
         let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
         let region = Region { x: within(across, left), y: within(down, top) };
-        let reaches = |r: PixelRect| r.x < right && r.x + r.width > left && r.y < bottom && r.y + r.height > top;
-        let mut window = self.gathering.empty_window(whole);
-        let near: Vec<BlockId> = self.shape.blocks().filter(|&id| reaches(self.shape.rect(id))).collect();
-        for few in near.chunks(BLOCKS_AT_HAND as usize) {
-            let gathered: Vec<_> = few.par_iter().map(|&id| self.gathering.read(id)).collect::<Result<_>>()?;
-            gathered.iter().for_each(|block| self.gathering.put(block, whole, &mut window));
-        }
-        let cleaned = clean::clean(window, &region, guides);
+        let window = self.gathering.window(whole, BLOCKS_AT_HAND as usize, pool)?;
+        let cleaned = clean::clean(window, &region, guides, pool);
         let images = &cleaned.images;
-        for &id in blocks {
+        let store = |&id: &BlockId| {
             let rect = self.shape.rect(id);
+            let (left, top) = ((rect.x - left) as usize, (rect.y - top) as usize);
+            let part = Region { x: left..left + rect.width as usize, y: top..top + rect.height as usize };
             let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
             for plane in 0..images.planes() {
-                for y in rect.y..rect.y + rect.height {
-                    let row = &images.row(plane, (y - top) as usize)[(rect.x - left) as usize..][..rect.width as usize];
-                    bytes.extend_from_slice(bytemuck::cast_slice(row));
+                for y in part.y.clone() {
+                    bytes.extend_from_slice(bytemuck::cast_slice(&images.row(plane, y)[part.x.clone()]));
                 }
             }
-            let across = (rect.x - left) as usize..(rect.x + rect.width - left) as usize;
-            let down = (rect.y - top) as usize..(rect.y + rect.height - top) as usize;
-            let errors = cleaned.errors(&Region { x: across, y: down });
-            self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])?;
-        }
+            let errors = cleaned.errors(&part);
+            self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])
+        };
+        blocks.chunks(BLOCKS_AT_HAND as usize).try_for_each(|few| few.par_iter().try_for_each(store))?;
+        cleaned.keep_in(pool);
         Ok(())
     }
 
@@ -220,7 +247,7 @@ impl Cleaned {
         if self.clusters == self.shape.columns() {
             return Ok(());
         }
-        watch.begin("fitting columns", u64::from(self.shape.block_count()), "blocks");
+        watch.begin("fitting columns", self.blocks().len() as u64, "blocks");
         let summed = self.sum_tiles(watch);
         watch.end();
         self.map = summed?.fit(&self.partition);
@@ -234,7 +261,7 @@ impl Cleaned {
         // Where it is brighter than the mean errors count by their share, in the dark as they are.
         let mean = self.mean_light()?;
         let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
-        for id in self.shape.blocks() {
+        for id in self.blocks() {
             stop_if_interrupted(&self.gathering.path, watch)?;
             let images = self.image_tiles(id)?;
             let gathered = self.gathering.records.read(id.0)?;
@@ -263,7 +290,7 @@ impl Cleaned {
     /// Mean over tiles and channels of the cleaned image with all columns on.
     fn mean_light(&self) -> Result<f64> {
         let (mut sum, mut count) = (0.0, 0);
-        for id in self.shape.blocks() {
+        for id in self.blocks() {
             let tiles = self.image_tiles(id)?;
             sum += tiles.iter().map(|&v| f64::from(v)).sum::<f64>();
             count += tiles.len() / self.clusters;
@@ -360,6 +387,16 @@ fn window_blocks(shape: MatrixShape, clusters: u64) -> u32 {
     let most = shape.blocks_across().max(shape.blocks_down());
     let side = |blocks: u32| u64::from(blocks * shape.block_side());
     (1..=most).rev().find(|&blocks| window_bytes(side(blocks), side(blocks), clusters) <= WINDOW_BYTES).unwrap_or(1)
+}
+
+/// The windows of an image, of so many blocks a side at most.
+pub(super) fn windows_of(shape: MatrixShape, most: u32) -> Vec<Vec<BlockId>> {
+    let (across, down) = (shape.blocks_across(), shape.blocks_down());
+    let window = |rows: Range<u32>, columns: Range<u32>| -> Vec<BlockId> {
+        rows.flat_map(|y| columns.clone().map(move |x| BlockId(y * across + x))).collect()
+    };
+    let in_row = |rows: Range<u32>| equal_parts(across, most).map(move |columns| window(rows.clone(), columns));
+    equal_parts(down, most).flat_map(in_row).collect()
 }
 
 /// As few parts of nearly equal length as there can be with at most `most` each.

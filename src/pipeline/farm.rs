@@ -253,7 +253,7 @@ impl FarmJob {
         let done = threads.run(|| blocks.clone().into_par_iter().try_for_each_init(TracedBlock::default, build));
         watch.end();
         done?;
-        let (rays, non_finite) = (rays.into_inner(), non_finite.into_inner());
+        let (rays, non_finite) = (rays.into_inner() + tracer.photon_cost().rays, non_finite.into_inner());
         let (job, fingerprint) = (self.terms.job.hash().0, self.terms.fingerprint);
         let name = worker.publish(&ShardHead { job, fingerprint, blocks, rays, non_finite }, depot)?;
         Ok(BuildReport { name, seconds: begun.elapsed().as_secs_f64(), rays, non_finite })

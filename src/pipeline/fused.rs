@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use super::pack::Packing;
 use super::render::{job_of, settings_of, tracing_need};
+use super::stop::forget_samples;
 use super::{PackOptions, PackReport, RenderReport};
 use crate::compress::Scope;
 use crate::error::{Error, Result};
@@ -43,9 +44,10 @@ pub fn render_packed(
         non_finite.fetch_add(stats.non_finite, Ordering::Relaxed);
         Ok(stats.rays)
     })?;
+    forget_samples(path);
     let render = RenderReport {
         seconds: begun.elapsed().as_secs_f64(),
-        rays: rays.into_inner(),
+        rays: rays.into_inner() + tracer.photon_cost().rays,
         blocks_traced: u64::from(job.shape.block_count()) - pack.blocks_kept,
         blocks_kept: pack.blocks_kept,
         blocks_missing: 0,

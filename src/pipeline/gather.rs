@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::pack::stop_if_interrupted;
 use super::records::Records;
-use crate::clean::{self, Rows, Tally, Window};
+use crate::clean::{self, Pool, Tally, Window, WindowStrip};
 use crate::error::{Error, Result};
 use crate::host::{Threads, Watch};
 use crate::matrix::{
@@ -16,9 +16,8 @@ use crate::matrix::{
     encode_unsigned,
 };
 
-/// A block of a window: where it stands and what was gathered of it.
-pub(super) struct Gathered {
-    rect: PixelRect,
+/// What was gathered of a block.
+struct Gathered {
     planes: BlockPlanes,
     /// Means of tiles of all columns without emission, columns × channels × tiles; empty where every column is a cluster.
     tiles: Vec<f32>,
@@ -78,7 +77,7 @@ impl Gathering {
         let rect = self.shape.rect(id);
         if self.records.has(id.0) {
             if let Some(tally) = tally {
-                tally.add(&self.window_of(&[self.read(id)?], rect));
+                add_to(tally, &self.read(id)?.planes);
             }
             return Ok(0);
         }
@@ -88,56 +87,41 @@ impl Gathering {
             Error::input(id.to_string(), "its samples were not kept apart, so it cannot be cleaned", hint)
         })?;
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
-        let gathered = Gathered { rect, planes, tiles };
+        let gathered = Gathered { planes, tiles };
         self.records.append(id.0, &[&encode(&gathered)])?;
         if let Some(tally) = tally {
-            tally.add(&self.window_of(std::slice::from_ref(&gathered), rect));
+            add_to(tally, &gathered.planes);
         }
         block.planes = Some(gathered.planes);
         Ok(work)
     }
 
-    pub(super) fn empty_window(&self, whole: PixelRect) -> Window {
-        let rows = |planes| Rows::zeros(whole.width as usize, whole.height as usize, planes);
-        let light = 2 * CHANNELS * self.clusters;
-        Window {
-            direct: rows(light),
-            indirect: rows(light),
-            features: rows(FEATURE_PLANES),
-            feature_variance: rows(FEATURE_PLANES),
-        }
-    }
-
-    fn window_of(&self, blocks: &[Gathered], whole: PixelRect) -> Window {
-        let mut window = self.empty_window(whole);
-        blocks.iter().for_each(|block| self.put(block, whole, &mut window));
-        window
-    }
-
-    /// Puts what lies in `whole` of a block into a window.
-    pub(super) fn put(&self, block: &Gathered, whole: PixelRect, window: &mut Window) {
-        let Gathered { rect, planes, .. } = block;
-        let (left, top) = (rect.x.max(whole.x), rect.y.max(whole.y));
-        let right = (rect.x + rect.width).min(whole.x + whole.width);
-        let bottom = (rect.y + rect.height).min(whole.y + whole.height);
-        let copy = |from: &[f32], target: &mut Rows, first: usize| {
-            for (plane, from) in from.chunks_exact(rect.pixels()).enumerate() {
-                for y in top..bottom {
-                    let from = &from[((y - rect.y) * rect.width + left - rect.x) as usize..][..(right - left) as usize];
-                    let row = target.row_mut(first + plane, (y - whole.y) as usize);
-                    row[(left - whole.x) as usize..][..from.len()].copy_from_slice(from);
+    /// What was gathered of some pixels. Their blocks are read a few at a time.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(super) fn window(&self, whole: PixelRect, at_once: usize, pool: &Pool) -> Result<Window> {
+        let size = (whole.width as usize, whole.height as usize);
+        let mut window = Window::of_size(size, self.clusters, FEATURE_PLANES, pool);
+        let side = self.shape.block_side();
+        let blocks = |begin: u32, size: u32| begin / side..(begin + size).div_ceil(side);
+        let rows: Vec<u32> = blocks(whole.y, whole.height).collect();
+        let borders: Vec<usize> = rows.iter().map(|row| (row * side).saturating_sub(whole.y) as usize).collect();
+        let mut strips: Vec<_> = rows.iter().zip(window.strips_mut(&borders)).collect();
+        for few in strips.chunks_mut(at_once) {
+            few.par_iter_mut().try_for_each(|(row, strip)| {
+                for column in blocks(whole.x, whole.width) {
+                    let id = BlockId(*row * self.shape.blocks_across() + column);
+                    let bytes = self.records.read(id.0)?;
+                    self.parts(id, &bytes)?.put(self.shape.rect(id), whole, self.clusters, strip);
                 }
-            }
-        };
-        for half in 0..2 {
-            copy(&planes.direct[half], &mut window.direct, half * CHANNELS * self.clusters);
-            copy(&planes.indirect[half], &mut window.indirect, half * CHANNELS * self.clusters);
+                Ok(())
+            })?;
         }
-        copy(&planes.features, &mut window.features, 0);
-        copy(&planes.feature_variance, &mut window.feature_variance, 0);
+        Ok(window)
     }
 
-    pub(super) fn read(&self, id: BlockId) -> Result<Gathered> {
+    fn read(&self, id: BlockId) -> Result<Gathered> {
         let bytes = self.records.read(id.0)?;
         Ok(self.parts(id, &bytes)?.decode(self.shape.rect(id), self.clusters))
     }
@@ -181,15 +165,21 @@ pub(super) fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) ->
 
 /// What was gathered of a block for the file: light and variances as tracing rounds them, the rest as it is.
 fn encode(Gathered { planes, tiles, .. }: &Gathered) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let light = planes.direct.iter().chain(&planes.indirect);
-    for value in light.chain([&planes.feature_variance]).flatten() {
-        bytes.extend(encode_unsigned(*value).to_ne_bytes());
+    let light = || planes.direct.iter().chain(&planes.indirect).chain([&planes.feature_variance]);
+    let halves = 2 * light().map(Vec::len).sum::<usize>();
+    let mut bytes = Vec::with_capacity(halves + 4 * planes.features.len() + 4 * tiles.len());
+    bytes.resize(halves, 0);
+    for (bytes, value) in bytes.chunks_exact_mut(2).zip(light().flatten()) {
+        bytes.copy_from_slice(&encode_unsigned(*value).to_ne_bytes());
     }
     bytes.extend_from_slice(bytemuck::cast_slice(&planes.features));
     bytes.extend_from_slice(bytemuck::cast_slice(tiles));
     bytes.extend_from_slice(bytemuck::cast_slice(&planes.emission));
     bytes
+}
+
+fn add_to(tally: &mut Tally, planes: &BlockPlanes) {
+    tally.add(planes.direct.each_ref().map(Vec::as_slice), planes.indirect.each_ref().map(Vec::as_slice));
 }
 
 /// What was gathered of a block, as the file has it ([`encode`]).
@@ -214,6 +204,19 @@ impl<'a> Parts<'a> {
         self.emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect()
     }
 
+    /// Puts what lies in `whole` into the rows of a window of it that the block stands in.
+    fn put(&self, rect: PixelRect, whole: PixelRect, clusters: usize, strip: &mut WindowStrip<'_>) {
+        let light = 2 * CHANNELS * clusters;
+        let plane = 2 * rect.pixels();
+        let (direct, rest) = self.halves.split_at(light * plane);
+        let (indirect, variance) = rest.split_at(light * plane);
+        let of_half = |bytes: [u8; 2]| decode_unsigned(u16::from_ne_bytes(bytes));
+        place(direct, (rect, whole), (strip.direct, light), of_half);
+        place(indirect, (rect, whole), (strip.indirect, light), of_half);
+        place(variance, (rect, whole), (strip.feature_variance, FEATURE_PLANES), of_half);
+        place(self.features, (rect, whole), (strip.features, FEATURE_PLANES), f32::from_ne_bytes);
+    }
+
     fn decode(&self, rect: PixelRect, clusters: usize) -> Gathered {
         let light = rect.pixels() * CHANNELS * clusters;
         let mut values = self.halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
@@ -225,7 +228,29 @@ impl<'a> Parts<'a> {
             features: floats(self.features),
             emission: self.emission(),
         };
-        Gathered { rect, planes, tiles: floats(self.tiles) }
+        Gathered { planes, tiles: floats(self.tiles) }
+    }
+}
+
+/// Puts the planes of a block, one after the other, into the rows of a window that it stands in: those of all planes row by row.
+fn place<const BYTES: usize>(
+    from: &[u8],
+    (rect, whole): (PixelRect, PixelRect),
+    (strip, planes): (&mut [f32], usize),
+    value: impl Fn([u8; BYTES]) -> f32,
+) {
+    let (from, _) = from.as_chunks::<BYTES>();
+    let width = whole.width as usize;
+    let left = rect.x.max(whole.x);
+    let right = (rect.x + rect.width).min(whole.x + whole.width);
+    let first_row = rect.y.max(whole.y) - rect.y;
+    for (plane, from) in from.chunks_exact(rect.pixels()).enumerate() {
+        let rows = from.chunks_exact(rect.width as usize).skip(first_row as usize);
+        for (from, target) in rows.zip(strip.chunks_exact_mut(planes * width)) {
+            let from = &from[(left - rect.x) as usize..(right - rect.x) as usize];
+            let target = &mut target[plane * width + (left - whole.x) as usize..][..from.len()];
+            target.iter_mut().zip(from).for_each(|(target, bytes)| *target = value(*bytes));
+        }
     }
 }
 

@@ -9,6 +9,8 @@ mod clean;
 mod compare;
 #[cfg(feature = "scene")]
 pub mod demo;
+#[cfg_attr(not(feature = "scene"), expect(dead_code, reason = "only renders of scenes are asked for an error"))]
+mod exposed;
 #[cfg(feature = "scene")]
 mod farm;
 mod features;
@@ -48,13 +50,14 @@ mod worker;
 
 pub use basis::write_basis;
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
+pub use exposed::Promise;
 #[cfg(feature = "scene")]
 pub use farm::{BuildReport, FarmJob, Probe, ProbedBlock, RefusedShard, Shards};
 pub use features::{FEATURE_CHANNELS, write_features};
 #[cfg(feature = "scene")]
 pub use fused::render_packed;
 pub use import::{ImportedMatrix, SecondImages};
-pub use open::open_container;
+pub use open::{check_matrix_path, open_container};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, pack};
 #[cfg(feature = "scene")]
 pub use preview::{PreviewReport, preview};
@@ -69,7 +72,7 @@ pub use selection::Selection;
 pub use share::{DATA_NAME, PAGE_NAME, ShareOptions, ShareReport, share};
 pub use spill::check_container_output;
 #[cfg(feature = "scene")]
-pub use stop::{StopRule, choose_samples, expected_error, parse_error, parse_seconds};
+pub use stop::{Chosen, StopRule, choose_samples, expected_error, parse_error, parse_seconds};
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
 pub use unpack_source::{UnpackSource, Weights};
 pub use verify::{Verified, admit_merge, verify, verify_container};

@@ -31,7 +31,7 @@ pub struct RenderOptions {
 pub struct RenderReport {
     /// Wall-clock seconds.
     pub seconds: f64,
-    /// Rays traced.
+    /// Rays traced, those of photons included.
     pub rays: u64,
     /// Blocks traced now.
     pub blocks_traced: u64,
@@ -111,6 +111,7 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     let settings = settings_of(&loaded);
     let tracer = Tracer::new(loaded.scene, job.shape, settings)?;
     let mut report = trace_into(&writer, &tracer, &todo, threads, watch)?;
+    report.rays += tracer.photon_cost().rays;
     report.blocks_missing = writer.finish()?.missing.len() as u64;
     report.blocks_kept = blocks_kept;
     report.seconds = begun.elapsed().as_secs_f64();
