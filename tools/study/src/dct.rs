@@ -35,44 +35,70 @@ fn grid_basis(across: usize, down: usize) -> Mat<f32> {
     Mat::from_fn(across * down, across * down, |f, c| x[(f % across, c % across)] * y[(f / across, c / across)])
 }
 
-/// Texels across and down of the one light of a basis; a basis of several lights is transformed as one row.
-pub(super) fn layout(lights: &LightBasis) -> (usize, usize) {
-    match lights.lights() {
-        [light] => (light.layout().0 as usize, light.layout().1 as usize),
-        _ => (lights.column_count(), 1),
+/// Grids of texels (across, down) in the order of their columns: one for each light of texels; lights of one column that
+/// follow each other are one row.
+pub(super) fn grids(lights: &LightBasis) -> Vec<(usize, usize)> {
+    let mut grids: Vec<(usize, usize)> = Vec::new();
+    let mut row_is_open = false;
+    for light in lights.lights() {
+        let (across, down) = light.layout();
+        match (grids.last_mut(), across * down) {
+            (Some(row), 1) if row_is_open => row.0 += 1,
+            (_, texels) => {
+                grids.push((across as usize, down as usize));
+                row_is_open = texels == 1;
+            }
+        }
     }
+    grids
+}
+
+/// The transforms of grids whose columns follow each other: columns × columns.
+fn texel_basis(grids: &[(usize, usize)]) -> Mat<f32> {
+    let columns = grids.iter().map(|(across, down)| across * down).sum();
+    let mut all = Mat::zeros(columns, columns);
+    let mut first = 0;
+    for &(across, down) in grids {
+        let count = across * down;
+        all.submatrix_mut(first, first, count, count).copy_from(grid_basis(across, down));
+        first += count;
+    }
+    all
 }
 
 /// Coefficients of a block of this size, from low frequencies to high over all four dimensions, as (row, column).
-fn order(rect: PixelRect, (across, down): (usize, usize)) -> Vec<(u32, u32)> {
+fn order(rect: PixelRect, grids: &[(usize, usize)]) -> Vec<(u32, u32)> {
     let (width, height) = (rect.width as usize, rect.height as usize);
     let part = |i: usize, n: usize| (i * 1024 / n) as u32;
     let pixel = |p: usize| part(p % width, width) + part(p / width, height);
-    let texel = |t: usize| part(t % across, across) + part(t / across, down);
+    let of_grid = |&(across, down): &(usize, usize)| {
+        (0..across * down).map(move |t| part(t % across, across) + part(t / across, down))
+    };
+    let texels: Vec<u32> = grids.iter().flat_map(of_grid).collect();
     let rows = rect.rows() as u32;
     let mut all: Vec<(u32, u32)> =
-        (0..(across * down) as u32).flat_map(|column| (0..rows).map(move |row| (row, column))).collect();
-    all.par_sort_by_cached_key(|&(row, column)| pixel(row as usize % rect.pixels()) + texel(column as usize));
+        (0..texels.len() as u32).flat_map(|column| (0..rows).map(move |row| (row, column))).collect();
+    all.par_sort_by_cached_key(|&(row, column)| pixel(row as usize % rect.pixels()) + texels[column as usize]);
     all
 }
 
 /// Writes `source` once for each step; returns the files.
 pub(super) fn write(source: &StoreReader, steps: &[f32], stem: &Path) -> Result<Vec<PathBuf>> {
-    let (shape, light) = (source.shape(), layout(&source.job().basis));
+    let (shape, grids) = (source.shape(), grids(&source.job().basis));
     let paths: Vec<PathBuf> = (0..steps.len()).map(|i| stem.with_extension(format!("{i}.rival"))).collect();
     let open = |path: &PathBuf| {
         let file = BufWriter::new(File::create(path).map_err(Error::io(path, "create"))?);
         zstd::Encoder::new(file, ZSTD_LEVEL).map_err(Error::io(path, "write"))
     };
     let mut files = paths.iter().map(open).collect::<Result<Vec<_>>>()?;
-    let texels = grid_basis(light.0, light.1);
+    let texels = texel_basis(&grids);
     let mut traced = TracedBlock::default();
     let mut known: Option<(PixelRect, Vec<(u32, u32)>)> = None;
     for id in shape.blocks() {
         source.read_block(id, &mut traced)?;
         let rect = PixelRect { x: 0, y: 0, ..shape.rect(id) };
         if known.as_ref().is_none_or(|(size, _)| *size != rect) {
-            known = Some((rect, order(rect, light)));
+            known = Some((rect, order(rect, &grids)));
         }
         let places = &known.as_ref().expect("set above").1;
         let coefficients = transform(traced.block.view(), rect, texels.as_ref());
@@ -121,9 +147,9 @@ pub(super) fn read(
     lightings: &[Lighting],
 ) -> Result<Vec<LinearImage>> {
     let failed = || Error::io(path, "read");
-    let light = layout(lights);
+    let grids = grids(lights);
     let columns = shape.columns();
-    let texels = grid_basis(light.0, light.1);
+    let texels = texel_basis(&grids);
     let colours = basis(CHANNELS);
     // Coefficients of the lightings: columns × (lighting, channel).
     let weights =
@@ -136,7 +162,7 @@ pub(super) fn read(
     for id in shape.blocks() {
         let rect = PixelRect { x: 0, y: 0, ..shape.rect(id) };
         if known.as_ref().is_none_or(|(size, _)| *size != rect) {
-            known = Some((rect, order(rect, light)));
+            known = Some((rect, order(rect, &grids)));
         }
         let places = &known.as_ref().expect("set above").1;
         let mut levels = vec![0u8; places.len()];
@@ -192,18 +218,33 @@ pub(super) fn scale(source: &StoreReader) -> Result<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ltm::light::{Light, LightKind};
 
     #[test]
     fn the_transform_is_orthonormal() {
-        let d = grid_basis(5, 3);
+        let d = texel_basis(&[(5, 3), (4, 1)]);
         let unit = &d * d.transpose();
-        assert!((unit - Mat::<f32>::identity(15, 15)).norm_max() < 1e-5);
+        assert!((unit - Mat::<f32>::identity(19, 19)).norm_max() < 1e-5);
+    }
+
+    #[test]
+    fn each_light_of_texels_is_a_grid_and_lamps_are_one_row() {
+        let mut basis = LightBasis::new();
+        for (name, kind) in [
+            ("a", LightKind::Point),
+            ("b", LightKind::AreaTexels { across: 4, down: 2 }),
+            ("c", LightKind::Point),
+            ("d", LightKind::Spot),
+        ] {
+            basis.push(Light::unplaced(name, kind)).unwrap();
+        }
+        assert_eq!(grids(&basis), [(1, 1), (4, 2), (2, 1)]);
     }
 
     #[test]
     fn low_frequencies_come_first() {
         let rect = PixelRect { x: 0, y: 0, width: 4, height: 2 };
-        let places = order(rect, (2, 2));
+        let places = order(rect, &[(2, 2)]);
         assert_eq!(places.len(), 24 * 4);
         assert_eq!(places[0].1, 0);
         assert_eq!(places[0].0 % 8, 0);

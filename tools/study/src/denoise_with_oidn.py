@@ -2,11 +2,13 @@
 
 Reads description.json in the folder named by the first argument (width, height, images), albedo.f32, normal.f32 and
 color-0.f32 onwards (RGB, little-endian, row by row), and writes clean-0.f32 onwards. The
-albedo and the normals are taken as free of noise; the colours are high dynamic range, the quality is the highest.
+albedo and the normals are taken as free of noise; the colours are high dynamic range, the quality is the highest. Prints the
+seconds that denoising took, the first image, which prepares it, left out where there are more.
 """
 import json
 import os
 import sys
+import time
 
 import numpy as np
 import pyoidn
@@ -22,7 +24,11 @@ def image(name):
 
 
 albedo, normal = np.clip(image("albedo"), 0, 1), np.clip(image("normal"), -1, 1)
+seconds = []
 for which in range(described["images"]):
     color = np.maximum(image(f"color-{which}"), 0)
+    begun = time.perf_counter()
     clean = pyoidn.denoise(color, albedo, normal, hdr=True, clean_aux=True, quality="high")
+    seconds.append(time.perf_counter() - begun)
     clean.astype("<f4").tofile(os.path.join(folder, f"clean-{which}.f32"))
+print(sum(seconds[1:] or seconds) / len(seconds[1:] or seconds))

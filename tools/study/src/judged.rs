@@ -25,16 +25,35 @@ pub(super) struct Judged {
     pub(super) references: Vec<LinearImage>,
 }
 
+/// Said in the notes of tables of lightings that the prior is not made of.
+pub(super) const APART_NOTE: &str = "Lightings: eight of which none has a width that the compressor's prior is made of: two gradients, \
+one half, two soft spots (0.25 of the light), a wide one (0.15), a narrow one (0.06), a coarse pattern, columns at random; without those \
+that light less than a millionth of what all columns do.";
+
 impl Judged {
     /// Those of a reference matrix that light something. The first has every column on.
     pub(super) fn of(reference: &StoreReader) -> Result<Self> {
-        let (names, lightings): (Vec<_>, Vec<_>) =
-            evaluation_lightings(&reference.job().basis, LIGHTINGS_SEED).into_iter().unzip();
+        Self::among(reference, evaluation_lightings(&reference.job().basis, LIGHTINGS_SEED), |_| true)
+    }
+
+    /// Those of which none has a width that the prior is made of, see [`APART_NOTE`].
+    pub(super) fn apart(reference: &StoreReader, seed: u64) -> Result<Self> {
+        let shared = ["all on", "of the scene", "tiny spot", "one column"];
+        Self::among(reference, evaluation_lightings(&reference.job().basis, seed), |name| !shared.contains(&name))
+    }
+
+    /// Of lightings, of which the first has every column on.
+    fn among(
+        reference: &StoreReader,
+        lightings: Vec<(&'static str, Lighting)>,
+        wanted: impl Fn(&str) -> bool,
+    ) -> Result<Self> {
+        let (names, lightings): (Vec<_>, Vec<_>) = lightings.into_iter().unzip();
         let references = relight_raw(reference, &lightings)?;
         let all_on = norm(&references[0]);
         let mut judged = Self { names: Vec::new(), lightings: Vec::new(), references: Vec::new() };
         for ((name, lighting), image) in names.into_iter().zip(lightings).zip(references) {
-            if norm(&image) > DARK * all_on {
+            if wanted(name) && norm(&image) > DARK * all_on {
                 judged.names.push(name);
                 judged.lightings.push(lighting);
                 judged.references.push(image);

@@ -22,7 +22,7 @@ struct Plan {
     memory_bytes: u64,
 }
 
-const QUICK: Plan = Plan { size: (64, 48), texels: &[8], samples: 4, memory_bytes: 256 << 20 };
+const QUICK: Plan = Plan { size: (64, 48), texels: &[8], samples: 4, memory_bytes: 64 << 20 };
 const FULL: Plan = Plan { size: (1024, 768), texels: &[32, 64], samples: 16, memory_bytes: 1 << 30 };
 
 /// What one stage took.
@@ -50,7 +50,7 @@ matrix as f32. Render --pack makes the same bytes as render and pack.",
         let wanted = Wanted { scene, size: plan.size, texels, samples: plan.samples, seed: 0, block_side: 32 };
         match stages(bench, wanted, plan.memory_bytes) {
             Ok((shape, stages)) => {
-                rows.extend(stages.into_iter().map(|stage| row(scene, plan.samples, shape, stage)));
+                rows.extend(stages.into_iter().map(|stage| row(scene, plan, shape, stage)));
                 bench.watch.advance(1, shape.raw_bytes(), "B");
             }
             // A smaller disk or memory than the larger jobs want is no failure of the study.
@@ -77,6 +77,7 @@ matrix as f32. Render --pack makes the same bytes as render and pack.",
             ("raw_gb_per_s", 2),
             ("file_bytes", 0),
             ("peak_bytes", 0),
+            ("allowed_bytes", 0),
             ("mean_rank", 2),
             ("ratio", 0),
             ("relative_l2", 4),
@@ -88,7 +89,7 @@ matrix as f32. Render --pack makes the same bytes as render and pack.",
     Ok(report)
 }
 
-fn row(scene: &str, samples: u32, shape: MatrixShape, stage: Stage) -> Vec<Cell> {
+fn row(scene: &str, plan: &Plan, shape: MatrixShape, stage: Stage) -> Vec<Cell> {
     let raw = shape.raw_bytes();
     let packed = stage.packed.as_ref();
     vec![
@@ -96,7 +97,7 @@ fn row(scene: &str, samples: u32, shape: MatrixShape, stage: Stage) -> Vec<Cell>
         shape.rows().into(),
         shape.columns().into(),
         shape.block_side().into(),
-        samples.into(),
+        plan.samples.into(),
         "f32".into(),
         raw.into(),
         stage.name.into(),
@@ -104,6 +105,7 @@ fn row(scene: &str, samples: u32, shape: MatrixShape, stage: Stage) -> Vec<Cell>
         (raw as f64 / stage.seconds / 1e9).into(),
         stage.file_bytes.into(),
         stage.peak_bytes.map(|bytes| bytes as f64).into(),
+        plan.memory_bytes.into(),
         packed.map(|p| p.mean_rank).into(),
         packed.map(|p| raw as f64 / p.packed_bytes as f64).into(),
         packed.map(|p| p.relative_l2).into(),

@@ -4,8 +4,10 @@
 //! file, a plot and a Markdown table. Every figure stands beside what it depends on: rows, columns, block, rank,
 //! precision, samples, and the metric ([`Measured`]). Nothing here is used by the product.
 
+mod ablation;
 mod bench;
 mod chart;
+mod codecs;
 mod curve;
 mod dct;
 mod exchange;
@@ -59,6 +61,8 @@ pub enum Study {
     Fig7,
     /// PSNR against bytes on disk (Fig. 9).
     Fig9,
+    /// What each idea is worth at equal bytes, and general codecs beside.
+    Ablation,
     /// Rank against the resolution of the light, signal and noise apart (§4).
     Rank,
     /// Error against a converged reference before and after compression.
@@ -95,11 +99,12 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
         Self::Fig9,
+        Self::Ablation,
         Self::Fig5,
         Self::Fig7,
         Self::Rank,
@@ -117,6 +122,7 @@ impl Study {
             Self::Fig6 => "fig6",
             Self::Fig7 => "fig7",
             Self::Fig9 => "fig9",
+            Self::Ablation => "ablation",
             Self::Rank => "rank",
             Self::Noise => "noise",
             Self::Picture => "picture",
@@ -141,6 +147,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
             Study::Fig6 => fig6::run(&bench)?,
             Study::Fig7 => fig7::run(&bench)?,
             Study::Fig9 => fig9::run(&bench)?,
+            Study::Ablation => ablation::run(&bench)?,
             Study::Rank => rank::run(&bench)?,
             Study::Noise => noise::run(&bench)?,
             Study::Picture => picture::run(&bench)?,

@@ -5,11 +5,12 @@ use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
 use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::Summary;
-use super::rivals::product;
+use super::rivals::packed;
 use super::table::Table;
 use ltm::compress::{CompressSettings, Method, PriorChoice};
 use ltm::error::Result;
 use ltm::matrix::BlockSource;
+use ltm::pipeline::PackOptions;
 use ltm::relight::relight_raw;
 
 struct Plan {
@@ -25,10 +26,10 @@ const QUICK: Plan = Plan { scenes: &["diffuse"], size: (48, 32), texels: 8, samp
 
 const FULL: Plan = Plan {
     scenes: &["diffuse", "reflections", "caustics", "mixed", "environment"],
-    size: (96, 64),
+    size: (64, 64),
     texels: 16,
     samples: &[4, 16, 64, 256],
-    converged: 4096,
+    converged: 2048,
 };
 
 const RAW: &str = "raw matrix";
@@ -38,7 +39,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let note = format!(
         "Images against those of a matrix of {} samples per pixel and another seed, mean over the lightings (worst \
 where it says so). Gain: PSNR lin of the packed image over that of the raw matrix it was packed from. Ours: as `ltm-pack` \
-chooses by itself. lin: peak = the reference's largest value; clip: exposed to its 95th luminance percentile, clipped.",
+chooses by itself, and with `--denoise off`. lin: peak = the reference's largest value; clip: exposed to its 95th luminance percentile, clipped.",
         plan.converged
     );
     let mut table = Table::new(
@@ -56,18 +57,21 @@ chooses by itself. lin: peak = the reference's largest value; clip: exposed to i
             ("psnr_lin_db", 2),
             ("psnr_lin_worst_db", 2),
             ("psnr_clip_db", 2),
+            ("psnr_clip_worst_db", 2),
             ("relative_l2", 4),
             ("flip", 4),
+            ("flip_worst", 4),
             ("gain_lin_db", 2),
         ],
     );
     let flat = CompressSettings { prior: PriorChoice::Flat, ..CompressSettings::default() };
     let fixed = |method| CompressSettings { rank: 8, ..CompressSettings::of_method(method) };
     let methods = [
-        ("ours (auto)", CompressSettings::default()),
-        ("ours (flat prior)", flat),
-        ("block SVD (rank 8)", fixed(Method::BlockSvd)),
-        ("Algorithm 4 (rank 8)", fixed(Method::Algorithm4)),
+        ("ours", CompressSettings::default(), true),
+        ("ours (not cleaned)", CompressSettings::default(), false),
+        ("ours (not cleaned, flat prior)", flat, false),
+        ("block SVD (rank 8)", fixed(Method::BlockSvd), false),
+        ("Algorithm 4 (rank 8)", fixed(Method::Algorithm4), false),
     ];
     let mut panels = Vec::new();
     let steps = plan.scenes.len() * plan.samples.len() * (methods.len() + 1);
@@ -86,8 +90,9 @@ chooses by itself. lin: peak = the reference's largest value; clip: exposed to i
             let shape = matrix.shape();
             let raw = Summary::of(&relight_raw(&matrix, &lightings)?, &references);
             let mut results = vec![(RAW, None, shape.raw_bytes(), raw)];
-            for (name, settings) in &methods {
-                let packed = product(bench, &matrix, settings, &lightings)?;
+            for (name, compress, denoise) in &methods {
+                let options = PackOptions { compress: compress.clone(), denoise: *denoise, ..Default::default() };
+                let packed = packed(bench, &matrix, options, &lightings)?;
                 results.push((name, packed.rank, packed.bytes, Summary::of(&packed.images, &references)));
                 bench.watch.advance(1, packed.bytes, "B");
             }
@@ -105,8 +110,10 @@ chooses by itself. lin: peak = the reference's largest value; clip: exposed to i
                     summary.mean.psnr_linear.into(),
                     summary.worst.psnr_linear.into(),
                     summary.mean.psnr_clipped.into(),
+                    summary.worst.psnr_clipped.into(),
                     summary.mean.relative_l2.into(),
                     summary.mean.flip.into(),
+                    summary.worst.flip.into(),
                     (summary.mean.psnr_linear - raw.mean.psnr_linear).into(),
                 ]);
             }

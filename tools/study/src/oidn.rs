@@ -54,6 +54,15 @@ pub(super) const OIDN: Python = Python { package: "pyoidn", variable: "LTM_OIDN"
 ///
 /// Errors: files that cannot be written; a script that fails, with its last line.
 pub(super) fn denoise(images: &[LinearImage], surfaces: &Surfaces, folder: &Path) -> Result<Vec<LinearImage>> {
+    Ok(denoise_timed(images, surfaces, folder)?.0)
+}
+
+/// [`denoise`], and the seconds that one image took, without Python and files; of several, without the first.
+pub(super) fn denoise_timed(
+    images: &[LinearImage],
+    surfaces: &Surfaces,
+    folder: &Path,
+) -> Result<(Vec<LinearImage>, f64)> {
     fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
     let (width, height) = (surfaces.albedo.width, surfaces.albedo.height);
     let described = json!({ "width": width, "height": height, "images": images.len() });
@@ -64,7 +73,8 @@ pub(super) fn denoise(images: &[LinearImage], surfaces: &Surfaces, folder: &Path
     for (which, image) in images.iter().enumerate() {
         write(&format!("color-{which}"), image)?;
     }
-    OIDN.run(SCRIPT, folder, &[])?;
+    let printed = OIDN.run(SCRIPT, folder, &[])?;
+    let seconds = printed.lines().last().and_then(|line| line.trim().parse().ok()).unwrap_or(f64::NAN);
     let read = |which: usize| read_f32(&folder.join(format!("clean-{which}.f32")), width, height);
-    (0..images.len()).map(read).collect()
+    Ok(((0..images.len()).map(read).collect::<Result<_>>()?, seconds))
 }

@@ -10,6 +10,7 @@ use super::oidn::{self, Surfaces};
 use super::rivals::{Packed, packed};
 use super::seen::Seen;
 use super::table::{Cell, Table};
+use ltm::compress::{CompressSettings, Target};
 use ltm::error::Result;
 use ltm::image::LinearImage;
 use ltm::matrix::BlockSource;
@@ -20,56 +21,54 @@ use ltm::store::StoreReader;
 struct Plan {
     scenes: &'static [PlannedScene],
     samples: &'static [u32],
-    /// Of the reference, which has another seed.
-    converged: u32,
 }
 
 struct PlannedScene {
     name: &'static str,
     size: (u32, u32),
     texels: u32,
+    /// Samples of the reference, which has another seed.
+    converged: u32,
     /// It took part in choosing constants or ways of the cleaning.
     tuned_on: bool,
 }
 
 const QUICK: Plan = Plan {
-    scenes: &[PlannedScene { name: "mixed", size: (64, 48), texels: 4, tuned_on: true }],
+    scenes: &[PlannedScene { name: "mixed", size: (64, 48), texels: 4, converged: 256, tuned_on: true }],
     samples: &[16],
-    converged: 256,
 };
 
 const FULL: Plan = Plan {
     scenes: &[
-        PlannedScene { name: "mixed", size: (256, 192), texels: 16, tuned_on: true },
-        PlannedScene { name: CONFERENCE_LAMPS, size: (256, 192), texels: 1, tuned_on: true },
-        PlannedScene { name: GLOSSY, size: (192, 192), texels: 16, tuned_on: true },
-        PlannedScene { name: WATER, size: (128, 128), texels: 16, tuned_on: true },
-        PlannedScene { name: SHIRLEY, size: (128, 128), texels: 16, tuned_on: true },
-        PlannedScene { name: MIRROR, size: (128, 128), texels: 16, tuned_on: true },
-        PlannedScene { name: CLASSROOM, size: (256, 192), texels: 8, tuned_on: false },
-        PlannedScene { name: CORNELL, size: (192, 192), texels: 16, tuned_on: false },
-        PlannedScene { name: "diffuse", size: (256, 192), texels: 16, tuned_on: false },
+        PlannedScene { name: "mixed", size: (256, 192), texels: 16, converged: 768, tuned_on: true },
+        PlannedScene { name: CONFERENCE_LAMPS, size: (256, 192), texels: 1, converged: 3072, tuned_on: true },
+        PlannedScene { name: GLOSSY, size: (192, 192), texels: 16, converged: 768, tuned_on: true },
+        PlannedScene { name: WATER, size: (128, 128), texels: 16, converged: 3072, tuned_on: true },
+        PlannedScene { name: SHIRLEY, size: (128, 128), texels: 16, converged: 3072, tuned_on: true },
+        PlannedScene { name: MIRROR, size: (128, 128), texels: 16, converged: 768, tuned_on: true },
+        PlannedScene { name: CLASSROOM, size: (256, 192), texels: 8, converged: 768, tuned_on: false },
+        PlannedScene { name: CORNELL, size: (192, 192), texels: 16, converged: 768, tuned_on: false },
+        PlannedScene { name: "diffuse", size: (256, 192), texels: 16, converged: 768, tuned_on: false },
     ],
-    samples: &[16, 64],
-    converged: 768,
+    samples: &[16, 64, 256],
 };
 
 /// The lighting whose images are shown: a narrow one, where noise is worst.
 const SHOWN: &str = "narrow spot";
 
-const NOTE: &str = "Images against those of a matrix of another seed (samples: see below), mean \
+const NOTE: &str = "Images against those of a matrix of another seed, mean \
 over the lightings; worst where it says so. ꟻLIP: 67 pixels a degree, exposed to the reference's 95th luminance percentile, \
 extended Reinhard (white at 4, times 1.6), sRGB. clip: PSNR after the same exposure, clipped. Seams: the error's mean jump across \
 block edges over that inside, after a median of three along the edge. Glow: pixels where the raw matrix is exactly black and \
 the image is above 1 % of that percentile; negative: pixels below −1 % of it; both in thousandths of all pixels. Denoiser: Intel's \
 Open Image Denoise on each raw relit image, high quality, with the reference's own albedo and normals as noise-free guides. Ours: as \
-`ltm-pack` chooses by itself; without cleaning: `--denoise off`.";
+`ltm-pack` chooses by itself; packing: ours against the cleaned images, hardly compressed (120 dB); without cleaning: `--denoise off`.";
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
     let with_denoiser = oidn::OIDN.is_there();
-    let mut table = table(bench, plan, with_denoiser);
-    let mut each = each_table(bench, plan);
+    let mut table = table(bench, with_denoiser);
+    let mut each = each_table(bench);
     let scenes: Vec<_> = plan.scenes.iter().filter(|scene| bench.has(scene.name)).collect();
     let mut report = StudyReport::default();
     let mut pictures = Vec::new();
@@ -79,7 +78,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
             scene: scene.name,
             size: scene.size,
             texels: scene.texels,
-            samples: plan.converged,
+            samples: scene.converged,
             seed: 1,
             block_side: 32,
         };
@@ -91,8 +90,10 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
             let matrix = bench.matrix(Wanted { samples, seed: 0, ..wanted })?;
             let rivals = rivals(bench, &matrix, &judged, surfaces.as_ref())?;
             for rival in &rivals {
-                let seen = seen(&matrix, rival, &judged, &rivals);
-                table.push(row(scene, &matrix, rival, &seen));
+                let seen = seen_beside(&judged.references, &matrix, &rival.images, &rivals);
+                let cleaned = rivals.iter().find(|other| other.method == CLEANED && rival.method == OURS);
+                let packing = cleaned.map(|cleaned| seen_beside(&cleaned.images, &matrix, &rival.images, &rivals));
+                table.push(row(scene, &matrix, rival, &seen, packing.as_deref()));
                 each_rows(&mut each, scene, samples, rival, &judged, &seen);
             }
             rows.push(shown(scene, samples, &rivals, &judged));
@@ -109,17 +110,17 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     Ok(report)
 }
 
-fn table(bench: &Bench<'_>, plan: &Plan, with_denoiser: bool) -> Table {
+fn table(bench: &Bench<'_>, with_denoiser: bool) -> Table {
     let absent = "The denoiser was not measured: no Python with `pyoidn` was found.";
-    let converged = format!("References: {} samples.", plan.converged);
-    let notes = [NOTE, &converged, LIGHTINGS_NOTE, absent];
+    let notes = [NOTE, LIGHTINGS_NOTE, absent];
     Table::new(
         "The picture, beside a denoiser on each image",
-        bench.notes(if with_denoiser { &notes[..3] } else { &notes }),
+        bench.notes(if with_denoiser { &notes[..2] } else { &notes }),
         &[
             ("scene", 0),
             ("tuned_on", 0),
             ("samples_per_px", 0),
+            ("reference_samples_per_px", 0),
             ("method", 0),
             ("rows", 0),
             ("columns", 0),
@@ -134,6 +135,9 @@ fn table(bench: &Bench<'_>, plan: &Plan, with_denoiser: bool) -> Table {
             ("seams", 3),
             ("glow_permille", 2),
             ("negative_permille", 2),
+            ("packing_flip", 4),
+            ("packing_flip_worst", 4),
+            ("packing_seams", 3),
         ],
     )
 }
@@ -149,15 +153,24 @@ struct Rival {
 
 const RAW: &str = "raw matrix";
 const OURS: &str = "ours";
+/// Cleaned and hardly compressed: what packing itself costs shows beside it, whatever the reference's noise.
+const CLEANED: &str = "cleaned, hardly compressed";
+/// Where no entry that matters is left out.
+const MOST_DB: f64 = 120.0;
 
 fn rivals(bench: &Bench<'_>, matrix: &StoreReader, judged: &Judged, surfaces: Option<&Surfaces>) -> Result<Vec<Rival>> {
     let lightings = &judged.lightings;
-    let ours = |method, denoise| -> Result<Rival> {
+    let ours = |method, denoise, target| -> Result<Rival> {
+        let compress = CompressSettings { target, ..CompressSettings::default() };
         let Packed { rank, bytes, images, .. } =
-            packed(bench, matrix, PackOptions { denoise, ..PackOptions::default() }, lightings)?;
+            packed(bench, matrix, PackOptions { denoise, compress, ..PackOptions::default() }, lightings)?;
         Ok(Rival { method, rank, bytes: Some(bytes), images })
     };
-    let mut rivals = vec![ours(OURS, true)?, ours("ours without cleaning", false)?];
+    let mut rivals = vec![
+        ours(OURS, true, Target::Automatic)?,
+        ours(CLEANED, true, Target::PsnrDb(MOST_DB))?,
+        ours("ours without cleaning", false, Target::Automatic)?,
+    ];
     let raw = relight_raw(matrix, lightings)?;
     if let Some(surfaces) = surfaces {
         let images = oidn::denoise(&raw, surfaces, &bench.cached("oidn"))?;
@@ -167,22 +180,26 @@ fn rivals(bench: &Bench<'_>, matrix: &StoreReader, judged: &Judged, surfaces: Op
     Ok(rivals)
 }
 
-fn seen(matrix: &StoreReader, rival: &Rival, judged: &Judged, rivals: &[Rival]) -> Vec<Seen> {
+/// What is seen of images beside those that they should be.
+fn seen_beside(
+    references: &[LinearImage],
+    matrix: &StoreReader,
+    images: &[LinearImage],
+    rivals: &[Rival],
+) -> Vec<Seen> {
     let raw = rivals.iter().find(|rival| rival.method == RAW).map_or(&[][..], |raw| &raw.images);
-    rival
-        .images
+    images
         .par_iter()
-        .zip(&judged.references)
+        .zip(references)
         .zip(raw)
         .map(|((image, reference), raw)| Seen::of(image, reference, raw, matrix.shape().block_side()))
         .collect()
 }
 
-fn each_table(bench: &Bench<'_>, plan: &Plan) -> Table {
-    let converged = format!("References: {} samples; measures as in `picture.csv`.", plan.converged);
+fn each_table(bench: &Bench<'_>) -> Table {
     Table::new(
         "The picture under each lighting",
-        bench.notes(&[&converged]),
+        bench.notes(&["References and measures as in `picture.csv`."]),
         &[("scene", 0), ("samples_per_px", 0), ("lighting", 0), ("method", 0), ("flip", 4), ("psnr_clip_db", 2)],
     )
 }
@@ -194,7 +211,13 @@ fn each_rows(table: &mut Table, scene: &PlannedScene, samples: u32, rival: &Riva
     }
 }
 
-fn row(scene: &PlannedScene, matrix: &StoreReader, rival: &Rival, seen: &[Seen]) -> Vec<Cell> {
+fn row(
+    scene: &PlannedScene,
+    matrix: &StoreReader,
+    rival: &Rival,
+    seen: &[Seen],
+    packing: Option<&[Seen]>,
+) -> Vec<Cell> {
     let shape = matrix.shape();
     let mean = |part: fn(&Seen) -> f64| seen.iter().map(part).sum::<f64>() / seen.len() as f64;
     let worst = |part: fn(&Seen) -> f64| seen.iter().map(part).fold(f64::NEG_INFINITY, f64::max);
@@ -202,6 +225,7 @@ fn row(scene: &PlannedScene, matrix: &StoreReader, rival: &Rival, seen: &[Seen])
         scene.name.into(),
         if scene.tuned_on { "yes" } else { "no" }.into(),
         matrix.job().provenance.samples_per_pixel.into(),
+        scene.converged.into(),
         rival.method.into(),
         shape.rows().into(),
         shape.columns().into(),
@@ -216,6 +240,9 @@ fn row(scene: &PlannedScene, matrix: &StoreReader, rival: &Rival, seen: &[Seen])
         mean(|s| s.seams).into(),
         mean(|s| 1e3 * s.glow).into(),
         mean(|s| 1e3 * s.negative).into(),
+        packing.map(|packing| packing.iter().map(|s| s.flip).sum::<f64>() / packing.len() as f64).into(),
+        packing.map(|packing| packing.iter().map(|s| s.flip).fold(0.0, f64::max)).into(),
+        packing.map(|packing| packing.iter().map(|s| s.seams).sum::<f64>() / packing.len() as f64).into(),
     ]
 }
 
@@ -229,5 +256,6 @@ fn shown(scene: &PlannedScene, samples: u32, rivals: &[Rival], judged: &Judged) 
             if rival.method == OURS { format!("{}, {samples} samples", scene.name) } else { rival.method.into() };
         Picture::shown(&rival.images[at], reference, caption)
     };
-    rivals.iter().map(picture).chain([Picture::shown(reference, reference, "reference")]).collect()
+    let rivals = rivals.iter().filter(|rival| rival.method != CLEANED);
+    rivals.map(picture).chain([Picture::shown(reference, reference, "reference")]).collect()
 }

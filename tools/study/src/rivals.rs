@@ -4,18 +4,19 @@ use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
+use faer::Mat;
 use half::f16;
 use rayon::prelude::*;
 
 use super::bench::{Bench, file_bytes};
 use super::factors::{assemble, relit_block, relit_factors};
 use super::{kernel_nystrom, svd};
-use ltm::compress::CompressSettings;
+use ltm::compress::{CompressSettings, component_bits};
 use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::image::LinearImage;
-use ltm::light::Lighting;
+use ltm::light::{Lighting, LightingPrior};
 use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, BlockSource, FactoredBlock, TracedBlock};
 use ltm::pipeline::{self, PackOptions};
@@ -115,12 +116,19 @@ pub(super) enum Ranks {
 }
 
 impl BlockSvd {
-    pub(super) fn new(matrix: &StoreReader, rank: usize) -> Result<Self> {
+    /// Weighted by a prior, or not.
+    pub(super) fn new(matrix: &StoreReader, rank: usize, prior: Option<&LightingPrior>) -> Result<Self> {
         let begun = Instant::now();
+        let root = prior.map(root_of);
         let blocks: Vec<BlockId> = matrix.shape().blocks().collect();
         let parts = blocks.par_iter().map_init(TracedBlock::default, |traced, &id| {
             matrix.read_block(id, traced)?;
-            Ok((svd::leading(svd::to_f64(traced.block.view()).as_ref(), rank, u64::from(id.0)), traced.block.rows()))
+            let (a, seed) = (svd::to_f64(traced.block.view()), u64::from(id.0));
+            let part = match &root {
+                Some(root) => svd::leading_weighted(a.as_ref(), root.as_ref(), rank, seed),
+                None => svd::leading(a.as_ref(), rank, seed),
+            };
+            Ok((part, traced.block.rows()))
         });
         let (parts, rows): (Vec<_>, Vec<_>) = parts.collect::<Result<Vec<_>>>()?.into_iter().unzip();
         Ok(Self { parts, rows, columns: matrix.shape().columns(), seconds: begun.elapsed().as_secs_f64() })
@@ -170,6 +178,81 @@ impl BlockSvd {
         })
     }
 
+    /// Ranks, steps, transform and coding as the product has them, at the one slope at which about so many bytes are expected.
+    pub(super) fn pack_coded(
+        &self,
+        bench: &Bench<'_>,
+        matrix: &StoreReader,
+        bytes: f64,
+        lightings: &[Lighting],
+    ) -> Result<Packed> {
+        bench.stop_if_interrupted()?;
+        let path = bench.cached("svd.ltc");
+        let options = ContainerOptions { overwrite: true, ..Default::default() };
+        let writer = ContainerWriter::create(&path, matrix.job(), options)?;
+        let slope = self.slope(bytes);
+        let blocks: Vec<BlockId> = matrix.shape().blocks().collect();
+        let ranks = blocks.par_iter().map(|&id| {
+            let block = self.cut(id, slope);
+            writer.write_block(id, &block, &BlockReport::default())?;
+            Ok(block.rank())
+        });
+        let ranks: Vec<usize> = ranks.collect::<Result<_>>()?;
+        writer.finish()?;
+        let relighter = CpuRelighter::load(&ContainerReader::open(&path)?)?;
+        let images = lightings.iter().map(|lighting| relighter.relight(lighting)).collect::<Result<_>>()?;
+        Ok(Packed {
+            bytes: file_bytes(&path)?,
+            rank: Some(ranks.iter().sum::<usize>() as f64 / ranks.len() as f64),
+            seconds: self.seconds,
+            images,
+        })
+    }
+
+    /// Squared radiance per bit at which so many bytes are expected, by bisection.
+    fn slope(&self, bytes: f64) -> f64 {
+        let energy: f64 = self.parts.iter().flat_map(|part| &part.sigma).map(|sigma| sigma * sigma).sum();
+        let expected = |slope: f64| -> f64 {
+            let of_block = |index| self.kept(index, slope).iter().map(|kept| kept.bits).sum::<f64>();
+            (0..self.parts.len()).map(of_block).sum::<f64>() / 8.0
+        };
+        let (mut low, mut high) = (energy.log2() - 70.0, energy.log2());
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            if expected(middle.exp2()) > bytes { low = middle } else { high = middle }
+        }
+        high.exp2()
+    }
+
+    /// The components of a block that are worth their bits, with the steps of the slope: the rule of `src/compress/cut.rs`
+    /// where noise is not heeded and no block weighs more than another.
+    fn kept(&self, index: usize, slope: f64) -> Vec<Kept> {
+        let (part, m, n) = (&self.parts[index], self.rows[index] as f64, self.columns as f64);
+        let allowed = 6.0 * slope / std::f64::consts::LN_2;
+        let kept = part.sigma.iter().enumerate().filter(|(_, sigma)| **sigma > 0.0).map(|(component, sigma)| {
+            let gain = sigma * sigma;
+            let mean_square = gain * part.v.col(component).squared_norm_l2() / n;
+            let (left, right) = ((allowed / gain).sqrt(), allowed.sqrt());
+            let bits = component_bits((m, 1.0 / m, left), (n, mean_square, right));
+            let worth = gain - (m + n) * allowed / 12.0 > slope * bits;
+            worth.then_some(Kept { component, bits, left, right })
+        });
+        kept.flatten().collect()
+    }
+
+    fn cut(&self, id: BlockId, slope: f64) -> FactoredBlock {
+        let index = id.index();
+        let part = &self.parts[index];
+        let mut block = FactoredBlock { rows: self.rows[index], columns: self.columns, ..Default::default() };
+        for Kept { component: k, left, right, .. } in self.kept(index, slope) {
+            block.left.extend((0..block.rows).map(|i| part.u[(i, k)] as f32));
+            block.right.extend((0..block.columns).map(|j| (part.v[(j, k)] * part.sigma[k]) as f32));
+            block.left_step.push(left as f32);
+            block.right_step.push(right as f32);
+        }
+        block
+    }
+
     /// For each component a scale, then the 16-bit floats of both its factors; low bytes first, then high bytes.
     fn half_bytes(&self, index: usize, rank: usize) -> Vec<u8> {
         let part = &self.parts[index];
@@ -187,6 +270,26 @@ impl BlockSvd {
         let planes = halves.iter().map(|h| h.to_le_bytes()[0]).chain(halves.iter().map(|h| h.to_le_bytes()[1]));
         scales.into_iter().chain(planes).collect()
     }
+}
+
+/// A component that is kept.
+struct Kept {
+    component: usize,
+    /// That it is expected to take.
+    bits: f64,
+    /// Steps of its two sides.
+    left: f64,
+    right: f64,
+}
+
+/// `S` with `S Sᵀ = K`: columns × any.
+fn root_of(prior: &LightingPrior) -> Mat<f64> {
+    let (n, width) = (prior.columns(), prior.width());
+    Mat::from_fn(n, width + n, |j, w| match w.checked_sub(width) {
+        None => f64::from(prior.factor()[w * n + j]),
+        Some(own) if own == j => f64::from(prior.independent()[j]).sqrt(),
+        Some(_) => 0.0,
+    })
 }
 
 /// Reads back what [`BlockSvd::pack`] wrote.

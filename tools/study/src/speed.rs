@@ -6,6 +6,7 @@ use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
 use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::{Measured, Summary};
+use super::oidn::{self, Surfaces};
 use super::table::{Cell, Table};
 use super::{StudyReport, mitsuba};
 use ltm::container::ContainerReader;
@@ -13,12 +14,13 @@ use ltm::error::Result;
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
 use ltm::matrix::{BlockSource, MatrixShape};
-use ltm::pipeline::{self, PackOptions, RenderOptions};
+use ltm::pipeline::{self, PackOptions, RenderOptions, job_of};
 use ltm::relight::{CpuRelighter, relight_raw};
 use ltm::store::StoreReader;
+use ltm::trace::{TraceSettings, Tracer};
 
 const MITSUBA_NOTE: &str = "Mitsuba 3: the same scene and lighting by its path integrator, on all cores; loading and \
-compiling are not counted.";
+compiling are not counted. With the denoiser: Open Image Denoise on its image, with noise-free albedo and normals, Python and files not counted.";
 
 struct Plan {
     scene: &'static str,
@@ -34,6 +36,7 @@ const FULL: Plan = Plan { scene: "mixed", size: (256, 192), texels: 32, samples:
 const STORED: &str = "ours (stored)";
 const FUSED: &str = "ours (fused)";
 const RAW: &str = "uncompressed T from disk";
+const DENOISED: &str = "Mitsuba 3 (llvm_ad_rgb) and the denoiser";
 const AGAIN: &str = "rendering each lighting again";
 
 /// A way to relit images.
@@ -61,15 +64,18 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let Plan { scene, size, texels, converged, .. } = *plan;
     let note = format!(
         "Errors against a matrix of {converged} samples per pixel and another seed. Prepare: from the scene to when relighting can \
-begin. Relight: mean of the lightings, CPU. {AGAIN}: the same tracer with the light as one column, all on, without storing \
-anything; each of the columns by itself would take columns times as long. Pays off: relights from which on preparing has been \
+begin. Relight: mean of the lightings, CPU. {AGAIN}: the same tracer with the light as one column, all on, and nothing \
+stored; each of the columns by itself would take columns times as long. Pays off: relights from which on preparing has been \
 worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     );
     bench.watch.begin("speed", plan.samples.len() as u64, "sample counts");
     let wanted = Wanted { scene, size, texels, samples: converged, seed: 1, block_side: 32 };
     let again_there = rendered_again(bench, wanted, plan.samples)?;
     let mut notes = bench.notes(&[&note, LIGHTINGS_NOTE]);
-    notes.extend(again_there.left_out);
+    notes.extend(again_there.left_out.clone());
+    if !oidn::OIDN.is_there() {
+        notes.push("The denoiser was not compared: no Python with it (`LTM_OIDN` names one, else `python3`).".into());
+    }
     let mut table = Table::new(
         "Seconds from the scene to relit images",
         notes,
@@ -83,24 +89,27 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
             ("bytes", 0),
             ("prepare_secs", 3),
             ("first_image_secs", 3),
+            ("ten_images_secs", 3),
+            ("hundred_images_secs", 3),
             ("relight_secs", 5),
             ("pays_off_after", 1),
             ("psnr_lin_db", 2),
             ("psnr_clip_db", 2),
             ("all_on_lin_db", 2),
             ("all_on_clip_db", 2),
+            ("all_on_flip", 3),
         ],
     );
     let reference = bench.matrix(wanted)?;
     let shape = reference.shape();
     let Judged { lightings, references, .. } = Judged::of(&reference)?;
+    let surfaces = if oidn::OIDN.is_there() { Surfaces::of(&reference)? } else { None };
     let mut last = Vec::new();
     let mut error_lines: Vec<Line> = Vec::new();
     for &samples in plan.samples {
         bench.stop_if_interrupted()?;
         let mut ways = ways(bench, Wanted { samples, seed: 0, ..wanted }, &lightings, &references)?;
-        let there = again_there.images.iter().filter(|(_, image)| image.samples == samples);
-        ways.extend(there.map(|(name, image)| Way::again(name, image.seconds, &image.image, &references[0])));
+        ways.extend(again_there.ways(bench, samples, surfaces.as_ref(), &references[0])?);
         let again = ways.iter().find(|way| way.name == AGAIN).map_or(f64::NAN, |way| way.relight_secs);
         for way in &ways {
             table.push(row(scene, samples, shape, way, again));
@@ -156,12 +165,15 @@ fn row(scene: &str, samples: u32, shape: MatrixShape, way: &Way, again: f64) -> 
         way.bytes.into(),
         way.prepare_secs.into(),
         (way.prepare_secs + way.relight_secs).into(),
+        (way.prepare_secs + 10.0 * way.relight_secs).into(),
+        (way.prepare_secs + 100.0 * way.relight_secs).into(),
         way.relight_secs.into(),
         if way.prepare_secs > 0.0 && pays_off > 0.0 { pays_off.into() } else { Cell::Missing },
         way.summary.map(|s| s.mean.psnr_linear).into(),
         way.summary.map(|s| s.mean.psnr_clipped).into(),
         way.all_on.psnr_linear.into(),
         way.all_on.psnr_clipped.into(),
+        way.all_on.flip.into(),
     ]
 }
 
@@ -174,7 +186,7 @@ fn ways(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &
     pipeline::render(loaded, &matrix_path, &render_options, &bench.silent())?;
     let render_secs = begun.elapsed().as_secs_f64();
     let matrix = StoreReader::open(&matrix_path)?;
-    let mut pack_options = PackOptions::default();
+    let mut pack_options = PackOptions { denoise: true, ..Default::default() };
     pack_options.container.overwrite = true;
     let begun = Instant::now();
     let packed = pipeline::pack(&matrix, matrix.job(), &container_path, &pack_options, &bench.silent())?;
@@ -209,14 +221,18 @@ fn ways(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &
     let fused_secs = begun.elapsed().as_secs_f64();
     ways.push(way(FUSED, fused_secs, fused.packed_bytes, relit(&|lighting| relighter.relight(lighting))?));
 
-    // The light as one column: what rendering the scene under this one lighting costs.
+    // The light as one column: what rendering the scene under this one lighting costs, with nothing stored.
     let single = bench.loaded(Wanted { texels: 1, ..wanted })?;
-    let path = bench.cached("speed-one.ltm");
+    let (shape, settings) = (job_of(&single)?.shape, single.settings);
     let begun = Instant::now();
-    pipeline::render(single, &path, &render_options, &bench.silent())?;
+    let settings = TraceSettings {
+        samples_per_pixel: settings.samples_per_pixel,
+        seed: settings.seed,
+        max_depth: settings.max_depth,
+    };
+    let tracer = Tracer::new(single.scene, shape, settings)?;
+    let image = &relight_raw(&tracer, &[Lighting::uniform(shape.columns(), [1.0; 3])?])?[0];
     let again_secs = begun.elapsed().as_secs_f64();
-    let one = StoreReader::open(&path)?;
-    let image = &relight_raw(&one, &[Lighting::uniform(one.shape().columns(), [1.0; 3])?])?[0];
     ways.push(Way::again(AGAIN, again_secs, image, &references[0]));
     Ok(ways)
 }
@@ -228,6 +244,28 @@ struct RenderedAgain {
     images: Vec<(&'static str, mitsuba::Rendered)>,
     /// A line for each variant that is left out.
     left_out: Vec<String>,
+}
+
+impl RenderedAgain {
+    /// What it takes with a number of samples; of the fastest variant also with the denoiser, where that is at hand.
+    fn ways(
+        &self,
+        bench: &Bench<'_>,
+        samples: u32,
+        surfaces: Option<&Surfaces>,
+        all_on: &LinearImage,
+    ) -> Result<Vec<Way>> {
+        let mut ways = Vec::new();
+        for (name, rendered) in self.images.iter().filter(|(_, rendered)| rendered.samples == samples) {
+            ways.push(Way::again(name, rendered.seconds, &rendered.image, all_on));
+            let Some(surfaces) = surfaces.filter(|_| *name == mitsuba::VARIANTS[0].1) else { continue };
+            // Twice: the first prepares the denoiser, which is not counted.
+            let images = [rendered.image.clone(), rendered.image.clone()];
+            let (clean, seconds) = oidn::denoise_timed(&images, surfaces, &bench.cached("oidn"))?;
+            ways.push(Way::again(DENOISED, rendered.seconds + seconds, &clean[0], all_on));
+        }
+        Ok(ways)
+    }
 }
 
 /// The scene with everything on, rendered by each variant of Mitsuba with each number of samples.

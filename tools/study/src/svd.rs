@@ -49,6 +49,15 @@ pub(super) fn leading(a: MatRef<'_, f64>, rank: usize, seed: u64) -> Leading {
     Leading { u: q * turn, sigma, v }
 }
 
+/// The orthonormal `U` of which `‖(A − U Uᵀ A) S‖` is least, by what each of its columns brings: `U` and `σ` are those of `A S`, and
+/// `V = Aᵀ U / σ`, so that `U diag(σ) Vᵀ = U Uᵀ A`.
+pub(super) fn leading_weighted(a: MatRef<'_, f64>, s: MatRef<'_, f64>, rank: usize, seed: u64) -> Leading {
+    let Leading { u, sigma, .. } = leading((a * s).as_ref(), rank, seed);
+    let along = a.transpose() * &u;
+    let v = Mat::from_fn(a.ncols(), sigma.len(), |j, k| if sigma[k] > 0.0 { along[(j, k)] / sigma[k] } else { 0.0 });
+    Leading { u, sigma, v }
+}
+
 fn orthonormal(y: MatRef<'_, f64>) -> Mat<f64> {
     y.qr().compute_thin_Q()
 }
@@ -70,6 +79,20 @@ pub(super) fn eigen(a: MatRef<'_, f64>) -> (Vec<f64>, Mat<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_weighs_nothing_draws_no_component() {
+        let mut random = Pcg64Mcg::seed_from_u64(6);
+        let a = Mat::from_fn(40, 6, |_, _| random.random::<f64>() - 0.5);
+        // The last four columns weigh nothing: rank 2 holds all that counts, and its product is the projected block.
+        let s = Mat::from_fn(6, 6, |i, j| if i == j && i < 2 { 1.0 } else { 0.0 });
+        let part = leading_weighted(a.as_ref(), s.as_ref(), 2, 1);
+        let scaled = Mat::from_fn(40, 2, |i, k| part.u[(i, k)] * part.sigma[k]);
+        let held = scaled * part.v.transpose();
+        assert!((&a - &held).subcols(0, 2).norm_l2() < 1e-9);
+        let projected = &part.u * (part.u.transpose() * &a);
+        assert!((held - projected).norm_l2() < 1e-9);
+    }
 
     #[test]
     fn the_leading_part_is_the_best_of_its_rank() {

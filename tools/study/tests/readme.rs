@@ -7,10 +7,100 @@ use std::path::Path;
 
 use tables::{Row, read_csv};
 
+/// The table of a study, as it is published.
+fn published(name: &str) -> Vec<Row> {
+    read_csv(&Path::new("../../formats/plots").join(name))
+}
+
+/// The cells of the README's row that begins so, between its bars.
+fn row_of<'a>(readme: &'a str, begin: &str) -> Vec<&'a str> {
+    let mut lines = readme.lines().filter(|line| line.starts_with(begin));
+    let line = lines.next().unwrap_or_else(|| panic!("no row '{begin}'"));
+    assert_eq!(lines.next(), None, "two rows '{begin}'");
+    line.trim_matches('|').split('|').map(str::trim).collect()
+}
+
+fn readme() -> String {
+    fs::read_to_string("../../README.md").unwrap()
+}
+
+/// A value with so many digits; a dash where there is none.
+fn shown(row: &Row, column: &str, digits: usize) -> String {
+    match row[column].as_str() {
+        "" => "–".to_owned(),
+        number => format!("{:.digits$}", number.parse::<f64>().unwrap()),
+    }
+}
+
+#[test]
+fn ideas_bring_what_the_readme_says() {
+    let (readme, rows) = (readme(), published("ablation.csv"));
+    let (_, table) = readme.split_once("**Ideas at equal bytes**").expect("the table of ideas");
+    let (table, _) = table.split_once("\n**").expect("what follows it");
+    let found = |group: &str, ratio: &str, method: &str| {
+        let is = |row: &&Row| row["scenes"] == group && row["ratio"] == ratio && row["method"] == method;
+        rows.iter().find(is).unwrap_or_else(|| panic!("{group}, {ratio}: no {method}"))
+    };
+    let mut methods: Vec<&str> = rows.iter().map(|row| row["method"].as_str()).collect();
+    methods.sort_unstable();
+    methods.dedup();
+    assert!(methods.len() > 10, "{methods:?}");
+    for method in methods {
+        let (tuned, judged, fine) =
+            (found("tuned on", "400", method), found("judged", "400", method), found("judged", "100", method));
+        let two = |row: &Row, a: &str, b: &str| match (shown(row, a, 1), shown(row, b, 1)) {
+            (a, b) if a == b && a == "–" => a,
+            (a, b) => format!("{a} / {b}"),
+        };
+        let with_interval = |value: &str, interval: &str| match shown(judged, interval, 1).as_str() {
+            "–" => shown(judged, value, 1),
+            interval => format!("{} ± {interval}", shown(judged, value, 1)),
+        };
+        let lin = with_interval("psnr_lin_db", "psnr_lin_interval_db");
+        let expected = [
+            method.to_owned(),
+            two(tuned, "psnr_lin_db", "psnr_clip_db"),
+            if lin == "–" {
+                lin
+            } else {
+                format!("{lin} / {}", with_interval("psnr_clip_db", "psnr_clip_interval_db"))
+            },
+            two(judged, "psnr_lin_worst_db", "psnr_clip_worst_db"),
+            match shown(judged, "truth_clip_db", 1).as_str() {
+                "–" => "–".to_owned(),
+                clip => format!("{clip}, {}", shown(judged, "truth_flip", 3)),
+            },
+            two(fine, "psnr_lin_db", "psnr_clip_db"),
+        ];
+        assert_eq!(row_of(table, &format!("| {method} |")), expected);
+    }
+}
+
+#[test]
+fn packed_images_are_as_near_to_the_truth_as_the_readme_says() {
+    let (readme, rows) = (readme(), published("noise.csv"));
+    let (_, table) = readme.split_once("**Nearer to the truth than what was packed**").expect("the table of noise");
+    let mut scenes: Vec<&str> = rows.iter().map(|row| row["scene"].as_str()).collect();
+    scenes.dedup();
+    for scene in scenes {
+        let mut expected = vec![scene.to_owned()];
+        for samples in ["16", "256"] {
+            for method in ["raw matrix", "ours (not cleaned)", "ours"] {
+                let is =
+                    |row: &&Row| row["scene"] == scene && row["samples_per_px"] == samples && row["method"] == method;
+                let row = rows.iter().find(is).unwrap_or_else(|| panic!("{scene}, {samples}: no {method}"));
+                let [lin, clip, flip] = [("psnr_lin_db", 1), ("psnr_clip_db", 1), ("flip", 3)]
+                    .map(|(name, digits)| shown(row, name, digits));
+                expected.push(format!("{lin} / {clip}, {flip}"));
+            }
+        }
+        assert_eq!(row_of(table, &format!("| {scene} |")), expected);
+    }
+}
+
 #[test]
 fn pictures_are_as_good_as_the_readme_says() {
-    let readme = fs::read_to_string("../../README.md").unwrap();
-    let rows = read_csv(Path::new("../../formats/plots/picture.csv"));
+    let (readme, rows) = (readme(), published("picture.csv"));
     let found = |scene: &str, samples: &str, method: &str| {
         let is = |row: &&Row| row["scene"] == scene && row["samples_per_px"] == samples && row["method"] == method;
         rows.iter().find(is).unwrap_or_else(|| panic!("{scene}, {samples} samples: no {method}"))
@@ -21,8 +111,7 @@ fn pictures_are_as_good_as_the_readme_says() {
     for scene in scenes {
         let ours = found(scene, "16", "ours");
         let name = if ours["tuned_on"] == "yes" { scene.to_owned() } else { format!("**{scene}**") };
-        let line =
-            readme.lines().find(|line| line.starts_with(&format!("| {name}, "))).unwrap_or_else(|| panic!("{name}"));
+        let cells = row_of(&readme, &format!("| {name}, "));
         let mut expected = Vec::new();
         for samples in ["16", "64"] {
             for method in ["ours", "denoiser on each image", "raw matrix"] {
@@ -30,9 +119,8 @@ fn pictures_are_as_good_as_the_readme_says() {
                 expected.push(format!("{:.3} / {:.1}", number("flip"), number("psnr_clip_db")));
             }
         }
-        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
-        assert_eq!(cells[2..8], expected, "{scene}");
-        let shape: String = cells[1].chars().filter(|c| c.is_ascii_digit() || *c == '×').collect();
-        assert!(shape.ends_with(&format!("{}×{}", ours["rows"], ours["columns"])), "{}", cells[1]);
+        assert_eq!(cells[1..], expected, "{scene}");
+        let shape: String = cells[0].chars().filter(|c| c.is_ascii_digit() || *c == '×').collect();
+        assert!(shape.ends_with(&format!("{}×{}", ours["rows"], ours["columns"])), "{}", cells[0]);
     }
 }

@@ -34,7 +34,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
             _ => assert!(fs::read_to_string(file).unwrap().contains("|---|")),
         }
     }
-    for name in ["fig5", "fig6", "fig7", "fig9", "rank", "noise", "picture", "speed", "scaling"] {
+    for name in ["fig5", "fig6", "fig7", "fig9", "ablation", "rank", "noise", "picture", "speed", "scaling"] {
         let named = |file: &Path| file.file_name().unwrap().to_string_lossy().starts_with(name);
         assert!(report.files.iter().any(|file| named(file) && file.extension().is_some_and(|e| e == "png")), "{name}");
     }
@@ -77,7 +77,18 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     }
     assert!(compared >= 8, "{compared} of {} rows have a value", fixed.len());
 
-    // The stored way and the fused one end in the same container, and the memory that was allowed was enough.
+    // Each idea brings something where it is meant to: the weights of the prior and our coder against the matrix, leaving noise out and
+    // cleaning against the truth.
+    let ablation = read_csv(&out.join("ablation.csv"));
+    let value = |method: &str, name: &str| number(of(&ablation, "method", method).next().expect(method), name);
+    let (coder, flat) = ("+ our steps, transform and coder", "block SVD in our coder, no prior");
+    assert!(value(coder, "psnr_clip_db") > value(flat, "psnr_clip_db"));
+    assert!(value("+ sparse entries (`--keep-noise`)", "psnr_lin_db") > value(coder, "psnr_lin_db"));
+    assert!(
+        value("+ cleaned (the default)", "truth_clip_db") > value("+ sparse entries (`--keep-noise`)", "truth_clip_db")
+    );
+
+    // The stored way and the fused one end in the same container, within the memory that was allowed.
     let large = read_csv(&out.join("large.csv"));
     assert_eq!(
         large.iter().map(|r| r["stage"].as_str()).collect::<Vec<_>>(),
@@ -85,7 +96,8 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     );
     assert_eq!(large[2]["file_bytes"], large[4]["file_bytes"]);
     for row in large.iter().filter(|row| !row["peak_bytes"].is_empty()) {
-        assert!(number(row, "peak_bytes") < f64::from(256 << 20), "{row:?}");
+        assert!(number(row, "peak_bytes") <= number(row, "allowed_bytes"), "{row:?}");
+        assert!(number(row, "allowed_bytes") == f64::from(64 << 20), "{row:?}");
     }
 
     // Some of a matrix of 64 samples is noise, which takes components of its own.
@@ -98,7 +110,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
 
     // The packed image is closer to the truth than the matrix that it was packed from.
     let noise = read_csv(&out.join("noise.csv"));
-    for row in of(&noise, "method", "ours (auto)") {
+    for row in of(&noise, "method", "ours") {
         assert!(number(row, "gain_lin_db") > 0.0, "{row:?}");
     }
 

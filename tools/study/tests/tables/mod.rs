@@ -15,9 +15,9 @@ pub(crate) fn read_csv(path: &Path) -> Vec<Row> {
     let names: Vec<&str> = lines.next().unwrap().split(',').collect();
     let rows: Vec<Row> = lines
         .map(|line| {
-            let cells: Vec<&str> = line.split(',').collect();
+            let cells = cells(line);
             assert_eq!(cells.len(), names.len(), "{}: {line}", path.display());
-            names.iter().zip(cells).map(|(n, c)| ((*n).to_owned(), c.to_owned())).collect()
+            names.iter().zip(cells).map(|(n, c)| ((*n).to_owned(), c)).collect()
         })
         .collect();
     assert!(!rows.is_empty(), "{} has no rows", path.display());
@@ -28,4 +28,17 @@ pub(crate) fn read_csv(path: &Path) -> Vec<Row> {
         }
     }
     rows
+}
+
+/// The cells of a line; one with a comma stands in quotes.
+fn cells(line: &str) -> Vec<String> {
+    let (mut cells, mut quoted) = (vec![String::new()], false);
+    for letter in line.chars() {
+        match letter {
+            '"' => quoted = !quoted,
+            ',' if !quoted => cells.push(String::new()),
+            _ => cells.last_mut().expect("one at least").push(letter),
+        }
+    }
+    cells
 }

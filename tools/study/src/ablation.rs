@@ -1,0 +1,404 @@
+//! What each idea is worth: from a plain block SVD to what `ltm-pack` does today, one idea more in each row, all at the same
+//! bytes; beside them Algorithm 4 and general codecs, each at its best.
+
+use super::bench::{Bench, CLASSROOM, CORNELL, Wanted, file_bytes};
+use super::chart::{Axis, Chart, Line, Panel};
+use super::judged::{APART_NOTE, Judged, LIGHTINGS_SEED};
+use super::measured::Summary;
+use super::python::Python;
+use super::rivals::{BlockSvd, Packed, Ranks, packed, product};
+use super::table::{Cell, Table};
+use super::{StudyReport, codecs, curve, dct, zfp};
+use ltm::compress::{CompressSettings, Method, Ranks as Kept, Target};
+use ltm::error::Result;
+use ltm::image::LinearImage;
+use ltm::light::{Lighting, LightingPrior};
+use ltm::matrix::BlockSource;
+use ltm::pipeline::PackOptions;
+use ltm::relight::relight_raw;
+use ltm::store::StoreReader;
+
+/// A method, and whether it stops by itself before it has taken the bytes that it is given.
+type Way = (&'static str, bool);
+
+const PLAIN: Way = ("block SVD, one rank, f16 + zstd", false);
+const PRIOR: Way = ("+ weighted by the prior", false);
+const SLOPE: Way = ("+ ranks by one slope", false);
+const CODER: Way = ("+ our steps, transform and coder", false);
+const SKETCH: Way = ("+ sketched range, all-on exact", false);
+const DARK: Way = ("+ dark blocks weigh more", false);
+const SPARSE: Way = ("+ sparse entries (`--keep-noise`)", false);
+const NOISE: Way = ("+ noise left out (`--denoise off`)", true);
+const CLEANED: Way = ("+ cleaned (the default)", true);
+const FLAT: Way = ("block SVD in our coder, no prior", false);
+const PAPER: Way = ("Algorithm 4, one rank", false);
+const PAPER_SLOPE: Way = ("Algorithm 4, ranks by one slope, our coder", false);
+const DCT: Way = ("DCT + zstd", false);
+const ZFP: Way = ("zfp + zstd", false);
+
+/// All, in the order of the tables; general codecs that a Python has come behind.
+const WAYS: [Way; 14] =
+    [PLAIN, PRIOR, SLOPE, CODER, SKETCH, DARK, SPARSE, NOISE, CLEANED, FLAT, PAPER, PAPER_SLOPE, DCT, ZFP];
+
+struct Plan {
+    /// With whether it took part in choosing constants.
+    scenes: &'static [(&'static str, bool)],
+    size: (u32, u32),
+    /// Columns in all; lights are squares of texels.
+    columns: u32,
+    samples: u32,
+    /// Of the matrix that stands for the truth, which has another seed.
+    converged: u32,
+    seeds: u64,
+    /// The matrix over the bytes that are asked for where bytes can be asked for.
+    ratios: &'static [f64],
+    /// The same where bytes are only expected, from the entropy of factors.
+    expected_ratios: &'static [f64],
+    ranks: &'static [usize],
+    mean_ranks: &'static [f64],
+    /// Exponents of two of the DCT's steps under its scale, and of zfp's tolerances over the largest entry.
+    steps: &'static [i32],
+    tolerances: &'static [i32],
+    /// The matrix over the bytes at which all are read off.
+    fixed: &'static [f64],
+}
+
+const QUICK: Plan = Plan {
+    scenes: &[("diffuse", true), ("mixed", true)],
+    size: (64, 32),
+    columns: 64,
+    samples: 16,
+    converged: 128,
+    seeds: 2,
+    ratios: &[160.0, 60.0, 20.0],
+    expected_ratios: &[160.0, 60.0, 20.0],
+    ranks: &[1, 2, 4],
+    mean_ranks: &[0.5, 1.0, 2.0, 4.0],
+    steps: &[-4, -6, -8],
+    tolerances: &[6, 3, 0],
+    fixed: &[40.0],
+};
+
+const FULL: Plan = Plan {
+    scenes: &[("mixed", true), (CLASSROOM, false), (CORNELL, false)],
+    size: (64, 32),
+    columns: 256,
+    samples: 256,
+    converged: 2048,
+    seeds: 5,
+    ratios: &[500.0, 300.0, 90.0],
+    expected_ratios: &[1000.0, 400.0, 150.0, 60.0],
+    ranks: &[1, 2, 4, 8],
+    mean_ranks: &[0.5, 1.0, 2.0, 4.0, 8.0],
+    steps: &[-5, -7, -8, -9],
+    tolerances: &[6, 4, 2, 0],
+    fixed: &[400.0, 100.0],
+};
+
+/// Quantile 0.975 of Student's t for 1, 2, … degrees of freedom.
+const T_QUANTILES: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
+
+/// What is read off a file: name, digits, how.
+type Value = (&'static str, usize, fn(&Point) -> f64);
+
+const VALUES: [Value; 8] = [
+    ("psnr_lin_db", 1, |p| p.of_matrix.mean.psnr_linear),
+    ("psnr_lin_worst_db", 1, |p| p.of_matrix.worst.psnr_linear),
+    ("psnr_clip_db", 1, |p| p.of_matrix.mean.psnr_clipped),
+    ("psnr_clip_worst_db", 1, |p| p.of_matrix.worst.psnr_clipped),
+    ("truth_clip_db", 1, |p| p.of_truth.mean.psnr_clipped),
+    ("truth_clip_worst_db", 1, |p| p.of_truth.worst.psnr_clipped),
+    ("truth_flip", 3, |p| p.of_truth.mean.flip),
+    ("truth_flip_worst", 3, |p| p.of_truth.worst.flip),
+];
+
+/// One file.
+struct Point {
+    scene: &'static str,
+    seed: u64,
+    way: Way,
+    bytes: u64,
+    /// Bytes of its matrix.
+    raw_bytes: u64,
+    /// Against the matrix that was packed, and against that of many samples.
+    of_matrix: Summary,
+    of_truth: Summary,
+}
+
+const NOTE: &str = "Each row has one idea more than the row above, up to the default; below are others. Every file where it has the \
+bytes of the matrix over the ratio, on the straight lines between points over the logarithm of the bytes; a method that stops by \
+itself at fewer bytes as it is; – where a method has no file on one side in any scene and seed. lin: PSNR with the peak at the \
+reference's largest value; clip: exposed to its 95th luminance percentile, clipped; ꟻLIP: of the same, as 8-bit sRGB, at 67 pixels a \
+degree. Without more: against the raw matrix, noise and all; truth: against a matrix of many more samples and another seed. Mean over \
+lightings, seeds and scenes; worst: the worst lighting of all of them; interval: half of that of 95 % of the mean over scenes, by the \
+seeds, which change samples, lightings and the draws of methods.";
+
+const FORMS_NOTE: &str = "f16 + zstd: factors as 16-bit floats, byte planes, zstd 12. The SVD is exact to a few parts in a thousand. Slope: \
+components that are worth their bits, with one slope for all blocks. DCT, zfp: as `ltm study fig9`. SZ3: whole colours in four \
+dimensions, one absolute bound; SPERR: in three, one mean squared error; Tucker: all five dimensions, core and factors quantised by one \
+slope, xz; these three with the first seed only.";
+
+pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
+    let plan = if bench.quick { &QUICK } else { &FULL };
+    let scenes: Vec<(&str, bool)> = plan.scenes.iter().copied().filter(|(name, _)| bench.has(name)).collect();
+    let (there, absent): (Vec<_>, Vec<_>) = codecs::CODECS.iter().partition(|(_, python)| python.is_there());
+    let mut notes = bench.notes(&[NOTE, APART_NOTE, FORMS_NOTE]);
+    notes.push(format!(
+        "{} × {} pixels, {} samples per pixel, truth {}, blocks of 32 pixels, f32, {} seeds. Tuned on: constants were chosen on it.",
+        plan.size.0, plan.size.1, plan.samples, plan.converged, plan.seeds
+    ));
+    notes.extend(absent.iter().map(|(name, python)| {
+        format!("{name} was not compared: no Python with {} (`{}` names one).", python.package, python.variable)
+    }));
+    let mut points = Vec::new();
+    bench.watch.begin("ablation", scenes.len() as u64 * plan.seeds, "matrices");
+    for &(scene, _) in &scenes {
+        let truth = bench.matrix(wanted(bench, plan, scene, plan.converged, 1000)?)?;
+        for seed in 0..plan.seeds {
+            let matrix = bench.matrix(wanted(bench, plan, scene, plan.samples, seed)?)?;
+            let judged = Judged::apart(&matrix, LIGHTINGS_SEED + seed)?;
+            let truths = relight_raw(&truth, &judged.lightings)?;
+            let raw_bytes = matrix.shape().raw_bytes();
+            let on = Measured { bench, plan, matrix: &matrix, lightings: &judged.lightings };
+            measure(on, seed, &there, &mut |way, packed| {
+                points.push(Point {
+                    scene,
+                    seed,
+                    way,
+                    bytes: packed.bytes,
+                    raw_bytes,
+                    of_matrix: Summary::of(&packed.images, &judged.references),
+                    of_truth: Summary::of(&packed.images, &truths),
+                });
+            })?;
+            bench.watch.advance(1, raw_bytes, "B");
+        }
+    }
+    bench.watch.end();
+    let ways: Vec<Way> = WAYS.into_iter().chain(there.iter().map(|(name, _)| (*name, false))).collect();
+    let mut report = StudyReport::default();
+    let mut all = table("Ideas at equal bytes", notes.clone(), "scenes");
+    let mut each = table("Ideas at equal bytes, scene by scene", notes, "scene");
+    for &ratio in plan.fixed {
+        for (group, tuned) in [("tuned on", true), ("judged", false)] {
+            let members: Vec<&str> = scenes.iter().filter(|scene| scene.1 == tuned).map(|scene| scene.0).collect();
+            for &way in ways.iter().filter(|_| !members.is_empty()) {
+                all.push(row(group, ratio, way, &members, &points, plan.seeds));
+            }
+        }
+        for &(scene, _) in &scenes {
+            for &way in &ways {
+                each.push(row(scene, ratio, way, &[scene], &points, plan.seeds));
+            }
+        }
+    }
+    report.add_table(&bench.out, "ablation", &all)?;
+    report.add_table(&bench.out, "ablation-scenes", &each)?;
+    let chart = Chart {
+        title: "PSNR clip against the raw matrix, by idea".into(),
+        caption: bench.caption(&format!("{} spp, seed 0, blocks of 32 px", plan.samples)),
+        x: Axis::logarithmic("bytes of the file"),
+        y: Axis::linear("PSNR clip (dB)"),
+        panels: scenes.iter().map(|&(scene, _)| panel(scene, &points)).collect(),
+    };
+    report.add_chart(&bench.out, "ablation", &chart)?;
+    Ok(report)
+}
+
+/// The matrix of a scene, its lights as fine as the columns allow.
+fn wanted(bench: &Bench<'_>, plan: &Plan, scene: &'static str, samples: u32, seed: u64) -> Result<Wanted> {
+    let of = |texels| Wanted { scene, size: plan.size, texels, samples, seed, block_side: 32 };
+    let one = bench.loaded(of(1))?.scene.basis.column_count() as u32;
+    Ok(of((plan.columns / one).isqrt()))
+}
+
+/// What every method is measured on.
+#[derive(Clone, Copy)]
+struct Measured<'a> {
+    bench: &'a Bench<'a>,
+    plan: &'a Plan,
+    matrix: &'a StoreReader,
+    lightings: &'a [Lighting],
+}
+
+/// Gives `keep` the files of every method.
+fn measure(
+    on: Measured<'_>,
+    seed: u64,
+    there: &[&'static (&'static str, Python)],
+    keep: &mut dyn FnMut(Way, Packed),
+) -> Result<()> {
+    let Measured { bench, plan, matrix, lightings } = on;
+    svd_ways(on, keep)?;
+    let raw_bytes = matrix.shape().raw_bytes() as f64;
+    let least =
+        CompressSettings { noise_factor: None, sparse: None, exposure_exponent: 0.0, seed, ..Default::default() };
+    let dark = CompressSettings { exposure_exponent: CompressSettings::default().exposure_exponent, ..least.clone() };
+    let sparse = CompressSettings { sparse: CompressSettings::default().sparse, ..dark.clone() };
+    let noise = CompressSettings { noise_factor: CompressSettings::default().noise_factor, ..sparse.clone() };
+    let of_paper =
+        CompressSettings { rank: 32, ranks: Kept::ByRate, seed, ..CompressSettings::of_method(Method::Algorithm4) };
+    let of_paper = CompressSettings { noise_factor: None, exposure_exponent: 0.0, ..of_paper };
+    for ratio in plan.ratios {
+        let target = Target::Bytes((raw_bytes / ratio) as u64);
+        for (way, settings, denoise) in [
+            (SKETCH, &least, false),
+            (DARK, &dark, false),
+            (SPARSE, &sparse, false),
+            (NOISE, &noise, false),
+            (CLEANED, &noise, true),
+            (PAPER_SLOPE, &of_paper, false),
+        ] {
+            let compress = CompressSettings { target, ..settings.clone() };
+            keep(way, packed(bench, matrix, PackOptions { compress, denoise, ..Default::default() }, lightings)?);
+        }
+    }
+    for &rank in plan.ranks {
+        let settings = CompressSettings { rank, seed, ..CompressSettings::of_method(Method::Algorithm4) };
+        keep(PAPER, product(bench, matrix, &settings, lightings)?);
+    }
+    general_codecs(on, keep)?;
+    let (fewest, most) = plan.fixed.iter().fold((f64::INFINITY, 0.0f64), |(fewest, most), ratio| {
+        (fewest.min(raw_bytes / ratio), most.max(raw_bytes / ratio))
+    });
+    // Nothing in them is drawn, and they take longer than all others together: for the first seed alone.
+    for codec in there.iter().filter(|_| seed == 0) {
+        for packed in codecs::code(bench, matrix, codec, (fewest, most), lightings)? {
+            keep((codec.0, false), packed);
+        }
+    }
+    Ok(())
+}
+
+fn svd_ways(on: Measured<'_>, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
+    let Measured { bench, plan, matrix, lightings } = on;
+    let raw_bytes = matrix.shape().raw_bytes() as f64;
+    // As many as ours looks at.
+    let most = CompressSettings::default().rank;
+    let plain = BlockSvd::new(matrix, most, None)?;
+    let weighted = BlockSvd::new(matrix, most, Some(&LightingPrior::of_basis(&matrix.job().basis)))?;
+    for &rank in plan.ranks {
+        keep(PLAIN, plain.pack(bench, matrix, Ranks::Fixed(rank), lightings)?);
+        keep(PRIOR, weighted.pack(bench, matrix, Ranks::Fixed(rank), lightings)?);
+    }
+    for &rank in plan.mean_ranks {
+        keep(SLOPE, weighted.pack(bench, matrix, Ranks::Mean(rank), lightings)?);
+    }
+    for ratio in plan.expected_ratios {
+        keep(CODER, weighted.pack_coded(bench, matrix, raw_bytes / ratio, lightings)?);
+        keep(FLAT, plain.pack_coded(bench, matrix, raw_bytes / ratio, lightings)?);
+    }
+    Ok(())
+}
+
+fn general_codecs(on: Measured<'_>, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
+    let Measured { bench, plan, matrix, lightings } = on;
+    let (shape, basis) = (matrix.shape(), &matrix.job().basis);
+    let of_file = |path: &std::path::Path, images: Vec<LinearImage>| -> Result<Packed> {
+        Ok(Packed { bytes: file_bytes(path)?, rank: None, seconds: 0.0, images })
+    };
+    let scale = dct::scale(matrix)?;
+    let steps: Vec<f32> = plan.steps.iter().map(|e| scale * (*e as f32).exp2()).collect();
+    bench.stop_if_interrupted()?;
+    for (path, step) in dct::write(matrix, &steps, &bench.cached("dct"))?.iter().zip(steps) {
+        keep(DCT, of_file(path, dct::read(path, step, shape, basis, lightings)?)?);
+    }
+    let largest = zfp::scale(matrix)?;
+    for &exponent in plan.tolerances {
+        bench.stop_if_interrupted()?;
+        let (path, tolerance) = (bench.cached("zfp"), largest * (exponent as f32).exp2());
+        zfp::write(matrix, tolerance, &path)?;
+        keep(ZFP, of_file(&path, zfp::read(&path, tolerance, shape, basis, lightings)?)?);
+    }
+    Ok(())
+}
+
+fn table(title: &str, notes: Vec<String>, first: &'static str) -> Table {
+    let mut columns = vec![(first, 0), ("ratio", 0), ("method", 0)];
+    columns.extend(VALUES.iter().map(|&(name, digits, _)| (name, digits)));
+    columns.extend([("psnr_lin_interval_db", 1), ("psnr_clip_interval_db", 1), ("truth_clip_interval_db", 1)]);
+    Table::new(title, notes, &columns)
+}
+
+/// A method at a ratio over some scenes and all seeds.
+fn row(name: &str, ratio: f64, way: Way, scenes: &[&str], points: &[Point], seeds: u64) -> Vec<Cell> {
+    let ran = |seed: &u64| points.iter().any(|point| point.way == way && point.seed == *seed);
+    let seeds: Vec<u64> = (0..seeds).filter(ran).collect();
+    let over_seeds = |value: &Value| -> Option<Vec<Vec<f64>>> {
+        seeds
+            .iter()
+            .map(|&seed| scenes.iter().map(|scene| at(points, (scene, seed, way), ratio, value.2)).collect())
+            .collect()
+    };
+    let all: Vec<Option<Vec<Vec<f64>>>> = VALUES.iter().map(over_seeds).collect();
+    let mut cells: Vec<Cell> = vec![name.into(), ratio.into(), way.0.into()];
+    for ((name, ..), by_seed) in VALUES.iter().zip(&all) {
+        let values = by_seed.iter().flatten().flatten().copied();
+        let of_all = match (by_seed, name.contains("worst"), name.contains("flip")) {
+            (None, ..) => None,
+            (Some(_), true, true) => values.reduce(f64::max),
+            (Some(_), true, false) => values.reduce(f64::min),
+            (Some(_), false, _) => Some(mean(values)),
+        };
+        cells.push(of_all.into());
+    }
+    for of in [0, 2, 4] {
+        let by_seed =
+            all[of].as_ref().map(|by_seed| by_seed.iter().map(|values| mean(values.iter().copied())).collect());
+        cells.push(by_seed.and_then(|means: Vec<f64>| half_interval(&means)).into());
+    }
+    cells
+}
+
+/// A value of a method on one matrix, where its file has the bytes of the ratio.
+fn at(points: &[Point], (scene, seed, way): (&str, u64, Way), ratio: f64, value: fn(&Point) -> f64) -> Option<f64> {
+    let own: Vec<&Point> = points.iter().filter(|p| p.scene == scene && p.seed == seed && p.way == way).collect();
+    let last = own.iter().max_by_key(|point| point.bytes)?;
+    let bytes = last.raw_bytes as f64 / ratio;
+    if way.1 && bytes > last.bytes as f64 {
+        return Some(value(last));
+    }
+    let line: Vec<(f64, f64)> = own.iter().map(|point| ((point.bytes as f64).ln(), value(point))).collect();
+    curve::at(&line, bytes.ln())
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
+}
+
+/// Half of the interval of 95 % of a mean of normal draws; none for one draw.
+fn half_interval(draws: &[f64]) -> Option<f64> {
+    let quantile = T_QUANTILES.get(draws.len().checked_sub(2)?)?;
+    let centre = mean(draws.iter().copied());
+    let variance = draws.iter().map(|draw| (draw - centre).powi(2)).sum::<f64>() / (draws.len() - 1) as f64;
+    Some(quantile * (variance / draws.len() as f64).sqrt())
+}
+
+/// Of the methods as many as a chart has colours for.
+fn panel(scene: &str, points: &[Point]) -> Panel {
+    let line = |name: &str| {
+        let own = points.iter().filter(|p| p.scene == scene && p.seed == 0 && p.way.0 == name);
+        Line {
+            name: name.replace('`', ""),
+            points: own.map(|p| (p.bytes as f64, p.of_matrix.mean.psnr_clipped)).collect(),
+        }
+    };
+    let shown = [PLAIN.0, PRIOR.0, CODER.0, SPARSE.0, CLEANED.0, FLAT.0, PAPER_SLOPE.0, "Tucker"];
+    Panel {
+        title: scene.to_owned(),
+        lines: shown.into_iter().map(line).filter(|line| !line.points.is_empty()).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_interval_of_a_mean_is_students() {
+        // Mean 2, standard deviation 1, three draws: 4.303 / √3.
+        assert!((half_interval(&[1.0, 2.0, 3.0]).unwrap() - 4.303 / 3f64.sqrt()).abs() < 1e-12);
+        assert_eq!(half_interval(&[1.0]), None);
+    }
+}
