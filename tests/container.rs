@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter, merge, verify};
-use ltm::light::{CleaningErrors, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance, StatedErrors};
+use ltm::light::{
+    CleaningErrors, ExposedError, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance, StatedErrors,
+};
 use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry};
 use rand::{RngExt, SeedableRng};
@@ -570,7 +572,8 @@ fn the_metadata_is_written_as_the_document_says() {
     };
     let mut writer = ContainerWriter::create(&path, &job, options).unwrap();
     let cleaning = CleaningErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
-    let stated = StatedErrors { lights: Some(errors), cleaning: Some(cleaning) };
+    let exposed = ExposedError { asked: 0.75, reached: 0.5 };
+    let stated = StatedErrors { lights: Some(errors), cleaning: Some(cleaning), exposed: Some(exposed) };
     writer.state_errors(stated);
     writer.finish().unwrap();
     assert_eq!(*ContainerReader::open(&path).unwrap().errors(), stated);
@@ -608,7 +611,11 @@ fn the_metadata_is_written_as_the_document_says() {
             ("bias", Value::Floats(vec![0.0625])),
         ],
     );
-    assert_eq!(plain[job_bytes..], [report, errors, cleaning].concat());
+    let exposed = written_as_documented(
+        "Exposed error",
+        &[("asked", Value::Floats(vec![0.75])), ("reached", Value::Floats(vec![0.5]))],
+    );
+    assert_eq!(plain[job_bytes..], [report, errors, cleaning, exposed].concat());
     // Every kind and unit has its name in the document, in order.
     let kinds = &document_fields("Light")[1].1;
     assert_eq!(kinds.split(", ").filter(|part| !part.starts_with("down)")).count(), 9, "{kinds}");

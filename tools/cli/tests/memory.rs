@@ -53,7 +53,7 @@ fn what_is_allowed_is_kept_however_many_lights_there_are() {
     write_room(at, &format!("[render]\nsamples_per_pixel = 1\n{}", (0..24).map(light).collect::<String>()));
     succeed(at, "ltm", &["render", "room.toml", "--size", "640x480"]);
     succeed(at, "ltm-pack", &["room.ltm", "--denoise", "off"]);
-    let jobs: [(f64, &str, &[&str]); 8] = [
+    let jobs: [(f64, &str, &[&str]); 9] = [
         (64.0, "ltm-unpack", &["room.ltc", "-o", "all.exr", "--force"]),
         (40.0, "ltm-unpack", &["room.ltc", "-o", "one_{light}.exr", "--force"]),
         (40.0, "ltm-unpack", &["room.ltc", "-o", "back.ltm", "--force"]),
@@ -61,6 +61,7 @@ fn what_is_allowed_is_kept_however_many_lights_there_are() {
         (48.0, "ltm-pack", &["one_{light}.exr", "-o", "files.ltc", "--force"]),
         (72.0, "ltm", &["relight", "room.ltc", "--device", "cpu", "-o", "lights.exr", "--layers", "lights"]),
         (40.0, "ltm", &["relight", "room.ltm", "-o", "raw.exr"]),
+        (40.0, "ltm", &["relight", "room.ltc", "--device", "cpu", "-o", "paged.exr"]),
         (32.0, "ltm", &["merge", "-o", "merged.ltc", "room.ltc", "--force"]),
     ];
     for (allowed, program, arguments) in jobs {

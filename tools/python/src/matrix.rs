@@ -8,7 +8,7 @@ use ltm::depot::is_object;
 use ltm::host::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape, PixelRect};
-use ltm::pipeline::open_container;
+use ltm::pipeline::{check_matrix_path, open_container};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
 use ltm::scene::Camera;
 use ltm::store::StoreReader;
@@ -37,8 +37,7 @@ impl Source {
         let is = |wanted: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted));
         if is_object(path) {
             if is("ltm") {
-                let problem = "a stored matrix is read through a memory map, and not from an object store";
-                return Err(Error::input(path.display().to_string(), problem, "copy it to a disk, or pack it"));
+                check_matrix_path(path)?;
             }
             return open_container(path).map(Arc::new).map(Self::Container);
         }
@@ -302,6 +301,12 @@ impl Native {
                     of_cleaning.set_item("noise_after", errors.noise_after)?;
                     of_cleaning.set_item("bias", errors.bias)?;
                     known.set_item("cleaning_errors", of_cleaning)?;
+                }
+                if let Some(error) = container.errors().exposed {
+                    let of_exposed = PyDict::new(py);
+                    of_exposed.set_item("asked", error.asked)?;
+                    of_exposed.set_item("reached", error.reached)?;
+                    known.set_item("exposed_error", of_exposed)?;
                 }
             }
             Source::Matrix(matrix) => {

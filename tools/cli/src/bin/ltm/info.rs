@@ -10,7 +10,7 @@ use ltm::container::ContainerReader;
 use ltm::host::{hold_to_memory, human_bytes, parse_bytes};
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::{Job, Light, LightBasis};
-use ltm::light::{cleaning_errors_line, column_name, light_errors_lines};
+use ltm::light::{cleaning_errors_line, column_name, exposed_error_line, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
 use ltm::pipeline::open_container;
 use ltm::store::StoreReader;
@@ -231,6 +231,9 @@ fn print_container(container: &ContainerReader, figures: &Figures) {
     if let Some(errors) = &container.errors().cleaning {
         say!("  {}", cleaning_errors_line(errors));
     }
+    if let Some(error) = &container.errors().exposed {
+        say!("  {}", exposed_error_line(error));
+    }
     match &container.errors().lights {
         Some(errors) => {
             let lines = light_errors_lines(errors, &container.job().basis);
@@ -364,6 +367,8 @@ fn container_json(path: &Path, container: &ContainerReader, figures: &Figures) -
         Value::Null,
         |errors| json!({ "noise_before": errors.noise_before, "noise_after": errors.noise_after, "bias": errors.bias }),
     );
+    json["exposed_error"] = (container.errors().exposed)
+        .map_or(Value::Null, |error| json!({ "asked": error.asked, "reached": error.reached }));
     json["light_errors"] = container.errors().lights.map_or(Value::Null, |errors| {
         let basis = &container.job().basis;
         json!({

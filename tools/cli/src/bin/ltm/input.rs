@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::Args;
-use ltm::depot::is_object;
+use ltm::pipeline::check_matrix_path;
 use ltm::scene::{LoadOptions, LoadedScene};
 use ltm::{Error, Result};
 
@@ -58,11 +58,7 @@ pub(crate) enum Kind {
 pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("ltc") => Ok(Kind::Container),
-        Some("ltm") | Some("part") if is_object(path) => {
-            let problem = "a stored matrix is read through a memory map, and not from an object store";
-            Err(Error::input(path.display().to_string(), problem, "copy it to a disk, or pack it"))
-        }
-        Some("ltm") | Some("part") => Ok(Kind::Matrix),
+        Some("ltm") | Some("part") => check_matrix_path(path).map(|()| Kind::Matrix),
         _ => Err(Error::input(
             path.display().to_string(),
             "the name ends neither in .ltc nor in .ltm",

@@ -1,13 +1,16 @@
 //! `ltm render`.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{Watch, human_bytes, parse_bytes};
-use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport, StopRule, parse_error, parse_seconds};
-use ltm::scene::LoadedScene;
+use ltm::light::{ExposedError, exposed_error_line};
+use ltm::pipeline::{
+    self, PackOptions, PackReport, Promise, RenderOptions, RenderReport, StopRule, parse_error, parse_seconds,
+};
 use ltm::store::{Precision, StoreReader};
 
 use crate::input::{SceneFiles, parse_size, with_overrides};
@@ -26,7 +29,8 @@ pub(crate) struct Render {
     #[arg(long)]
     samples: Option<u32>,
     /// As many samples as bring the expected error of an exposed, relit image down to this, for example 2% (of white; the
-    /// worst of 16 lightings).
+    /// worst of 16 lightings): of the packed, cleaned matrix, or of the matrix as it is with --denoise off. What was reached is
+    /// said, and kept in a container.
     #[arg(long, value_parser = parse_error, conflicts_with_all = ["samples", "blocks"])]
     error: Option<f64>,
     /// As many samples as fit this time, for example 60s or 5min; with --error, at most so many.
@@ -84,14 +88,23 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     }
     let extension = if options.pack { "ltc" } else { "ltm" };
     let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, extension));
-    let rule = StopRule { error: options.error, seconds: options.time };
-    let has_rule = rule != StopRule::default();
+    let rule = StopRule { error: options.error, seconds: options.time, packs: options.pack };
+    let (compress, denoise) = (options.compression.settings(), options.compression.denoise());
+    let mut pack = PackOptions { compress, denoise, memory_bytes: options.memory, ..Default::default() };
+    let has_rule = rule.error.is_some() || rule.seconds.is_some();
     if has_rule {
         let unfinished = (!options.force).then_some(&*output);
-        loaded = pipeline::choose_samples(loaded, unfinished, rule, options.memory, console)?;
+        let chosen = pipeline::choose_samples(loaded, unfinished, rule, &pack, console)?;
+        (loaded, pack.promise) = (chosen.loaded, chosen.promise.map(Arc::new));
     }
+    let (samples, promise) = (loaded.settings.samples_per_pixel, pack.promise.clone());
     if options.pack {
-        return run_packed(options, loaded, &output, console);
+        pack.container.overwrite = options.force;
+        let (render, packed) = pipeline::render_packed(loaded, &output, &pack, console)?;
+        print_report(&output, &render);
+        print_packed(&output, &packed)?;
+        packed.exposed.iter().for_each(|error| say_reached(error, samples));
+        return Ok(());
     }
     if let Some(when) = options.preview {
         let name = format!("{}-preview.png", output.file_stem().unwrap_or_default().to_string_lossy());
@@ -118,11 +131,21 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
         },
         ..Default::default()
     };
-    let render = RenderOptions { store, blocks: options.blocks.clone(), memory_bytes: options.memory };
+    let held = promise.as_ref().map_or(0, |promise| promise.needs_bytes());
+    let memory_bytes = options.memory.map(|bytes| bytes.saturating_sub(held));
+    let render = RenderOptions { store, blocks: options.blocks.clone(), memory_bytes };
     let report = pipeline::render(loaded, &output, &render, console)?;
     print_report(&output, &report);
-    if has_rule && let Some(error) = pipeline::expected_error(&StoreReader::open(&output)?, console)? {
-        say!("expected error {:.2} % of white, the worst of the probe lightings", 100.0 * error);
+    if let Some(promise) = &promise {
+        let of = if promise.cleans() { "as ltm-pack will clean it" } else { "of the matrix as it is" };
+        let error = promise.reached_by(&StoreReader::open(&output)?, options.memory, console)?;
+        say!("{of}:");
+        say_reached(&error, samples);
+    } else if has_rule && let Some(error) = pipeline::expected_error(&StoreReader::open(&output)?, console)? {
+        say!(
+            "exposed images of the matrix as it is, not cleaned: expected error {:.2} % of white, the worst of 16 lightings",
+            100.0 * error
+        );
     }
     match report.blocks_missing {
         0 => say!("next: ltm-pack {}", output.display()),
@@ -131,13 +154,12 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     Ok(())
 }
 
-fn run_packed(options: &Render, loaded: LoadedScene, output: &Path, console: &Console) -> Result<()> {
-    let (compress, denoise) = (options.compression.settings(), options.compression.denoise());
-    let mut pack = PackOptions { compress, denoise, memory_bytes: options.memory, ..Default::default() };
-    pack.container.overwrite = options.force;
-    let (render, packed) = pipeline::render_packed(loaded, output, &pack, console)?;
-    print_report(output, &render);
-    print_packed(output, &packed)
+/// What a render has reached of the error that was asked for, and what to do where it missed that by far.
+fn say_reached(error: &ExposedError, samples: u32) {
+    say!("{}", exposed_error_line(error));
+    if let Some(instead) = Promise::samples_instead(error, samples) {
+        say!("that misses it by far: render again with --samples {instead} --force, or ask for less");
+    }
 }
 
 /// What a container is worth that was made of a scene.
