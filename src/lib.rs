@@ -62,7 +62,7 @@
 //! | `flate2` | `image`, `share` |
 //! | `bincode` | `encoding` |
 //! | `zstd` | `container` |
-//! | `half` | `image`, `store` |
+//! | `half` | `compress`, `image`, `store` |
 //! | `libc`, `memmap2` | `store` |
 //! | `rustix` | `files`, `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share` |

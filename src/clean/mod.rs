@@ -29,7 +29,7 @@ mod tally;
 mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 6;
+pub const CLEANER_VERSION: u32 = 7;
 
 pub use errors::ErrorSums;
 pub use filter::{Cleaned, HALO, Window, WindowStrip, clean, pixel_bytes};

@@ -90,6 +90,13 @@ impl Compressor {
         if self.settings.scope == Scope::Global { global::needs_bytes(self.shape, &self.settings) } else { 0 }
     }
 
+    /// Energy under the prior of some rows of `R`, row-major.
+    pub(super) fn energies(&self, rows: &[f32], count: usize) -> Vec<f64> {
+        let rows = MatRef::from_row_major_slice(rows, count, self.shape.columns());
+        let gram = self.weights.gram(rows);
+        (0..count).map(|k| gram[(k, k)]).collect()
+    }
+
     /// The settings it was made with.
     pub fn settings(&self) -> &CompressSettings {
         &self.settings

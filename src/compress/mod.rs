@@ -29,6 +29,7 @@
 mod alike;
 mod candidate;
 mod compressor;
+mod contrasts;
 mod cut;
 mod dense;
 mod light_sums;
@@ -43,6 +44,7 @@ mod size;
 
 pub use candidate::{Candidate, CandidateSummary};
 pub use compressor::Compressor;
+pub use contrasts::Contrasts;
 pub use cut::{Cut, component_bits};
 pub use light_sums::{ColumnErrors, LightErrorSums};
 pub use paper::{Selection, cur};

@@ -6,8 +6,9 @@
 //!    halves, features, emission seen.
 //! 2. *Filtering*, window by window over the whole image, with as much of the neighbourhood as the filter reads: the
 //!    images `D` of the clusters, cleaned. They do not know of blocks. Or the images come from a file, cleaned elsewhere.
-//! 3. *Spreading*, when a block is asked for: `T̂ = D R + E`, with the emission `E` as it is (Nyström's approximation, with
-//!    sums of columns as landmarks). In `R` each column has its cluster's image, scaled to its own share of the light: a texel
+//! 3. *Spreading*, when a block is asked for: `T̂ = D R + C + E`, with the emission `E` as it is (Nyström's approximation, with
+//!    sums of columns as landmarks). `C` is what tells the columns of a cluster apart beside that, as far as it stands above its
+//!    noise ([`Contrasts`](crate::compress::Contrasts)): sharp shadows of single texels, small spots. In `R` each column has its cluster's image, scaled to its own share of the light: a texel
 //!    that lights more than its neighbours keeps its light, and no weight is negative. Beyond that `R` is fitted to what the
 //!    samples say of each column, tile by tile over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
 //!
@@ -80,7 +81,8 @@ impl Cleaned {
         let pixels = job.shape.rows() / CHANNELS as u64;
         let tiles: u64 =
             job.shape.blocks().map(|id| 4 * tile_values(job.shape, job.shape.rect(id), clusters) as u64).sum();
-        BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64) + tiles
+        let contrasts = u64::from(job.shape.block_count()) * Gathering::contrast_bytes(job);
+        BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64) + tiles + contrasts
     }
 
     /// Opens the files for it beside `path`, those of an interrupted run of the same fingerprint where there are any. What was
@@ -103,7 +105,7 @@ impl Cleaned {
         };
         let clusters = Clusters::of_basis(&job.basis);
         let windows = windows_of(shape, window_blocks(shape, clusters.count() as u64));
-        Ok(Self::over((windows, clean::HALO as u32), (shape, clusters), path, (records, open(CLEANED)?)))
+        Self::over((windows, clean::HALO as u32), job, path, (records, open(CLEANED)?))
     }
 
     /// For these windows of the image alone, each as if the image ended at its rim. The files are gone with the process, however
@@ -119,19 +121,20 @@ impl Cleaned {
         let files = (Records::File(open(GATHERED)?), open(CLEANED)?);
         // Without their names the files live as long as they are open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
-        Ok(Self::over((windows, 0), (shape, Clusters::of_basis(&job.basis)), &path, files))
+        Self::over((windows, 0), job, &path, files)
     }
 
     fn over(
         (windows, halo): (Vec<Vec<BlockId>>, u32),
-        (shape, partition): (MatrixShape, Clusters),
+        job: &Job,
         path: &Path,
         (records, images): (Records, ContinuationFile),
-    ) -> Self {
+    ) -> Result<Self> {
+        let (shape, partition) = (job.shape, Clusters::of_basis(&job.basis));
         let clusters = partition.count();
-        let gathering = Gathering { path: with_suffix(path, GATHERED), shape, clusters, records };
+        let gathering = Gathering::new(job, with_suffix(path, GATHERED), records)?;
         let (map, tally) = (identity(clusters, shape.columns()), Tally::new(clusters));
-        Self { shape, clusters, windows, halo, map, partition, gathering, images, tally }
+        Ok(Self { shape, clusters, windows, halo, map, partition, gathering, images, tally })
     }
 
     /// The blocks of all windows, ascending.
@@ -349,7 +352,10 @@ impl BlockSource for Cleaned {
             target.block.reset(rows, columns);
         }
         multiply(&images, &self.map, &mut target.block);
-        let emission = self.gathering.parts(id, &self.gathering.records.read(id.0)?)?.emission();
+        let gathered = self.gathering.records.read(id.0)?;
+        let parts = self.gathering.parts(id, &gathered)?;
+        self.gathering.add_contrasts(id, &parts, (&self.partition, &self.map), &mut target.block)?;
+        let emission = parts.emission();
         let pixels = rows / CHANNELS;
         for seen in &emission {
             for (channel, value) in seen.value.iter().enumerate() {

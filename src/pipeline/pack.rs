@@ -46,6 +46,10 @@ const SAMPLE_BLOCKS: usize = 48;
 /// floor, at 72 dB neither (FLIP against the cleaned images before they are compressed .073 and .028), for 2.2 to 3 times the bytes.
 const CLEANED_DB: f64 = 72.0;
 
+/// Components of a block of cleaned images at most, unless another number is chosen: those of the clusters and of what tells the
+/// columns of each apart.
+const CLEANED_RANK: usize = 64;
+
 /// Choices of a pack.
 #[derive(Clone, Debug, Default)]
 pub struct PackOptions {
@@ -85,6 +89,9 @@ impl PackOptions {
         let mut options = self.clone();
         let compress = &mut options.compress;
         options.denoise &= has_planes && compress.method == Method::Auto && compress.noise_factor.is_some();
+        if options.denoise && compress.rank == CompressSettings::default().rank {
+            compress.rank = CLEANED_RANK;
+        }
         if options.denoise && compress.target == Target::Automatic {
             let db = CLEANED_DB + 10.0 * (lights.max(1) as f64).log10();
             compress.target = Target::PsnrDb((10.0 * db).round() / 10.0);

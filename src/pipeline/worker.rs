@@ -42,8 +42,7 @@ impl Worker {
         // Without its name the file lives as long as it is open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
         Ok(if terms.options.denoise {
-            let clusters = Clusters::of_basis(&terms.job.basis).count();
-            Self::Gathers(Box::new(Gathering { path, shape, clusters, records }))
+            Self::Gathers(Box::new(Gathering::new(&terms.job, path, records)?))
         } else {
             Self::Analyses(Box::new(Analysis { compressor, cleans: false, records, path }))
         })

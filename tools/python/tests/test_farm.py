@@ -236,9 +236,12 @@ esac"""
 
 
 class Machines:
-    """A scheduler and three workers as processes, some of which are killed; who is dead is started again."""
+    """A scheduler and three workers as processes; who is dead is started again.
 
-    def __init__(self, kill_every: float, scheduler_dies_after: float):
+    As ranges are done, a worker is killed after each `kill_every` of them, and the scheduler after `scheduler_dies_after`.
+    """
+
+    def __init__(self, kill_every: int, scheduler_dies_after: int):
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port = free.getsockname()[1]
@@ -249,7 +252,7 @@ class Machines:
         self.random = random.Random(7)
         self.scheduler = self.start("scheduler", "--host", "127.0.0.1", "--port", self.port, "--no-dashboard")
         self.workers = [self.worker() for _ in range(3)]
-        self.thread = threading.Thread(target=self.haunt)
+        self.thread = threading.Thread(target=self.revive)
         self.thread.start()
 
     def start(self, *words: object) -> subprocess.Popen:
@@ -259,20 +262,19 @@ class Machines:
     def worker(self) -> subprocess.Popen:
         return self.start("worker", self.address, "--nthreads", 1, "--no-nanny", "--no-dashboard", "--death-timeout", 5)
 
-    def haunt(self) -> None:
-        begun = last = time.monotonic()
+    def revive(self) -> None:
         while not self.stopping.wait(0.2):
-            now = time.monotonic()
-            if not self.killed["schedulers"] and now - begun > self.scheduler_dies_after:
-                self.killed["schedulers"] += 1
-                self.scheduler.send_signal(signal.SIGKILL)
-                self.scheduler.wait()
+            if self.scheduler.poll() is not None:
                 self.scheduler = self.start("scheduler", "--host", "127.0.0.1", "--port", self.port, "--no-dashboard")
-            if now - last > self.kill_every:
-                last = now
-                self.killed["workers"] += 1
-                self.random.choice(self.workers).send_signal(signal.SIGKILL)
             self.workers = [w if w.poll() is None else self.worker() for w in self.workers]
+
+    def haunt(self, done: int) -> None:
+        if not self.killed["schedulers"] and done >= self.scheduler_dies_after:
+            self.killed["schedulers"] += 1
+            self.scheduler.send_signal(signal.SIGKILL)
+        if done >= (self.killed["workers"] + 1) * self.kill_every:
+            self.killed["workers"] += 1
+            self.random.choice(self.workers).send_signal(signal.SIGKILL)
 
     def stop(self) -> None:
         self.stopping.set()
@@ -306,12 +308,17 @@ def test_with_workers_and_the_scheduler_killed_and_a_store_that_fails_the_bytes_
     large = gib >= 1
     plan = make(tmp_path, width, height, texels, 16 if large else 64, side, max(blocks // 60, 1))
     raw = json.loads(plan.read_text())["shape"]["raw_bytes"]
-    machines = Machines(10 if large else 2, 15 if large else 3)
+    machines = Machines(8 if large else 4, 12 if large else 6)
     begun, again = time.monotonic(), []
+
+    def progress(done: int, total: int, tries: int) -> None:
+        again.append(tries)
+        machines.haunt(done)
+
     try:
         out = farm.render(
             plan, machines.address, tmp_path / "farm.ltc", shards, program=program, retries=20, patience=60,
-            progress=lambda done, total, tries: again.append(tries),
+            progress=progress,
         )
     finally:
         machines.stop()
