@@ -1,9 +1,9 @@
 //! What compression makes of the samples' noise: blocks with a known truth and two noisy half-sample estimates.
 
-use ltm::compress::{CompressSettings, Compressor, Target};
+use ltm::compress::{CompressSettings, Compressor, Contrasts, Target};
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, LightLayout};
-use ltm::light::{Light, LightBasis, LightKind, probe_lightings};
+use ltm::light::{Clusters, Light, LightBasis, LightKind, probe_lightings};
 use ltm::matrix::{Block, BlockId, BlockNoise, FactoredBlock, MatrixShape, SparseEntry};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -239,4 +239,49 @@ fn by_default_no_bytes_are_spent_on_what_the_noise_hides() {
         assert!(bytes < all_bytes, "{samples} samples: {bytes} of {all_bytes} bytes");
         assert!(chosen < all + 0.01 * raw, "{samples} samples: {chosen} against {all}, of {raw}");
     }
+}
+
+/// Every column the image of its cluster, shared out evenly, and what its samples tell it apart by: error of images of single
+/// texels against the truth, without the latter and with it.
+fn errors_with_clusters(samples: usize) -> [f64; 2] {
+    let shape = MatrixShape::new(SIDE as u32, SIDE as u32, COLUMNS as u32, SIDE as u32).unwrap();
+    // As cleaning sets it.
+    let settings = CompressSettings { rank: 64, noise_factor: Some(2.0), ..Default::default() };
+    let compressor = Compressor::new(&panel(), shape, settings).unwrap();
+    let clusters = Clusters::of_basis(&panel());
+    assert!(clusters.count() < COLUMNS);
+    let of = |column: usize| usize::from(clusters.of_column()[column]);
+    let members = |cluster: usize| (0..COLUMNS).filter(move |&column| of(column) == cluster);
+    let mut map = vec![0.0; clusters.count() * COLUMNS];
+    (0..COLUMNS).for_each(|j| map[of(j) * COLUMNS + j] = 1.0 / members(of(j)).count() as f32);
+    let image = |cluster: usize, row: usize| members(cluster).map(|j| truth(View::Pixel, row, j)).sum::<f64>();
+    let mut block = Block::zeros(ROWS, COLUMNS);
+    for (i, entry) in block.entries_mut().iter_mut().enumerate() {
+        *entry = image(of(i / ROWS), i % ROWS) as f32 * map[of(i / ROWS) * COLUMNS + i / ROWS];
+    }
+    let single = |block: &Block| (0..COLUMNS).map(|j| squared_error(View::Pixel, block, |k| f64::from(k == j))).sum();
+    let without = single(&block);
+    let (seen, noise) = traced(View::Pixel, samples, 5);
+    let contrasts = compressor.contrasts(&compressor.analyse(BlockId(0), seen.view(), Some(&noise)), |_| false);
+    let again = Contrasts::from_bytes(&contrasts.to_bytes()).unwrap();
+    assert_eq!(again, contrasts);
+    assert_eq!(Contrasts::from_bytes(&contrasts.to_bytes()[1..]), None);
+    compressor.add_contrasts(&again, (&clusters, &map), &mut block);
+    assert!(block.entries().iter().all(|&v| v >= 0.0));
+    for (cluster, row) in (0..clusters.count()).flat_map(|cluster| (0..ROWS).map(move |row| (cluster, row))) {
+        let sum: f64 = members(cluster).map(|j| f64::from(block.entries()[j * ROWS + row])).sum();
+        let right = image(cluster, row);
+        assert!((sum - right).abs() < 1e-4 * right, "cluster {cluster}, row {row}: {sum}, not {right}");
+    }
+    [without, single(&block)]
+}
+
+/// A lamp in view and the slope of the light over the panel: with few samples nothing may come worse of it, with many all must come
+/// back.
+#[test]
+fn what_tells_the_columns_of_a_cluster_apart_comes_back_as_far_as_samples_agree() {
+    let [without, with] = errors_with_clusters(4);
+    assert!(with < without, "of few samples {with}, not {without}");
+    let [without, with] = errors_with_clusters(400);
+    assert!(with < 0.02 * without, "of many samples {with}, not {without}");
 }

@@ -182,6 +182,37 @@ fn every_texel_of_a_sky_keeps_its_light() {
     assert!(fitted < 0.5 * unfitted, "{fitted} of the light is with the wrong texels, {unfitted} without the fit");
 }
 
+/// The shadows of single texels of a sky are no sum of what its clusters show: averaged within them, pictures are farther from the
+/// truth than the samples are.
+#[test]
+fn under_a_sky_cleaning_takes_nothing_that_the_samples_show() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = |name: &str, samples: u32, seed: u64| {
+        let mut sky = BuiltIn { width: 48, height: 40, texels: 16 }.named("environment").unwrap();
+        (sky.settings.samples_per_pixel, sky.settings.seed) = (samples, seed);
+        let path = folder.path().join(name);
+        pipeline::render(sky, &path, &RenderOptions::default(), &Quiet).unwrap();
+        StoreReader::open(&path).unwrap()
+    };
+    let (seen, reference) = (matrix("seen.ltm", 64, 0), matrix("reference.ltm", 1024, 1));
+    let path = folder.path().join("clean.ltc");
+    pack(&seen, &path, &PackOptions { denoise: true, ..PackOptions::default() });
+    let container = ContainerReader::open(&path).unwrap();
+    let mut lightings: Vec<_> = evaluation_lightings(&seen.job().basis, 5).into_iter().map(|(_, l)| l).collect();
+    // Without a spot on the ground, of which next to nothing is seen: 1/20,000 of the light.
+    let light = |lighting| relight_raw(&reference, &[lighting]).unwrap().remove(0).values().iter().sum::<f32>();
+    let all_on = light(lightings[0].clone());
+    lightings.retain(|lighting| light(lighting.clone()) > 1e-3 * all_on);
+    assert_eq!(lightings.len(), 11);
+    let (packed, _) = pipeline::relight(&container, &lightings, RelightOptions::default(), &Quiet).unwrap();
+    let (raw, right) = (relight_raw(&seen, &lightings).unwrap(), relight_raw(&reference, &lightings).unwrap());
+    let error = |images: &[LinearImage]| {
+        images.iter().zip(&right).map(|(image, right)| compare(image, right).relative_l2).sum::<f64>()
+    };
+    let (packed, raw) = (error(&packed), error(&raw));
+    assert!(packed < 0.9 * raw, "{packed}, and {raw} of the samples");
+}
+
 #[test]
 fn images_cleaned_elsewhere_go_out_and_come_back() {
     let folder = tempfile::tempdir().unwrap();
