@@ -3,7 +3,7 @@
 //! A matrix and an interrupted pack are continued, filled in and merged by that number. Where one of these tests fails, raise
 //! the number that it names and write the new pair here.
 
-use ltm::clean::{CLEANER_VERSION, Pool, Rows, Tally, Window, clean};
+use ltm::clean::{CLEANER_VERSION, Pool, Reach, Rows, Tally, Window, clean};
 use ltm::compress::{COMPRESSOR_VERSION, CompressSettings, Compressor, Target};
 use ltm::container::{ContainerOptions, ContainerWriter};
 use ltm::light::Job;
@@ -117,7 +117,9 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     };
     let (direct, indirect) = (halves(&window.direct), halves(&window.indirect));
     tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
-    let images = clean(window.clone(), &window.features.whole(), &tally.guides(), &Pool::default()).images;
+    let images =
+        clean(window.clone(), &window.features.whole(), &tally.guides(), (Reach::of_image(1, 1), &Pool::default()))
+            .images;
     let at = [(0, 2, 2), (0, 9, 11), (1, 10, 3), (2, 15, 23), (3, 4, 7), (3, 4, 8), (4, 12, 0), (5, 0, 16)];
     let found = at.map(|(plane, y, x)| images.row(plane, y)[x]);
     let is_same = CLEANER_VERSION == CLEANED.0 && found.iter().zip(CLEANED.1).all(|(a, b)| (a - b).abs() < 1e-3);

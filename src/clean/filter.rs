@@ -6,19 +6,12 @@ use super::constants::*;
 use super::errors::{self, ErrorSums, add_squares};
 use super::guide::{Guide, GuideCut, GuideWidths, mixtures, weights};
 use super::kernel::{Offset, Offsets, Weigh, weighted_means};
+use super::reach::Reach;
 use super::rows::{Pool, Region, Rows};
 use super::shrink::{RISK_REACH, mix_in};
 use super::surfaces::{Surfaces, SurfacesCut};
 use super::tally::Guides;
 use super::tile::{TILE_PIXELS, Tile};
-
-/// Pixels around a region that what comes out of it depends on.
-pub const HALO: usize = LIGHT_HALO + FILTERED_NOISE_REACH + PILOT_HALO;
-
-/// Those whose light what is filtered last reads: the risk's squares, the narrow filter, the wide one.
-const LIGHT_HALO: usize = RISK_REACH + INDIRECT_NARROW + INDIRECT_WIDE;
-/// Those that a filtered guide depends on: the same filters, their patches, the squares of the noise.
-const PILOT_HALO: usize = INDIRECT_NARROW + INDIRECT_WIDE + PATCH + RAW_NOISE_REACH;
 
 /// What is known of a window of the image. Light: two halves of the samples, of each all clusters, of each three channels.
 /// Features as in `matrix::BlockPlanes`.
@@ -102,12 +95,12 @@ impl Cleaned {
     }
 }
 
-/// The cleaned images of the clusters. Right for a region that is [`HALO`] away from the window's rim, or where the image ends
+/// The cleaned images of the clusters. Right for a region that is [`Reach::halo`] away from the window's rim, or where the image ends
 /// there; elsewhere there is anything.
-pub fn clean(window: Window, region: &Region, guides: &Guides, pool: &Pool) -> Cleaned {
+pub fn clean(window: Window, region: &Region, guides: &Guides, (reach, pool): (Reach, &Pool)) -> Cleaned {
     let Window { direct, indirect, features, feature_variance } = window;
     let (width, height) = (features.width(), features.height());
-    let filter = Filter { surfaces: Surfaces::new(&features, &feature_variance, pool), region, pool };
+    let filter = Filter { surfaces: Surfaces::new(&features, &feature_variance, pool), region, reach, pool };
     let albedo = |plane: usize, y: usize| -> Vec<f32> {
         features.row(plane % 3, y).iter().map(|a| a.max(LEAST_ALBEDO)).collect()
     };
@@ -139,6 +132,7 @@ pub fn clean(window: Window, region: &Region, guides: &Guides, pool: &Pool) -> C
 struct Filter<'a> {
     surfaces: Surfaces,
     region: &'a Region,
+    reach: Reach,
     pool: &'a Pool,
 }
 
@@ -166,9 +160,9 @@ impl Filter<'_> {
     fn indirect(&self, light: &Rows, mix: &[f32]) -> Rows {
         let filtered = self.region.grown(RISK_REACH, light);
         let guide = {
-            let compared = self.region.grown(LIGHT_HALO, light);
+            let compared = self.region.grown(self.reach.light(), light);
             let pilot = compared.grown(FILTERED_NOISE_REACH, light);
-            let raw_compared = pilot.grown(INDIRECT_NARROW + INDIRECT_WIDE + PATCH, light);
+            let raw_compared = pilot.grown(self.reach.indirect() + PATCH, light);
             let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light), self.pool);
             let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
             let guide = Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared, self.pool);
@@ -184,8 +178,8 @@ impl Filter<'_> {
 
     /// A wide filter that reads some of the pixels, then a narrow one that reads all.
     fn wide_then_narrow(&self, light: &Rows, region: &Region, slope: f32, alike: &mut Alike<'_>) -> Rows {
-        let offsets = Offsets::disc(INDIRECT_WIDE, INDIRECT_STRIDE, INDIRECT_WIDE);
-        alike.radius = Some(INDIRECT_WIDE);
+        let offsets = Offsets::disc(self.reach.wide(), self.reach.stride, self.reach.wide());
+        alike.radius = Some(self.reach.wide());
         let wide = weighted_means(light, &region.grown(INDIRECT_NARROW, light), &offsets, slope, &*alike, self.pool);
         let offsets = Offsets::disc(INDIRECT_NARROW, 1, INDIRECT_NARROW);
         alike.radius = Some(INDIRECT_NARROW);
@@ -259,6 +253,7 @@ mod tests {
     use super::*;
 
     const CLUSTERS: usize = 2;
+    const REACH: Reach = Reach { stride: 3 };
 
     /// A floor and a wall that meet in the middle; cluster 1 lights the left third alone. Each half has noise of this size.
     fn room((width, height): (usize, usize), noise: f32) -> (Window, Rows) {
@@ -319,7 +314,7 @@ mod tests {
             used.values_mut().fill(f32::NAN);
             pool.keep(used);
         }
-        super::clean(window, region, guides, &pool)
+        super::clean(window, region, guides, (REACH, &pool))
     }
 
     fn clean_all(window: &Window) -> Rows {
@@ -381,6 +376,26 @@ mod tests {
         assert!(images.row(0, 30)[20] < 3.0, "a mean of 25.8 became {}", images.row(0, 30)[20]);
     }
 
+    /// It looks like a detail: the grain around it must not stay for that.
+    #[test]
+    fn a_firefly_of_both_halves_keeps_no_grain_around_it() {
+        let (window, truth) = room((48, 40), 0.5);
+        let guides = guides(&window);
+        let mut struck = window.clone();
+        for plane in [0, 1, 2, 3 * CLUSTERS, 3 * CLUSTERS + 1, 3 * CLUSTERS + 2] {
+            struck.indirect.row_mut(plane, 30)[36] += 50.0;
+        }
+        // Light is even there: what neighbours differ by is grain.
+        let grain = |window: Window| -> f32 {
+            let images = clean(window, &truth.whole(), &guides).images;
+            let pairs =
+                |y: usize| images.row(0, y)[38..43].windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f32>();
+            (24..37).map(pairs).sum()
+        };
+        let (with, without) = (grain(struck), grain(window));
+        assert!(with < 3.0 * without, "{with}, without the firefly {without}");
+    }
+
     /// Half of the indirect light comes in a few bright samples: together they keep it.
     #[test]
     fn fireflies_are_spread_and_not_cut() {
@@ -425,7 +440,7 @@ mod tests {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         assert_eq!(pool.install(|| clean(window.clone(), &window.features.whole(), &guides).images), whole);
         // Its right part, with as much around it as is needed.
-        let (inside, left) = (130, 130 - HALO);
+        let (inside, left) = (130, 130 - REACH.halo());
         let cut = |rows: &Rows| {
             let mut part = Rows::zeros(size.0 - left, size.1, rows.planes());
             for plane in 0..rows.planes() {

@@ -22,6 +22,7 @@ mod filter;
 mod guide;
 mod kernel;
 mod map_fit;
+mod reach;
 mod rows;
 mod shrink;
 mod surfaces;
@@ -32,7 +33,8 @@ mod tile;
 pub const CLEANER_VERSION: u32 = 7;
 
 pub use errors::ErrorSums;
-pub use filter::{Cleaned, HALO, Window, WindowStrip, clean, pixel_bytes};
+pub use filter::{Cleaned, Window, WindowStrip, clean, pixel_bytes};
 pub use map_fit::{MapFit, TILE, tile_means};
+pub use reach::Reach;
 pub use rows::{Pool, Region, Rows};
 pub use tally::{Guides, Tally};

@@ -15,7 +15,8 @@ pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH;
 /// Mixes `smooth` into `raw`, in a region, pixel by pixel and for each cluster, as far as the estimated risk falls (Stein 1981): of
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
 /// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
-/// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it.
+/// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. In each cell the pixel that
+/// changes most has no say: a firefly that both halves happen to have looks like a detail, but a detail has more than one pixel.
 pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region, pool: &Pool) {
     let (width, planes) = (raw.width(), raw.planes() / 2);
     for first in (0..planes).step_by(3) {
@@ -58,9 +59,9 @@ impl Cells {
                 }
             }
         });
-        let means = terms.box_mean(CELL_REACH, &region.grown(CELL * RISK_CELLS, raw), pool);
+        let cells = of_cells(&terms, &region.grown(CELL * RISK_CELLS, raw), pool);
         pool.keep(terms);
-        Self(means)
+        Self(cells)
     }
 
     /// How much of the smooth image the pixels of a row in the region take.
@@ -82,6 +83,44 @@ impl Cells {
         }
         sums.iter().map(|[gained, changed]| if *changed > 0.0 { trusted(gained / changed) } else { 1.0 }).collect()
     }
+}
+
+/// Around each pixel of a region the means of the terms: of what is gained and changed without the pixel that changes most.
+fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
+    let (width, height) = (terms.width(), terms.height());
+    let mut cells = pool.rows(width, height, terms.planes());
+    cells.fill_strips(&region.y, 1, |y, row| {
+        row.fill(0.0);
+        let (gained, rest) = row.split_at_mut(width);
+        let (changed, squared) = rest.split_at_mut(width);
+        let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[region.x.clone()]);
+        // Of the pixel that changes most so far, what is gained and changed; and how many pixels there were.
+        let mut most = vec![[0.0f32; 2]; region.x.len()];
+        let mut count = vec![0.0f32; region.x.len()];
+        for y in y.saturating_sub(CELL_REACH)..(y + CELL_REACH + 1).min(height) {
+            let from = [0, 1, 2].map(|term| terms.row(term, y));
+            for (there, here) in shifts(&region.x, (CELL_REACH, 1), width) {
+                let from = from.map(|row| &row[there.clone()]);
+                for (i, x) in here.enumerate() {
+                    let [gain, change, light] = from.map(|row| row[i]);
+                    let [most_gain, most_change] = most[x];
+                    let is_most = change > most_change;
+                    gained[x] += if is_most { most_gain } else { gain };
+                    changed[x] += if is_most { most_change } else { change };
+                    most[x] = if is_most { [gain, change] } else { most[x] };
+                    squared[x] += light;
+                    count[x] += 1.0;
+                }
+            }
+        }
+        for (x, count) in count.iter().enumerate() {
+            let others = 1.0 / (count - 1.0).max(1.0);
+            gained[x] *= others;
+            changed[x] *= others;
+            squared[x] /= count;
+        }
+    });
+    cells
 }
 
 /// The halves of a channel: some pixels of a row.

@@ -25,7 +25,7 @@ use super::pack::stop_if_interrupted;
 use super::records::Records;
 use super::shard::ShardSet;
 use super::spill::{CLEANED, GATHERED, open_spill};
-use crate::clean::{self, ErrorSums, Guides, MapFit, Pool, Region, Tally};
+use crate::clean::{self, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
@@ -72,7 +72,7 @@ impl Cleaned {
         let tiles = 4 * tile_values(job.shape, block, clusters) as u64;
         // The map and what it is fitted with; planes and tiles of the blocks at hand.
         let fit = if tiles > 0 { MapFit::needs_bytes(clusters, columns) } else { 0 };
-        window_bytes(side, side, clusters) + BLOCKS_AT_HAND * (planes + 3 * tiles) + 4 * clusters * columns + fit
+        window_bytes(job.shape, side, clusters) + BLOCKS_AT_HAND * (planes + 3 * tiles) + 4 * clusters * columns + fit
     }
 
     /// Bytes of disk that it takes.
@@ -105,7 +105,7 @@ impl Cleaned {
         };
         let clusters = Clusters::of_basis(&job.basis);
         let windows = windows_of(shape, window_blocks(shape, clusters.count() as u64));
-        Self::over((windows, clean::HALO as u32), job, path, (records, open(CLEANED)?))
+        Self::over((windows, reach_in(shape).halo() as u32), job, path, (records, open(CLEANED)?))
     }
 
     /// For these windows of the image alone, each as if the image ended at its rim. The files are gone with the process, however
@@ -222,7 +222,7 @@ impl Cleaned {
         let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
         let region = Region { x: within(across, left), y: within(down, top) };
         let window = self.gathering.window(whole, BLOCKS_AT_HAND as usize, pool)?;
-        let cleaned = clean::clean(window, &region, guides, pool);
+        let cleaned = clean::clean(window, &region, guides, (reach_in(self.shape), pool));
         let images = &cleaned.images;
         let store = |&id: &BlockId| {
             let rect = self.shape.rect(id);
@@ -392,7 +392,7 @@ fn multiply(images: &[f32], map: &[f32], block: &mut Block) {
 fn window_blocks(shape: MatrixShape, clusters: u64) -> u32 {
     let most = shape.blocks_across().max(shape.blocks_down());
     let side = |blocks: u32| u64::from(blocks * shape.block_side());
-    (1..=most).rev().find(|&blocks| window_bytes(side(blocks), side(blocks), clusters) <= WINDOW_BYTES).unwrap_or(1)
+    (1..=most).rev().find(|&blocks| window_bytes(shape, side(blocks), clusters) <= WINDOW_BYTES).unwrap_or(1)
 }
 
 /// The windows of an image, of so many blocks a side at most.
@@ -412,7 +412,11 @@ fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
     (0..count).map(move |part| border(part)..border(part + 1))
 }
 
-fn window_bytes(width: u64, height: u64, clusters: u64) -> u64 {
-    let halo = 2 * clean::HALO as u64;
-    (width + halo) * (height + halo) * clean::pixel_bytes(clusters)
+/// Memory of a window of this side.
+fn window_bytes(shape: MatrixShape, side: u64, clusters: u64) -> u64 {
+    (side + 2 * reach_in(shape).halo() as u64).pow(2) * clean::pixel_bytes(clusters)
+}
+
+fn reach_in(shape: MatrixShape) -> Reach {
+    Reach::of_image(shape.width(), shape.height())
 }

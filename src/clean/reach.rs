@@ -1,0 +1,53 @@
+//! How far filtering reaches.
+
+use super::constants::*;
+use super::shrink::RISK_REACH;
+
+/// How far the wide filter of indirect light reaches, and with it all filtering: farther in larger images, where the same surface has
+/// more pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reach {
+    /// The wide filter reads every so many pixels across and down.
+    pub(super) stride: usize,
+}
+
+impl Reach {
+    /// That for an image of this size in pixels.
+    pub fn of_image(width: u32, height: u32) -> Self {
+        let side = (f64::from(width) * f64::from(height)).sqrt();
+        Self { stride: ((side / SIDE_OF_STRIDE).round() as usize).clamp(INDIRECT_STRIDE.0, INDIRECT_STRIDE.1) }
+    }
+
+    /// Radius of the wide filter of indirect light.
+    pub(super) fn wide(self) -> usize {
+        INDIRECT_WIDE * self.stride
+    }
+
+    /// Both filters of indirect light.
+    pub(super) fn indirect(self) -> usize {
+        INDIRECT_NARROW + self.wide()
+    }
+
+    /// Pixels whose light what is filtered last reads: the risk's squares, the narrow filter, the wide one.
+    pub(super) fn light(self) -> usize {
+        RISK_REACH + self.indirect()
+    }
+
+    /// Pixels around a region that what comes out of it depends on: those of its light, the squares of the noise of the filtered guides
+    /// that they are compared by, and what those depend on, the same filters, their patches, the squares of the noise.
+    pub fn halo(self) -> usize {
+        self.light() + FILTERED_NOISE_REACH + self.indirect() + PATCH + RAW_NOISE_REACH
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn filters_reach_farther_in_larger_images() {
+        let wide = |width, height| Reach::of_image(width, height).wide();
+        assert_eq!([wide(1, 1), wide(256, 192), wide(384, 288)], [18; 3]);
+        assert_eq!([wide(640, 480), wide(1024, 768), wide(8192, 4096)], [30, 36, 36]);
+    }
+}

@@ -1,0 +1,157 @@
+//! What tells the columns of a cluster apart, beside the image of the cluster: where that is cleaned, it is kept as far as it stands
+//! above its noise.
+//!
+//! With the 0/1 matrix `S` (columns × clusters), its images `B = A S` and any map `R` (clusters × columns) a block is
+//! `A = B R + A (I − S R)`. Cleaning makes `B` smooth; of the rest, here, the components are taken that the samples agree on, each
+//! times `1 − noise / energy` (Wiener's filter), and what stands alone.
+
+use faer::MatRef;
+use half::f16;
+
+use super::Candidate;
+use super::compressor::Compressor;
+use super::dense::product;
+use crate::light::Clusters;
+use crate::matrix::{Block, ColumnIndex, SparseEntry};
+
+/// A block as the components and single entries that stand above their noise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contrasts {
+    rows: usize,
+    columns: usize,
+    /// Rows × components, column-major, times the root of the number of rows: near 1, whatever the block.
+    left: Vec<f16>,
+    /// Components × columns, row-major.
+    right: Vec<f32>,
+    /// Of each component: the part of its left side's energy that is noise, and the noise that fell on its right side.
+    noise: Vec<[f32; 2]>,
+    sparse: Vec<SparseEntry>,
+}
+
+impl Compressor {
+    /// What of a block stands above its noise, of what was analysed of it; entries that are `seen` are not among it.
+    pub fn contrasts(&self, candidate: &Candidate, is_seen: impl Fn(&SparseEntry) -> bool) -> Contrasts {
+        let s = &candidate.summary;
+        let (rows, columns) = (s.rows as usize, s.columns as usize);
+        let mut contrasts = Contrasts { rows, columns, ..Default::default() };
+        let (factor, scale) = (self.settings().noise_factor.unwrap_or(0.0) as f32, (rows as f32).sqrt());
+        for k in (0..candidate.rank()).filter(|&k| k == 0 || s.gains[k] > factor * (s.noise[k] + s.fitted_noise[k])) {
+            contrasts.left.extend(candidate.left[k * rows..][..rows].iter().map(|v| f16::from_f32(scale * v)));
+            contrasts.right.extend_from_slice(&candidate.right[k * columns..][..columns]);
+            contrasts.noise.push([s.fitted_noise[k] / s.gains[k].max(f32::MIN_POSITIVE), s.noise[k]]);
+        }
+        contrasts.sparse = candidate.sparse.iter().filter(|entry| !is_seen(entry)).copied().collect();
+        contrasts
+    }
+
+    /// Adds to `block`, in which every column is a mixture of the images of clusters by `map` (`R`, row-major), what tells the
+    /// columns apart beside that. No entry is then below 0 where its cluster's image is not, and that image stays.
+    ///
+    /// # Panics
+    /// If they are of another size.
+    pub fn add_contrasts(&self, contrasts: &Contrasts, (clusters, map): (&Clusters, &[f32]), block: &mut Block) {
+        let (m, n, rank) = (contrasts.rows, contrasts.columns, contrasts.noise.len());
+        assert_eq!((m, n), (block.rows(), block.columns()));
+        let beside = |row: &[f32]| beside_clusters(row, (clusters, map));
+        let mut right: Vec<f32> = contrasts.right.chunks_exact(n).flat_map(beside).collect();
+        let energies = self.energies(&right, rank);
+        let scale = 1.0 / (m as f32).sqrt();
+        for ((row, [own, fallen]), energy) in right.chunks_exact_mut(n).zip(&contrasts.noise).zip(energies) {
+            let noise = f64::from(*own) + f64::from(*fallen) / energy.max(f64::MIN_POSITIVE);
+            let trust = (1.0 - noise).clamp(0.0, 1.0) as f32;
+            row.iter_mut().for_each(|v| *v *= scale * trust);
+        }
+        let left: Vec<f32> = contrasts.left.iter().map(|v| v.to_f32()).collect();
+        let left = MatRef::from_column_major_slice(&left, m, rank);
+        let added = product(left, MatRef::from_row_major_slice(&right, rank, n));
+        for (column, entries) in block.entries_mut().chunks_exact_mut(m).enumerate() {
+            entries.iter_mut().zip(added.col(column).iter()).for_each(|(entry, value)| *entry += value);
+        }
+        for entry in &contrasts.sparse {
+            let own = usize::from(clusters.of_column()[entry.column.index()]);
+            for (column, share) in map[own * n..][..n].iter().enumerate() {
+                let rest = f32::from(u8::from(column == entry.column.index())) - share;
+                block.entries_mut()[column * m + entry.row as usize] += rest * entry.value;
+            }
+        }
+        keep_positive(clusters, block);
+    }
+}
+
+impl Contrasts {
+    /// Bytes of those of a block at most, of its single entries one a row: as many as are likely.
+    pub fn bytes(rows: u64, columns: u64, rank: u64) -> u64 {
+        let rank = (rank + 1).min(rows).min(columns);
+        rank * (2 * rows + 4 * columns + 8) + 12 * rows + 64
+    }
+
+    /// In the machine's byte order, for a file that the same program reads back.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for count in [self.rows, self.columns, self.noise.len(), self.sparse.len()] {
+            bytes.extend((count as u64).to_ne_bytes());
+        }
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.noise));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.right));
+        for entry in &self.sparse {
+            bytes.extend_from_slice(bytemuck::cast_slice(&[entry.column.0, entry.row, entry.value.to_bits()]));
+        }
+        self.left.iter().for_each(|v| bytes.extend(v.to_bits().to_ne_bytes()));
+        bytes
+    }
+
+    /// What [`to_bytes`](Self::to_bytes) wrote; none if it is something else.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (head, mut rest) = bytes.split_at_checked(4 * size_of::<u64>())?;
+        let (head, _) = head.as_chunks::<8>();
+        let count = |at: usize| usize::try_from(u64::from_ne_bytes(head[at])).ok();
+        let (rows, columns, rank, sparse) = (count(0)?, count(1)?, count(2)?, count(3)?);
+        let mut take = |count: usize, size: usize| -> Option<&[u8]> {
+            let (taken, left) = rest.split_at_checked(count.checked_mul(size)?)?;
+            rest = left;
+            Some(taken)
+        };
+        let noise = take(rank, 8)?.as_chunks::<8>().0.iter().map(|b| bytemuck::pod_read_unaligned(b)).collect();
+        let right =
+            take(columns.checked_mul(rank)?, 4)?.as_chunks::<4>().0.iter().map(|b| f32::from_ne_bytes(*b)).collect();
+        let entry = |e: &[u8; 12]| {
+            let [column, row, value]: [u32; 3] = bytemuck::pod_read_unaligned(e);
+            SparseEntry { column: ColumnIndex(column), row, value: f32::from_bits(value) }
+        };
+        let sparse = take(sparse, 12)?.as_chunks::<12>().0.iter().map(entry).collect();
+        let left = take(rows.checked_mul(rank)?, 2)?;
+        let left = left.as_chunks::<2>().0.iter().map(|b| f16::from_bits(u16::from_ne_bytes(*b))).collect();
+        rest.is_empty().then_some(Self { rows, columns, left, right, noise, sparse })
+    }
+}
+
+/// `v (I − S R)` of a row `v`.
+fn beside_clusters(row: &[f32], (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
+    let mut sums = vec![0.0f32; clusters.count()];
+    row.iter().zip(clusters.of_column()).for_each(|(v, &cluster)| sums[usize::from(cluster)] += v);
+    let mut rest = row.to_vec();
+    for (sum, map) in sums.iter().zip(map.chunks_exact(row.len())) {
+        rest.iter_mut().zip(map).for_each(|(rest, share)| *rest -= sum * share);
+    }
+    rest
+}
+
+/// Takes from each cluster's columns what is below 0, pixel by pixel, and as much from those above: their sum stays.
+fn keep_positive(clusters: &Clusters, block: &mut Block) {
+    let rows = block.rows();
+    // Of each cluster and row: the sum, and that of what is above 0.
+    let mut sums = vec![[0.0f32; 2]; clusters.count() * rows];
+    for (entries, &cluster) in block.entries().chunks_exact(rows).zip(clusters.of_column()) {
+        for ([sum, above], entry) in sums[usize::from(cluster) * rows..][..rows].iter_mut().zip(entries) {
+            *sum += entry;
+            *above += entry.max(0.0);
+        }
+    }
+    for (entries, &cluster) in block.entries_mut().chunks_exact_mut(rows).zip(clusters.of_column()) {
+        for (entry, [sum, above]) in entries.iter_mut().zip(&sums[usize::from(cluster) * rows..][..rows]) {
+            if above > sum {
+                *entry = entry.max(0.0) * (sum.max(0.0) / above);
+            }
+        }
+    }
+}
