@@ -383,7 +383,7 @@ mod tests {
         let guides = guides(&window);
         let mut struck = window.clone();
         for plane in [0, 1, 2, 3 * CLUSTERS, 3 * CLUSTERS + 1, 3 * CLUSTERS + 2] {
-            struck.indirect.row_mut(plane, 30)[36] += 50.0;
+            struck.indirect.row_mut(plane, 30)[36] += 15.0;
         }
         // Light is even there: what neighbours differ by is grain.
         let grain = |window: Window| -> f32 {

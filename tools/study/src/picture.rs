@@ -40,15 +40,15 @@ const QUICK: Plan = Plan {
 
 const FULL: Plan = Plan {
     scenes: &[
-        PlannedScene { name: "mixed", size: (256, 192), texels: 16, converged: 768, tuned_on: true },
+        PlannedScene { name: "mixed", size: (256, 192), texels: 16, converged: 2048, tuned_on: true },
         PlannedScene { name: CONFERENCE_LAMPS, size: (256, 192), texels: 1, converged: 3072, tuned_on: true },
-        PlannedScene { name: GLOSSY, size: (192, 192), texels: 16, converged: 768, tuned_on: true },
+        PlannedScene { name: GLOSSY, size: (192, 192), texels: 16, converged: 2048, tuned_on: true },
         PlannedScene { name: WATER, size: (128, 128), texels: 16, converged: 3072, tuned_on: true },
         PlannedScene { name: SHIRLEY, size: (128, 128), texels: 16, converged: 3072, tuned_on: true },
-        PlannedScene { name: MIRROR, size: (128, 128), texels: 16, converged: 768, tuned_on: true },
-        PlannedScene { name: CLASSROOM, size: (256, 192), texels: 8, converged: 768, tuned_on: false },
-        PlannedScene { name: CORNELL, size: (192, 192), texels: 16, converged: 768, tuned_on: false },
-        PlannedScene { name: "diffuse", size: (256, 192), texels: 16, converged: 768, tuned_on: false },
+        PlannedScene { name: MIRROR, size: (128, 128), texels: 16, converged: 2048, tuned_on: true },
+        PlannedScene { name: CLASSROOM, size: (256, 192), texels: 8, converged: 2048, tuned_on: false },
+        PlannedScene { name: CORNELL, size: (192, 192), texels: 16, converged: 2048, tuned_on: false },
+        PlannedScene { name: "diffuse", size: (256, 192), texels: 16, converged: 2048, tuned_on: false },
     ],
     samples: &[16, 64, 256],
 };
