@@ -140,19 +140,25 @@ impl Filter<'_> {
     fn direct(&self, light: &Rows, mix: &[f32]) -> Rows {
         let filtered = self.region.grown(RISK_REACH, light);
         let guide = {
-            let compared = filtered.grown(DIRECT + PATCH, light);
+            let compared = filtered.grown(self.reach.direct() + PATCH, light);
             let pilot = compared.grown(FILTERED_NOISE_REACH, light);
-            let raw_compared = pilot.grown(DIRECT_PILOT + PATCH, light);
+            let raw_compared = pilot.grown(self.reach.direct_pilot() + PATCH, light);
             let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light), self.pool);
             let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
             let alike = self.alike(Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared, self.pool), widths, PATCH);
-            let means =
-                weighted_means(&raw, &pilot, &Offsets::disc(DIRECT_PILOT, 1, DIRECT_DENSE), 0.0, &alike, self.pool);
+            let means = weighted_means(
+                &raw,
+                &pilot,
+                &self.reach.direct_offsets(self.reach.direct_pilot()),
+                0.0,
+                &alike,
+                self.pool,
+            );
             self.guide_of(means, &compared, [raw, alike.guide.into_rows()])
         };
         let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
-        let alike = Alike { radius: Some(DIRECT), ..self.alike(guide, widths, PATCH) };
-        let offsets = Offsets::disc(DIRECT, 1, DIRECT_DENSE);
+        let alike = Alike { radius: Some(self.reach.direct()), ..self.alike(guide, widths, PATCH) };
+        let offsets = self.reach.direct_offsets(self.reach.direct());
         let means = weighted_means(light, &filtered, &offsets, SLOPE, &alike, self.pool);
         self.trusted(light, means, alike)
     }
@@ -178,10 +184,10 @@ impl Filter<'_> {
 
     /// A wide filter that reads some of the pixels, then a narrow one that reads all.
     fn wide_then_narrow(&self, light: &Rows, region: &Region, slope: f32, alike: &mut Alike<'_>) -> Rows {
-        let offsets = Offsets::disc(self.reach.wide(), self.reach.stride, self.reach.wide());
+        let offsets = Offsets::disc(self.reach.wide(), self.reach.stride);
         alike.radius = Some(self.reach.wide());
         let wide = weighted_means(light, &region.grown(INDIRECT_NARROW, light), &offsets, slope, &*alike, self.pool);
-        let offsets = Offsets::disc(INDIRECT_NARROW, 1, INDIRECT_NARROW);
+        let offsets = Offsets::disc(INDIRECT_NARROW, 1);
         alike.radius = Some(INDIRECT_NARROW);
         let narrow = weighted_means(&wide, region, &offsets, slope, &*alike, self.pool);
         self.pool.keep(wide);

@@ -40,16 +40,19 @@ impl Offsets {
         Self { radius, each: steps().flat_map(|y| steps().map(move |x| (x, y))).collect() }
     }
 
-    /// Those of a square that lie within a circle through the middle of its sides; beyond `dense` pixels every second, as on a
-    /// chessboard.
-    pub(super) fn disc(radius: usize, stride: usize, dense: usize) -> Self {
+    /// Those of a square that lie within a circle through the middle of its sides.
+    pub(super) fn disc(radius: usize, stride: usize) -> Self {
         let Self { radius, mut each } = Self::square(radius, stride);
         let reach = radius as f32 + 0.5 * stride as f32;
-        let dense = dense as isize;
-        each.retain(|&(x, y)| {
-            let near = x.abs() <= dense && y.abs() <= dense;
-            (x as f32).hypot(y as f32) <= reach && (near || (x + y) % (2 * stride as isize) == 0)
-        });
+        each.retain(|&(x, y)| (x as f32).hypot(y as f32) <= reach);
+        Self { radius, each }
+    }
+
+    /// A disc of which beyond `dense` pixels only one in `thin` is read: 2 as on a chessboard, 5 as a knight goes on it.
+    pub(super) fn thinned(radius: usize, dense: usize, thin: usize) -> Self {
+        let Self { radius, mut each } = Self::disc(radius, 1);
+        let (dense, thin) = (dense as isize, thin as isize);
+        each.retain(|&(x, y)| (x.abs() <= dense && y.abs() <= dense) || (x + (thin / 2) * y) % thin == 0);
         Self { radius, each }
     }
 }

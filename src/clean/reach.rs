@@ -1,6 +1,7 @@
 //! How far filtering reaches.
 
 use super::constants::*;
+use super::kernel::Offsets;
 use super::shrink::RISK_REACH;
 
 /// How far the wide filter of indirect light reaches, and with it all filtering: farther in larger images, where the same surface has
@@ -16,6 +17,21 @@ impl Reach {
     pub fn of_image(width: u32, height: u32) -> Self {
         let side = (f64::from(width) * f64::from(height)).sqrt();
         Self { stride: ((side / SIDE_OF_STRIDE).round() as usize).clamp(INDIRECT_STRIDE.0, INDIRECT_STRIDE.1) }
+    }
+
+    /// Radius of the filter of direct light.
+    pub(super) fn direct(self) -> usize {
+        DIRECT * self.stride / INDIRECT_STRIDE.0
+    }
+
+    /// Radius of the filter of the guides of direct light.
+    pub(super) fn direct_pilot(self) -> usize {
+        DIRECT_PILOT * self.stride / INDIRECT_STRIDE.0
+    }
+
+    /// What those read within a radius: the wider it is, the fewer of the pixels.
+    pub(super) fn direct_offsets(self, radius: usize) -> Offsets {
+        Offsets::thinned(radius, DIRECT_DENSE, if self.stride == INDIRECT_STRIDE.0 { 2 } else { 5 })
     }
 
     /// Radius of the wide filter of indirect light.
