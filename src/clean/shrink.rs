@@ -8,9 +8,11 @@ use super::rows::{Pool, Region, Rows, shifts};
 /// Pixels to each side of the middle of a cell, and across it.
 const CELL_REACH: usize = 1;
 const CELL: usize = 2 * CELL_REACH + 1;
+/// Pixels to each side over which shares are means.
+const SHARE_REACH: usize = 1;
 
 /// Pixels to each side that [`mix_in`] reads.
-pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH;
+pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REACH;
 
 /// Mixes `smooth` into `raw`, in a region, pixel by pixel and for each cluster, as far as the estimated risk falls (Stein 1981): of
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
@@ -21,15 +23,17 @@ pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region, pool: &Pool
     let (width, planes) = (raw.width(), raw.planes() / 2);
     for first in (0..planes).step_by(3) {
         let cells = Cells::new(raw, smooth, first, region, pool);
+        let shares = cells.shares(&region.grown(SHARE_REACH, raw), pool);
+        let even = shares.box_mean(SHARE_REACH, region, pool);
         smooth.fill_strips(&region.y, 1, |y, row| {
-            let shares = cells.shares(y, region);
+            let shares = &even.row(0, y)[region.x.clone()];
             for plane in (first..first + 3).flat_map(|channel| [channel, planes + channel]) {
                 let out = &mut row[plane * width..][region.x.clone()];
                 let raw = &raw.row(plane, y)[region.x.clone()];
-                out.iter_mut().zip(raw).zip(&shares).for_each(|((out, raw), share)| *out = raw + share * (*out - raw));
+                out.iter_mut().zip(raw).zip(shares).for_each(|((out, raw), share)| *out = raw + share * (*out - raw));
             }
         });
-        pool.keep(cells.0);
+        [cells.0, shares, even].into_iter().for_each(|done| pool.keep(done));
     }
 }
 
@@ -59,13 +63,20 @@ impl Cells {
                 }
             }
         });
-        let cells = of_cells(&terms, &region.grown(CELL * RISK_CELLS, raw), pool);
+        let cells = of_cells(&terms, &region.grown(CELL * RISK_CELLS + SHARE_REACH, raw), pool);
         pool.keep(terms);
         Self(cells)
     }
 
-    /// How much of the smooth image the pixels of a row in the region take.
-    fn shares(&self, y: usize, region: &Region) -> Vec<f32> {
+    /// How much of the smooth image the pixels of a region take.
+    fn shares(&self, region: &Region, pool: &Pool) -> Rows {
+        let mut shares = pool.rows(self.0.width(), self.0.height(), 1);
+        shares.fill_rows(region, |y, _, out| out.copy_from_slice(&self.shares_of_row(y, region)));
+        shares
+    }
+
+    /// The same of a row.
+    fn shares_of_row(&self, y: usize, region: &Region) -> Vec<f32> {
         let Self(terms) = self;
         let own = &terms.row(2, y)[region.x.clone()];
         let mut sums = vec![[0.0; 2]; own.len()];

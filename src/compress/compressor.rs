@@ -47,10 +47,27 @@ impl Compressor {
             PriorChoice::Lighting => LightingPrior::of_basis(basis),
             PriorChoice::Flat => LightingPrior::flat(n),
         };
+        Ok(Self::with_prior(basis, shape, settings, &prior))
+    }
+
+    /// This, for lightings of one light alone as well: see [`LightingPrior::with_lights_alone`].
+    #[must_use]
+    pub fn for_lights_alone(self, basis: &LightBasis, shares: &[f64]) -> Self {
+        match self.settings.prior {
+            PriorChoice::Flat => self,
+            PriorChoice::Lighting => {
+                let prior = LightingPrior::of_basis(basis).with_lights_alone(basis, shares);
+                Self::with_prior(basis, self.shape, self.settings, &prior)
+            }
+        }
+    }
+
+    fn with_prior(basis: &LightBasis, shape: MatrixShape, settings: CompressSettings, prior: &LightingPrior) -> Self {
+        let n = shape.columns();
         let sketch_columns = (settings.rank + settings.oversampling).min(n);
-        let weights = Weights::new(&prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
+        let weights = Weights::new(prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
         let probes = probe_lightings(basis);
-        Ok(Self { shape, weights, variances: prior.variances(), probes, global: None, settings })
+        Self { shape, weights, variances: prior.variances(), probes, global: None, settings }
     }
 
     /// For [`Scope::Global`]: chooses rows and columns of the whole matrix, before any block is analysed; at most three

@@ -21,6 +21,10 @@ const WHITE_TIMES_COLUMNS: f64 = 2.0;
 const WHITE_BOUNDS: (f64, f64) = (0.002, 0.3);
 /// Columns of the factor; what it does not reach is counted as independent.
 const FACTOR_WIDTH: usize = 128;
+/// Share of a light in the image with all on below which its own image is not exposed any brighter.
+const LEAST_SHARE: f64 = 1e-4;
+/// Lights with texels, at most, that are heeded alone: each takes a column of the factor.
+const MOST_TEXTURED: usize = 64;
 /// Entries of the factor, at most.
 const FACTOR_ENTRIES: usize = 1 << 26;
 
@@ -63,6 +67,37 @@ impl LightingPrior {
         let (factor, rest) = pivoted_cholesky(&sites, smooth);
         let independent = rest.iter().map(|r| (r + white / total) as f32).collect();
         Self { columns: sites.len(), factor, independent }
+    }
+
+    /// The same, and each light alone, exposed as all of them together are: an image under one lamp counts as much as one under all,
+    /// however little of it is seen. `shares` are those of the lights in the mean of the image with all on.
+    ///
+    /// # Panics
+    /// If there are not as many shares as lights.
+    #[must_use]
+    pub fn with_lights_alone(mut self, basis: &LightBasis, shares: &[f64]) -> Self {
+        let lights = basis.lights();
+        assert_eq!(lights.len(), shares.len());
+        let textured = lights.iter().filter(|light| light.places.len() > 1).count();
+        if lights.len() < 2 || textured > MOST_TEXTURED {
+            return self;
+        }
+        for (light, share) in lights.iter().zip(shares) {
+            let exposure = 1.0 / share.max(LEAST_SHARE);
+            let columns = light.columns().start as usize..light.columns().end as usize;
+            if let [column] = *columns.clone().collect::<Vec<_>>() {
+                self.independent[column] += (exposure * exposure / lights.len() as f64) as f32;
+            } else {
+                let begin = self.factor.len();
+                self.factor.resize(begin + self.columns, 0.0);
+                self.factor[begin..][columns].fill((exposure / (lights.len() as f64).sqrt()) as f32);
+            }
+        }
+        let variances = self.variances();
+        let scale = variances.len() as f32 / variances.iter().sum::<f32>();
+        self.factor.iter_mut().for_each(|f| *f *= scale.sqrt());
+        self.independent.iter_mut().for_each(|d| *d *= scale);
+        self
     }
 
     /// Every column equally likely and independent: plain least squares.

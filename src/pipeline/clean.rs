@@ -29,7 +29,7 @@ use crate::clean::{self, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
-use crate::light::{CleaningErrors, Clusters, Job};
+use crate::light::{CleaningErrors, Clusters, Job, LightBasis};
 use crate::matrix::{Block, BlockId, BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 
 /// Memory that the images of a window may take; a window of one block is filtered whatever it takes.
@@ -301,6 +301,27 @@ impl Cleaned {
         Ok(sum.max(0.0) / count.max(1) as f64)
     }
 
+    /// Share of each light in the mean of the cleaned image with all columns on.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(super) fn shares_of_lights(&self, basis: &LightBasis) -> Result<Vec<f64>> {
+        let mut clusters = vec![0.0f64; self.clusters];
+        for id in self.blocks() {
+            let tiles = self.image_tiles(id)?;
+            for (sum, image) in clusters.iter_mut().zip(tiles.chunks_exact(tiles.len() / self.clusters)) {
+                *sum += image.iter().map(|&v| f64::from(v)).sum::<f64>();
+            }
+        }
+        let columns = self.shape.columns();
+        let of_column = |column: u32| -> f64 {
+            let shares = self.map[column as usize..].iter().step_by(columns);
+            clusters.iter().zip(shares).map(|(light, &share)| light * f64::from(share)).sum()
+        };
+        let all = clusters.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        Ok(basis.lights().iter().map(|light| light.columns().map(of_column).sum::<f64>().max(0.0) / all).collect())
+    }
+
     /// What cleaning did to the whole picture; none where the images come from a file.
     ///
     /// # Errors
@@ -414,7 +435,9 @@ fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
 
 /// Memory of a window of this side.
 fn window_bytes(shape: MatrixShape, side: u64, clusters: u64) -> u64 {
-    (side + 2 * reach_in(shape).halo() as u64).pow(2) * clean::pixel_bytes(clusters)
+    let bytes = (side + 2 * reach_in(shape).halo() as u64).pow(2) * clean::pixel_bytes(clusters);
+    // And what the allocator keeps beside it, of blocks that are decoded among others.
+    bytes + bytes / 20
 }
 
 fn reach_in(shape: MatrixShape) -> Reach {
