@@ -19,6 +19,7 @@ pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REAC
 /// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
 /// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. In each cell the pixel that
 /// changes most has no say: a firefly that both halves happen to have looks like a detail, but a detail has more than one pixel.
+/// Where its own cell allows it a pixel takes as much as those beside it do in the mean.
 pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region, pool: &Pool) {
     let (width, planes) = (raw.width(), raw.planes() / 2);
     for first in (0..planes).step_by(3) {
@@ -26,11 +27,14 @@ pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region, pool: &Pool
         let shares = cells.shares(&region.grown(SHARE_REACH, raw), pool);
         let even = shares.box_mean(SHARE_REACH, region, pool);
         smooth.fill_strips(&region.y, 1, |y, row| {
-            let shares = &even.row(0, y)[region.x.clone()];
+            let cell = cells.own_shares(y);
+            let [own, even, cell] = [shares.row(0, y), even.row(0, y), &cell].map(|row| &row[region.x.clone()]);
+            let shares = own.iter().zip(even).zip(cell).map(|((own, even), cell)| own.max(even.min(*cell)));
+            let shares: Vec<f32> = shares.collect();
             for plane in (first..first + 3).flat_map(|channel| [channel, planes + channel]) {
                 let out = &mut row[plane * width..][region.x.clone()];
                 let raw = &raw.row(plane, y)[region.x.clone()];
-                out.iter_mut().zip(raw).zip(shares).for_each(|((out, raw), share)| *out = raw + share * (*out - raw));
+                out.iter_mut().zip(raw).zip(&shares).for_each(|((out, raw), share)| *out = raw + share * (*out - raw));
             }
         });
         [cells.0, shares, even].into_iter().for_each(|done| pool.keep(done));
@@ -75,7 +79,13 @@ impl Cells {
         shares
     }
 
-    /// The same of a row.
+    /// How much the cells of a row would take, each by itself.
+    fn own_shares(&self, y: usize) -> Vec<f32> {
+        let [gained, changed] = [0, 1].map(|term| self.0.row(term, y));
+        gained.iter().zip(changed).map(|(gained, changed)| share(*gained, *changed)).collect()
+    }
+
+    /// [`shares`](Self::shares) of a row.
     fn shares_of_row(&self, y: usize, region: &Region) -> Vec<f32> {
         let Self(terms) = self;
         let own = &terms.row(2, y)[region.x.clone()];
@@ -92,7 +102,7 @@ impl Cells {
                 }
             }
         }
-        sums.iter().map(|[gained, changed]| if *changed > 0.0 { trusted(gained / changed) } else { 1.0 }).collect()
+        sums.iter().map(|[gained, changed]| share(*gained, *changed)).collect()
     }
 }
 
@@ -137,6 +147,10 @@ fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
 /// The halves of a channel: some pixels of a row.
 fn halves<'a>(rows: &'a Rows, channel: usize, (x, y): (&Range<usize>, usize)) -> [&'a [f32]; 2] {
     [channel, rows.planes() / 2 + channel].map(|plane| &rows.row(plane, y)[x.clone()])
+}
+
+fn share(gained: f32, changed: f32) -> f32 {
+    if changed > 0.0 { trusted(gained / changed) } else { 1.0 }
 }
 
 /// The share that is taken where an estimate says `best`. The mean alone is no worse than what was there from a half on, and

@@ -26,6 +26,8 @@ pub struct Compressor {
     weights: Weights,
     /// Diagonal of `K`.
     variances: Vec<f32>,
+    /// See [`LightingPrior::white_square`].
+    white_square: Option<f64>,
     /// The probe lightings that noise is kept under: columns × probes, column-major.
     probes: Vec<f32>,
     global: Option<GlobalCur>,
@@ -67,7 +69,8 @@ impl Compressor {
         let sketch_columns = (settings.rank + settings.oversampling).min(n);
         let weights = Weights::new(prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
         let probes = probe_lightings(basis);
-        Self { shape, weights, variances: prior.variances(), probes, global: None, settings }
+        let (variances, white_square) = (prior.variances(), prior.white_square());
+        Self { shape, weights, variances, white_square, probes, global: None, settings }
     }
 
     /// For [`Scope::Global`]: chooses rows and columns of the whole matrix, before any block is analysed; at most three
@@ -262,7 +265,7 @@ impl Compressor {
 
     /// Chooses the slope for all blocks from their summaries, in any order.
     pub fn choose<'a>(&self, summaries: impl Iterator<Item = &'a CandidateSummary> + Clone) -> Cut {
-        cut::choose(&self.settings, summaries)
+        cut::choose(&self.settings, self.white_square, summaries)
     }
 
     /// The methods that have a rank of their own, brought to orthonormal factors.

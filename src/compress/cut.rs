@@ -183,21 +183,22 @@ struct Whole<I> {
     summaries: I,
     rows: f64,
     energy: f64,
-    /// Squared white of a typical lighting: that of all-on, scaled by the ratio of what they show of the image.
+    /// Squared white of a typical lighting: that of all-on, scaled as is known or else by the ratio of what they show of the image.
     white_square: f64,
     /// Energy of the noise, as far as an exposed image shows it.
     noise: f64,
 }
 
 impl<'a, I: Iterator<Item = &'a CandidateSummary> + Clone> Whole<I> {
-    fn new(summaries: I, cut: &Cut) -> Self {
+    fn new(summaries: I, cut: &Cut, white_square: Option<f64>) -> Self {
         let square = |s: &CandidateSummary| f64::from(s.rows) * f64::from(s.brightness).powi(2);
         let sum = |part: &dyn Fn(&CandidateSummary) -> f64| -> f64 {
             summaries.clone().map(|s| cut.shown(s.brightness) * part(s)).sum()
         };
         let squares = sum(&square);
-        let white_square =
-            if squares > 0.0 { cut.white.powi(2) * sum(&CandidateSummary::energy) / squares } else { 0.0 };
+        let by_energy = || sum(&CandidateSummary::energy) / squares;
+        let ratio = if squares > 0.0 { white_square.unwrap_or_else(by_energy) } else { 0.0 };
+        let white_square = cut.white.powi(2) * ratio;
         Self {
             rows: summaries.clone().map(|s| f64::from(s.rows)).sum::<f64>().max(1.0),
             energy: summaries.clone().map(CandidateSummary::energy).sum(),
@@ -230,9 +231,11 @@ impl<'a, I: Iterator<Item = &'a CandidateSummary> + Clone> Whole<I> {
     }
 }
 
-/// Chooses the slope by bisection so that the target is just met.
+/// Chooses the slope by bisection so that the target is just met. `white_square` is that of a typical lighting over that of all on,
+/// where it is known.
 pub(super) fn choose<'a>(
     settings: &CompressSettings,
+    white_square: Option<f64>,
     summaries: impl Iterator<Item = &'a CandidateSummary> + Clone,
 ) -> Cut {
     let target = match settings.target {
@@ -254,7 +257,7 @@ pub(super) fn choose<'a>(
         expected_bytes: 0,
         reaches_target: true,
     };
-    let whole = Whole::new(summaries.clone(), &cut);
+    let whole = Whole::new(summaries.clone(), &cut, white_square);
     // Error that no slope takes away, and what more of it the noise makes worthless to take away.
     let mut worthless = 0.0;
     if let Target::PsnrDb(db) = target {

@@ -22,7 +22,10 @@ const WHITE_BOUNDS: (f64, f64) = (0.002, 0.3);
 /// Columns of the factor; what it does not reach is counted as independent.
 const FACTOR_WIDTH: usize = 128;
 /// Share of a light in the image with all on below which its own image is not exposed any brighter.
-const LEAST_SHARE: f64 = 1e-4;
+const LEAST_SHARE: f64 = 1e-3;
+/// Squared white of a lighting of the prior with each light alone, over that of all on, before both are scaled: about half of it are
+/// the prior's own, the lights alone are as white as all.
+const LIGHTINGS_AND_LIGHTS: f64 = 1.5;
 /// Lights with texels, at most, that are heeded alone: each takes a column of the factor.
 const MOST_TEXTURED: usize = 64;
 /// Entries of the factor, at most.
@@ -36,6 +39,7 @@ pub struct LightingPrior {
     factor: Vec<f32>,
     /// `d`: one value per column.
     independent: Vec<f32>,
+    white_square: Option<f64>,
 }
 
 /// Where a column stands among those that shapes of light can cover together.
@@ -66,7 +70,7 @@ impl LightingPrior {
         };
         let (factor, rest) = pivoted_cholesky(&sites, smooth);
         let independent = rest.iter().map(|r| (r + white / total) as f32).collect();
-        Self { columns: sites.len(), factor, independent }
+        Self { columns: sites.len(), factor, independent, white_square: None }
     }
 
     /// The same, and each light alone, exposed as all of them together are: an image under one lamp counts as much as one under all,
@@ -97,12 +101,13 @@ impl LightingPrior {
         let scale = variances.len() as f32 / variances.iter().sum::<f32>();
         self.factor.iter_mut().for_each(|f| *f *= scale.sqrt());
         self.independent.iter_mut().for_each(|d| *d *= scale);
+        self.white_square = Some(LIGHTINGS_AND_LIGHTS * f64::from(scale));
         self
     }
 
     /// Every column equally likely and independent: plain least squares.
     pub fn flat(columns: usize) -> Self {
-        Self { columns, factor: Vec::new(), independent: vec![1.0; columns] }
+        Self { columns, factor: Vec::new(), independent: vec![1.0; columns], white_square: None }
     }
 
     /// Number of columns.
@@ -123,6 +128,11 @@ impl LightingPrior {
     /// `d`: one value per column.
     pub fn independent(&self) -> &[f32] {
         &self.independent
+    }
+
+    /// Squared white of a lighting in the mean, over that of all columns on; where it is known.
+    pub fn white_square(&self) -> Option<f64> {
+        self.white_square
     }
 
     /// The diagonal of `K`: how strongly each column is lit, squared, in the mean.

@@ -436,8 +436,8 @@ fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
 /// Memory of a window of this side.
 fn window_bytes(shape: MatrixShape, side: u64, clusters: u64) -> u64 {
     let bytes = (side + 2 * reach_in(shape).halo() as u64).pow(2) * clean::pixel_bytes(clusters);
-    // And what the allocator keeps beside it, of blocks that are decoded among others.
-    bytes + bytes / 20
+    // And what is kept beside it of other sizes, and of blocks that are decoded.
+    bytes + bytes / 10
 }
 
 fn reach_in(shape: MatrixShape) -> Reach {

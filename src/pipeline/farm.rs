@@ -126,7 +126,7 @@ impl FarmJob {
         let job = job_of(&loaded)?;
         // One sample a pixel has no halves.
         let has_planes = settings_of(&loaded).samples_per_pixel > 1;
-        let options = options.for_source(has_planes, job.basis.lights().len());
+        let options = options.for_source(has_planes);
         let fingerprint = options.fingerprint(&job, "f32", None);
         Ok(Self { loaded, terms: Terms { job, options, fingerprint } })
     }

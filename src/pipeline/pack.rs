@@ -38,15 +38,12 @@ use crate::store;
 /// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
 const SAMPLE_BLOCKS: usize = 48;
 
-/// What [`Target::Automatic`] is for cleaned images of one light: there is no noise that would hide more. Chosen on `conference-24`
-/// (16, 32 and 64 samples), when it was 10 log₁₀ 24 dB more for that: at 60 dB one lamp alone shows the borders of blocks and loses
-/// shadows on the floor, at 72 dB neither, but for the faintest lamps.
+/// What [`Target::Automatic`] is for cleaned images: there is no noise that would hide more. Of several lights each alone counts as
+/// much as all together ([`LightingPrior::with_lights_alone`](crate::light::LightingPrior::with_lights_alone)).
+///
+/// Chosen on `conference-24` (1024 × 768 pixels, 32 samples): at 66 dB the faintest lamps alone show the borders of blocks and lose
+/// shadows on the floor, at 72 dB they do not.
 const CLEANED_DB: f64 = 72.0;
-
-/// The same of several lights, where each light alone counts as much as all together
-/// ([`LightingPrior::with_lights_alone`](crate::light::LightingPrior::with_lights_alone)). Chosen on `conference-24` at 1024 × 768 pixels
-/// and 32 samples: at 72 dB the faintest lamp shows the borders of blocks, at 78 dB not, in as many bytes as before each counted.
-const CLEANED_DB_OF_LIGHTS: f64 = 78.0;
 
 /// Components of a block of cleaned images at most, unless another number is chosen: those of the clusters and of what tells the
 /// columns of each apart.
@@ -86,8 +83,8 @@ impl PackOptions {
         hash.finalize().into()
     }
 
-    /// These, for blocks that come with planes or without, of so many lights.
-    pub(super) fn for_source(&self, has_planes: bool, lights: usize) -> Self {
+    /// These, for blocks that come with planes or without.
+    pub(super) fn for_source(&self, has_planes: bool) -> Self {
         let mut options = self.clone();
         let compress = &mut options.compress;
         options.denoise &= has_planes && compress.method == Method::Auto && compress.noise_factor.is_some();
@@ -95,7 +92,7 @@ impl PackOptions {
             compress.rank = CLEANED_RANK;
         }
         if options.denoise && compress.target == Target::Automatic {
-            compress.target = Target::PsnrDb(if lights > 1 { CLEANED_DB_OF_LIGHTS } else { CLEANED_DB });
+            compress.target = Target::PsnrDb(CLEANED_DB);
         }
         options
     }
@@ -283,7 +280,7 @@ impl Packing {
         watch: &dyn Watch,
     ) -> Result<Self> {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
-        let options = &options.for_source(has_planes, job.basis.lights().len());
+        let options = &options.for_source(has_planes);
         let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
         let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
         let basis = open_basis(options, job)?;

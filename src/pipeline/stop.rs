@@ -159,7 +159,7 @@ pub fn choose_samples(
         }
     }
     let job = job_of(&loaded)?;
-    let cleans = pack.for_source(true, job.basis.lights().len()).denoise && pack.basis.is_none();
+    let cleans = pack.for_source(true).denoise && pack.basis.is_none();
     let windows = spread_windows(job.shape, WINDOWS);
     let mut need = tracing_need(&loaded, &job);
     need.fixed_bytes += Blocks::images_need_bytes(job.shape, windows.concat().len());
