@@ -312,6 +312,41 @@ mod tests {
         basis
     }
 
+    /// A panel, a lamp as bright, and one of which a hundredth is seen: under each alone an error of a hundredth of its light counts
+    /// the same.
+    #[test]
+    fn each_light_alone_counts_as_exposed_as_all_together() {
+        let mut basis = panel(4, 4);
+        for name in ["near", "far"] {
+            basis.push(Light::unplaced(name, LightKind::Lamp)).unwrap();
+        }
+        let of_lights = LightingPrior::of_basis(&basis);
+        let prior = of_lights.clone().with_lights_alone(&basis, &[0.495, 0.495, 0.01]);
+        let variances = prior.variances();
+        assert!((variances.iter().sum::<f32>() / 18.0 - 1.0).abs() < 1e-3, "{variances:?}");
+        let scale = prior.white_square().unwrap() / LIGHTINGS_AND_LIGHTS;
+        // What is new under a lighting, in the scale of the prior before.
+        let added = |lighting: &[f64]| -> f64 {
+            let energy = |prior: &LightingPrior| {
+                let independent: f64 =
+                    lighting.iter().zip(prior.independent()).map(|(l, &d)| l * l * f64::from(d)).sum();
+                let through = |f: &[f32]| lighting.iter().zip(f).map(|(l, &f)| l * f64::from(f)).sum::<f64>().powi(2);
+                independent + prior.factor().chunks_exact(18).map(through).sum::<f64>()
+            };
+            energy(&prior) / scale - energy(&of_lights)
+        };
+        let mut errors = vec![vec![0.0; 18]; 3];
+        errors[0][..16].fill(0.01 * 0.495 / 16.0);
+        errors[1][16] = 0.01 * 0.495;
+        errors[2][17] = 0.01 * 0.01;
+        for error in errors {
+            assert!((added(&error) / (1e-4 / 3.0) - 1.0).abs() < 1e-2, "{}", added(&error));
+        }
+        // Of one light there is nothing to choose between.
+        let alone = LightingPrior::of_basis(&panel(4, 4));
+        assert_eq!(alone.clone().with_lights_alone(&panel(4, 4), &[1.0]), alone);
+    }
+
     #[test]
     fn the_prior_is_normalised_and_its_draws_have_its_covariance() {
         let prior = LightingPrior::of_basis(&panel(8, 6));
