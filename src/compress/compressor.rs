@@ -125,9 +125,14 @@ impl Compressor {
     /// Bytes of working memory that one call of [`analyse`](Self::analyse) takes at most beside the block itself, and
     /// bytes of the compressor and of a candidate.
     pub fn needs_bytes(&self) -> u64 {
-        let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
-        let q = (self.settings.rank + self.settings.oversampling + 1) as u64;
-        let dense = match self.settings.method {
+        Self::needs_bytes_for(self.shape, &self.settings)
+    }
+
+    /// [`needs_bytes`](Self::needs_bytes) of a compressor for matrices of this shape with these settings.
+    pub fn needs_bytes_for(shape: MatrixShape, settings: &CompressSettings) -> u64 {
+        let (m, n) = (shape.max_block_rows() as u64, shape.columns() as u64);
+        let q = (settings.rank + settings.oversampling + 1) as u64;
+        let dense = match settings.method {
             // The block, both sides of its SVD and what the SVD works in, in f64.
             Method::BlockSvd | Method::BlockPca => 8 * (3 * m * n + (m + n) * m.min(n)),
             _ => 0,

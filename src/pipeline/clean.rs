@@ -62,6 +62,11 @@ impl Cleaned {
         Self::windows_need_bytes(job, window_blocks(job.shape, clusters))
     }
 
+    /// Bytes that a thread takes at most beside its block.
+    pub(super) fn thread_needs_bytes(job: &Job) -> u64 {
+        Gathering::contrasts_need_bytes(job)
+    }
+
     /// The same with windows of so many blocks a side.
     pub(super) fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;

@@ -52,11 +52,18 @@ impl Gathering {
     /// Those of [`Compressor::new`].
     pub(super) fn new(job: &Job, path: PathBuf, records: Records) -> Result<Self> {
         let clusters = Clusters::of_basis(&job.basis).count();
-        let compressor = (clusters < job.shape.columns()).then(|| {
-            let (rank, noise_factor) = (CONTRAST_RANK, Some(CONTRAST_OVER_NOISE));
-            Compressor::new(&job.basis, job.shape, CompressSettings { rank, noise_factor, ..Default::default() })
-        });
+        let compressor =
+            (clusters < job.shape.columns()).then(|| Compressor::new(&job.basis, job.shape, contrast_settings()));
         Ok(Self { path, shape: job.shape, clusters, records, compressor: compressor.transpose()? })
+    }
+
+    /// Bytes that one thread takes at most to find the contrasts of a block, and to write or read them.
+    pub(super) fn contrasts_need_bytes(job: &Job) -> u64 {
+        match Self::contrast_bytes(job) {
+            0 => 0,
+            // As they are analysed, and as bytes.
+            bytes => Compressor::needs_bytes_for(job.shape, &contrast_settings()) + 4 * bytes,
+        }
     }
 
     /// Bytes that the contrasts of a block are likely to take at most.
@@ -213,6 +220,10 @@ impl Gathering {
         }
         tiles
     }
+}
+
+fn contrast_settings() -> CompressSettings {
+    CompressSettings { rank: CONTRAST_RANK, noise_factor: Some(CONTRAST_OVER_NOISE), ..Default::default() }
 }
 
 /// Values that a block has in [`Gathered::tiles`].

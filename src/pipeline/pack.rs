@@ -289,6 +289,8 @@ impl Packing {
         need.fixed_bytes += options.promise.as_ref().map_or(0, |promise| promise.needs_bytes());
         if options.denoise {
             need.fixed_bytes += Cleaned::needs_bytes(job);
+            // Contrasts are looked for before blocks are analysed, and added to those while they are.
+            need.per_thread_bytes += Cleaned::thread_needs_bytes(job);
             need.disk_bytes += Cleaned::disk_bytes(job);
             need.most_disk_bytes += Cleaned::disk_bytes(job);
         }

@@ -62,7 +62,8 @@ impl Worker {
         let tiles = 4 * tile_values(shape, PixelRect { x: 0, y: 0, width: side, height: side }, clusters) as u64;
         let planes = BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters);
         // The planes as they come, and as bytes.
-        let per_thread_bytes = source.per_thread_bytes + 2 * planes + 2 * tiles;
+        let per_thread_bytes =
+            source.per_thread_bytes + 2 * planes + 2 * tiles + Gathering::contrasts_need_bytes(&terms.job);
         Need { fixed_bytes: source.fixed_bytes + places, per_thread_bytes, ..source }
     }
 
