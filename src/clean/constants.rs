@@ -32,18 +32,30 @@ pub(super) const DIRECT_DENSE: usize = 3;
 pub(super) const DIRECT_NOISE: f32 = 1.0;
 pub(super) const DIRECT_RELATIVE: f32 = 0.05;
 
-/// The wide filter of indirect light reads every third pixel across and down, in larger images every sixth at most; a narrow one
+/// The wide filter of indirect light reads every third pixel across and down, in larger images every fourth; a narrow one
 /// follows, which must reach farther than that. The first was chosen as all the rest, of 3, 4 and 5; the second, and the side of an image
 /// for each, on `conference-24` at 1024 × 768 pixels, of which single lamps looked blotched.
 pub(super) const INDIRECT_PILOT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_PILOT_RELATIVE: f32 = 0.05;
-pub(super) const INDIRECT_STRIDE: (usize, usize) = (3, 6);
+pub(super) const INDIRECT_STRIDE: (usize, usize) = (3, 4);
 pub(super) const SIDE_OF_STRIDE: f64 = 110.0;
 /// Steps of that size that it reaches.
 pub(super) const INDIRECT_WIDE: usize = 6;
 pub(super) const INDIRECT_NARROW: usize = 4;
 pub(super) const INDIRECT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_RELATIVE: f32 = 0.03;
+
+/// Each image by itself, after that: steps that its filters reach and pixels of a step, widths and slopes. Chosen on `conference-24`, `mixed` and
+/// `cornell-glossy` at 16 samples, as the picture study has them.
+pub(super) const ALONE_DIRECT: (usize, usize) = (5, 3);
+pub(super) const ALONE_DIRECT_NOISE: f32 = 1.0;
+pub(super) const ALONE_DIRECT_SLOPE: f32 = 0.1;
+pub(super) const ALONE_INDIRECT: (usize, usize) = (6, 4);
+pub(super) const ALONE_INDIRECT_NOISE: f32 = 1.4;
+pub(super) const ALONE_INDIRECT_SLOPE: f32 = 0.03;
+pub(super) const ALONE_RELATIVE: f32 = 0.03;
+/// What an image is scaled by at most, and at least by its inverse, for their sum to stay.
+pub(super) const MOST_SCALE: f32 = 4.0;
 
 /// Leverage of the correction for slopes that each sample of a mean pays for: of the guides, of what is filtered by them; and
 /// the most there is.

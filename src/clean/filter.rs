@@ -2,10 +2,11 @@
 
 use pulp::Simd;
 
+use super::alone::{self, Alone};
 use super::constants::*;
 use super::errors::{self, ErrorSums, add_squares};
 use super::guide::{Guide, GuideCut, GuideWidths, mixtures, weights};
-use super::kernel::{Offset, Offsets, Weigh, weighted_means};
+use super::kernel::{Neighbours, Offset, Offsets, Weigh, weighted_means};
 use super::reach::Reach;
 use super::rows::{Pool, Region, Rows};
 use super::shrink::{RISK_REACH, mix_in};
@@ -70,8 +71,8 @@ impl Window {
 /// Bytes that [`clean`] takes at most for each pixel of a window, with what the pool keeps.
 pub fn pixel_bytes(clusters: u64) -> u64 {
     // Direct and indirect light and one filter's result in two halves of three channels, the cleaned images; features, guides and
-    // squares; of one cluster the three terms of the risk, in three steps.
-    4 * (3 * 6 * clusters + 3 * clusters + 120 + 3 * 3)
+    // squares; of one cluster the three terms of the risk, in three steps; of some clusters what each by itself reads and makes.
+    4 * (3 * 6 * clusters + 3 * clusters + 120 + 3 * 3 + alone::PLANES as u64)
 }
 
 /// What [`clean`] makes of a window.
@@ -138,7 +139,7 @@ struct Filter<'a> {
 
 impl Filter<'_> {
     fn direct(&self, light: &Rows, mix: &[f32]) -> Rows {
-        let filtered = self.region.grown(RISK_REACH, light);
+        let filtered = self.region.grown(self.reach.common(), light);
         let guide = {
             let compared = filtered.grown(self.reach.direct() + PATCH, light);
             let pilot = compared.grown(FILTERED_NOISE_REACH, light);
@@ -160,11 +161,18 @@ impl Filter<'_> {
         let alike = Alike { radius: Some(self.reach.direct()), ..self.alike(guide, widths, PATCH) };
         let offsets = self.reach.direct_offsets(self.reach.direct());
         let means = weighted_means(light, &filtered, &offsets, SLOPE, &alike, self.pool);
-        self.trusted(light, means, alike)
+        self.pool.keep(alike.guide.into_rows());
+        let alone = Alone {
+            surfaces: &self.surfaces,
+            widths: GuideWidths { noise: ALONE_DIRECT_NOISE, relative: ALONE_RELATIVE },
+            slope: ALONE_DIRECT_SLOPE,
+            offsets: self.reach.alone_direct(),
+        };
+        self.trusted(light, means, &alone)
     }
 
     fn indirect(&self, light: &Rows, mix: &[f32]) -> Rows {
-        let filtered = self.region.grown(RISK_REACH, light);
+        let filtered = self.region.grown(self.reach.common(), light);
         let guide = {
             let compared = self.region.grown(self.reach.light(), light);
             let pilot = compared.grown(FILTERED_NOISE_REACH, light);
@@ -179,7 +187,14 @@ impl Filter<'_> {
         let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
         let mut alike = self.alike(guide, widths, 0);
         let means = self.wide_then_narrow(light, &filtered, SLOPE, &mut alike);
-        self.trusted(light, means, alike)
+        self.pool.keep(alike.guide.into_rows());
+        let alone = Alone {
+            surfaces: &self.surfaces,
+            widths: GuideWidths { noise: ALONE_INDIRECT_NOISE, relative: ALONE_RELATIVE },
+            slope: ALONE_INDIRECT_SLOPE,
+            offsets: self.reach.alone_indirect(),
+        };
+        self.trusted(light, means, &alone)
     }
 
     /// A wide filter that reads some of the pixels, then a narrow one that reads all.
@@ -205,9 +220,9 @@ impl Filter<'_> {
         guide
     }
 
-    /// The means as far as they may be trusted beside the light that they are of.
-    fn trusted(&self, light: &Rows, mut means: Rows, alike: Alike<'_>) -> Rows {
-        self.pool.keep(alike.guide.into_rows());
+    /// The means, each image by itself once more, as far as they may be trusted beside the light that they are of.
+    fn trusted(&self, light: &Rows, mut means: Rows, alone: &Alone<'_>) -> Rows {
+        alone.filter(&mut means, &self.region.grown(RISK_REACH, light), self.pool);
         mix_in(light, &mut means, self.region, self.pool);
         means
     }
@@ -234,7 +249,7 @@ impl Weigh for Alike<'_> {
         &self,
         simd: S,
         (guide, surfaces): &mut Self::Ready,
-        offset: Offset,
+        Neighbours { offset, .. }: Neighbours,
         out: &mut [f32; TILE_PIXELS],
     ) {
         guide.distances(simd, offset, &self.widths, out);
@@ -245,7 +260,7 @@ impl Weigh for Alike<'_> {
     }
 }
 
-fn nearness((across, down): Offset, radius: usize) -> f32 {
+pub(super) fn nearness((across, down): Offset, radius: usize) -> f32 {
     let width = radius as f32 * NEARNESS;
     (across * across + down * down) as f32 / (2.0 * width * width)
 }

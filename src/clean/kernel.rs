@@ -1,6 +1,8 @@
 //! Weighted means of neighbours, and values of planes laid through them: for each tile of pixels the weights of every offset,
 //! then the same weights for every image.
 
+use std::ops::Range;
+
 use pulp::{Simd, WithSimd};
 
 use super::constants::{BESIDE, MOST_LEVERAGE};
@@ -9,18 +11,36 @@ use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load};
 
 /// Planes that are summed at once.
 const TOGETHER: usize = 4;
+/// What weighs less is not there: sums of such have no inverse.
+const LEAST_WEIGHT: f32 = 1e-20;
 
 /// How much the neighbours of pixels weigh.
 pub(super) trait Weigh: Sync {
     /// What is made ready for a tile.
     type Ready;
 
+    /// Images that have weights of their own: each has as many planes, one image after the other.
+    fn images(&self) -> usize {
+        1
+    }
+
     /// Makes ready what [`weigh`](Self::weigh) needs for the neighbours of a tile within a reach.
     fn ready(&self, tile: Tile, reach: usize) -> Self::Ready;
 
-    /// The weights of the neighbours at one offset of the pixels of a tile, row by row. What it says of neighbours beyond the
-    /// image counts nothing. To be inlined, so that it is compiled for the vectors of the machine.
-    fn weigh<S: Simd>(&self, simd: S, ready: &mut Self::Ready, offset: Offset, out: &mut [f32; TILE_PIXELS]);
+    /// The weights of neighbours of the pixels of a tile, row by row; of all images that are asked for the first comes first. What
+    /// it says of neighbours beyond the image counts nothing. To be inlined, so that it is compiled for the vectors of the machine.
+    fn weigh<S: Simd>(&self, simd: S, ready: &mut Self::Ready, of: Neighbours, out: &mut [f32; TILE_PIXELS]);
+}
+
+/// Those of which weights are asked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Neighbours {
+    /// Which of the images.
+    pub(super) image: usize,
+    /// How far they are.
+    pub(super) offset: Offset,
+    /// Which of the offsets that is.
+    pub(super) index: usize,
 }
 
 /// Pixels across and down.
@@ -46,6 +66,16 @@ impl Offsets {
         let reach = radius as f32 + 0.5 * stride as f32;
         each.retain(|&(x, y)| (x as f32).hypot(y as f32) <= reach);
         Self { radius, each }
+    }
+
+    /// How far they are at most, across or down.
+    pub(super) fn radius(&self) -> usize {
+        self.radius
+    }
+
+    /// How many there are.
+    pub(super) fn count(&self) -> usize {
+        self.each.len()
     }
 
     /// A disc of which beyond `dense` pixels only one in `thin` is read: 2 as on a chessboard, 5 as a knight goes on it.
@@ -94,7 +124,7 @@ pub(super) fn weighted_means(
 struct Target<'a> {
     width: usize,
     planes: usize,
-    columns: std::ops::Range<usize>,
+    columns: Range<usize>,
     rows: &'a mut [f32],
 }
 
@@ -116,41 +146,54 @@ impl<W: Weigh> WithSimd for TileOfMeans<'_, W> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        self.weigh(simd);
-        correct_slope(self.weights, &self.offsets.each, self.slope);
-        if self.is_inside() {
-            let (Tile { x, y }, width, planes) = (self.tile, self.out.width, self.out.planes);
-            for first in (0..planes).step_by(TOGETHER) {
-                let begin = (y * planes + first) * width + x;
-                let source = Source { values: self.images.values(), begin, row: planes * width, plane: width };
-                self.add_up(simd, source, self.taps[1], first);
-            }
-            return;
-        }
-        let mut cut = Cut::default();
-        for first in (0..self.out.planes).step_by(TOGETHER) {
-            cut.fill(self.images, first..self.out.planes.min(first + TOGETHER), self.tile, self.offsets.radius);
-            let row = Cut::stride(self.offsets.radius);
-            let source = Source { values: cut.values(), begin: cut.at((0, 0)), row, plane: cut.plane_length() };
-            self.add_up(simd, source, self.taps[0], first);
+        let mut ready = self.weigher.ready(self.tile, self.offsets.radius);
+        let images = self.weigher.images();
+        for image in 0..images {
+            self.weigh(simd, &mut ready, image);
+            correct_slope(self.weights, &self.offsets.each, self.slope);
+            let planes = self.out.planes / images;
+            self.add_up_planes(simd, image * planes..(image + 1) * planes);
         }
     }
 }
 
 impl<W: Weigh> TileOfMeans<'_, W> {
-    /// Fills the weights; they add up to 1 for each pixel.
+    /// Adds up the weighted neighbours in some planes.
     #[inline(always)]
-    fn weigh<S: Simd>(&mut self, simd: S) {
-        let mut ready = self.weigher.ready(self.tile, self.offsets.radius);
+    fn add_up_planes<S: Simd>(&mut self, simd: S, some: Range<usize>) {
+        let end = some.end;
+        let four = |first: usize| first..end.min(first + TOGETHER);
+        if self.is_inside() {
+            let (Tile { x, y }, width, planes) = (self.tile, self.out.width, self.out.planes);
+            for first in some.step_by(TOGETHER) {
+                let begin = (y * planes + first) * width + x;
+                let source = Source { values: self.images.values(), begin, row: planes * width, plane: width };
+                self.add_up(simd, source, self.taps[1], four(first));
+            }
+            return;
+        }
+        let mut cut = Cut::default();
+        for first in some.step_by(TOGETHER) {
+            cut.fill(self.images, four(first), self.tile, self.offsets.radius);
+            let row = Cut::stride(self.offsets.radius);
+            let source = Source { values: cut.values(), begin: cut.at((0, 0)), row, plane: cut.plane_length() };
+            self.add_up(simd, source, self.taps[0], four(first));
+        }
+    }
+
+    /// Fills the weights in an image; they add up to 1 for each pixel.
+    #[inline(always)]
+    fn weigh<S: Simd>(&mut self, simd: S, ready: &mut W::Ready, image: usize) {
         let (mut sums, mut most) = ([0.0f32; TILE_PIXELS], [0.0f32; TILE_PIXELS]);
         let mut own = None;
-        for (&offset, weights) in self.offsets.each.iter().zip(self.weights.chunks_exact_mut(TILE_PIXELS)) {
+        let all = self.offsets.each.iter().zip(self.weights.chunks_exact_mut(TILE_PIXELS));
+        for (index, (&offset, weights)) in all.enumerate() {
             let Ok(weights) = <&mut [f32; TILE_PIXELS]>::try_from(weights) else { continue };
             if offset == (0, 0) {
                 own = Some(weights);
                 continue;
             }
-            self.weigher.weigh(simd, &mut ready, offset, weights);
+            self.weigher.weigh(simd, ready, Neighbours { image, offset, index }, weights);
             if offset.0.abs() <= 1 && offset.1.abs() <= 1 {
                 weights.iter_mut().for_each(|w| *w += BESIDE);
             }
@@ -163,7 +206,7 @@ impl<W: Weigh> TileOfMeans<'_, W> {
         if let Some(own) = own {
             for i in 0..TILE_PIXELS {
                 // A pixel without any other keeps its value.
-                own[i] = if most[i] > 0.0 { most[i] } else { 1.0 };
+                own[i] = if most[i] > LEAST_WEIGHT { most[i] } else { 1.0 };
                 sums[i] += own[i];
             }
         }
@@ -180,12 +223,12 @@ impl<W: Weigh> TileOfMeans<'_, W> {
         x >= radius && y >= radius && right <= self.out.width && bottom <= self.images.height()
     }
 
-    /// Adds up the weighted neighbours in some planes, the first of which is this.
+    /// Adds up the weighted neighbours in at most four planes.
     #[inline(always)]
-    fn add_up<S: Simd>(&mut self, simd: S, source: Source<'_>, taps: &[isize], first: usize) {
+    fn add_up<S: Simd>(&mut self, simd: S, source: Source<'_>, taps: &[isize], some: Range<usize>) {
         let Target { width, planes, columns, rows } = &mut self.out;
         // What is missing of four planes is summed again, and forgotten.
-        let together = TOGETHER.min(*planes - first);
+        let (first, together) = (some.start, some.len());
         let begins: [usize; TOGETHER] =
             std::array::from_fn(|plane| source.begin + plane.min(together - 1) * source.plane);
         let mut out = [[0.0f32; TILE_WIDTH]; TOGETHER];
@@ -325,9 +368,9 @@ mod tests {
             tile
         }
 
-        fn weigh<S: Simd>(&self, _: S, tile: &mut Tile, offset: Offset, out: &mut [f32; TILE_PIXELS]) {
+        fn weigh<S: Simd>(&self, _: S, tile: &mut Tile, of: Neighbours, out: &mut [f32; TILE_PIXELS]) {
             for (i, out) in out.iter_mut().enumerate() {
-                *out = self.0((tile.x + i % TILE_WIDTH, tile.y + i / TILE_WIDTH), offset);
+                *out = self.0((tile.x + i % TILE_WIDTH, tile.y + i / TILE_WIDTH), of.offset);
             }
         }
     }
@@ -360,6 +403,16 @@ mod tests {
         flat.values_mut().fill(3.0);
         let means = means(&flat, &flat.whole(), &Offsets::square(4, 1), 1.0, &ByPlace(uneven));
         assert!(means.values().iter().all(|v| (v - 3.0).abs() < 1e-3), "{means:?}");
+    }
+
+    /// Weights that are hardly there have sums without an inverse.
+    #[test]
+    fn a_pixel_that_is_hardly_like_any_other_keeps_its_value() {
+        let mut images = Rows::zeros(20, 9, 1);
+        images.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
+        let hardly = ByPlace(|_, _| 1e-42);
+        let means = means(&images, &images.whole(), &Offsets::disc(6, 3), 1.0, &hardly);
+        assert_eq!(means.values(), images.values());
     }
 
     /// Against sums over neighbours pixel by pixel, for images of several planes that are larger than a tile, and regions.

@@ -9,13 +9,16 @@
 //!    they see (normal, albedo, inverse depth on the plane of the surface, shares) and in the filtered guides, as far as the
 //!    noise lets one say so: non-local means (Buades, Coll, Morel 2005) with features and guides in place of patches
 //!    (Rousselle, Manzi, Zwicker 2013). The noise is known from the two halves of the samples.
-//! 3. Pixel by pixel and cluster by cluster the mean is mixed with what was there, as far as the estimated risk falls
+//! 3. What is left of grain in one cluster's image, where weights that are common to all may not average it, its own finds
+//!    ([`alone`]): a lamp has no edges where the others have their shadows. The sum of all stays as it was.
+//! 4. Pixel by pixel and cluster by cluster the mean is mixed with what was there, as far as the estimated risk falls
 //!    (Stein 1981), so that at many samples nothing is averaged.
 //!
 //! Weights add up to one, so that fireflies are spread over what is alike, not cut; one that stands alone has no like and loses
 //! much of its light to the weights. Of whole images about 1 % is lost at worst, as by other denoisers. A plane, not a mean, so
 //! that corners and contact shadows, where all that is alike lies to one side, are not brightened (`kernel`).
 
+mod alone;
 mod constants;
 mod errors;
 mod filter;
@@ -30,7 +33,7 @@ mod tally;
 mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 7;
+pub const CLEANER_VERSION: u32 = 8;
 
 pub use errors::ErrorSums;
 pub use filter::{Cleaned, Window, WindowStrip, clean, pixel_bytes};

@@ -39,14 +39,30 @@ impl Reach {
         INDIRECT_WIDE * self.stride
     }
 
+    /// What each image of direct light by itself reads.
+    pub(super) fn alone_direct(self) -> Offsets {
+        Offsets::disc(ALONE_DIRECT.0 * ALONE_DIRECT.1, ALONE_DIRECT.1)
+    }
+
+    /// What each image of indirect light by itself reads.
+    pub(super) fn alone_indirect(self) -> Offsets {
+        Offsets::disc(ALONE_INDIRECT.0 * ALONE_INDIRECT.1, ALONE_INDIRECT.1)
+    }
+
     /// Both filters of indirect light.
     pub(super) fn indirect(self) -> usize {
         INDIRECT_NARROW + self.wide()
     }
 
-    /// Pixels whose light what is filtered last reads: the risk's squares, the narrow filter, the wide one.
+    /// Pixels around a region that what comes out of it reads of the images that common weights filtered: the risk's squares, and what
+    /// each image by itself reads, its noise too.
+    pub(super) fn common(self) -> usize {
+        RISK_REACH + self.alone_indirect().radius().max(self.alone_direct().radius()) + PATCH + FILTERED_NOISE_REACH
+    }
+
+    /// Pixels whose light that reads: those of the narrow filter and the wide one.
     pub(super) fn light(self) -> usize {
-        RISK_REACH + self.indirect()
+        self.common() + self.indirect()
     }
 
     /// Pixels around a region that what comes out of it depends on: those of its light, the squares of the noise of the filtered guides
@@ -64,6 +80,6 @@ mod tests {
     fn filters_reach_farther_in_larger_images() {
         let wide = |width, height| Reach::of_image(width, height).wide();
         assert_eq!([wide(1, 1), wide(256, 192), wide(384, 288)], [18; 3]);
-        assert_eq!([wide(640, 480), wide(1024, 768), wide(8192, 4096)], [30, 36, 36]);
+        assert_eq!([wide(480, 360), wide(1024, 768), wide(8192, 4096)], [24; 3]);
     }
 }

@@ -33,7 +33,7 @@ use crate::light::{CleaningErrors, Clusters, Job, LightBasis};
 use crate::matrix::{Block, BlockId, BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 
 /// Memory that the images of a window may take; a window of one block is filtered whatever it takes.
-const WINDOW_BYTES: u64 = 512 << 20;
+const WINDOW_BYTES: u64 = 768 << 20;
 
 /// Blocks that are decoded side by side.
 const BLOCKS_AT_HAND: u64 = 4;
