@@ -184,3 +184,33 @@ fn methods_at_one_size_reach_what_the_readme_says() {
         assert_eq!(row_of(table, &format!("| {scene}, ")), expected);
     }
 }
+
+#[test]
+fn speed_is_what_the_readme_says() {
+    let (readme, rows) = (readme(), published("speed.csv"));
+    let (_, table) = readme.split_once("**Speed against error").expect("the table of speed");
+    let of_64: Vec<&Row> = rows.iter().filter(|row| row["samples_per_px"] == "64").collect();
+    assert!(of_64.len() > 3, "{of_64:?}");
+    for row in of_64 {
+        let seconds = |column: &str, digits: usize| shown(row, column, digits);
+        let of = |prefix: &str| match shown(row, &format!("{prefix}lin_db"), 1).as_str() {
+            "–" => "–".to_owned(),
+            lin => {
+                let flip = if prefix == "psnr_" { "flip" } else { "all_on_flip" };
+                format!("{lin} / {}, {}", shown(row, &format!("{prefix}clip_db"), 1), shown(row, flip, 3))
+            }
+        };
+        let expected = [
+            row["way"].clone(),
+            row["bytes"].clone(),
+            format!("{} ({})", seconds("prepare_secs", 1), seconds("prepare_cpu_secs", 1)),
+            ["first_image_secs", "ten_images_secs", "hundred_images_secs"].map(|column| seconds(column, 1)).join(" / "),
+            format!("{} ({})", seconds("relight_secs", 4), seconds("relight_cpu_secs", 4)),
+            seconds("pays_off_after", 1),
+            seconds("hundred_over_again", 3),
+            of("all_on_"),
+            of("psnr_"),
+        ];
+        assert_eq!(row_of(table, &format!("| {} |", row["way"])), expected);
+    }
+}
