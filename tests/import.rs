@@ -10,13 +10,13 @@ use ltm::compress::Target;
 use ltm::container::ContainerReader;
 use ltm::host::{Quiet, Watch, parse_bytes};
 use ltm::image::{
-    FeaturePasses, ImageSize, LayerPattern, LayerRole, LightSet, LinearImage, write_exr, write_exr_channels,
+    FeaturePasses, ImageSize, LayerPattern, LayerRole, LightSet, LinearImage, compare, write_exr, write_exr_channels,
     write_exr_rows, write_npy,
 };
-use ltm::light::Lighting;
+use ltm::light::{Job, LightBasis, LightKind, Lighting};
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
 use ltm::pipeline::{self, ImportedMatrix, PackOptions, SecondImages};
-use ltm::relight::relight_streaming;
+use ltm::relight::{relight_raw, relight_streaming};
 use ltm::{Error, Result};
 
 fn main() -> ExitCode {
@@ -48,6 +48,8 @@ fn main() -> ExitCode {
         own("a_target_in_bytes_is_that_of_the_file", a_target_in_bytes_is_that_of_the_file),
         own("two_renderings_are_cleaned_of_their_noise", two_renderings_are_cleaned),
         own("a_second_rendering_of_other_lights_is_refused", another_second_rendering),
+        own("images_of_texels_are_one_light", images_of_texels),
+        own("lights_of_an_array_are_placed_by_their_images", lights_by_their_images),
         real("blender_multi_part_groups_add_up", blender_multi_part),
         real("blender_interleaved_half_groups_add_up", blender_interleaved),
         real("mitsuba_files_of_all_kinds_agree", mitsuba),
@@ -521,4 +523,65 @@ fn mitsuba(folder: &Path) {
         assert!(pairs.all(|(a, b)| (a - b).abs() <= a.abs() / 2048.0 + 1e-7));
     }
     assert_eq!(npy.shape().rect(BlockId(0)).rows(), 3 * 8 * 8);
+}
+
+/// A panel of 8 × 6 texels above a floor of 64 × 32 pixels: a soft spot for each.
+fn panel() -> Vec<LinearImage> {
+    let spot = |texel: u32| {
+        let (x, y) = (8.0 * (texel % 8) as f32 + 4.0, 5.0 * (texel / 8) as f32 + 3.0);
+        let value = |p: u32| 1.0 / (1.0 + 0.01 * (((p % 64) as f32 - x).powi(2) + ((p / 64) as f32 - y).powi(2)));
+        LinearImage { width: 64, height: 32, pixels: (0..64 * 32).map(|p| [value(p); 3]).collect() }
+    };
+    (0..48).map(spot).collect()
+}
+
+fn images_of_texels() {
+    let folder = tempfile::tempdir().unwrap();
+    let (npy, out) = (folder.path().join("a.npy"), folder.path().join("a.ltc"));
+    let images = panel();
+    write_npy(&npy, true, images.len(), size(&images[0]), &mut fetch(&images)).unwrap();
+    let set = LightSet::open(&npy, None).unwrap();
+    let mut matrix = ImportedMatrix::read(&set, None, "a.npy", &out, 32, &PackOptions::default(), &Quiet).unwrap();
+    for wrong in [LightKind::AreaTexels { across: 8, down: 5 }, LightKind::LatLong { across: 0, down: 6 }] {
+        let error = matrix.take_for_texels(wrong).unwrap_err().to_string();
+        assert!(error.contains("48 images"), "{error}");
+    }
+    matrix.take_for_texels(LightKind::LatLong { across: 8, down: 6 }).unwrap();
+    let sky = &matrix.job().basis.lights()[0];
+    assert!(sky.name == "sky" && sky.places[0][1] > 0.9 && sky.extents.iter().sum::<f32>() > 12.5, "{sky:?}");
+    matrix.take_for_texels(LightKind::AreaTexels { across: 8, down: 6 }).unwrap();
+    assert_eq!(matrix.job().basis.lights().len(), 1);
+    pipeline::pack(&matrix, matrix.job(), &out, &PackOptions::default(), &Quiet).unwrap();
+    let packed = ContainerReader::open(&out).unwrap();
+    assert_eq!(packed.job().basis.lights()[0].layout(), (8, 6));
+}
+
+/// Half of a panel lit, at equal bytes: nearer where images may say which lights are alike than where all but one are taken for
+/// lights at one place.
+fn lights_by_their_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let (npy, out) = (folder.path().join("a.npy"), folder.path().join("a.ltc"));
+    let images = panel();
+    write_npy(&npy, true, images.len(), size(&images[0]), &mut fetch(&images)).unwrap();
+    let set = LightSet::open(&npy, None).unwrap();
+    let matrix = ImportedMatrix::read(&set, None, "a.npy", &out, 32, &PackOptions::default(), &Quiet).unwrap();
+    let mut apart = LightBasis::new();
+    for (index, light) in matrix.job().basis.lights().iter().enumerate() {
+        let mut light = light.clone();
+        light.places[0][0] = if index == 0 { 1.0 } else { 0.0 };
+        apart.push(light).unwrap();
+    }
+    let half = Lighting::new((0..48).map(|texel| [if texel % 8 < 4 { 1.0 } else { 0.0 }; 3]).collect()).unwrap();
+    let truth = &relight_raw(&matrix, std::slice::from_ref(&half)).unwrap()[0];
+    let error = |basis: &LightBasis| {
+        let mut options = PackOptions::default();
+        options.compress.target = Target::Bytes(3000);
+        options.container.overwrite = true;
+        let job = Job { basis: basis.clone(), ..matrix.job().clone() };
+        pipeline::pack(&matrix, &job, &out, &options, &Quiet).unwrap();
+        let image = relight_streaming(&ContainerReader::open(&out).unwrap(), &half).unwrap().0;
+        compare(&image, truth).relative_l2
+    };
+    let (by_images, by_nothing) = (error(&matrix.job().basis), error(&apart));
+    assert!(by_images < 0.8 * by_nothing, "{by_images} {by_nothing}");
 }

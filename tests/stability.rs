@@ -357,7 +357,7 @@ fn rows_cost_the_named_methods_little_and_the_textbook_core_all() {
             errors.sort_by(f64::total_cmp);
             (errors[SEEDS as usize / 2], errors[SEEDS as usize - 1])
         };
-        let (mut ours, mut textbook) = (0.0f64, 0.0f64);
+        let mut textbook = 0.0f64;
         for method in methods {
             let (solved, projected) = (errors(method, Core::LeastSquares), errors(method, Core::Projection));
             // A projection never adds to the block, whatever columns it is over.
@@ -368,13 +368,16 @@ fn rows_cost_the_named_methods_little_and_the_textbook_core_all() {
             if chosen && name != "one pixel" {
                 assert!(solved.0 < 1.5 * projected.0 + 1e-5, "{name}: {method} {:e} {:e}", solved.0, projected.0);
             }
-            ours = ours.max(solved.1);
             if method != Method::Proposed {
                 textbook = textbook.max(errors(method, Core::Textbook).1);
             }
         }
-        let times = textbook / ours.max(1e-7);
-        assert!(!breaks || times > 9.0, "{name}: the textbook core was only {times} times worse: {ours:e}");
+        // What the cut bounds, `a_truncated_core_loses_no_more_than_its_rows_and_its_cut_account_for` holds for each. Without it nothing
+        // does: off by more than ten times the block itself, by 15 to 7e7 times.
+        assert!(
+            !breaks || textbook > 10.0,
+            "{name}: the textbook core is off by {textbook:e} only: is it still the textbook's?"
+        );
     }
 }
 

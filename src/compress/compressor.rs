@@ -3,6 +3,7 @@
 use faer::{Mat, MatRef};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
 
 use super::alike::{Alike, Smoothed, joined};
 use super::candidate::{Candidate, CandidateSummary, gain_bins, histogram};
@@ -12,11 +13,12 @@ use super::paper::{GlobalCur, SEED, decompose, global, select};
 use super::range::{Range, SKETCH_ROWS, Weights, exact_range, find_range, range_of};
 use super::remainder::{stand_out, without};
 use super::sanitise::{Survey, sanitise, survey};
-use super::{BlockSums, CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut};
+use super::{BlockSums, CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut, likeness};
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
 use crate::matrix::{
     Block, BlockId, BlockNoise, BlockSource, BlockView, CHANNELS, ColumnIndex, MatrixShape, SeenEmission, SparseEntry,
+    TracedBlock,
 };
 
 /// Compresses the blocks of one matrix. Shared by threads: analysing changes nothing in it.
@@ -64,6 +66,39 @@ impl Compressor {
         }
     }
 
+    /// Where nothing tells how lights stand to each other: takes those for near that make images which are alike. At most one
+    /// pass over the blocks, on the current thread pool; the same for any number of threads. Does nothing where
+    /// [`asks_images`](Self::asks_images) does not.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn ask_images(&mut self, basis: &LightBasis, source: &dyn BlockSource) -> Result<()> {
+        if !self.asks_images(basis) {
+            return Ok(());
+        }
+        let blocks = likeness::looked_at(self.shape);
+        let coarse = blocks.par_iter().map_init(TracedBlock::default, |traced, &id| {
+            source.read_block(id, traced)?;
+            Ok(likeness::coarse(traced.block.view(), self.shape.rect(id), blocks.len()))
+        });
+        let cells = coarse.collect::<Result<Vec<_>>>()?.concat();
+        let prior = LightingPrior::of_places(&likeness::places(&cells, self.shape.columns()));
+        let made = Self::with_prior(basis, self.shape, self.settings.clone(), &prior);
+        *self = Self { global: self.global.take(), ..made };
+        Ok(())
+    }
+
+    /// Blocks that [`ask_images`](Self::ask_images) reads.
+    pub fn blocks_asked(&self, basis: &LightBasis) -> u64 {
+        if self.asks_images(basis) { likeness::looked_at(self.shape).len() as u64 } else { 0 }
+    }
+
+    /// Whether the prior of a basis wants to know which lights are alike.
+    pub fn asks_images(&self, basis: &LightBasis) -> bool {
+        let by_lighting = self.settings.prior == PriorChoice::Lighting && !self.settings.has_fixed_rank();
+        by_lighting && basis.is_unplaced() && likeness::can_tell(self.shape.columns())
+    }
+
     fn with_prior(basis: &LightBasis, shape: MatrixShape, settings: CompressSettings, prior: &LightingPrior) -> Self {
         let n = shape.columns();
         let sketch_columns = (settings.rank + settings.oversampling).min(n);
@@ -108,6 +143,11 @@ impl Compressor {
     /// Bytes that [`choose_globally`](Self::choose_globally) holds at most beside the blocks at hand, and what it keeps.
     pub fn global_needs_bytes(&self) -> u64 {
         if self.settings.scope == Scope::Global { global::needs_bytes(self.shape, &self.settings) } else { 0 }
+    }
+
+    /// Bytes that [`ask_images`](Self::ask_images) holds at most beside the blocks at hand.
+    pub fn asking_needs_bytes(&self, basis: &LightBasis) -> u64 {
+        if self.asks_images(basis) { likeness::needs_bytes(self.shape.columns()) } else { 0 }
     }
 
     /// Energy under the prior of some rows of `R`, row-major.

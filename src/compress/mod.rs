@@ -33,6 +33,7 @@ mod contrasts;
 mod cut;
 mod dense;
 mod light_sums;
+mod likeness;
 mod noise;
 mod paper;
 mod range;

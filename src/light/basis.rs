@@ -277,6 +277,12 @@ impl LightBasis {
         self.lights.last().map_or(0, |light| light.columns().end as usize)
     }
 
+    /// Whether there are several lights of one column each and nothing tells where: all stand at one place.
+    pub fn is_unplaced(&self) -> bool {
+        let places = || self.lights.iter().map(|light| light.places.as_slice());
+        self.lights.len() > 1 && places().all(|here| here.len() == 1 && here == self.lights[0].places)
+    }
+
     /// The light of this name.
     pub fn find(&self, name: &str) -> Option<&Light> {
         self.by_name.get(name).map(|&index| &self.lights[index])

@@ -7,7 +7,7 @@ use std::f32::consts::{FRAC_PI_4, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::LightKind;
+use super::{Light, LightKind};
 
 /// How an environment's columns lie on the sphere of directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -173,6 +173,19 @@ impl LightKind {
             Self::Octahedral { side } => Some(EnvironmentMapping::Octahedral { side }),
             _ => None,
         }
+    }
+}
+
+impl Light {
+    /// As [`unplaced`](Self::unplaced); the texels of an environment stand in their directions.
+    pub fn of_texels(name: impl Into<String>, kind: LightKind) -> Self {
+        let mut light = Self::unplaced(name, kind);
+        if let Some(sky) = kind.environment() {
+            let middle = |texel| sky.direction_at(texel, Vec2::splat(0.5)).to_array();
+            light.places = (0..sky.texel_count()).map(middle).collect();
+            light.extents = (0..sky.texel_count()).map(|texel| sky.solid_angle(texel)).collect();
+        }
+        light
     }
 }
 

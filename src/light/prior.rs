@@ -54,7 +54,15 @@ impl LightingPrior {
     /// The prior of a basis: all on, each light alone, Gaussian shapes of 0.35, 0.12 and 0.04 of a light's extent, and
     /// single columns. Lamps are covered by shapes in space (groups of neighbours) and are switched singly.
     pub fn of_basis(basis: &LightBasis) -> Self {
-        let sites = sites(basis);
+        Self::of_sites(&sites(basis))
+    }
+
+    /// The same, of single columns that stand at these places, in a space of extent 1.
+    pub fn of_places(places: &[[f64; 3]]) -> Self {
+        Self::of_sites(&places.iter().map(|&place| Site { group: 0, place }).collect::<Vec<_>>())
+    }
+
+    fn of_sites(sites: &[Site]) -> Self {
         let groups = sites.iter().map(|site| site.group + 1).max().unwrap_or(0);
         let one_light = if groups > 1 { ONE_LIGHT } else { 0.0 };
         let white = (WHITE_TIMES_COLUMNS / sites.len().max(1) as f64).clamp(WHITE_BOUNDS.0, WHITE_BOUNDS.1);
@@ -68,7 +76,7 @@ impl LightingPrior {
             }
             sum / total
         };
-        let (factor, rest) = pivoted_cholesky(&sites, smooth);
+        let (factor, rest) = pivoted_cholesky(sites, smooth);
         let independent = rest.iter().map(|r| (r + white / total) as f32).collect();
         Self { columns: sites.len(), factor, independent, white_square: None }
     }

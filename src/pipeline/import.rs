@@ -28,6 +28,8 @@ const SUM_TOLERANCE: f64 = 2e-3;
 #[derive(Debug)]
 pub struct ImportedMatrix {
     job: Job,
+    /// Lights that have images of their own.
+    images: usize,
     rows: RowSpill,
     second: Option<Second>,
     /// What each layer or file was taken for.
@@ -115,6 +117,7 @@ impl ImportedMatrix {
         };
         let mut imported = Self {
             job: Job { shape, basis: LightBasis::new(), provenance: Provenance::default() },
+            images: set.lights.len(),
             rows,
             second,
             matches: set.matches.clone(),
@@ -140,6 +143,33 @@ impl ImportedMatrix {
             }
         }
         Ok(imported)
+    }
+
+    /// Takes the images for those of the texels of one light, row by row: a painted panel, or a sky. What is missing of the image
+    /// under all lights stays a light of its own.
+    ///
+    /// # Errors
+    /// Another number of images than texels.
+    pub fn take_for_texels(&mut self, texels: LightKind) -> Result<()> {
+        let lights = self.job.basis.lights();
+        let (across, down) = texels.layout();
+        let count = u64::from(across) * u64::from(down);
+        let rest: Vec<Light> = lights.iter().skip(self.images).cloned().collect();
+        if count != self.images as u64 {
+            let problem = format!("are {across} × {down}, {count} in all, and there are {} images", self.images);
+            return Err(Error::input("the texels", problem, "give as many texels as images, across and down"));
+        }
+        let name = if texels.is_environment() { "sky" } else { "light" };
+        let name = if rest.iter().any(|light| light.name == name) { "texels" } else { name };
+        let light = Light { unit: LightUnit::Multiple, ..Light::of_texels(name, texels) };
+        let mut basis = LightBasis::new();
+        std::iter::once(light).chain(rest).try_for_each(|light| basis.push(light))?;
+        self.job.basis = basis;
+        if let Some(second) = &mut self.second {
+            second.probes = probe_lightings(&self.job.basis);
+            second.cleans = Clusters::of_basis(&self.job.basis).count() == self.job.shape.columns();
+        }
+        Ok(())
     }
 
     /// What the matrix is.

@@ -80,6 +80,9 @@ impl PackOptions {
         if let Some(basis) = basis {
             hash.update(basis.hash);
         }
+        if job.basis.is_unplaced() {
+            hash.update("lights alike by their images, 1");
+        }
         hash.finalize().into()
     }
 
@@ -244,6 +247,7 @@ pub fn pack(
     let need = Need { per_thread_bytes: reading, ..Need::default() };
     let mut packing = Packing::begin(job, &source.variant(), path, options, (need, has_planes), watch)?;
     packing.choose_globally(source, watch)?;
+    packing.ask_images(source, watch)?;
     packing.run("reading", "B", watch, |id, block| {
         source.read_block(id, block)?;
         Ok(size_of_val(block.block.entries()) as u64)
@@ -286,6 +290,7 @@ impl Packing {
         let basis = open_basis(options, job)?;
         let mut need = need_of(&compressor, job.shape, source);
         need.fixed_bytes += basis.as_ref().map_or(0, Basis::needs_bytes);
+        need.fixed_bytes += if options.denoise { 0 } else { compressor.asking_needs_bytes(&job.basis) };
         need.fixed_bytes += options.promise.as_ref().map_or(0, |promise| promise.needs_bytes());
         if options.denoise {
             need.fixed_bytes += Cleaned::needs_bytes(job);
@@ -344,6 +349,19 @@ impl Packing {
         watch.begin("choosing rows and columns", passes * u64::from(self.job.shape.block_count()), "blocks");
         let source = Watched { source, watch, path: &self.path };
         let done = self.threads.run(|| self.analysis.compressor.choose_globally(&source));
+        watch.end();
+        done
+    }
+
+    /// Where nothing tells how lights stand to each other: looks which are alike.
+    fn ask_images(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
+        let blocks = self.analysis.compressor.blocks_asked(&self.job.basis);
+        if self.denoise || blocks == 0 {
+            return Ok(());
+        }
+        watch.begin("looking which lights are alike", blocks, "blocks");
+        let source = Watched { source, watch, path: &self.path };
+        let done = self.threads.run(|| self.analysis.compressor.ask_images(&self.job.basis, &source));
         watch.end();
         done
     }

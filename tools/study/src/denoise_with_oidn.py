@@ -24,11 +24,11 @@ def image(name):
 
 
 albedo, normal = np.clip(image("albedo"), 0, 1), np.clip(image("normal"), -1, 1)
-seconds = []
+times = []
 for which in range(described["images"]):
     color = np.maximum(image(f"color-{which}"), 0)
-    begun = time.perf_counter()
+    begun = np.array([time.perf_counter(), time.process_time()])
     clean = pyoidn.denoise(color, albedo, normal, hdr=True, clean_aux=True, quality="high")
-    seconds.append(time.perf_counter() - begun)
+    times.append(np.array([time.perf_counter(), time.process_time()]) - begun)
     clean.astype("<f4").tofile(os.path.join(folder, f"clean-{which}.f32"))
-print(sum(seconds[1:] or seconds) / len(seconds[1:] or seconds))
+print(*np.mean(times[1:] or times, axis=0))

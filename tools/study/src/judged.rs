@@ -2,7 +2,8 @@
 
 use ltm::error::Result;
 use ltm::image::LinearImage;
-use ltm::light::{Lighting, evaluation_lightings};
+use ltm::light::{LightBasis, Lighting, evaluation_lightings};
+use ltm::matrix::BlockSource;
 use ltm::relight::relight_raw;
 use ltm::store::StoreReader;
 
@@ -42,9 +43,23 @@ impl Judged {
         Self::among(reference, evaluation_lightings(&reference.job().basis, seed), |name| !shared.contains(&name))
     }
 
+    /// Of a matrix whose lights are these.
+    pub(super) fn of_lights(reference: &dyn BlockSource, basis: &LightBasis) -> Result<Self> {
+        Self::among(reference, evaluation_lightings(basis, LIGHTINGS_SEED), |_| true)
+    }
+
+    /// Of these lightings, which have no names, those that light something beside what all columns do.
+    pub(super) fn lit(reference: &dyn BlockSource, lightings: Vec<Lighting>, all_on: &LinearImage) -> Result<Self> {
+        let images = relight_raw(reference, &lightings)?;
+        let least = DARK * norm(all_on);
+        let (lightings, references): (Vec<_>, Vec<_>) =
+            lightings.into_iter().zip(images).filter(|(_, image)| norm(image) > least).unzip();
+        Ok(Self { names: vec![""; lightings.len()], lightings, references })
+    }
+
     /// Of lightings, of which the first has every column on.
     fn among(
-        reference: &StoreReader,
+        reference: &dyn BlockSource,
         lightings: Vec<(&'static str, Lighting)>,
         wanted: impl Fn(&str) -> bool,
     ) -> Result<Self> {

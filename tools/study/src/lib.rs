@@ -16,6 +16,7 @@ mod fig5;
 mod fig6;
 mod fig7;
 mod fig9;
+mod imports;
 mod judged;
 mod kernel_nystrom;
 mod large;
@@ -69,6 +70,8 @@ pub enum Study {
     Noise,
     /// Relit images as one sees them, beside a denoiser's.
     Picture,
+    /// Arrays of another renderer at equal bytes.
+    Imports,
     /// Seconds from a scene to relit images.
     Speed,
     /// Time and memory against sizes.
@@ -99,7 +102,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -110,6 +113,7 @@ impl Study {
         Self::Rank,
         Self::Noise,
         Self::Picture,
+        Self::Imports,
         Self::Shared,
         Self::Speed,
         Self::Scaling,
@@ -126,6 +130,7 @@ impl Study {
             Self::Rank => "rank",
             Self::Noise => "noise",
             Self::Picture => "picture",
+            Self::Imports => "imports",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
             Self::Shared => "shared",
@@ -151,6 +156,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
             Study::Rank => rank::run(&bench)?,
             Study::Noise => noise::run(&bench)?,
             Study::Picture => picture::run(&bench)?,
+            Study::Imports => imports::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,
             Study::Shared => shared::run(&bench)?,

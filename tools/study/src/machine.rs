@@ -16,3 +16,12 @@ pub(super) fn describe() -> String {
     let build = if cfg!(debug_assertions) { ", development build" } else { "" };
     format!("{processor}, {} threads{memory}; ltm {}{build}", rayon::current_num_threads(), env!("CARGO_PKG_VERSION"))
 }
+
+/// What else the machine had to do, as far as it tells: processes that wanted to run in the last minute.
+pub(super) fn load() -> String {
+    let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    match text.split_whitespace().next() {
+        Some(load) => format!("Load when it began: {load}."),
+        None => String::new(),
+    }
+}

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
@@ -17,13 +17,15 @@ use ltm::image::LinearImage;
 use ltm::scene::{Emitter, LoadedScene, Mesh, Paint, Surface, Triangle};
 
 const SCRIPT: &str = include_str!("render_with_mitsuba.py");
+const COLUMNS_SCRIPT: &str = include_str!("render_columns_with_mitsuba.py");
 
 /// One rendered image.
 #[derive(Clone, Debug)]
 pub(super) struct Rendered {
-    pub(super) samples: u32,
     /// Of rendering alone.
     pub(super) seconds: f64,
+    /// Of all threads.
+    pub(super) cpu_seconds: f64,
     pub(super) image: LinearImage,
 }
 
@@ -45,18 +47,38 @@ pub(super) fn render(loaded: &LoadedScene, folder: &Path, variant: &str, samples
     let printed = MITSUBA.run(SCRIPT, folder, &arguments)?;
     let camera = &loaded.scene.camera;
     let timed = printed.lines().filter_map(|line| {
-        let (samples, seconds) = line.split_once(' ')?;
-        Some((samples.parse().ok()?, seconds.parse().ok()?))
+        let mut words = line.split(' ');
+        Some((words.next()?.parse().ok()?, words.next()?.parse().ok()?, words.next()?.parse().ok()?))
     });
-    let read = |(samples, seconds): (u32, f64)| -> Result<Rendered> {
+    let read = |(samples, seconds, cpu_seconds): (u32, f64, f64)| -> Result<Rendered> {
         let image = read_f32(&folder.join(format!("{samples}.f32")), camera.width, camera.height)?;
-        Ok(Rendered { samples, seconds, image })
+        Ok(Rendered { seconds, cpu_seconds, image })
     };
     let images = timed.map(read).collect::<Result<Vec<_>>>()?;
     match images.len() == samples.len() {
         true => Ok(images),
         false => Err(Error::input(variant, "Mitsuba made fewer images than asked", "try the variant by hand")),
     }
+}
+
+/// All columns of one of the script's own scenes, as an array in the folder, rendered now or before.
+///
+/// Errors: a script that fails, with its last line.
+pub(super) fn columns(
+    scene: &str,
+    folder: &Path,
+    (width, height): (u32, u32),
+    texels: u32,
+    samples: u32,
+    seed: u64,
+) -> Result<PathBuf> {
+    let path = folder.join(format!("{scene}-{samples}-{seed}.npy"));
+    if !path.exists() {
+        let numbers = [width, height, texels, samples].map(|number| number.to_string());
+        let arguments: Vec<String> = [scene.to_owned()].into_iter().chain(numbers).chain([seed.to_string()]).collect();
+        MITSUBA.run(COLUMNS_SCRIPT, folder, &arguments)?;
+    }
+    Ok(path)
 }
 
 /// `scene.json` and a PLY file for each material and light.

@@ -57,12 +57,13 @@ pub(super) fn denoise(images: &[LinearImage], surfaces: &Surfaces, folder: &Path
     Ok(denoise_timed(images, surfaces, folder)?.0)
 }
 
-/// [`denoise`], and the seconds that one image took, without Python and files; of several, without the first.
+/// [`denoise`], and the seconds that one image took, by the clock and by the processors', without Python and files; of several, without
+/// the first.
 pub(super) fn denoise_timed(
     images: &[LinearImage],
     surfaces: &Surfaces,
     folder: &Path,
-) -> Result<(Vec<LinearImage>, f64)> {
+) -> Result<(Vec<LinearImage>, f64, f64)> {
     fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
     let (width, height) = (surfaces.albedo.width, surfaces.albedo.height);
     let described = json!({ "width": width, "height": height, "images": images.len() });
@@ -74,7 +75,9 @@ pub(super) fn denoise_timed(
         write(&format!("color-{which}"), image)?;
     }
     let printed = OIDN.run(SCRIPT, folder, &[])?;
-    let seconds = printed.lines().last().and_then(|line| line.trim().parse().ok()).unwrap_or(f64::NAN);
+    let mut numbers = printed.lines().last().unwrap_or_default().split_whitespace().map(str::parse);
+    let mut seconds = || numbers.next().and_then(std::result::Result::ok).unwrap_or(f64::NAN);
+    let (seconds, cpu_seconds) = (seconds(), seconds());
     let read = |which: usize| read_f32(&folder.join(format!("clean-{which}.f32")), width, height);
-    Ok(((0..images.len()).map(read).collect::<Result<_>>()?, seconds))
+    Ok(((0..images.len()).map(read).collect::<Result<_>>()?, seconds, cpu_seconds))
 }

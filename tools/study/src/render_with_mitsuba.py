@@ -1,8 +1,8 @@
 """Renders a scene that was written for it by Mitsuba 3 and times the rendering.
 
 Reads scene.json in the folder named by the first argument, takes the variant that the second names, and for each of the
-sample counts after it writes SAMPLES.f32 (RGB, little-endian, row by row) and prints the samples and the seconds of
-mi.render alone: loading the scene, compiling its kernels and starting Python are not counted.
+sample counts after it writes SAMPLES.f32 (RGB, little-endian, row by row) and prints the samples, the seconds of
+mi.render alone, and its processors' seconds over all threads: loading the scene, compiling its kernels and starting Python are not counted.
 """
 import json
 import os
@@ -55,8 +55,8 @@ def render(samples, seed):
 for samples in map(int, sys.argv[3:]):
     if not variant.startswith("scalar"):
         render(samples, 1)
-    begun = time.perf_counter()
+    begun, of_processors = time.perf_counter(), time.process_time()
     image = render(samples, 0)
-    seconds = time.perf_counter() - begun
+    seconds, of_processors = time.perf_counter() - begun, time.process_time() - of_processors
     image.tofile(os.path.join(folder, f"{samples}.f32"))
-    print(samples, seconds, flush=True)
+    print(samples, seconds, of_processors, flush=True)

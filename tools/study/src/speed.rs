@@ -8,7 +8,7 @@ use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::{Measured, Summary};
 use super::oidn::{self, Surfaces};
 use super::table::{Cell, Table};
-use super::{StudyReport, mitsuba};
+use super::{StudyReport, machine, mitsuba};
 use ltm::container::ContainerReader;
 use ltm::error::Result;
 use ltm::image::LinearImage;
@@ -22,16 +22,23 @@ use ltm::trace::{TraceSettings, Tracer};
 const MITSUBA_NOTE: &str = "Mitsuba 3: the same scene and lighting by its path integrator, on all cores; loading and \
 compiling are not counted. With the denoiser: Open Image Denoise on its image, with noise-free albedo and normals, Python and files not counted.";
 
+const TIME_NOTE: &str = "All ways in turn, then all again: each time is the least of so many. cpu: processors' seconds of all threads, which \
+others that use the machine change less; the numbers of relights from which on preparing pays off are of these, and so is the last column: \
+preparing and a hundred images over rendering a hundred again by the same tracer.";
+
 struct Plan {
     scene: &'static str,
     size: (u32, u32),
     texels: u32,
     samples: &'static [u32],
     converged: u32,
+    /// Times that all is measured, in turn.
+    rounds: usize,
 }
 
-const QUICK: Plan = Plan { scene: "mixed", size: (64, 48), texels: 8, samples: &[4, 16], converged: 256 };
-const FULL: Plan = Plan { scene: "mixed", size: (256, 192), texels: 32, samples: &[4, 16, 64, 256], converged: 2048 };
+const QUICK: Plan = Plan { scene: "mixed", size: (64, 48), texels: 8, samples: &[4, 16], converged: 256, rounds: 1 };
+const FULL: Plan =
+    Plan { scene: "mixed", size: (256, 192), texels: 32, samples: &[4, 16, 64], converged: 2048, rounds: 3 };
 
 const STORED: &str = "ours (stored)";
 const FUSED: &str = "ours (fused)";
@@ -39,12 +46,54 @@ const RAW: &str = "uncompressed T from disk";
 const DENOISED: &str = "Mitsuba 3 (llvm_ad_rgb) and the denoiser";
 const AGAIN: &str = "rendering each lighting again";
 
+/// How long something took.
+#[derive(Clone, Copy, Debug, Default)]
+struct Took {
+    secs: f64,
+    /// Of all threads together; NaN where the system does not tell.
+    cpu_secs: f64,
+}
+
+impl Took {
+    fn least(self, other: Self) -> Self {
+        Self { secs: self.secs.min(other.secs), cpu_secs: self.cpu_secs.min(other.cpu_secs) }
+    }
+
+    fn over(self, times: usize) -> Self {
+        Self { secs: self.secs / times as f64, cpu_secs: self.cpu_secs / times as f64 }
+    }
+}
+
+impl std::ops::Add for Took {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { secs: self.secs + other.secs, cpu_secs: self.cpu_secs + other.cpu_secs }
+    }
+}
+
+/// Both clocks.
+struct Clock {
+    begun: Instant,
+    cpu_secs: f64,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { begun: Instant::now(), cpu_secs: cpu_seconds() }
+    }
+
+    fn stop(&self) -> Took {
+        Took { secs: self.begun.elapsed().as_secs_f64(), cpu_secs: cpu_seconds() - self.cpu_secs }
+    }
+}
+
 /// A way to relit images.
 struct Way {
     name: &'static str,
     /// From the scene until relighting can begin.
-    prepare_secs: f64,
-    relight_secs: f64,
+    prepare: Took,
+    relight: Took,
     bytes: u64,
     /// Over the twelve lightings; none where only one was made.
     summary: Option<Summary>,
@@ -53,29 +102,49 @@ struct Way {
 
 impl Way {
     /// Rendering for one lighting, without any preparation.
-    fn again(name: &'static str, seconds: f64, image: &LinearImage, all_on: &LinearImage) -> Self {
+    fn again(name: &'static str, relight: Took, image: &LinearImage, all_on: &LinearImage) -> Self {
         let all_on = Measured::of(image, all_on);
-        Self { name, prepare_secs: 0.0, relight_secs: seconds, bytes: 0, summary: None, all_on }
+        Self { name, prepare: Took::default(), relight, bytes: 0, summary: None, all_on }
     }
+
+    fn after(&self, images: usize) -> Took {
+        let relit = Took { secs: self.relight.secs * images as f64, cpu_secs: self.relight.cpu_secs * images as f64 };
+        self.prepare + relit
+    }
+}
+
+/// Of each way the least times of two rounds.
+fn join(all: Vec<Way>, more: Vec<Way>) -> Vec<Way> {
+    if all.is_empty() {
+        return more;
+    }
+    let pairs = all.into_iter().zip(more);
+    pairs
+        .map(|(way, again)| Way {
+            prepare: way.prepare.least(again.prepare),
+            relight: way.relight.least(again.relight),
+            ..way
+        })
+        .collect()
 }
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
-    let Plan { scene, size, texels, converged, .. } = *plan;
+    let Plan { scene, size, texels, converged, rounds, .. } = *plan;
     let note = format!(
         "Errors against a matrix of {converged} samples per pixel and another seed. Prepare: from the scene to when relighting can \
 begin. Relight: mean of the lightings, CPU. {AGAIN}: the same tracer with the light as one column, all on, and nothing \
 stored; each of the columns by itself would take columns times as long. Pays off: relights from which on preparing has been \
-worth it against rendering again at the same samples. {MITSUBA_NOTE}"
+worth it against rendering again at the same samples. {TIME_NOTE} {MITSUBA_NOTE} Rounds: {rounds}. {}",
+        machine::load()
     );
     bench.watch.begin("speed", plan.samples.len() as u64, "sample counts");
     let wanted = Wanted { scene, size, texels, samples: converged, seed: 1, block_side: 32 };
-    let again_there = rendered_again(bench, wanted, plan.samples)?;
     let mut notes = bench.notes(&[&note, LIGHTINGS_NOTE]);
-    notes.extend(again_there.left_out.clone());
     if !oidn::OIDN.is_there() {
         notes.push("The denoiser was not compared: no Python with it (`LTM_OIDN` names one, else `python3`).".into());
     }
+    let rivals = rivals_there(&mut notes);
     let mut table = Table::new(
         "Seconds from the scene to relit images",
         notes,
@@ -92,12 +161,16 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
             ("ten_images_secs", 3),
             ("hundred_images_secs", 3),
             ("relight_secs", 5),
+            ("prepare_cpu_secs", 2),
+            ("relight_cpu_secs", 5),
             ("pays_off_after", 1),
             ("psnr_lin_db", 2),
             ("psnr_clip_db", 2),
+            ("flip", 3),
             ("all_on_lin_db", 2),
             ("all_on_clip_db", 2),
             ("all_on_flip", 3),
+            ("hundred_over_again", 4),
         ],
     );
     let reference = bench.matrix(wanted)?;
@@ -108,12 +181,17 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     let mut error_lines: Vec<Line> = Vec::new();
     for &samples in plan.samples {
         bench.stop_if_interrupted()?;
-        let mut ways = ways(bench, Wanted { samples, seed: 0, ..wanted }, &lightings, &references)?;
-        ways.extend(again_there.ways(bench, samples, surfaces.as_ref(), &references[0])?);
-        let again = ways.iter().find(|way| way.name == AGAIN).map_or(f64::NAN, |way| way.relight_secs);
+        let mut ways: Vec<Way> = Vec::new();
+        for _ in 0..rounds {
+            bench.stop_if_interrupted()?;
+            let mut round = ours(bench, Wanted { samples, seed: 0, ..wanted }, &lightings, &references)?;
+            round.extend(theirs(bench, wanted, samples, &rivals, (surfaces.as_ref(), &references[0]))?);
+            ways = join(ways, round);
+        }
+        let again = ways.iter().find(|way| way.name == AGAIN);
         for way in &ways {
             table.push(row(scene, samples, shape, way, again));
-            let at = (way.prepare_secs + way.relight_secs, way.all_on.psnr_clipped);
+            let at = (way.after(1).secs, way.all_on.psnr_clipped);
             match error_lines.iter_mut().find(|line| line.name == way.name) {
                 Some(line) => line.points.push(at),
                 None => error_lines.push(Line { name: way.name.into(), points: vec![at] }),
@@ -126,7 +204,7 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     let counts = (0..=16).map(|i| 10f64.powf(f64::from(i) * 0.25).round());
     let totals = last.iter().map(|way| Line {
         name: way.name.into(),
-        points: counts.clone().map(|n| (n, way.prepare_secs + n * way.relight_secs)).collect(),
+        points: counts.clone().map(|n| (n, way.after(n as usize).secs)).collect(),
     });
     let most = plan.samples.last().copied().unwrap_or(0);
     let charts = [
@@ -153,8 +231,10 @@ worth it against rendering again at the same samples. {MITSUBA_NOTE}"
     Ok(report)
 }
 
-fn row(scene: &str, samples: u32, shape: MatrixShape, way: &Way, again: f64) -> Vec<Cell> {
-    let pays_off = way.prepare_secs / (again - way.relight_secs);
+fn row(scene: &str, samples: u32, shape: MatrixShape, way: &Way, again: Option<&Way>) -> Vec<Cell> {
+    let again_secs = again.map_or(f64::NAN, |again| again.relight.cpu_secs);
+    let pays_off = way.prepare.cpu_secs / (again_secs - way.relight.cpu_secs);
+    let finite = |value: f64| if value.is_finite() { value.into() } else { Cell::Missing };
     vec![
         scene.into(),
         way.name.into(),
@@ -163,68 +243,77 @@ fn row(scene: &str, samples: u32, shape: MatrixShape, way: &Way, again: f64) -> 
         shape.columns().into(),
         shape.block_side().into(),
         way.bytes.into(),
-        way.prepare_secs.into(),
-        (way.prepare_secs + way.relight_secs).into(),
-        (way.prepare_secs + 10.0 * way.relight_secs).into(),
-        (way.prepare_secs + 100.0 * way.relight_secs).into(),
-        way.relight_secs.into(),
-        if way.prepare_secs > 0.0 && pays_off > 0.0 { pays_off.into() } else { Cell::Missing },
+        way.prepare.secs.into(),
+        way.after(1).secs.into(),
+        way.after(10).secs.into(),
+        way.after(100).secs.into(),
+        way.relight.secs.into(),
+        finite(way.prepare.cpu_secs),
+        finite(way.relight.cpu_secs),
+        if way.prepare.secs > 0.0 && pays_off > 0.0 { finite(pays_off) } else { Cell::Missing },
         way.summary.map(|s| s.mean.psnr_linear).into(),
         way.summary.map(|s| s.mean.psnr_clipped).into(),
+        way.summary.map(|s| s.mean.flip).into(),
         way.all_on.psnr_linear.into(),
         way.all_on.psnr_clipped.into(),
         way.all_on.flip.into(),
+        finite(way.after(100).cpu_secs / (100.0 * again_secs)),
     ]
 }
 
-fn ways(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &[LinearImage]) -> Result<Vec<Way>> {
+fn ours(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &[LinearImage]) -> Result<Vec<Way>> {
     let (matrix_path, container_path) = (bench.cached("speed.ltm"), bench.cached("speed.ltc"));
     let mut render_options = RenderOptions::default();
     render_options.store.overwrite = true;
     let loaded = bench.loaded(wanted)?;
-    let begun = Instant::now();
+    let clock = Clock::start();
     pipeline::render(loaded, &matrix_path, &render_options, &bench.silent())?;
-    let render_secs = begun.elapsed().as_secs_f64();
+    let rendering = clock.stop();
     let matrix = StoreReader::open(&matrix_path)?;
     let mut pack_options = PackOptions { denoise: true, ..Default::default() };
     pack_options.container.overwrite = true;
-    let begun = Instant::now();
+    let clock = Clock::start();
     let packed = pipeline::pack(&matrix, matrix.job(), &container_path, &pack_options, &bench.silent())?;
     let relighter = CpuRelighter::load(&ContainerReader::open(&container_path)?)?;
-    let pack_secs = begun.elapsed().as_secs_f64();
+    let packing = clock.stop();
 
-    let relit = |relight: &dyn Fn(&Lighting) -> Result<LinearImage>| -> Result<(f64, Vec<LinearImage>)> {
-        let begun = Instant::now();
-        let images = lightings.iter().map(relight).collect::<Result<Vec<_>>>()?;
-        Ok((begun.elapsed().as_secs_f64() / lightings.len() as f64, images))
-    };
-    let way = |name, prepare_secs, bytes, (relight_secs, images): (f64, Vec<LinearImage>)| Way {
+    let relit =
+        |relight: &dyn Fn(&Lighting) -> Result<LinearImage>, times: usize| -> Result<(Took, Vec<LinearImage>)> {
+            let images = lightings.iter().map(relight).collect::<Result<Vec<_>>>()?;
+            let clock = Clock::start();
+            for _ in 0..times {
+                lightings.iter().try_for_each(|lighting| relight(lighting).map(drop))?;
+            }
+            Ok((clock.stop().over(times * lightings.len()), images))
+        };
+    let way = |name, prepare, bytes, (relight, images): (Took, Vec<LinearImage>)| Way {
         name,
-        prepare_secs,
-        relight_secs,
+        prepare,
+        relight,
         bytes,
         summary: Some(Summary::of(&images, references)),
         all_on: Measured::of(&images[0], &references[0]),
     };
-    let stored = relit(&|lighting| relighter.relight(lighting))?;
-    let raw = relit(&|lighting| Ok(relight_raw(&matrix, std::slice::from_ref(lighting))?.swap_remove(0)))?;
+    // The processors' clock ticks a hundred times a second.
+    let stored = relit(&|lighting| relighter.relight(lighting), 50)?;
+    let raw = relit(&|lighting| Ok(relight_raw(&matrix, std::slice::from_ref(lighting))?.swap_remove(0)), 1)?;
     let mut ways = vec![
-        way(STORED, render_secs + pack_secs, packed.packed_bytes, stored),
-        way(RAW, render_secs, matrix.tally()?.stored_bytes, raw),
+        way(STORED, rendering + packing, packed.packed_bytes, stored),
+        way(RAW, rendering, matrix.tally()?.stored_bytes, raw),
     ];
 
     // Packed while it is traced: the raw matrix never exists.
     let fused_path = bench.cached("speed-fused.ltc");
-    let begun = Instant::now();
+    let clock = Clock::start();
     let (_, fused) = pipeline::render_packed(bench.loaded(wanted)?, &fused_path, &pack_options, &bench.silent())?;
     let relighter = CpuRelighter::load(&ContainerReader::open(&fused_path)?)?;
-    let fused_secs = begun.elapsed().as_secs_f64();
-    ways.push(way(FUSED, fused_secs, fused.packed_bytes, relit(&|lighting| relighter.relight(lighting))?));
+    let fusing = clock.stop();
+    ways.push(way(FUSED, fusing, fused.packed_bytes, relit(&|lighting| relighter.relight(lighting), 50)?));
 
     // The light as one column: what rendering the scene under this one lighting costs, with nothing stored.
     let single = bench.loaded(Wanted { texels: 1, ..wanted })?;
     let (shape, settings) = (job_of(&single)?.shape, single.settings);
-    let begun = Instant::now();
+    let clock = Clock::start();
     let settings = TraceSettings {
         samples_per_pixel: settings.samples_per_pixel,
         seed: settings.seed,
@@ -232,59 +321,76 @@ fn ways(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &
     };
     let tracer = Tracer::new(single.scene, shape, settings)?;
     let image = &relight_raw(&tracer, &[Lighting::uniform(shape.columns(), [1.0; 3])?])?[0];
-    let again_secs = begun.elapsed().as_secs_f64();
-    ways.push(Way::again(AGAIN, again_secs, image, &references[0]));
+    ways.push(Way::again(AGAIN, clock.stop(), image, &references[0]));
     Ok(ways)
 }
 
-/// What Mitsuba rendered.
-#[derive(Default)]
-struct RenderedAgain {
-    /// With the name of the variant.
-    images: Vec<(&'static str, mitsuba::Rendered)>,
-    /// A line for each variant that is left out.
-    left_out: Vec<String>,
+/// Variants of Mitsuba that can be asked, with their names in the table; of those that cannot, a line is left in the notes.
+fn rivals_there(notes: &mut Vec<String>) -> Vec<(&'static str, &'static str)> {
+    let is_there = mitsuba::MITSUBA.is_there();
+    if !is_there {
+        notes.push("Mitsuba was not compared: no Python with it (`LTM_MITSUBA` names one, else `python3`).".into());
+    }
+    mitsuba::VARIANTS.into_iter().filter(|_| is_there).collect()
 }
 
-impl RenderedAgain {
-    /// What it takes with a number of samples; of the fastest variant also with the denoiser, where that is at hand.
-    fn ways(
-        &self,
-        bench: &Bench<'_>,
-        samples: u32,
-        surfaces: Option<&Surfaces>,
-        all_on: &LinearImage,
-    ) -> Result<Vec<Way>> {
-        let mut ways = Vec::new();
-        for (name, rendered) in self.images.iter().filter(|(_, rendered)| rendered.samples == samples) {
-            ways.push(Way::again(name, rendered.seconds, &rendered.image, all_on));
-            let Some(surfaces) = surfaces.filter(|_| *name == mitsuba::VARIANTS[0].1) else { continue };
-            // Twice: the first prepares the denoiser, which is not counted.
-            let images = [rendered.image.clone(), rendered.image.clone()];
-            let (clean, seconds) = oidn::denoise_timed(&images, surfaces, &bench.cached("oidn"))?;
-            ways.push(Way::again(DENOISED, rendered.seconds + seconds, &clean[0], all_on));
-        }
-        Ok(ways)
-    }
-}
-
-/// The scene with everything on, rendered by each variant of Mitsuba with each number of samples.
-fn rendered_again(bench: &Bench<'_>, wanted: Wanted, samples: &[u32]) -> Result<RenderedAgain> {
-    let mut again = RenderedAgain::default();
-    if !mitsuba::MITSUBA.is_there() {
-        let how = "Mitsuba was not compared: no Python with it (`LTM_MITSUBA` names one, else `python3`).";
-        again.left_out.push(how.to_owned());
-        return Ok(again);
-    }
+/// The scene with everything on, rendered by each variant of Mitsuba; by the first also with the denoiser, where that is at hand.
+fn theirs(
+    bench: &Bench<'_>,
+    wanted: Wanted,
+    samples: u32,
+    rivals: &[(&'static str, &'static str)],
+    (surfaces, all_on): (Option<&Surfaces>, &LinearImage),
+) -> Result<Vec<Way>> {
     // One texel: its lighting has one weight, and the light is one shape.
     let mut loaded = bench.loaded(Wanted { texels: 1, ..wanted })?;
     loaded.lighting = Lighting::uniform(loaded.scene.basis.column_count(), [1.0; 3])?;
-    for (variant, name) in mitsuba::VARIANTS {
+    let mut ways = Vec::new();
+    for &(variant, name) in rivals {
         bench.stop_if_interrupted()?;
-        match mitsuba::render(&loaded, &bench.cached("mitsuba"), variant, samples) {
-            Ok(rendered) => again.images.extend(rendered.into_iter().map(|image| (name, image))),
-            Err(problem) => again.left_out.push(format!("{name} left out: {problem}.")),
-        }
+        let rendered = mitsuba::render(&loaded, &bench.cached("mitsuba"), variant, &[samples])?.swap_remove(0);
+        let rendering = Took { secs: rendered.seconds, cpu_secs: rendered.cpu_seconds };
+        ways.push(Way::again(name, rendering, &rendered.image, all_on));
+        let Some(surfaces) = surfaces.filter(|_| name == mitsuba::VARIANTS[0].1) else { continue };
+        // Twice: the first prepares the denoiser, which is not counted.
+        let images = [rendered.image.clone(), rendered.image.clone()];
+        let (clean, secs, cpu_secs) = oidn::denoise_timed(&images, surfaces, &bench.cached("oidn"))?;
+        ways.push(Way::again(DENOISED, rendering + Took { secs, cpu_secs }, &clean[0], all_on));
     }
-    Ok(again)
+    Ok(ways)
+}
+
+/// Processors' seconds of all threads of this process so far; NaN where the system does not tell.
+fn cpu_seconds() -> f64 {
+    /// Ticks of this clock in a second, as Linux counts them for programs.
+    const TICKS: f64 = 100.0;
+    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // Behind the program's name in brackets: state, then numbers; the 12th and 13th are the times.
+    let fields: Vec<f64> = text
+        .rsplit_once(')')
+        .map_or("", |(_, rest)| rest)
+        .split_whitespace()
+        .skip(11)
+        .take(2)
+        .filter_map(|field| field.parse().ok())
+        .collect();
+    if fields.len() == 2 { (fields[0] + fields[1]) / TICKS } else { f64::NAN }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_processors_clock_counts_what_this_process_does() {
+        let before = cpu_seconds();
+        let begun = Instant::now();
+        let mut sum = 0u64;
+        while begun.elapsed().as_secs_f64() < 0.2 {
+            sum = (0..100_000u64).fold(sum, |sum, i| sum.wrapping_mul(31) ^ i);
+        }
+        let took = cpu_seconds() - before;
+        // Beside other tests' threads, and where others use the machine.
+        assert!(sum != 1 && (!before.is_finite() || took > 0.01), "{took}");
+    }
 }

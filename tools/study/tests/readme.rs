@@ -101,6 +101,8 @@ fn packed_images_are_as_near_to_the_truth_as_the_readme_says() {
 #[test]
 fn pictures_are_as_good_as_the_readme_says() {
     let (readme, rows) = (readme(), published("picture.csv"));
+    let (_, table) = readme.split_once("**The picture**").expect("the table of pictures");
+    let (table, _) = table.split_once("\n**").expect("what follows it");
     let found = |scene: &str, samples: &str, method: &str| {
         let is = |row: &&Row| row["scene"] == scene && row["samples_per_px"] == samples && row["method"] == method;
         rows.iter().find(is).unwrap_or_else(|| panic!("{scene}, {samples} samples: no {method}"))
@@ -111,7 +113,7 @@ fn pictures_are_as_good_as_the_readme_says() {
     for scene in scenes {
         let ours = found(scene, "16", "ours");
         let name = if ours["tuned_on"] == "yes" { scene.to_owned() } else { format!("**{scene}**") };
-        let cells = row_of(&readme, &format!("| {name}, "));
+        let cells = row_of(table, &format!("| {name}, "));
         let mut expected = Vec::new();
         for samples in ["16", "64"] {
             for method in ["ours", "denoiser on each image", "raw matrix"] {
@@ -122,5 +124,93 @@ fn pictures_are_as_good_as_the_readme_says() {
         assert_eq!(cells[1..], expected, "{scene}");
         let shape: String = cells[0].chars().filter(|c| c.is_ascii_digit() || *c == '×').collect();
         assert!(shape.ends_with(&format!("{}×{}", ours["rows"], ours["columns"])), "{}", cells[0]);
+    }
+}
+
+#[test]
+fn arrays_of_another_renderer_reach_what_the_readme_says() {
+    let (readme, rows) = (readme(), published("imports.csv"));
+    let (_, table) = readme.split_once("**Matrices of another renderer**").expect("the table of imports");
+    let mut scenes: Vec<&str> = rows.iter().map(|row| row["scene"].as_str()).collect();
+    scenes.dedup();
+    assert!(scenes.len() > 5, "{scenes:?}");
+    for scene in scenes {
+        let found = |lights: &str| {
+            let is = |row: &&Row| row["scene"] == scene && row["lights"] == lights;
+            rows.iter().find(is).unwrap_or_else(|| panic!("{scene}: no '{lights}'"))
+        };
+        let (by_images, told) = (found("from the images"), found("places told"));
+        let name = if by_images["tuned_on"] == "yes" { scene.to_owned() } else { format!("**{scene}**") };
+        let mut expected = vec![format!("{name}, {}", by_images["columns"])];
+        for row in [found("nothing of places"), by_images, told] {
+            let [lin, clip, worst, flip] =
+                [("psnr_lin_db", 1), ("psnr_clip_db", 1), ("psnr_lin_worst_db", 1), ("flip", 3)]
+                    .map(|(column, digits)| shown(row, column, digits));
+            expected.push(format!("{lin} / {clip}, {worst}, {flip}"));
+        }
+        expected.push(format!(
+            "{} / {}",
+            shown(found("no prior"), "one_light_lin_db", 1),
+            shown(by_images, "one_light_lin_db", 1)
+        ));
+        assert_eq!(row_of(table, &format!("| {name}, ")), expected);
+    }
+}
+
+#[test]
+fn methods_at_one_size_reach_what_the_readme_says() {
+    let (readme, rows) = (readme(), published("fig9-32-fixed.csv"));
+    let (_, table) = readme.split_once("**Other methods at one size**").expect("the table of methods");
+    let mut scenes: Vec<&str> = rows.iter().map(|row| row["scene"].as_str()).collect();
+    scenes.dedup();
+    assert!(scenes.len() > 4, "{scenes:?}");
+    for scene in scenes {
+        let found = |method: &str| {
+            let is = |row: &&Row| row["scene"] == scene && row["method"] == method;
+            rows.iter().find(is).unwrap_or_else(|| panic!("{scene}: no {method}"))
+        };
+        let ours = found("ours (noise kept)");
+        let mut expected = vec![format!("{scene}, {}, {} ×", ours["columns"], ours["ratio"])];
+        for method in ["ours (noise kept)", "block SVD (one threshold)", "Algorithm 4", "kernel Nyström", "DCT", "zfp"]
+        {
+            let row = found(method);
+            expected.push(match shown(row, "psnr_lin_db", 1).as_str() {
+                "–" => "–".to_owned(),
+                lin => format!("{lin} / {}", shown(row, "psnr_clip_db", 1)),
+            });
+        }
+        let worst = [shown(ours, "psnr_lin_worst_db", 1), shown(ours, "psnr_clip_worst_db", 1)];
+        expected.insert(2, worst.join(" / "));
+        assert_eq!(row_of(table, &format!("| {scene}, ")), expected);
+    }
+}
+
+#[test]
+fn speed_is_what_the_readme_says() {
+    let (readme, rows) = (readme(), published("speed.csv"));
+    let (_, table) = readme.split_once("**Speed against error").expect("the table of speed");
+    let of_64: Vec<&Row> = rows.iter().filter(|row| row["samples_per_px"] == "64").collect();
+    assert!(of_64.len() > 3, "{of_64:?}");
+    for row in of_64 {
+        let seconds = |column: &str, digits: usize| shown(row, column, digits);
+        let of = |prefix: &str| match shown(row, &format!("{prefix}lin_db"), 1).as_str() {
+            "–" => "–".to_owned(),
+            lin => {
+                let flip = if prefix == "psnr_" { "flip" } else { "all_on_flip" };
+                format!("{lin} / {}, {}", shown(row, &format!("{prefix}clip_db"), 1), shown(row, flip, 3))
+            }
+        };
+        let expected = [
+            row["way"].clone(),
+            row["bytes"].clone(),
+            format!("{} ({})", seconds("prepare_secs", 1), seconds("prepare_cpu_secs", 1)),
+            ["first_image_secs", "ten_images_secs", "hundred_images_secs"].map(|column| seconds(column, 1)).join(" / "),
+            format!("{} ({})", seconds("relight_secs", 4), seconds("relight_cpu_secs", 4)),
+            seconds("pays_off_after", 1),
+            seconds("hundred_over_again", 3),
+            of("all_on_"),
+            of("psnr_"),
+        ];
+        assert_eq!(row_of(table, &format!("| {} |", row["way"])), expected);
     }
 }

@@ -123,6 +123,13 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     assert!(measured("ours", "seams") < measured("ours without cleaning", "seams"), "{picture:?}");
     assert_eq!(read_csv(&out.join("picture-lightings.csv")).len(), 12 * picture.len());
 
+    // Lights of an array are better served where their images say which are alike than where they stand at one place.
+    let imports = read_csv(&out.join("imports.csv"));
+    let measured = |lights: &str, name: &str| number(of(&imports, "lights", lights).next().expect(lights), name);
+    for name in ["psnr_lin_db", "psnr_clip_db"] {
+        assert!(measured("from the images", name) > measured("nothing of places", name), "{name}: {imports:?}");
+    }
+
     // Matrices are shared: the second run of a study renders nothing.
     let before = matrices(&out.join("cache"));
     assert!(!before.is_empty());

@@ -9,7 +9,7 @@ use clap::{Args, Parser};
 use ltm::container::ContainerReader;
 use ltm::host::{human_bytes, parse_bytes};
 use ltm::image::{FeaturePasses, LayerPattern, LightSet};
-use ltm::light::Job;
+use ltm::light::{Job, LightKind};
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, ImportedMatrix, PackOptions, SecondImages};
 use ltm::store::StoreReader;
@@ -33,6 +33,7 @@ use ltm_cli::say;
   ltm-pack any.exr -o room.ltc --layers '^beauty_(.+)$'
   ltm-pack 'renders/room_{{light}}.exr' -o room.ltc
   ltm-pack lights.npz -o room.ltc        images [lights, height, width, 3], lights: their names
+  ltm-pack panel.npy -o room.ltc --texels 32x32       the lights are the texels of one panel
 
 {EXIT_CODES}"))]
 struct Arguments {
@@ -78,9 +79,30 @@ struct Images {
     /// own files].
     #[arg(long, value_name = "EXR", requires = "second")]
     features: Option<PathBuf>,
+    /// The images are those of the texels of one area light, so many across and down, row by row: ACROSSxDOWN [default: each is a light
+    /// of its own; of 48 and more, which are alike is looked for].
+    #[arg(long, value_name = "TEXELS", value_parser = parse_texels, conflicts_with = "sky")]
+    texels: Option<(u32, u32)>,
+    /// The images are those of the texels of a sky, by longitude and latitude: the first row is the zenith, its first texel begins
+    /// at -z and turns towards +x; +y is up.
+    #[arg(long, value_name = "TEXELS", value_parser = parse_texels)]
+    sky: Option<(u32, u32)>,
     /// Side of a block in pixels [default: 32].
     #[arg(long)]
     block_side: Option<u32>,
+}
+
+impl Images {
+    fn light(&self) -> Option<LightKind> {
+        let area = self.texels.map(|(across, down)| LightKind::AreaTexels { across, down });
+        area.or(self.sky.map(|(across, down)| LightKind::LatLong { across, down }))
+    }
+}
+
+fn parse_texels(text: &str) -> std::result::Result<(u32, u32), String> {
+    let count = |text: &str| text.trim().parse().ok().filter(|count| (1..=65_536).contains(count));
+    let both = text.split_once(['x', '×']).and_then(|(across, down)| Some((count(across)?, count(down)?)));
+    both.ok_or_else(|| format!("'{text}' is not a number of texels across and down, such as 32x16"))
 }
 
 fn main() -> ExitCode {
@@ -97,6 +119,8 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         let for_images = [
             (images.layers.is_some(), "--layers"),
             (images.second.is_some(), "--second"),
+            (images.texels.is_some(), "--texels"),
+            (images.sky.is_some(), "--sky"),
             (images.block_side.is_some(), "--block-side"),
         ];
         if let Some((_, name)) = for_images.iter().find(|(given, _)| *given) {
@@ -116,7 +140,8 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         (Some(second), None) => [FeaturePasses::find(input)?, FeaturePasses::find(second)?],
     };
     let second = second_set.as_ref().map(|set| SecondImages { set, features: passes.each_ref().map(Option::as_ref) });
-    let matrix = ImportedMatrix::read(&set, second, &name, &output, side, &pack_options(arguments), console)?;
+    let mut matrix = ImportedMatrix::read(&set, second, &name, &output, side, &pack_options(arguments), console)?;
+    images.light().map_or(Ok(()), |texels| matrix.take_for_texels(texels))?;
     tables::print_matches(&matrix);
     pack(&matrix, matrix.job(), &output, arguments, console)
 }
