@@ -108,15 +108,15 @@ impl Bounds {
     #[inline(always)]
     fn weights(&self, position: Vec3, normal: Vec3) -> [f32; LANES] {
         let mut weights = [0.0; LANES];
-        for lane in 0..LANES {
+        for (lane, weight) in weights.iter_mut().enumerate() {
             let [x, y, z] = [0, 1, 2].map(|axis| self.centre[axis][lane] - position[axis]);
             let radius = self.radius[lane];
             let square = x * x + y * y + z * z + radius * radius;
             let here = (x * normal.x + y * normal.y + z * normal.z + radius).max(0.0);
             let along = x * self.axis[0][lane] + y * self.axis[1][lane] + z * self.axis[2][lane];
             let there = if self.is_round[lane] { square.sqrt() } else { (radius - along).max(0.0) };
-            let weight = here * there / (square * square);
-            weights[lane] = if self.near[lane] && square > 0.0 { weight } else { 0.0 };
+            let sent = here * there / (square * square);
+            *weight = if self.near[lane] && square > 0.0 { sent } else { 0.0 };
         }
         weights
     }

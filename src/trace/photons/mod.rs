@@ -284,10 +284,9 @@ impl Photons {
 
     /// Bytes that the photons of a scene take at most, while they are sorted.
     pub(super) fn needs_bytes(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
-        let each = (size_of::<Photon>()
-            + size_of::<Leaf>() / (LANES / 2)
-            + RadiusField::BYTES_PER_PHOTON
-            + Near::BYTES_PER_POINT) as u64;
+        // As they come, and either the radii or the leaves that they are put into.
+        let leaves = size_of::<Leaf>() / (LANES / 2) + Near::BYTES_PER_POINT;
+        let each = (size_of::<Photon>() + RadiusField::BYTES_PER_PHOTON.max(leaves)) as u64;
         Self::sent(scene, pixels, settings) * each
     }
 
