@@ -98,9 +98,9 @@ fn photons_take_what_is_stated() {
     let mut count = 0;
     let taken = taken_by(|| count = tracer.with_settings(settings).unwrap().photon_count());
     let stated = Tracer::photons_need_bytes(&scene, shape, settings);
-    // At most, as if every photon came to rest somewhere; half of them do.
-    assert!(count > 50_000 && taken <= stated && taken > stated / 3, "{count} took {taken} bytes, said {stated}");
+    // At most, as if every photon came to rest somewhere, in leaves half empty; most do, in leaves nearly full.
+    assert!(count > 50_000 && taken <= stated && taken > stated / 4, "{count} took {taken} bytes, said {stated}");
     // However many samples there are.
     let many = TraceSettings { samples_per_pixel: 4096, ..settings };
-    assert!(Tracer::photons_need_bytes(&scene, shape, many) <= 64 << 20);
+    assert!(Tracer::photons_need_bytes(&scene, shape, many) <= 160 << 20);
 }

@@ -32,7 +32,9 @@ pub struct Mesh {
 
 impl Mesh {
     /// Corner positions of a triangle.
+    #[inline]
     pub fn corners(&self, triangle: &Triangle) -> [Vec3; 3] {
-        triangle.vertices.map(|v| self.positions[v as usize])
+        let [i, j, k] = triangle.vertices;
+        [self.positions[i as usize], self.positions[j as usize], self.positions[k as usize]]
     }
 }

@@ -6,13 +6,15 @@
 //! shadow rays pass it too, and both ways of finding a light must see the same path. Light that comes by mirrors and smooth
 //! glass is found by scattered rays and by photons, which are weighed likewise ([`photons`](super::photons)).
 
+use std::f32::consts::FRAC_1_PI;
+
 use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Scattered};
 use super::frame::Frame;
 use super::lights::{Chances, EmitterHit, Found};
-use super::photons::{Gathering, Photons};
+use super::photons::{Gather, Gathered, Gathering, LANES, Photons};
 use super::planes::{Layer, PlaneSums, SampleFeatures};
 use super::sampler::{Sampler, Use};
 use super::world::{MAX_PASSES, SurfacePoint, World};
@@ -77,6 +79,7 @@ pub(super) struct Vertex {
 }
 
 impl Record<'_, '_> {
+    #[inline]
     fn add(&mut self, layer: Layer, column: u32, value: Vec3) {
         if !value.is_finite() {
             self.cost.non_finite += 1;
@@ -294,17 +297,8 @@ impl Vertex {
     ) -> f32 {
         let (position, normal) = (self.point.position, self.normal);
         let radius = photons.radius_at(position);
-        photons.gather(&Gathering { map, position, normal, radius, most_segments }, |photon| {
-            let (value, pdf) = self.bsdf.eval(self.wo, self.frame.to_local(photon.towards));
-            // Photons lie as the surface itself faces them, not as its shading normal does.
-            let cosine = photon.towards.dot(normal);
-            if value == Vec3::ZERO || cosine <= 0.0 {
-                return;
-            }
-            let weight = photons.weight(&photon, radius, pdf / cosine);
-            let value = throughput * value * photon.irradiance * (weight / cosine);
-            record.add(Layer::Indirect, photon.column, value);
-        });
+        let at = Gathering { map, position, normal, radius, most_segments };
+        photons.gather(&at, &mut Lit { vertex: self, expected: photons.expected_of(radius), throughput, record });
         radius
     }
 
@@ -316,6 +310,68 @@ impl Vertex {
             return Some(direction);
         }
         next.singular.then(|| lifted(direction, self.normal * next.wi.z.signum()))
+    }
+}
+
+/// A surface that photons light.
+struct Lit<'a, 'b, 'c> {
+    vertex: &'a Vertex,
+    /// What a photon of density one is expected to bring.
+    expected: f32,
+    throughput: Vec3,
+    record: &'a mut Record<'b, 'c>,
+}
+
+impl Gather for Lit<'_, '_, '_> {
+    #[inline(always)]
+    fn take(&mut self, gathered: &Gathered) {
+        let vertex = self.vertex;
+        let (mut values, mut pdfs) = ([[0.0f32; LANES]; 3], [0.0f32; LANES]);
+        let along = |axis: Vec3, lane: usize| {
+            let [x, y, z] = &gathered.towards;
+            x[lane] * axis.x + y[lane] * axis.y + z[lane] * axis.z
+        };
+        if let Bsdf::Lambert { reflectance } = vertex.bsdf {
+            // As `Bsdf::eval`, all lanes at once.
+            for lane in 0..LANES {
+                let z = along(vertex.frame.z, lane);
+                let pdf = if z > 0.0 && vertex.wo.z > 0.0 { FRAC_1_PI * z } else { 0.0 };
+                pdfs[lane] = pdf;
+                (0..3).for_each(|channel| values[channel][lane] = reflectance[channel] * pdf);
+            }
+        } else {
+            for lane in (0..LANES).filter(|lane| gathered.mask >> lane & 1 == 1) {
+                let [x, y, z] = gathered.towards.map(|axis| axis[lane]);
+                let (value, pdf) = vertex.bsdf.eval(vertex.wo, vertex.frame.to_local(Vec3::new(x, y, z)));
+                pdfs[lane] = pdf;
+                (0..3).for_each(|channel| values[channel][lane] = value[channel]);
+            }
+        }
+        // Photons lie as the surface itself faces them, not as its shading normal does.
+        let (mut cosines, mut spread) = ([0.0f32; LANES], [0.0f32; LANES]);
+        for lane in 0..LANES {
+            cosines[lane] = along(vertex.normal, lane);
+            spread[lane] = pdfs[lane] / cosines[lane];
+        }
+        let weights = gathered.weights(self.expected, &spread);
+        let mut light = [[0.0f32; LANES]; 3];
+        for lane in 0..LANES {
+            let weight = weights[lane] / cosines[lane];
+            for channel in 0..3 {
+                let value = self.throughput[channel] * values[channel][lane];
+                light[channel][lane] = value * gathered.irradiance[channel][lane] * weight;
+            }
+        }
+        let mut mask = gathered.mask;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            let is_lit = values.iter().any(|channel| channel[lane] != 0.0);
+            if is_lit && cosines[lane] > 0.0 {
+                let value = Vec3::new(light[0][lane], light[1][lane], light[2][lane]);
+                self.record.add(Layer::Indirect, gathered.column[lane], value);
+            }
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::accumulator::PixelSums;
+use super::accumulator::{PixelSums, RUN, Run};
 use crate::light::Clusters;
 use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, Feature, SeenEmission};
 
@@ -32,12 +32,17 @@ pub(super) struct SampleFeatures {
 /// Light of one cluster in one pixel: by half, then direct and indirect; RGB and padding.
 type ClusterLight = [[[f32; 4]; 2]; 2];
 
-/// Sums over the samples of one pixel, and the clusters that they go to.
+/// Sums over the samples of one pixel, the clusters that they go to, and means of a run of pixels.
 pub(super) struct PlaneSums<'a> {
     of_column: &'a [u16],
     light: Vec<ClusterLight>,
     emission: PixelSums,
     features: FeatureSums,
+    /// The planes of the run: light by half, direct before indirect, then cluster and channel; features, and their variances.
+    /// A pixel's values lie pages apart in the block, and each visit to a page costs more than what is written there.
+    lines: Vec<[f32; RUN]>,
+    /// Pixels of the run that are in the block already.
+    carried: usize,
 }
 
 /// Sums of features as differences from the first sample's, so that squares of large depths keep their digits.
@@ -57,12 +62,15 @@ impl<'a> PlaneSums<'a> {
             light: vec![ClusterLight::default(); clusters.count()],
             emission: PixelSums::new(of_column.len()),
             features: FeatureSums::default(),
+            lines: vec![[0.0; RUN]; lines(clusters.count())],
+            carried: 0,
         }
     }
 
     /// Bytes of the sums, and of the planes that they fill in a block of `pixels`.
     pub(super) fn needs_bytes(pixels: u64, columns: u64, clusters: u64) -> u64 {
         let sums = size_of::<ClusterLight>() as u64 * clusters + PixelSums::needs_bytes(columns);
+        let sums = sums + (size_of::<[f32; RUN]>() * lines(clusters as usize)) as u64;
         sums + BlockPlanes::fixed_bytes(pixels, clusters) + emission_bytes(pixels, columns)
     }
 
@@ -102,19 +110,16 @@ impl<'a> PlaneSums<'a> {
         sums.count += 1;
     }
 
-    /// Writes the means of pixel `pixel` of the block and empties the sums. `samples` are those of each half, none of
-    /// them 0.
-    pub(super) fn take(&mut self, planes: &mut BlockPlanes, pixel: usize, samples: [u32; 2]) {
-        let pixels = planes.features.len() / FEATURE_PLANES;
-        let scales = samples.map(|count| 1.0 / count as f32);
+    /// Takes the means of pixel `pixel` of `run` and empties the sums. `samples` are those of each half, none of them 0.
+    pub(super) fn take(&mut self, planes: &mut BlockPlanes, run: Run, pixel: usize, samples: [u32; 2]) {
+        let (clusters, scales) = (self.light.len(), samples.map(|count| 1.0 / count as f32));
+        let (light_lines, feature_lines) = self.lines.split_at_mut(LIGHTS * CHANNELS * clusters);
         for (cluster, light) in self.light.iter_mut().enumerate() {
-            let light = std::mem::take(light);
-            for (half, [direct, indirect]) in light.into_iter().enumerate() {
-                for channel in 0..CHANNELS {
-                    let at = (cluster * CHANNELS + channel) * pixels + pixel;
-                    planes.direct[half][at] = direct[channel] * scales[half];
-                    planes.indirect[half][at] = indirect[channel] * scales[half];
-                }
+            let light = std::mem::take(light).into_iter().zip(scales);
+            let light = light.flat_map(|(layers, scale)| layers.map(|sum| (sum, scale)));
+            for (part, (sum, scale)) in light.enumerate() {
+                let lines = &mut light_lines[(part * clusters + cluster) * CHANNELS..][..CHANNELS];
+                lines.iter_mut().zip(sum).for_each(|(line, sum)| line[pixel] = sum * scale);
             }
         }
         let features = std::mem::take(&mut self.features);
@@ -122,20 +127,47 @@ impl<'a> PlaneSums<'a> {
         for plane in 0..FEATURE_PLANES {
             let mean = features.sum[plane] / count;
             let variance = (features.squares[plane] / count - mean * mean) / (count - 1.0);
-            planes.features[plane * pixels + pixel] = features.first[plane] + mean;
-            planes.feature_variance[plane * pixels + pixel] = variance.max(0.0);
+            feature_lines[plane][pixel] = features.first[plane] + mean;
+            feature_lines[FEATURE_PLANES + plane][pixel] = variance.max(0.0);
         }
-        if planes.features[Feature::Emitter.planes().start * pixels + pixel] > 0.0 {
+        if feature_lines[Feature::Emitter.planes().start][pixel] > 0.0 {
             self.emission.drain(|column, sum| {
                 let value = (sum / count).to_array();
-                planes.emission.push(SeenEmission { pixel: pixel as u32, column: column as u32, value });
+                let pixel = (run.first + pixel) as u32;
+                planes.emission.push(SeenEmission { pixel, column: column as u32, value });
             });
-            let most = BlockPlanes::most_seen(pixels as u64, self.of_column.len() as u64) as usize;
+            let most = BlockPlanes::most_seen(run.pixels as u64, self.of_column.len() as u64) as usize;
             if planes.emission.len() > 2 * most {
+                self.carry_until(planes, run, pixel + 1);
                 keep_brightest(planes, self.of_column, most);
             }
         }
     }
+
+    /// Carries a run into the block, of which it writes every value.
+    pub(super) fn carry(&mut self, planes: &mut BlockPlanes, run: Run) {
+        self.carry_until(planes, run, run.count);
+        self.carried = 0;
+    }
+
+    fn carry_until(&mut self, planes: &mut BlockPlanes, run: Run, end: usize) {
+        let BlockPlanes { direct: [direct, direct_odd], indirect: [indirect, indirect_odd], .. } = planes;
+        let light = [direct, indirect, direct_odd, indirect_odd];
+        let all = light.into_iter().chain([&mut planes.features, &mut planes.feature_variance]);
+        let planes = all.flat_map(|planes| planes.chunks_exact_mut(run.pixels));
+        for (plane, line) in planes.zip(&self.lines) {
+            plane[run.first + self.carried..run.first + end].copy_from_slice(&line[self.carried..end]);
+        }
+        self.carried = end;
+    }
+}
+
+/// Planes of light for each cluster and channel: two halves, direct and indirect.
+const LIGHTS: usize = 4;
+
+/// Planes of a block of so many clusters.
+fn lines(clusters: usize) -> usize {
+    LIGHTS * CHANNELS * clusters + 2 * FEATURE_PLANES
 }
 
 /// Bytes of a block's emission while it is traced: twice what is kept, and what one pixel may add.
@@ -209,7 +241,9 @@ mod tests {
         for depth in [1000.0, 1001.0, 1002.0, 1005.0] {
             sums.add_features(&SampleFeatures { depth, on_surface: depth < 1001.5, ..Default::default() });
         }
-        sums.take(&mut planes, 0, [2, 2]);
+        let run = Run { first: 0, count: 1, pixels: 1 };
+        sums.take(&mut planes, run, 0, [2, 2]);
+        sums.carry(&mut planes, run);
         let only = |values: &[f32]| values[0];
         assert_eq!(only(planes.feature(Feature::Depth)), 1002.0);
         assert_eq!(only(planes.feature(Feature::Surface)), 0.5);

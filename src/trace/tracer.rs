@@ -178,10 +178,13 @@ impl Tracer {
                 self.trace_pixel((x, y), &mut sums, plane_sums.as_mut(), &mut stats);
                 tile.take(&mut sums, noise.as_mut(), run, pixel, samples);
                 if let (Some(planes), Some(sums)) = (&mut planes, &mut plane_sums) {
-                    sums.take(planes, first + pixel, samples);
+                    sums.take(planes, run, pixel, samples);
                 }
             }
             tile.carry(target, run);
+            if let (Some(planes), Some(sums)) = (&mut planes, &mut plane_sums) {
+                sums.carry(planes, run);
+            }
         }
         target.noise = noise.map(NoiseSums::finish);
         if let Some(planes) = &mut planes {

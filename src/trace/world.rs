@@ -141,7 +141,8 @@ impl World {
         let (edge1, edge2) = (b - a, c - a);
         let position = a + edge1 * u + edge2 * v;
         let normal = edge1.cross(edge2).normalize_or(Vec3::Z);
-        let [i, j, k] = triangle.vertices.map(|v| v as usize);
+        let [i, j, k] = triangle.vertices;
+        let [i, j, k] = [i as usize, j as usize, k as usize];
         let w = 1.0 - u - v;
         let shading = mesh.normals[i] * w + mesh.normals[j] * u + mesh.normals[k] * v;
         let size = position.abs().max_element().max(edge1.abs().max_element()).max(edge2.abs().max_element());

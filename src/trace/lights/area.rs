@@ -15,9 +15,30 @@ pub(super) struct AreaLight {
     two_sided: bool,
     pattern: Option<Paint>,
     triangles: Vec<u32>,
+    /// The triangles themselves, of lights that are sampled by them.
+    shapes: Vec<Shape>,
     /// Share of the area up to and with each triangle, ending at 1.
     cumulative: Vec<f32>,
     area: f32,
+}
+
+/// A triangle as a sample wants it: in one place, where the mesh has it in many.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    corner: Vec3,
+    edges: [Vec3; 2],
+    normal: Vec3,
+    uvs: [Vec2; 3],
+}
+
+impl Shape {
+    fn of(scene: &Scene, triangle: u32) -> Self {
+        let triangle = &scene.mesh.triangles[triangle as usize];
+        let [a, b, c] = scene.mesh.corners(triangle);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let uvs = triangle.vertices.map(|i| scene.mesh.uvs[i as usize]);
+        Self { corner: a, edges: [b - a, c - a], normal, uvs }
+    }
 }
 
 impl AreaLight {
@@ -44,7 +65,10 @@ impl AreaLight {
             sum += a;
             (sum / total) as f32
         });
+        let is_whole = matches!(emitter.layout, AreaLayout::Whole);
+        let sampled = if is_whole { emitter.triangles.as_slice() } else { &[] };
         Ok(Self {
+            shapes: sampled.iter().map(|&triangle| Shape::of(scene, triangle)).collect(),
             layout: emitter.layout,
             two_sided: emitter.two_sided,
             pattern: emitter.pattern,
@@ -78,7 +102,7 @@ impl AreaLight {
 
     /// A point of the light, uniform over the area, so that every texel gets the same number of samples: position, front
     /// normal, texture coordinates, column.
-    fn point(&self, scene: &Scene, pair: Vec2) -> (Vec3, Vec3, Vec2, u32) {
+    fn point(&self, pair: Vec2) -> (Vec3, Vec3, Vec2, u32) {
         match self.layout {
             AreaLayout::Texels { origin, edge_u, edge_v, normal, across, down } => {
                 let point = origin + edge_u * pair.x + edge_v * pair.y;
@@ -87,19 +111,17 @@ impl AreaLight {
             }
             AreaLayout::Whole => {
                 let (index, x) = self.choose(pair.x);
-                let triangle = &scene.mesh.triangles[self.triangles[index] as usize];
-                let [a, b, c] = scene.mesh.corners(triangle);
+                let Shape { corner, edges, normal, uvs } = &self.shapes[index];
                 let (u, v) = uniform_triangle(Vec2::new(x, pair.y));
-                let uvs = triangle.vertices.map(|i| scene.mesh.uvs[i as usize]);
                 let uv = uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v;
-                (a + (b - a) * u + (c - a) * v, (b - a).cross(c - a).normalize_or_zero(), uv, 0)
+                (*corner + edges[0] * u + edges[1] * v, *normal, uv, 0)
             }
         }
     }
 
     /// A point of the light as a surface sees it.
     pub(super) fn sample(&self, scene: &Scene, position: Vec3, pair: Vec2) -> Option<LightSample> {
-        let (point, normal, uv, column) = self.point(scene, pair);
+        let (point, normal, uv, column) = self.point(pair);
         let offset = point - position;
         let distance2 = offset.length_squared();
         let distance = distance2.sqrt();
@@ -119,7 +141,7 @@ impl AreaLight {
 
     /// A photon from anywhere on it towards the targets.
     pub(super) fn emit(&self, scene: &Scene, targets: &Targets, [place, way]: [Vec2; 2]) -> Option<Emitted> {
-        let (point, normal, uv, column) = self.point(scene, place);
+        let (point, normal, uv, column) = self.point(place);
         let (direction, density) = targets.sample_direction(point, self.side(normal), way)?;
         let cosine = self.cosine(normal, direction);
         let density = density / self.area;

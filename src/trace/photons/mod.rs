@@ -16,6 +16,7 @@
 //! the number of photons that memory is given for.
 
 mod follow;
+mod near;
 mod radius;
 mod targets;
 mod tree;
@@ -30,11 +31,13 @@ use super::integrator::power_heuristic;
 use super::lights::EmitterHit;
 use super::sampler::Sampler;
 use super::world::World;
+use crate::matrix::CHANNELS;
 use crate::scene::Scene;
 use follow::follow;
+pub(super) use near::LANES;
+use near::{Disc, Near};
 use radius::RadiusField;
 pub(super) use targets::Targets;
-use tree::Tree;
 
 /// Photons that leave the lights for each path of the image.
 const PER_PATH: f64 = 0.5;
@@ -44,9 +47,6 @@ const EMITTED: (u64, u64) = (1 << 16, 1 << 20);
 
 /// Most maps. Even, so that a map serves one half of the samples.
 const MAPS: u32 = 16;
-
-/// Photons in a range of a map's tree that is looked through as a whole.
-const LEAF: usize = 8;
 
 /// Height of the disc in which photons are gathered, to either side, in units of its radius: on surfaces that are curved.
 const THICKNESS: f32 = 0.3;
@@ -73,8 +73,21 @@ struct Photon {
 
 #[derive(Debug)]
 struct Map {
-    photons: Vec<Photon>,
-    tree: Tree,
+    count: usize,
+    leaves: Vec<Leaf>,
+    near: Near,
+}
+
+/// What is read of the photons of a leaf: four lines of the cache.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug)]
+struct Leaf {
+    power: [[f32; LANES]; CHANNELS],
+    column: [u32; LANES],
+    density: [f32; LANES],
+    direction: [[i16; LANES]; 2],
+    normal: [[i16; LANES]; 2],
+    segments: [u32; LANES],
 }
 
 /// All photons of a job: a function of the scene, the number of pixels and the settings alone.
@@ -120,15 +133,110 @@ pub(super) struct Gathering {
     pub(super) most_segments: u32,
 }
 
-/// A photon in reach.
+/// Photons in reach that lie together, in the lanes that `mask` names.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Gathered {
-    pub(super) column: u32,
-    /// Unit direction to where it came from.
-    pub(super) towards: Vec3,
-    /// Irradiance across the surface.
-    pub(super) irradiance: Vec3,
-    density: f32,
+    pub(super) mask: u32,
+    pub(super) column: [u32; LANES],
+    /// Unit directions to where they came from, by axis.
+    pub(super) towards: [[f32; LANES]; 3],
+    /// Irradiance across the surface, by channel.
+    pub(super) irradiance: [[f32; LANES]; CHANNELS],
+    density: [f32; LANES],
+}
+
+/// What takes photons in reach.
+pub(super) trait Gather {
+    /// Takes some that lie together.
+    fn take(&mut self, gathered: &Gathered);
+}
+
+/// The leaves of a map on the way to what gathers from them.
+struct Leaves<'a, G> {
+    leaves: &'a [Leaf],
+    at: &'a Gathering,
+    square: f32,
+    into: &'a mut G,
+}
+
+impl<G: Gather> near::Each for Leaves<'_, G> {
+    #[inline(always)]
+    fn leaf(&mut self, leaf: usize, distances: &[f32; LANES], mask: u32) {
+        let gathered = self.leaves[leaf].within(self.at, self.square, distances, mask);
+        if gathered.mask != 0 {
+            self.into.take(&gathered);
+        }
+    }
+
+    #[inline(always)]
+    fn ahead(&self, leaf: usize) {
+        near::fetch(self.leaves, leaf);
+    }
+}
+
+impl Leaf {
+    fn of(photons: &[Photon]) -> Self {
+        let nothing = [[0; LANES]; 2];
+        let mut leaf = Self {
+            power: [[0.0; LANES]; CHANNELS],
+            column: [0; LANES],
+            density: [0.0; LANES],
+            direction: nothing,
+            normal: nothing,
+            segments: [0; LANES],
+        };
+        for (lane, photon) in photons.iter().enumerate() {
+            (0..CHANNELS).for_each(|channel| leaf.power[channel][lane] = photon.power[channel]);
+            for at in 0..2 {
+                (leaf.direction[at][lane], leaf.normal[at][lane]) = (photon.direction[at], photon.normal[at]);
+            }
+            (leaf.column[lane], leaf.density[lane], leaf.segments[lane]) =
+                (photon.column, photon.density, photon.segments);
+        }
+        leaf
+    }
+
+    /// Those of `mask` that lie on a surface alike and whose paths are not too long, at these squared distances.
+    #[inline(always)]
+    fn within(&self, at: &Gathering, square: f32, distances: &[f32; LANES], mask: u32) -> Gathered {
+        // The kernel of Epanechnikov: `2/(π r²) (1 − d²/r²)`.
+        let peak = std::f32::consts::FRAC_2_PI / square;
+        let (normal, direction) = (unfold_lanes(&self.normal), unfold_lanes(&self.direction));
+        let mut alike = [0u32; LANES];
+        let mut share = [0.0; LANES];
+        for lane in 0..LANES {
+            let cosine = normal[0][lane] * at.normal.x + normal[1][lane] * at.normal.y + normal[2][lane] * at.normal.z;
+            alike[lane] = u32::from(cosine > ALIKE) & u32::from(self.segments[lane] <= at.most_segments);
+            share[lane] = peak * (1.0 - distances[lane] / square);
+        }
+        let mut gathered = Gathered {
+            mask: (0..LANES).fold(0, |bits, lane| bits | alike[lane] << lane) & mask,
+            column: self.column,
+            towards: direction,
+            irradiance: self.power,
+            density: self.density,
+        };
+        for lane in 0..LANES {
+            (0..3).for_each(|axis| gathered.towards[axis][lane] = -direction[axis][lane]);
+            (0..CHANNELS).for_each(|channel| gathered.irradiance[channel][lane] *= share[lane]);
+        }
+        gathered
+    }
+}
+
+impl Gathered {
+    /// Weights beside paths that are scattered along the photons' ways with densities `spread` over projected solid angle.
+    /// `expected` is what a photon of density one is expected to bring ([`Photons::expected_of`]).
+    #[inline(always)]
+    pub(super) fn weights(&self, expected: f32, spread: &[f32; LANES]) -> [f32; LANES] {
+        let mut weights = [0.0; LANES];
+        for lane in 0..LANES {
+            let weight = power_heuristic(expected * self.density[lane], spread[lane]);
+            // Where no path can find the light.
+            weights[lane] = if self.density[lane] > 0.0 { weight } else { 1.0 };
+        }
+        weights
+    }
 }
 
 impl Numbers {
@@ -165,8 +273,9 @@ impl Photons {
         let radius = RadiusField::of(&maps, targets.scene_radius())?;
         let maps = maps.par_iter_mut().map(|photons| {
             let mut photons = std::mem::take(photons);
-            let tree = Tree::sort(&mut photons, LEAF, |photon| photon.position);
-            Map { photons, tree }
+            let (near, ranges) = Near::sort(&mut photons, |photon| photon.position);
+            let leaves = ranges.into_iter().map(|range| Leaf::of(&photons[range])).collect();
+            Map { count: photons.len(), leaves, near }
         });
         let maps = maps.collect();
         let per_sample = f64::from(numbers.maps) * f64::from(numbers.per_light) / f64::from(settings.samples_per_pixel);
@@ -175,7 +284,9 @@ impl Photons {
 
     /// Bytes that the photons of a scene take at most, while they are sorted.
     pub(super) fn needs_bytes(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
-        let each = (size_of::<Photon>() + RadiusField::BYTES_PER_PHOTON + Tree::bytes_per_point(LEAF)) as u64;
+        // As they come, and either the radii or the leaves that they are put into.
+        let leaves = size_of::<Leaf>() / (LANES / 2) + Near::BYTES_PER_POINT;
+        let each = (size_of::<Photon>() + RadiusField::BYTES_PER_PHOTON.max(leaves)) as u64;
         Self::sent(scene, pixels, settings) * each
     }
 
@@ -186,7 +297,7 @@ impl Photons {
 
     /// How many have come to rest.
     pub(super) fn count(&self) -> usize {
-        self.maps.iter().map(|map| map.photons.len()).sum()
+        self.maps.iter().map(|map| map.count).sum()
     }
 
     /// The map that a sample gathers from.
@@ -199,36 +310,18 @@ impl Photons {
         self.radius.at(position)
     }
 
-    /// All photons in reach of a surface.
+    /// All photons in reach of a surface, in one order on every machine.
     #[inline]
-    pub(super) fn gather(&self, at: &Gathering, mut each: impl FnMut(Gathered)) {
-        let Some(Map { photons, tree }) = self.maps.get(at.map as usize) else { return };
+    pub(super) fn gather(&self, at: &Gathering, into: &mut impl Gather) {
+        let Some(Map { leaves, near, .. }) = self.maps.get(at.map as usize) else { return };
         let square = at.radius * at.radius;
-        // The kernel of Epanechnikov: `2/(π r²) (1 − d²/r²)`.
-        let peak = std::f32::consts::FRAC_2_PI / square;
-        tree.near(at.position, at.radius, |range| {
-            for photon in &photons[range] {
-                let offset = photon.position - at.position;
-                let distance2 = offset.length_squared();
-                if distance2 < square
-                    && photon.segments <= at.most_segments
-                    && offset.dot(at.normal).abs() < THICKNESS * at.radius
-                    && unfold(photon.normal).dot(at.normal) > ALIKE
-                {
-                    let irradiance = photon.power * (peak * (1.0 - distance2 / square));
-                    let (column, towards) = (photon.column, -unfold(photon.direction));
-                    each(Gathered { column, towards, irradiance, density: photon.density });
-                }
-            }
-        });
+        let disc = Disc { centre: at.position, normal: at.normal, square, height: THICKNESS * at.radius };
+        near.find(&disc, Leaves { leaves, at, square, into });
     }
 
-    /// Weight of a gathered photon beside a path that is scattered along its way with density `spread` over projected solid
-    /// angle.
-    pub(super) fn weight(&self, photon: &Gathered, radius: f32, spread: f32) -> f32 {
-        let expected = self.expected(photon.density, radius);
-        // Where no path can find the light.
-        if photon.density > 0.0 { power_heuristic(expected, spread) } else { 1.0 }
+    /// What [`Gathered::weight`] wants of a radius: photons that come within it for each sample, over their density.
+    pub(super) fn expected_of(&self, radius: f32) -> f32 {
+        self.per_sample * std::f32::consts::PI * radius * radius
     }
 
     /// Weight of a path that was scattered with density `spread` over projected solid angle at a surface that gathered within
@@ -241,12 +334,7 @@ impl Photons {
         (radius, spread): (f32, f32),
     ) -> f32 {
         let density = world.lights.emitted_density(&self.targets, source, hit);
-        power_heuristic(spread, self.expected(density, radius))
-    }
-
-    /// Photons of a density that come within a radius for each sample.
-    fn expected(&self, density: f32, radius: f32) -> f32 {
-        self.per_sample * std::f32::consts::PI * radius * radius * density
+        power_heuristic(spread, self.expected_of(radius) * density)
     }
 }
 
@@ -275,11 +363,19 @@ fn fold(v: Vec3) -> [i16; 2] {
     [x, y].map(|t| (t * 32_767.0).round() as i16)
 }
 
-fn unfold(folded: [i16; 2]) -> Vec3 {
-    let [x, y] = folded.map(|t| f32::from(t) / 32_767.0);
-    let z = 1.0 - x.abs() - y.abs();
-    let below = (-z).max(0.0);
-    Vec3::new(x - below.copysign(x), y - below.copysign(y), z).normalize()
+/// The unit vectors of eight points of that square.
+#[inline(always)]
+fn unfold_lanes(folded: &[[i16; LANES]; 2]) -> [[f32; LANES]; 3] {
+    let mut vectors = [[0.0; LANES]; 3];
+    for lane in 0..LANES {
+        let (x, y) = (f32::from(folded[0][lane]) / 32_767.0, f32::from(folded[1][lane]) / 32_767.0);
+        let z = 1.0 - x.abs() - y.abs();
+        let below = (-z).max(0.0);
+        let (x, y) = (x - below.copysign(x), y - below.copysign(y));
+        let scale = 1.0 / (x * x + y * y + z * z).sqrt();
+        (vectors[0][lane], vectors[1][lane], vectors[2][lane]) = (x * scale, y * scale, z * scale);
+    }
+    vectors
 }
 
 #[cfg(test)]
@@ -292,7 +388,8 @@ mod tests {
             let (z, turn) = (f64::from(i) / 1000.0 - 0.9995, f64::from(i) * 2.4);
             let across = (1.0 - z * z).sqrt();
             let v = Vec3::new((across * turn.cos()) as f32, (across * turn.sin()) as f32, z as f32);
-            assert!(unfold(fold(v)).distance(v) < 1e-4, "{v}");
+            let [x, y, z] = unfold_lanes(&fold(v).map(|t| [t; LANES])).map(|lanes| lanes[3]);
+            assert!(Vec3::new(x, y, z).distance(v) < 1e-4, "{v}");
         }
     }
 }

@@ -21,11 +21,6 @@ impl Tree {
         tree
     }
 
-    /// Bytes of a tree for each of its points, at most.
-    pub(super) const fn bytes_per_point(leaf: usize) -> usize {
-        (2 * size_of::<(f32, u32)>()).div_ceil(leaf)
-    }
-
     fn part<T>(&mut self, node: usize, points: &mut [T], position: impl Fn(&T) -> Vec3 + Copy) {
         if node >= self.planes.len() {
             return;
@@ -64,37 +59,6 @@ impl Tree {
         }
         leaves
     }
-
-    /// Every range of points that a sphere may reach into.
-    #[inline]
-    pub(super) fn near(&self, centre: Vec3, radius: f32, mut each: impl FnMut(std::ops::Range<usize>)) {
-        // One entry for each level at most.
-        let mut waiting = [(0u32, 0u32, 0u32); 33];
-        let (mut count, mut next) = (0, Some((0u32, 0u32, self.points as u32)));
-        while let Some((node, start, end)) = next {
-            let pop = |count: &mut usize| {
-                *count = count.checked_sub(1)?;
-                Some(waiting[*count])
-            };
-            let Some(&(at, axis)) = self.planes.get(node as usize) else {
-                each(start as usize..end as usize);
-                next = pop(&mut count);
-                continue;
-            };
-            let middle = start + (end - start) / 2;
-            let (below, above) = ((2 * node + 1, start, middle), (2 * node + 2, middle, end));
-            let beyond = centre[axis as usize] - at;
-            next = match (beyond <= radius, beyond >= -radius) {
-                (true, false) => Some(below),
-                (false, _) => Some(above),
-                (true, true) => {
-                    waiting[count] = above;
-                    count += 1;
-                    Some(below)
-                }
-            };
-        }
-    }
 }
 
 /// The box around points.
@@ -110,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sphere_finds_all_points_in_it_and_leaves_hold_what_lies_in_them() {
+    fn leaves_hold_what_lies_in_them() {
         let mut random = Pcg64Mcg::seed_from_u64(1);
         for count in [0usize, 1, 2, 7, 8, 9, 1000] {
             // Some lie on planes, as photons do; and some in one place.
@@ -123,13 +87,6 @@ mod tests {
                 // Those on a plane between two leaves may be in either.
                 let strays = points[range].iter().filter(|&&point| tree.leaf_of(point) != leaf).count();
                 assert!(strays <= 8, "{strays} of leaf {leaf}");
-            }
-            for _ in 0..50 {
-                let (centre, radius) = (place(), 0.3);
-                let inside = |point: &&Vec3| point.distance(centre) <= radius;
-                let mut found = 0;
-                tree.near(centre, radius, |range| found += points[range].iter().filter(inside).count());
-                assert_eq!(found, points.iter().filter(inside).count());
             }
         }
     }
