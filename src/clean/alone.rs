@@ -114,7 +114,7 @@ struct Each<'a> {
 struct Around {
     guides: Vec<GuideCut>,
     surfaces: SurfacesCut,
-    common: Vec<f32>,
+    common: Vec<[f32; TILE_PIXELS]>,
 }
 
 impl Weigh for Each<'_> {
@@ -128,20 +128,23 @@ impl Weigh for Each<'_> {
         Around {
             guides: self.guides.iter().map(|guide| guide.around(tile, reach, PATCH)).collect(),
             surfaces: self.alone.surfaces.around(tile, reach),
-            common: vec![0.0; self.alone.offsets.count() * TILE_PIXELS],
+            common: vec![[0.0; TILE_PIXELS]; self.alone.offsets.count()],
         }
     }
 
     #[inline(always)]
     fn weigh<S: Simd>(&self, simd: S, around: &mut Around, of: Neighbours, out: &mut [f32; TILE_PIXELS]) {
-        let common = around.common[of.index * TILE_PIXELS..].first_chunk_mut::<TILE_PIXELS>();
-        let (Some(common), Some(guide)) = (common, around.guides.get_mut(of.image)) else { return };
+        let (Some(common), Some(guide)) = (around.common.get_mut(of.index), around.guides.get_mut(of.image)) else {
+            return;
+        };
         if of.image == 0 {
             common.fill(nearness(of.offset, self.alone.offsets.radius()));
             around.surfaces.add_distances(simd, of.offset, common);
         }
         guide.distances(simd, of.offset, &self.alone.widths, out);
-        out.iter_mut().zip(&*common).for_each(|(out, common)| *out = out.max(0.0) + common);
+        for (out, common) in out.iter_mut().zip(&*common) {
+            *out = out.max(0.0) + common;
+        }
         weights(out);
     }
 }

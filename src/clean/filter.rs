@@ -254,7 +254,9 @@ impl Weigh for Alike<'_> {
     ) {
         guide.distances(simd, offset, &self.widths, out);
         let near = self.radius.map_or(0.0, |radius| nearness(offset, radius));
-        out.iter_mut().for_each(|distance| *distance = distance.max(0.0) + near);
+        for distance in out.iter_mut() {
+            *distance = distance.max(0.0) + near;
+        }
         surfaces.add_distances(simd, offset, out);
         weights(out);
     }

@@ -5,7 +5,7 @@ use pulp::Simd;
 use super::constants::CHROMA;
 use super::kernel::Offset;
 use super::rows::{Pool, Region, Rows};
-use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, whole_vectors};
+use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load, whole_vectors};
 
 /// Guides, then the sum of their variances, then that of their squares.
 pub(super) struct Guide {
@@ -90,19 +90,23 @@ impl GuideCut {
         // Of the tile and what its patches reach, row by row.
         let length = whole_vectors::<S>(TILE_WIDTH + 2 * patch);
         self.distances.resize((TILE_HEIGHT + 2 * patch) * length, 0.0);
-        let (noise, relative) = (widths.noise * widths.noise, widths.relative * widths.relative);
+        let noise = simd.splat_f32s(widths.noise * widths.noise);
+        let relative = simd.splat_f32s(widths.relative * widths.relative);
+        let least = simd.splat_f32s(1e-12);
         let x = -(patch as isize);
         for (row, out) in self.distances.chunks_exact_mut(length).enumerate() {
             let y = row as isize - patch as isize;
             self.cut.squared_differences(simd, self.guides, (x, y), (across, down), out);
-            let here = |plane| self.cut.pixels(plane, (x, y), length);
-            let there = |plane| self.cut.pixels(plane, (x + across, y + down), length);
-            let (noise_here, noise_there) = (here(self.guides), there(self.guides));
-            let (size_here, size_there) = (here(self.guides + 1), there(self.guides + 1));
-            for i in 0..length {
-                let noises = noise_here[i] + noise_there[i];
-                let sizes = size_here[i] + size_there[i];
-                out[i] = (out[i] - noises) / (noise * noises + relative * sizes + 1e-12);
+            let (here, there) = (self.cut.at((x, y)), self.cut.at((x + across, y + down)));
+            // No closures: they would not be compiled for the vectors of the machine.
+            let (values, noise_plane) = (self.cut.values(), self.guides * self.cut.plane_length());
+            for (vector, out) in S::as_mut_simd_f32s(out).0.iter_mut().enumerate() {
+                let at = noise_plane + vector * S::F32_LANES;
+                let noises = simd.add_f32s(load::<S>(values, here + at), load::<S>(values, there + at));
+                let at = at + self.cut.plane_length();
+                let sizes = simd.add_f32s(load::<S>(values, here + at), load::<S>(values, there + at));
+                let width = simd.add_f32s(simd.mul_f32s(noise, noises), simd.mul_f32s(relative, sizes));
+                *out = simd.div_f32s(simd.sub_f32s(*out, noises), simd.add_f32s(width, least));
             }
         }
         let side = 2 * patch + 1;
@@ -110,13 +114,18 @@ impl GuideCut {
         // Sums across, each of which goes to all rows that it is near.
         out.fill(0.0);
         for (row, distances) in self.distances.chunks_exact(length).enumerate() {
-            let mut across: [f32; TILE_WIDTH] = std::array::from_fn(|x| distances[x]);
+            let mut across = [0.0; TILE_WIDTH];
+            across.copy_from_slice(&distances[..TILE_WIDTH]);
             for x in 1..side {
-                across.iter_mut().zip(&distances[x..x + TILE_WIDTH]).for_each(|(sum, d)| *sum += d);
+                for (sum, d) in across.iter_mut().zip(&distances[x..x + TILE_WIDTH]) {
+                    *sum += d;
+                }
             }
             let (first, end) = ((row + 1).saturating_sub(side), (row + 1).min(TILE_HEIGHT));
             for out in out[first * TILE_WIDTH..end * TILE_WIDTH].chunks_exact_mut(TILE_WIDTH) {
-                out.iter_mut().zip(&across).for_each(|(out, sum)| *out += scale * sum);
+                for (out, sum) in out.iter_mut().zip(&across) {
+                    *out += scale * sum;
+                }
             }
         }
     }

@@ -195,7 +195,9 @@ impl<W: Weigh> TileOfMeans<'_, W> {
             }
             self.weigher.weigh(simd, ready, Neighbours { image, offset, index }, weights);
             if offset.0.abs() <= 1 && offset.1.abs() <= 1 {
-                weights.iter_mut().for_each(|w| *w += BESIDE);
+                for w in weights.iter_mut() {
+                    *w += BESIDE;
+                }
             }
             forget_outside(self.images, self.tile, offset, weights);
             for i in 0..TILE_PIXELS {
@@ -210,9 +212,13 @@ impl<W: Weigh> TileOfMeans<'_, W> {
                 sums[i] += own[i];
             }
         }
-        sums.iter_mut().for_each(|sum| *sum = 1.0 / *sum);
+        for sum in &mut sums {
+            *sum = 1.0 / *sum;
+        }
         for weights in self.weights.chunks_exact_mut(TILE_PIXELS) {
-            weights.iter_mut().zip(&sums).for_each(|(w, scale)| *w *= scale);
+            for (w, scale) in weights.iter_mut().zip(&sums) {
+                *w *= scale;
+            }
         }
     }
 
@@ -317,10 +323,14 @@ fn correct_slope(weights: &mut [f32], offsets: &[Offset], slope: f32) {
     let mut moments = [[0.0f32; TILE_PIXELS]; 6];
     for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact(TILE_PIXELS)) {
         let (x, y) = (across as f32, down as f32);
-        for (moments, term) in moments.iter_mut().zip([x, y, x * x, x * y, y * y]) {
-            moments.iter_mut().zip(weights).for_each(|(sum, w)| *sum += w * term);
+        let terms = [x, y, x * x, x * y, y * y];
+        // All sums in one pass over the weights, without closures: they would not be compiled for the vectors of the machine.
+        for (i, w) in weights.iter().enumerate() {
+            for moment in 0..5 {
+                moments[moment][i] += w * terms[moment];
+            }
+            moments[5][i] += w * w;
         }
-        moments[5].iter_mut().zip(weights).for_each(|(sum, w)| *sum += w * w);
     }
     // Each weight is multiplied by `1 − (C⁻¹ m)ᵀ (offset − m)`, or by less of it.
     let mut tilts = [[0.0f32; TILE_PIXELS]; 3];

@@ -93,6 +93,12 @@ impl Surfaces {
 pub(super) struct SurfacesCut(Cut);
 
 impl SurfacesCut {
+    /// A row of a tile's width that begins at a pixel.
+    #[inline(always)]
+    fn row(&self, plane: usize, begin: Offset) -> &[f32] {
+        self.0.pixels(plane, begin, TILE_WIDTH)
+    }
+
     /// Adds the distances of the pixels of a tile from their neighbours at one offset.
     #[inline(always)]
     pub(super) fn add_distances<S: Simd>(&self, simd: S, (across, down): Offset, out: &mut [f32; TILE_PIXELS]) {
@@ -100,12 +106,12 @@ impl SurfacesCut {
         for (row, out) in out.chunks_exact_mut(TILE_WIDTH).enumerate() {
             let y = row as isize;
             self.0.squared_differences(simd, COMPARED, (0, y), (across, down), &mut sums);
-            let here = |plane| self.0.pixels(plane, (0, y), TILE_WIDTH);
-            let there = |plane| self.0.pixels(plane, (across, y + down), TILE_WIDTH);
-            let (noise, other_noise) = (here(NOISE), there(NOISE));
-            let (depth, other_depth) = (here(INVERSE_DEPTH), there(INVERSE_DEPTH));
-            let (slope_across, slope_down) = (here(SLOPE_ACROSS), here(SLOPE_DOWN));
-            let (depth_noise, other_depth_noise) = (here(INVERSE_DEPTH_NOISE), there(INVERSE_DEPTH_NOISE));
+            let (here, there) = ((0, y), (across, y + down));
+            let (noise, other_noise) = (self.row(NOISE, here), self.row(NOISE, there));
+            let (depth, other_depth) = (self.row(INVERSE_DEPTH, here), self.row(INVERSE_DEPTH, there));
+            let (slope_across, slope_down) = (self.row(SLOPE_ACROSS, here), self.row(SLOPE_DOWN, here));
+            let (depth_noise, other_depth_noise) =
+                (self.row(INVERSE_DEPTH_NOISE, here), self.row(INVERSE_DEPTH_NOISE, there));
             for (i, out) in out.iter_mut().enumerate() {
                 let noises = noise[i] + other_noise[i];
                 let off = (sums[i] - noises).max(0.0) / (1.0 + noises);
