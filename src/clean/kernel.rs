@@ -422,7 +422,8 @@ mod tests {
         images.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
         let hardly = ByPlace(|_, _| 1e-42);
         let means = means(&images, &images.whole(), &Offsets::disc(6, 3), 1.0, &hardly);
-        assert_eq!(means.values(), images.values());
+        let is_kept = means.values().iter().zip(images.values()).all(|(mean, value)| (mean - value).abs() < 1e-6);
+        assert!(is_kept, "{means:?}");
     }
 
     /// Against sums over neighbours pixel by pixel, for images of several planes that are larger than a tile, and regions.

@@ -22,7 +22,7 @@ struct Plan {
     memory_bytes: u64,
 }
 
-const QUICK: Plan = Plan { size: (64, 48), texels: &[8], samples: 4, memory_bytes: 64 << 20 };
+const QUICK: Plan = Plan { size: (64, 48), texels: &[8], samples: 4, memory_bytes: 256 << 20 };
 const FULL: Plan = Plan { size: (1024, 768), texels: &[32, 64], samples: 16, memory_bytes: 1 << 30 };
 
 /// What one stage took.
