@@ -139,7 +139,7 @@ struct Filter<'a> {
 
 impl Filter<'_> {
     fn direct(&self, light: &Rows, mix: &[f32]) -> Rows {
-        let filtered = self.region.grown(self.reach.common(), light);
+        let filtered = self.region.grown(RISK_REACH, light);
         let guide = {
             let compared = filtered.grown(self.reach.direct() + PATCH, light);
             let pilot = compared.grown(FILTERED_NOISE_REACH, light);
@@ -162,13 +162,7 @@ impl Filter<'_> {
         let offsets = self.reach.direct_offsets(self.reach.direct());
         let means = weighted_means(light, &filtered, &offsets, SLOPE, &alike, self.pool);
         self.pool.keep(alike.guide.into_rows());
-        let alone = Alone {
-            surfaces: &self.surfaces,
-            widths: GuideWidths { noise: ALONE_DIRECT_NOISE, relative: ALONE_RELATIVE },
-            slope: ALONE_DIRECT_SLOPE,
-            offsets: self.reach.alone_direct(),
-        };
-        self.trusted(light, means, &alone)
+        self.trusted(light, means)
     }
 
     fn indirect(&self, light: &Rows, mix: &[f32]) -> Rows {
@@ -186,15 +180,16 @@ impl Filter<'_> {
         };
         let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
         let mut alike = self.alike(guide, widths, 0);
-        let means = self.wide_then_narrow(light, &filtered, SLOPE, &mut alike);
+        let mut means = self.wide_then_narrow(light, &filtered, SLOPE, &mut alike);
         self.pool.keep(alike.guide.into_rows());
         let alone = Alone {
             surfaces: &self.surfaces,
-            widths: GuideWidths { noise: ALONE_INDIRECT_NOISE, relative: ALONE_RELATIVE },
-            slope: ALONE_INDIRECT_SLOPE,
-            offsets: self.reach.alone_indirect(),
+            widths: GuideWidths { noise: ALONE_NOISE, relative: ALONE_RELATIVE },
+            slope: ALONE_SLOPE,
+            offsets: self.reach.alone(),
         };
-        self.trusted(light, means, &alone)
+        alone.filter(&mut means, &self.region.grown(RISK_REACH, light), self.pool);
+        self.trusted(light, means)
     }
 
     /// A wide filter that reads some of the pixels, then a narrow one that reads all.
@@ -220,9 +215,8 @@ impl Filter<'_> {
         guide
     }
 
-    /// The means, each image by itself once more, as far as they may be trusted beside the light that they are of.
-    fn trusted(&self, light: &Rows, mut means: Rows, alone: &Alone<'_>) -> Rows {
-        alone.filter(&mut means, &self.region.grown(RISK_REACH, light), self.pool);
+    /// The means as far as they may be trusted beside the light that they are of.
+    fn trusted(&self, light: &Rows, mut means: Rows) -> Rows {
         mix_in(light, &mut means, self.region, self.pool);
         means
     }

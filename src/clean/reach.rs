@@ -39,14 +39,9 @@ impl Reach {
         INDIRECT_WIDE * self.stride
     }
 
-    /// What each image of direct light by itself reads.
-    pub(super) fn alone_direct(self) -> Offsets {
-        Offsets::disc(ALONE_DIRECT.0 * ALONE_DIRECT.1, ALONE_DIRECT.1)
-    }
-
     /// What each image of indirect light by itself reads.
-    pub(super) fn alone_indirect(self) -> Offsets {
-        Offsets::disc(ALONE_INDIRECT.0 * ALONE_INDIRECT.1, ALONE_INDIRECT.1)
+    pub(super) fn alone(self) -> Offsets {
+        Offsets::disc(ALONE.0 * ALONE.1, ALONE.1)
     }
 
     /// Both filters of indirect light.
@@ -54,10 +49,10 @@ impl Reach {
         INDIRECT_NARROW + self.wide()
     }
 
-    /// Pixels around a region that what comes out of it reads of the images that common weights filtered: the risk's squares, and what
-    /// each image by itself reads, its noise too.
+    /// Pixels around a region that what comes out of it reads of the images of indirect light that common weights filtered: the risk's
+    /// squares, and what each image by itself reads, its noise too.
     pub(super) fn common(self) -> usize {
-        RISK_REACH + self.alone_indirect().radius().max(self.alone_direct().radius()) + PATCH + FILTERED_NOISE_REACH
+        RISK_REACH + self.alone().radius() + PATCH + FILTERED_NOISE_REACH
     }
 
     /// Pixels whose light that reads: those of the narrow filter and the wide one.
