@@ -319,7 +319,7 @@ impl Photons {
         near.find(&disc, Leaves { leaves, at, square, into });
     }
 
-    /// What [`Gathered::weight`] wants of a radius: photons that come within it for each sample, over their density.
+    /// What [`Gathered::weights`] wants of a radius: photons that come within it for each sample, over their density.
     pub(super) fn expected_of(&self, radius: f32) -> f32 {
         self.per_sample * std::f32::consts::PI * radius * radius
     }
