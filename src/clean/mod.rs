@@ -33,7 +33,7 @@ mod tally;
 mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 9;
+pub const CLEANER_VERSION: u32 = 10;
 
 pub use errors::ErrorSums;
 pub use filter::{Cleaned, Window, WindowStrip, clean, pixel_bytes};

@@ -45,7 +45,7 @@ impl Compressor {
     }
 
     /// Adds to `block`, in which every column is a mixture of the images of clusters by `map` (`R`, row-major), what tells the
-    /// columns apart beside that. No entry is then below 0 where its cluster's image is not, and that image stays.
+    /// columns apart beside that. No entry is then below 0, and where the image of its cluster is not, that stays.
     ///
     /// # Panics
     /// If they are of another size.
@@ -136,7 +136,8 @@ fn beside_clusters(row: &[f32], (clusters, map): (&Clusters, &[f32])) -> Vec<f32
     rest
 }
 
-/// Takes from each cluster's columns what is below 0, pixel by pixel, and as much from those above: their sum stays.
+/// Takes from each cluster's columns what is below 0, pixel by pixel, and as much from those above: their sum stays, or is 0 where
+/// it was below that.
 fn keep_positive(clusters: &Clusters, block: &mut Block) {
     let rows = block.rows();
     // Of each cluster and row: the sum, and that of what is above 0.
@@ -150,8 +151,42 @@ fn keep_positive(clusters: &Clusters, block: &mut Block) {
     for (entries, &cluster) in block.entries_mut().chunks_exact_mut(rows).zip(clusters.of_column()) {
         for (entry, [sum, above]) in entries.iter_mut().zip(&sums[usize::from(cluster) * rows..][..rows]) {
             if above > sum {
-                *entry = entry.max(0.0) * (sum.max(0.0) / above);
+                *entry = if *sum > 0.0 { entry.max(0.0) * (sum / above) } else { 0.0 };
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::{Light, LightBasis, LightKind};
+
+    /// A row each of: columns of both signs, all below 0, both signs with a sum below 0, all 0, all above.
+    #[test]
+    fn nothing_stays_below_zero_and_sums_stay() {
+        let mut basis = LightBasis::new();
+        basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: 12, down: 12 })).unwrap();
+        let clusters = Clusters::of_basis(&basis);
+        let columns = clusters.of_column().len();
+        let values = |row: usize, column: usize| {
+            let is_odd = column % 2 == 1;
+            [if is_odd { -0.1 } else { 0.5 }, -0.3, if is_odd { -0.5 } else { 0.1 }, 0.0, 0.2][row]
+        };
+        let entries = (0..columns).flat_map(|column| (0..5).map(move |row| values(row, column))).collect();
+        let mut block = Block::from_entries(5, columns, entries);
+        let sums = |block: &Block| {
+            let mut sums = vec![0.0f32; 5 * clusters.count()];
+            for (entries, &cluster) in block.entries().chunks_exact(5).zip(clusters.of_column()) {
+                sums[5 * usize::from(cluster)..].iter_mut().zip(entries).for_each(|(sum, v)| *sum += v);
+            }
+            sums
+        };
+        let before = sums(&block);
+        keep_positive(&clusters, &mut block);
+        assert!(block.entries().iter().all(|v| *v >= 0.0));
+        for (after, before) in sums(&block).iter().zip(before) {
+            assert!((after - before.max(0.0)).abs() < 1e-5, "{after}, not {before}");
         }
     }
 }

@@ -305,12 +305,30 @@ class Page {
 
   request() {
     this.isWanted = true;
+    document.body.dataset.drawing = 'yes';
     if (!this.isBusy) requestAnimationFrame(() => this.draw());
   }
 
   async draw() {
     if (this.isBusy || !this.isWanted) return;
     [this.isBusy, this.isWanted] = [true, false];
+    try {
+      await this.paint();
+    } catch (error) {
+      // A GPU that is lost says so now or in a moment, and the workers take over.
+      if (this.engine.way === 'worker') throw error;
+      console.info(String(error));
+      this.isWanted = true;
+    } finally {
+      this.isBusy = false;
+    }
+    document.body.dataset.drawing = this.isWanted ? 'yes' : 'no';
+    this.showState();
+    this.probe();
+    if (this.isWanted) requestAnimationFrame(() => this.draw());
+  }
+
+  async paint() {
     const begun = performance.now();
     const tone = toneOf(this.curve, this.exposure);
     this.weights ??= this.desk.lighting(this.current);
@@ -328,10 +346,6 @@ class Page {
         await this.engine.drawSmall(thumb, this.desk.lighting(this.desk.mixOf(i - 1)), tone);
       }
     }
-    this.isBusy = false;
-    this.showState();
-    this.probe();
-    if (this.isWanted) requestAnimationFrame(() => this.draw());
   }
 
   /** Puts the picture, and what it is compared with, where they are seen. */

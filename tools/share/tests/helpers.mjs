@@ -63,6 +63,8 @@ export async function serve({ page, data, ranges = true, bytesPerSec = 0, whole 
     response.end();
   });
   await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
+  // A test that fails leaves its server open: that must not keep the process.
+  server.unref();
   return { url: `http://127.0.0.1:${server.address().port}/`, asked, close: () => server.closeAllConnections() ?? server.close() };
 }
 
@@ -113,10 +115,10 @@ export function state(page, ...wanted) {
   return page.waitForFunction((states) => states.includes(document.body?.dataset.state), wanted, { timeout: 60_000, polling: 20 });
 }
 
-/** Waits until nothing is left to draw. */
+/** Waits until all has come and nothing is left to draw. */
 export async function settled(page) {
-  await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
   await state(page, 'complete', 'damaged');
+  await page.waitForFunction(() => document.body.dataset.drawing === 'no', null, { timeout: 60_000, polling: 20 });
 }
 
 /** The bytes of the picture that is seen, without alpha. */

@@ -54,7 +54,7 @@ describe('loading', { skip: !hasBrowser }, () => {
   });
 
   it('shows the whole picture early on a slow network, and refines it', async () => {
-    const server = await serve({ ...made, bytesPerSec: 6000 });
+    const server = await serve({ ...made, bytesPerSec: made.data.length / 12 });
     const page = await open(browser, server.url);
     await state(page, 'preview', 'base');
     await page.evaluate(() => new Promise((resolve) => setTimeout(resolve, 200)));
