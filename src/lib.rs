@@ -53,7 +53,7 @@
 //! | `wgpu`, `pollster` | `relight/gpu` |
 //! | `gltf` | `scene/gltf` |
 //! | `faer` | `clean`, `compress` |
-//! | `rand`, `rand_pcg` | `compress`, `light`, `relight` |
+//! | `rand`, `rand_pcg` | `compress`, `light`, `pipeline`, `relight` |
 //! | `glam` | `light`, `scene`, `trace` |
 //! | `obvhs` | `trace` |
 //! | `serde`, `toml` | `look`, `scene` |

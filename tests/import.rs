@@ -15,7 +15,7 @@ use ltm::image::{
 };
 use ltm::light::{Job, LightBasis, LightKind, Lighting};
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
-use ltm::pipeline::{self, ImportedMatrix, PackOptions, SecondImages};
+use ltm::pipeline::{self, ImageNoise, ImportedMatrix, PackOptions, SecondImages};
 use ltm::relight::{relight_raw, relight_streaming};
 use ltm::{Error, Result};
 
@@ -47,6 +47,7 @@ fn main() -> ExitCode {
         own("the_whole_need_is_said_before_images_are_read", the_whole_need_is_said_before_images_are_read),
         own("a_target_in_bytes_is_that_of_the_file", a_target_in_bytes_is_that_of_the_file),
         own("two_renderings_are_cleaned_of_their_noise", two_renderings_are_cleaned),
+        own("one_rendering_is_cleaned_of_what_looks_like_noise", one_rendering_is_cleaned),
         own("a_second_rendering_of_other_lights_is_refused", another_second_rendering),
         own("images_of_texels_are_one_light", images_of_texels),
         own("lights_of_an_array_are_placed_by_their_images", lights_by_their_images),
@@ -101,7 +102,15 @@ fn import(path: &Path, layers: Option<&str>) -> Result<ImportedMatrix> {
     let layers = layers.map(|layers| layers.parse::<LayerPattern>().unwrap());
     let beside = tempfile::tempdir().unwrap();
     let set = LightSet::open(path, layers.as_ref())?;
-    ImportedMatrix::read(&set, None, "test", &beside.path().join("x"), 8, &PackOptions::default(), &Quiet)
+    ImportedMatrix::read(
+        &set,
+        ImageNoise::Unknown,
+        "test",
+        &beside.path().join("x"),
+        8,
+        &PackOptions::default(),
+        &Quiet,
+    )
 }
 
 fn names(matrix: &ImportedMatrix) -> Vec<String> {
@@ -274,7 +283,7 @@ fn what_cannot_be_imported_is_refused() {
     assert!(error.contains("'key light' is not finite at pixel 1, 1"), "{error}");
     let set = LightSet::open(&path, None).unwrap();
     let options = PackOptions { memory_bytes: Some(1 << 20), ..Default::default() };
-    let error = ImportedMatrix::read(&set, None, "test", &path, 8, &options, &Quiet).unwrap_err();
+    let error = ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &path, 8, &options, &Quiet).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }), "{error}");
 }
 
@@ -320,7 +329,8 @@ fn the_whole_need_is_said_before_images_are_read() {
     write_layers(&path, &NAMES, &images());
     let set = LightSet::open(&path, None).unwrap();
     let (notes, output) = (Notes::default(), folder.path().join("a.ltc"));
-    let matrix = ImportedMatrix::read(&set, None, "test", &output, 8, &PackOptions::default(), &notes).unwrap();
+    let matrix =
+        ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &output, 8, &PackOptions::default(), &notes).unwrap();
     pipeline::pack(&matrix, matrix.job(), &output, &PackOptions::default(), &notes).unwrap();
     let said = notes.0.into_inner().unwrap();
     assert!(said[0].contains("reading the images, then packing") && said[0].contains("of disk"), "{said:?}");
@@ -356,7 +366,7 @@ fn a_target_in_bytes_is_that_of_the_file() {
         let mut options = PackOptions::default();
         options.compress.target = Target::Bytes(wanted);
         let output = folder.path().join(format!("{wanted}.ltc"));
-        let matrix = ImportedMatrix::read(&set, None, "test", &output, 32, &options, &Quiet).unwrap();
+        let matrix = ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &output, 32, &options, &Quiet).unwrap();
         let report = pipeline::pack(&matrix, matrix.job(), &output, &options, &Quiet).unwrap();
         assert_eq!(report.packed_bytes, std::fs::metadata(&output).unwrap().len());
         // All six blocks are encoded for each guess. Steps are powers of 2^(1/8), so that not every size can be had.
@@ -409,6 +419,31 @@ fn grain(seed: usize) -> impl Fn(usize) -> f32 {
     }
 }
 
+/// Squared errors of the images of the lights, as they are in a matrix and packed from it.
+fn errors_before_and_after(matrix: &ImportedMatrix, output: &Path) -> (f64, f64) {
+    let truth = room(|_| 0.0);
+    let squared_error = |light: &str, image: &LinearImage| -> f64 {
+        let each = ["R", "G", "B"].into_iter().enumerate().map(|(channel, colour)| {
+            let name = format!("V.Combined_{light}.{colour}");
+            let (_, light) = truth.iter().find(|(n, _)| *n == name).expect("it is there");
+            image.pixels.iter().zip(light).map(|(p, v)| f64::from(p[channel] - v).powi(2)).sum::<f64>()
+        });
+        each.sum()
+    };
+    let options = PackOptions { denoise: true, ..Default::default() };
+    let report = pipeline::pack(matrix, matrix.job(), output, &options, &Quiet).unwrap();
+    assert!(report.cleaning.is_some());
+    let container = ContainerReader::open(output).unwrap();
+    let (mut before, mut after) = (0.0, 0.0);
+    for (light, name) in names(matrix).iter().enumerate() {
+        let lighting = Lighting::uniform(2, [1.0; 3]).unwrap().only([light as u32]);
+        let (image, _) = relight_streaming(&container, &lighting).unwrap();
+        before += squared_error(name, &column_of(matrix, ColumnIndex(light as u32)));
+        after += squared_error(name, &image);
+    }
+    (before, after)
+}
+
 fn two_renderings_are_cleaned() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -417,39 +452,49 @@ fn two_renderings_are_cleaned() {
     }
     let sets = ["a.exr", "b.exr"].map(|name| LightSet::open(&at(name), None).unwrap());
     let passes = ["a.exr", "b.exr"].map(|name| FeaturePasses::find(&at(name)).unwrap().expect("it has passes"));
-    let truth = room(|_| 0.0);
-    let of_light = |name: &str, colour: &str| {
-        &truth.iter().find(|(n, _)| *n == format!("V.Combined_{name}.{colour}")).expect("it is there").1
-    };
-    let squared_error = |light: &str, image: &LinearImage| -> f64 {
-        let each = ["R", "G", "B"].into_iter().enumerate().map(|(channel, colour)| {
-            let pairs = image.pixels.iter().zip(of_light(light, colour));
-            pairs.map(|(p, v)| f64::from(p[channel] - v).powi(2)).sum::<f64>()
-        });
-        each.sum()
-    };
-    // Of the matrix as it is, and packed.
     let errors = |features: [Option<&FeaturePasses>; 2]| {
-        let options = PackOptions { denoise: true, ..Default::default() };
         let output = at(&format!("{}.ltc", features[0].is_some()));
-        let second = Some(SecondImages { set: &sets[1], features });
+        let second = ImageNoise::Measured(SecondImages { set: &sets[1], features });
+        let options = PackOptions { denoise: true, ..Default::default() };
         let matrix = ImportedMatrix::read(&sets[0], second, "test", &output, 16, &options, &Quiet).unwrap();
         assert_eq!(matrix.warnings, Vec::<String>::new());
-        let report = pipeline::pack(&matrix, matrix.job(), &output, &options, &Quiet).unwrap();
-        assert!(report.cleaning.is_some());
-        let container = ContainerReader::open(&output).unwrap();
-        let (mut before, mut after) = (0.0, 0.0);
-        for (light, name) in names(&matrix).iter().enumerate() {
-            let lighting = Lighting::uniform(2, [1.0; 3]).unwrap().only([light as u32]);
-            let (image, _) = relight_streaming(&container, &lighting).unwrap();
-            before += squared_error(name, &column_of(&matrix, ColumnIndex(light as u32)));
-            after += squared_error(name, &image);
-        }
-        (before, after)
+        errors_before_and_after(&matrix, &output)
     };
     let ((raw, bare), (_, cleaned)) = (errors([None, None]), errors(passes.each_ref().map(Some)));
     assert!(bare < raw / 2.0, "{bare} of {raw}: the images alone say much");
     assert!(cleaned < bare / 2.0, "{cleaned} of {bare}: what is seen says more");
+}
+
+fn one_rendering_is_cleaned() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let read = |name: &str, noise: &dyn Fn(usize) -> f32, knows_noise: bool, side: u32| {
+        write_room(&at(name), &room(noise));
+        let set = LightSet::open(&at(name), None).unwrap();
+        let passes = FeaturePasses::find(&at(name)).unwrap();
+        let noise = if knows_noise { ImageNoise::Estimated(passes.as_ref()) } else { ImageNoise::Unknown };
+        let options = PackOptions { denoise: true, ..Default::default() };
+        ImportedMatrix::read(&set, noise, "test", &at("x.ltc"), side, &options, &Quiet).unwrap()
+    };
+    let noisy = read("noisy.exr", &grain(0), true, 16);
+    let (raw, cleaned) = errors_before_and_after(&noisy, &at("noisy.ltc"));
+    assert!(cleaned < raw / 4.0, "{cleaned} of {raw}");
+    // The entries are those of the images, whatever is said of their noise.
+    let plain = read("noisy.exr", &grain(0), false, 16);
+    assert!(plain.wants_noise() && !noisy.wants_noise());
+    assert_eq!(column_of(&plain, ColumnIndex(1)).pixels, column_of(&noisy, ColumnIndex(1)).pixels);
+    assert_ne!(plain.job().provenance.content, noisy.job().provenance.content);
+    // A pack that was interrupted goes on with the same noise.
+    let block = |matrix: &ImportedMatrix| {
+        let mut block = TracedBlock::default();
+        matrix.read_block(BlockId(3), &mut block).unwrap();
+        block
+    };
+    assert_eq!(block(&noisy).noise, block(&read("noisy.exr", &grain(0), true, 16)).noise);
+    // What has no noise stays what it is.
+    let clean = read("clean.exr", &|_| 0.0, true, 16);
+    let (_, error) = errors_before_and_after(&clean, &at("clean.ltc"));
+    assert!(error < raw / 100.0, "{error}, of noise there was {raw}");
 }
 
 fn another_second_rendering() {
@@ -458,7 +503,7 @@ fn another_second_rendering() {
     write_layers(&at("a.exr"), &["RGBA_fill", "RGBA_key"], &images()[..2]);
     write_layers(&at("b.exr"), &["RGBA_fill", "RGBA_sun"], &images()[..2]);
     let [a, b] = ["a.exr", "b.exr"].map(|name| LightSet::open(&at(name), None).unwrap());
-    let second = Some(SecondImages { set: &b, features: [None, None] });
+    let second = ImageNoise::Measured(SecondImages { set: &b, features: [None, None] });
     let error = ImportedMatrix::read(&a, second, "test", &at("x"), 8, &PackOptions::default(), &Quiet).unwrap_err();
     assert!(error.to_string().contains("has light 'sun' where the first has 'key'"), "{error}");
     assert!(FeaturePasses::open(&at("a.exr")).unwrap_err().to_string().contains("no layers of albedo"));
@@ -541,7 +586,8 @@ fn images_of_texels() {
     let images = panel();
     write_npy(&npy, true, images.len(), size(&images[0]), &mut fetch(&images)).unwrap();
     let set = LightSet::open(&npy, None).unwrap();
-    let mut matrix = ImportedMatrix::read(&set, None, "a.npy", &out, 32, &PackOptions::default(), &Quiet).unwrap();
+    let mut matrix =
+        ImportedMatrix::read(&set, ImageNoise::Unknown, "a.npy", &out, 32, &PackOptions::default(), &Quiet).unwrap();
     for wrong in [LightKind::AreaTexels { across: 8, down: 5 }, LightKind::LatLong { across: 0, down: 6 }] {
         let error = matrix.take_for_texels(wrong).unwrap_err().to_string();
         assert!(error.contains("48 images"), "{error}");
@@ -564,7 +610,8 @@ fn lights_by_their_images() {
     let images = panel();
     write_npy(&npy, true, images.len(), size(&images[0]), &mut fetch(&images)).unwrap();
     let set = LightSet::open(&npy, None).unwrap();
-    let matrix = ImportedMatrix::read(&set, None, "a.npy", &out, 32, &PackOptions::default(), &Quiet).unwrap();
+    let matrix =
+        ImportedMatrix::read(&set, ImageNoise::Unknown, "a.npy", &out, 32, &PackOptions::default(), &Quiet).unwrap();
     let mut apart = LightBasis::new();
     for (index, light) in matrix.job().basis.lights().iter().enumerate() {
         let mut light = light.clone();

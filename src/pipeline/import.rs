@@ -4,6 +4,7 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
+use super::grain::{Inside, add_grain};
 use super::imported_features::ImportedFeatures;
 use super::rows::RowSpill;
 use super::spill::spill_path;
@@ -13,7 +14,9 @@ use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
 use crate::image::{FeaturePasses, LayerMatch, LayerRole, LightRow, LightSet};
 use crate::light::{Clusters, Job, Light, LightBasis, LightKind, LightUnit, Provenance, probe_lightings};
-use crate::matrix::{BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
+use crate::matrix::{
+    BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
+};
 
 /// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
 /// so that blocks of two versions are never mixed.
@@ -31,7 +34,7 @@ pub struct ImportedMatrix {
     /// Lights that have images of their own.
     images: usize,
     rows: RowSpill,
-    second: Option<Second>,
+    known: Option<KnownNoise>,
     /// What each layer or file was taken for.
     pub matches: Vec<LayerMatch>,
     /// What looks wrong or was added, one line each, for people.
@@ -50,10 +53,40 @@ pub struct SecondImages<'a> {
     pub features: [Option<&'a FeaturePasses>; 2],
 }
 
-/// What a second rendering tells.
+/// Where the noise of images is known from.
+#[derive(Clone, Copy, Debug)]
+pub enum ImageNoise<'a> {
+    /// It is not.
+    Unknown,
+    /// From the images themselves: what a pixel differs by from those around it. With the passes of features of the rendering.
+    Estimated(Option<&'a FeaturePasses>),
+    /// From a second rendering.
+    Measured(SecondImages<'a>),
+}
+
+impl<'a> ImageNoise<'a> {
+    fn second(&self) -> Option<&SecondImages<'a>> {
+        match self {
+            Self::Measured(second) => Some(second),
+            Self::Unknown | Self::Estimated(_) => None,
+        }
+    }
+
+    /// The passes of the first and of a second rendering.
+    fn features(&self) -> [Option<&'a FeaturePasses>; 2] {
+        match self {
+            Self::Unknown => [None, None],
+            Self::Estimated(passes) => [*passes, None],
+            Self::Measured(second) => second.features,
+        }
+    }
+}
+
+/// What is known of the noise.
 #[derive(Debug)]
-struct Second {
-    rows: RowSpill,
+struct KnownNoise {
+    /// The images of the second rendering, if there is one.
+    second: Option<RowSpill>,
     features: ImportedFeatures,
     /// Columns × probes, see [`probe_lightings`].
     probes: Vec<f32>,
@@ -62,7 +95,8 @@ struct Second {
 }
 
 impl ImportedMatrix {
-    /// Makes a matrix of images, in blocks of `block_side` pixels: of `set`, or of the mean of that and a second rendering.
+    /// Makes a matrix of images, in blocks of `block_side` pixels: of `set`, or of the mean of that and a second rendering from which
+    /// its `noise` is known.
     /// `source` is their name, for the provenance; the temporary files are made beside `beside`.
     ///
     /// The sum of lights is held against the image under all lights, where there is one; what is missing becomes a light of
@@ -76,7 +110,7 @@ impl ImportedMatrix {
     /// packed then; a disk without room; those of the readers in `image`.
     pub fn read(
         set: &LightSet,
-        second: Option<SecondImages<'_>>,
+        noise: ImageNoise<'_>,
         source: &str,
         beside: &Path,
         block_side: u32,
@@ -84,13 +118,17 @@ impl ImportedMatrix {
         watch: &dyn Watch,
     ) -> Result<Self> {
         let mut need = reading_need(set);
-        if let Some(second) = &second {
+        if let Some(second) = noise.second() {
             check_second(set, second)?;
             let also = reading_need(second.set);
             need.fixed_bytes = need.fixed_bytes.max(also.fixed_bytes);
             need.per_thread_bytes = need.per_thread_bytes.max(also.per_thread_bytes);
-            need.disk_bytes += also.disk_bytes + ImportedFeatures::disk_bytes(set.width, set.height);
-            let features = second.features.iter().flatten().map(|passes| passes.needs_bytes_per_thread());
+            need.disk_bytes += also.disk_bytes;
+        }
+        if !matches!(noise, ImageNoise::Unknown) {
+            check_features(set, noise.features())?;
+            need.disk_bytes += ImportedFeatures::disk_bytes(set.width, set.height);
+            let features = noise.features().into_iter().flatten().map(FeaturePasses::needs_bytes_per_thread);
             need.per_thread_bytes = features.fold(need.per_thread_bytes, u64::max);
         }
         let packing = packing_need(set, block_side, options)?;
@@ -106,11 +144,11 @@ impl ImportedMatrix {
             Ok(rows)
         };
         let rows = read(set, source)?;
-        let second = match &second {
-            None => None,
-            Some(second) => Some(Second {
-                rows: read(second.set, "the second rendering")?,
-                features: ImportedFeatures::read(second.features, (set.width, set.height), beside, threads)?,
+        let known = match &noise {
+            ImageNoise::Unknown => None,
+            ImageNoise::Estimated(_) | ImageNoise::Measured(_) => Some(KnownNoise {
+                second: noise.second().map(|second| read(second.set, "the second rendering")).transpose()?,
+                features: ImportedFeatures::read(noise.features(), (set.width, set.height), beside, threads)?,
                 probes: Vec::new(),
                 cleans: false,
             }),
@@ -119,7 +157,7 @@ impl ImportedMatrix {
             job: Job { shape, basis: LightBasis::new(), provenance: Provenance::default() },
             images: set.lights.len(),
             rows,
-            second,
+            known,
             matches: set.matches.clone(),
             warnings,
             sum_difference: None,
@@ -135,10 +173,10 @@ impl ImportedMatrix {
         }
         imported.add_up(set, source)?;
         let columns = imported.job.shape.columns();
-        if let Some(second) = &mut imported.second {
-            second.probes = probe_lightings(&imported.job.basis);
-            second.cleans = Clusters::of_basis(&imported.job.basis).count() == columns;
-            if options.denoise && !second.cleans {
+        if let Some(known) = &mut imported.known {
+            known.probes = probe_lightings(&imported.job.basis);
+            known.cleans = can_be_cleaned(&imported.job);
+            if options.denoise && !known.cleans {
                 imported.warnings.push(format!("{columns} lights are too many to be cleaned: at most 32 are"));
             }
         }
@@ -165,9 +203,9 @@ impl ImportedMatrix {
         let mut basis = LightBasis::new();
         std::iter::once(light).chain(rest).try_for_each(|light| basis.push(light))?;
         self.job.basis = basis;
-        if let Some(second) = &mut self.second {
-            second.probes = probe_lightings(&self.job.basis);
-            second.cleans = Clusters::of_basis(&self.job.basis).count() == self.job.shape.columns();
+        if let Some(known) = &mut self.known {
+            known.probes = probe_lightings(&self.job.basis);
+            known.cleans = can_be_cleaned(&self.job);
         }
         Ok(())
     }
@@ -175,6 +213,11 @@ impl ImportedMatrix {
     /// What the matrix is.
     pub fn job(&self) -> &Job {
         &self.job
+    }
+
+    /// Whether images could be cleaned, were their noise known.
+    pub fn wants_noise(&self) -> bool {
+        self.known.is_none() && can_be_cleaned(&self.job)
     }
 
     /// Goes over all rows once more: holds the sum of lights against the image under all lights, which it replaces by
@@ -185,7 +228,8 @@ impl ImportedMatrix {
         let squares = |row: &[f32]| row.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
         let mut row = vec![0.0; set.width as usize];
         let mut rest = row.clone();
-        for rows in std::iter::once(&self.rows).chain(self.second.as_ref().map(|second| &second.rows)) {
+        let second = self.known.as_ref().and_then(|known| known.second.as_ref());
+        for rows in std::iter::once(&self.rows).chain(second) {
             for y in 0..set.height as usize {
                 for channel in 0..CHANNELS {
                     if set.has_sum {
@@ -205,8 +249,11 @@ impl ImportedMatrix {
                 }
             }
         }
-        if let Some(second) = &self.second {
-            second.features.add_to(&mut content)?;
+        if let Some(known) = &self.known {
+            known.features.add_to(&mut content)?;
+            if known.second.is_none() {
+                content.update("noise estimated");
+            }
         }
         let mut names = set.lights.clone();
         if set.has_sum {
@@ -243,17 +290,28 @@ impl ImportedMatrix {
         Ok(())
     }
 
-    /// Makes a block the mean of both renderings, with what they tell of its noise.
-    fn join_second(&self, second: &Second, rect: PixelRect, target: &mut TracedBlock) -> Result<()> {
-        let first = target.block.entries().to_vec();
-        let mut other = vec![0.0; first.len()];
-        self.read_entries(&second.rows, rect, &mut other)?;
+    /// Tells the noise of a block. Of two renderings it becomes the mean.
+    fn add_noise(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), target: &mut TracedBlock) -> Result<()> {
         let (rows, columns) = (rect.rows(), self.job.shape.columns());
+        let (first, other) = match &known.second {
+            Some(second) => {
+                let mut other = vec![0.0; rows * columns];
+                self.read_entries(second, rect, &mut other)?;
+                (target.block.entries().to_vec(), other)
+            }
+            None => {
+                let first = self.with_grain(known, (id, rect), target.block.entries())?;
+                let others = target.block.entries().iter().zip(&first).map(|(entry, first)| 2.0 * entry - first);
+                (others.collect(), first)
+            }
+        };
         let halves: Vec<f32> = first.iter().zip(&other).map(|(a, b)| 0.5 * (a - b)).collect();
-        target.block.entries_mut().iter_mut().zip(&other).for_each(|(entry, b)| *entry = 0.5 * (*entry + b));
-        target.noise = Some(noise_of(&halves, rows, columns, &second.probes));
-        if second.cleans {
-            let (features, feature_variance) = second.features.of(rect)?;
+        if known.second.is_some() {
+            target.block.entries_mut().iter_mut().zip(&other).for_each(|(entry, b)| *entry = 0.5 * (*entry + b));
+        }
+        target.noise = Some(noise_of(&halves, rows, columns, &known.probes));
+        if known.cleans {
+            let (features, feature_variance) = known.features.of(rect)?;
             let dark = || vec![0.0; rows * columns];
             target.planes = Some(BlockPlanes {
                 direct: [dark(), dark()],
@@ -265,6 +323,37 @@ impl ImportedMatrix {
         }
         Ok(())
     }
+
+    /// These entries of a block, each with what may be its noise.
+    fn with_grain(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), entries: &[f32]) -> Result<Vec<f32>> {
+        let (left, top) = (rect.x.min(1), rect.y.min(1));
+        let grown = |at: u32, before: u32, size: u32, end: u32| (size + before + 1).min(end - (at - before));
+        let around = PixelRect {
+            x: rect.x - left,
+            y: rect.y - top,
+            width: grown(rect.x, left, rect.width, self.job.shape.width()),
+            height: grown(rect.y, top, rect.height, self.job.shape.height()),
+        };
+        let size = |rect: PixelRect| (rect.width as usize, rect.height as usize);
+        let inside = Inside { size: size(rect), at: (left as usize, top as usize), around: size(around) };
+        let (features, _) = known.features.of(around)?;
+        let albedo = Feature::Albedo.planes();
+        let albedo = &features[albedo.start * around.pixels()..albedo.end * around.pixels()];
+        let mut neighbours = vec![0.0; around.rows() * self.job.shape.columns()];
+        self.read_entries(&self.rows, around, &mut neighbours)?;
+        let mut entries = entries.to_vec();
+        let columns = entries.chunks_exact_mut(rect.rows()).zip(neighbours.chunks_exact(around.rows()));
+        for (column, (entries, neighbours)) in columns.enumerate() {
+            let seed = u64::from(id.0) << 32 | column as u64;
+            add_grain(entries, (neighbours, albedo), inside, seed);
+        }
+        Ok(entries)
+    }
+}
+
+/// Whether every column is a cluster of its own.
+fn can_be_cleaned(job: &Job) -> bool {
+    Clusters::of_basis(&job.basis).count() == job.shape.columns()
 }
 
 /// The noise of a mean of two, of half their difference: rows × columns, column-major.
@@ -306,10 +395,15 @@ fn check_second(set: &LightSet, second: &SecondImages<'_>) -> Result<()> {
             None => format!("has {} images, the first {}", other.images(), set.images()),
         });
     }
-    for passes in second.features.iter().flatten() {
-        if (passes.width, passes.height) != (set.width, set.height) {
-            return refuse(format!("has features of {} × {} pixels", passes.width, passes.height));
-        }
+    Ok(())
+}
+
+/// Passes of features of another size.
+fn check_features(set: &LightSet, features: [Option<&FeaturePasses>; 2]) -> Result<()> {
+    for passes in features.into_iter().flatten().filter(|p| (p.width, p.height) != (set.width, set.height)) {
+        let problem =
+            format!("have {} × {} pixels, the images {} × {}", passes.width, passes.height, set.width, set.height);
+        return Err(Error::input("the features", problem, "take those of the same rendering"));
     }
     Ok(())
 }
@@ -404,8 +498,8 @@ impl BlockSource for ImportedMatrix {
         target.noise = None;
         target.planes = None;
         self.read_entries(&self.rows, rect, target.block.entries_mut())?;
-        match &self.second {
-            Some(second) => self.join_second(second, rect, target),
+        match &self.known {
+            Some(known) => self.add_noise(known, (id, rect), target),
             None => Ok(()),
         }
     }

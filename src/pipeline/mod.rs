@@ -19,6 +19,7 @@ mod fused;
 mod gather;
 #[cfg(feature = "gpu")]
 mod gpu;
+mod grain;
 mod import;
 mod imported_features;
 #[cfg(not(feature = "gpu"))]
@@ -56,7 +57,7 @@ pub use farm::{BuildReport, FarmJob, Probe, ProbedBlock, RefusedShard, Shards};
 pub use features::{FEATURE_CHANNELS, write_features};
 #[cfg(feature = "scene")]
 pub use fused::render_packed;
-pub use import::{ImportedMatrix, SecondImages};
+pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, pack};
 #[cfg(feature = "scene")]

@@ -74,8 +74,6 @@ class LTM_OT_render(bpy.types.Operator):
             return False
         self.packed = scene_file.packed(context.scene)
         arguments = [found, "render", written.scene, "-o", self.packed, "--pack", "--force", "--progress"]
-        # Cleaning knows a sky by the mean of neighbouring texels, and so softens what a few bright places of it light.
-        arguments += ["--denoise", "off"] if written.has_sky else []
         try:
             self.run = program.Run(arguments)
         except OSError as error:

@@ -24,8 +24,6 @@ class Written:
     groups: Path | None
     # Names of the lights.
     lights: list
-    # Whether the world is an image.
-    has_sky: bool
     # What is left out or simplified.
     remarks: list
 
@@ -94,7 +92,7 @@ def _write(context, where, name, remarks):
     file = where / f"{name}.toml"
     file.write_text("\n".join(parts), encoding="utf-8")
     groups = write_groups(scene, lights, where / f"{name}.look.toml")
-    return Written(file, groups, [entry["name"] for entry in lights], "map" in (sky or {}), remarks)
+    return Written(file, groups, [entry["name"] for entry in lights], remarks)
 
 
 def emitter(shining):

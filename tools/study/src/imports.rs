@@ -158,7 +158,15 @@ fn measure(
     let set = LightSet::open(array, None)?;
     let path = bench.cached("imports.ltc");
     let (side, silent) = (MatrixShape::DEFAULT_BLOCK_SIDE, bench.silent());
-    let matrix = ImportedMatrix::read(&set, None, scene, &path, side, &PackOptions::default(), &silent)?;
+    let matrix = ImportedMatrix::read(
+        &set,
+        pipeline::ImageNoise::Unknown,
+        scene,
+        &path,
+        side,
+        &PackOptions::default(),
+        &silent,
+    )?;
     let shape = matrix.shape();
     let is_sky = shape.columns() as u32 != plan.texels * plan.texels;
     let ratio = if is_sky { plan.ratios.1 } else { plan.ratios.0 };

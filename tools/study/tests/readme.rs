@@ -235,3 +235,26 @@ fn speed_is_what_the_readme_says() {
         assert_eq!(row_of(table, &format!("| {} |", row["way"])), expected);
     }
 }
+
+#[test]
+fn light_groups_are_as_near_to_the_truth_as_the_readme_says() {
+    let (readme, rows) = (readme(), published("light-groups.csv"));
+    let (_, table) = readme.split_once("**Light groups of another renderer**").expect("the table of light groups");
+    let (table, _) = table.split_once("\n**").expect("what follows it");
+    let ways = [
+        "rendered twice, --second",
+        "rendered once, --estimate-noise",
+        "denoiser on each group",
+        "rendered once, not cleaned",
+    ];
+    for (room, name) in [("lounge", "lounge"), ("gallery", "**gallery**")] {
+        let mut expected = vec![name.to_owned()];
+        for way in ways {
+            let row = rows.iter().find(|row| row["room"] == room && row["method"] == way).expect("a row of this way");
+            let [flip, worst] = ["flip", "flip_worst"].map(|name| shown(row, name, 3));
+            let [clip, worst_clip] = ["psnr_clip_db", "psnr_clip_worst_db"].map(|name| shown(row, name, 1));
+            expected.push(format!("{flip} / {clip} ({worst} / {worst_clip})"));
+        }
+        assert_eq!(row_of(table, &format!("| {name} |")), expected);
+    }
+}

@@ -11,7 +11,7 @@ use ltm::host::{human_bytes, parse_bytes};
 use ltm::image::{FeaturePasses, LayerPattern, LightSet};
 use ltm::light::{Job, LightKind};
 use ltm::matrix::{BlockSource, MatrixShape};
-use ltm::pipeline::{self, ImportedMatrix, PackOptions, SecondImages};
+use ltm::pipeline::{self, ImageNoise, ImportedMatrix, PackOptions, SecondImages};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::compression::{Compression, say_errors};
@@ -75,9 +75,13 @@ struct Images {
     /// images, whose mean is taken, are cleaned of it.
     #[arg(long, value_name = "IMAGES")]
     second: Option<PathBuf>,
+    /// Clean images that were rendered once: their noise is estimated from what each pixel differs by from those beside it. A texture that
+    /// no albedo tells of is taken for noise; --second knows better.
+    #[arg(long, conflicts_with = "second")]
+    estimate_noise: bool,
     /// An OpenEXR file with albedo, normal and depth of what is seen, which cleaning heeds [default: the layers of the images'
     /// own files].
-    #[arg(long, value_name = "EXR", requires = "second")]
+    #[arg(long, value_name = "EXR")]
     features: Option<PathBuf>,
     /// The images are those of the texels of one area light, so many across and down, row by row: ACROSSxDOWN [default: each is a light
     /// of its own; of 48 and more, which are alike is looked for].
@@ -119,6 +123,8 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
         let for_images = [
             (images.layers.is_some(), "--layers"),
             (images.second.is_some(), "--second"),
+            (images.estimate_noise, "--estimate-noise"),
+            (images.features.is_some(), "--features"),
             (images.texels.is_some(), "--texels"),
             (images.sky.is_some(), "--sky"),
             (images.block_side.is_some(), "--block-side"),
@@ -134,15 +140,33 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
     let side = images.block_side.unwrap_or(MatrixShape::DEFAULT_BLOCK_SIDE);
     let second_set = images.second.as_ref().map(|path| LightSet::open(path, images.layers.as_ref())).transpose()?;
-    let passes = match (&images.second, &images.features) {
-        (None, _) => [None, None],
-        (_, Some(path)) => [Some(FeaturePasses::open(path)?), None],
-        (Some(second), None) => [FeaturePasses::find(input)?, FeaturePasses::find(second)?],
+    let cleans = images.second.is_some() || images.estimate_noise;
+    if images.features.is_some() && !cleans {
+        let hint = "give --second or --estimate-noise too";
+        return Err(Error::input("--features", "is for cleaning, which wants to know the noise", hint));
+    }
+    let passes = match (&images.features, cleans) {
+        (_, false) => [None, None],
+        (Some(path), true) => [Some(FeaturePasses::open(path)?), None],
+        (None, true) => {
+            let second = images.second.as_deref().map_or(Ok(None), FeaturePasses::find);
+            [FeaturePasses::find(input)?, second?]
+        }
     };
-    let second = second_set.as_ref().map(|set| SecondImages { set, features: passes.each_ref().map(Option::as_ref) });
-    let mut matrix = ImportedMatrix::read(&set, second, &name, &output, side, &pack_options(arguments), console)?;
+    let features = passes.each_ref().map(Option::as_ref);
+    let noise = match &second_set {
+        Some(set) => ImageNoise::Measured(SecondImages { set, features }),
+        None if images.estimate_noise => ImageNoise::Estimated(features[0]),
+        None => ImageNoise::Unknown,
+    };
+    let mut matrix = ImportedMatrix::read(&set, noise, &name, &output, side, &pack_options(arguments), console)?;
     images.light().map_or(Ok(()), |texels| matrix.take_for_texels(texels))?;
     tables::print_matches(&matrix);
+    if matrix.wants_noise() && arguments.compression.denoise() {
+        say!(
+            "not cleaned: the noise of images rendered once is not known; --estimate-noise guesses it, --second measures it"
+        );
+    }
     pack(&matrix, matrix.job(), &output, arguments, console)
 }
 
