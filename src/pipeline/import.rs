@@ -400,12 +400,11 @@ fn check_second(set: &LightSet, second: &SecondImages<'_>) -> Result<()> {
 
 /// Passes of features of another size.
 fn check_features(set: &LightSet, features: [Option<&FeaturePasses>; 2]) -> Result<()> {
-    for passes in features.into_iter().flatten().filter(|p| (p.width, p.height) != (set.width, set.height)) {
-        let problem =
-            format!("have {} × {} pixels, the images {} × {}", passes.width, passes.height, set.width, set.height);
-        return Err(Error::input("the features", problem, "take those of the same rendering"));
-    }
-    Ok(())
+    let differs = |passes: &&FeaturePasses| (passes.width, passes.height) != (set.width, set.height);
+    let Some(passes) = features.into_iter().flatten().find(differs) else { return Ok(()) };
+    let problem =
+        format!("have {} × {} pixels, the images {} × {}", passes.width, passes.height, set.width, set.height);
+    Err(Error::input("the features", problem, "take those of the same rendering"))
 }
 
 /// Reads all images of a set into a file, and looks at them on the way.
