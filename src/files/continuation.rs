@@ -151,13 +151,23 @@ impl ContinuationFile {
     /// # Errors
     /// They are not there, cannot be read, or are not those that were written.
     pub fn read(&self, key: u32) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        self.read_into(key, &mut bytes)?;
+        Ok(bytes)
+    }
+
+    /// Like [`read`](Self::read), into memory that was used before: fresh pages cost as much as what is read into them.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn read_into(&self, key: u32, bytes: &mut Vec<u8>) -> Result<()> {
         let place = self.place(key)?;
-        let mut bytes = vec![0; place.bytes as usize];
-        self.read_exact(key, place.offset, &mut bytes)?;
-        if crc32fast::hash(&bytes) != place.checksum {
+        bytes.resize(place.bytes as usize, 0);
+        self.read_exact(key, place.offset, bytes)?;
+        if crc32fast::hash(bytes) != place.checksum {
             return Err(self.damaged(key, "its checksum does not hold"));
         }
-        Ok(bytes)
+        Ok(())
     }
 
     /// Length of the bytes of a key, and their CRC-32.

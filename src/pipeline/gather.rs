@@ -153,9 +153,10 @@ impl Gathering {
         let mut strips: Vec<_> = rows.iter().zip(window.strips_mut(&borders)).collect();
         for few in strips.chunks_mut(at_once) {
             few.par_iter_mut().try_for_each(|(row, strip)| {
+                let mut bytes = Vec::new();
                 for column in blocks(whole.x, whole.width) {
                     let id = BlockId(*row * self.shape.blocks_across() + column);
-                    let bytes = self.records.read(id.0)?;
+                    self.records.read_into(id.0, &mut bytes)?;
                     self.parts(id, &bytes)?.put(self.shape.rect(id), whole, self.clusters, strip);
                 }
                 Ok(())

@@ -38,6 +38,18 @@ impl Records {
         }
     }
 
+    /// Like [`read`](Self::read), into memory that was used before where the bytes lie in a file.
+    ///
+    /// # Errors
+    /// As there.
+    pub(super) fn read_into(&self, key: u32, bytes: &mut Vec<u8>) -> Result<()> {
+        match self {
+            Self::File(file) => file.read_into(key, bytes)?,
+            Self::Shards(shards) => *bytes = shards.read(key)?,
+        }
+        Ok(())
+    }
+
     /// The error for bytes that came back other than they were written.
     pub(super) fn damaged(&self, key: u32, problem: &str) -> Error {
         match self {
