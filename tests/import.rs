@@ -468,19 +468,19 @@ fn two_renderings_are_cleaned() {
 fn one_rendering_is_cleaned() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let read = |name: &str, noise: &dyn Fn(usize) -> f32, knows_noise: bool, side: u32| {
+    let read = |name: &str, noise: &dyn Fn(usize) -> f32, knows_noise: bool| {
         write_room(&at(name), &room(noise));
         let set = LightSet::open(&at(name), None).unwrap();
         let passes = FeaturePasses::find(&at(name)).unwrap();
         let noise = if knows_noise { ImageNoise::Estimated(passes.as_ref()) } else { ImageNoise::Unknown };
         let options = PackOptions { denoise: true, ..Default::default() };
-        ImportedMatrix::read(&set, noise, "test", &at("x.ltc"), side, &options, &Quiet).unwrap()
+        ImportedMatrix::read(&set, noise, "test", &at("x.ltc"), 16, &options, &Quiet).unwrap()
     };
-    let noisy = read("noisy.exr", &grain(0), true, 16);
+    let noisy = read("noisy.exr", &grain(0), true);
     let (raw, cleaned) = errors_before_and_after(&noisy, &at("noisy.ltc"));
     assert!(cleaned < raw / 4.0, "{cleaned} of {raw}");
     // The entries are those of the images, whatever is said of their noise.
-    let plain = read("noisy.exr", &grain(0), false, 16);
+    let plain = read("noisy.exr", &grain(0), false);
     assert!(plain.wants_noise() && !noisy.wants_noise());
     assert_eq!(column_of(&plain, ColumnIndex(1)).pixels, column_of(&noisy, ColumnIndex(1)).pixels);
     assert_ne!(plain.job().provenance.content, noisy.job().provenance.content);
@@ -490,9 +490,9 @@ fn one_rendering_is_cleaned() {
         matrix.read_block(BlockId(3), &mut block).unwrap();
         block
     };
-    assert_eq!(block(&noisy).noise, block(&read("noisy.exr", &grain(0), true, 16)).noise);
+    assert_eq!(block(&noisy).noise, block(&read("noisy.exr", &grain(0), true)).noise);
     // What has no noise stays what it is.
-    let clean = read("clean.exr", &|_| 0.0, true, 16);
+    let clean = read("clean.exr", &|_| 0.0, true);
     let (_, error) = errors_before_and_after(&clean, &at("clean.ltc"));
     assert!(error < raw / 100.0, "{error}, of noise there was {raw}");
 }

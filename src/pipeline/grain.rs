@@ -7,9 +7,8 @@ use crate::matrix::CHANNELS;
 
 /// A pixel is compared with the mean of its two neighbours in each of these directions.
 const DIRECTIONS: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
-/// The noise over the least of those four differences: 1.18 where the noise of each channel is its own, 1.54 where all have the same,
-/// for normal noise. Chosen on the
-/// first room of `tools/blender/measure_light_groups.py`, the other took no part.
+/// How large the noise is beside the least of those four differences: of normal noise 1.18 times, where each channel has its own, to
+/// 1.54, where all have the same. Chosen on the first room of `tools/blender/measure_light_groups.py`; the other took no part.
 const SCALE: f32 = 1.3;
 /// Albedos below this are taken for it, when light is told from what it falls on.
 const LEAST_ALBEDO: f32 = 0.05;

@@ -295,20 +295,20 @@ impl ImportedMatrix {
         let (rows, columns) = (rect.rows(), self.job.shape.columns());
         let (first, other) = match &known.second {
             Some(second) => {
-                let mut other = vec![0.0; rows * columns];
+                let first = target.block.entries().to_vec();
+                let mut other = vec![0.0; first.len()];
                 self.read_entries(second, rect, &mut other)?;
-                (target.block.entries().to_vec(), other)
+                let entries = target.block.entries_mut().iter_mut();
+                entries.zip(&other).for_each(|(entry, b)| *entry = 0.5 * (*entry + b));
+                (first, other)
             }
             None => {
-                let first = self.with_grain(known, (id, rect), target.block.entries())?;
-                let others = target.block.entries().iter().zip(&first).map(|(entry, first)| 2.0 * entry - first);
-                (others.collect(), first)
+                let more = self.with_grain(known, (id, rect), target.block.entries())?;
+                let less = target.block.entries().iter().zip(&more).map(|(entry, more)| 2.0 * entry - more);
+                (less.collect(), more)
             }
         };
         let halves: Vec<f32> = first.iter().zip(&other).map(|(a, b)| 0.5 * (a - b)).collect();
-        if known.second.is_some() {
-            target.block.entries_mut().iter_mut().zip(&other).for_each(|(entry, b)| *entry = 0.5 * (*entry + b));
-        }
         target.noise = Some(noise_of(&halves, rows, columns, &known.probes));
         if known.cleans {
             let (features, feature_variance) = known.features.of(rect)?;

@@ -315,9 +315,11 @@ class Page {
     try {
       await this.paint();
     } catch (error) {
-      // A GPU that is lost says so now or in a moment, and the workers take over.
-      if (this.engine.way === 'worker') throw error;
+      // A GPU that is lost may say so here before it does by itself: the workers take over.
+      const { way } = this.engine;
+      if (way === 'worker') throw error;
       console.info(String(error));
+      if (way !== '') this.engine.fallBack(way);
       this.isWanted = true;
     } finally {
       this.isBusy = false;

@@ -1,10 +1,12 @@
 //! `ltm-pack` of arrays of images: what they are taken for, and whether they are cleaned.
 
+mod outcome;
 mod program;
 
 use std::path::Path;
 
 use ltm::image::{ImageSize, write_npy};
+use outcome::outcome;
 
 /// Eight images of 32 × 24 pixels, ramps of several slopes with grain of a tenth, as `lights.npy`.
 fn write_lights(folder: &Path) {
@@ -23,9 +25,7 @@ fn write_lights(folder: &Path) {
 /// Packs the array with these options: the exit code, what is said, and the problem.
 fn pack(folder: &Path, options: &str) -> (i32, String, String) {
     let arguments: Vec<&str> = ["lights.npy", "-o", "o.ltc"].into_iter().chain(options.split_whitespace()).collect();
-    let output = program::command(folder, "ltm-pack", &arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+    outcome(&mut program::command(folder, "ltm-pack", &arguments))
 }
 
 #[test]
@@ -39,8 +39,7 @@ fn images_of_texels_become_one_panel_or_sky() {
     ] {
         let (code, _, problem) = pack(folder.path(), options);
         assert_eq!(code, 0, "{options}: {problem}");
-        let output = program::command(folder.path(), "ltm", &["info", "o.ltc"]).output().unwrap();
-        let said = String::from_utf8(output.stdout).unwrap();
+        let (_, said, _) = outcome(&mut program::command(folder.path(), "ltm", &["info", "o.ltc"]));
         assert!(said.contains(light), "{options}: {said}");
     }
     let (code, _, problem) = pack(folder.path(), "--texels 3x2 --force");

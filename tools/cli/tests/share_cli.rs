@@ -1,8 +1,11 @@
 //! `ltm share`: what it says, what it refuses, its exit codes.
 
-use std::path::PathBuf;
+mod outcome;
 
-use assert_cmd::Command;
+use std::path::PathBuf;
+use std::process::Command;
+
+use outcome::outcome;
 
 fn ltm() -> Command {
     Command::new(assert_cmd::cargo::cargo_bin!("ltm"))
@@ -10,13 +13,6 @@ fn ltm() -> Command {
 
 fn golden(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../formats/golden").join(name)
-}
-
-/// Runs and gives the exit code and both outputs.
-fn run(command: &mut Command) -> (i32, String, String) {
-    let output = command.output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
 
 #[test]
@@ -28,15 +24,15 @@ fn a_page_is_written_once_and_again_only_by_force() {
         command.arg("share").arg(golden("v1-coding-3.ltc")).arg("-o").arg(&site);
         command
     };
-    let (code, said, _) = run(&mut share());
+    let (code, said, _) = outcome(&mut share());
     assert!(code == 0 && said.contains("index.html") && said.contains("a first picture after"), "{code} {said}");
     assert!(site.join("index.html").is_file() && site.join("picture.lts").is_file());
-    let (code, _, problem) = run(&mut share());
+    let (code, _, problem) = outcome(&mut share());
     assert!(code == 3 && problem.lines().count() == 1 && problem.contains("--force"), "{code} {problem}");
-    assert_eq!(run(share().arg("--force")).0, 0);
+    assert_eq!(outcome(share().arg("--force")).0, 0);
 
     let single = folder.path().join("room.html");
-    let (code, ..) = run(ltm().arg("share").arg(golden("v1-coding-3.ltc")).arg("--single").arg("-o").arg(&single));
+    let (code, ..) = outcome(ltm().arg("share").arg(golden("v1-coding-3.ltc")).arg("--single").arg("-o").arg(&single));
     assert!(code == 0 && std::fs::read_to_string(single).unwrap().contains("id=\"ltm-data\""));
 }
 
@@ -49,16 +45,16 @@ fn what_cannot_be_shared_is_one_line_and_leaves_nothing() {
         command.arg("share").arg(input).arg("-o").arg(&site);
         command
     };
-    let (code, _, problem) = run(&mut share(golden("v1.ltc")));
+    let (code, _, problem) = outcome(&mut share(golden("v1.ltc")));
     assert!(code == 3 && problem.contains("early way") && problem.lines().count() == 1, "{code} {problem}");
-    assert_eq!(run(&mut share(folder.path().join("none.ltc"))).0, 5);
-    assert_eq!(run(&mut share(golden("v1-f32.ltm"))).0, 3);
-    assert_eq!(run(share(golden("v1-coding-3.ltc")).args(["--exposure", "100"])).0, 3);
-    assert_eq!(run(share(golden("v1-coding-3.ltc")).args(["--memory", "1MiB"])).0, 6);
+    assert_eq!(outcome(&mut share(folder.path().join("none.ltc"))).0, 5);
+    assert_eq!(outcome(&mut share(golden("v1-f32.ltm"))).0, 3);
+    assert_eq!(outcome(share(golden("v1-coding-3.ltc")).args(["--exposure", "100"])).0, 3);
+    assert_eq!(outcome(share(golden("v1-coding-3.ltc")).args(["--memory", "1MiB"])).0, 6);
     let mut damaged = std::fs::read(golden("v1-coding-3.ltc")).unwrap();
     damaged[70] ^= 1;
     let path = folder.path().join("damaged.ltc");
     std::fs::write(&path, damaged).unwrap();
-    assert_eq!(run(&mut share(path)).0, 4);
+    assert_eq!(outcome(&mut share(path)).0, 4);
     assert!(!site.exists());
 }

@@ -1,13 +1,12 @@
 //! `ltm-unpack` of a stored matrix: what it says and refuses.
 
+mod outcome;
 mod program;
 mod room;
 
 /// Runs a program in a folder and gives the exit code and both outputs.
 fn run(folder: &std::path::Path, program: &str, arguments: &[&str]) -> (i32, String, String) {
-    let output = program::command(folder, program, arguments).output().unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+    outcome::outcome(&mut program::command(folder, program, arguments))
 }
 
 #[test]

@@ -7,8 +7,14 @@ use std::path::Path;
 /// A row of a CSV file by column names.
 pub(crate) type Row = HashMap<String, String>;
 
-/// Reads a CSV file that a command wrote: notes, a header, and rows of as many cells.
+/// Reads a CSV file of a study: notes, a header, and rows of as many cells.
 pub(crate) fn read_csv(path: &Path) -> Vec<Row> {
+    assert!(fs::read_to_string(path).unwrap().contains("# Command: `ltm study "), "{}", path.display());
+    read_table(path)
+}
+
+/// Reads a CSV file as studies write them, whatever command wrote it.
+pub(crate) fn read_table(path: &Path) -> Vec<Row> {
     let text = fs::read_to_string(path).unwrap();
     assert!(text.starts_with("# ") && text.contains("# Command: `") && text.contains("# Machine: "));
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
