@@ -6,9 +6,13 @@
 
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
 
+mod figures;
+
 use std::hint::black_box;
+use std::time::Instant;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use figures::Figures;
 use ltm::compress::{CompressSettings, Compressor, Method, PriorChoice, Target};
 use ltm::light::{Light, LightBasis, LightKind, evaluation_lightings};
 use ltm::matrix::{Block, BlockId, MatrixShape};
@@ -60,6 +64,7 @@ fn errors(basis: &LightBasis, a: &Block, b: &Block) -> (f64, f64) {
 }
 
 fn analyse(criterion: &mut Criterion) {
+    let mut figures = Figures::new("bench-compress", "cargo bench --bench compress");
     println!("{:>7} {:>10} {:>5} {:>12} {:>12}", "columns", "method", "rank", "matrix error", "image error");
     for (across, down) in [(32, 32), (6, 4)] {
         let (basis, block) = (lights(across, down), block(across, down));
@@ -81,12 +86,29 @@ fn analyse(criterion: &mut Criterion) {
             let factored = candidate.cut(&compressor.choose([candidate.summary()].into_iter()));
             let (matrix, images) = errors(&basis, &block, &factored.expand());
             println!("{:>7} {name:>10} {:>5} {matrix:>12.2e} {images:>12.2e}", block.columns(), factored.rank());
+            let case = format!("{name}, {} columns", block.columns());
+            figures.add(&case, "rank", factored.rank() as f64);
+            figures.add(&case, "matrix_error", matrix);
+            figures.add(&case, "image_error", images);
+            let analyse = || drop(black_box(compressor.analyse(BlockId(0), block.view(), None)));
+            figures.add(&case, "milliseconds", 1e3 * least_secs(analyse));
             group.bench_function(name, |bencher| {
                 bencher.iter(|| black_box(compressor.analyse(BlockId(0), block.view(), None)));
             });
         }
         group.finish();
     }
+    figures.write();
+}
+
+/// The least seconds of ten calls.
+fn least_secs(call: impl Fn()) -> f64 {
+    let timed = || {
+        let begun = Instant::now();
+        call();
+        begun.elapsed().as_secs_f64()
+    };
+    (0..10).map(|_| timed()).fold(f64::INFINITY, f64::min)
 }
 
 criterion_group! { name = benches; config = Criterion::default().without_plots(); targets = analyse }

@@ -6,6 +6,7 @@
 //! against the unquantised factors; a rival's bytes are those at which it has this codec's error, between two of its steps.
 //! Speed counts decoded factors in f32, one thread. The tables are printed before the timings.
 
+mod figures;
 #[path = "container/rivals.rs"]
 mod rivals;
 
@@ -14,6 +15,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use figures::Figures;
 use ltm::compress::{CompressSettings, Compressor, Target};
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter};
@@ -114,7 +116,7 @@ fn best_secs(work: impl Fn()) -> f64 {
         .fold(f64::MAX, f64::min)
 }
 
-fn compare(job: &Job, blocks: &[FactoredBlock], title: &str) {
+fn compare(job: &Job, blocks: &[FactoredBlock], title: &str, figures: &mut Figures) {
     let blocks: Vec<_> = blocks.iter().map(|block| FactoredBlock { sparse: vec![], ..block.clone() }).collect();
     let factor_bytes: usize = blocks.iter().map(|b| 4 * (b.left.len() + b.right.len())).sum();
     let rank: usize = blocks.iter().map(FactoredBlock::rank).sum();
@@ -143,6 +145,8 @@ fn compare(job: &Job, blocks: &[FactoredBlock], title: &str) {
         "",
         speed(secs)
     );
+    figures.add(title, "encoded_gb_per_s", packed);
+    figures.add(title, "decoded_gb_per_s", factor_bytes as f64 / secs / 1e9);
     for (name, bits, packing) in
         [("16 bits, scaled, shuffled, zstd", 16, Packing::Shuffled), ("8 bits, scaled, zstd", 8, Packing::Plain)]
     {
@@ -180,6 +184,7 @@ fn compare(job: &Job, blocks: &[FactoredBlock], title: &str) {
         match bytes_at(wanted, &points) {
             Some(theirs) => {
                 let ratio = format!("{:.2}×", theirs / bytes);
+                figures.add(&format!("{title}: {name}"), "bytes_over_ours", theirs / bytes);
                 eprintln!("{name:<36} {theirs:>8.0} {ratio:>8} {wanted:>12.2e} {:>10}", speed(secs));
             }
             None => eprintln!("{name:<36} {:>8} {:>8} {:>12} {:>10}", "-", "", "not reached", speed(secs)),
@@ -188,9 +193,9 @@ fn compare(job: &Job, blocks: &[FactoredBlock], title: &str) {
 }
 
 /// What the beginning of a container shows, all lights on, against the whole of it: both against the matrix.
-fn first_image(matrix: &StoreReader, folder: &Path, title: &str) {
+fn first_image(matrix: &StoreReader, folder: &Path, title: &str, figures: &mut Figures) {
     let (job, path) = (matrix.job(), folder.join("packed.ltc"));
-    let mut options = PackOptions::default();
+    let mut options = PackOptions { denoise: true, ..PackOptions::default() };
     options.container.overwrite = true;
     ltm::pipeline::pack(matrix, job, &path, &options, &Quiet).expect("there is room");
     let packed = ContainerReader::open(&path).expect("the file is sound");
@@ -222,6 +227,9 @@ fn first_image(matrix: &StoreReader, folder: &Path, title: &str) {
         psnr(&base),
         psnr(&whole)
     );
+    figures.add(title, "base_share", share / 100.0);
+    figures.add(title, "base_clip_db", psnr(&base));
+    figures.add(title, "whole_clip_db", psnr(&whole));
 }
 
 fn codec(criterion: &mut Criterion) {
@@ -231,12 +239,14 @@ fn codec(criterion: &mut Criterion) {
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let matrices = BUILT_IN_NAMES.map(|name| (name, matrix(folder.path(), name, SAMPLES)));
+    let mut figures = Figures::new("bench-container", "cargo bench --bench container");
     for (name, matrix) in &matrices {
         for decibels in TARGETS_DB {
-            compare(matrix.job(), &factors(matrix, decibels), &format!("{name}, {decibels} dB"));
+            compare(matrix.job(), &factors(matrix, decibels), &format!("{name} at {decibels} dB"), &mut figures);
         }
-        first_image(matrix, folder.path(), name);
+        first_image(matrix, folder.path(), name, &mut figures);
     }
+    figures.write();
     eprintln!();
     let mut group = criterion.benchmark_group("container");
     group.sample_size(20);

@@ -3,6 +3,9 @@
 
 #![expect(clippy::print_stdout, reason = "a bench prints its results")]
 
+mod figures;
+
+use figures::Figures;
 use ltm::container::ContainerReader;
 use ltm::host::{Quiet, human_bytes};
 use ltm::light::Lighting;
@@ -38,6 +41,7 @@ fn main() {
         "{:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>12}",
         "rows", "raw", "render", "pack", "load", "relight", "streaming", "relative L2"
     );
+    let mut figures = Figures::new("bench-memory", "cargo bench --bench memory");
     // The first is not shown: in it the dense algebra reserves 960 MiB of address space for each thread, once, of which only
     // what a product needs is ever touched.
     for (round, (width, height)) in [(96, 64), (96, 64), (192, 128), (384, 256)].into_iter().enumerate() {
@@ -47,7 +51,7 @@ fn main() {
         render.store.overwrite = true;
         let rendered = peak(|| pipeline::render(loaded, &matrix_path, &render, &Quiet).expect("rendering")).1;
         let matrix = StoreReader::open(&matrix_path).expect("the matrix");
-        let mut options = PackOptions::default();
+        let mut options = PackOptions { denoise: true, ..PackOptions::default() };
         options.container.overwrite = true;
         let (report, packed) =
             peak(|| pipeline::pack(&matrix, matrix.job(), &container_path, &options, &Quiet).expect("packing"));
@@ -71,5 +75,17 @@ fn main() {
             human_bytes(streamed),
             report.relative_l2
         );
+        let case = format!("{} rows", matrix.job().shape.rows());
+        for (figure, bytes) in [
+            ("raw_bytes", report.raw_bytes),
+            ("render_bytes", rendered),
+            ("pack_bytes", packed),
+            ("load_bytes", loaded),
+            ("relight_bytes", relit),
+            ("streaming_bytes", streamed),
+        ] {
+            figures.add(&case, figure, bytes as f64);
+        }
     }
+    figures.write();
 }

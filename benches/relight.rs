@@ -16,15 +16,17 @@
 
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
 
+mod figures;
 #[path = "../tests/relight_source/mod.rs"]
 mod relight_source;
 
 use std::hint::black_box;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use criterion::{BenchmarkGroup, Criterion, Throughput, measurement::WallTime};
+use figures::Figures;
 use ltm::container::ContainerReader;
 use ltm::error::Result;
 use ltm::image::{LinearImage, compare};
@@ -184,6 +186,9 @@ struct Ruler {
     reference: LinearImage,
     /// Seconds of the direct product.
     raw_secs: f64,
+    /// What is measured.
+    case: String,
+    figures: Figures,
 }
 
 impl Ruler {
@@ -191,7 +196,7 @@ impl Ruler {
         compare(image, &self.reference).psnr_linear
     }
 
-    fn report(&self, name: &str, secs: f64, bytes: u64, decibels: f64) {
+    fn report(&mut self, name: &str, secs: f64, bytes: u64, decibels: f64) {
         let rate = bytes as f64 / secs;
         println!(
             "  {name}: {:.3} ms, {:.1} per second, {:.1} MB moved, {:.2} GB/s = {:.2} of the {:.1} GB/s read here, \
@@ -204,11 +209,15 @@ impl Ruler {
             self.bandwidth / 1e9,
             self.raw_secs / secs,
         );
+        let case = format!("{}: {name}", self.case);
+        self.figures.add(&case, "milliseconds", 1e3 * secs);
+        self.figures.add(&case, "of_bandwidth", rate / self.bandwidth);
+        self.figures.add(&case, "direct_over_it", self.raw_secs / secs);
     }
 }
 
 /// Every way to relight a source, first as a table with errors, then for criterion.
-fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &Ruler, group: &mut BenchmarkGroup<WallTime>) {
+fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &mut Ruler, group: &mut BenchmarkGroup<WallTime>) {
     let shape = source.shape();
     let relighter = CpuRelighter::load(source).unwrap();
     let mut target = relighter.relight(lighting).unwrap();
@@ -224,6 +233,15 @@ fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &Ruler, group:
         error.psnr_clipped,
         error.relative_l2,
     );
+    for (figure, value) in [
+        ("mean_rank", rank),
+        ("lin_db", error.psnr_linear),
+        ("clip_db", error.psnr_clipped),
+        ("factor_megabytes", relighter.factor_bytes() as f64 / 1e6),
+        ("direct_milliseconds", 1e3 * ruler.raw_secs),
+    ] {
+        ruler.figures.add(&ruler.case, figure, value);
+    }
     let moved = relighter.factor_bytes() + shape.rows() * 4;
     group.throughput(Throughput::Bytes(moved));
     let full = mean_secs(|| relighter.relight_into(lighting, &mut target).unwrap());
@@ -296,7 +314,7 @@ fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &Ruler, group:
 }
 
 /// A matrix of one's own, as a container and stored.
-fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion) {
+fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: Figures) -> Figures {
     let container = ContainerReader::open(&stem.with_extension("ltc")).unwrap();
     let path = stem.with_extension("ltm");
     let matrix = StoreReader::open(&path).unwrap();
@@ -317,15 +335,20 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion) {
     page_in(&container);
     let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let mut group = criterion.benchmark_group(format!("relight {name}"));
-    measure(&container, &lighting, &Ruler { bandwidth, reference, raw_secs }, &mut group);
+    let mut ruler = Ruler { bandwidth, reference, raw_secs, case: name.into_owned(), figures };
+    ruler.figures.add(&ruler.case, "direct_gigabytes", bytes / 1e9);
+    measure(&container, &lighting, &mut ruler, &mut group);
     group.finish();
+    ruler.figures
 }
 
 fn main() {
     let mut criterion = Criterion::default().without_plots().sample_size(10).configure_from_args();
     let bandwidth = read_bandwidth();
     if let Some(stems) = std::env::var_os("LTM_BENCH_MATRIX") {
-        std::env::split_paths(&stems).for_each(|stem| measure_own(&stem, bandwidth, &mut criterion));
+        let figures = Figures::new("bench-relight-own", "LTM_BENCH_MATRIX=… cargo bench --bench relight");
+        let measured = |figures, stem: PathBuf| measure_own(&stem, bandwidth, &mut criterion, figures);
+        std::env::split_paths(&stems).fold(figures, measured).write();
         return criterion.final_summary();
     }
     let source = Smooth::new(KEPT_RANK);
@@ -335,7 +358,10 @@ fn main() {
     let raw_secs = start.elapsed().as_secs_f64();
     println!("direct product with blocks multiplied out in memory: {raw_secs:.2} s");
     let mut group = criterion.benchmark_group("relight 1024x768, 1024 columns, rank 8, 8 bits");
-    measure(&source, &lighting, &Ruler { bandwidth, reference, raw_secs }, &mut group);
+    let figures = Figures::new("bench-relight", "cargo bench --bench relight");
+    let mut ruler = Ruler { bandwidth, reference, raw_secs, case: "synthetic".into(), figures };
+    measure(&source, &lighting, &mut ruler, &mut group);
+    ruler.figures.write();
     group.finish();
     criterion.final_summary();
 }

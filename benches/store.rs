@@ -10,12 +10,15 @@
 //! `LTM_BENCH_COLUMNS` their columns (1,024, so 12 MiB in f32), `LTM_BENCH_FOLDER` the disk. Criterion repeats short work many times; a disk wants long runs,
 //! few of them and taken in turns, so this is a program of its own. It prints the best of `ROUNDS`.
 
+mod figures;
+
 use std::fs::File;
 use std::os::unix::fs::FileExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Instant;
 
+use figures::Figures;
 use ltm::container::ContainerOptions;
 use ltm::host::Quiet;
 use ltm::light::{Job, Light, LightBasis, LightKind, Lighting, Provenance};
@@ -46,39 +49,13 @@ fn main() {
         "{blocks} blocks of {rows} rows × {columns} columns, {:.2} GiB in f32\n",
         raw as f64 / (1u64 << 30) as f64
     );
-    eprintln!("writing                                       stored      GB/s stored   of the best pwrite");
-    let plain = folder.path().join("plain");
-    const PLAIN: [(&str, usize, bool); 3] = [
-        ("pwrite of blocks, one fsync", 12 << 20, false),
-        ("pwrite of 1 MiB, one fsync", 1 << 20, false),
-        ("pwrite of 1 MiB, fdatasync per block", 1 << 20, true),
-    ];
-    let mut rates = vec![0.0f64; PLAIN.len() + WRITES.len()];
-    for _ in 0..ROUNDS {
-        for (i, &(_, at_once, sync_each)) in PLAIN.iter().enumerate() {
-            let _ = std::fs::remove_file(&plain);
-            rates[i] = rates[i].max(rate(raw, || write_plain(&plain, blocks, &traced, at_once, sync_each)));
-        }
-        for (i, write) in WRITES.iter().enumerate() {
-            let path = folder.path().join(write.name);
-            let _ = std::fs::remove_file(&path);
-            let mut stored = 0;
-            let seconds = timed(|| stored = write_store(&path, &job, &traced, write));
-            let i = PLAIN.len() + i;
-            rates[i] = rates[i].max(stored as f64 / seconds / 1e9);
-        }
-    }
-    let best_plain = rates[..PLAIN.len()].iter().copied().fold(0.0, f64::max);
-    for ((name, ..), rate) in PLAIN.iter().zip(&rates) {
-        eprintln!("  {name:<37} {raw:>12}   {rate:>8.2}      {:.2}", rate / best_plain);
-    }
-    for (write, rate) in WRITES.iter().zip(&rates[PLAIN.len()..]) {
-        let stored = open(&folder.path().join(write.name)).tally().unwrap().stored_bytes;
-        eprintln!("  store, {:<30} {:>12}   {rate:>8.2}      {:.2}", write.name, stored, rate / best_plain);
-    }
+    let mut figures = Figures::new("bench-store", &format!("LTM_BENCH_BLOCKS={blocks} cargo bench --bench store"));
+    writing(folder.path(), &job, &traced, &mut figures);
     eprintln!(
         "\nreading                                  cold GB/s   warm GB/s   error (largest, relative to the entry)"
     );
+    let plain = plain_file(folder.path());
+    let mut plain_rates = Vec::new();
     for (name, threads) in [("pread", 1), ("pread, two threads", 2)] {
         let read = |cold| {
             best(
@@ -90,11 +67,14 @@ fn main() {
                 },
             )
         };
-        eprintln!("  {name:<36} {:>9.2}   {:>9.2}", read(true), read(false));
+        let (cold, warm) = (read(true), read(false));
+        eprintln!("  {name:<36} {cold:>9.2}   {warm:>9.2}");
+        plain_rates.push((cold, warm));
     }
     for write in WRITES.iter().filter(|write| write.threads == 1 && write.reserve) {
         let path = folder.path().join(write.name);
         let error = largest_error(&path, &traced);
+        figures.add(write.name, "largest_relative_error", f64::from(error));
         let stored = open(&path).tally().unwrap().stored_bytes;
         for threads in [1, 2] {
             for (how, work) in READS {
@@ -115,10 +95,55 @@ fn main() {
                     )
                 };
                 let name = format!("store, {}, {work:?}, {how:?}, {threads}", write.name);
-                eprintln!("  {name:<36} {:>9.2}   {:>9.2}   {error:.1e}", read(true), read(false));
+                let (cold, warm) = (read(true), read(false));
+                eprintln!("  {name:<36} {cold:>9.2}   {warm:>9.2}   {error:.1e}");
+                let (plain_cold, plain_warm) = plain_rates[threads as usize - 1];
+                figures.add(&name, "cold_over_plain", cold / plain_cold);
+                figures.add(&name, "warm_over_plain", warm / plain_warm);
             }
         }
         jobs(folder.path(), &job, &path, stored);
+    }
+    figures.write();
+}
+
+/// What is written plainly, and read again.
+fn plain_file(folder: &Path) -> PathBuf {
+    folder.join("plain")
+}
+
+/// Writing, against the best of the plain ways.
+fn writing(folder: &Path, job: &Job, traced: &TracedBlock, figures: &mut Figures) {
+    let (blocks, raw, plain) = (job.shape.block_count(), job.shape.raw_bytes(), plain_file(folder));
+    eprintln!("writing                                       stored      GB/s stored   of the best pwrite");
+    const PLAIN: [(&str, usize, bool); 3] = [
+        ("pwrite of blocks, one fsync", 12 << 20, false),
+        ("pwrite of 1 MiB, one fsync", 1 << 20, false),
+        ("pwrite of 1 MiB, fdatasync per block", 1 << 20, true),
+    ];
+    let mut rates = vec![0.0f64; PLAIN.len() + WRITES.len()];
+    for _ in 0..ROUNDS {
+        for (i, &(_, at_once, sync_each)) in PLAIN.iter().enumerate() {
+            let _ = std::fs::remove_file(&plain);
+            rates[i] = rates[i].max(rate(raw, || write_plain(&plain, blocks, traced, at_once, sync_each)));
+        }
+        for (i, write) in WRITES.iter().enumerate() {
+            let path = folder.join(write.name);
+            let _ = std::fs::remove_file(&path);
+            let mut stored = 0;
+            let seconds = timed(|| stored = write_store(&path, job, traced, write));
+            let i = PLAIN.len() + i;
+            rates[i] = rates[i].max(stored as f64 / seconds / 1e9);
+        }
+    }
+    let best_plain = rates[..PLAIN.len()].iter().copied().fold(0.0, f64::max);
+    for ((name, ..), rate) in PLAIN.iter().zip(&rates) {
+        eprintln!("  {name:<37} {raw:>12}   {rate:>8.2}      {:.2}", rate / best_plain);
+    }
+    for (write, rate) in WRITES.iter().zip(&rates[PLAIN.len()..]) {
+        let stored = open(&folder.join(write.name)).tally().unwrap().stored_bytes;
+        eprintln!("  store, {:<30} {:>12}   {rate:>8.2}      {:.2}", write.name, stored, rate / best_plain);
+        figures.add(write.name, "written_over_plain", rate / best_plain);
     }
 }
 
@@ -261,6 +286,10 @@ fn render(folder: &Path, samples_per_pixel: u32) {
         eprintln!("{memory:>14.2} s {stored:>18.2} s {:>9.1} %", 100.0 * (stored / memory - 1.0));
     }
     eprintln!("best of each: {:.1} %", 100.0 * (best[1] / best[0] - 1.0));
+    let command = format!("LTM_BENCH_RENDER={samples_per_pixel} cargo bench --bench store");
+    let mut figures = Figures::new("bench-store-render", &command);
+    figures.add("best of three each", "store_over_memory", best[1] / best[0]);
+    figures.write();
 }
 
 fn peak_memory() -> String {

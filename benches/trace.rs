@@ -11,6 +11,7 @@
 
 #[path = "trace/conference.rs"]
 mod conference;
+mod figures;
 #[path = "trace/meshes.rs"]
 mod meshes;
 #[expect(dead_code, reason = "the benchmarks use some of the tests' scenes")]
@@ -22,6 +23,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput};
+use figures::Figures;
 use glam::Vec3;
 use ltm::matrix::{BlockId, BlockSource, TracedBlock};
 use ltm::scene::{Paint, Scene, Surface};
@@ -38,6 +40,7 @@ fn rays(criterion: &mut Criterion) {
             None => eprintln!("{} cannot be read; left out", path.display()),
         }
     }
+    let mut figures = Figures::new("bench-rays", "cargo bench --bench trace -- rays");
     for subject in subjects {
         let start = Instant::now();
         let bvh = Bvh::build(&subject.triangles);
@@ -71,12 +74,15 @@ fn rays(criterion: &mut Criterion) {
             };
             count as f64 / (0..9).map(|_| time()).fold(f64::INFINITY, f64::min) / 1e6
         };
-        eprintln!(
-            "  best of nine, M rays/s: primary {:.2}, bounce {:.2}, shadow {:.2}",
-            rate(&|| closest(&bvh, &sets.primary), sets.primary.len()),
-            rate(&|| closest(&bvh, &sets.bounce), sets.bounce.len()),
-            rate(&|| clear(&bvh, &sets.shadow), sets.shadow.len())
-        );
+        let rates = [
+            ("primary", rate(&|| closest(&bvh, &sets.primary), sets.primary.len())),
+            ("bounce", rate(&|| closest(&bvh, &sets.bounce), sets.bounce.len())),
+            ("shadow", rate(&|| clear(&bvh, &sets.shadow), sets.shadow.len())),
+        ];
+        for (set, rate) in rates {
+            eprintln!("  best of nine, {set}: {rate:.2} M rays/s");
+            figures.add(&subject.name, &format!("{set}_million_rays_a_second"), rate);
+        }
         let plain = Bvh::build(&subject.triangles).with_walk(Walk::Scalar);
         let mut group = criterion.benchmark_group(format!("rays/{}", subject.name));
         group.sample_size(10).measurement_time(Duration::from_secs(2)).warm_up_time(Duration::from_millis(300));
@@ -88,6 +94,7 @@ fn rays(criterion: &mut Criterion) {
         group.bench_function("shadow", |b| b.iter(|| black_box(clear(&bvh, &sets.shadow))));
         group.finish();
     }
+    figures.write();
 }
 
 /// A room with a panel of `texels × texels`, a mirror ball and a glass ball.
@@ -123,6 +130,7 @@ fn seconds(texels: u32, samples: u32, side: u32) -> (f64, u64) {
 }
 
 fn tax() {
+    let mut figures = Figures::new("bench-tax", "cargo bench --bench trace -- tax");
     eprintln!("tax: blocks of 32×32 pixels, one thread, same paths for any number of columns; best of 5");
     for samples in [16, 64, 256] {
         let columns = [1u32, 8, 32, 64];
@@ -138,9 +146,15 @@ fn tax() {
         eprint!("  {samples} samples a pixel, {:.3} s at {rate:.2} M rays/s for 1 column;", best[0]);
         for (time, texels) in best.iter().zip(columns).skip(1) {
             eprint!(" {} columns {:.3}", texels * texels, time / best[0]);
+            figures.add(
+                &format!("{samples} samples"),
+                &format!("{}_columns_over_one", texels * texels),
+                time / best[0],
+            );
         }
         eprintln!();
     }
+    figures.write();
 }
 
 fn error() {

@@ -45,7 +45,9 @@ const PER_PATH: f64 = 0.5;
 /// Fewest and most photons that leave the lights, as far as there are not more lights than that.
 const EMITTED: (u64, u64) = (1 << 16, 1 << 20);
 
-/// Most maps. Even, so that a map serves one half of the samples.
+/// Most maps. Even, so that a map serves one half of the samples. More maps make a gathering cheaper and what it finds noisier: 128 in
+/// place of 16 take 0.66 to 0.90 of the time at 256 samples, and lights by water or a mirror have 1.23 to 1.31 times the squared
+/// error once exposed and clipped.
 const MAPS: u32 = 16;
 
 /// Height of the disc in which photons are gathered, to either side, in units of its radius: on surfaces that are curved.

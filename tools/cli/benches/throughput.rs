@@ -6,11 +6,15 @@
 
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
 
+#[path = "../../../benches/figures/mod.rs"]
+mod figures;
+
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use figures::Figures;
 use ltm::host::Quiet;
 use ltm::pipeline::{self, RenderOptions};
 use ltm::scene::BuiltIn;
@@ -46,6 +50,20 @@ fn bench(criterion: &mut Criterion) {
     let shape = StoreReader::open(&matrix).expect("the matrix").job().shape;
     let (pack, unpack) = (env!("CARGO_BIN_EXE_ltm-pack"), env!("CARGO_BIN_EXE_ltm-unpack"));
     let said = run(pack, &matrix, &container);
+    let mut figures = Figures::new("bench-throughput", "cargo bench -p ltm-cli");
+    let case = format!("{} x {}", shape.rows(), shape.columns());
+    let rate = |program: &str, input: &Path, output: &Path| {
+        let timed = || {
+            let begun = Instant::now();
+            run(program, input, output);
+            begun.elapsed().as_secs_f64()
+        };
+        shape.raw_bytes() as f64 / (0..3).map(|_| timed()).fold(f64::INFINITY, f64::min) / 1e9
+    };
+    figures.add(&case, "pack_gb_per_s", rate(pack, &matrix, &container));
+    figures.add(&case, "unpack_gb_per_s", rate(unpack, &container, &again));
+    figures.add(&case, "container_bytes", std::fs::metadata(&container).expect("the container").len() as f64);
+    figures.write();
 
     let mut group = criterion.benchmark_group("throughput");
     group.throughput(Throughput::Bytes(shape.raw_bytes())).sample_size(10);

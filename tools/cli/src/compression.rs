@@ -38,9 +38,9 @@ pub struct Compression {
     /// were kept apart, unless --keep-noise or another method is asked for.
     #[arg(long, value_enum, default_value = "auto")]
     denoise: Denoise,
-    /// Seed of random choices.
+    /// Seed of the compression's random choices.
     #[arg(long, default_value_t = 0)]
-    seed: u64,
+    compression_seed: u64,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -69,9 +69,10 @@ impl Compression {
 
     /// These as arguments of a command line.
     pub fn arguments(&self) -> Vec<String> {
-        let mut arguments =
-            vec!["--method".to_owned(), self.method.to_string(), "--seed".to_owned(), self.seed.to_string()];
+        let mut arguments = Vec::new();
         let mut say = |name: &str, value: String| arguments.extend([name.to_owned(), value]);
+        say("--method", self.method.to_string());
+        say("--compression-seed", self.compression_seed.to_string());
         match self.target {
             Some(Target::PsnrDb(db)) => say("--target", format!("{db}dB")),
             Some(Target::RelativeL2(error)) => say("--target", error.to_string()),
@@ -94,7 +95,7 @@ impl Compression {
         let mut settings = CompressSettings::of_method(self.method);
         settings.target = self.target.unwrap_or(settings.target);
         settings.rank = self.rank.unwrap_or(settings.rank);
-        settings.seed = self.seed;
+        settings.seed = self.compression_seed;
         settings.scope = match self.scope {
             ScopeName::Block => Scope::Block,
             ScopeName::Global => Scope::Global,
@@ -146,7 +147,7 @@ mod tests {
             "--target 45.5dB --rank 7 --denoise off",
             "--target 2MiB --prior flat",
             "--target 0.01 --keep-noise",
-            "--method svd --seed 3",
+            "--method svd --compression-seed 3",
         ];
         for line in lines {
             let parse = |arguments: Vec<String>| {

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use ltm::matrix::BlockId;
+use ltm::matrix::{BlockId, BlockSource, TracedBlock};
 use ltm::store::StoreReader;
 use room::write_room;
 use tempfile::TempDir;
@@ -356,7 +356,7 @@ fn options_of_programs_reach_the_files() {
         succeed(at, "ltm-pack", &[&["room.ltm", "-o", "o.ltc", "--force"], arguments].concat());
         fs::read(at.join("o.ltc")).unwrap()
     };
-    let random = |seed: &str| packed(&["--method", "algorithm1", "--rank", "4", "--seed", seed]);
+    let random = |seed: &str| packed(&["--method", "algorithm1", "--rank", "4", "--compression-seed", seed]);
     assert!(random("1") == random("1") && random("1") != random("2"));
     assert!(packed(&[]) != packed(&["--prior", "flat"]));
     assert!(succeed(at, "ltm", &["info", "o.ltc"]).contains("prior flat"));
@@ -367,6 +367,23 @@ fn options_of_programs_reach_the_files() {
         sizes.push(fs::metadata(at.join("p.ltm")).unwrap().len());
     }
     assert!(sizes[1] < sizes[0] && sizes[2] == sizes[1], "{sizes:?}");
+}
+
+/// Another seed gives other samples, and the fused way makes of them what the stored way does.
+#[test]
+fn a_seed_is_that_of_the_samples() {
+    let folder = room();
+    let at = folder.path();
+    let rendered = |seed: &str| {
+        succeed(at, "ltm", &["render", "room.toml", "-o", "s.ltm", "--force", "--seed", seed]);
+        let mut traced = TracedBlock::default();
+        StoreReader::open(&at.join("s.ltm")).unwrap().read_block(BlockId(0), &mut traced).unwrap();
+        traced.block.entries().to_vec()
+    };
+    assert!(rendered("0") != rendered("7") && rendered("7") == rendered("7"));
+    succeed(at, "ltm-pack", &["s.ltm"]);
+    succeed(at, "ltm", &["render", "room.toml", "-o", "fused.ltc", "--pack", "--seed", "7"]);
+    assert!(fs::read(at.join("s.ltc")).unwrap() == fs::read(at.join("fused.ltc")).unwrap());
 }
 
 #[test]

@@ -40,7 +40,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let scene = bench.with_conference(&["mixed"]).pop().unwrap_or(CONFERENCE);
     let memory = format!(
         "Each stage within {} of memory. Peak: resident anonymous memory of this process, sampled every 5 ms. GB/s: of the \
-matrix as f32. Render --pack makes the same bytes as render and pack.",
+matrix as f32. Render --pack makes the same bytes as render and pack. Packing cleans, as it does by default.",
         human_bytes(plan.memory_bytes)
     );
     let mut notes = bench.notes(&[&memory]);
@@ -119,7 +119,7 @@ fn stages(bench: &Bench<'_>, wanted: Wanted, memory_bytes: u64) -> Result<(Matri
     let memory_bytes = Some(memory_bytes);
     let mut render_options = RenderOptions { memory_bytes, ..Default::default() };
     render_options.store.overwrite = true;
-    let mut pack_options = PackOptions { memory_bytes, ..Default::default() };
+    let mut pack_options = PackOptions { memory_bytes, denoise: true, ..Default::default() };
     pack_options.container.overwrite = true;
     let unpack_options = UnpackOptions { memory_bytes, overwrite: true, ..Default::default() };
     let mut stages = Vec::new();

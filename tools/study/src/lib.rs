@@ -10,6 +10,7 @@ mod chart;
 mod codecs;
 mod curve;
 mod dct;
+mod equal;
 mod exchange;
 mod factors;
 mod fig5;
@@ -37,6 +38,7 @@ mod shared;
 mod speed;
 mod svd;
 mod table;
+mod took;
 mod zfp;
 
 use std::fmt;
@@ -70,6 +72,8 @@ pub enum Study {
     Noise,
     /// Relit images as one sees them, beside a denoiser's.
     Picture,
+    /// Samples and seconds that the raw matrix takes to be as near to the truth as packed images.
+    Equal,
     /// Arrays of another renderer at equal bytes.
     Imports,
     /// Seconds from a scene to relit images.
@@ -102,7 +106,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -113,6 +117,7 @@ impl Study {
         Self::Rank,
         Self::Noise,
         Self::Picture,
+        Self::Equal,
         Self::Imports,
         Self::Shared,
         Self::Speed,
@@ -130,6 +135,7 @@ impl Study {
             Self::Rank => "rank",
             Self::Noise => "noise",
             Self::Picture => "picture",
+            Self::Equal => "equal",
             Self::Imports => "imports",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
@@ -156,6 +162,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
             Study::Rank => rank::run(&bench)?,
             Study::Noise => noise::run(&bench)?,
             Study::Picture => picture::run(&bench)?,
+            Study::Equal => equal::run(&bench)?,
             Study::Imports => imports::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,

@@ -1,13 +1,12 @@
 //! Speed against error, end to end: from a scene to its first relit image, and from then on image by image.
 
-use std::time::Instant;
-
 use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
 use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::{Measured, Summary};
 use super::oidn::{self, Surfaces};
 use super::table::{Cell, Table};
+use super::took::{Clock, Took};
 use super::{StudyReport, machine, mitsuba};
 use ltm::container::ContainerReader;
 use ltm::error::Result;
@@ -45,48 +44,6 @@ const FUSED: &str = "ours (fused)";
 const RAW: &str = "uncompressed T from disk";
 const DENOISED: &str = "Mitsuba 3 (llvm_ad_rgb) and the denoiser";
 const AGAIN: &str = "rendering each lighting again";
-
-/// How long something took.
-#[derive(Clone, Copy, Debug, Default)]
-struct Took {
-    secs: f64,
-    /// Of all threads together; NaN where the system does not tell.
-    cpu_secs: f64,
-}
-
-impl Took {
-    fn least(self, other: Self) -> Self {
-        Self { secs: self.secs.min(other.secs), cpu_secs: self.cpu_secs.min(other.cpu_secs) }
-    }
-
-    fn over(self, times: usize) -> Self {
-        Self { secs: self.secs / times as f64, cpu_secs: self.cpu_secs / times as f64 }
-    }
-}
-
-impl std::ops::Add for Took {
-    type Output = Self;
-
-    fn add(self, other: Self) -> Self {
-        Self { secs: self.secs + other.secs, cpu_secs: self.cpu_secs + other.cpu_secs }
-    }
-}
-
-/// Both clocks.
-struct Clock {
-    begun: Instant,
-    cpu_secs: f64,
-}
-
-impl Clock {
-    fn start() -> Self {
-        Self { begun: Instant::now(), cpu_secs: cpu_seconds() }
-    }
-
-    fn stop(&self) -> Took {
-        Took { secs: self.begun.elapsed().as_secs_f64(), cpu_secs: cpu_seconds() - self.cpu_secs }
-    }
-}
 
 /// A way to relit images.
 struct Way {
@@ -358,39 +315,4 @@ fn theirs(
         ways.push(Way::again(DENOISED, rendering + Took { secs, cpu_secs }, &clean[0], all_on));
     }
     Ok(ways)
-}
-
-/// Processors' seconds of all threads of this process so far; NaN where the system does not tell.
-fn cpu_seconds() -> f64 {
-    /// Ticks of this clock in a second, as Linux counts them for programs.
-    const TICKS: f64 = 100.0;
-    let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // Behind the program's name in brackets: state, then numbers; the 12th and 13th are the times.
-    let fields: Vec<f64> = text
-        .rsplit_once(')')
-        .map_or("", |(_, rest)| rest)
-        .split_whitespace()
-        .skip(11)
-        .take(2)
-        .filter_map(|field| field.parse().ok())
-        .collect();
-    if fields.len() == 2 { (fields[0] + fields[1]) / TICKS } else { f64::NAN }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_processors_clock_counts_what_this_process_does() {
-        let before = cpu_seconds();
-        let begun = Instant::now();
-        let mut sum = 0u64;
-        while begun.elapsed().as_secs_f64() < 0.2 {
-            sum = (0..100_000u64).fold(sum, |sum, i| sum.wrapping_mul(31) ^ i);
-        }
-        let took = cpu_seconds() - before;
-        // Beside other tests' threads, and where others use the machine.
-        assert!(sum != 1 && (!before.is_finite() || took > 0.01), "{took}");
-    }
 }

@@ -123,6 +123,8 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     assert!(measured("ours", "seams") < measured("ours without cleaning", "seams"), "{picture:?}");
     assert_eq!(read_csv(&out.join("picture-lightings.csv")).len(), 12 * picture.len());
 
+    packed_images_are_as_near_as_raw_ones_of_more_samples(&out);
+
     // Lights of an array are better served where their images say which are alike than where they stand at one place.
     let imports = read_csv(&out.join("imports.csv"));
     let measured = |lights: &str, name: &str| number(of(&imports, "lights", lights).next().expect(lights), name);
@@ -135,6 +137,23 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     assert!(!before.is_empty());
     ltm_study::run(&[Study::Rank], &options, &Quiet).unwrap();
     assert_eq!(matrices(&out.join("cache")), before);
+}
+
+/// Of how many more lies between two numbers of samples that were measured.
+fn packed_images_are_as_near_as_raw_ones_of_more_samples(out: &Path) {
+    let (ratios, points) = (read_csv(&out.join("equal.csv")), read_csv(&out.join("equal-points.csv")));
+    assert_eq!(ratios.len(), 1);
+    let raw = |samples: f64| {
+        let is = |row: &&Row| row["way"] == "raw matrix" && number(row, "samples_per_px") == samples;
+        points.iter().find(is).unwrap_or_else(|| panic!("{points:?}"))
+    };
+    for (measure, at) in [("flip", "raw_samples_at_flip"), ("psnr_clip_db", "raw_samples_at_clip")] {
+        let (ours, samples) = (number(&ratios[0], measure), number(&ratios[0], at));
+        assert!(samples > 2.0 * number(&ratios[0], "samples_per_px"), "{ratios:?}");
+        let (fewer, more) = if samples < 32.0 { (raw(8.0), raw(32.0)) } else { (raw(32.0), raw(128.0)) };
+        let ends = [number(fewer, measure), number(more, measure)];
+        assert!(ours >= ends[0].min(ends[1]) && ours <= ends[0].max(ends[1]), "{ratios:?} {points:?}");
+    }
 }
 
 /// The matrices of a folder, each with the time at which it was written.

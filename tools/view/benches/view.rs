@@ -15,12 +15,15 @@ mod container;
 #[path = "../tests/view_window/driver.rs"]
 #[expect(dead_code, reason = "the tests use more of it")]
 mod driver;
+#[path = "../../../benches/figures/mod.rs"]
+mod figures;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use driver::Driver;
 use eframe::egui::{Pos2, Rect, vec2};
+use figures::Figures;
 use ltm::container::ContainerReader;
 use ltm::image::ToneMapping;
 use ltm::light::Lighting;
@@ -36,19 +39,23 @@ const DRAG_FRAMES: usize = 120;
 
 fn main() {
     if let Some(path) = std::env::var_os("LTM_VIEW_CONTAINER") {
-        return measure(Path::new(&path));
+        let mut figures = Figures::new("bench-view-own", "LTM_VIEW_CONTAINER=… cargo bench -p ltm-view");
+        std::env::split_paths(&path).for_each(|path| measure(&path, &mut figures));
+        return figures.write();
     }
+    let mut figures = Figures::new("bench-view", "cargo bench -p ltm-view");
     let folder = tempfile::tempdir().expect("a temporary folder");
     // As many components as columns: a packed container of this size has a tenth of them.
     for (name, texels) in [("mixed", 4), ("mixed", 8), ("environment", 8)] {
         let path: PathBuf = folder.path().join(format!("{name}-{texels}.ltc"));
         let built_in = BuiltIn { width: 320, height: 240, texels };
         container::write(&path, built_in.named(name).expect("a built-in scene"), 4);
-        measure(&path);
+        measure(&path, &mut figures);
     }
+    figures.write();
 }
 
-fn measure(path: &Path) {
+fn measure(path: &Path, figures: &mut Figures) {
     let reader = ContainerReader::open(path).expect("a container");
     let (shape, light) = (reader.shape(), reader.job().basis.lights()[0].name.clone());
     let ranks: usize = shape.blocks().map(|id| reader.rank(id)).sum();
@@ -98,13 +105,23 @@ fn measure(path: &Path) {
         shape.block_side(),
         reader.job().basis.lights().len(),
     );
+    let [half_frames, most_frames] = [0.5, 0.95].map(|part| percentile(&mut frames, part));
+    let [half_millis, most_millis] = [0.5, 0.95].map(|part| percentile(&mut millis, part));
     println!(
-        "  movement to picture: {:.0} frames median, {:.0} at the 95th percentile; {:.1} ms median, {:.1} ms at the 95th",
-        percentile(&mut frames, 0.5),
-        percentile(&mut frames, 0.95),
-        percentile(&mut millis, 0.5),
-        percentile(&mut millis, 0.95),
+        "  movement to picture: {half_frames:.0} frames median, {most_frames:.0} at the 95th percentile; {half_millis:.1} ms \
+         median, {most_millis:.1} ms at the 95th",
     );
+    let case = path.file_stem().unwrap_or_default().to_string_lossy();
+    for (figure, value) in [
+        ("frames_median", half_frames),
+        ("frames_95th", most_frames),
+        ("milliseconds_median", half_millis),
+        ("milliseconds_95th", most_millis),
+        ("pictures_a_second", rate),
+        ("stated_error", error(&reader)),
+    ] {
+        figures.add(&case, figure, value);
+    }
     println!(
         "  during a drag of {DRAG_FRAMES} frames: {rate:.1} pictures a second; stated error {:.2e}",
         error(&reader)

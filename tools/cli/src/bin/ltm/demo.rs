@@ -6,7 +6,7 @@ use clap::Args;
 use ltm::Result;
 use ltm::pipeline::demo::demo;
 
-use crate::input::{parse_size, with_overrides};
+use crate::input::{Overrides, parse_size};
 use ltm_cli::console::Console;
 
 /// Samples per pixel of the demonstration: what keeps it under a minute on two cores.
@@ -32,7 +32,8 @@ impl Default for Demo {
 }
 
 pub(crate) fn run(options: &Demo, console: &Console) -> Result<()> {
-    let loaded = with_overrides(ltm::scene::built_in(), options.samples.or(Some(DEMO_SAMPLES)), options.size);
+    let samples = options.samples.or(Some(DEMO_SAMPLES));
+    let loaded = Overrides { samples, size: options.size, seed: None }.of(ltm::scene::built_in());
     let report = demo(loaded, &options.out, console)?;
     let out = options.out.display();
     println!("{report}\n");

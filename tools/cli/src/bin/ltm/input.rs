@@ -39,12 +39,29 @@ impl SceneFiles {
     }
 }
 
-/// A scene with the samples and size that the command line asks for.
-pub(crate) fn with_overrides(mut loaded: LoadedScene, samples: Option<u32>, size: Option<(u32, u32)>) -> LoadedScene {
-    loaded.settings.samples_per_pixel = samples.unwrap_or(loaded.settings.samples_per_pixel);
-    match size {
-        Some((width, height)) => loaded.sized(width, height),
-        None => loaded,
+/// What is rendered in place of what the scene file says.
+#[derive(Args, Clone, Copy, Default)]
+pub(crate) struct Overrides {
+    /// Samples per pixel [default: the scene file's].
+    #[arg(long)]
+    pub(crate) samples: Option<u32>,
+    /// Seed of the samples: another one gives other noise [default: the scene file's].
+    #[arg(long)]
+    pub(crate) seed: Option<u64>,
+    /// Image size, WIDTHxHEIGHT [default: the scene file's].
+    #[arg(long, value_parser = parse_size)]
+    pub(crate) size: Option<(u32, u32)>,
+}
+
+impl Overrides {
+    /// A scene with what was asked for.
+    pub(crate) fn of(self, mut loaded: LoadedScene) -> LoadedScene {
+        loaded.settings.samples_per_pixel = self.samples.unwrap_or(loaded.settings.samples_per_pixel);
+        loaded.settings.seed = self.seed.unwrap_or(loaded.settings.seed);
+        match self.size {
+            Some((width, height)) => loaded.sized(width, height),
+            None => loaded,
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use ltm::scene::LoadOptions;
 use ltm::{Error, Result};
 
 use crate::farm::{self, Listing};
-use crate::input::{Kind, kind_of, parse_size, with_overrides};
+use crate::input::{Kind, Overrides, kind_of, parse_size};
 use ltm_cli::console::Console;
 use ltm_cli::say;
 
@@ -78,7 +78,8 @@ pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
         memory_bytes: options.memory,
         camera,
     };
-    let loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
+    let overrides = Overrides { samples: options.samples, size: options.size, seed: None };
+    let loaded = overrides.of(pipeline::load_scene(&options.scene, allowed)?);
     let repaired = pipeline::repair(loaded, &options.file, options.memory, console)?;
     say!("{}: {} blocks rendered again", options.file.display(), repaired.len());
     Ok(())

@@ -11,7 +11,7 @@ use ltm::scene::LoadOptions;
 use ltm::{Error, Result};
 use serde_json::{Value, json};
 
-use crate::input::{SceneFiles, parse_size, with_overrides};
+use crate::input::{Overrides, SceneFiles};
 use ltm_cli::compression::Compression;
 use ltm_cli::console::Console;
 use ltm_cli::say;
@@ -34,12 +34,8 @@ pub(crate) struct Plan {
     /// Blocks of a range, in place of --each.
     #[arg(long, conflicts_with = "each")]
     blocks: Option<u32>,
-    /// Samples per pixel [default: the scene file's].
-    #[arg(long)]
-    samples: Option<u32>,
-    /// Image size, WIDTHxHEIGHT [default: the scene file's].
-    #[arg(long, value_parser = parse_size)]
-    size: Option<(u32, u32)>,
+    #[command(flatten)]
+    overrides: Overrides,
     #[command(flatten)]
     files: SceneFiles,
     /// Replace a plan that is there.
@@ -69,8 +65,9 @@ pub(crate) fn run(options: &Plan, console: &Console) -> Result<()> {
         "format": FORMAT,
         "program": format!("ltm {}", env!("CARGO_PKG_VERSION")),
         "scene": scene.to_string_lossy(),
-        "samples": options.samples,
-        "size": options.size.map(|(width, height)| [width, height]),
+        "samples": options.overrides.samples,
+        "seed": options.overrides.seed,
+        "size": options.overrides.size.map(|(width, height)| [width, height]),
         "camera": options.files.camera,
         "allow_missing": options.files.allow_missing,
         "allow_outside": options.files.allow_outside,
@@ -228,7 +225,8 @@ impl Planned {
             memory_bytes,
             camera: self.value["camera"].as_str().map(str::to_owned),
         };
-        let loaded = with_overrides(pipeline::load_scene(&scene, load)?, number(&self.value["samples"]), size);
+        let overrides = Overrides { samples: number(&self.value["samples"]), seed: self.value["seed"].as_u64(), size };
+        let loaded = overrides.of(pipeline::load_scene(&scene, load)?);
         loaded.warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
         let words = self.value["compression"].as_array().ok_or_else(|| refuse("compression"))?;
         let words = words.iter().filter_map(Value::as_str);

@@ -13,7 +13,7 @@ use ltm::pipeline::{
 };
 use ltm::store::{Precision, StoreReader};
 
-use crate::input::{SceneFiles, parse_size, with_overrides};
+use crate::input::{Overrides, SceneFiles};
 use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{Console, peak_memory_bytes};
 use ltm_cli::say;
@@ -25,9 +25,8 @@ pub(crate) struct Render {
     /// The file to write [default: the scene file's name with .ltm, or .ltc with --pack, in this folder].
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Samples per pixel [default: the scene file's].
-    #[arg(long)]
-    samples: Option<u32>,
+    #[command(flatten)]
+    overrides: Overrides,
     /// As many samples as bring the expected error of an exposed, relit image down to this, for example 2% (of white; the
     /// worst of 16 lightings): of the packed, cleaned matrix, or of the matrix as it is with --denoise off. What was reached is
     /// said, and kept in a container.
@@ -36,9 +35,6 @@ pub(crate) struct Render {
     /// As many samples as fit this time, for example 60s or 5min; with --error, at most so many.
     #[arg(long, value_parser = parse_seconds, conflicts_with_all = ["samples", "blocks"])]
     time: Option<f64>,
-    /// Image size, WIDTHxHEIGHT [default: the scene file's].
-    #[arg(long, value_parser = parse_size)]
-    size: Option<(u32, u32)>,
     /// Precision of the stored entries.
     #[arg(long, value_enum, default_value = "f32")]
     precision: PrecisionName,
@@ -82,7 +78,7 @@ enum Preview {
 
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let allowed = options.files.load_options(options.memory);
-    let mut loaded = with_overrides(pipeline::load_scene(&options.scene, allowed)?, options.samples, options.size);
+    let mut loaded = options.overrides.of(pipeline::load_scene(&options.scene, allowed)?);
     for warning in &loaded.warnings {
         console.note(&format!("warning: {warning}"));
     }

@@ -1,36 +1,9 @@
-//! The README's figures against the tables of the runs that made them.
+//! The tables that studies made.
 
-mod tables;
-
-use std::fs;
 use std::path::Path;
 
-use tables::{Row, read_csv, read_table};
-
-/// The table of a study, as it is published.
-fn published(name: &str) -> Vec<Row> {
-    read_csv(&Path::new("../../formats/plots").join(name))
-}
-
-/// The cells of the README's row that begins so, between its bars.
-fn row_of<'a>(readme: &'a str, begin: &str) -> Vec<&'a str> {
-    let mut lines = readme.lines().filter(|line| line.starts_with(begin));
-    let line = lines.next().unwrap_or_else(|| panic!("no row '{begin}'"));
-    assert_eq!(lines.next(), None, "two rows '{begin}'");
-    line.trim_matches('|').split('|').map(str::trim).collect()
-}
-
-fn readme() -> String {
-    fs::read_to_string("../../README.md").unwrap()
-}
-
-/// A value with so many digits; a dash where there is none.
-fn shown(row: &Row, column: &str, digits: usize) -> String {
-    match row[column].as_str() {
-        "" => "–".to_owned(),
-        number => format!("{:.digits$}", number.parse::<f64>().unwrap()),
-    }
-}
+use super::tables::{Row, read_table};
+use super::{published, readme, row_of, shown};
 
 #[test]
 fn ideas_bring_what_the_readme_says() {
