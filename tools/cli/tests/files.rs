@@ -376,11 +376,18 @@ fn a_seed_is_that_of_the_samples() {
     let at = folder.path();
     let rendered = |seed: &str| {
         succeed(at, "ltm", &["render", "room.toml", "-o", "s.ltm", "--force", "--seed", seed]);
-        let mut traced = TracedBlock::default();
-        StoreReader::open(&at.join("s.ltm")).unwrap().read_block(BlockId(0), &mut traced).unwrap();
-        traced.block.entries().to_vec()
+        let store = StoreReader::open(&at.join("s.ltm")).unwrap();
+        let mut entries = Vec::new();
+        for block in store.job().shape.blocks() {
+            let mut traced = TracedBlock::default();
+            store.read_block(block, &mut traced).unwrap();
+            entries.extend_from_slice(traced.block.entries());
+        }
+        assert!(entries.iter().any(|&entry| entry > 0.0));
+        entries
     };
-    assert!(rendered("0") != rendered("7") && rendered("7") == rendered("7"));
+    assert!(rendered("0") != rendered("7"));
+    assert!(rendered("7") == rendered("7"));
     succeed(at, "ltm-pack", &["s.ltm"]);
     succeed(at, "ltm", &["render", "room.toml", "-o", "fused.ltc", "--pack", "--seed", "7"]);
     assert!(fs::read(at.join("s.ltc")).unwrap() == fs::read(at.join("fused.ltc")).unwrap());
