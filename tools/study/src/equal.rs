@@ -30,9 +30,9 @@ struct PlannedScene {
 }
 
 const QUICK: Plan = Plan {
-    scenes: &[PlannedScene { name: "diffuse", size: (64, 48), texels: 4, converged: 512 }],
+    scenes: &[PlannedScene { name: "diffuse", size: (64, 48), texels: 4, converged: 2048 }],
     packed: &[8],
-    raw: &[8, 32, 128],
+    raw: &[8, 64, 512],
 };
 
 const FULL: Plan = Plan {

@@ -150,7 +150,7 @@ fn packed_images_are_as_near_as_raw_ones_of_more_samples(out: &Path) {
     for (measure, at) in [("flip", "raw_samples_at_flip"), ("psnr_clip_db", "raw_samples_at_clip")] {
         let (ours, samples) = (number(&ratios[0], measure), number(&ratios[0], at));
         assert!(samples > 2.0 * number(&ratios[0], "samples_per_px"), "{ratios:?}");
-        let (fewer, more) = if samples < 32.0 { (raw(8.0), raw(32.0)) } else { (raw(32.0), raw(128.0)) };
+        let (fewer, more) = if samples < 64.0 { (raw(8.0), raw(64.0)) } else { (raw(64.0), raw(512.0)) };
         let ends = [number(fewer, measure), number(more, measure)];
         assert!(ours >= ends[0].min(ends[1]) && ours <= ends[0].max(ends[1]), "{ratios:?} {points:?}");
     }
