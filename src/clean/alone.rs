@@ -2,21 +2,26 @@
 
 use pulp::Simd;
 
-use super::constants::{FILTERED_NOISE_REACH, MOST_SCALE, PATCH};
+use super::constants::MOST_SCALE;
 use super::filter::nearness;
 use super::guide::{Guide, GuideCut, GuideWidths, weights};
-use super::kernel::{Neighbours, Offsets, Weigh, weighted_means};
+use super::kernel::{IMAGE, Means, Neighbours, Offsets, Weigh, plane_of};
+use super::reach::{FILTERED, Reach};
 use super::rows::{Pool, Region, Rows};
 use super::surfaces::{Surfaces, SurfacesCut};
 use super::tile::{TILE_PIXELS, Tile};
 
 /// Images that are filtered at once: they share what surfaces say.
 const TOGETHER: usize = 4;
-/// Planes of an image: three channels in two halves.
-const IMAGE: usize = 6;
-/// Planes that are used beside the images: those at hand before and after, of each what it is compared by; sums before and after;
-/// what noise is estimated with.
-pub(super) const PLANES: usize = TOGETHER * (2 * IMAGE + 3) + 2 * IMAGE + 6;
+/// Planes of a guide: the image in grey, its noise and its square.
+const GUIDE_PLANES: usize = 3;
+
+/// Values that it holds for each column of pixels while so many rows are filtered.
+pub(super) fn passing_rows(reach: Reach, step: usize) -> usize {
+    let read = step + 2 * (reach.alone().radius() + FILTERED.read());
+    // Guides, and of one what it is made of: the image in grey, means of its noise and squares; sums before and after.
+    read * (TOGETHER * GUIDE_PLANES + 2 + 5) + 2 * IMAGE * step
+}
 
 /// A filter of each image, which has its own weights: from the image itself, all channels together, and from what is seen.
 ///
@@ -31,55 +36,44 @@ pub(super) struct Alone<'a> {
 }
 
 impl Alone<'_> {
-    /// Filters images in a region. They hold two halves, of each all images, of each three channels.
-    pub(super) fn filter(&self, images: &mut Rows, region: &Region, pool: &Pool) {
-        let half = images.planes() / 2;
-        let before = sums(images, region, pool);
-        for first in (0..half / 3).step_by(TOGETHER) {
-            let some = first..(first + TOGETHER).min(half / 3);
-            let plane_of = |plane: usize| {
-                let (image, plane) = (first + plane / IMAGE, plane % IMAGE);
-                (plane / 3) * half + 3 * image + plane % 3
-            };
-            let read = region.grown(self.offsets.radius() + PATCH + FILTERED_NOISE_REACH, images);
-            let mut here = pool.rows(images.width(), images.height(), IMAGE * some.len());
-            here.fill_rows(&read, |y, plane, out| out.copy_from_slice(&images.row(plane_of(plane), y)[read.x.clone()]));
-            let guides = some.map(|image| self.guide(images, image, region, pool)).collect();
+    /// Filters images in a region into `filtered`. They hold two halves, of each all images, of each three channels.
+    pub(super) fn filter(&self, images: &Rows, region: &Region, filtered: &mut Rows, pool: &Pool) {
+        let all = images.planes() / IMAGE;
+        for first in (0..all).step_by(TOGETHER) {
+            let guides =
+                (first..all.min(first + TOGETHER)).map(|image| self.guide(images, image, region, pool)).collect();
             let each = Each { alone: self, guides };
-            let filtered = weighted_means(&here, region, &self.offsets, self.slope, &each, pool);
-            images.change_rows(region, |y, plane, out| {
-                let (of_half, image, channel) = (plane / half, plane % half / 3, plane % 3);
-                if let Some(image) = image.checked_sub(first).filter(|image| *image < TOGETHER) {
-                    out.copy_from_slice(&filtered.row(image * IMAGE + 3 * of_half + channel, y)[region.x.clone()]);
-                }
-            });
+            let first = Some(first);
+            Means { images, first, offsets: &self.offsets, slope: self.slope, weigher: &each }.fill(region, filtered);
             each.guides.into_iter().for_each(|guide| pool.keep(guide.into_rows()));
-            [here, filtered].into_iter().for_each(|done| pool.keep(done));
         }
-        let after = sums(images, region, pool);
-        images.change_rows(region, |y, plane, out| {
+        let sums = [images, &*filtered].map(|images| sums(images, region, pool));
+        let half = images.planes() / 2;
+        filtered.change_rows(region, |y, plane, out| {
             let sum = 3 * (plane / half) + plane % 3;
-            let [before, after] = [&before, &after].map(|sums| &sums.row(sum, y)[region.x.clone()]);
+            let [before, after] = sums.each_ref().map(|sums| &sums.row(sum, y)[region.x.clone()]);
             for ((out, before), after) in out.iter_mut().zip(before).zip(after) {
                 *out *= scale(*before, *after);
             }
         });
-        [before, after].into_iter().for_each(|done| pool.keep(done));
+        sums.into_iter().for_each(|done| pool.keep(done));
     }
 
     /// What neighbours in an image are compared by.
     fn guide(&self, images: &Rows, image: usize, region: &Region, pool: &Pool) -> Guide {
-        let compared = region.grown(self.offsets.radius() + PATCH, images);
-        let read = compared.grown(FILTERED_NOISE_REACH, images);
-        let half = images.planes() / 2;
-        let mut grey = pool.rows(images.width(), images.height(), 2);
+        let compared = region.grown(self.offsets.radius(), images);
+        let read = compared.grown(FILTERED.read(), images);
+        let mut grey = pool.rows_like(images, 2, read.y.clone());
         grey.fill_rows(&read, |y, of_half, out| {
             for channel in 0..3 {
-                let row = &images.row(of_half * half + 3 * image + channel, y)[read.x.clone()];
+                let plane = plane_of(image, 3 * of_half + channel, images.planes());
+                let row = &images.row(plane, y)[read.x.clone()];
                 out.iter_mut().zip(row).for_each(|(out, v)| *out += v);
             }
         });
-        let guide = Guide::of_halves(&grey, FILTERED_NOISE_REACH, &compared, pool);
+        let patches = compared.grown(FILTERED.patch, images).y;
+        let mut guide = Guide::over(pool.rows_like(images, GUIDE_PLANES, patches), FILTERED.patch);
+        guide.fill(&grey, FILTERED, &compared, pool);
         pool.keep(grey);
         guide
     }
@@ -88,7 +82,7 @@ impl Alone<'_> {
 /// The sums over all images, of each half three channels.
 fn sums(images: &Rows, region: &Region, pool: &Pool) -> Rows {
     let half = images.planes() / 2;
-    let mut sums = pool.rows(images.width(), images.height(), IMAGE);
+    let mut sums = pool.rows_like(images, IMAGE, region.y.clone());
     sums.fill_rows(region, |y, sum, out| {
         for plane in (sum % 3..half).step_by(3) {
             let row = &images.row(sum / 3 * half + plane, y)[region.x.clone()];
@@ -111,6 +105,7 @@ struct Each<'a> {
 
 /// What is known around a tile: of each image, of surfaces, and, once the first image was weighed, what those and distances add for
 /// each offset.
+#[derive(Default)]
 struct Around {
     guides: Vec<GuideCut>,
     surfaces: SurfacesCut,
@@ -124,12 +119,11 @@ impl Weigh for Each<'_> {
         self.guides.len()
     }
 
-    fn ready(&self, tile: Tile, reach: usize) -> Around {
-        Around {
-            guides: self.guides.iter().map(|guide| guide.around(tile, reach, PATCH)).collect(),
-            surfaces: self.alone.surfaces.around(tile, reach),
-            common: vec![[0.0; TILE_PIXELS]; self.alone.offsets.count()],
-        }
+    fn make_ready(&self, tile: Tile, reach: usize, around: &mut Around) {
+        around.guides.resize_with(self.guides.len(), GuideCut::default);
+        self.guides.iter().zip(&mut around.guides).for_each(|(guide, cut)| guide.cut(tile, reach, cut));
+        self.alone.surfaces.cut(tile, reach, &mut around.surfaces);
+        around.common.resize(self.alone.offsets.count(), [0.0; TILE_PIXELS]);
     }
 
     #[inline(always)]

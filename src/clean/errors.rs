@@ -56,7 +56,7 @@ pub(super) fn add_squares(
 ) {
     let planes = raw.planes() / 2;
     let width = raw.width();
-    squares.fill_strips(&region.y, 1, |y, sums| {
+    squares.fill_whole_rows(&region.y, |y, sums| {
         for plane in 0..planes {
             let [raw_a, raw_b, a, b] =
                 [raw.row(plane, y), raw.row(planes + plane, y), cleaned.row(plane, y), cleaned.row(planes + plane, y)]

@@ -1,81 +1,39 @@
-//! The filter of one window of the image.
+//! The filter of an image, or of a window of it, from the top down.
+
+use std::ops::Range;
 
 use pulp::Simd;
 
 use super::alone::{self, Alone};
 use super::constants::*;
 use super::errors::{self, ErrorSums, add_squares};
-use super::guide::{Guide, GuideCut, GuideWidths, mixtures, weights};
-use super::kernel::{Neighbours, Offset, Offsets, Weigh, weighted_means};
-use super::reach::Reach;
+use super::guide::{Guide, GuideCut, GuideReach, GuideWidths, fill_mixtures, mixture_planes, weights};
+use super::kernel::{Means, Neighbours, Offset, Offsets, Weigh};
+use super::reach::{FILTERED, FILTERED_PIXELS, RAW, Reach};
 use super::rows::{Pool, Region, Rows};
-use super::shrink::{RISK_REACH, mix_in};
+use super::shrink::mixed;
+use super::stage::{Stage, Step, Track};
 use super::surfaces::{Surfaces, SurfacesCut};
 use super::tally::Guides;
 use super::tile::{TILE_PIXELS, Tile};
 
-/// What is known of a window of the image. Light: two halves of the samples, of each all clusters, of each three channels.
-/// Features as in `matrix::BlockPlanes`.
-#[derive(Clone, Debug)]
-pub struct Window {
-    /// Light that falls straight from emitters on what a pixel sees.
-    pub direct: Rows,
-    /// All other light but emission seen.
-    pub indirect: Rows,
-    /// What a pixel sees, see `matrix::Feature`.
-    pub features: Rows,
-    /// Variances of those.
-    pub feature_variance: Rows,
-}
+/// Rows that are cleaned at once, at least.
+const STEP: usize = 64;
 
-/// Some rows of pixels of a window, to be filled: of each row the rows of all planes.
-pub struct WindowStrip<'a> {
-    /// See [`Window::direct`].
+/// Rows of an image from one to another, to be filled: of each row the rows of all planes.
+pub struct Strip<'a> {
+    /// Light that falls straight from emitters on what a pixel sees: two halves of the samples, of each all clusters, of each three
+    /// channels.
     pub direct: &'a mut [f32],
-    /// See [`Window::indirect`].
+    /// All other light but emission seen.
     pub indirect: &'a mut [f32],
-    /// See [`Window::features`].
+    /// What a pixel sees, see `matrix::Feature`.
     pub features: &'a mut [f32],
-    /// See [`Window::feature_variance`].
+    /// Variances of those.
     pub feature_variance: &'a mut [f32],
 }
 
-impl Window {
-    /// Of pixels across and down, with any values.
-    pub fn of_size((width, height): (usize, usize), clusters: usize, features: usize, pool: &Pool) -> Self {
-        let light = 2 * 3 * clusters;
-        Self {
-            direct: pool.rows(width, height, light),
-            indirect: pool.rows(width, height, light),
-            features: pool.rows(width, height, features),
-            feature_variance: pool.rows(width, height, features),
-        }
-    }
-
-    /// Cut before each of these rows of pixels but the first, which is row 0.
-    pub fn strips_mut(&mut self, borders: &[usize]) -> Vec<WindowStrip<'_>> {
-        let light = self.direct.strips_mut(borders).into_iter().zip(self.indirect.strips_mut(borders));
-        let features = self.features.strips_mut(borders).into_iter().zip(self.feature_variance.strips_mut(borders));
-        light
-            .zip(features)
-            .map(|((direct, indirect), (features, feature_variance))| WindowStrip {
-                direct,
-                indirect,
-                features,
-                feature_variance,
-            })
-            .collect()
-    }
-}
-
-/// Bytes that [`clean`] takes at most for each pixel of a window, with what the pool keeps.
-pub fn pixel_bytes(clusters: u64) -> u64 {
-    // Direct and indirect light and one filter's result in two halves of three channels, the cleaned images; features, guides and
-    // squares; of one cluster the three terms of the risk, in three steps; of some clusters what each by itself reads and makes.
-    4 * (3 * 6 * clusters + 3 * clusters + 120 + 3 * 3 + alone::PLANES as u64)
-}
-
-/// What [`clean`] makes of a window.
+/// What [`Cleaning`] makes of some rows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cleaned {
     /// Three planes for each cluster, direct and indirect light together.
@@ -84,7 +42,12 @@ pub struct Cleaned {
 }
 
 impl Cleaned {
-    /// What cleaning did to a part of the region that is right.
+    /// The rows that were cleaned.
+    pub fn rows(&self) -> Range<usize> {
+        self.images.held()
+    }
+
+    /// What cleaning did to a part of them.
     pub fn errors(&self, region: &Region) -> ErrorSums {
         ErrorSums::of(&self.images, &self.squares, region)
     }
@@ -96,146 +59,367 @@ impl Cleaned {
     }
 }
 
-/// The cleaned images of the clusters. Right for a region that is [`Reach::halo`] away from the window's rim, or where the image ends
-/// there; elsewhere there is anything.
-pub fn clean(window: Window, region: &Region, guides: &Guides, (reach, pool): (Reach, &Pool)) -> Cleaned {
-    let Window { direct, indirect, features, feature_variance } = window;
-    let (width, height) = (features.width(), features.height());
-    let filter = Filter { surfaces: Surfaces::new(&features, &feature_variance, pool), region, reach, pool };
-    let albedo = |plane: usize, y: usize| -> Vec<f32> {
-        features.row(plane % 3, y).iter().map(|a| a.max(LEAST_ALBEDO)).collect()
-    };
-    let planes = direct.planes() / 2;
-    let mut images = pool.rows(width, height, planes);
-    let mut squares = pool.rows(width, height, errors::PLANES);
-    images.clear(region);
-    squares.clear(region);
-    for (mut light, is_direct) in [(direct, true), (indirect, false)] {
-        let whole = light.whole();
-        light.change_rows(&whole, |y, plane, out| out.iter_mut().zip(albedo(plane, y)).for_each(|(o, a)| *o /= a));
-        let cleaned =
-            if is_direct { filter.direct(&light, &guides.direct) } else { filter.indirect(&light, &guides.indirect) };
-        add_squares(&light, &cleaned, albedo, region, &mut squares);
-        pool.keep(light);
-        images.change_rows(region, |y, plane, out| {
-            let [a, b] = [plane, planes + plane].map(|plane| &cleaned.row(plane, y)[region.x.clone()]);
-            let albedo = albedo(plane, y);
-            let halves = a.iter().zip(b).zip(&albedo[region.x.clone()]);
-            out.iter_mut().zip(halves).for_each(|(o, ((a, b), albedo))| *o += 0.5 * (a + b) * albedo);
-        });
-        pool.keep(cleaned);
-    }
-    [features, feature_variance, filter.surfaces.into_rows()].into_iter().for_each(|done| pool.keep(done));
-    Cleaned { images, squares }
-}
-
-/// What filters both kinds of light.
-struct Filter<'a> {
+/// Images of clusters that are being cleaned, from the top of the image down: [`wants`](Self::wants) says which rows come next,
+/// [`strips`](Self::strips) takes them, [`clean`](Self::clean) gives what has been cleaned.
+///
+/// Right for a region that is [`Reach::halo`] away from the image's rim, or where the image itself ends there; elsewhere there is
+/// anything.
+pub struct Cleaning<'a> {
+    region: Region,
+    /// The rows that are cleaned next.
+    next: Range<usize>,
+    /// Rows are taken up to one of this multiple.
+    block: usize,
+    read: Input,
+    direct: Direct<'a>,
+    indirect: Indirect<'a>,
     surfaces: Surfaces,
-    region: &'a Region,
-    reach: Reach,
     pool: &'a Pool,
 }
 
-impl Filter<'_> {
-    fn direct(&self, light: &Rows, mix: &[f32]) -> Rows {
-        let filtered = self.region.grown(RISK_REACH, light);
-        let guide = {
-            let compared = filtered.grown(self.reach.direct() + PATCH, light);
-            let pilot = compared.grown(FILTERED_NOISE_REACH, light);
-            let raw_compared = pilot.grown(self.reach.direct_pilot() + PATCH, light);
-            let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light), self.pool);
-            let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
-            let alike = self.alike(Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared, self.pool), widths, PATCH);
-            let means = weighted_means(
-                &raw,
-                &pilot,
-                &self.reach.direct_offsets(self.reach.direct_pilot()),
-                0.0,
-                &alike,
-                self.pool,
-            );
-            self.guide_of(means, &compared, [raw, alike.guide.into_rows()])
+/// What is known of the image: light over the albedo, and features.
+struct Input {
+    direct: Rows,
+    indirect: Rows,
+    features: Rows,
+    feature_variance: Rows,
+    /// The row after the last that has come.
+    end: usize,
+    /// How far around what is cleaned rows are read, and which are kept.
+    light: Stage,
+    of_features: Stage,
+}
+
+impl<'a> Cleaning<'a> {
+    /// Of a region of an image of pixels across and down, whose blocks are so high, with so many clusters and planes of features.
+    pub fn new(
+        (size, block): ((usize, usize), usize),
+        region: Region,
+        features: usize,
+        guides: &'a Guides,
+        (reach, pool): (Reach, &'a Pool),
+    ) -> Self {
+        let light = reach.light(2 * 3 * guides.clusters());
+        let step = step_of(block);
+        let rows = |stage: Stage| Rows::none_yet(size, stage.planes, stage.rows(step) + block);
+        let of_features = reach.features(features);
+        let read = Input {
+            direct: rows(light),
+            indirect: rows(light),
+            features: rows(of_features),
+            feature_variance: rows(of_features),
+            end: region.y.start.saturating_sub(light.reach),
+            light,
+            of_features,
         };
-        let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
-        let alike = Alike { radius: Some(self.reach.direct()), ..self.alike(guide, widths, PATCH) };
-        let offsets = self.reach.direct_offsets(self.reach.direct());
-        let means = weighted_means(light, &filtered, &offsets, SLOPE, &alike, self.pool);
-        self.pool.keep(alike.guide.into_rows());
-        self.trusted(light, means)
+        let of_indirect = reach.indirect_stages(light.planes, mixture_planes(&guides.indirect, guides.clusters()));
+        Self {
+            next: region.y.start..region.y.start,
+            block,
+            read,
+            direct: Direct::new(reach, guides, &region, size, step),
+            indirect: Indirect::new(reach, guides, &region, size, step),
+            surfaces: Surfaces::begin(of_indirect.surfaces, &region, size, step),
+            region,
+            pool,
+        }
     }
 
-    fn indirect(&self, light: &Rows, mix: &[f32]) -> Rows {
-        let filtered = self.region.grown(self.reach.common(), light);
-        let guide = {
-            let compared = self.region.grown(self.reach.light(), light);
-            let pilot = compared.grown(FILTERED_NOISE_REACH, light);
-            let raw_compared = pilot.grown(self.reach.indirect() + PATCH, light);
-            let raw = mixtures(light, mix, &raw_compared.grown(RAW_NOISE_REACH, light), self.pool);
-            let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
-            let guide = Guide::of_halves(&raw, RAW_NOISE_REACH, &raw_compared, self.pool);
-            let mut alike = self.alike(guide, widths, PATCH);
-            let means = self.wide_then_narrow(&raw, &pilot, PILOT_SLOPE, &mut alike);
-            self.guide_of(means, &compared, [raw, alike.guide.into_rows()])
+    /// Bytes that it takes at most for each column of pixels, with so many clusters and planes of features and blocks so high, where the
+    /// region begins at the top.
+    pub fn bytes_across(reach: Reach, clusters: usize, features: usize, block: usize) -> u64 {
+        let (step, light) = (step_of(block), reach.light(2 * 3 * clusters));
+        let mixtures = mixture_planes(&vec![0.0; GUIDES.min(clusters) * clusters], clusters);
+        let bytes = |stage: &Stage| (4 * stage.planes * stage.rows(step)) as u64;
+        let read = 2 * bytes(&light) + 2 * bytes(&reach.features(features));
+        let held: u64 = reach.direct_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>()
+            + reach.indirect_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>();
+        // Rows come by whole blocks.
+        let more = 4 * block * (2 * light.planes + 2 * features);
+        // The mixed means, the cleaned images, terms of the risk in three steps; guides of some images alone, and what each is made of.
+        let passing =
+            4 * (step * (light.planes + light.planes / 2 + errors::PLANES + 9) + alone::passing_rows(reach, step));
+        read + held + (more + passing) as u64
+    }
+
+    /// The rows that it wants next, before anything can be cleaned; none where all is cleaned.
+    pub fn wants(&mut self) -> Option<Range<usize>> {
+        let begin = self.next.end;
+        if begin >= self.region.y.end {
+            return None;
+        }
+        // Up to a border of blocks.
+        let borders = (begin + step_of(self.block)).next_multiple_of(self.block);
+        let borders = if borders - begin > step_of(self.block) { borders - self.block } else { borders };
+        self.next = begin..borders.clamp(begin + 1, self.region.y.end);
+        let read = &mut self.read;
+        let height = read.features.height();
+        let end = (self.next.end + read.light.reach).next_multiple_of(self.block).min(height).max(read.end);
+        let wanted = read.end..end;
+        let held = |kept: isize, rows: &Rows| {
+            if rows.held().is_empty() { wanted.start..end } else { begin.saturating_add_signed(kept)..end }
         };
+        for rows in [&mut read.direct, &mut read.indirect] {
+            rows.hold(held(read.light.kept, rows));
+        }
+        for rows in [&mut read.features, &mut read.feature_variance] {
+            rows.hold(held(read.of_features.kept, rows));
+        }
+        read.end = end;
+        Some(wanted)
+    }
+
+    /// Rows that it wants, to be filled, cut before each of the borders but the first, which is where they begin.
+    pub fn strips(&mut self, rows: &Range<usize>, borders: &[usize]) -> Vec<Strip<'_>> {
+        let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
+        let light = direct.strips_mut(rows, borders).into_iter().zip(indirect.strips_mut(rows, borders));
+        let features = features.strips_mut(rows, borders).into_iter().zip(feature_variance.strips_mut(rows, borders));
+        light
+            .zip(features)
+            .map(|((direct, indirect), (features, feature_variance))| Strip {
+                direct,
+                indirect,
+                features,
+                feature_variance,
+            })
+            .collect()
+    }
+
+    /// Cleans the next rows, after those that it wanted, which these are, were filled.
+    pub fn clean(&mut self, came: &Range<usize>) -> Cleaned {
+        let step = Step { region: &self.region, y: self.next.clone() };
+        let part = step.part();
+        let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
+        let albedo = |plane: usize, y: usize| -> Vec<f32> {
+            features.row(plane % 3, y).iter().map(|a| a.max(LEAST_ALBEDO)).collect()
+        };
+        for light in [&mut *direct, &mut *indirect] {
+            let rows = Region { x: 0..light.width(), y: came.clone() };
+            light.change_rows(&rows, |y, plane, out| out.iter_mut().zip(albedo(plane, y)).for_each(|(o, a)| *o /= a));
+        }
+        self.surfaces.advance(features, feature_variance, &step, self.pool);
+        let planes = direct.planes() / 2;
+        let mut images = self.pool.rows_like(features, planes, part.y.clone());
+        let mut squares = self.pool.rows_like(features, errors::PLANES, part.y.clone());
+        images.clear(&part);
+        squares.clear(&part);
+        let seen = (&self.surfaces, self.pool);
+        self.direct.advance(direct, &step, seen);
+        self.indirect.advance(indirect, &step, seen);
+        for (light, means) in [(&*direct, &self.direct.means.rows), (&*indirect, &self.indirect.alone.rows)] {
+            let cleaned = mixed(light, means, &part, self.pool);
+            add_squares(light, &cleaned, albedo, &part, &mut squares);
+            images.change_rows(&part, |y, plane, out| {
+                let [a, b] = [plane, planes + plane].map(|plane| &cleaned.row(plane, y)[part.x.clone()]);
+                let albedo = albedo(plane, y);
+                let halves = a.iter().zip(b).zip(&albedo[part.x.clone()]);
+                out.iter_mut().zip(halves).for_each(|(o, ((a, b), albedo))| *o += 0.5 * (a + b) * albedo);
+            });
+            self.pool.keep(cleaned);
+        }
+        Cleaned { images, squares }
+    }
+}
+
+#[cfg(test)]
+impl Cleaning<'_> {
+    /// Bytes of all rows that are held.
+    fn held_bytes(&self) -> usize {
+        let Input { direct, indirect, features, feature_variance, .. } = &self.read;
+        let (d, i) = (&self.direct, &self.indirect);
+        let held =
+            [&d.mixtures, &d.pilot, &d.means, &i.mixtures, &i.pilot_wide, &i.pilot, &i.wide, &i.narrow, &i.alone];
+        let guides = [&d.raw_guide, &d.guide, &i.raw_guide, &i.guide];
+        let read = [direct, indirect, features, feature_variance, self.surfaces.rows()];
+        let all = read.into_iter().chain(held.map(|held| &held.rows)).chain(guides.map(|guide| guide.guide.rows()));
+        all.map(Rows::room_bytes).sum()
+    }
+}
+
+fn step_of(block: usize) -> usize {
+    block * (STEP / block).max(1)
+}
+
+/// Means of a stage, and how far they are.
+struct Held {
+    rows: Rows,
+    track: Track,
+}
+
+impl Held {
+    fn new(stage: Stage, region: &Region, size: (usize, usize), step: usize) -> Self {
+        let (track, rows) = Track::begin(stage, region, size, step);
+        Self { rows, track }
+    }
+
+    /// What is to be filled in a step.
+    fn advance(&mut self, step: &Step<'_>) -> Region {
+        self.track.advance(&mut self.rows, step)
+    }
+}
+
+/// A guide of a stage, and how far it is.
+struct HeldGuide {
+    guide: Guide,
+    reach: GuideReach,
+    track: Track,
+}
+
+impl HeldGuide {
+    fn new(stage: Stage, reach: GuideReach, region: &Region, size: (usize, usize), step: usize) -> Self {
+        let (track, rows) = Track::begin(stage, region, size, step);
+        Self { guide: Guide::over(rows, reach.patch), reach, track }
+    }
+
+    fn advance(&mut self, halves: &Rows, step: &Step<'_>, pool: &Pool) {
+        let region = self.track.advance(self.guide.rows_mut(), step);
+        if !region.y.is_empty() {
+            self.guide.fill(halves, self.reach, &region, pool);
+        }
+    }
+}
+
+/// The stages of direct light.
+struct Direct<'a> {
+    reach: Reach,
+    mix: &'a [f32],
+    mixtures: Held,
+    raw_guide: HeldGuide,
+    pilot: Held,
+    guide: HeldGuide,
+    means: Held,
+}
+
+impl<'a> Direct<'a> {
+    fn new(reach: Reach, guides: &'a Guides, region: &Region, size: (usize, usize), step: usize) -> Self {
+        let mix = &guides.direct;
+        let stages = reach.direct_stages(6 * guides.clusters(), mixture_planes(mix, guides.clusters()));
+        let held = |stage| Held::new(stage, region, size, step);
+        Self {
+            reach,
+            mix,
+            mixtures: held(stages.mixtures),
+            raw_guide: HeldGuide::new(stages.raw_guide, RAW, region, size, step),
+            pilot: held(stages.pilot),
+            guide: HeldGuide::new(stages.guide, FILTERED, region, size, step),
+            means: held(stages.means),
+        }
+    }
+
+    fn advance(&mut self, light: &Rows, step: &Step<'_>, (surfaces, pool): (&Surfaces, &Pool)) {
+        let region = self.mixtures.advance(step);
+        fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
+        self.raw_guide.advance(&self.mixtures.rows, step, pool);
+        let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
+        let alike = Alike { surfaces, guide: &self.raw_guide.guide, widths, radius: None };
+        let offsets = self.reach.direct_offsets(self.reach.direct_pilot());
+        let region = self.pilot.advance(step);
+        alike.means(&self.mixtures.rows, &offsets, 0.0).fill(&region, &mut self.pilot.rows);
+        self.guide.advance(&self.pilot.rows, step, pool);
+        let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
+        let alike = Alike { surfaces, guide: &self.guide.guide, widths, radius: Some(self.reach.direct()) };
+        let offsets = self.reach.direct_offsets(self.reach.direct());
+        let region = self.means.advance(step);
+        alike.means(light, &offsets, SLOPE).fill(&region, &mut self.means.rows);
+    }
+}
+
+/// The stages of indirect light.
+struct Indirect<'a> {
+    reach: Reach,
+    mix: &'a [f32],
+    mixtures: Held,
+    raw_guide: HeldGuide,
+    pilot_wide: Held,
+    pilot: Held,
+    guide: HeldGuide,
+    wide: Held,
+    narrow: Held,
+    alone: Held,
+}
+
+impl<'a> Indirect<'a> {
+    fn new(reach: Reach, guides: &'a Guides, region: &Region, size: (usize, usize), step: usize) -> Self {
+        let mix = &guides.indirect;
+        let stages = reach.indirect_stages(6 * guides.clusters(), mixture_planes(mix, guides.clusters()));
+        let held = |stage| Held::new(stage, region, size, step);
+        Self {
+            reach,
+            mix,
+            mixtures: held(stages.mixtures),
+            raw_guide: HeldGuide::new(stages.raw_guide, RAW, region, size, step),
+            pilot_wide: held(stages.pilot_wide),
+            pilot: held(stages.pilot),
+            guide: HeldGuide::new(stages.guide, FILTERED_PIXELS, region, size, step),
+            wide: held(stages.wide),
+            narrow: held(stages.narrow),
+            alone: held(stages.alone),
+        }
+    }
+
+    fn advance(&mut self, light: &Rows, step: &Step<'_>, seen: (&Surfaces, &Pool)) {
+        let (surfaces, pool) = seen;
+        let region = self.mixtures.advance(step);
+        fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
+        self.raw_guide.advance(&self.mixtures.rows, step, pool);
+        let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
+        let alike = Alike { surfaces, guide: &self.raw_guide.guide, widths, radius: None };
+        let both = (&mut self.pilot_wide, &mut self.pilot);
+        wide_then_narrow((&self.mixtures.rows, both), step, (alike, PILOT_SLOPE), self.reach);
+        self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
-        let mut alike = self.alike(guide, widths, 0);
-        let mut means = self.wide_then_narrow(light, &filtered, SLOPE, &mut alike);
-        self.pool.keep(alike.guide.into_rows());
+        let alike = Alike { surfaces, guide: &self.guide.guide, widths, radius: None };
+        wide_then_narrow((light, (&mut self.wide, &mut self.narrow)), step, (alike, SLOPE), self.reach);
         let alone = Alone {
-            surfaces: &self.surfaces,
+            surfaces,
             widths: GuideWidths { noise: ALONE_NOISE, relative: ALONE_RELATIVE },
             slope: ALONE_SLOPE,
             offsets: self.reach.alone(),
         };
-        alone.filter(&mut means, &self.region.grown(RISK_REACH, light), self.pool);
-        self.trusted(light, means)
-    }
-
-    /// A wide filter that reads some of the pixels, then a narrow one that reads all.
-    fn wide_then_narrow(&self, light: &Rows, region: &Region, slope: f32, alike: &mut Alike<'_>) -> Rows {
-        let offsets = Offsets::disc(self.reach.wide(), self.reach.stride);
-        alike.radius = Some(self.reach.wide());
-        let wide = weighted_means(light, &region.grown(INDIRECT_NARROW, light), &offsets, slope, &*alike, self.pool);
-        let offsets = Offsets::disc(INDIRECT_NARROW, 1);
-        alike.radius = Some(INDIRECT_NARROW);
-        let narrow = weighted_means(&wide, region, &offsets, slope, &*alike, self.pool);
-        self.pool.keep(wide);
-        narrow
-    }
-
-    fn alike(&self, guide: Guide, widths: GuideWidths, patch: usize) -> Alike<'_> {
-        Alike { surfaces: &self.surfaces, guide, widths, patch, radius: None }
-    }
-
-    /// The guide that filtered mixtures make; what made them is done with.
-    fn guide_of(&self, means: Rows, compared: &Region, done: [Rows; 2]) -> Guide {
-        let guide = Guide::of_halves(&means, FILTERED_NOISE_REACH, compared, self.pool);
-        [means].into_iter().chain(done).for_each(|done| self.pool.keep(done));
-        guide
-    }
-
-    /// The means as far as they may be trusted beside the light that they are of.
-    fn trusted(&self, light: &Rows, mut means: Rows) -> Rows {
-        mix_in(light, &mut means, self.region, self.pool);
-        means
+        let region = self.alone.advance(step);
+        if !region.y.is_empty() {
+            alone.filter(&self.narrow.rows, &region, &mut self.alone.rows, pool);
+        }
     }
 }
 
-/// Weights by the guide, compared over patches, by what is seen, and by the distance within a radius.
+/// A wide filter that reads some of the pixels, then a narrow one that reads all.
+fn wide_then_narrow(
+    (light, (wide, narrow)): (&Rows, (&mut Held, &mut Held)),
+    step: &Step<'_>,
+    (mut alike, slope): (Alike<'_>, f32),
+    reach: Reach,
+) {
+    let offsets = Offsets::disc(reach.wide(), reach.stride);
+    alike.radius = Some(reach.wide());
+    let region = wide.advance(step);
+    alike.means(light, &offsets, slope).fill(&region, &mut wide.rows);
+    let offsets = Offsets::disc(INDIRECT_NARROW, 1);
+    alike.radius = Some(INDIRECT_NARROW);
+    let region = narrow.advance(step);
+    alike.means(&wide.rows, &offsets, slope).fill(&region, &mut narrow.rows);
+}
+
+/// Weights by the guide, by what is seen, and by the distance within a radius.
 struct Alike<'a> {
     surfaces: &'a Surfaces,
-    guide: Guide,
+    guide: &'a Guide,
     widths: GuideWidths,
-    patch: usize,
     radius: Option<usize>,
+}
+
+impl Alike<'_> {
+    fn means<'a>(&'a self, images: &'a Rows, offsets: &'a Offsets, slope: f32) -> Means<'a, Self> {
+        Means { images, first: None, offsets, slope, weigher: self }
+    }
 }
 
 impl Weigh for Alike<'_> {
     type Ready = (GuideCut, SurfacesCut);
 
-    fn ready(&self, tile: Tile, reach: usize) -> Self::Ready {
-        (self.guide.around(tile, reach, self.patch), self.surfaces.around(tile, reach))
+    fn make_ready(&self, tile: Tile, reach: usize, (guide, surfaces): &mut Self::Ready) {
+        self.guide.cut(tile, reach, guide);
+        self.surfaces.cut(tile, reach, surfaces);
     }
 
     #[inline(always)]
@@ -271,6 +455,15 @@ mod tests {
 
     const CLUSTERS: usize = 2;
     const REACH: Reach = Reach { stride: 3 };
+
+    /// What is known of an image, all rows.
+    #[derive(Clone)]
+    struct Window {
+        direct: Rows,
+        indirect: Rows,
+        features: Rows,
+        feature_variance: Rows,
+    }
 
     /// A floor and a wall that meet in the middle; cluster 1 lights the left third alone. Each half has noise of this size.
     fn room((width, height): (usize, usize), noise: f32) -> (Window, Rows) {
@@ -323,15 +516,44 @@ mod tests {
         mean
     }
 
-    /// With memory that others have used.
-    fn clean(window: Window, region: &Region, guides: &Guides) -> Cleaned {
+    /// In steps of blocks so high, with memory that others have used: of the image and of the squares all rows.
+    fn clean_in_steps(window: &Window, region: &Region, guides: &Guides, block: usize) -> Cleaned {
+        let size = (window.features.width(), window.features.height());
         let pool = Pool::default();
         for planes in [1, 3, 4, 10, 12, 16, 16] {
-            let mut used = Rows::zeros(window.features.width(), window.features.height(), planes);
+            let mut used = Rows::zeros(size.0, size.1, planes);
             used.values_mut().fill(f32::NAN);
             pool.keep(used);
         }
-        super::clean(window, region, guides, (REACH, &pool))
+        let mut cleaning = Cleaning::new((size, block), region.clone(), 10, guides, (REACH, &pool));
+        let zeros = |planes| Rows::zeros(size.0, size.1, planes);
+        let mut all = Cleaned { images: zeros(3 * CLUSTERS), squares: zeros(errors::PLANES) };
+        while let Some(wanted) = cleaning.wants() {
+            let borders: Vec<usize> = wanted.clone().step_by(block).collect();
+            for (strip, &first) in cleaning.strips(&wanted, &borders).into_iter().zip(&borders) {
+                let rows = first..wanted.end.min(first + block);
+                let put = |from: &Rows, to: &mut [f32]| {
+                    let row = from.planes() * size.0;
+                    to.copy_from_slice(&from.values()[rows.start * row..rows.end * row]);
+                };
+                put(&window.direct, strip.direct);
+                put(&window.indirect, strip.indirect);
+                put(&window.features, strip.features);
+                put(&window.feature_variance, strip.feature_variance);
+            }
+            let cleaned = cleaning.clean(&wanted);
+            for y in cleaned.rows() {
+                for (from, to) in [(&cleaned.images, &mut all.images), (&cleaned.squares, &mut all.squares)] {
+                    (0..from.planes()).for_each(|plane| to.row_mut(plane, y).copy_from_slice(from.row(plane, y)));
+                }
+            }
+            cleaned.keep_in(&pool);
+        }
+        all
+    }
+
+    fn clean(window: Window, region: &Region, guides: &Guides) -> Cleaned {
+        clean_in_steps(&window, region, guides, 32)
     }
 
     fn clean_all(window: &Window) -> Rows {
@@ -446,6 +668,39 @@ mod tests {
         let images = clean_all(&window);
         let (found, beside) = (images.row(0, 30)[20], images.row(0, 30)[23]);
         assert!((found - beside).abs() < 2.0, "{found}, and {beside} beside it");
+    }
+
+    #[test]
+    fn images_do_not_depend_on_how_many_rows_are_cleaned_at_once() {
+        let (window, _) = room((40, 330), 0.5);
+        let guides = guides(&window);
+        let whole = clean_in_steps(&window, &window.features.whole(), &guides, 330);
+        for block in [32, 50, 128] {
+            assert_eq!(clean_in_steps(&window, &window.features.whole(), &guides, block), whole, "blocks of {block}");
+        }
+        // A part of it, from where what is around it lies within the image.
+        let part = Region { x: 0..40, y: 150..200 };
+        let cleaned = clean_in_steps(&window, &part, &guides, 32);
+        for y in part.y {
+            (0..3 * CLUSTERS).for_each(|plane| assert_eq!(cleaned.images.row(plane, y), whole.images.row(plane, y)));
+        }
+    }
+
+    #[test]
+    fn memory_is_no_more_than_what_is_said() {
+        let (width, block) = (40, 32);
+        let (window, _) = room((width, 500), 0.5);
+        let guides = guides(&window);
+        let pool = Pool::default();
+        let mut cleaning = Cleaning::new(((width, 500), block), window.features.whole(), 10, &guides, (REACH, &pool));
+        let said = Cleaning::bytes_across(REACH, CLUSTERS, 10, block) as usize * width;
+        while let Some(wanted) = cleaning.wants() {
+            let cleaned = cleaning.clean(&wanted);
+            cleaned.keep_in(&pool);
+            let held = cleaning.held_bytes() + pool.bytes();
+            assert!(held <= said, "{held} of {said} at {wanted:?}");
+            assert!(held > said / 3, "{said} for {held}");
+        }
     }
 
     #[test]

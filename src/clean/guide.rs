@@ -7,10 +7,14 @@ use super::kernel::Offset;
 use super::rows::{Pool, Region, Rows};
 use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load, whole_vectors};
 
-/// Guides, then the sum of their variances, then that of their squares.
+/// Guides that say how the first of them is coloured.
+const COLOURS: usize = 2;
+
+/// Guides, then over the patch around each pixel the mean of the sum of their variances, and of that of their squares.
 pub(super) struct Guide {
     rows: Rows,
     guides: usize,
+    patch: usize,
 }
 
 pub(super) struct GuideWidths {
@@ -20,64 +24,99 @@ pub(super) struct GuideWidths {
     pub(super) relative: f32,
 }
 
+/// Pixels to each side of a guide's: of the squares over which its noise is a mean, and of the patches that are compared.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct GuideReach {
+    pub(super) noise: usize,
+    pub(super) patch: usize,
+}
+
+impl GuideReach {
+    /// Pixels around those that are compared of which the halves are read.
+    pub(super) fn read(self) -> usize {
+        self.noise + self.patch
+    }
+}
+
 impl Guide {
-    /// In a region, of two halves, one after the other in `halves`: their mean, and its variance, averaged over squares.
-    pub(super) fn of_halves(halves: &Rows, reach: usize, region: &Region, pool: &Pool) -> Self {
-        let guides = halves.planes() / 2;
-        let (width, height) = (halves.width(), halves.height());
+    /// Without any pixels yet, in rows of `guides + 2` planes.
+    pub(super) fn over(rows: Rows, patch: usize) -> Self {
+        let guides = rows.planes() - 2;
+        Self { rows, guides, patch }
+    }
+
+    /// Makes ready to compare the pixels of a region, from two halves, one after the other in `halves`: their mean, and its variance.
+    /// The rows of the patches around them must be held.
+    pub(super) fn fill(&mut self, halves: &Rows, reach: GuideReach, region: &Region, pool: &Pool) {
+        let guides = self.guides;
         let pairs = |y: usize, plane: usize, region: &Region| {
             let [a, b] = [plane, guides + plane].map(|plane| &halves.row(plane, y)[region.x.clone()]);
             a.iter().zip(b)
         };
-        let mut squares = pool.rows(width, height, 1);
-        let around = region.grown(reach, halves);
-        squares.fill_rows(&around, |y, _, out| {
+        let patches = region.grown(reach.patch, halves);
+        let around = patches.grown(reach.noise, halves);
+        let mut differences = pool.rows_like(halves, 1, around.y.clone());
+        differences.fill_rows(&around, |y, _, out| {
             for plane in 0..guides {
                 let pairs = out.iter_mut().zip(pairs(y, plane, &around));
                 pairs.for_each(|(o, (a, b))| *o += 0.25 * (a - b) * (a - b));
             }
         });
-        let variance = squares.box_mean(reach, region, pool);
-        let mut rows = pool.rows(width, height, guides + 2);
-        rows.fill_rows(region, |y, plane, out| {
-            if plane < guides {
-                out.iter_mut().zip(pairs(y, plane, region)).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
-            } else if plane == guides {
-                out.copy_from_slice(&variance.row(0, y)[region.x.clone()]);
-            } else {
-                for guide in 0..guides {
-                    let pairs = out.iter_mut().zip(pairs(y, guide, region));
-                    pairs.for_each(|(o, (a, b))| *o += 0.25 * (a + b) * (a + b));
-                }
+        let variance = differences.box_mean(reach.noise, &patches, pool);
+        let mut squares = differences;
+        squares.fill_rows(&patches, |y, _, out| {
+            for plane in 0..guides {
+                let pairs = out.iter_mut().zip(pairs(y, plane, &patches));
+                pairs.for_each(|(o, (a, b))| *o += 0.25 * (a + b) * (a + b));
             }
         });
-        pool.keep(squares);
-        pool.keep(variance);
-        Self { rows, guides }
+        let of_patches = [&variance, &squares].map(|terms| terms.box_mean(reach.patch, region, pool));
+        self.rows.change_rows(&patches, |y, plane, out| match plane.checked_sub(guides) {
+            None => {
+                out.iter_mut().zip(pairs(y, plane, &patches)).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
+            }
+            // Those of rows that are done stay.
+            Some(term) if region.y.contains(&y) => {
+                out.copy_from_slice(&of_patches[term].row(0, y)[patches.x.clone()]);
+            }
+            Some(_) => {}
+        });
+        let [of_variance, of_squares] = of_patches;
+        [variance, squares, of_variance, of_squares].into_iter().for_each(|done| pool.keep(done));
+    }
+
+    #[cfg(test)]
+    pub(super) fn rows(&self) -> &Rows {
+        &self.rows
+    }
+
+    pub(super) fn rows_mut(&mut self) -> &mut Rows {
+        &mut self.rows
     }
 
     pub(super) fn into_rows(self) -> Rows {
         self.rows
     }
 
-    /// What a tile's neighbours are compared by over patches of these pixels to each side.
-    pub(super) fn around(&self, tile: Tile, reach: usize, patch: usize) -> GuideCut {
-        let cut = Cut::of(&self.rows, 0..self.guides + 2, tile, reach + patch);
-        GuideCut { cut, guides: self.guides, patch, distances: Vec::new() }
+    /// Makes `around` what a tile's neighbours are compared by.
+    pub(super) fn cut(&self, tile: Tile, reach: usize, around: &mut GuideCut) {
+        (around.guides, around.patch) = (self.guides, self.patch);
+        around.cut.fill(&self.rows, 0..self.guides + 2, tile, reach + self.patch);
     }
 }
 
 /// The guides around a tile.
+#[derive(Default)]
 pub(super) struct GuideCut {
     cut: Cut,
     guides: usize,
     patch: usize,
-    distances: Vec<f32>,
+    /// Squared differences of the tile and what its patches reach, row by row.
+    squares: Vec<f32>,
 }
 
 impl GuideCut {
-    /// The sum over guides of the squared differences of pixels, less their noise, over the noise: the mean over a patch around
-    /// both pixels.
+    /// The sum over guides of the squared differences of the patches around both pixels, less their noise, over the noise.
     #[inline(always)]
     pub(super) fn distances<S: Simd>(
         &mut self,
@@ -86,46 +125,43 @@ impl GuideCut {
         widths: &GuideWidths,
         out: &mut [f32; TILE_PIXELS],
     ) {
-        let patch = self.patch;
-        // Of the tile and what its patches reach, row by row.
-        let length = whole_vectors::<S>(TILE_WIDTH + 2 * patch);
-        self.distances.resize((TILE_HEIGHT + 2 * patch) * length, 0.0);
+        let (patch, side) = (self.patch as isize, 2 * self.patch + 1);
+        let length = whole_vectors::<S>(TILE_WIDTH + 2 * self.patch);
+        self.squares.resize((TILE_HEIGHT + 2 * self.patch) * length, 0.0);
+        for (row, squares) in self.squares.chunks_exact_mut(length).enumerate() {
+            let begin = (-patch, row as isize - patch);
+            self.cut.squared_differences(simd, self.guides, begin, (across, down), squares);
+            // Sums across, each in the place of its first term.
+            for x in (0..TILE_WIDTH).step_by(S::F32_LANES) {
+                let mut sum = load::<S>(squares, x);
+                for next in x + 1..x + side {
+                    sum = simd.add_f32s(sum, load::<S>(squares, next));
+                }
+                S::as_mut_simd_f32s(&mut squares[x..x + S::F32_LANES]).0[0] = sum;
+            }
+        }
+        let scale = simd.splat_f32s(1.0 / (side * side) as f32);
         let noise = simd.splat_f32s(widths.noise * widths.noise);
         let relative = simd.splat_f32s(widths.relative * widths.relative);
         let least = simd.splat_f32s(1e-12);
-        let x = -(patch as isize);
-        for (row, out) in self.distances.chunks_exact_mut(length).enumerate() {
-            let y = row as isize - patch as isize;
-            self.cut.squared_differences(simd, self.guides, (x, y), (across, down), out);
-            let (here, there) = (self.cut.at((x, y)), self.cut.at((x + across, y + down)));
-            // No closures: they would not be compiled for the vectors of the machine.
-            let (values, noise_plane) = (self.cut.values(), self.guides * self.cut.plane_length());
+        // No closures: they would not be compiled for the vectors of the machine.
+        let values = self.cut.values();
+        let (noise_plane, plane) = (self.guides * self.cut.plane_length(), self.cut.plane_length());
+        for (row, out) in out.chunks_exact_mut(TILE_WIDTH).enumerate() {
+            let (here, there) = (self.cut.at((0, row as isize)), self.cut.at((across, row as isize + down)));
             for (vector, out) in S::as_mut_simd_f32s(out).0.iter_mut().enumerate() {
-                let at = noise_plane + vector * S::F32_LANES;
+                let x = vector * S::F32_LANES;
+                let mut sum = load::<S>(&self.squares, row * length + x);
+                for y in row + 1..row + side {
+                    sum = simd.add_f32s(sum, load::<S>(&self.squares, y * length + x));
+                }
+                let at = noise_plane + x;
                 let noises = simd.add_f32s(load::<S>(values, here + at), load::<S>(values, there + at));
-                let at = at + self.cut.plane_length();
+                let at = at + plane;
                 let sizes = simd.add_f32s(load::<S>(values, here + at), load::<S>(values, there + at));
                 let width = simd.add_f32s(simd.mul_f32s(noise, noises), simd.mul_f32s(relative, sizes));
-                *out = simd.div_f32s(simd.sub_f32s(*out, noises), simd.add_f32s(width, least));
-            }
-        }
-        let side = 2 * patch + 1;
-        let scale = 1.0 / (side * side) as f32;
-        // Sums across, each of which goes to all rows that it is near.
-        out.fill(0.0);
-        for (row, distances) in self.distances.chunks_exact(length).enumerate() {
-            let mut across = [0.0; TILE_WIDTH];
-            across.copy_from_slice(&distances[..TILE_WIDTH]);
-            for x in 1..side {
-                for (sum, d) in across.iter_mut().zip(&distances[x..x + TILE_WIDTH]) {
-                    *sum += d;
-                }
-            }
-            let (first, end) = ((row + 1).saturating_sub(side), (row + 1).min(TILE_HEIGHT));
-            for out in out[first * TILE_WIDTH..end * TILE_WIDTH].chunks_exact_mut(TILE_WIDTH) {
-                for (out, sum) in out.iter_mut().zip(&across) {
-                    *out += scale * sum;
-                }
+                let over = simd.sub_f32s(simd.mul_f32s(scale, sum), noises);
+                *out = simd.div_f32s(over, simd.add_f32s(width, least));
             }
         }
     }
@@ -133,11 +169,10 @@ impl GuideCut {
 
 /// Mixtures of the clusters' images, summed over channels, of each half: `mix` is clusters × guides, guide by guide. Two more
 /// say how the first of them is coloured: red and blue less green, [`CHROMA`] times.
-pub(super) fn mixtures(halves: &Rows, mix: &[f32], region: &Region, pool: &Pool) -> Rows {
+pub(super) fn fill_mixtures(halves: &Rows, mix: &[f32], region: &Region, images: &mut Rows) {
     let clusters = halves.planes() / 6;
     let guides = mix.len() / clusters;
-    let chroma = [[CHROMA, -CHROMA, 0.0], [0.0, -CHROMA, CHROMA]];
-    let mut images = pool.rows(halves.width(), halves.height(), 2 * (guides + chroma.len()));
+    let chroma: [[f32; 3]; COLOURS] = [[CHROMA, -CHROMA, 0.0], [0.0, -CHROMA, CHROMA]];
     images.fill_rows(region, |y, plane, out| {
         let (half, guide) = (plane / (guides + chroma.len()), plane % (guides + chroma.len()));
         let (guide, channels) = match guide.checked_sub(guides) {
@@ -151,7 +186,11 @@ pub(super) fn mixtures(halves: &Rows, mix: &[f32], region: &Region, pool: &Pool)
             }
         }
     });
-    images
+}
+
+/// Planes of the mixtures that `mix` makes of so many clusters: two halves.
+pub(super) fn mixture_planes(mix: &[f32], clusters: usize) -> usize {
+    2 * (mix.len() / clusters + COLOURS)
 }
 
 /// Weights from distances.

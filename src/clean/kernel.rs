@@ -1,31 +1,27 @@
 //! Weighted means of neighbours, and values of planes laid through them: for each tile of pixels the weights of every offset,
 //! then the same weights for every image.
 
-use std::ops::Range;
-
 use pulp::{Simd, WithSimd};
 
 use super::constants::{BESIDE, MOST_LEVERAGE};
-use super::rows::{Pool, Region, Rows};
+use super::rows::{Region, Rows};
 use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load};
 
-/// Planes that are summed at once.
-const TOGETHER: usize = 4;
 /// What weighs less is not there: sums of such have no inverse.
 const LEAST_WEIGHT: f32 = 1e-20;
 
 /// How much the neighbours of pixels weigh.
 pub(super) trait Weigh: Sync {
     /// What is made ready for a tile.
-    type Ready;
+    type Ready: Default + Send;
 
     /// Images that have weights of their own: each has as many planes, one image after the other.
     fn images(&self) -> usize {
         1
     }
 
-    /// Makes ready what [`weigh`](Self::weigh) needs for the neighbours of a tile within a reach.
-    fn ready(&self, tile: Tile, reach: usize) -> Self::Ready;
+    /// Makes ready what [`weigh`](Self::weigh) needs for the neighbours of a tile within a reach, in place of that of another tile.
+    fn make_ready(&self, tile: Tile, reach: usize, ready: &mut Self::Ready);
 
     /// The weights of neighbours of the pixels of a tile, row by row; of all images that are asked for the first comes first. What
     /// it says of neighbours beyond the image counts nothing. To be inlined, so that it is compiled for the vectors of the machine.
@@ -92,53 +88,69 @@ fn taps(offsets: &[Offset], row: usize) -> Vec<isize> {
     offsets.iter().map(|(across, down)| down * row as isize + across).collect()
 }
 
-/// For each pixel of a region the mean of its neighbours in each plane of `images`, corrected for their slope as far as `slope`
-/// allows ([`correct_slope`]). A pixel weighs for itself as much as the one most alike, so that one that is like no other, on
-/// the edge of two surfaces say, does not keep its grain: it becomes what is beside it.
-pub(super) fn weighted_means(
-    images: &Rows,
-    region: &Region,
-    offsets: &Offsets,
-    slope: f32,
-    weigher: &impl Weigh,
-    pool: &Pool,
-) -> Rows {
-    let (width, planes) = (images.width(), images.planes());
-    // Those of tiles at the image's edge, and of others.
-    let taps = [Cut::stride(offsets.radius), planes * width].map(|row| taps(&offsets.each, row));
-    let taps = taps.each_ref().map(Vec::as_slice);
-    let mut means = pool.rows(width, images.height(), planes);
-    means.fill_strips(&region.y, TILE_HEIGHT, |y, strip| {
-        let mut weights = vec![0.0f32; offsets.each.len() * TILE_PIXELS];
-        for x in region.x.clone().step_by(TILE_WIDTH) {
-            let tile = Tile { x, y };
-            let out = Target { width, planes, columns: x..region.x.end.min(x + TILE_WIDTH), rows: strip };
-            let weights = &mut weights;
-            pulp::Arch::new().dispatch(TileOfMeans { images, tile, offsets, taps, slope, weigher, weights, out });
-        }
-    });
-    means
+/// What a filter makes means of.
+#[derive(Clone, Copy)]
+pub(super) struct Means<'a, W> {
+    pub(super) images: &'a Rows,
+    /// The first image of those that the weigher has weights of, each of [`IMAGE`] planes as [`plane_of`] has them; else all planes have
+    /// the same weights.
+    pub(super) first: Option<usize>,
+    pub(super) offsets: &'a Offsets,
+    /// How much of the correction for slopes is allowed ([`Moments::tilts`]).
+    pub(super) slope: f32,
+    pub(super) weigher: &'a W,
 }
 
-/// The rows that a tile is a part of, and which of their columns are its own.
-struct Target<'a> {
-    width: usize,
-    planes: usize,
-    columns: Range<usize>,
-    rows: &'a mut [f32],
+/// Planes of an image: three channels in two halves.
+pub(super) const IMAGE: usize = 6;
+
+/// The plane of an image, where there are so many planes: two halves, of each all images, of each three channels.
+pub(super) fn plane_of(image: usize, plane: usize, planes: usize) -> usize {
+    plane / 3 * (planes / 2) + 3 * image + plane % 3
 }
 
-struct TileOfMeans<'a, W> {
-    images: &'a Rows,
+impl<W: Weigh> Means<'_, W> {
+    /// Fills for each pixel of a region the mean of its neighbours in each plane, corrected for their slope. A pixel weighs for itself
+    /// as much as the one most alike, so that one that is like no other, on the edge of two surfaces say, does not keep its grain: it
+    /// becomes what is beside it.
+    pub(super) fn fill(&self, region: &Region, means: &mut Rows) {
+        let (width, planes) = (self.images.width(), self.images.planes());
+        // Those of tiles at the image's edge, and of others.
+        let taps = [Cut::stride(self.offsets.radius), planes * width].map(|row| taps(&self.offsets.each, row));
+        let taps = taps.each_ref().map(Vec::as_slice);
+        means.fill_tiles(region, (TILE_WIDTH, TILE_HEIGHT), |memory: &mut Memory<W::Ready>, (x, y), out| {
+            memory.weights.resize(self.offsets.each.len() * WEIGHTS, 0.0);
+            pulp::Arch::new().dispatch(TileOfMeans { of: self, tile: Tile { x, y }, taps, memory, out });
+        });
+    }
+}
+
+/// From the weights of one offset to those of the next: a line of the cache more than they are, for else those of a pixel would all
+/// want the same few lines.
+const WEIGHTS: usize = TILE_PIXELS + 16;
+
+/// What goes from one tile to the next, to be filled anew: the system takes its time to give memory.
+struct Memory<R> {
+    ready: R,
+    /// [`WEIGHTS`] for each offset.
+    weights: Vec<f32>,
+    cut: Cut,
+}
+
+impl<R: Default> Default for Memory<R> {
+    fn default() -> Self {
+        Self { ready: R::default(), weights: Vec::new(), cut: Cut::default() }
+    }
+}
+
+struct TileOfMeans<'a, W: Weigh> {
+    of: &'a Means<'a, W>,
     tile: Tile,
-    offsets: &'a Offsets,
-    /// How far each of those is in a plane of a cut, and of the images.
+    /// How far each offset is in a plane of a cut, and of the images.
     taps: [&'a [isize]; 2],
-    slope: f32,
-    weigher: &'a W,
-    /// [`TILE_PIXELS`] for each offset.
-    weights: &'a mut [f32],
-    out: Target<'a>,
+    memory: &'a mut Memory<W::Ready>,
+    /// Of each row of pixels the rows of all planes.
+    out: Vec<&'a mut [f32]>,
 }
 
 impl<W: Weigh> WithSimd for TileOfMeans<'_, W> {
@@ -146,150 +158,129 @@ impl<W: Weigh> WithSimd for TileOfMeans<'_, W> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        let mut ready = self.weigher.ready(self.tile, self.offsets.radius);
-        let images = self.weigher.images();
-        for image in 0..images {
-            self.weigh(simd, &mut ready, image);
-            correct_slope(self.weights, &self.offsets.each, self.slope);
-            let planes = self.out.planes / images;
-            self.add_up_planes(simd, image * planes..(image + 1) * planes);
+        let Means { images, first, offsets, weigher, .. } = *self.of;
+        weigher.make_ready(self.tile, offsets.radius, &mut self.memory.ready);
+        let planes = images.planes();
+        match first {
+            None => {
+                self.weigh(simd, 0);
+                for some in (0..planes).step_by(IMAGE) {
+                    self.add_up(simd, std::array::from_fn(|plane| (some + plane).min(planes - 1)));
+                }
+            }
+            Some(first) => {
+                for image in 0..weigher.images() {
+                    self.weigh(simd, image);
+                    self.add_up(simd, std::array::from_fn(|plane| plane_of(first + image, plane, planes)));
+                }
+            }
         }
     }
 }
 
 impl<W: Weigh> TileOfMeans<'_, W> {
-    /// Adds up the weighted neighbours in some planes.
+    /// Fills the weights in an image: they add up to 1 for each pixel, and are those of a plane.
     #[inline(always)]
-    fn add_up_planes<S: Simd>(&mut self, simd: S, some: Range<usize>) {
-        let end = some.end;
-        let four = |first: usize| first..end.min(first + TOGETHER);
-        if self.is_inside() {
-            let (Tile { x, y }, width, planes) = (self.tile, self.out.width, self.out.planes);
-            for first in some.step_by(TOGETHER) {
-                let begin = (y * planes + first) * width + x;
-                let source = Source { values: self.images.values(), begin, row: planes * width, plane: width };
-                self.add_up(simd, source, self.taps[1], four(first));
-            }
-            return;
-        }
-        let mut cut = Cut::default();
-        for first in some.step_by(TOGETHER) {
-            cut.fill(self.images, four(first), self.tile, self.offsets.radius);
-            let row = Cut::stride(self.offsets.radius);
-            let source = Source { values: cut.values(), begin: cut.at((0, 0)), row, plane: cut.plane_length() };
-            self.add_up(simd, source, self.taps[0], four(first));
-        }
-    }
-
-    /// Fills the weights in an image; they add up to 1 for each pixel.
-    #[inline(always)]
-    fn weigh<S: Simd>(&mut self, simd: S, ready: &mut W::Ready, image: usize) {
-        let (mut sums, mut most) = ([0.0f32; TILE_PIXELS], [0.0f32; TILE_PIXELS]);
-        let mut own = None;
-        let all = self.offsets.each.iter().zip(self.weights.chunks_exact_mut(TILE_PIXELS));
-        for (index, (&offset, weights)) in all.enumerate() {
-            let Ok(weights) = <&mut [f32; TILE_PIXELS]>::try_from(weights) else { continue };
+    fn weigh<S: Simd>(&mut self, simd: S, image: usize) {
+        let Memory { ready, weights: all, .. } = &mut *self.memory;
+        let Means { images, offsets, slope, weigher, .. } = *self.of;
+        let mut own = 0;
+        for (index, (&offset, weights)) in offsets.each.iter().zip(all.chunks_exact_mut(WEIGHTS)).enumerate() {
+            let Some(weights) = weights.first_chunk_mut::<TILE_PIXELS>() else { continue };
             if offset == (0, 0) {
-                own = Some(weights);
+                // Not among those that are summed below.
+                own = index;
+                weights.fill(0.0);
                 continue;
             }
-            self.weigher.weigh(simd, ready, Neighbours { image, offset, index }, weights);
+            weigher.weigh(simd, ready, Neighbours { image, offset, index }, weights);
             if offset.0.abs() <= 1 && offset.1.abs() <= 1 {
                 for w in weights.iter_mut() {
                     *w += BESIDE;
                 }
             }
-            forget_outside(self.images, self.tile, offset, weights);
-            for i in 0..TILE_PIXELS {
-                sums[i] += weights[i];
-                most[i] = if weights[i] > most[i] { weights[i] } else { most[i] };
+            forget_outside(images, self.tile, offset, weights);
+        }
+        for row in (0..TILE_PIXELS).step_by(TILE_WIDTH) {
+            let mut moments = Moments::default();
+            for x in (0..TILE_WIDTH).step_by(S::F32_LANES) {
+                moments.add_up(simd, &all[row..], x, &offsets.each);
             }
-        }
-        if let Some(own) = own {
-            for i in 0..TILE_PIXELS {
-                // A pixel without any other keeps its value.
-                own[i] = if most[i] > LEAST_WEIGHT { most[i] } else { 1.0 };
-                sums[i] += own[i];
-            }
-        }
-        for sum in &mut sums {
-            *sum = 1.0 / *sum;
-        }
-        for weights in self.weights.chunks_exact_mut(TILE_PIXELS) {
-            for (w, scale) in weights.iter_mut().zip(&sums) {
-                *w *= scale;
+            let own_row = &mut all[own * WEIGHTS + row..][..TILE_WIDTH];
+            let tilts = moments.tilts(own_row, slope);
+            for x in (0..TILE_WIDTH).step_by(S::F32_LANES) {
+                tilts.apply(simd, &mut all[row..], x, &offsets.each);
             }
         }
     }
 
-    /// Whether all that is read lies within the image, vectors that begin in it too.
+    /// Whether all that is read lies within the rows that are held, vectors that begin in it too.
     fn is_inside(&self) -> bool {
-        let (Tile { x, y }, radius) = (self.tile, self.offsets.radius);
-        let (right, bottom) = (x + TILE_WIDTH + radius, y + TILE_HEIGHT + radius);
-        x >= radius && y >= radius && right <= self.out.width && bottom <= self.images.height()
+        let (Tile { x, y }, images, radius) = (self.tile, self.of.images, self.of.offsets.radius);
+        let (right, bottom, held) = (x + TILE_WIDTH + radius, y + TILE_HEIGHT + radius, images.held());
+        x >= radius && y >= radius + held.start && right <= images.width() && bottom <= held.end
     }
 
-    /// Adds up the weighted neighbours in at most four planes.
+    /// Adds up the weighted neighbours in these planes, of which one may come several times.
     #[inline(always)]
-    fn add_up<S: Simd>(&mut self, simd: S, source: Source<'_>, taps: &[isize], some: Range<usize>) {
-        let Target { width, planes, columns, rows } = &mut self.out;
-        // What is missing of four planes is summed again, and forgotten.
-        let (first, together) = (some.start, some.len());
-        let begins: [usize; TOGETHER] =
-            std::array::from_fn(|plane| source.begin + plane.min(together - 1) * source.plane);
-        let mut out = [[0.0f32; TILE_WIDTH]; TOGETHER];
-        for (y, row) in rows.chunks_exact_mut(*planes * *width).enumerate() {
+    fn add_up<S: Simd>(&mut self, simd: S, some: [usize; IMAGE]) {
+        let images = self.of.images;
+        let (Tile { x, y }, planes) = (self.tile, images.planes());
+        let is_inside = self.is_inside();
+        let Memory { weights, cut, .. } = &mut *self.memory;
+        let (values, begins, row, taps) = if is_inside {
+            let begins = some.map(|plane| images.begin_of(plane, y) + x);
+            (images.values(), begins, planes * images.width(), self.taps[1])
+        } else {
+            let radius = self.of.offsets.radius;
+            cut.fill(images, some, self.tile, radius);
+            let begins = std::array::from_fn(|plane| plane * cut.plane_length() + cut.at((0, 0)));
+            (cut.values(), begins, Cut::stride(radius), self.taps[0])
+        };
+        let mut out = [[0.0f32; TILE_WIDTH]; IMAGE];
+        for (y, rows) in self.out.chunks_exact_mut(planes).enumerate() {
             for x in (0..TILE_WIDTH).step_by(2 * S::F32_LANES) {
-                let weights = &self.weights[y * TILE_WIDTH + x..];
-                let at = begins.map(|begin| begin + y * source.row + x);
-                let sums = add_up_vectors(simd, source.values, at, weights, taps);
+                let weights = &weights[y * TILE_WIDTH + x..];
+                let at = begins.map(|begin| begin + y * row + x);
+                let sums = add_up_vectors(simd, values, at, weights, taps);
                 for (out, sums) in out.iter_mut().zip(&sums) {
                     S::as_mut_simd_f32s(&mut out[x..x + 2 * S::F32_LANES]).0.copy_from_slice(sums);
                 }
             }
-            for (plane, out) in out.iter().enumerate().take(together) {
-                let row = &mut row[(first + plane) * *width..][columns.clone()];
+            for (plane, out) in some.iter().zip(&out) {
+                let row = &mut *rows[*plane];
                 row.copy_from_slice(&out[..row.len()]);
             }
         }
     }
 }
 
-/// Where the pixels of a tile are read.
-struct Source<'a> {
-    values: &'a [f32],
-    /// The tile's first pixel in the first plane.
-    begin: usize,
-    /// From a row to the next.
-    row: usize,
-    /// From a plane to the next.
-    plane: usize,
-}
-
-/// Weighted sums of two vectors of pixels in each of four planes, which begin there. `taps` says how far each neighbour is from them.
+/// Weighted sums of two vectors of pixels in each of six planes, which begin there. `taps` says how far each neighbour is from them.
 /// Written out, for the sums to stay in registers; fused on every machine, for the same bits.
 #[inline(always)]
 fn add_up_vectors<S: Simd>(
     simd: S,
     values: &[f32],
-    [a, b, c, d]: [usize; TOGETHER],
+    [a, b, c, d, e, f]: [usize; IMAGE],
     weights: &[f32],
     taps: &[isize],
-) -> [[S::f32s; 2]; TOGETHER] {
+) -> [[S::f32s; 2]; IMAGE] {
     let zero = simd.splat_f32s(0.0);
     let add = |[low, high]: [S::f32s; 2], [w_low, w_high]: [S::f32s; 2], at: usize| {
         let values = [load::<S>(values, at), load::<S>(values, at + S::F32_LANES)];
         [simd.mul_add_f32s(w_low, values[0], low), simd.mul_add_f32s(w_high, values[1], high)]
     };
-    let [mut of_a, mut of_b, mut of_c, mut of_d] = [[zero; 2]; TOGETHER];
-    for (&tap, weights) in taps.iter().zip(weights.chunks(TILE_PIXELS)) {
+    let [mut of_a, mut of_b, mut of_c, mut of_d, mut of_e, mut of_f] = [[zero; 2]; IMAGE];
+    for (&tap, weights) in taps.iter().zip(weights.chunks(WEIGHTS)) {
         let weights = [load::<S>(weights, 0), load::<S>(weights, S::F32_LANES)];
         of_a = add(of_a, weights, a.wrapping_add_signed(tap));
         of_b = add(of_b, weights, b.wrapping_add_signed(tap));
         of_c = add(of_c, weights, c.wrapping_add_signed(tap));
         of_d = add(of_d, weights, d.wrapping_add_signed(tap));
+        of_e = add(of_e, weights, e.wrapping_add_signed(tap));
+        of_f = add(of_f, weights, f.wrapping_add_signed(tap));
     }
-    [of_a, of_b, of_c, of_d]
+    [of_a, of_b, of_c, of_d, of_e, of_f]
 }
 
 /// Neighbours beyond the image weigh nothing.
@@ -310,46 +301,85 @@ fn forget_outside(images: &Rows, tile: Tile, (across, down): Offset, weights: &m
     }
 }
 
-/// Turns weights of a tile of pixels, which add up to 1 for each pixel, from those of a mean into those of the value at the
-/// pixel of a plane laid through its neighbours by weighted least squares: local linear regression (Fan and Gijbels 1996,
-/// section 2.2; Bitterli et al. 2016 for images of samples). A mean is wrong where neighbours lie to one side and light has a
-/// slope, on the rim of a surface above all; the plane is not, but it has more noise: by the factor `1 + t`, where
-/// `t = mᵀ C⁻¹ m` is the leverage of the mean offset `m` with the covariance `C` of the offsets. So the correction is scaled down
-/// to a leverage of at most `slope` times the number of samples that a mean with these weights is worth, and never above
-/// [`MOST_LEVERAGE`].
-#[inline(always)]
-fn correct_slope(weights: &mut [f32], offsets: &[Offset], slope: f32) {
-    // Sums of: the offset, its products, the weights' squares.
-    let mut moments = [[0.0f32; TILE_PIXELS]; 6];
-    for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact(TILE_PIXELS)) {
-        let (x, y) = (across as f32, down as f32);
-        let terms = [x, y, x * x, x * y, y * y];
-        // All sums in one pass over the weights, without closures: they would not be compiled for the vectors of the machine.
-        for (i, w) in weights.iter().enumerate() {
-            for moment in 0..5 {
-                moments[moment][i] += w * terms[moment];
-            }
-            moments[5][i] += w * w;
+/// Sums over the neighbours of a row of a tile's pixels, without the pixel itself: of the weights, of them times the offset, its
+/// products; of their squares; and the largest.
+#[derive(Default)]
+struct Moments([[f32; TILE_WIDTH]; 8]);
+
+/// What weights are multiplied by for each offset: `constant − across · x − down · y`.
+struct Tilts([[f32; TILE_WIDTH]; 3]);
+
+impl Moments {
+    /// Adds up a vector of pixels that begins at `x`.
+    #[inline(always)]
+    fn add_up<S: Simd>(&mut self, simd: S, weights: &[f32], x: usize, offsets: &[Offset]) {
+        let zero = simd.splat_f32s(0.0);
+        let [mut sum, mut most, mut squares] = [zero; 3];
+        let [mut m_x, mut m_y, mut m_xx, mut m_xy, mut m_yy] = [zero; 5];
+        for (&(across, down), weights) in offsets.iter().zip(weights.chunks(WEIGHTS)) {
+            let (w, across, down) = (load::<S>(weights, x), across as f32, down as f32);
+            let (w_x, w_y) = (simd.mul_f32s(w, simd.splat_f32s(across)), simd.mul_f32s(w, simd.splat_f32s(down)));
+            sum = simd.add_f32s(sum, w);
+            most = simd.max_f32s(most, w);
+            squares = simd.mul_add_f32s(w, w, squares);
+            m_x = simd.add_f32s(m_x, w_x);
+            m_y = simd.add_f32s(m_y, w_y);
+            m_xx = simd.mul_add_f32s(w_x, simd.splat_f32s(across), m_xx);
+            m_xy = simd.mul_add_f32s(w_x, simd.splat_f32s(down), m_xy);
+            m_yy = simd.mul_add_f32s(w_y, simd.splat_f32s(down), m_yy);
+        }
+        let all = [sum, m_x, m_y, m_xx, m_xy, m_yy, squares, most];
+        for (out, sums) in self.0.iter_mut().zip(all) {
+            S::as_mut_simd_f32s(&mut out[x..x + S::F32_LANES]).0[0] = sums;
         }
     }
-    // Each weight is multiplied by `1 − (C⁻¹ m)ᵀ (offset − m)`, or by less of it.
-    let mut tilts = [[0.0f32; TILE_PIXELS]; 3];
-    for i in 0..TILE_PIXELS {
-        let tilt = tilt(std::array::from_fn(|moment| moments[moment][i]), slope);
-        tilts.iter_mut().zip(tilt).for_each(|(tilts, tilt)| tilts[i] = tilt);
+
+    /// What makes the weights add up to 1 with `own`, those of the pixels themselves, which it sets to the largest; and turns them
+    /// from those of a mean into those of the value at the
+    /// pixel of a plane laid through its neighbours by weighted least squares: local linear regression (Fan and Gijbels 1996,
+    /// section 2.2; Bitterli et al. 2016 for images of samples). A mean is wrong where neighbours lie to one side and light has a
+    /// slope, on the rim of a surface above all; the plane is not, but it has more noise: by the factor `1 + t`, where
+    /// `t = mᵀ C⁻¹ m` is the leverage of the mean offset `m` with the covariance `C` of the offsets. So the correction is scaled down
+    /// to a leverage of at most `slope` times the number of samples that a mean with these weights is worth, and never above
+    /// [`MOST_LEVERAGE`].
+    #[inline(always)]
+    fn tilts(&self, own: &mut [f32], slope: f32) -> Tilts {
+        let Self([sums, m_x, m_y, m_xx, m_xy, m_yy, squares, most]) = self;
+        let mut tilts = [[0.0f32; TILE_WIDTH]; 3];
+        for (i, own) in own.iter_mut().enumerate() {
+            // A pixel without any other keeps its value.
+            *own = if most[i] > LEAST_WEIGHT { most[i] } else { 1.0 };
+            let scale = 1.0 / (sums[i] + *own);
+            let squares = (squares[i] + *own * *own) * scale * scale;
+            // Each weight is multiplied by `1 − (C⁻¹ m)ᵀ (offset − m)`, or by less of it.
+            let moments = [m_x[i], m_y[i], m_xx[i], m_xy[i], m_yy[i]].map(|moment| moment * scale);
+            let tilt = tilt(moments, squares, slope);
+            for term in 0..3 {
+                tilts[term][i] = tilt[term] * scale;
+            }
+        }
+        Tilts(tilts)
     }
-    let [tilt_x, tilt_y, constant] = &tilts;
-    for (&(across, down), weights) in offsets.iter().zip(weights.chunks_exact_mut(TILE_PIXELS)) {
-        let (x, y) = (across as f32, down as f32);
-        for (i, w) in weights.iter_mut().enumerate() {
-            *w *= constant[i] - x * tilt_x[i] - y * tilt_y[i];
+}
+
+impl Tilts {
+    /// Multiplies a vector of weights that begins at `x`, those of all offsets.
+    #[inline(always)]
+    fn apply<S: Simd>(&self, simd: S, weights: &mut [f32], x: usize, offsets: &[Offset]) {
+        let [tilt_x, tilt_y, constant] = self.0.each_ref().map(|tilts| load::<S>(tilts, x));
+        for (&(across, down), weights) in offsets.iter().zip(weights.chunks_mut(WEIGHTS)) {
+            let of_x = simd.mul_f32s(simd.splat_f32s(across as f32), tilt_x);
+            let of_y = simd.mul_f32s(simd.splat_f32s(down as f32), tilt_y);
+            let factor = simd.sub_f32s(simd.sub_f32s(constant, of_x), of_y);
+            let vector = &mut S::as_mut_simd_f32s(&mut weights[x..x + S::F32_LANES]).0[0];
+            *vector = simd.mul_f32s(*vector, factor);
         }
     }
 }
 
 /// What the offset across and the offset down are multiplied by, and what their sum is taken from.
 #[inline(always)]
-fn tilt([x, y, xx, xy, yy, squares]: [f32; 6], slope: f32) -> [f32; 3] {
+fn tilt([x, y, xx, xy, yy]: [f32; 5], squares: f32, slope: f32) -> [f32; 3] {
     if squares <= 0.0 {
         return [0.0, 0.0, 1.0];
     }
@@ -374,8 +404,8 @@ mod tests {
     impl<F: Fn((usize, usize), Offset) -> f32 + Sync> Weigh for ByPlace<F> {
         type Ready = Tile;
 
-        fn ready(&self, tile: Tile, _: usize) -> Tile {
-            tile
+        fn make_ready(&self, tile: Tile, _: usize, ready: &mut Tile) {
+            *ready = tile;
         }
 
         fn weigh<S: Simd>(&self, _: S, tile: &mut Tile, of: Neighbours, out: &mut [f32; TILE_PIXELS]) {
@@ -386,7 +416,9 @@ mod tests {
     }
 
     fn means(images: &Rows, region: &Region, offsets: &Offsets, slope: f32, weigher: &impl Weigh) -> Rows {
-        weighted_means(images, region, offsets, slope, weigher, &Pool::default())
+        let mut means = Rows::zeros(images.width(), images.height(), images.planes());
+        Means { images, first: None, offsets, slope, weigher }.fill(region, &mut means);
+        means
     }
 
     /// Light that rises from the rim of a surface: a mean brightens the rim, a plane does not.

@@ -28,15 +28,16 @@ mod map_fit;
 mod reach;
 mod rows;
 mod shrink;
+mod stage;
 mod surfaces;
 mod tally;
 mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 10;
+pub const CLEANER_VERSION: u32 = 11;
 
 pub use errors::ErrorSums;
-pub use filter::{Cleaned, Window, WindowStrip, clean, pixel_bytes};
+pub use filter::{Cleaned, Cleaning, Strip};
 pub use map_fit::{MapFit, TILE, tile_means};
 pub use reach::Reach;
 pub use rows::{Pool, Region, Rows};

@@ -1,8 +1,11 @@
 //! How far filtering reaches.
 
 use super::constants::*;
+use super::guide::GuideReach;
 use super::kernel::Offsets;
 use super::shrink::RISK_REACH;
+use super::stage::Stage;
+use super::surfaces;
 
 /// How far the wide filter of indirect light reaches, and with it all filtering: farther in larger images, where the same surface has
 /// more pixels.
@@ -44,26 +47,114 @@ impl Reach {
         Offsets::disc(ALONE.0 * ALONE.1, ALONE.1)
     }
 
-    /// Both filters of indirect light.
-    pub(super) fn indirect(self) -> usize {
-        INDIRECT_NARROW + self.wide()
-    }
-
-    /// Pixels around a region that what comes out of it reads of the images of indirect light that common weights filtered: the risk's
-    /// squares, and what each image by itself reads, its noise too.
-    pub(super) fn common(self) -> usize {
-        RISK_REACH + self.alone().radius() + PATCH + FILTERED_NOISE_REACH
-    }
-
-    /// Pixels whose light that reads: those of the narrow filter and the wide one.
-    pub(super) fn light(self) -> usize {
-        self.common() + self.indirect()
-    }
-
-    /// Pixels around a region that what comes out of it depends on: those of its light, the squares of the noise of the filtered guides
-    /// that they are compared by, and what those depend on, the same filters, their patches, the squares of the noise.
+    /// Pixels around a region that what comes out of it depends on.
     pub fn halo(self) -> usize {
-        self.light() + FILTERED_NOISE_REACH + self.indirect() + PATCH + RAW_NOISE_REACH
+        self.light(0).reach
+    }
+
+    /// What is read: light of so many planes, of either kind.
+    pub(super) fn light(self, planes: usize) -> Stage {
+        let (direct, indirect) = (self.direct_stages(planes, 0), self.indirect_stages(planes, 0));
+        let halo = direct.mixtures.reach.max(indirect.mixtures.reach);
+        let readers =
+            [(halo, 0), (direct.means.reach, self.direct()), (indirect.wide.reach, self.wide()), (0, RISK_REACH)];
+        Stage::new(planes, halo, &readers)
+    }
+
+    /// What is read of features, and of their variance: for surfaces, and the albedo of light that comes in and goes out.
+    pub(super) fn features(self, planes: usize) -> Stage {
+        let halo = self.halo();
+        Stage::new(planes, halo, &[(halo, 0), (self.indirect_stages(0, 0).surfaces.reach, 1), (0, 0)])
+    }
+
+    /// The stages of direct light of so many planes, which make so many of mixtures.
+    pub(super) fn direct_stages(self, planes: usize, mixtures: usize) -> DirectStages {
+        let means = RISK_REACH;
+        let guide = means + self.direct();
+        let pilot = guide + FILTERED.read();
+        let raw_guide = pilot + self.direct_pilot();
+        let all = raw_guide + RAW.read();
+        let guides = mixtures / 2 + 2;
+        DirectStages {
+            mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot, self.direct_pilot())]),
+            raw_guide: Stage::new(guides, raw_guide, &[(pilot, self.direct_pilot())]).with_patches(RAW.patch),
+            pilot: Stage::new(mixtures, pilot, &[(guide, FILTERED.read())]),
+            guide: Stage::new(guides, guide, &[(means, self.direct())]).with_patches(FILTERED.patch),
+            means: Stage::new(planes, means, &[(0, RISK_REACH)]),
+        }
+    }
+
+    /// The stages of indirect light.
+    pub(super) fn indirect_stages(self, planes: usize, mixtures: usize) -> IndirectStages {
+        let alone = RISK_REACH;
+        let (of_alone, of_wide, of_narrow) = (self.alone().radius() + FILTERED.read(), self.wide(), INDIRECT_NARROW);
+        let narrow = alone + of_alone;
+        let wide = narrow + of_narrow;
+        let guide = wide + of_wide;
+        let pilot = guide + FILTERED_PIXELS.read();
+        let pilot_wide = pilot + of_narrow;
+        let raw_guide = pilot_wide + of_wide;
+        let all = raw_guide + RAW.read();
+        let guides = mixtures / 2 + 2;
+        IndirectStages {
+            mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot_wide, of_wide)]),
+            raw_guide: Stage::new(guides, raw_guide, &[(pilot_wide, of_wide), (pilot, of_narrow)])
+                .with_patches(RAW.patch),
+            pilot_wide: Stage::new(mixtures, pilot_wide, &[(pilot, of_narrow)]),
+            pilot: Stage::new(mixtures, pilot, &[(guide, FILTERED_PIXELS.read())]),
+            guide: Stage::new(guides, guide, &[(wide, of_wide), (narrow, of_narrow)])
+                .with_patches(FILTERED_PIXELS.patch),
+            wide: Stage::new(planes, wide, &[(narrow, of_narrow)]),
+            narrow: Stage::new(planes, narrow, &[(alone, of_alone)]),
+            alone: Stage::new(planes, alone, &[(0, RISK_REACH)]),
+            // Of surfaces whoever weighs neighbours reads both pixels.
+            surfaces: Stage::new(
+                surfaces::PLANES,
+                raw_guide,
+                &[(raw_guide, 0), (alone, self.alone().radius()), (RISK_REACH, self.direct())],
+            ),
+        }
+    }
+}
+
+/// Reaches of guides: of raw light; of filtered light, compared patch by patch, and pixel by pixel.
+pub(super) const RAW: GuideReach = GuideReach { noise: RAW_NOISE_REACH, patch: PATCH };
+pub(super) const FILTERED: GuideReach = GuideReach { noise: FILTERED_NOISE_REACH, patch: PATCH };
+pub(super) const FILTERED_PIXELS: GuideReach = GuideReach { noise: FILTERED_NOISE_REACH, patch: 0 };
+
+/// The stages that direct light goes through; what is mixed in the end is not held.
+pub(super) struct DirectStages {
+    pub(super) mixtures: Stage,
+    pub(super) raw_guide: Stage,
+    pub(super) pilot: Stage,
+    pub(super) guide: Stage,
+    pub(super) means: Stage,
+}
+
+impl DirectStages {
+    pub(super) fn all(self) -> [Stage; 5] {
+        let Self { mixtures, raw_guide, pilot, guide, means } = self;
+        [mixtures, raw_guide, pilot, guide, means]
+    }
+}
+
+/// The stages that indirect light goes through, and what all weights need of surfaces.
+pub(super) struct IndirectStages {
+    pub(super) mixtures: Stage,
+    pub(super) raw_guide: Stage,
+    pub(super) pilot_wide: Stage,
+    pub(super) pilot: Stage,
+    pub(super) guide: Stage,
+    pub(super) wide: Stage,
+    pub(super) narrow: Stage,
+    pub(super) alone: Stage,
+    pub(super) surfaces: Stage,
+}
+
+impl IndirectStages {
+    pub(super) fn all(self) -> [Stage; 9] {
+        let Self { mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, alone, surfaces } = self;
+        [mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, alone, surfaces]
     }
 }
 

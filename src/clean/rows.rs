@@ -5,12 +5,14 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-/// Planes of one size, stored row by row: row `y` of plane `p` begins at `(y · planes + p) · width`.
+/// Planes of one size, of which some rows of pixels are held, stored row by row: with `f` the first row that is held, row `y` of
+/// plane `p` begins at `((y − f) · planes + p) · width`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rows {
     width: usize,
     height: usize,
     planes: usize,
+    first: usize,
     values: Vec<f32>,
 }
 
@@ -36,9 +38,10 @@ impl Region {
 }
 
 impl Pool {
-    /// Planes of any values.
-    pub fn rows(&self, width: usize, height: usize, planes: usize) -> Rows {
-        let length = width * height * planes;
+    /// Planes of an image of the same size, of which these rows are held, with any values.
+    pub(super) fn rows_like(&self, image: &Rows, planes: usize, held: Range<usize>) -> Rows {
+        let (width, height) = (image.width, image.height);
+        let length = width * held.len() * planes;
         let mut kept = self.0.borrow_mut();
         let find = |kept: &[Vec<f32>], sizes: Range<usize>| {
             let fitting = (0..kept.len()).filter(|&i| sizes.contains(&kept[i].capacity()));
@@ -55,7 +58,13 @@ impl Pool {
             }
             vec![0.0; length]
         };
-        Rows { width, height, planes, values }
+        Rows { width, height, planes, first: held.start, values }
+    }
+
+    /// Bytes that are kept.
+    #[cfg(test)]
+    pub(super) fn bytes(&self) -> usize {
+        self.0.borrow().iter().map(|kept| 4 * kept.capacity()).sum()
     }
 
     /// Keeps the memory of an image that is done with.
@@ -65,9 +74,37 @@ impl Pool {
 }
 
 impl Rows {
-    /// Planes of zeros.
+    /// Planes of zeros, all rows.
     pub fn zeros(width: usize, height: usize, planes: usize) -> Self {
-        Self { width, height, planes, values: vec![0.0; width * height * planes] }
+        Self { width, height, planes, first: 0, values: vec![0.0; width * height * planes] }
+    }
+
+    /// Planes of which no row is held yet, and room for so many.
+    pub(super) fn none_yet((width, height): (usize, usize), planes: usize, room: usize) -> Self {
+        Self { width, height, planes, first: 0, values: Vec::with_capacity(width * planes * room.min(height)) }
+    }
+
+    /// Bytes of its room.
+    #[cfg(test)]
+    pub(super) fn room_bytes(&self) -> usize {
+        4 * self.values.capacity()
+    }
+
+    /// Rows that are held.
+    pub(super) fn held(&self) -> Range<usize> {
+        self.first..self.first + self.values.len() / (self.planes * self.width).max(1)
+    }
+
+    /// Holds these rows, of which those that are new have any values, and forgets all before them.
+    pub(super) fn hold(&mut self, rows: Range<usize>) {
+        let row = self.planes * self.width;
+        if self.values.is_empty() {
+            self.first = rows.start;
+        }
+        let forgotten = rows.start.saturating_sub(self.first).min(self.held().len());
+        self.values.drain(..forgotten * row);
+        self.first += forgotten;
+        self.values.resize(rows.end.saturating_sub(self.first).max(self.held().len()) * row, 0.0);
     }
 
     /// Pixels across.
@@ -90,33 +127,68 @@ impl Rows {
         Region { x: 0..self.width, y: 0..self.height }
     }
 
-    /// One row of one plane.
+    /// One row of one plane, which must be held.
     pub fn row(&self, plane: usize, y: usize) -> &[f32] {
-        &self.values[(y * self.planes + plane) * self.width..][..self.width]
+        &self.values[self.begin_of(plane, y)..][..self.width]
     }
 
-    /// One row of one plane.
+    /// One row of one plane, which must be held.
     pub fn row_mut(&mut self, plane: usize, y: usize) -> &mut [f32] {
-        &mut self.values[(y * self.planes + plane) * self.width..][..self.width]
+        let begin = self.begin_of(plane, y);
+        &mut self.values[begin..][..self.width]
     }
 
-    /// All values.
+    /// Where in the values a row of a plane begins.
+    #[inline(always)]
+    pub(super) fn begin_of(&self, plane: usize, y: usize) -> usize {
+        ((y - self.first) * self.planes + plane) * self.width
+    }
+
+    /// All values that are held.
     pub fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// All values.
+    /// All values that are held.
     pub fn values_mut(&mut self) -> &mut [f32] {
         &mut self.values
     }
 
-    /// Fills strips of at most `height` rows of all planes by a function of their first row, with all threads.
-    pub(super) fn fill_strips(&mut self, rows: &Range<usize>, height: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+    /// Fills rows of all planes by a function of the row, with all threads.
+    pub(super) fn fill_whole_rows(&mut self, rows: &Range<usize>, fill: impl Fn(usize, &mut [f32]) + Sync) {
         let row = self.planes * self.width;
-        if row > 0 {
-            let strips = self.values[rows.start * row..rows.end * row].par_chunks_mut(height * row);
-            strips.enumerate().for_each(|(strip, values)| fill(rows.start + strip * height, values));
+        if row > 0 && !rows.is_empty() {
+            let begin = self.begin_of(0, rows.start);
+            let each = self.values[begin..begin + rows.len() * row].par_chunks_mut(row);
+            each.enumerate().for_each(|(y, values)| fill(rows.start + y, values));
         }
+    }
+
+    /// Fills a region tile by tile by a function of where each begins, with all threads. It is given the pixels of the tile, of
+    /// each row of pixels the rows of all planes, and memory that it may leave as it likes for the next tile.
+    pub(super) fn fill_tiles<T: Default + Send>(
+        &mut self,
+        region: &Region,
+        (across, down): (usize, usize),
+        fill: impl Fn(&mut T, (usize, usize), Vec<&mut [f32]>) + Sync,
+    ) {
+        let row = self.planes * self.width;
+        if row == 0 || region.x.is_empty() || region.y.is_empty() {
+            return;
+        }
+        let begin = self.begin_of(0, region.y.start);
+        let mut tiles = Vec::new();
+        for (strip, values) in self.values[begin..begin + region.y.len() * row].chunks_mut(down * row).enumerate() {
+            let y = region.y.start + strip * down;
+            let first = tiles.len();
+            let begins = region.x.clone().step_by(across);
+            tiles.extend(begins.map(|x| ((x, y), Vec::with_capacity(values.len() / self.width))));
+            for row in values.chunks_exact_mut(self.width) {
+                let parts = row[region.x.clone()].chunks_mut(across);
+                tiles[first..].iter_mut().zip(parts).for_each(|((_, rows), part)| rows.push(part));
+            }
+        }
+        tiles.into_par_iter().for_each_init(T::default, |memory, (begin, rows)| fill(memory, begin, rows));
     }
 
     /// Fills each row of all planes in a region by a function of the row and the plane, with all threads. It is given those
@@ -136,7 +208,7 @@ impl Rows {
     /// The same, but it is given what the pixels were.
     pub(super) fn change_rows(&mut self, region: &Region, fill: impl Fn(usize, usize, &mut [f32]) + Sync) {
         let width = self.width;
-        self.fill_strips(&region.y, 1, |y, row| {
+        self.fill_whole_rows(&region.y, |y, row| {
             for (plane, row) in row.chunks_exact_mut(width).enumerate() {
                 fill(y, plane, &mut row[region.x.clone()]);
             }
@@ -145,8 +217,9 @@ impl Rows {
 
     /// For each pixel of a region the mean of the square of `2 · reach + 1` pixels around it, as far as it lies in the image.
     pub(super) fn box_mean(&self, reach: usize, region: &Region, pool: &Pool) -> Self {
-        let mut across = pool.rows(self.width, self.height, self.planes);
-        across.fill_rows(&Region { x: region.x.clone(), y: region.grown(reach, self).y }, |y, plane, out| {
+        let around = Region { x: region.x.clone(), y: region.grown(reach, self).y };
+        let mut across = pool.rows_like(self, self.planes, around.y.clone());
+        across.fill_rows(&around, |y, plane, out| {
             let row = self.row(plane, y);
             let near = |x: usize| x.saturating_sub(reach)..(x + reach + 1).min(self.width);
             // Shifted rows are added, for sums along a row would wait for one another.
@@ -155,7 +228,7 @@ impl Rows {
             }
             out.iter_mut().zip(region.x.clone()).for_each(|(o, x)| *o /= near(x).len() as f32);
         });
-        let mut mean = pool.rows(self.width, self.height, self.planes);
+        let mut mean = pool.rows_like(self, self.planes, region.y.clone());
         mean.fill_rows(region, |y, plane, out| {
             let rows = y.saturating_sub(reach)..(y + reach + 1).min(self.height);
             let scale = 1.0 / rows.len() as f32;
@@ -167,13 +240,14 @@ impl Rows {
         mean
     }
 
-    /// The rows of all planes, cut before each of these rows of pixels but the first, which is where they begin.
-    pub fn strips_mut(&mut self, borders: &[usize]) -> Vec<&mut [f32]> {
+    /// These rows, which are held, of all planes, cut before each of the borders but the first, which is where they begin.
+    pub fn strips_mut(&mut self, rows: &Range<usize>, borders: &[usize]) -> Vec<&mut [f32]> {
         let row = self.planes * self.width;
-        let mut rest = &mut self.values[..];
+        let begin = self.begin_of(0, rows.start);
+        let mut rest = &mut self.values[begin..begin + rows.len() * row];
         let mut strips = Vec::new();
         for (i, &begin) in borders.iter().enumerate() {
-            let end = borders.get(i + 1).copied().unwrap_or(self.height);
+            let end = borders.get(i + 1).copied().unwrap_or(rows.end);
             let (strip, after) = rest.split_at_mut((end - begin) * row);
             strips.push(strip);
             rest = after;

@@ -11,34 +11,37 @@ const CELL: usize = 2 * CELL_REACH + 1;
 /// Pixels to each side over which shares are means.
 const SHARE_REACH: usize = 1;
 
-/// Pixels to each side that [`mix_in`] reads.
+/// Pixels to each side that [`mixed`] reads.
 pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REACH;
 
-/// Mixes `smooth` into `raw`, in a region, pixel by pixel and for each cluster, as far as the estimated risk falls (Stein 1981): of
+/// `smooth` mixed into `raw`, in a region, pixel by pixel and for each cluster, as far as the estimated risk falls (Stein 1981): of
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
 /// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
 /// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. In each cell the pixel that
 /// changes most has no say: a firefly that both halves happen to have looks like a detail, but a detail has more than one pixel.
 /// Where its own cell allows it a pixel takes as much as those beside it do in the mean.
-pub(super) fn mix_in(raw: &Rows, smooth: &mut Rows, region: &Region, pool: &Pool) {
+pub(super) fn mixed(raw: &Rows, smooth: &Rows, region: &Region, pool: &Pool) -> Rows {
     let (width, planes) = (raw.width(), raw.planes() / 2);
+    let mut mixed = pool.rows_like(raw, raw.planes(), region.y.clone());
     for first in (0..planes).step_by(3) {
         let cells = Cells::new(raw, smooth, first, region, pool);
         let shares = cells.shares(&region.grown(SHARE_REACH, raw), pool);
         let even = shares.box_mean(SHARE_REACH, region, pool);
-        smooth.fill_strips(&region.y, 1, |y, row| {
+        mixed.fill_whole_rows(&region.y, |y, row| {
             let cell = cells.own_shares(y);
             let [own, even, cell] = [shares.row(0, y), even.row(0, y), &cell].map(|row| &row[region.x.clone()]);
             let shares = own.iter().zip(even).zip(cell).map(|((own, even), cell)| own.max(even.min(*cell)));
             let shares: Vec<f32> = shares.collect();
             for plane in (first..first + 3).flat_map(|channel| [channel, planes + channel]) {
                 let out = &mut row[plane * width..][region.x.clone()];
-                let raw = &raw.row(plane, y)[region.x.clone()];
-                out.iter_mut().zip(raw).zip(&shares).for_each(|((out, raw), share)| *out = raw + share * (*out - raw));
+                let [raw, smooth] = [raw, smooth].map(|rows| &rows.row(plane, y)[region.x.clone()]);
+                let pairs = raw.iter().zip(smooth).zip(&shares);
+                out.iter_mut().zip(pairs).for_each(|(out, ((raw, smooth), share))| *out = raw + share * (smooth - raw));
             }
         });
         [cells.0, shares, even].into_iter().for_each(|done| pool.keep(done));
     }
+    mixed
 }
 
 /// Of the cell around each pixel, in the image of one cluster: what is gained, what is changed, and the squared light.
@@ -48,8 +51,8 @@ impl Cells {
     /// Of the cluster whose first plane is this.
     fn new(raw: &Rows, smooth: &Rows, first: usize, region: &Region, pool: &Pool) -> Self {
         let around = region.grown(RISK_REACH, raw);
-        let mut terms = pool.rows(raw.width(), raw.height(), 3);
-        terms.fill_strips(&around.y, 1, |y, row| {
+        let mut terms = pool.rows_like(raw, 3, around.y.clone());
+        terms.fill_whole_rows(&around.y, |y, row| {
             row.fill(0.0);
             let (gained, rest) = row.split_at_mut(raw.width());
             let (changed, squared) = rest.split_at_mut(raw.width());
@@ -74,7 +77,7 @@ impl Cells {
 
     /// How much of the smooth image the pixels of a region take.
     fn shares(&self, region: &Region, pool: &Pool) -> Rows {
-        let mut shares = pool.rows(self.0.width(), self.0.height(), 1);
+        let mut shares = pool.rows_like(&self.0, 1, region.y.clone());
         shares.fill_rows(region, |y, _, out| out.copy_from_slice(&self.shares_of_row(y, region)));
         shares
     }
@@ -109,8 +112,8 @@ impl Cells {
 /// Around each pixel of a region the means of the terms: of what is gained and changed without the pixel that changes most.
 fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
     let (width, height) = (terms.width(), terms.height());
-    let mut cells = pool.rows(width, height, terms.planes());
-    cells.fill_strips(&region.y, 1, |y, row| {
+    let mut cells = pool.rows_like(terms, terms.planes(), region.y.clone());
+    cells.fill_whole_rows(&region.y, |y, row| {
         row.fill(0.0);
         let (gained, rest) = row.split_at_mut(width);
         let (changed, squared) = rest.split_at_mut(width);

@@ -4,7 +4,8 @@ use pulp::Simd;
 
 use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, NORMAL_WIDTH, SHARE_WIDTH};
 use super::kernel::Offset;
-use super::rows::{Pool, Rows};
+use super::rows::{Pool, Region, Rows};
+use super::stage::{Stage, Step, Track};
 use super::tile::{Cut, TILE_PIXELS, TILE_WIDTH, Tile};
 
 const NORMAL: usize = 3;
@@ -19,21 +20,33 @@ const WIDTHS: [f32; COMPARED] =
 
 /// What pixels see, made ready for comparing: the compared planes, each in units of its width; half the variance of the sum of
 /// those; the inverse depth, its slope across, its slope down (planes are planes in it, whatever their tilt) and its variance.
-pub(super) struct Surfaces(Rows);
+pub(super) struct Surfaces {
+    planes: Rows,
+    track: Track,
+}
 
 const NOISE: usize = COMPARED;
 const INVERSE_DEPTH: usize = COMPARED + 1;
 const SLOPE_ACROSS: usize = COMPARED + 2;
 const SLOPE_DOWN: usize = COMPARED + 3;
 const INVERSE_DEPTH_NOISE: usize = COMPARED + 4;
-const PLANES: usize = COMPARED + 5;
+/// Planes that are held.
+pub(super) const PLANES: usize = COMPARED + 5;
 
 impl Surfaces {
-    pub(super) fn new(features: &Rows, variance: &Rows, pool: &Pool) -> Self {
-        let (width, height) = (features.width(), features.height());
+    /// None yet.
+    pub(super) fn begin(stage: Stage, region: &Region, size: (usize, usize), step: usize) -> Self {
+        let (track, planes) = Track::begin(stage, region, size, step);
+        Self { planes, track }
+    }
+
+    /// Makes ready what a step needs. Of features and their variance it reads a row more to either side.
+    pub(super) fn advance(&mut self, features: &Rows, variance: &Rows, step: &Step<'_>, pool: &Pool) {
+        let region = Region { x: 0..features.width(), ..self.track.advance(&mut self.planes, step) };
         let order = [NORMAL, NORMAL + 1, NORMAL + 2, 0, 1, 2, SPECULAR, SURFACE];
-        let mut inverse = pool.rows(width, height, 1);
-        inverse.fill_rows(&features.whole(), |y, _, out| {
+        let around = region.grown(1, features);
+        let mut inverse = pool.rows_like(features, 1, around.y.clone());
+        inverse.fill_rows(&around, |y, _, out| {
             let pairs = features.row(DEPTH, y).iter().zip(features.row(SURFACE, y));
             out.iter_mut()
                 .zip(pairs)
@@ -43,8 +56,8 @@ impl Surfaces {
             let depth = features.row(DEPTH, y)[x];
             if depth > 0.0 { variance.row(DEPTH, y)[x] * (inverse.row(0, y)[x] / depth).powi(2) } else { 0.0 }
         };
-        let mut planes = pool.rows(width, height, PLANES);
-        planes.fill_rows(&features.whole(), |y, plane, out| {
+        let height = features.height();
+        self.planes.fill_rows(&region, |y, plane, out| {
             let row = inverse.row(0, y);
             match plane {
                 NOISE => {
@@ -76,20 +89,21 @@ impl Surfaces {
             }
         });
         pool.keep(inverse);
-        Self(planes)
     }
 
-    pub(super) fn into_rows(self) -> Rows {
-        self.0
+    #[cfg(test)]
+    pub(super) fn rows(&self) -> &Rows {
+        &self.planes
     }
 
-    /// What a tile's neighbours are compared by.
-    pub(super) fn around(&self, tile: Tile, reach: usize) -> SurfacesCut {
-        SurfacesCut(Cut::of(&self.0, 0..PLANES, tile, reach))
+    /// Makes `around` what a tile's neighbours are compared by.
+    pub(super) fn cut(&self, tile: Tile, reach: usize, around: &mut SurfacesCut) {
+        around.0.fill(&self.planes, 0..PLANES, tile, reach);
     }
 }
 
 /// What pixels around a tile see.
+#[derive(Default)]
 pub(super) struct SurfacesCut(Cut);
 
 impl SurfacesCut {

@@ -30,8 +30,15 @@ struct Moments {
 /// Mixtures of the clusters' images by which pixels are compared: clusters × guides, guide by guide.
 #[derive(Clone, Debug)]
 pub struct Guides {
+    clusters: usize,
     pub(super) direct: Vec<f32>,
     pub(super) indirect: Vec<f32>,
+}
+
+impl Guides {
+    pub(super) fn clusters(&self) -> usize {
+        self.clusters
+    }
 }
 
 impl Tally {
@@ -62,7 +69,8 @@ impl Tally {
 
     /// The guides that follow.
     pub fn guides(&self) -> Guides {
-        Guides { direct: self.direct.guides(self.clusters), indirect: self.indirect.guides(self.clusters) }
+        let [direct, indirect] = [&self.direct, &self.indirect].map(|moments| moments.guides(self.clusters));
+        Guides { clusters: self.clusters, direct, indirect }
     }
 }
 

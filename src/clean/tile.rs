@@ -1,7 +1,5 @@
 //! Tiles of pixels that are filtered at once: small enough that their weights and what they read stay in the caches.
 
-use std::ops::Range;
-
 use pulp::Simd;
 
 use super::kernel::Offset;
@@ -17,13 +15,13 @@ pub(super) const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
 const SLACK: usize = 16;
 
 /// Where a tile of an image begins. It may reach beyond the image.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tile {
     pub(super) x: usize,
     pub(super) y: usize,
 }
 
-/// Pixels of some planes within a reach of a tile. Beyond the image its edge goes on.
+/// Pixels of some planes within a reach of a tile. Beyond the image, and the rows of it that are held, its edge goes on.
 #[derive(Default)]
 pub(super) struct Cut {
     reach: usize,
@@ -38,27 +36,20 @@ impl Cut {
         TILE_WIDTH + 2 * reach + SLACK
     }
 
-    /// The pixels of these planes within `reach` of a tile.
-    pub(super) fn of(image: &Rows, planes: Range<usize>, tile: Tile, reach: usize) -> Self {
-        let mut cut = Self::default();
-        cut.fill(image, planes, tile, reach);
-        cut
-    }
-
-    /// The same, in the place of what it was.
-    pub(super) fn fill(&mut self, image: &Rows, planes: Range<usize>, tile: Tile, reach: usize) {
+    /// Becomes the pixels of these planes within `reach` of a tile.
+    pub(super) fn fill(&mut self, image: &Rows, planes: impl IntoIterator<Item = usize>, tile: Tile, reach: usize) {
         self.reach = reach;
         self.stride = Self::stride(reach);
         self.rows = TILE_HEIGHT + 2 * reach;
         self.values.clear();
-        let (width, height) = (image.width(), image.height());
+        let (width, held) = (image.width(), image.held());
         // Pixel `i` of a row here is pixel `tile.x + i − reach` of the image.
         let before = reach.saturating_sub(tile.x);
         let first = (tile.x + before - reach).min(width - 1);
         let inside = (self.stride - before).min(width - first);
         for plane in planes {
             for y in 0..self.rows {
-                let row = image.row(plane, (tile.y + y).saturating_sub(reach).min(height - 1));
+                let row = image.row(plane, (tile.y + y).saturating_sub(reach).clamp(held.start, held.end - 1));
                 let begin = self.values.len();
                 self.values.resize(begin + before, row[0]);
                 self.values.extend_from_slice(&row[first..first + inside]);
@@ -140,7 +131,8 @@ mod tests {
         let mut image = Rows::zeros(width, height, 2);
         image.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
         for tile in [Tile { x: 0, y: 0 }, Tile { x: 32, y: 0 }, Tile { x: 1, y: 5 }] {
-            let cut = Cut::of(&image, 1..2, tile, reach);
+            let mut cut = Cut::default();
+            cut.fill(&image, 1..2, tile, reach);
             for y in -(reach as isize)..(TILE_HEIGHT + reach) as isize {
                 let row = image.row(1, (tile.y as isize + y).clamp(0, height as isize - 1) as usize);
                 for (i, value) in cut.pixels(0, (-(reach as isize), y), TILE_WIDTH + 2 * reach).iter().enumerate() {

@@ -25,15 +25,17 @@ use super::pack::stop_if_interrupted;
 use super::records::Records;
 use super::shard::ShardSet;
 use super::spill::{CLEANED, GATHERED, open_spill};
-use crate::clean::{self, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
+use crate::clean::{self, Cleaning, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
 use crate::light::{CleaningErrors, Clusters, Job, LightBasis};
-use crate::matrix::{Block, BlockId, BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
+use crate::matrix::{
+    Block, BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock,
+};
 
-/// Memory that the images of a window may take; a window of one block is filtered whatever it takes.
-const WINDOW_BYTES: u64 = 768 << 20;
+/// Memory that the rows of a window may take that are held at once; a window of one block is filtered whatever it takes.
+const WINDOW_BYTES: u64 = 512 << 20;
 
 /// Blocks that are decoded side by side.
 const BLOCKS_AT_HAND: u64 = 4;
@@ -42,7 +44,7 @@ const BLOCKS_AT_HAND: u64 = 4;
 pub(super) struct Cleaned {
     shape: MatrixShape,
     clusters: usize,
-    /// What is filtered at once, one after the other.
+    /// What is filtered one after the other, each from the top down, several blocks wide.
     windows: Vec<Vec<BlockId>>,
     /// Pixels around a window that its filter reads.
     halo: u32,
@@ -58,7 +60,7 @@ pub(super) struct Cleaned {
 impl Cleaned {
     /// Bytes that filtering takes at most beside the blocks.
     pub(super) fn needs_bytes(job: &Job) -> u64 {
-        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        let clusters = Clusters::of_basis(&job.basis).count();
         Self::windows_need_bytes(job, window_blocks(job.shape, clusters))
     }
 
@@ -67,17 +69,19 @@ impl Cleaned {
         Gathering::contrasts_need_bytes(job)
     }
 
-    /// The same with windows of so many blocks a side.
+    /// The same with windows of so many blocks across.
     pub(super) fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
-        let side = u64::from(blocks * job.shape.block_side());
         let planes = BlockPlanes::fixed_bytes(u64::from(job.shape.block_side()).pow(2), clusters);
         let columns = job.shape.columns() as u64;
         let block = PixelRect { x: 0, y: 0, width: job.shape.block_side(), height: job.shape.block_side() };
         let tiles = 4 * tile_values(job.shape, block, clusters) as u64;
         // The map and what it is fitted with; planes and tiles of the blocks at hand.
         let fit = if tiles > 0 { MapFit::needs_bytes(clusters, columns) } else { 0 };
-        window_bytes(job.shape, side, clusters) + BLOCKS_AT_HAND * (planes + 3 * tiles) + 4 * clusters * columns + fit
+        window_bytes(job.shape, blocks, clusters as usize)
+            + BLOCKS_AT_HAND * (planes + 3 * tiles)
+            + 4 * clusters * columns
+            + fit
     }
 
     /// Bytes of disk that it takes.
@@ -109,7 +113,7 @@ impl Cleaned {
             None => Records::File(open(GATHERED)?),
         };
         let clusters = Clusters::of_basis(&job.basis);
-        let windows = windows_of(shape, window_blocks(shape, clusters.count() as u64));
+        let windows = windows_of(shape, (window_blocks(shape, clusters.count()), shape.blocks_down()));
         Self::over((windows, reach_in(shape).halo() as u32), job, path, (records, open(CLEANED)?))
     }
 
@@ -183,11 +187,11 @@ impl Cleaned {
         let done = threads.run(|| -> Result<()> {
             let pool = Pool::default();
             for blocks in &self.windows {
-                stop_if_interrupted(&self.gathering.path, watch)?;
-                if !blocks.iter().all(|&id| self.images.has(id.0)) {
-                    self.filter_window(blocks, guides, &pool)?;
+                if blocks.iter().all(|&id| self.images.has(id.0)) {
+                    watch.advance(blocks.len() as u64, 0, "px");
+                } else {
+                    self.filter_window(blocks, guides, &pool, watch)?;
                 }
-                watch.advance(blocks.len() as u64, 0, "px");
             }
             Ok(())
         });
@@ -215,8 +219,8 @@ impl Cleaned {
         done
     }
 
-    /// Filters the blocks of one window.
-    fn filter_window(&self, blocks: &[BlockId], guides: &Guides, pool: &Pool) -> Result<()> {
+    /// Filters the blocks of one window, from the top down.
+    fn filter_window(&self, blocks: &[BlockId], guides: &Guides, pool: &Pool, watch: &dyn Watch) -> Result<()> {
         let rects = || blocks.iter().map(|&id| self.shape.rect(id));
         let across = rects().map(|r| r.x).min().unwrap_or(0)..rects().map(|r| r.x + r.width).max().unwrap_or(0);
         let down = rects().map(|r| r.y).min().unwrap_or(0)..rects().map(|r| r.y + r.height).max().unwrap_or(0);
@@ -226,25 +230,41 @@ impl Cleaned {
         let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
         let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
         let region = Region { x: within(across, left), y: within(down, top) };
-        let window = self.gathering.window(whole, BLOCKS_AT_HAND as usize, pool)?;
-        let cleaned = clean::clean(window, &region, guides, (reach_in(self.shape), pool));
-        let images = &cleaned.images;
-        let store = |&id: &BlockId| {
-            let rect = self.shape.rect(id);
-            let (left, top) = ((rect.x - left) as usize, (rect.y - top) as usize);
-            let part = Region { x: left..left + rect.width as usize, y: top..top + rect.height as usize };
-            let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
-            for plane in 0..images.planes() {
-                for y in part.y.clone() {
-                    bytes.extend_from_slice(bytemuck::cast_slice(&images.row(plane, y)[part.x.clone()]));
-                }
+        let (size, block) =
+            ((whole.width as usize, whole.height as usize), self.shape.block_side().min(whole.height) as usize);
+        let mut cleaning = Cleaning::new((size, block), region, FEATURE_PLANES, guides, (reach_in(self.shape), pool));
+        while let Some(wanted) = cleaning.wants() {
+            stop_if_interrupted(&self.gathering.path, watch)?;
+            self.gathering.put(whole, &wanted, BLOCKS_AT_HAND as usize, &mut cleaning)?;
+            let cleaned = cleaning.clean(&wanted);
+            let rows = cleaned.rows();
+            let is_done = |id: &&BlockId| rows.contains(&((self.shape.rect(**id).y - top) as usize));
+            let done: Vec<&BlockId> = blocks.iter().filter(is_done).collect();
+            for few in done.chunks(BLOCKS_AT_HAND as usize) {
+                few.par_iter().try_for_each(|id| self.keep(**id, (left, top), &cleaned))?;
             }
-            let errors = cleaned.errors(&part);
-            self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])
-        };
-        blocks.chunks(BLOCKS_AT_HAND as usize).try_for_each(|few| few.par_iter().try_for_each(store))?;
-        cleaned.keep_in(pool);
+            watch.advance(done.len() as u64, 0, "px");
+            cleaned.keep_in(pool);
+        }
         Ok(())
+    }
+
+    /// Appends a block of what was cleaned, which begins at a pixel of the image, unless it is there.
+    fn keep(&self, id: BlockId, (left, top): (u32, u32), cleaned: &clean::Cleaned) -> Result<()> {
+        if self.images.has(id.0) {
+            return Ok(());
+        }
+        let (rect, images) = (self.shape.rect(id), &cleaned.images);
+        let (left, top) = ((rect.x - left) as usize, (rect.y - top) as usize);
+        let part = Region { x: left..left + rect.width as usize, y: top..top + rect.height as usize };
+        let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
+        for plane in 0..images.planes() {
+            for y in part.y.clone() {
+                bytes.extend_from_slice(bytemuck::cast_slice(&images.row(plane, y)[part.x.clone()]));
+            }
+        }
+        let errors = cleaned.errors(&part);
+        self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])
     }
 
     /// Fits the map from clusters to columns, where a cluster has several: after the images are cleaned.
@@ -414,21 +434,20 @@ fn multiply(images: &[f32], map: &[f32], block: &mut Block) {
     }
 }
 
-/// Most blocks along the side of a window.
-fn window_blocks(shape: MatrixShape, clusters: u64) -> u32 {
-    let most = shape.blocks_across().max(shape.blocks_down());
-    let side = |blocks: u32| u64::from(blocks * shape.block_side());
-    (1..=most).rev().find(|&blocks| window_bytes(shape, side(blocks), clusters) <= WINDOW_BYTES).unwrap_or(1)
+/// Most blocks across a window.
+fn window_blocks(shape: MatrixShape, clusters: usize) -> u32 {
+    let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= WINDOW_BYTES;
+    (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
 }
 
-/// The windows of an image, of so many blocks a side at most.
-pub(super) fn windows_of(shape: MatrixShape, most: u32) -> Vec<Vec<BlockId>> {
+/// The windows of an image, of so many blocks across and down at most.
+pub(super) fn windows_of(shape: MatrixShape, (most_across, most_down): (u32, u32)) -> Vec<Vec<BlockId>> {
     let (across, down) = (shape.blocks_across(), shape.blocks_down());
     let window = |rows: Range<u32>, columns: Range<u32>| -> Vec<BlockId> {
         rows.flat_map(|y| columns.clone().map(move |x| BlockId(y * across + x))).collect()
     };
-    let in_row = |rows: Range<u32>| equal_parts(across, most).map(move |columns| window(rows.clone(), columns));
-    equal_parts(down, most).flat_map(in_row).collect()
+    let in_row = |rows: Range<u32>| equal_parts(across, most_across).map(move |columns| window(rows.clone(), columns));
+    equal_parts(down, most_down).flat_map(in_row).collect()
 }
 
 /// As few parts of nearly equal length as there can be with at most `most` each.
@@ -438,9 +457,11 @@ fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
     (0..count).map(move |part| border(part)..border(part + 1))
 }
 
-/// Memory of a window of this side.
-fn window_bytes(shape: MatrixShape, side: u64, clusters: u64) -> u64 {
-    let bytes = (side + 2 * reach_in(shape).halo() as u64).pow(2) * clean::pixel_bytes(clusters);
+/// Memory of a window of so many blocks across.
+fn window_bytes(shape: MatrixShape, blocks: u32, clusters: usize) -> u64 {
+    let (reach, side) = (reach_in(shape), shape.block_side());
+    let across = (u64::from(blocks) * u64::from(side) + 2 * reach.halo() as u64).min(u64::from(shape.width()));
+    let bytes = across * Cleaning::bytes_across(reach, clusters, FEATURE_PLANES, side as usize);
     // And what is kept beside it of other sizes, and of blocks that are decoded.
     bytes + bytes / 10
 }

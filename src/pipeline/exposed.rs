@@ -105,7 +105,7 @@ pub(super) fn worst(squares: &[f64; PROBES]) -> f64 {
 /// Some windows that stand for the picture, spread over it so that no two share a row or a column of windows where that can be.
 pub(super) fn spread_windows(shape: MatrixShape, count: usize) -> Vec<Vec<BlockId>> {
     let (across, down) = (shape.blocks_across().div_ceil(WINDOW), shape.blocks_down().div_ceil(WINDOW));
-    let all = windows_of(shape, WINDOW);
+    let all = windows_of(shape, (WINDOW, WINDOW));
     if all.len() <= count {
         return all;
     }

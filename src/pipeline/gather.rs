@@ -2,6 +2,7 @@
 //! that it sees, means of tiles of all columns, and what tells the columns of a cluster apart. The rest of the block is never needed again.
 
 use std::collections::HashSet;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
@@ -9,7 +10,7 @@ use rayon::prelude::*;
 
 use super::pack::stop_if_interrupted;
 use super::records::Records;
-use crate::clean::{self, Pool, Tally, Window, WindowStrip};
+use crate::clean::{self, Cleaning, Strip, Tally};
 use crate::compress::{CompressSettings, Compressor, Contrasts};
 use crate::error::{Error, Result};
 use crate::host::{Threads, Watch};
@@ -139,30 +140,38 @@ impl Gathering {
         Ok(work)
     }
 
-    /// What was gathered of some pixels. Their blocks are read a few at a time.
+    /// Puts what was gathered of some rows of a rectangle of the image, which are those of whole blocks as far as they lie in it, where
+    /// cleaning wants it. Their blocks are read a few at a time.
     ///
     /// # Errors
     /// Those of the disk.
-    pub(super) fn window(&self, whole: PixelRect, at_once: usize, pool: &Pool) -> Result<Window> {
-        let size = (whole.width as usize, whole.height as usize);
-        let mut window = Window::of_size(size, self.clusters, FEATURE_PLANES, pool);
+    pub(super) fn put(
+        &self,
+        whole: PixelRect,
+        wanted: &Range<usize>,
+        at_once: usize,
+        cleaning: &mut Cleaning<'_>,
+    ) -> Result<()> {
         let side = self.shape.block_side();
         let blocks = |begin: u32, size: u32| begin / side..(begin + size).div_ceil(side);
-        let rows: Vec<u32> = blocks(whole.y, whole.height).collect();
+        let part = PixelRect { y: whole.y + wanted.start as u32, height: wanted.len() as u32, ..whole };
+        let rows: Vec<u32> = blocks(part.y, part.height).collect();
         let borders: Vec<usize> = rows.iter().map(|row| (row * side).saturating_sub(whole.y) as usize).collect();
-        let mut strips: Vec<_> = rows.iter().zip(window.strips_mut(&borders)).collect();
-        for few in strips.chunks_mut(at_once) {
-            few.par_iter_mut().try_for_each(|(row, strip)| {
+        let columns = blocks(whole.x, whole.width);
+        let strips = rows.iter().zip(cleaning.strips(wanted, &borders));
+        let mut parts: Vec<_> = strips.map(|(row, strip)| (*row, columns.clone(), strip)).collect();
+        for few in parts.chunks_mut(at_once) {
+            few.par_iter_mut().try_for_each(|(row, columns, strip)| {
                 let mut bytes = Vec::new();
-                for column in blocks(whole.x, whole.width) {
+                for column in columns {
                     let id = BlockId(*row * self.shape.blocks_across() + column);
                     self.records.read_into(id.0, &mut bytes)?;
-                    self.parts(id, &bytes)?.put(self.shape.rect(id), whole, self.clusters, strip);
+                    self.parts(id, &bytes)?.put(self.shape.rect(id), part, self.clusters, strip);
                 }
                 Ok(())
             })?;
         }
-        Ok(window)
+        Ok(())
     }
 
     fn read(&self, id: BlockId) -> Result<Gathered> {
@@ -285,7 +294,7 @@ impl<'a> Parts<'a> {
     }
 
     /// Puts what lies in `whole` into the rows of a window of it that the block stands in.
-    fn put(&self, rect: PixelRect, whole: PixelRect, clusters: usize, strip: &mut WindowStrip<'_>) {
+    fn put(&self, rect: PixelRect, whole: PixelRect, clusters: usize, strip: &mut Strip<'_>) {
         let light = 2 * CHANNELS * clusters;
         let plane = 2 * rect.pixels();
         let (direct, rest) = self.halves.split_at(light * plane);
