@@ -2,7 +2,7 @@
 
 use super::page::Figure;
 use super::published::{Csv, dashed};
-use super::words::{bytes, cells, list, listed, span};
+use super::words::{bytes, cells, list, listed, span, thousands};
 
 pub(crate) const FIGURES: &[Figure] = &[
     figure("## Compressing one block", &["bench-compress.csv"], compress, compress_says),
@@ -24,6 +24,12 @@ const fn figure(
     Figure { page: "formats/figures.md", heading, files, table, says }
 }
 
+/// A case with its numbers as `1,024`.
+fn with_thousands(case: &str) -> String {
+    let told = |word: &str| word.parse().map_or(word.to_owned(), thousands);
+    case.split(' ').map(told).collect::<Vec<_>>().join(" ")
+}
+
 /// The methods and numbers of columns of `auto, 1024 columns`.
 fn compress_cases(csv: &Csv) -> Vec<(&str, &str)> {
     let split = |case| csv_case(case, ", ");
@@ -41,7 +47,7 @@ fn compress(files: &[Csv]) -> Vec<Vec<String>> {
     for (method, columns) in compress_cases(csv) {
         let value = |figure: &str| csv.figure(&format!("{method}, {columns}"), figure);
         table.push(vec![
-            columns.replace(" columns", ""),
+            with_thousands(columns).replace(" columns", ""),
             method.to_owned(),
             format!("{:.0}", value("rank")),
             format!("{:.2}", value("milliseconds")),
@@ -62,8 +68,9 @@ fn compress_says(files: &[Csv]) -> Vec<String> {
             csv.figure(&format!("svd, {columns}"), figure) / csv.figure(&format!("auto, {columns}"), figure)
         };
         says.push(format!(
-            "With {columns} the SVD takes {:.1} times our time; it has {:.2} times our error of images, and {:.2} times our error of the \
-matrix.",
+            "With {} the SVD takes {:.1} times our time, and has {:.2} times our error of images and {:.2} times our error of the matrix: \
+below 1 it is the better one.",
+            with_thousands(columns),
             over("milliseconds"),
             over("image_error"),
             over("matrix_error")
@@ -156,10 +163,10 @@ fn beginning_says(files: &[Csv]) -> Vec<String> {
 
 fn throughput(files: &[Csv]) -> Vec<Vec<String>> {
     let csv = &files[0];
-    let mut table = vec![cells(&["rows x columns", "`ltm-pack`", "`ltm-unpack`", "container"])];
+    let mut table = vec![cells(&["rows × columns", "`ltm-pack`", "`ltm-unpack`", "container"])];
     for case in csv.each("case") {
         table.push(vec![
-            case.to_owned(),
+            with_thousands(case).replace(" x ", " × "),
             format!("{:.2} GB/s", csv.figure(case, "pack_gb_per_s")),
             format!("{:.2} GB/s", csv.figure(case, "unpack_gb_per_s")),
             bytes(csv.figure(case, "container_bytes")),
@@ -190,7 +197,10 @@ fn storing_says(files: &[Csv]) -> Vec<String> {
     let csv = &files[0];
     let errors: Vec<String> = ["f32", "f16", "bf16"]
         .iter()
-        .map(|precision| format!("{precision} {:.1e}", csv.figure(precision, "largest_relative_error")))
+        .map(|precision| match csv.figure(precision, "largest_relative_error") {
+            0.0 => format!("{precision} none"),
+            error => format!("{precision} {error:.1e}"),
+        })
         .collect();
     let reads = |figure: &str| {
         let reads = csv.each("case").into_iter().filter_map(|case| csv.maybe_figure(case, figure));
@@ -251,7 +261,7 @@ fn memory(files: &[Csv]) -> Vec<Vec<String>> {
     let mut table = vec![cells(&["what"])];
     table[0].extend(STAGES.map(|(name, _)| name.to_owned()));
     for case in csv.each("case") {
-        let mut row = vec![case.to_owned()];
+        let mut row = vec![with_thousands(case)];
         row.extend(STAGES.map(|(_, figure)| bytes(csv.figure(case, figure))));
         table.push(row);
     }

@@ -75,7 +75,10 @@ fn figures_are_those_of_the_published_runs() {
             differing += &format!("{page}:\n{}{}", only_in(&old, &new, "-"), only_in(&new, &old, "+"));
         }
         if is_update {
-            fs::write(root().join(page), new).unwrap();
+            // In one step, since the other tests read the pages at the same time.
+            let fresh = root().join(format!("{page}.new"));
+            fs::write(&fresh, new).unwrap();
+            fs::rename(&fresh, root().join(page)).unwrap();
         }
     }
     if is_update {

@@ -60,10 +60,23 @@ impl Figure {
     }
 }
 
+/// Words, with a unit at the number that it belongs to.
+fn joined(text: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        let is_unit = ["%", "dB", "×", "ms", "MB", "s"].contains(&word.trim_end_matches([',', ';', '.', ')', ':']));
+        match words.last_mut().filter(|_| is_unit) {
+            Some(number) => *number += &format!(" {word}"),
+            None => words.push(word.to_owned()),
+        }
+    }
+    words
+}
+
 /// A paragraph, broken between words.
 fn wrapped(begin: &str, text: &str) -> Vec<String> {
     let (mut lines, mut line, mut is_fresh) = (Vec::new(), begin.to_owned(), true);
-    for word in text.split_whitespace() {
+    for word in joined(text) {
         if !is_fresh && line.chars().count() + 1 + word.chars().count() > WIDTH {
             lines.push(std::mem::replace(&mut line, " ".repeat(begin.len())));
             is_fresh = true;
@@ -71,7 +84,7 @@ fn wrapped(begin: &str, text: &str) -> Vec<String> {
         if !is_fresh {
             line.push(' ');
         }
-        line.push_str(word);
+        line.push_str(&word);
         is_fresh = false;
     }
     lines.push(line);
@@ -138,4 +151,5 @@ fn a_part_is_found_replaced_and_put_where_there_is_none() {
     let long = wrapped("- ", &"word ".repeat(60));
     assert!(long.len() > 1 && long[0].starts_with("- word") && long[1].starts_with("  word"), "{long:?}");
     assert!(long.iter().all(|line| line.chars().count() <= WIDTH));
+    assert_eq!(joined("by 2 %), so"), ["by", "2 %),", "so"]);
 }

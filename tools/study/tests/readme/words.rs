@@ -40,11 +40,27 @@ pub(crate) fn bytes(bytes: f64) -> String {
     format!("{value:.digits$} {name}")
 }
 
+/// A number with so many digits, where what is shown as zero has no sign.
+pub(crate) fn rounded(value: f64, digits: usize) -> String {
+    let told = format!("{value:.digits$}");
+    if told.trim_start_matches('-').chars().all(|c| c == '0' || c == '.') {
+        told.trim_start_matches('-').to_owned()
+    } else {
+        told
+    }
+}
+
+/// A change in decibels, with its sign.
+pub(crate) fn signed(value: f64) -> String {
+    let told = rounded(value, 1);
+    if value > 0.0 && told != "0.0" { format!("+{told}") } else { told }
+}
+
 /// `2 to 38`, or one number where both are shown alike.
 pub(crate) fn span(values: impl IntoIterator<Item = f64>, digits: usize) -> String {
     let bounds = values.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(v), h.max(v)]);
     assert!(bounds[0].is_finite() && bounds[1].is_finite(), "nothing to span: {bounds:?}");
-    match bounds.map(|bound| format!("{bound:.digits$}")) {
+    match bounds.map(|bound| rounded(bound, digits)) {
         [low, high] if low == high => low,
         [low, high] => format!("{low} to {high}"),
     }
@@ -166,6 +182,7 @@ pub(crate) fn ratio(a: &Row, b: &Row, column: &str) -> f64 {
 fn words_are_told_as_they_should_be() {
     assert_eq!(thousands(2_359_296.0), "2,359,296");
     assert_eq!([1e3, 5e5, 9.88e9].map(bytes), ["1000 B", "488 KiB", "9.2 GiB"]);
+    assert_eq!([rounded(-0.04, 1), signed(0.04), signed(1.26), signed(-1.26)], ["0.0", "0.0", "+1.3", "-1.3"]);
     assert_eq!((span([2.2, 38.4], 0), span([2.2, 2.4], 0)), ("2 to 38".to_owned(), "2".to_owned()));
     let row = |flip: &str| [("flip".to_owned(), flip.to_owned()), ("scene".to_owned(), "x".to_owned())].into();
     let (a, b): (Row, Row) = (row("0.1"), row("0.2"));
