@@ -82,7 +82,7 @@ fn figures_are_those_of_the_published_runs() {
         }
     }
     if is_update {
-        println!("{differing}");
+        eprintln!("{differing}");
     } else {
         assert!(differing.is_empty(), "LTM_UPDATE_FIGURES=1 writes what is new:\n{differing}");
     }
