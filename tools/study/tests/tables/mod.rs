@@ -7,13 +7,7 @@ use std::path::Path;
 /// A row of a CSV file by column names.
 pub(crate) type Row = HashMap<String, String>;
 
-/// Reads a CSV file of a study: notes, a header, and rows of as many cells.
-pub(crate) fn read_csv(path: &Path) -> Vec<Row> {
-    assert!(fs::read_to_string(path).unwrap().contains("# Command: `ltm study "), "{}", path.display());
-    read_table(path)
-}
-
-/// Reads a CSV file as studies write them, whatever command wrote it.
+/// Reads a CSV file as studies and benchmarks write them: notes, a header, and rows of as many cells.
 pub(crate) fn read_table(path: &Path) -> Vec<Row> {
     let text = fs::read_to_string(path).unwrap();
     assert!(text.starts_with("# ") && text.contains("# Command: `") && text.contains("# Machine: "));

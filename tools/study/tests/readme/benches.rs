@@ -1,0 +1,282 @@
+//! Benchmarks, whose tables have a line for each figure of each case.
+
+use super::page::Figure;
+use super::published::{Csv, dashed};
+use super::words::{bytes, cells, list, listed, span, thousands};
+
+pub(crate) const FIGURES: &[Figure] = &[
+    figure("## Compressing one block", &["bench-compress.csv"], compress, compress_says),
+    figure("## Coding factors", &["bench-container.csv"], coding, coding_says),
+    figure("### The beginning of a file", &["bench-container.csv"], beginning, beginning_says),
+    figure("## Packing and unpacking whole files", &["bench-throughput.csv"], throughput, |_| Vec::new()),
+    figure("## Storing the matrix", &["bench-store.csv"], storing, storing_says),
+    figure("### Rendering with a store", &["bench-store-render.csv"], store_render, |_| Vec::new()),
+    figure("## Rendering all columns at once", &["bench-tax.csv"], tax, tax_says),
+    figure("## Memory, counted by the allocator", &["bench-memory.csv"], memory, memory_says),
+];
+
+const fn figure(
+    heading: &'static str,
+    files: &'static [&'static str],
+    table: fn(&[Csv]) -> Vec<Vec<String>>,
+    says: fn(&[Csv]) -> Vec<String>,
+) -> Figure {
+    Figure { page: "formats/figures.md", heading, files, table, says }
+}
+
+/// A case with its numbers as `1,024`.
+fn with_thousands(case: &str) -> String {
+    let told = |word: &str| word.parse().map_or(word.to_owned(), thousands);
+    case.split(' ').map(told).collect::<Vec<_>>().join(" ")
+}
+
+/// The methods and numbers of columns of `auto, 1024 columns`.
+fn compress_cases(csv: &Csv) -> Vec<(&str, &str)> {
+    let split = |case| csv_case(case, ", ");
+    csv.each("case").into_iter().map(split).collect()
+}
+
+/// A case before and behind its last comma.
+fn csv_case<'a>(case: &'a str, at: &str) -> (&'a str, &'a str) {
+    case.rsplit_once(at).unwrap_or_else(|| panic!("'{case}' has no '{at}'"))
+}
+
+fn compress(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table = vec![cells(&["columns", "method", "rank", "ms, one thread", "matrix error", "image error"])];
+    for (method, columns) in compress_cases(csv) {
+        let value = |figure: &str| csv.figure(&format!("{method}, {columns}"), figure);
+        table.push(vec![
+            with_thousands(columns).replace(" columns", ""),
+            method.to_owned(),
+            format!("{:.0}", value("rank")),
+            format!("{:.2}", value("milliseconds")),
+            format!("{:.4}", value("matrix_error")),
+            format!("{:.4}", value("image_error")),
+        ]);
+    }
+    table
+}
+
+fn compress_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let mut columns: Vec<&str> = compress_cases(csv).into_iter().map(|case| case.1).collect();
+    columns.dedup();
+    let mut says = Vec::new();
+    for columns in columns {
+        let over = |figure: &str| {
+            csv.figure(&format!("svd, {columns}"), figure) / csv.figure(&format!("auto, {columns}"), figure)
+        };
+        says.push(format!(
+            "With {} the SVD takes {:.1} times our time, and has {:.2} times our error of images and {:.2} times our error of the matrix: \
+below 1 it is the better one.",
+            with_thousands(columns),
+            over("milliseconds"),
+            over("image_error"),
+            over("matrix_error")
+        ));
+    }
+    says
+}
+
+/// The scenes of `mixed at 30 dB`, with both targets.
+const TARGETS: [&str; 2] = ["30 dB", "45 dB"];
+
+fn scenes(csv: &Csv) -> Vec<&str> {
+    csv.each("case").into_iter().filter(|case| !case.contains(" at ")).collect()
+}
+
+fn codings(csv: &Csv) -> Vec<&str> {
+    let mut found = Vec::new();
+    for coding in csv.each("case").into_iter().filter_map(|case| Some(case.split_once(": ")?.1)) {
+        if !found.contains(&coding) {
+            found.push(coding);
+        }
+    }
+    found
+}
+
+fn coding(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let scenes = scenes(csv);
+    let mut table = vec![cells(&["bytes over ours at 30 / 45 dB"])];
+    table[0].extend(scenes.iter().map(|scene| (*scene).to_owned()));
+    for coding in codings(csv) {
+        let mut row = vec![coding.to_owned()];
+        row.extend(scenes.iter().map(|scene| {
+            let at = |target| csv.maybe_figure(&format!("{scene} at {target}: {coding}"), "bytes_over_ours");
+            TARGETS.map(|target| dashed(at(target), 2)).join(" / ")
+        }));
+        table.push(row);
+    }
+    for (label, figure) in [("ours: encoded, GB/s", "encoded_gb_per_s"), ("ours: decoded, GB/s", "decoded_gb_per_s")] {
+        let mut row = vec![label.to_owned()];
+        row.extend(scenes.iter().map(|scene| {
+            TARGETS.map(|target| format!("{:.2}", csv.figure(&format!("{scene} at {target}"), figure))).join(" / ")
+        }));
+        table.push(row);
+    }
+    table
+}
+
+fn coding_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let ratios: Vec<(&str, f64)> = csv
+        .each("case")
+        .into_iter()
+        .filter_map(|case| Some((case, csv.maybe_figure(case, "bytes_over_ours")?)))
+        .collect();
+    let (nearest, least) = ratios.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("a rival");
+    let smaller: Vec<String> =
+        ratios.iter().filter(|(_, ratio)| *ratio < 1.0).map(|(case, ratio)| format!("{case} ({ratio:.2})")).collect();
+    vec![
+        format!("The nearest rival takes {least:.2} times our bytes: {nearest}."),
+        listed("Where a rival is smaller", &smaller),
+        "A dash: at none of its tried steps does the coding have our error on both sides.".to_owned(),
+    ]
+}
+
+fn beginning(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table = vec![cells(&["scene", "base layers, of the file", "they alone, clip", "the whole, clip"])];
+    for scene in scenes(csv) {
+        table.push(vec![
+            scene.to_owned(),
+            format!("{:.1} %", 100.0 * csv.figure(scene, "base_share")),
+            format!("{:.2} dB", csv.figure(scene, "base_clip_db")),
+            format!("{:.2} dB", csv.figure(scene, "whole_clip_db")),
+        ]);
+    }
+    table
+}
+
+fn beginning_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let short =
+        scenes(csv).into_iter().map(|scene| csv.figure(scene, "whole_clip_db") - csv.figure(scene, "base_clip_db"));
+    let short = short.fold(f64::NEG_INFINITY, f64::max);
+    let shares = span(scenes(csv).into_iter().map(|scene| 100.0 * csv.figure(scene, "base_share")), 0);
+    vec![format!(
+        "With all lights on the first {shares} % of a file show an image at most {short:.2} dB behind that of the whole."
+    )]
+}
+
+fn throughput(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table = vec![cells(&["rows × columns", "`ltm-pack`", "`ltm-unpack`", "container"])];
+    for case in csv.each("case") {
+        table.push(vec![
+            with_thousands(case).replace(" x ", " × "),
+            format!("{:.2} GB/s", csv.figure(case, "pack_gb_per_s")),
+            format!("{:.2} GB/s", csv.figure(case, "unpack_gb_per_s")),
+            bytes(csv.figure(case, "container_bytes")),
+        ]);
+    }
+    table
+}
+
+fn storing(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table = vec![cells(&["what", "written over plain", "read cold over plain", "read warm over plain"])];
+    for case in csv.each("case") {
+        let of = |figure: &str| dashed(csv.maybe_figure(case, figure), 2);
+        let name = case
+            .replace("store, ", "read ")
+            .replace("Nothing", "whole blocks")
+            .replace("Columns", "column by column")
+            .replace("Positioned", "positioned")
+            .replace("Mapped", "mapped")
+            .replace(", 1", ", one thread")
+            .replace(", 2", ", two threads");
+        table.push(vec![name, of("written_over_plain"), of("cold_over_plain"), of("warm_over_plain")]);
+    }
+    table
+}
+
+fn storing_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let errors: Vec<String> = ["f32", "f16", "bf16"]
+        .iter()
+        .map(|precision| match csv.figure(precision, "largest_relative_error") {
+            0.0 => format!("{precision} none"),
+            error => format!("{precision} {error:.1e}"),
+        })
+        .collect();
+    let reads = |figure: &str| {
+        let reads = csv.each("case").into_iter().filter_map(|case| csv.maybe_figure(case, figure));
+        reads.fold(f64::INFINITY, f64::min)
+    };
+    vec![
+        format!("Largest error of an entry, relative to it: {}.", list(&errors)),
+        format!(
+            "Where we lose: reading costs more than plain reads of as many bytes; the slowest way here has {:.2} of the plain rate with \
+the file on disk, and {:.2} with it in the system's cache, where checksums and conversion are all that is left to wait for.",
+            reads("cold_over_plain"),
+            reads("warm_over_plain")
+        ),
+    ]
+}
+
+fn store_render(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table = vec![cells(&["what", "seconds with a store over seconds into memory only"])];
+    for case in csv.each("case") {
+        table.push(vec![case.to_owned(), format!("{:.2}", csv.figure(case, "store_over_memory"))]);
+    }
+    table
+}
+
+const COLUMNS: [&str; 3] = ["64", "1024", "4096"];
+
+fn tax(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table = vec![cells(&["time over that of one column", "64 columns", "1,024 columns", "4,096 columns"])];
+    for case in csv.each("case") {
+        let mut row = vec![case.to_owned()];
+        row.extend(COLUMNS.map(|columns| format!("{:.2}", csv.figure(case, &format!("{columns}_columns_over_one")))));
+        table.push(row);
+    }
+    table
+}
+
+fn tax_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let cases = csv.each("case");
+    let most = |case: &str| 100.0 * (csv.figure(case, "4096_columns_over_one") - 1.0);
+    let told: Vec<String> = cases.iter().map(|case| format!("{:.0} % at {case}", most(case))).collect();
+    vec![format!("Where it costs: 4,096 columns take {} more time than one.", list(&told))]
+}
+
+const STAGES: [(&str, &str); 6] = [
+    ("raw matrix", "raw_bytes"),
+    ("render", "render_bytes"),
+    ("pack", "pack_bytes"),
+    ("load factors", "load_bytes"),
+    ("relight", "relight_bytes"),
+    ("relight, streaming", "streaming_bytes"),
+];
+
+fn memory(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table = vec![cells(&["what"])];
+    table[0].extend(STAGES.map(|(name, _)| name.to_owned()));
+    for case in csv.each("case") {
+        let mut row = vec![with_thousands(case)];
+        row.extend(STAGES.map(|(_, figure)| bytes(csv.figure(case, figure))));
+        table.push(row);
+    }
+    table
+}
+
+fn memory_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let cases = csv.each("case");
+    let (first, last) = (cases[0], cases[cases.len() - 1]);
+    let grown = |figure: &str| csv.figure(last, figure) / csv.figure(first, figure);
+    vec![format!(
+        "While the matrix grows {:.0} times, what rendering allocates grows {:.1} times, and what packing allocates {:.1} times.",
+        grown("raw_bytes"),
+        grown("render_bytes"),
+        grown("pack_bytes")
+    )]
+}

@@ -1,0 +1,257 @@
+//! Images beside others: a denoiser's, the raw matrix's, those of light groups.
+
+use super::page::Figure;
+use super::published::{Csv, number, shown, text};
+use super::words::{
+    CLIP, CLIP_WORST, FLIP, FLIP_WORST, LIN, LIN_WORST, RELATIVE, bytes, cells, flip_clip, judging_in_bold, listed,
+    losses, only, scene_samples, shape, span, two, wins,
+};
+
+pub(crate) const FIGURES: &[Figure] = &[
+    Figure {
+        page: "README.md",
+        heading: "### The picture",
+        files: &["picture.csv"],
+        table: picture_in_short,
+        says: picture_says,
+    },
+    Figure {
+        page: "formats/figures.md",
+        heading: "## The picture",
+        files: &["picture.csv"],
+        table: picture,
+        says: picture_says_more,
+    },
+    Figure {
+        page: "formats/figures.md",
+        heading: "## Nearer to the truth than what was packed",
+        files: &["noise.csv"],
+        table: noise,
+        says: noise_says,
+    },
+    Figure {
+        page: "formats/figures.md",
+        heading: "## Light groups of another renderer",
+        files: &["light-groups.csv"],
+        table: light_groups,
+        says: light_groups_say,
+    },
+];
+
+const OURS: &str = "ours";
+const DENOISER: &str = "denoiser on each image";
+const RAW: &str = "raw matrix";
+/// What makes two rows of the pictures comparable.
+const SAME: [&str; 2] = ["scene", "samples_per_px"];
+
+fn picture_in_short(files: &[Csv]) -> Vec<Vec<String>> {
+    let picture = &files[0];
+    let mut table = vec![cells(&[
+        "scene, rows × columns",
+        "packed, 16 samples",
+        "denoiser",
+        "raw",
+        "packed, 64 samples",
+        "denoiser",
+        "raw",
+    ])];
+    for scene in picture.each("scene") {
+        let found = |samples: &str, method: &str| {
+            picture.find(&[("scene", scene), ("samples_per_px", samples), ("method", method)])
+        };
+        let ours = found("16", OURS);
+        let mut row = vec![format!("{}, {}", judging_in_bold(ours), shape(ours))];
+        for samples in ["16", "64"] {
+            row.extend([OURS, DENOISER, RAW].map(|method| flip_clip(found(samples, method))));
+        }
+        table.push(row);
+    }
+    table
+}
+
+fn picture(files: &[Csv]) -> Vec<Vec<String>> {
+    let picture = &files[0];
+    let mut table = vec![cells(&[
+        "scene",
+        "samples (reference)",
+        "mean rank",
+        "container",
+        "packed",
+        "denoiser",
+        "raw",
+        "worst lighting: packed",
+        "denoiser",
+        "raw",
+    ])];
+    for ours in picture.rows.iter().filter(|row| text(row, "method") == OURS) {
+        let other = |method: &str| {
+            picture.find(&[
+                ("scene", text(ours, "scene")),
+                ("samples_per_px", text(ours, "samples_per_px")),
+                ("method", method),
+            ])
+        };
+        let all = [ours, other(DENOISER), other(RAW)];
+        let mut row = vec![
+            judging_in_bold(ours),
+            format!("{} ({})", text(ours, "samples_per_px"), text(ours, "reference_samples_per_px")),
+            shown(ours, "mean_rank", 1),
+            bytes(number(ours, "bytes")),
+        ];
+        row.extend(all.map(flip_clip));
+        row.extend(all.map(|row| two(row, ("flip_worst", 3), ("psnr_clip_worst_db", 1))));
+        table.push(row);
+    }
+    table
+}
+
+fn picture_says(files: &[Csv]) -> Vec<String> {
+    let picture = &files[0];
+    let beside = picture.pairs("method", OURS, DENOISER, &SAME);
+    let raw = picture.pairs("method", OURS, RAW, &SAME);
+    let by_samples: Vec<String> = picture
+        .each("samples_per_px")
+        .into_iter()
+        .map(|samples| {
+            let pairs = only(&beside, "samples_per_px", samples);
+            format!("at {samples} samples {}, and {}", wins(&pairs, FLIP), wins(&pairs, CLIP))
+        })
+        .collect();
+    vec![
+        format!(
+            "Scenes where packed images are nearer to the reference than the denoiser's: {}.",
+            by_samples.join("; ")
+        ),
+        listed("Where the denoiser is nearer", &losses(&beside, &[FLIP, FLIP_WORST, CLIP, CLIP_WORST], scene_samples)),
+        listed(
+            "Where the raw matrix is nearer",
+            &losses(&raw, &[FLIP, FLIP_WORST, CLIP, CLIP_WORST, LIN, RELATIVE], scene_samples),
+        ),
+    ]
+}
+
+fn picture_says_more(files: &[Csv]) -> Vec<String> {
+    let picture = &files[0];
+    let of = |method: &str, column: &str| -> Vec<f64> {
+        let rows = picture.rows.iter().filter(|row| text(row, "method") == method);
+        rows.map(|row| number(row, column)).collect()
+    };
+    let mut says = picture_says(files);
+    says.push(format!(
+        "What packing itself changes, packed images beside cleaned ones that are hardly compressed: ꟻLIP {} in the mean, {} under the \
+worst lighting. That error jumps {} times as far across edges of blocks as inside blocks.",
+        span(of(OURS, "packing_flip"), 3),
+        span(of(OURS, "packing_flip_worst"), 3),
+        span(of(OURS, "packing_seams"), 1),
+    ));
+    says.push(format!(
+        "The whole error of packed images jumps {} times as far across edges of blocks as inside, that of the raw matrix {} times.",
+        span(of(OURS, "seams"), 1),
+        span(of(RAW, "seams"), 1)
+    ));
+    says
+}
+
+fn noise(files: &[Csv]) -> Vec<Vec<String>> {
+    let noise = &files[0];
+    let mut table = vec![cells(&[
+        "scene, rows × columns",
+        "samples",
+        "raw",
+        "not cleaned (`--denoise off`)",
+        "packed",
+        "packed, worst lighting",
+        "mean rank, container",
+    ])];
+    for ours in noise.rows.iter().filter(|row| text(row, "method") == OURS) {
+        let other = |method: &str| {
+            noise.find(&[
+                ("scene", text(ours, "scene")),
+                ("samples_per_px", text(ours, "samples_per_px")),
+                ("method", method),
+            ])
+        };
+        let told = |row| format!("{}, {}", two(row, ("psnr_lin_db", 1), ("psnr_clip_db", 1)), shown(row, "flip", 3));
+        let worst = two(ours, ("psnr_lin_worst_db", 1), ("psnr_clip_worst_db", 1));
+        table.push(vec![
+            format!("{}, {}", text(ours, "scene"), shape(ours)),
+            text(ours, "samples_per_px").to_owned(),
+            told(other(RAW)),
+            told(other("ours (not cleaned)")),
+            told(ours),
+            format!("{worst}, {}", shown(ours, "flip_worst", 3)),
+            format!("{}, {}", shown(ours, "mean_rank", 1), bytes(number(ours, "bytes"))),
+        ]);
+    }
+    table
+}
+
+fn noise_says(files: &[Csv]) -> Vec<String> {
+    let noise = &files[0];
+    let raw = noise.pairs("method", OURS, RAW, &SAME);
+    let kept = noise.pairs("method", OURS, "ours (not cleaned)", &SAME);
+    let all = [LIN, LIN_WORST, CLIP, CLIP_WORST, FLIP, FLIP_WORST];
+    let grown = span(kept.iter().map(|(ours, kept)| number(ours, "bytes") / number(kept, "bytes")), 0);
+    vec![
+        format!(
+            "Packed images are nearer to the truth than the raw matrix that they were packed from: {}; {}; {}.",
+            wins(&raw, LIN),
+            wins(&raw, CLIP),
+            wins(&raw, FLIP)
+        ),
+        listed("Where the raw matrix is nearer", &losses(&raw, &all, scene_samples)),
+        listed("Where packing without cleaning is nearer", &losses(&kept, &all, scene_samples)),
+        format!("Cleaned containers take {grown} times the bytes of those that are not cleaned."),
+    ]
+}
+
+const GROUP_WAYS: [&str; 4] = [
+    "rendered twice, --second",
+    "rendered once, --estimate-noise",
+    "denoiser on each group",
+    "rendered once, not cleaned",
+];
+
+fn light_groups(files: &[Csv]) -> Vec<Vec<String>> {
+    let groups = &files[0];
+    let mut table = vec![cells(&[
+        "room",
+        "rendered twice, `--second`",
+        "rendered once, `--estimate-noise`",
+        "denoiser on each group",
+        "rendered once, not cleaned",
+    ])];
+    for room in groups.each("room") {
+        // The one constant of `--estimate-noise` was chosen on this one.
+        let name = if room == "lounge" { room.to_owned() } else { format!("**{room}**") };
+        let ways = GROUP_WAYS.map(|way| {
+            let row = groups.find(&[("room", room), ("method", way)]);
+            format!("{} ({})", flip_clip(row), two(row, ("flip_worst", 3), ("psnr_clip_worst_db", 1)))
+        });
+        table.push([vec![name], ways.into()].concat());
+    }
+    table
+}
+
+fn light_groups_say(files: &[Csv]) -> Vec<String> {
+    let groups = &files[0];
+    let [twice, once, ..] = GROUP_WAYS;
+    let against = |ours: &str| {
+        let pairs = groups.pairs("method", ours, GROUP_WAYS[2], &["room"]);
+        losses(&pairs, &[FLIP, FLIP_WORST, CLIP, CLIP_WORST], |row| format!("`{}`", text(row, "room")))
+    };
+    let sizes = groups.rows.iter().filter(|row| [twice, once].contains(&text(row, "method")));
+    vec![
+        listed(&format!("Where the denoiser is nearer than what was {}", in_code(twice)), &against(twice)),
+        listed(&format!("Where the denoiser is nearer than what was {}", in_code(once)), &against(once)),
+        format!("Containers have {} MB.", span(sizes.map(|row| number(row, "bytes") / 1e6), 1)),
+    ]
+}
+
+/// `rendered twice, --second` with the option as code.
+fn in_code(way: &str) -> String {
+    match way.split_once(", ") {
+        Some((how, option)) => format!("{how} (`{option}`)"),
+        None => way.to_owned(),
+    }
+}

@@ -1,0 +1,239 @@
+//! Sentences in the prose of pages, and rows of tables that are otherwise written by hand.
+
+use super::published::{Csv, maybe, number, text};
+use super::words::{CLIP, FLIP, LIN, bytes, losses, only, span, thousands};
+
+/// A sentence that a page is to have, as its tables say it today.
+pub(crate) struct Sentence {
+    pub(crate) page: &'static str,
+    pub(crate) says: fn() -> String,
+}
+
+/// A row of a table by its first cell.
+pub(crate) struct TableRow {
+    pub(crate) page: &'static str,
+    pub(crate) first: &'static str,
+    /// The cells behind the first.
+    pub(crate) cells: fn() -> Vec<String>,
+}
+
+pub(crate) const SENTENCES: &[Sentence] = &[
+    Sentence { page: "README.md", says: compressed },
+    Sentence { page: "README.md", says: many_samples },
+    Sentence { page: "README.md", says: few_columns },
+    Sentence { page: "README.md", says: many_columns },
+    Sentence { page: "README.md", says: another_renderer },
+    Sentence { page: "README.md", says: reading },
+    Sentence { page: "README.md", says: decoding },
+];
+
+pub(crate) const ROWS: &[TableRow] = &[
+    TableRow { page: "formats/growth.md", first: "one block in memory", cells: growth_block },
+    TableRow { page: "formats/growth.md", first: "the container", cells: growth_container },
+    TableRow { page: "formats/growth.md", first: "factors in memory", cells: growth_factors },
+    TableRow { page: "formats/growth.md", first: "one relit picture", cells: growth_picture },
+    TableRow { page: "formats/growth.md", first: "one light changed", cells: growth_change },
+    TableRow { page: "formats/growth.md", first: "a thousand viewers", cells: growth_viewers },
+];
+
+fn compressed() -> String {
+    let picture = Csv::published("picture.csv");
+    let ours = picture.rows.iter().filter(|row| text(row, "method") == "ours");
+    let ratios = ours.map(|row| 4.0 * number(row, "rows") * number(row, "columns") / number(row, "bytes"));
+    format!("compresses it ({} times on the scenes of the first table below)", span(ratios, 0))
+}
+
+fn many_samples() -> String {
+    let noise = Csv::published("noise.csv");
+    let most = noise.each("samples_per_px").pop().expect("a number of samples").to_owned();
+    let pairs = noise.pairs("method", "ours", "raw matrix", &["scene", "samples_per_px"]);
+    let lost =
+        losses(&only(&pairs, "samples_per_px", &most), &[FLIP, CLIP, LIN], |row| format!("`{}`", text(row, "scene")));
+    match lost.as_slice() {
+        [] => format!(
+            "At {most} samples a pixel packed images are still nearer than raw ones on all scenes of the table of noise."
+        ),
+        lost => format!("At {most} samples a pixel the raw matrix is nearer to the truth on {}.", lost.join("; ")),
+    }
+}
+
+fn few_columns() -> String {
+    let points = Csv::published("equal-points.csv");
+    let row = points.find(&[("scene", "conference-24"), ("way", "packed"), ("samples_per_px", "64")]);
+    let ratio = 4.0 * number(row, "rows") * number(row, "columns") / number(row, "bytes");
+    format!("24 lamps at 64 samples are packed {ratio:.0} times smaller than as f32.")
+}
+
+fn many_columns() -> String {
+    let tax = Csv::published("bench-tax.csv").figure("64 samples", "4096_columns_over_one");
+    format!("Rendering 4,096 columns takes {:.0} % more time than rendering one at 64 samples.", 100.0 * (tax - 1.0))
+}
+
+fn another_renderer() -> String {
+    let speed = Csv::published("speed.csv");
+    let found = |way: &str| number(speed.find(&[("way", way), ("samples_per_px", "64")]), "relight_cpu_secs");
+    format!(
+        "for 64 samples of the built-in room it takes {:.1} processors' seconds, our tracer {:.1}.",
+        found("Mitsuba 3 (llvm_ad_rgb)"),
+        found("rendering each lighting again")
+    )
+}
+
+fn reading() -> String {
+    let (large, whole) = (Csv::published("large.csv"), Csv::published("bench-throughput.csv"));
+    let packing = large.rows.iter().filter(|row| text(row, "stage") == "pack").map(|row| number(row, "raw_gb_per_s"));
+    let program = whole.each("case").into_iter().map(|case| whole.figure(case, "pack_gb_per_s"));
+    format!("Packing reads {} GB of raw matrix a second on two cores", span(packing.chain(program), 2))
+}
+
+const PANEL: &str = "panel";
+
+fn decoding() -> String {
+    let own = Csv::published("bench-relight-own.csv");
+    let is_it = |case: &&str| case.starts_with("panel: cpu, nothing in memory");
+    let case = own.each("case").into_iter().find(is_it).expect("nothing in memory").to_owned();
+    format!(
+        "an image of 1,047 columns takes {:.0} ms in place of {:.0} ms",
+        own.figure(&case, "milliseconds"),
+        own.figure("panel: cpu, full", "milliseconds")
+    )
+}
+
+/// Rows, columns and blocks of the picture that nobody has tried.
+const ROWS_THERE: f64 = 8192.0 * 4096.0 * 3.0;
+const COLUMNS_THERE: f64 = 65_536.0;
+const BLOCKS_THERE: f64 = 32_768.0;
+
+fn growth_block() -> Vec<String> {
+    let scaling = Csv::published("scaling.csv");
+    let row = scaling.find(&[("varied", "columns"), ("value", "16384")]);
+    let [render, pack] = ["render_peak_bytes", "pack_peak_bytes"].map(|column| maybe(row, column).expect("a peak"));
+    let times = COLUMNS_THERE / number(row, "columns");
+    vec![
+        format!(
+            "16,384 columns: rendering peaks at {}, packing at {}, two threads (`ltm study scaling`, 32 × 32 pixels)",
+            bytes(render),
+            bytes(pack)
+        ),
+        format!("{}; with blocks of 16 × 16 pixels a quarter", bytes(times * render.max(pack))),
+        "machines of little memory: smaller blocks".to_owned(),
+    ]
+}
+
+/// Bytes of the container a row, and what it would have there.
+fn container() -> (f64, f64, String) {
+    let large = Csv::published("large.csv");
+    let row = large.find(&[("columns", "1047"), ("stage", "pack")]);
+    let each = number(row, "file_bytes") / number(row, "rows");
+    (each, each * ROWS_THERE, format!("{:.1}", number(row, "mean_rank")))
+}
+
+fn growth_container() -> Vec<String> {
+    let (each, there, rank) = container();
+    vec![
+        format!("{each:.1} bytes a row at mean rank {rank} (Conference Room, 1,047 columns, `ltm study large`)"),
+        format!("{:.0} MB, if the rank stays", there / 1e6),
+        "no".to_owned(),
+    ]
+}
+
+fn growth_viewers() -> Vec<String> {
+    let (_, there, _) = container();
+    vec![
+        "each computes its own picture; the host gives files only, about the bytes of the container".to_owned(),
+        format!(
+            "{:.0} GB in all: {:.0} minutes of 1 Gbit/s when all come at once, nothing when they come over a day",
+            1e3 * there / 1e9,
+            1e3 * there / 125e6 / 60.0
+        ),
+        "no: any static host, or a cache in front of it".to_owned(),
+    ]
+}
+
+/// The Conference Room with a panel, relit.
+struct Relit {
+    rank: f64,
+    /// Bytes of one value of a factor.
+    value_bytes: f64,
+    /// Bytes of factors and picture that were moved a second.
+    rate: f64,
+    full_ms: f64,
+    change_ms: f64,
+    bandwidth_part: f64,
+}
+
+const CONFERENCE: (f64, f64, f64) = (2_359_296.0, 1047.0, 768.0);
+
+fn relit() -> Relit {
+    let own = Csv::published("bench-relight-own.csv");
+    let (rows, columns, blocks) = CONFERENCE;
+    let rank = own.figure(PANEL, "mean_rank");
+    let factors = 1e6 * own.figure(PANEL, "factor_megabytes");
+    let full_ms = own.figure("panel: cpu, full", "milliseconds");
+    Relit {
+        rank,
+        value_bytes: factors / (rank * (rows + columns * blocks)),
+        rate: (factors + 4.0 * rows) / (1e-3 * full_ms),
+        full_ms,
+        change_ms: own.figure("panel: cpu, one light changed", "milliseconds"),
+        bandwidth_part: own.figure("panel: cpu, full", "of_bandwidth"),
+    }
+}
+
+impl Relit {
+    /// Bytes of left and right factors there.
+    fn there(&self) -> [f64; 2] {
+        let each = self.rank * self.value_bytes;
+        [each * ROWS_THERE, each * COLUMNS_THERE * BLOCKS_THERE]
+    }
+}
+
+fn growth_factors() -> Vec<String> {
+    let relit = relit();
+    let [left, right] = relit.there();
+    vec![
+        format!(
+            "{:.1} bytes a value (Conference Room, 1,047 columns, rank {:.1}, `benches/relight.rs`)",
+            relit.value_bytes, relit.rank
+        ),
+        format!(
+            "at that rank left factors {:.1} GB; right ones, rank × columns for each block, {:.0} GB",
+            left / 1e9,
+            right / 1e9
+        ),
+        "**first of viewing**, see below".to_owned(),
+    ]
+}
+
+fn growth_picture() -> Vec<String> {
+    let relit = relit();
+    let [left, right] = relit.there();
+    vec![
+        format!(
+            "{:.1} ms for {} rows at rank {:.1} and 1,047 columns, {:.2} of the memory's bandwidth",
+            relit.full_ms,
+            thousands(CONFERENCE.0),
+            relit.rank,
+            relit.bandwidth_part
+        ),
+        format!(
+            "at {:.0} GB/s, the rate of that run, {:.1} s for the left factors and {:.1} s for the right ones",
+            relit.rate / 1e9,
+            left / relit.rate,
+            right / relit.rate
+        ),
+        format!(
+            "not interactive on two cores; a GPU of 1 TB/s: {:.0} ms, if it holds them",
+            1e3 * (left + right) / 1e12
+        ),
+    ]
+}
+
+fn growth_change() -> Vec<String> {
+    let relit = relit();
+    vec![
+        format!("{:.1} ms on the same matrix: only what that column touches is read", relit.change_ms),
+        format!("{:.0} ms, and one value a component of each block", relit.change_ms * ROWS_THERE / CONFERENCE.0),
+        "nearly".to_owned(),
+    ]
+}
