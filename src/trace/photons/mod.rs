@@ -13,7 +13,7 @@
 //! difference shows the noise of photons as well. The radius follows the photons' density, so that a sharp caustic is gathered from
 //! near and a faint reflection from afar; the number in it grows as `N^⅔`, so that its square falls as `N^−⅓`, which lets bias and
 //! noise both go to zero (Hachisuka and Jensen 2009, *Stochastic progressive photon mapping*; Knaus and Zwicker 2011, §4) up to
-//! the number of photons that memory is given for.
+//! the number of maps that memory is given for.
 
 mod follow;
 mod near;
@@ -42,13 +42,23 @@ pub(super) use targets::Targets;
 /// Photons that leave the lights for each path of the image.
 const PER_PATH: f64 = 0.5;
 
-/// Fewest and most photons that leave the lights, as far as there are not more lights than that.
-const EMITTED: (u64, u64) = (1 << 16, 1 << 20);
+/// Fewest photons that leave the lights, as far as there are not more lights than that.
+const LEAST_EMITTED: u64 = 1 << 16;
 
-/// Most maps. Even, so that a map serves one half of the samples. More maps make a gathering cheaper and what it finds noisier: 128 in
-/// place of 16 take 0.66 to 0.90 of the time at 256 samples, and lights by water or a mirror have 1.23 to 1.31 times the squared
-/// error once exposed and clipped.
-const MAPS: u32 = 16;
+/// Most photons that leave the lights for a map, likewise: more than so many come in more maps.
+const OF_MAP: u64 = 1 << 16;
+
+/// Maps that there are with few photons. Even, so that a map serves one half of the samples. More maps make a gathering cheaper and what
+/// it finds noisier: with as many photons, 128 in place of 16 take 0.66 to 0.90 of the time at 256 samples, and lights by water or a mirror
+/// have 1.23 to 1.31 times the squared error once exposed and clipped. With more photons both even out: at 256 samples of 128 × 128
+/// pixels 32 maps of 2¹⁶ photons in place of 16 take 1.06 to 1.13 times the time for 0.94 to 1.00 of the squared error.
+const FEW_MAPS: u32 = 16;
+
+/// Maps that are made at once.
+const AT_ONCE: u32 = 4;
+
+/// Most that maps may take. As many are made as fit: what counts is the photons that come to rest, not those that are sent.
+const MAP_BYTES: usize = 192 << 20;
 
 /// Height of the disc in which photons are gathered, to either side, in units of its radius: on surfaces that are curved.
 const THICKNESS: f32 = 0.3;
@@ -78,6 +88,18 @@ struct Map {
     count: usize,
     leaves: Vec<Leaf>,
     near: Near,
+}
+
+impl Map {
+    fn sort(mut photons: Vec<Photon>) -> Self {
+        let (near, ranges) = Near::sort(&mut photons, |photon| photon.position);
+        let leaves = ranges.into_iter().map(|range| Leaf::of(&photons[range])).collect();
+        Self { count: photons.len(), leaves, near }
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(self.leaves.as_slice()) + self.near.bytes()
+    }
 }
 
 /// What is read of the photons of a leaf: four lines of the cache.
@@ -244,11 +266,14 @@ impl Gathered {
 impl Numbers {
     fn of(scene: &Scene, pixels: u64, settings: TraceSettings) -> Self {
         let samples = settings.samples_per_pixel;
-        let maps = if samples > 1 { (samples & !1).min(MAPS) } else { 1 };
         let lights = scene.emitters.len() as u64;
-        let wanted = (pixels as f64 * f64::from(samples) * PER_PATH).clamp(EMITTED.0 as f64, EMITTED.1 as f64);
+        let wanted = (pixels as f64 * f64::from(samples) * PER_PATH).max(LEAST_EMITTED as f64);
+        // No more than there are samples to gather from them.
+        let pairs = (0.5 * wanted / OF_MAP as f64).ceil().max(f64::from(FEW_MAPS / 2)).min(f64::from(samples / 2));
+        let maps = (2.0 * pairs).max(1.0);
         // A power of two of points covers a light most evenly.
-        let per_light = 1u32 << ((wanted / (u64::from(maps) * lights.max(1)) as f64).max(1.0) as u32).ilog2();
+        let of_light = (wanted / maps).min(OF_MAP as f64) / lights.max(1) as f64;
+        let (maps, per_light) = (maps as u32, 1u32 << (of_light.max(1.0) as u32).ilog2());
         Self { maps, per_light, lights }
     }
 
@@ -264,35 +289,46 @@ impl Photons {
         let begun = Instant::now();
         let Some(targets) = Targets::of(&world.scene) else { return (None, PhotonCost::default()) };
         let numbers = Numbers::of(&world.scene, pixels, settings);
-        let send = |map| send(world, &targets, map, numbers, settings);
-        let (maps, rays): (Vec<_>, Vec<u64>) = (0..numbers.maps).into_par_iter().map(send).unzip();
-        let photons = Self::sorted(maps, targets, numbers, settings);
-        let (rays, seconds) = (rays.iter().sum(), begun.elapsed().as_secs_f64());
-        (photons, PhotonCost { sent: numbers.all(), rays, seconds })
+        let (mut maps, mut places, mut rays) = (Vec::new(), Vec::new(), 0);
+        while maps.len() < numbers.maps as usize {
+            let some = maps.len() as u32..numbers.maps.min(maps.len() as u32 + AT_ONCE);
+            let send = |map| send(world, &targets, map, numbers, settings);
+            let (photons, of_each): (Vec<_>, Vec<u64>) = some.into_par_iter().map(send).unzip();
+            rays += of_each.iter().sum::<u64>();
+            if maps.len() < FEW_MAPS as usize {
+                places.extend(photons.iter().flatten().map(|photon| photon.position));
+            }
+            let sorted: Vec<Map> = photons.into_par_iter().map(Map::sort).collect();
+            let bytes = |maps: &[Map]| maps.iter().map(Map::bytes).sum::<usize>();
+            if !maps.is_empty() && bytes(&maps) + bytes(&sorted) > MAP_BYTES {
+                break;
+            }
+            maps.extend(sorted);
+        }
+        let sent = Numbers { maps: maps.len() as u32, ..numbers };
+        let per_sample = f64::from(sent.maps) * f64::from(sent.per_light) / f64::from(settings.samples_per_pixel);
+        // The first maps show where photons lie densely.
+        let all = maps.iter().map(|map| map.count).sum();
+        let radius = RadiusField::of(&mut places, all, targets.scene_radius());
+        let photons = radius.map(|radius| Self { maps, radius, targets, per_sample: per_sample as f32 });
+        (photons, PhotonCost { sent: sent.all(), rays, seconds: begun.elapsed().as_secs_f64() })
     }
 
-    fn sorted(mut maps: Vec<Vec<Photon>>, targets: Targets, numbers: Numbers, settings: TraceSettings) -> Option<Self> {
-        let radius = RadiusField::of(&maps, targets.scene_radius())?;
-        let maps = maps.par_iter_mut().map(|photons| {
-            let mut photons = std::mem::take(photons);
-            let (near, ranges) = Near::sort(&mut photons, |photon| photon.position);
-            let leaves = ranges.into_iter().map(|range| Leaf::of(&photons[range])).collect();
-            Map { count: photons.len(), leaves, near }
-        });
-        let maps = maps.collect();
-        let per_sample = f64::from(numbers.maps) * f64::from(numbers.per_light) / f64::from(settings.samples_per_pixel);
-        Some(Self { maps, radius, targets, per_sample: per_sample as f32 })
-    }
-
-    /// Bytes that the photons of a scene take at most, while they are sorted.
+    /// Bytes that the photons of a scene take at most, while the last of them are sorted.
     pub(super) fn needs_bytes(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
-        // As they come, and either the radii or the leaves that they are put into.
-        let leaves = size_of::<Leaf>() / (LANES / 2) + Near::BYTES_PER_POINT;
-        let each = (size_of::<Photon>() + RadiusField::BYTES_PER_PHOTON.max(leaves)) as u64;
-        Self::sent(scene, pixels, settings) * each
+        if Targets::of(scene).is_none() {
+            return 0;
+        }
+        let numbers = Numbers::of(scene, pixels, settings);
+        let of = |maps: u32| Numbers { maps: numbers.maps.min(maps), ..numbers }.all();
+        let in_map = size_of::<Leaf>() / (LANES / 2) + Near::BYTES_PER_POINT;
+        // Some as they come, while they are put into leaves; and where the first lie.
+        let sorting = of(AT_ONCE) * (size_of::<Photon>() + in_map) as u64;
+        let places = of(FEW_MAPS) * RadiusField::BYTES_PER_PHOTON as u64;
+        sorting + places + (numbers.all() * in_map as u64).min(MAP_BYTES as u64)
     }
 
-    /// How many leave the lights of a scene.
+    /// How many leave the lights of a scene, at most.
     pub(super) fn sent(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
         if Targets::of(scene).is_none() { 0 } else { Numbers::of(scene, pixels, settings).all() }
     }

@@ -87,6 +87,12 @@ impl Near {
     /// Bytes for each point, at most: leaves are at least half full, but for the first.
     pub(super) const BYTES_PER_POINT: usize = (size_of::<Leaf>() + size_of::<Boxes>() / 4) / (LANES / 2) + 8;
 
+    /// Bytes that it takes.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(self.leaves.as_slice())
+            + self.levels.iter().map(|level| size_of_val(level.as_slice())).sum::<usize>()
+    }
+
     /// Every leaf with points in the disc, in their order: its index, the squares of their distances, and which they are.
     #[inline]
     pub(super) fn find(&self, disc: &Disc, each: impl Each) {

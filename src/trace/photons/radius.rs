@@ -2,7 +2,6 @@
 
 use glam::Vec3;
 
-use super::Photon;
 use super::tree::{Tree, bounds};
 
 /// Photons of all maps that a radius holds where `AT` are kept; with more, `N^⅔` as many.
@@ -19,23 +18,26 @@ pub(super) struct RadiusField {
     radii: Vec<f32>,
 }
 
+/// Photons that a radius holds where there are so many.
+fn held(photons: usize) -> f64 {
+    HELD * (photons as f64 / AT).powf(2.0 / 3.0)
+}
+
 impl RadiusField {
     /// Bytes that making it takes for each photon: its position, and its share of the tree.
     pub(super) const BYTES_PER_PHOTON: usize = size_of::<Vec3>() + 2;
 
-    /// None where there are no photons.
-    pub(super) fn of(maps: &[Vec<Photon>], scene_radius: f32) -> Option<Self> {
-        let mut positions = Vec::new();
-        positions.reserve_exact(maps.iter().map(Vec::len).sum());
-        positions.extend(maps.iter().flatten().map(|photon| photon.position));
-        if positions.is_empty() {
+    /// For so many photons in all, of which some lie at these places; none where there are none.
+    pub(super) fn of(places: &mut [Vec3], photons: usize, scene_radius: f32) -> Option<Self> {
+        if places.is_empty() {
             return None;
         }
-        let held = HELD * (positions.len() as f64 / AT).powf(2.0 / 3.0);
-        let tree = Tree::sort(&mut positions, (held as usize).max(16), |&position| position);
+        let tree = Tree::sort(places, (held(places.len()) as usize).max(16), |&place| place);
+        // That part of those here.
+        let held = held(photons) * places.len() as f64 / photons as f64;
         let radius = |range: std::ops::Range<usize>| {
             let count = range.len().max(1) as f64;
-            let square = held * f64::from(area(&positions[range])) / (count * std::f64::consts::PI);
+            let square = held * f64::from(area(&places[range])) / (count * std::f64::consts::PI);
             (square.sqrt() as f32).clamp(RANGE.0 * scene_radius, RANGE.1 * scene_radius)
         };
         let radii = tree.leaves().into_iter().map(radius).collect();
