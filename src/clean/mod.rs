@@ -19,6 +19,7 @@
 //! that corners and contact shadows, where all that is alike lies to one side, are not brightened (`kernel`).
 
 mod alone;
+mod cleaning;
 mod constants;
 mod errors;
 mod filter;
@@ -36,8 +37,8 @@ mod tile;
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
 pub const CLEANER_VERSION: u32 = 11;
 
+pub use cleaning::{Cleaned, Cleaning, Strip};
 pub use errors::ErrorSums;
-pub use filter::{Cleaned, Cleaning, Strip};
 pub use map_fit::{MapFit, TILE, tile_means};
 pub use reach::Reach;
 pub use rows::{Pool, Region, Rows};
