@@ -109,7 +109,8 @@ impl<'a> Cleaning<'a> {
             light,
             of_features,
         };
-        let of_indirect = reach.indirect_stages(light.planes, mixture_planes(&guides.indirect, guides.clusters()));
+        let of_indirect =
+            reach.indirect_stages(light.planes, mixture_planes(guides.indirect.len() / guides.clusters()));
         Self {
             next: region.y.start..region.y.start,
             block,
@@ -126,7 +127,7 @@ impl<'a> Cleaning<'a> {
     /// region begins at the top.
     pub fn bytes_across(reach: Reach, clusters: usize, features: usize, block: usize) -> u64 {
         let (step, light) = (step_of(block), reach.light(2 * 3 * clusters));
-        let mixtures = mixture_planes(&vec![0.0; GUIDES.min(clusters) * clusters], clusters);
+        let mixtures = mixture_planes(GUIDES.min(clusters));
         let bytes = |stage: &Stage| (4 * stage.planes * stage.rows(step)) as u64;
         let read = 2 * bytes(&light) + 2 * bytes(&reach.features(features));
         let held: u64 = reach.direct_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>()

@@ -66,7 +66,7 @@ pub(super) struct Direct<'a> {
 impl<'a> Direct<'a> {
     pub(super) fn new(reach: Reach, guides: &'a Guides, region: &Region, size: (usize, usize), step: usize) -> Self {
         let mix = &guides.direct;
-        let stages = reach.direct_stages(6 * guides.clusters(), mixture_planes(mix, guides.clusters()));
+        let stages = reach.direct_stages(6 * guides.clusters(), mixture_planes(mix.len() / guides.clusters()));
         let held = |stage| Held::new(stage, region, size, step);
         Self {
             reach,
@@ -127,7 +127,7 @@ pub(super) struct Indirect<'a> {
 impl<'a> Indirect<'a> {
     pub(super) fn new(reach: Reach, guides: &'a Guides, region: &Region, size: (usize, usize), step: usize) -> Self {
         let mix = &guides.indirect;
-        let stages = reach.indirect_stages(6 * guides.clusters(), mixture_planes(mix, guides.clusters()));
+        let stages = reach.indirect_stages(6 * guides.clusters(), mixture_planes(mix.len() / guides.clusters()));
         let held = |stage| Held::new(stage, region, size, step);
         Self {
             reach,

@@ -188,9 +188,9 @@ pub(super) fn fill_mixtures(halves: &Rows, mix: &[f32], region: &Region, images:
     });
 }
 
-/// Planes of the mixtures that `mix` makes of so many clusters: two halves.
-pub(super) fn mixture_planes(mix: &[f32], clusters: usize) -> usize {
-    2 * (mix.len() / clusters + COLOURS)
+/// Planes of so many mixtures, and of those that say how the first is coloured: two halves.
+pub(super) fn mixture_planes(mixtures: usize) -> usize {
+    2 * (mixtures + COLOURS)
 }
 
 /// Weights from distances.

@@ -334,9 +334,9 @@ impl Moments {
         }
     }
 
-    /// What makes the weights add up to 1 with `own`, those of the pixels themselves, which it sets to the largest; and turns them
-    /// from those of a mean into those of the value at the
-    /// pixel of a plane laid through its neighbours by weighted least squares: local linear regression (Fan and Gijbels 1996,
+    /// Factors that make the weights add up to 1 together with `own`, those of the pixels themselves, which are set to the largest.
+    /// They also turn weights of a mean into those of the value at the pixel of a plane laid through its neighbours by weighted
+    /// least squares: local linear regression (Fan and Gijbels 1996,
     /// section 2.2; Bitterli et al. 2016 for images of samples). A mean is wrong where neighbours lie to one side and light has a
     /// slope, on the rim of a surface above all; the plane is not, but it has more noise: by the factor `1 + t`, where
     /// `t = mᵀ C⁻¹ m` is the leverage of the mean offset `m` with the covariance `C` of the offsets. So the correction is scaled down

@@ -1,6 +1,6 @@
 //! Cleaning: the grain of few samples taken out of images, for all lightings at once.
 //!
-//! What is cleaned are the images of a few clusters of columns (`light::Clusters`), window by window of the whole image;
+//! What is cleaned are the images of a few clusters of columns (`light::Clusters`), from the top of the image down;
 //! every lighting's image is then a sum of these. Light that comes straight from emitters and all other light are
 //! filtered apart, each divided by the albedo of what it falls on:
 //!
