@@ -32,6 +32,8 @@ use rivals::{Packing, Transform};
 const TARGETS_DB: [f64; 2] = [30.0, 45.0];
 /// By how much the steps of rivals are coarser than the block's, to find the same error.
 const COARSENESS: [f32; 8] = [0.25, 0.35, 0.5, 0.71, 1.0, 1.41, 2.0, 2.83];
+/// Texels of a light in a row.
+const ACROSS: usize = 32;
 /// Samples per pixel of the scenes.
 const SAMPLES: u32 = 1024;
 /// Name of what is timed on the large container; given alone, nothing else is run.
@@ -192,44 +194,89 @@ fn compare(job: &Job, blocks: &[FactoredBlock], title: &str, figures: &mut Figur
     }
 }
 
-/// What the beginning of a container shows, all lights on, against the whole of it: both against the matrix.
+/// Lightings of one kind, columns × lightings, one after the other.
+type Lightings = (&'static str, Vec<f32>);
+
+/// What the beginning of a file is looked at under. All lights on is what the first component of each block is made for;
+/// the others have their light from one side or place: two halves across and two down, a sixteenth at each place, and
+/// single texels.
+fn lightings(columns: usize) -> [Lightings; 4] {
+    let down = columns / ACROSS;
+    let lit = |is_on: &dyn Fn(usize, usize) -> bool| -> Vec<f32> {
+        (0..columns).map(|column| f32::from(u8::from(is_on(column % ACROSS, column / ACROSS)))).collect()
+    };
+    let halves = [
+        lit(&|x, _| x < ACROSS / 2),
+        lit(&|x, _| x >= ACROSS / 2),
+        lit(&|_, y| y < down / 2),
+        lit(&|_, y| y >= down / 2),
+    ];
+    let places = || (0..16).map(|i| (i % 4, i / 4));
+    let spots = places().map(|(i, j)| lit(&|x, y| x * 4 / ACROSS == i && y * 4 / down == j));
+    let singles = places().map(|(i, j)| lit(&|x, y| x == (2 * i + 1) * ACROSS / 8 && y == (2 * j + 1) * down / 8));
+    [
+        ("all_on", vec![1.0; columns]),
+        ("half", halves.concat()),
+        ("spot", spots.collect::<Vec<_>>().concat()),
+        ("single", singles.collect::<Vec<_>>().concat()),
+    ]
+}
+
+/// PSNR of an image against the truth, both exposed so that the truth's 95th percentile is 1, and clipped; none where that is
+/// black.
+fn clip_decibels(image: &[f32], truth: &[f32]) -> Option<f64> {
+    let mut sorted = truth.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    let white = Some(sorted[sorted.len() * 95 / 100]).filter(|white| *white > 0.0)?;
+    let shown = |v: f32| f64::from((v / white).clamp(0.0, 1.0));
+    let square: f64 = image.iter().zip(truth).map(|(&a, &b)| (shown(a) - shown(b)).powi(2)).sum();
+    Some(-10.0 * (square / truth.len() as f64).log10())
+}
+
+/// What the beginning of a container shows, against the whole of it: both against the matrix, the mean over the lightings of
+/// a kind.
 fn first_image(matrix: &StoreReader, folder: &Path, title: &str, figures: &mut Figures) {
     let (job, path) = (matrix.job(), folder.join("packed.ltc"));
     let mut options = PackOptions { denoise: true, ..PackOptions::default() };
     options.container.overwrite = true;
     ltm::pipeline::pack(matrix, job, &path, &options, &Quiet).expect("there is room");
     let packed = ContainerReader::open(&path).expect("the file is sound");
-    let all_on = vec![1.0f32; job.shape.columns()];
-    let (mut truth, mut base, mut whole) = (Vec::new(), Vec::new(), Vec::new());
-    let mut traced = TracedBlock::default();
-    for id in job.shape.blocks() {
-        matrix.read_block(id, &mut traced).expect("the block is there");
-        let mut rows = vec![0.0f32; traced.block.rows()];
-        for column in traced.block.entries().chunks_exact(rows.len()) {
-            rows.iter_mut().zip(column).for_each(|(row, value)| *row += value);
+    let (share, bytes) = (packed.base_bytes() as f64 / packed.file_bytes() as f64, packed.file_bytes());
+    eprintln!("{title}: clipped at white, from {:.1} % of the file and from all {bytes} bytes", 100.0 * share);
+    figures.add(title, "base_share", share);
+    let columns = job.shape.columns();
+    for (kind, lightings) in lightings(columns) {
+        let count = lightings.len() / columns;
+        let (mut truth, mut base, mut whole) =
+            (vec![Vec::new(); count], vec![Vec::new(); count], vec![Vec::new(); count]);
+        let mut traced = TracedBlock::default();
+        for id in job.shape.blocks() {
+            matrix.read_block(id, &mut traced).expect("the block is there");
+            let rows = traced.block.rows();
+            for (truth, lighting) in truth.iter_mut().zip(lightings.chunks_exact(columns)) {
+                let first = truth.len();
+                truth.resize(first + rows, 0.0f32);
+                for (column, weight) in traced.block.entries().chunks_exact(rows).zip(lighting) {
+                    truth[first..].iter_mut().zip(column).for_each(|(row, value)| *row += weight * value);
+                }
+            }
+            let layers = [packed.read_layers(id, 0..1), packed.read_block(id)];
+            for (layers, images) in layers.into_iter().zip([&mut base, &mut whole]) {
+                let relit = relit(&layers.expect("the file is sound"), &lightings);
+                images.iter_mut().zip(relit.chunks_exact(rows)).for_each(|(image, rows)| image.extend_from_slice(rows));
+            }
         }
-        truth.extend(rows);
-        base.extend(relit(&packed.read_layers(id, 0..1).expect("the file is sound"), &all_on));
-        whole.extend(relit(&packed.read_block(id).expect("the file is sound"), &all_on));
+        // Some places of a sky light nothing that is in view.
+        let mean = |images: &[Vec<f32>]| {
+            let each: Vec<f64> =
+                images.iter().zip(&truth).filter_map(|(image, truth)| clip_decibels(image, truth)).collect();
+            each.iter().sum::<f64>() / each.len() as f64
+        };
+        let (base, whole) = (mean(&base), mean(&whole));
+        eprintln!("  {kind}, mean of at most {count}: base layers {base:.2} dB, the whole {whole:.2} dB");
+        figures.add(title, &format!("{kind}_base_clip_db"), base);
+        figures.add(title, &format!("{kind}_whole_clip_db"), whole);
     }
-    let mut sorted = truth.clone();
-    sorted.sort_by(f32::total_cmp);
-    let white = sorted[sorted.len() * 95 / 100];
-    let psnr = |image: &[f32]| {
-        let shown = |v: f32| f64::from((v / white).clamp(0.0, 1.0));
-        let square: f64 = image.iter().zip(&truth).map(|(&a, &b)| (shown(a) - shown(b)).powi(2)).sum();
-        -10.0 * (square / truth.len() as f64).log10()
-    };
-    let share = 100.0 * packed.base_bytes() as f64 / packed.file_bytes() as f64;
-    let bytes = packed.file_bytes();
-    eprintln!(
-        "{title}: all on, clipped at white, {:.1} dB from {share:.1} % of the file, {:.1} dB from all {bytes} bytes",
-        psnr(&base),
-        psnr(&whole)
-    );
-    figures.add(title, "base_share", share / 100.0);
-    figures.add(title, "base_clip_db", psnr(&base));
-    figures.add(title, "whole_clip_db", psnr(&whole));
 }
 
 fn codec(criterion: &mut Criterion) {

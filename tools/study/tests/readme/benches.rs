@@ -136,29 +136,40 @@ fn coding_says(files: &[Csv]) -> Vec<String> {
     ]
 }
 
+/// Kinds of lightings, and what a table and a sentence call them.
+const KINDS: [(&str, &str, &str); 4] = [
+    ("all_on", "all on", "all lights on"),
+    ("half", "half of the light", "half of the light"),
+    ("spot", "a sixteenth", "a sixteenth of it"),
+    ("single", "one texel", "one texel"),
+];
+
 fn beginning(files: &[Csv]) -> Vec<Vec<String>> {
     let csv = &files[0];
-    let mut table = vec![cells(&["scene", "base layers, of the file", "they alone, clip", "the whole, clip"])];
+    let mut table = vec![cells(&["scene", "base layers, of the file"])];
+    table[0].extend(KINDS.map(|(_, name, _)| format!("{name}: base / whole, dB")));
     for scene in scenes(csv) {
-        table.push(vec![
-            scene.to_owned(),
-            format!("{:.1} %", 100.0 * csv.figure(scene, "base_share")),
-            format!("{:.2} dB", csv.figure(scene, "base_clip_db")),
-            format!("{:.2} dB", csv.figure(scene, "whole_clip_db")),
-        ]);
+        let mut row = vec![scene.to_owned(), format!("{:.1} %", 100.0 * csv.figure(scene, "base_share"))];
+        row.extend(KINDS.map(|(kind, ..)| {
+            let [base, whole] =
+                ["base", "whole"].map(|part| format!("{:.1}", csv.figure(scene, &format!("{kind}_{part}_clip_db"))));
+            format!("{base} / {whole}")
+        }));
+        table.push(row);
     }
     table
 }
 
 fn beginning_says(files: &[Csv]) -> Vec<String> {
     let csv = &files[0];
-    let short =
-        scenes(csv).into_iter().map(|scene| csv.figure(scene, "whole_clip_db") - csv.figure(scene, "base_clip_db"));
-    let short = short.fold(f64::NEG_INFINITY, f64::max);
     let shares = span(scenes(csv).into_iter().map(|scene| 100.0 * csv.figure(scene, "base_share")), 0);
-    vec![format!(
-        "With all lights on the first {shares} % of a file show an image at most {short:.2} dB behind that of the whole."
-    )]
+    let behind = |(kind, _, name): (&str, &str, &str)| {
+        let lacks = scenes(csv).into_iter().map(|scene| {
+            csv.figure(scene, &format!("{kind}_whole_clip_db")) - csv.figure(scene, &format!("{kind}_base_clip_db"))
+        });
+        format!("{} dB with {name}", span(lacks, if kind == "all_on" { 2 } else { 1 }))
+    };
+    vec![format!("The first {shares} % of a file are behind the whole by {}.", list(&KINDS.map(behind)))]
 }
 
 fn throughput(files: &[Csv]) -> Vec<Vec<String>> {
