@@ -1,7 +1,8 @@
 //! The store against the disk: writing and reading, against plain `pwrite` and `pread` of the same bytes in the same
 //! run, with the error of each precision.
 //!
-//! `LTM_BENCH_RENDER=16` (samples per pixel) renders the built-in room with and without a store instead, in turns.
+//! `LTM_BENCH_RENDER=16` (samples per pixel) renders the built-in room with and without a store instead, in turns;
+//! `LTM_BENCH_ROUNDS` says how often.
 //!
 //! `LTM_BENCH_STREAM=f32` (or `f16`, `bf16`) does one file alone instead, as large as asked for: written, verified and
 //! read by two threads, with the peak of resident memory. `LTM_BENCH_DENSITY` is the share of columns that are not zero.
@@ -26,9 +27,10 @@ use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, Trac
 use ltm::pipeline::{PackOptions, RenderOptions};
 use ltm::store::{FileStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify};
 use ltm::trace::{TraceSettings, Tracer};
-use rayon::prelude::*;
 
 const ROUNDS: usize = 3;
+/// Rounds of rendering with and without a store.
+const RENDER_ROUNDS: usize = 15;
 
 fn main() {
     let blocks = std::env::var("LTM_BENCH_BLOCKS").ok().and_then(|n| n.parse().ok()).unwrap_or(64u32);
@@ -259,37 +261,89 @@ fn stream(folder: &Path, job: &Job, traced: &mut TracedBlock, precision: Precisi
     });
 }
 
-/// The built-in room traced into memory only, and into a store: what the store adds.
+/// The built-in room traced into memory only, and into a store: what the store adds. Both stand side by side in each round,
+/// each first in every other one; what is told is of the ratios of the rounds, which what else runs changes less than
+/// the times.
 fn render(folder: &Path, samples_per_pixel: u32) {
+    let rounds = std::env::var("LTM_BENCH_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(RENDER_ROUNDS);
     let mut loaded = ltm::scene::built_in();
     loaded.settings.samples_per_pixel = samples_per_pixel;
     let job = ltm::pipeline::job_of(&loaded).unwrap();
     let settings =
         TraceSettings { samples_per_pixel, seed: loaded.settings.seed, max_depth: loaded.settings.max_depth };
     let (rows, columns) = (job.shape.rows(), job.shape.columns());
-    eprintln!("{rows} rows × {columns} columns, {samples_per_pixel} samples per pixel");
-    eprintln!("into memory only   into a store (f32)   overhead");
+    eprintln!("{rows} rows × {columns} columns, {samples_per_pixel} samples per pixel, {rounds} rounds");
+    eprintln!("into memory only (processors')   into a store, f32 (processors')   overhead (processors')");
     let path = folder.join("render.ltm");
-    let mut best = [f64::INFINITY; 2];
-    for _ in 0..ROUNDS {
-        let begun = Instant::now();
+    let into_memory = || {
         let tracer = Tracer::new(loaded.scene.clone(), job.shape, settings).unwrap();
-        let blocks: Vec<_> = job.shape.blocks().collect();
-        blocks.par_iter().for_each_init(TracedBlock::default, |block, &id| {
-            tracer.trace_block(id, block);
-        });
-        let memory = begun.elapsed().as_secs_f64();
+        trace_all(&tracer, job.shape);
+    };
+    let into_store = || {
         let options =
             RenderOptions { store: StoreOptions { overwrite: true, ..Default::default() }, ..Default::default() };
-        let stored = ltm::pipeline::render(loaded.clone(), &path, &options, &Quiet).unwrap().seconds;
-        best = [best[0].min(memory), best[1].min(stored)];
-        eprintln!("{memory:>14.2} s {stored:>18.2} s {:>9.1} %", 100.0 * (stored / memory - 1.0));
+        ltm::pipeline::render(loaded.clone(), &path, &options, &Quiet).unwrap();
+    };
+    let ways: [&dyn Fn(); 2] = [&into_memory, &into_store];
+    // The first of all is cold.
+    into_store();
+    let mut ratios = [Vec::new(), Vec::new()];
+    for round in 0..rounds {
+        let mut took = [[0.0; 2]; 2];
+        for way in [round % 2, 1 - round % 2] {
+            let processors = processors_seconds();
+            took[way] = [timed(ways[way]), processors_seconds() - processors];
+        }
+        let [memory, store] = took;
+        let over = [store[0] / memory[0], store[1] / memory[1]];
+        (ratios.iter_mut().zip(over)).for_each(|(ratios, ratio)| ratios.push(ratio));
+        let [clock, processors] = over.map(|ratio| 100.0 * (ratio - 1.0));
+        let [memory, store] = [memory, store].map(|[clock, processors]| format!("{clock:.2} s ({processors:.2} s)"));
+        eprintln!("{memory:>30} {store:>33} {clock:>11.1} % ({processors:.1} %)");
     }
-    eprintln!("best of each: {:.1} %", 100.0 * (best[1] / best[0] - 1.0));
     let command = format!("LTM_BENCH_RENDER={samples_per_pixel} cargo bench --bench store");
     let mut figures = Figures::new("bench-store-render", &command);
-    figures.add("best of three each", "store_over_memory", best[1] / best[0]);
+    for (case, ratios) in ["seconds", "processors' seconds"].into_iter().zip(&mut ratios) {
+        ratios.sort_by(f64::total_cmp);
+        let at = |part: f64| ratios[((ratios.len() - 1) as f64 * part).round() as usize];
+        let [low, median, high] = [0.25, 0.5, 0.75].map(at);
+        eprintln!("{case}, store over memory: median {median:.3}, quartiles {low:.3} to {high:.3}");
+        figures.add(case, "store_over_memory_median", median);
+        figures.add(case, "store_over_memory_lower_quartile", low);
+        figures.add(case, "store_over_memory_upper_quartile", high);
+        figures.add(case, "rounds", ratios.len() as f64);
+    }
     figures.write();
+}
+
+/// Traces all blocks and keeps none, each thread the next one that nobody has: as a render does.
+fn trace_all(tracer: &Tracer, shape: MatrixShape) {
+    let next = AtomicU32::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                let mut traced = TracedBlock::default();
+                loop {
+                    let id = BlockId(next.fetch_add(1, Ordering::Relaxed));
+                    if id.0 >= shape.block_count() {
+                        break;
+                    }
+                    tracer.trace_block(id, &mut traced);
+                }
+            });
+        }
+    });
+}
+
+/// Seconds that all threads of this process have run, in the system as well.
+fn processors_seconds() -> f64 {
+    /// Ticks of this clock in a second, as Linux counts them for programs.
+    const TICKS: f64 = 100.0;
+    let told = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    // The second field, in brackets, is a name and may have spaces.
+    let behind = told.rsplit_once(')').map_or("", |(_, rest)| rest);
+    let ticks = behind.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<f64>().ok());
+    ticks.sum::<f64>() / TICKS
 }
 
 fn peak_memory() -> String {

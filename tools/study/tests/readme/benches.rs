@@ -2,7 +2,7 @@
 
 use super::page::Figure;
 use super::published::{Csv, dashed};
-use super::words::{bytes, cells, list, listed, span, thousands};
+use super::words::{bytes, cells, list, listed, rounded, span, thousands};
 
 pub(crate) const FIGURES: &[Figure] = &[
     figure("## Compressing one block", &["bench-compress.csv"], compress, compress_says),
@@ -10,7 +10,7 @@ pub(crate) const FIGURES: &[Figure] = &[
     figure("### The beginning of a file", &["bench-container.csv"], beginning, beginning_says),
     figure("## Packing and unpacking whole files", &["bench-throughput.csv"], throughput, |_| Vec::new()),
     figure("## Storing the matrix", &["bench-store.csv"], storing, storing_says),
-    figure("### Rendering with a store", &["bench-store-render.csv"], store_render, |_| Vec::new()),
+    figure("### Rendering with a store", &["bench-store-render.csv"], store_render, store_render_says),
     figure("## Rendering all columns at once", &["bench-tax.csv"], tax, tax_says),
     figure("## Memory, counted by the allocator", &["bench-memory.csv"], memory, memory_says),
 ];
@@ -228,13 +228,36 @@ the file on disk, and {:.2} with it in the system's cache, where checksums and c
     ]
 }
 
+const QUARTILES: [&str; 3] =
+    ["store_over_memory_median", "store_over_memory_lower_quartile", "store_over_memory_upper_quartile"];
+
 fn store_render(files: &[Csv]) -> Vec<Vec<String>> {
     let csv = &files[0];
-    let mut table = vec![cells(&["what", "seconds with a store over seconds into memory only"])];
+    let mut table = vec![cells(&["with a store over into memory only", "median", "quartiles", "rounds"])];
     for case in csv.each("case") {
-        table.push(vec![case.to_owned(), format!("{:.2}", csv.figure(case, "store_over_memory"))]);
+        let [median, low, high] = QUARTILES.map(|figure| format!("{:.3}", csv.figure(case, figure)));
+        let rounds = format!("{:.0}", csv.figure(case, "rounds"));
+        table.push(vec![case.to_owned(), median, format!("{low} to {high}"), rounds]);
     }
     table
+}
+
+fn store_render_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let says = |case: &&str| {
+        let [median, low, high] = QUARTILES.map(|figure| 100.0 * (csv.figure(case, figure) - 1.0));
+        let beginning = format!("In {case} writing adds {} % in the median", rounded(median, 1));
+        if low > 0.0 {
+            format!("{beginning}, and the quartiles of the rounds are {} to {} %.", rounded(low, 1), rounded(high, 1))
+        } else {
+            format!(
+                "{beginning}, which is less than the rounds differ among themselves: their quartiles are {} to {} %.",
+                rounded(low, 1),
+                rounded(high, 1)
+            )
+        }
+    };
+    csv.each("case").iter().map(says).collect()
 }
 
 const COLUMNS: [&str; 3] = ["64", "1024", "4096"];
