@@ -171,7 +171,7 @@ fn growth_says(files: &[Csv]) -> Vec<String> {
             grown("render (peak)", "render_peak_bytes"),
             grown("pack (peak)", "pack_peak_bytes")
         ),
-        format!("Each slope is of {} sizes, one run each, and has no interval.", span(points, 0)),
+        format!("Each slope is of {} sizes, each the least of up to three runs, and has no interval.", span(points, 0)),
     ]
 }
 
