@@ -2,7 +2,8 @@
 //!
 //! * `rays`: millions of rays a second, one thread, on meshes with flat tessellated walls and, where the variable
 //!   `LTM_SCENES` names the folder of scenes, on the Conference Room; beside them the tree's quality. With
-//!   `LTM_RAY_DUMP` naming a folder, meshes and rays are written there for `benches/trace/embree_rays.cpp`.
+//!   `LTM_EMBREE` naming the program of `benches/trace/embree_rays.cpp`, which says how it is built, the same rays through Embree.
+//!   With `LTM_RAY_DUMP` naming a folder, meshes and rays are written there.
 //! * `tax`: time for many columns over time for one, same paths (the paper, §3.1).
 //! * `error`: relative error of an image relit from T against seconds, for more and more samples.
 //! * `conference`: the same for the Conference Room, all lamps on and each alone, where `LTM_SCENES` is set.
@@ -14,88 +15,20 @@ mod conference;
 mod figures;
 #[path = "trace/meshes.rs"]
 mod meshes;
+#[path = "trace/rays.rs"]
+mod rays;
 #[expect(dead_code, reason = "the benchmarks use some of the tests' scenes")]
 #[path = "../tests/transport/scenes.rs"]
 mod scenes;
 
-use std::hint::black_box;
-use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use criterion::{Criterion, Throughput};
+use criterion::Criterion;
 use figures::Figures;
 use glam::Vec3;
 use ltm::matrix::{BlockId, BlockSource, TracedBlock};
 use ltm::scene::{Paint, Scene, Surface};
-use ltm::trace::bvh::{Bvh, Ray, Walk};
-use meshes::{RaySets, Subject};
 use scenes::{Builder, all_on, camera, lambert, settings, trace, tracer};
-
-fn rays(criterion: &mut Criterion) {
-    let mut subjects: Vec<Subject> = [106_000, 504_000].map(meshes::spheres_in_walls).into();
-    if let Ok(folder) = std::env::var("LTM_SCENES") {
-        let path = Path::new(&folder).join("conference/conference.obj");
-        match meshes::object(&path, Vec3::new(680.0, 390.0, -350.0), Vec3::new(-300.0, 150.0, 300.0)) {
-            Some(subject) => subjects.push(subject),
-            None => eprintln!("{} cannot be read; left out", path.display()),
-        }
-    }
-    let mut figures = Figures::new("bench-rays", "cargo bench --bench trace -- rays");
-    for subject in subjects {
-        let start = Instant::now();
-        let bvh = Bvh::build(&subject.triangles);
-        let (seconds, quality) = (start.elapsed().as_secs_f64(), bvh.quality());
-        eprintln!(
-            "{}: built in {seconds:.2} s; a ray opens {:.1} nodes and {:.1} leaves of {:.1} triangles",
-            subject.name, quality.nodes, quality.leaves, quality.leaf_fill
-        );
-        let sets = RaySets::new(&subject, &bvh, 512);
-        if let Ok(folder) = std::env::var("LTM_RAY_DUMP") {
-            meshes::dump(Path::new(&folder), &subject, &sets).expect("the dump folder can be written");
-        }
-        let closest = |bvh: &Bvh, rays: &[Ray]| rays.iter().filter(|r| bvh.closest(r).is_some()).count();
-        let clear = |bvh: &Bvh, rays: &[Ray]| {
-            rays.iter().filter(|r| bvh.occlusion(r) == ltm::trace::bvh::Occlusion::Clear).count()
-        };
-        eprintln!(
-            "  hits: primary {} of {}, bounce {} of {}, shadow clear {}",
-            closest(&bvh, &sets.primary),
-            sets.primary.len(),
-            closest(&bvh, &sets.bounce),
-            sets.bounce.len(),
-            clear(&bvh, &sets.shadow)
-        );
-        // The best of nine, which other work on the machine disturbs least.
-        let rate = |run: &dyn Fn() -> usize, count: usize| {
-            let time = || {
-                let start = Instant::now();
-                black_box(run());
-                start.elapsed().as_secs_f64()
-            };
-            count as f64 / (0..9).map(|_| time()).fold(f64::INFINITY, f64::min) / 1e6
-        };
-        let rates = [
-            ("primary", rate(&|| closest(&bvh, &sets.primary), sets.primary.len())),
-            ("bounce", rate(&|| closest(&bvh, &sets.bounce), sets.bounce.len())),
-            ("shadow", rate(&|| clear(&bvh, &sets.shadow), sets.shadow.len())),
-        ];
-        for (set, rate) in rates {
-            eprintln!("  best of nine, {set}: {rate:.2} M rays/s");
-            figures.add(&subject.name, &format!("{set}_million_rays_a_second"), rate);
-        }
-        let plain = Bvh::build(&subject.triangles).with_walk(Walk::Scalar);
-        let mut group = criterion.benchmark_group(format!("rays/{}", subject.name));
-        group.sample_size(10).measurement_time(Duration::from_secs(2)).warm_up_time(Duration::from_millis(300));
-        group.throughput(Throughput::Elements(sets.primary.len() as u64));
-        group.bench_function("primary", |b| b.iter(|| black_box(closest(&bvh, &sets.primary))));
-        group.throughput(Throughput::Elements(sets.bounce.len() as u64));
-        group.bench_function("bounce", |b| b.iter(|| black_box(closest(&bvh, &sets.bounce))));
-        group.bench_function("bounce, scalar", |b| b.iter(|| black_box(closest(&plain, &sets.bounce))));
-        group.bench_function("shadow", |b| b.iter(|| black_box(clear(&bvh, &sets.shadow))));
-        group.finish();
-    }
-    figures.write();
-}
 
 /// A room with a panel of `texels × texels`, a mirror ball and a glass ball.
 fn room(texels: u32, side: u32) -> Scene {
@@ -180,7 +113,7 @@ fn main() {
     }
     if runs("rays") {
         let mut criterion = Criterion::default().without_plots();
-        rays(&mut criterion);
+        rays::rays(&mut criterion);
         criterion.final_summary();
     }
     if runs("tax") {

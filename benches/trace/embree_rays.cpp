@@ -1,9 +1,11 @@
 // The same rays through Embree 3, one ray at a time, one thread: what `cargo bench --bench trace -- rays` is compared
 // with. Not part of the build; needs Debian's libembree-dev.
 //
-//   LTM_RAY_DUMP=target/rays cargo bench --bench trace -- rays
 //   g++ -O3 -march=native benches/trace/embree_rays.cpp -lembree3 -o target/embree_rays
-//   target/embree_rays target/rays/*
+//   LTM_EMBREE=target/embree_rays cargo bench --bench trace -- rays
+//
+// The benchmark gives it folders of meshes and rays, and reads what it prints. With LTM_RAY_DUMP=target/rays it leaves
+// them there instead, for `target/embree_rays target/rays/*`.
 #include <embree3/rtcore.h>
 
 #include <algorithm>
@@ -70,7 +72,7 @@ int main(int count, char** folders) {
                 std::chrono::duration<double> time = std::chrono::steady_clock::now() - start;
                 best = std::min(best, time.count());
             }
-            printf("  %-8s %.2f M rays/s, %zu of %zu %s\n", set.c_str(), n / best / 1e6, hits, n,
+            printf("  %-8s %.3f M rays/s, %zu of %zu %s\n", set.c_str(), n / best / 1e6, hits, n,
                    set == "shadow" ? "clear" : "hit");
         }
         rtcReleaseGeometry(geometry);

@@ -1,6 +1,6 @@
 //! Meshes and rays that the benchmarks share.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{Vec2, Vec3};
 use ltm::trace::bvh::{Bvh, BvhTriangle, Ray};
@@ -107,8 +107,9 @@ impl RaySets {
     }
 }
 
-/// Writes a mesh and its rays as raw little-endian f32 for other programs: `triangles` (9 a triangle), and 7 a ray.
-pub(crate) fn dump(folder: &Path, subject: &Subject, sets: &RaySets) -> std::io::Result<()> {
+/// Writes a mesh and its rays as raw little-endian f32 for other programs: `triangles` (9 a triangle), and 7 a ray. Returns the
+/// folder that has them.
+pub(crate) fn dump(folder: &Path, subject: &Subject, sets: &RaySets) -> std::io::Result<PathBuf> {
     let name: String = subject.name.chars().filter(|c| c.is_alphanumeric()).collect();
     let folder = folder.join(name);
     std::fs::create_dir_all(&folder)?;
@@ -119,5 +120,5 @@ pub(crate) fn dump(folder: &Path, subject: &Subject, sets: &RaySets) -> std::io:
         let rays: Vec<f32> = rays.iter().flat_map(ray).collect();
         std::fs::write(folder.join(name), bytemuck::cast_slice::<f32, u8>(&rays))?;
     }
-    Ok(())
+    Ok(folder)
 }

@@ -13,6 +13,7 @@ pub(crate) const FIGURES: &[Figure] = &[
     figure("### Rendering with a store", &["bench-store-render.csv"], store_render, store_render_says),
     figure("## Rendering all columns at once", &["bench-tax.csv"], tax, tax_says),
     figure("## Memory, counted by the allocator", &["bench-memory.csv"], memory, memory_says),
+    figure("## Rays a second", &["bench-rays.csv"], rays, rays_says),
 ];
 
 const fn figure(
@@ -313,4 +314,50 @@ fn memory_says(files: &[Csv]) -> Vec<String> {
         grown("render_bytes"),
         grown("pack_bytes")
     )]
+}
+
+/// Mesh, set of rays and what is asked of them, of `conference, 283268: primary (closest)`.
+fn ray_case(case: &str) -> [String; 3] {
+    let (mesh, set) = csv_case(case, ": ");
+    let (set, kind) = csv_case(set, " (");
+    [with_thousands(mesh), set.to_owned(), kind.trim_end_matches(')').to_owned()]
+}
+
+fn rays(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table =
+        vec![cells(&["mesh, triangles", "rays", "hit", "ours, M rays/s", "Embree, M rays/s", "ours over Embree"])];
+    for case in csv.each("case") {
+        let mut row = ray_case(case).to_vec();
+        row.extend(
+            ["million_rays_a_second", "embree_million_rays_a_second", "ours_over_embree"]
+                .map(|figure| dashed(csv.maybe_figure(case, figure), 2)),
+        );
+        table.push(row);
+    }
+    table
+}
+
+fn rays_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let ratios: Vec<(&str, f64)> = csv
+        .each("case")
+        .into_iter()
+        .filter_map(|case| Some((case, csv.maybe_figure(case, "ours_over_embree")?)))
+        .collect();
+    if ratios.is_empty() {
+        return Vec::new();
+    }
+    let of = |wanted: &str| {
+        let of = ratios.iter().filter(|(case, _)| ray_case(case)[2] == wanted).map(|(_, ratio)| *ratio);
+        span(of, 2)
+    };
+    let slower = ratios.iter().filter(|(_, ratio)| *ratio < 1.0).map(|(case, ratio)| {
+        let [mesh, set, _] = ray_case(case);
+        format!("{mesh}, {set} ({ratio:.2})")
+    });
+    vec![
+        format!("Closest hits come at {} of Embree's rate, any hits at {}.", of("closest"), of("any")),
+        listed("Where Embree is faster", &slower.collect::<Vec<_>>()),
+    ]
 }
