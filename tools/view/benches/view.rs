@@ -1,8 +1,8 @@
 //! Latency of the window: from a fader's movement to its picture, in frames and milliseconds, with the container's error
-//! beside it.
+//! beside it; and from the start of the program to its first picture, in a real window on a virtual display.
 //!
 //! `cargo bench -p ltm-view` measures rooms that it traces itself, kept without loss but for the
-//! container's rounding; `LTM_VIEW_CONTAINER=FILE.ltc` measures another. With `LTM_VIEW_DEVICE=1` the device relights
+//! container's rounding; `LTM_VIEW_CONTAINER=FILE.ltc` measures others (several with `:` between them). With `LTM_VIEW_DEVICE=1` the device relights
 //! that would draw the window, whatever it is, and shows the pictures unless it is a software one; both ways are
 //! measured. The window is laid out in full sixty times a second, as a display would ask for it; putting its triangles
 //! on the screen is not part of the time.
@@ -17,8 +17,11 @@ mod container;
 mod driver;
 #[path = "../../../benches/figures/mod.rs"]
 mod figures;
+#[path = "view/first_picture.rs"]
+mod first_picture;
 
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use driver::Driver;
@@ -37,13 +40,18 @@ const FRAME: Duration = Duration::from_micros(16_667);
 const MOVES: usize = 60;
 const DRAG_FRAMES: usize = 120;
 
-fn main() {
-    if let Some(path) = std::env::var_os("LTM_VIEW_CONTAINER") {
-        let mut figures = Figures::new("bench-view-own", "LTM_VIEW_CONTAINER=… cargo bench -p ltm-view");
-        std::env::split_paths(&path).for_each(|path| measure(&path, &mut figures));
-        return figures.write();
+fn main() -> ExitCode {
+    if let Some(code) = first_picture::act_as_viewer(Instant::now()) {
+        return code;
     }
-    let mut figures = Figures::new("bench-view", "cargo bench -p ltm-view");
+    if let Some(paths) = std::env::var_os("LTM_VIEW_CONTAINER") {
+        let paths: Vec<PathBuf> = std::env::split_paths(&paths).collect();
+        let mut figures = Figures::new("bench-view", &command(&paths));
+        paths.iter().for_each(|path| measure(path, &mut figures));
+        figures.write();
+        return ExitCode::SUCCESS;
+    }
+    let mut figures = Figures::new("bench-view", &command(&[]));
     let folder = tempfile::tempdir().expect("a temporary folder");
     // As many components as columns: a packed container of this size has a tenth of them.
     for (name, texels) in [("mixed", 4), ("mixed", 8), ("environment", 8)] {
@@ -53,6 +61,17 @@ fn main() {
         measure(&path, &mut figures);
     }
     figures.write();
+    ExitCode::SUCCESS
+}
+
+/// The command as it is typed in the folder of the containers.
+fn command(paths: &[PathBuf]) -> String {
+    let device = std::env::var_os("LTM_VIEW_DEVICE").map_or("", |_| "LTM_VIEW_DEVICE=1 ");
+    let name = |path: &PathBuf| format!("$PWD/{}", path.file_name().unwrap_or_default().display());
+    match paths.iter().map(name).collect::<Vec<_>>().join(":").as_str() {
+        "" => format!("{device}cargo bench -p ltm-view"),
+        names => format!("{device}LTM_VIEW_CONTAINER={names} cargo bench -p ltm-view"),
+    }
 }
 
 fn measure(path: &Path, figures: &mut Figures) {
@@ -122,10 +141,18 @@ fn measure(path: &Path, figures: &mut Figures) {
     ] {
         figures.add(&case, figure, value);
     }
+    for (figure, value) in [
+        ("columns", columns as f64),
+        ("pixels", f64::from(shape.width() * shape.height())),
+        ("file_bytes", reader.file_bytes() as f64),
+    ] {
+        figures.add(&case, figure, value);
+    }
     println!(
         "  during a drag of {DRAG_FRAMES} frames: {rate:.1} pictures a second; stated error {:.2e}",
         error(&reader)
     );
+    first_picture::measure(path, &case, figures);
     let relighter = CpuRelighter::load(&reader).expect("factors");
     let image = relighter.relight(&Lighting::of_scene(&reader.job().basis)).expect("an image");
     if std::env::var_os("LTM_VIEW_DEVICE").is_some() {

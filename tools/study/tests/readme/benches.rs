@@ -14,6 +14,7 @@ pub(crate) const FIGURES: &[Figure] = &[
     figure("## Rendering all columns at once", &["bench-tax.csv"], tax, tax_says),
     figure("## Memory, counted by the allocator", &["bench-memory.csv"], memory, memory_says),
     figure("## Rays a second", &["bench-rays.csv"], rays, rays_says),
+    figure("## The window", &["bench-view.csv"], window, window_says),
 ];
 
 const fn figure(
@@ -360,4 +361,54 @@ fn rays_says(files: &[Csv]) -> Vec<String> {
         format!("Closest hits come at {} of Embree's rate, any hits at {}.", of("closest"), of("any")),
         listed("Where Embree is faster", &slower.collect::<Vec<_>>()),
     ]
+}
+
+fn window(files: &[Csv]) -> Vec<Vec<String>> {
+    let csv = &files[0];
+    let mut table = vec![cells(&[
+        "container",
+        "pixels × columns",
+        "file",
+        "first frame, cold / warm",
+        "first picture, cold / warm",
+        "base layers, cold / warm",
+        "whole picture, cold / warm",
+        "a fader's movement to its picture: median, 95th percentile",
+        "pictures a second in a drag",
+    ])];
+    for case in csv.each("case") {
+        let value = |figure: &str| csv.figure(case, figure);
+        let moment = |name: &str| {
+            let at = |kind: &str| dashed(csv.maybe_figure(case, &format!("{kind}_{name}_milliseconds")), 0);
+            format!("{} / {} ms", at("cold"), at("warm"))
+        };
+        table.push(vec![
+            format!("`{case}.ltc`"),
+            format!("{} × {}", thousands(value("pixels")), thousands(value("columns"))),
+            bytes(value("file_bytes")),
+            moment("window"),
+            moment("first_picture"),
+            moment("base_layers"),
+            moment("whole_picture"),
+            format!("{:.1} ms, {:.1} ms", value("milliseconds_median"), value("milliseconds_95th")),
+            format!("{:.0}", value("pictures_a_second")),
+        ]);
+    }
+    table
+}
+
+fn window_says(files: &[Csv]) -> Vec<String> {
+    let csv = &files[0];
+    let all = |figure: &str| csv.each("case").into_iter().filter_map(|case| csv.maybe_figure(case, figure)).collect();
+    let (cold, warm): (Vec<f64>, Vec<f64>) =
+        (all("cold_first_picture_milliseconds"), all("warm_first_picture_milliseconds"));
+    if cold.is_empty() {
+        return Vec::new();
+    }
+    vec![format!(
+        "The first picture stands {} ms after the start of the program with the container on disk, and {} ms with it in the system's \
+cache.",
+        span(cold, 0),
+        span(warm, 0)
+    )]
 }

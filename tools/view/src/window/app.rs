@@ -20,7 +20,7 @@ use crate::WindowOptions;
 use crate::export::write_rgba;
 use crate::recent::{Recent, RecentKind};
 use crate::unsaved::LeftBehind;
-use crate::worker::{Means, SharedDevice};
+use crate::worker::{Means, Progress, SharedDevice};
 use ltm::error::{Error, Result};
 
 /// Frames that may pass without the picture before a screenshot is taken of what there is.
@@ -282,6 +282,11 @@ impl App {
     /// Pictures that have come of the open container.
     pub fn pictures(&self) -> u64 {
         self.document.as_ref().map_or(0, |document| document.shown.pictures)
+    }
+
+    /// How much of the open container is in the picture.
+    pub fn progress(&self) -> Progress {
+        self.document.as_ref().map_or(Progress::COMPLETE, |document| document.shown.progress)
     }
 
     /// Draws one frame.
