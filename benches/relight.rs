@@ -394,10 +394,10 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: 
     page_in(&container);
     let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let mut group = criterion.benchmark_group(format!("relight {name}"));
-    let cold_secs = Some(cold_secs);
-    let mut ruler = Ruler { bandwidth, reference, cold_secs, warm_secs: None, case: name.into_owned(), figures };
+    let case = name.into_owned();
+    let mut ruler = Ruler { bandwidth, reference, cold_secs: Some(cold_secs), warm_secs: None, case, figures };
     ruler.figures.add(&ruler.case, "stored_gigabytes", bytes / 1e9);
-    ruler.figures.add(&ruler.case, "direct_cold_milliseconds", 1e3 * cold_secs.unwrap_or_default());
+    ruler.figures.add(&ruler.case, "direct_cold_milliseconds", 1e3 * cold_secs);
     ruler.measure_direct(&matrix, &lighting);
     measure(&container, &lighting, &mut ruler, &mut group);
     group.finish();
