@@ -107,8 +107,8 @@ pub(super) fn trace_sample(
     let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Use::Pixel, 0));
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
     let mut record = Record { sums, planes, half, features, cost: PathCost::default() };
-    let map = paths.photons.map_or(0, |photons| photons.map_of(sample));
-    paths.follow((camera.eye, camera.direction(position)), map, sampler, &mut record);
+    let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
+    paths.follow((camera.eye, camera.direction(position)), maps, sampler, &mut record);
     if let Some(planes) = record.planes {
         planes.add_features(&record.features);
     }
@@ -116,8 +116,9 @@ pub(super) fn trace_sample(
 }
 
 impl Paths<'_> {
-    /// Follows the path of a ray, which gathers photons of `map`.
-    fn follow(&self, ray: (Vec3, Vec3), map: u32, sampler: &Sampler, record: &mut Record<'_, '_>) {
+    /// Follows the path of a ray, which gathers photons of the first of `maps` where it is first scattered, and of the second
+    /// later.
+    fn follow(&self, ray: (Vec3, Vec3), maps: [u32; 2], sampler: &Sampler, record: &mut Record<'_, '_>) {
         let (world, (mut origin, mut direction)) = (self.world, ray);
         let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
         let mut last =
@@ -171,6 +172,7 @@ impl Paths<'_> {
                     let pair = sampler.member(Use::Light, vertex, member, light_samples);
                     at.sample_light(world, &chances, throughput, (pair, light_samples), layer, record);
                 }
+                let map = maps[usize::from(layer == Layer::Indirect)];
                 radius = self
                     .photons
                     .map(|photons| at.gather(photons, map, self.max_depth - vertex - 1, throughput, record));

@@ -54,6 +54,11 @@ const OF_MAP: u64 = 1 << 16;
 /// pixels 32 maps of 2¹⁶ photons in place of 16 take 1.06 to 1.13 times the time for 0.94 to 1.00 of the squared error.
 const FEW_MAPS: u32 = 16;
 
+/// Maps that surfaces gather from which a path comes to after the first: so few that they stay in the processor's cache, where
+/// places scatter over the scene. Even, as above. At 64 samples of 192 × 192 pixels, lights by water, rendering takes 0.9 of the time;
+/// single texels of 256 have up to 1.03 times the squared error of a pixel at 256 samples, and wider lightings the same.
+const LATER_MAPS: u32 = 4;
+
 /// Maps that are made at once.
 const AT_ONCE: u32 = 4;
 
@@ -321,7 +326,7 @@ impl Photons {
         }
         let numbers = Numbers::of(scene, pixels, settings);
         let of = |maps: u32| Numbers { maps: numbers.maps.min(maps), ..numbers }.all();
-        let in_map = size_of::<Leaf>() / (LANES / 2) + Near::BYTES_PER_POINT;
+        let in_map = size_of::<Leaf>() / LANES + Near::BYTES_PER_POINT;
         // Some as they come, while they are put into leaves; and where the first lie.
         let sorting = of(AT_ONCE) * (size_of::<Photon>() + in_map) as u64;
         let places = of(FEW_MAPS) * RadiusField::BYTES_PER_PHOTON as u64;
@@ -338,9 +343,10 @@ impl Photons {
         self.maps.iter().map(|map| map.count).sum()
     }
 
-    /// The map that a sample gathers from.
-    pub(super) fn map_of(&self, sample: u32) -> u32 {
-        sample % self.maps.len() as u32
+    /// The maps that a sample gathers from: where its path is first scattered, and later.
+    pub(super) fn maps_of(&self, sample: u32) -> [u32; 2] {
+        let maps = self.maps.len() as u32;
+        [maps, maps.min(LATER_MAPS)].map(|maps| sample % maps)
     }
 
     /// How far a surface gathers photons.

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use super::tree::Tree;
+use super::tree::bounds;
 
 /// Children of a node, and most points of a leaf.
 pub(in crate::trace) const LANES: usize = 8;
@@ -59,7 +59,10 @@ const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 impl Near {
     /// Sorts `points` and prepares to look for them. Also which of them each leaf holds.
     pub(super) fn sort<T>(points: &mut [T], position: impl Fn(&T) -> Vec3 + Copy) -> (Self, Vec<Range<usize>>) {
-        let ranges = Tree::sort(points, LANES, position).leaves();
+        part(points, position);
+        // One even where there are no points.
+        let starts = (0..points.len().max(1)).step_by(LANES);
+        let ranges: Vec<Range<usize>> = starts.map(|start| start..points.len().min(start + LANES)).collect();
         let leaf = |range: &Range<usize>| {
             let mut leaf = Leaf { points: [[f32::INFINITY; LANES]; 3] };
             for (lane, point) in points[range.clone()].iter().enumerate() {
@@ -84,8 +87,8 @@ impl Near {
         }
     }
 
-    /// Bytes for each point, at most: leaves are at least half full, but for the first.
-    pub(super) const BYTES_PER_POINT: usize = (size_of::<Leaf>() + size_of::<Boxes>() / 4) / (LANES / 2) + 8;
+    /// Bytes for each point: all leaves are full, but for the last.
+    pub(super) const BYTES_PER_POINT: usize = (size_of::<Leaf>() + size_of::<Boxes>() / 7) / LANES + 8;
 
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
@@ -159,6 +162,25 @@ impl Near {
             }
         }
     }
+}
+
+/// Sorts points so that eight in turn lie near one another, and so do eight such leaves in turn, eight of these, and so on: ranges are
+/// parted as near to the middle as whole nodes allow, along the axis on which they reach farthest.
+fn part<T>(points: &mut [T], position: impl Fn(&T) -> Vec3 + Copy) {
+    let leaves = points.len().div_ceil(LANES);
+    if leaves <= 1 {
+        return;
+    }
+    // Leaves below a child of the node that holds them all.
+    let whole = LANES.pow((leaves - 1).ilog(LANES));
+    let middle = ((leaves + whole) / (2 * whole)).max(1) * whole * LANES;
+    let (low, high) = bounds(points.iter().map(position));
+    let extent = high - low;
+    let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
+    points.select_nth_unstable_by(middle, |a, b| position(a)[axis].total_cmp(&position(b)[axis]));
+    let (left, right) = points.split_at_mut(middle);
+    part(left, position);
+    part(right, position);
 }
 
 /// Has an item brought into the cache, which is some hundred cycles away, while others are worked on.
