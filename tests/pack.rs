@@ -312,6 +312,44 @@ fn cleaned_images_are_nearer_to_the_truth_and_unlit_lamps_stay_dark() {
     }
 }
 
+/// Cleaning goes down the image in strips, whose borders are those of blocks but at the end.
+#[test]
+fn images_of_any_height_keep_their_light_in_every_row() {
+    for (width, height, side) in
+        [(24, 72, 32), (24, 100, 32), (24, 144, 32), (40, 161, 16), (161, 24, 16), (16, 129, 64)]
+    {
+        let folder = tempfile::tempdir().unwrap();
+        let mut room = BuiltIn { width, height, texels: 4 }.named("diffuse").unwrap();
+        (room.settings.samples_per_pixel, room.settings.block_side) = (16, side);
+        let (stored, packed) = (folder.path().join("room.ltm"), folder.path().join("room.ltc"));
+        pipeline::render(room, &stored, &RenderOptions::default(), &Quiet).unwrap();
+        let matrix = StoreReader::open(&stored).unwrap();
+        pack(&matrix, &packed, &PackOptions { denoise: true, ..PackOptions::default() });
+        let container = ContainerReader::open(&packed).unwrap();
+        let shape = matrix.shape();
+        let [mut before, mut after] = [0, 1].map(|_| vec![0.0f64; height as usize]);
+        let mut block = TracedBlock::default();
+        for id in shape.blocks() {
+            matrix.read_block(id, &mut block).unwrap();
+            let cleaned = container.read_layers(id, 0..container.layer_count(id)).unwrap().expand();
+            let rect = shape.rect(id);
+            for (sums, entries) in [(&mut before, block.block.entries()), (&mut after, cleaned.entries())] {
+                for (i, entry) in entries.iter().enumerate() {
+                    let pixel = i as u32 % (rect.width * rect.height);
+                    sums[(rect.y + pixel / rect.width) as usize] += f64::from(*entry);
+                }
+            }
+        }
+        for (y, (before, after)) in before.iter().zip(&after).enumerate() {
+            // The noise of a row of so few samples, and what the filter takes from rows above and below.
+            assert!((0.7..1.4).contains(&(after / before)), "{width} × {height}, row {y}: {after} of {before}");
+        }
+        let sum = |rows: &[f64]| rows.iter().sum::<f64>();
+        let kept = sum(&after) / sum(&before);
+        assert!((kept - 1.0).abs() < 0.02, "{width} × {height}: {kept}");
+    }
+}
+
 #[test]
 fn a_pack_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();

@@ -152,6 +152,9 @@ impl Gathering {
         at_once: usize,
         cleaning: &mut Cleaning<'_>,
     ) -> Result<()> {
+        if wanted.is_empty() {
+            return Ok(());
+        }
         let side = self.shape.block_side();
         let blocks = |begin: u32, size: u32| begin / side..(begin + size).div_ceil(side);
         let part = PixelRect { y: whole.y + wanted.start as u32, height: wanted.len() as u32, ..whole };
