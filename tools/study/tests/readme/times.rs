@@ -279,12 +279,57 @@ samples.",
             list(&samples)
         ));
     }
+    says.extend(samples.iter().filter_map(|s| {
+        let rival = speed.maybe(&[("way", LLVM), ("samples_per_px", s)])?;
+        Some(as_near_without_denoiser(speed, rival))
+    }));
     for s in &samples {
         if let Some(rival) = speed.maybe(&[("way", DENOISED), ("samples_per_px", s)]) {
             says.push(against_denoised(speed, rival));
         }
     }
     says
+}
+
+/// What our tracer takes for one lighting to be as near as a renderer without a denoiser.
+fn as_near_without_denoiser(speed: &Csv, rival: &Row) -> String {
+    let seconds = number(rival, "relight_cpu_secs");
+    let measures = [("clip", "all_on_clip_db"), ("ꟻLIP", "all_on_flip")];
+    let takes: Vec<String> = measures
+        .iter()
+        .map(|(name, column)| {
+            let times = match seconds_at(speed, column, number(rival, column)) {
+                Ok(ours) => format!("{:.2}", ours / seconds),
+                Err(bound) => format!("at most {:.2}", bound / seconds),
+            };
+            format!("{times} times its processors' seconds in {name}")
+        })
+        .collect();
+    format!(
+        "To be as near as its image of {} samples our tracer takes for one lighting {}.",
+        text(rival, "samples_per_px"),
+        list(&takes)
+    )
+}
+
+/// Processors' seconds in which our tracer renders one lighting with an error, on the line between two measured numbers of samples on
+/// logarithmic axes; those of the fewest samples, as a bound, where these are nearer already.
+fn seconds_at(speed: &Csv, column: &str, error: f64) -> Result<f64, f64> {
+    // Decibels are logarithms, smaller for a larger error.
+    let size = |error: f64| if column.ends_with("_db") { -error } else { error.ln() };
+    let points: Vec<(f64, f64)> = speed
+        .rows
+        .iter()
+        .filter(|row| text(row, "way") == AGAIN)
+        .map(|row| (number(row, "relight_cpu_secs").ln(), size(number(row, column))))
+        .collect();
+    let error = size(error);
+    if points[0].1 <= error {
+        return Err(points[0].0.exp());
+    }
+    let after = points.iter().position(|point| point.1 <= error).expect("a measured number of samples is as near");
+    let [(early, large), (late, small)] = [points[after - 1], points[after]];
+    Ok((early + (late - early) * (large - error) / (large - small)).exp())
 }
 
 /// When ours is as near as a renderer with a denoiser, and after how many images it has taken less.
