@@ -21,6 +21,8 @@
 #[path = "relight/direct.rs"]
 mod direct;
 mod figures;
+#[path = "figures/files.rs"]
+mod files;
 #[path = "../tests/relight_source/mod.rs"]
 mod relight_source;
 
@@ -178,13 +180,6 @@ fn page_in(container: &ContainerReader) {
         container.file_bytes() as f64 / 1e6,
         factor_bytes as f64 / 1e6,
     );
-}
-
-/// Lets the system forget what it holds of a file, as far as it does on request.
-fn forget(path: &Path) {
-    let file = std::fs::File::open(path).unwrap();
-    file.sync_all().unwrap();
-    rustix::fs::fadvise(&file, 0, None, rustix::fs::Advice::DontNeed).unwrap();
 }
 
 /// The rates of this machine in this run, and the error that every figure is printed with.
@@ -364,7 +359,7 @@ fn measure_gpu(
 fn cold_product(path: &Path, lighting: &Lighting) -> (LinearImage, f64) {
     let mut rounds: Vec<(LinearImage, f64)> = (0..COLD_ROUNDS)
         .map(|_| {
-            forget(path);
+            files::forget(path);
             let matrix = StoreReader::open(path).unwrap();
             let start = Instant::now();
             let image = relight_raw(&matrix, std::slice::from_ref(lighting)).unwrap().remove(0);
@@ -404,19 +399,13 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: 
     ruler.figures
 }
 
-/// The command as it is typed in the folder of the matrices.
-fn own_command(stems: &[PathBuf]) -> String {
-    let name = |stem: &PathBuf| format!("$PWD/{}", stem.file_name().unwrap_or_default().display());
-    let names: Vec<String> = stems.iter().map(name).collect();
-    format!("LTM_BENCH_MATRIX={} cargo bench --bench relight", names.join(":"))
-}
-
 fn main() {
     let mut criterion = Criterion::default().without_plots().sample_size(10).configure_from_args();
     let bandwidth = read_bandwidth();
     if let Some(stems) = std::env::var_os("LTM_BENCH_MATRIX") {
         let stems: Vec<PathBuf> = std::env::split_paths(&stems).collect();
-        let figures = Figures::new("bench-relight-own", &own_command(&stems));
+        let command = format!("LTM_BENCH_MATRIX={} cargo bench --bench relight", files::typed(&stems));
+        let figures = Figures::new("bench-relight-own", &command);
         let measured = |figures, stem: &PathBuf| measure_own(stem, bandwidth, &mut criterion, figures);
         stems.iter().fold(figures, measured).write();
         return criterion.final_summary();

@@ -337,13 +337,8 @@ fn trace_all(tracer: &Tracer, shape: MatrixShape) {
 
 /// Seconds that all threads of this process have run, in the system as well.
 fn processors_seconds() -> f64 {
-    /// Ticks of this clock in a second, as Linux counts them for programs.
-    const TICKS: f64 = 100.0;
-    let told = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // The second field, in brackets, is a name and may have spaces.
-    let behind = told.rsplit_once(')').map_or("", |(_, rest)| rest);
-    let ticks = behind.split_whitespace().skip(11).take(2).filter_map(|field| field.parse::<f64>().ok());
-    ticks.sum::<f64>() / TICKS
+    let told = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    told.tv_sec as f64 + 1e-9 * told.tv_nsec as f64
 }
 
 fn peak_memory() -> String {

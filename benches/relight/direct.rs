@@ -2,6 +2,7 @@
 
 use std::sync::Mutex;
 
+use ltm::host::budget_bytes;
 use ltm::light::Lighting;
 use ltm::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 use rayon::prelude::*;
@@ -28,7 +29,7 @@ impl InMemory {
     pub(crate) fn load(source: &dyn BlockSource) -> Option<Self> {
         let shape = source.shape();
         // The system's own cache and the factors need some as well.
-        if spare_bytes()? < shape.raw_bytes() + (2 << 30) {
+        if budget_bytes(None) < shape.raw_bytes() + (2 << 30) {
             return None;
         }
         let read = |scratch: &mut TracedBlock, id: u32| {
@@ -120,11 +121,4 @@ impl pulp::NullaryFnOnce for Product<'_> {
             }
         }
     }
-}
-
-/// Bytes of memory that the system could give, its cache included.
-fn spare_bytes() -> Option<u64> {
-    let told = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = told.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    Some(1024 * line.trim().trim_end_matches(" kB").parse::<u64>().ok()?)
 }

@@ -140,7 +140,8 @@ impl<'a> Cleaning<'a> {
         read + held + (more + passing) as u64
     }
 
-    /// The rows that it wants next, before anything can be cleaned; none where all is cleaned.
+    /// The rows that it wants next, before anything can be cleaned; none where all is cleaned. The range is empty where it has all rows
+    /// already.
     pub fn wants(&mut self) -> Option<Range<usize>> {
         let begin = self.next.end;
         if begin >= self.region.y.end {

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use super::tree::bounds;
+use super::tree::part_at;
 
 /// Children of a node, and most points of a leaf.
 pub(in crate::trace) const LANES: usize = 8;
@@ -174,10 +174,7 @@ fn part<T>(points: &mut [T], position: impl Fn(&T) -> Vec3 + Copy) {
     // Leaves below a child of the node that holds them all.
     let whole = LANES.pow((leaves - 1).ilog(LANES));
     let middle = ((leaves + whole) / (2 * whole)).max(1) * whole * LANES;
-    let (low, high) = bounds(points.iter().map(position));
-    let extent = high - low;
-    let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
-    points.select_nth_unstable_by(middle, |a, b| position(a)[axis].total_cmp(&position(b)[axis]));
+    part_at(points, middle, position);
     let (left, right) = points.split_at_mut(middle);
     part(left, position);
     part(right, position);

@@ -26,11 +26,8 @@ impl Tree {
             return;
         }
         let middle = points.len() / 2;
-        let (low, high) = bounds(points.iter().map(position));
-        let extent = high - low;
-        let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
         if middle < points.len() {
-            points.select_nth_unstable_by(middle, |a, b| position(a)[axis].total_cmp(&position(b)[axis]));
+            let axis = part_at(points, middle, position);
             self.planes[node] = (position(&points[middle])[axis], axis as u32);
         }
         let (left, right) = points.split_at_mut(middle);
@@ -59,6 +56,16 @@ impl Tree {
         }
         leaves
     }
+}
+
+/// Sorts points so that those before `middle`, an index of one of them, lie no farther along an axis than those from there on. Returns
+/// the axis: the one on which they reach farthest.
+pub(super) fn part_at<T>(points: &mut [T], middle: usize, position: impl Fn(&T) -> Vec3 + Copy) -> usize {
+    let (low, high) = bounds(points.iter().map(position));
+    let extent = high - low;
+    let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
+    points.select_nth_unstable_by(middle, |a, b| position(a)[axis].total_cmp(&position(b)[axis]));
+    axis
 }
 
 /// The box around points.

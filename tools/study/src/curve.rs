@@ -8,7 +8,7 @@ pub(super) struct Gain {
 }
 
 /// The value at `x` of the straight lines between points, in any order; none outside them.
-pub(super) fn at(points: &[(f64, f64)], x: f64) -> Option<f64> {
+pub fn at(points: &[(f64, f64)], x: f64) -> Option<f64> {
     let mut points = points.to_vec();
     points.sort_by(|a, b| a.0.total_cmp(&b.0));
     if let Some(exact) = points.iter().find(|p| p.0 == x) {

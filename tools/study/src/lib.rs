@@ -8,7 +8,7 @@ mod ablation;
 mod bench;
 mod chart;
 mod codecs;
-mod curve;
+pub mod curve;
 mod dct;
 mod equal;
 mod exchange;

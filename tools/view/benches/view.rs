@@ -17,6 +17,8 @@ mod container;
 mod driver;
 #[path = "../../../benches/figures/mod.rs"]
 mod figures;
+#[path = "../../../benches/figures/files.rs"]
+mod files;
 #[path = "view/first_picture.rs"]
 mod first_picture;
 
@@ -67,8 +69,7 @@ fn main() -> ExitCode {
 /// The command as it is typed in the folder of the containers.
 fn command(paths: &[PathBuf]) -> String {
     let device = std::env::var_os("LTM_VIEW_DEVICE").map_or("", |_| "LTM_VIEW_DEVICE=1 ");
-    let name = |path: &PathBuf| format!("$PWD/{}", path.file_name().unwrap_or_default().display());
-    match paths.iter().map(name).collect::<Vec<_>>().join(":").as_str() {
+    match files::typed(paths).as_str() {
         "" => format!("{device}cargo bench -p ltm-view"),
         names => format!("{device}LTM_VIEW_CONTAINER={names} cargo bench -p ltm-view"),
     }

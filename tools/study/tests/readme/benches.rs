@@ -123,11 +123,7 @@ fn coding(files: &[Csv]) -> Vec<Vec<String>> {
 
 fn coding_says(files: &[Csv]) -> Vec<String> {
     let csv = &files[0];
-    let ratios: Vec<(&str, f64)> = csv
-        .each("case")
-        .into_iter()
-        .filter_map(|case| Some((case, csv.maybe_figure(case, "bytes_over_ours")?)))
-        .collect();
+    let ratios = csv.figures("bytes_over_ours");
     let (nearest, least) = ratios.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("a rival");
     let smaller: Vec<String> =
         ratios.iter().filter(|(_, ratio)| *ratio < 1.0).map(|(case, ratio)| format!("{case} ({ratio:.2})")).collect();
@@ -341,11 +337,7 @@ fn rays(files: &[Csv]) -> Vec<Vec<String>> {
 
 fn rays_says(files: &[Csv]) -> Vec<String> {
     let csv = &files[0];
-    let ratios: Vec<(&str, f64)> = csv
-        .each("case")
-        .into_iter()
-        .filter_map(|case| Some((case, csv.maybe_figure(case, "ours_over_embree")?)))
-        .collect();
+    let ratios = csv.figures("ours_over_embree");
     if ratios.is_empty() {
         return Vec::new();
     }
@@ -399,16 +391,14 @@ fn window(files: &[Csv]) -> Vec<Vec<String>> {
 
 fn window_says(files: &[Csv]) -> Vec<String> {
     let csv = &files[0];
-    let all = |figure: &str| csv.each("case").into_iter().filter_map(|case| csv.maybe_figure(case, figure)).collect();
-    let (cold, warm): (Vec<f64>, Vec<f64>) =
-        (all("cold_first_picture_milliseconds"), all("warm_first_picture_milliseconds"));
+    let [cold, warm] = ["cold", "warm"].map(|kind| csv.figures(&format!("{kind}_first_picture_milliseconds")));
     if cold.is_empty() {
         return Vec::new();
     }
     vec![format!(
         "The first picture stands {} ms after the start of the program with the container on disk, and {} ms with it in the system's \
 cache.",
-        span(cold, 0),
-        span(warm, 0)
+        span(cold.into_iter().map(|(_, time)| time), 0),
+        span(warm.into_iter().map(|(_, time)| time), 0)
     )]
 }

@@ -86,6 +86,12 @@ impl Csv {
         self.maybe_figure(case, figure).unwrap_or_else(|| panic!("{}: no {figure} of '{case}'", self.name))
     }
 
+    /// A figure of each case that has it.
+    pub(crate) fn figures<'a>(&'a self, figure: &str) -> Vec<(&'a str, f64)> {
+        let of = |case| Some((case, self.maybe_figure(case, figure)?));
+        self.each("case").into_iter().filter_map(of).collect()
+    }
+
     pub(crate) fn maybe_figure(&self, case: &str, figure: &str) -> Option<f64> {
         self.maybe(&[("case", case), ("figure", figure)]).map(|row| number(row, "value"))
     }

@@ -1,5 +1,7 @@
 //! Time from the scene to the image, and what it buys.
 
+use ltm_study::curve;
+
 use super::page::Figure;
 use super::published::{Csv, maybe, number, shown, text};
 use super::tables::Row;
@@ -315,19 +317,14 @@ fn as_near_without_denoiser(speed: &Csv, samples: &[&str]) -> String {
 fn seconds_at(speed: &Csv, column: &str, error: f64) -> Result<f64, f64> {
     // Decibels are logarithms, smaller for a larger error.
     let size = |error: f64| if column.ends_with("_db") { -error } else { error.ln() };
-    let points: Vec<(f64, f64)> = speed
-        .rows
-        .iter()
-        .filter(|row| text(row, "way") == AGAIN)
-        .map(|row| (number(row, "relight_cpu_secs").ln(), size(number(row, column))))
-        .collect();
-    let error = size(error);
-    if points[0].1 <= error {
-        return Err(points[0].0.exp());
+    let ours = speed.rows.iter().filter(|row| text(row, "way") == AGAIN);
+    let points: Vec<(f64, f64)> =
+        ours.map(|row| (size(number(row, column)), number(row, "relight_cpu_secs").ln())).collect();
+    let (fewest, seconds) = points[0];
+    if fewest <= size(error) {
+        return Err(seconds.exp());
     }
-    let after = points.iter().position(|point| point.1 <= error).expect("a measured number of samples is as near");
-    let [(early, large), (late, small)] = [points[after - 1], points[after]];
-    Ok((early + (late - early) * (large - error) / (large - small)).exp())
+    Ok(curve::at(&points, size(error)).expect("a measured number of samples is as near").exp())
 }
 
 /// When ours is as near as a renderer with a denoiser, and after how many images it has taken less.

@@ -12,6 +12,7 @@ use eframe::egui;
 use ltm_view::{App, WindowOptions};
 
 use super::figures::Figures;
+use super::files;
 use super::percentile;
 
 /// First argument with which this program is the viewer of the container that follows.
@@ -107,13 +108,6 @@ fn start(path: &Path) -> Option<[f64; MOMENTS.len()]> {
     moments
 }
 
-/// Lets the system forget what it holds of a file, as far as it does on request.
-fn forget(path: &Path) {
-    let file = std::fs::File::open(path).expect("the container is there");
-    file.sync_all().expect("the disk takes it");
-    rustix::fs::fadvise(&file, 0, None, rustix::fs::Advice::DontNeed).expect("it is a file");
-}
-
 /// The time to the first picture of a container, with its file in the system's cache and without, in turns.
 pub(crate) fn measure(path: &Path, case: &str, figures: &mut Figures) {
     let path = &std::path::absolute(path).expect("there is a folder");
@@ -125,7 +119,7 @@ pub(crate) fn measure(path: &Path, case: &str, figures: &mut Figures) {
     for _ in 0..STARTS {
         for (is_warm, moments) in moments.iter_mut().enumerate() {
             if is_warm == 0 {
-                forget(path);
+                files::forget(path);
             }
             let Some(took) = start(path) else { return };
             moments.iter_mut().zip(took).for_each(|(all, took)| all.push(took));
