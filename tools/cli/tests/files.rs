@@ -132,6 +132,7 @@ fn an_interrupted_program_exits_with_130_and_the_same_command_goes_on() {
         let mut child = command(at, "ltm", &long).stderr(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
         wait_for(&at.join("long.ltm.part"));
         wait_for_handler(&child, number);
+        std::thread::sleep(Duration::from_millis(100));
         signal(&child, name);
         assert_eq!(ended_within(&mut child, Duration::from_secs(60), "render"), 130);
         assert!(at.join("long.ltm.part").exists() && !at.join("long.ltm").exists());
