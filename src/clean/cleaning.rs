@@ -447,6 +447,55 @@ mod tests {
         assert!((0.96..1.04).contains(&kept), "{kept} of the light");
     }
 
+    /// All indirect light comes in one sample of some: the dark between them is no detail.
+    #[test]
+    fn light_of_few_samples_is_averaged_everywhere() {
+        let (mut window, truth) = room((96, 80), 0.0);
+        let mut random = Pcg64Mcg::seed_from_u64(5);
+        let few = 20;
+        for y in 0..window.indirect.height() {
+            for x in 0..window.indirect.width() {
+                for half in 0..2 {
+                    let scale = if random.random_range(0..few) == 0 { few as f32 } else { 0.0 };
+                    for plane in half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS {
+                        window.indirect.row_mut(plane, y)[x] *= scale;
+                    }
+                }
+            }
+        }
+        let images = clean_all(&window);
+        for (found, expected) in images.values().iter().zip(truth.values()) {
+            assert!(*found > 0.1 * expected, "{found}, not {expected}");
+        }
+    }
+
+    /// Pixels on the edge of two surfaces, which see more of the one or of the other, may be averaged with both.
+    #[test]
+    fn the_edge_of_two_surfaces_keeps_no_grain() {
+        let (mut window, _) = room((48, 40), 0.5);
+        let edge = 20;
+        let share = |x: usize| (x * 5 % 12) as f32 / 12.0;
+        for x in 0..48 {
+            let (floor, wall) = (share(x), 1.0 - share(x));
+            let albedo = 0.8 * floor + 0.4 * wall;
+            let seen = [albedo, albedo, albedo, 0.0, floor, wall];
+            seen.iter().enumerate().for_each(|(plane, &v)| window.features.row_mut(plane, edge)[x] = v);
+        }
+        let grain = |window: &Window| -> f32 {
+            let images = clean_all(window);
+            let light = |x: usize| images.row(0, edge)[x] / window.features.row(0, edge)[x];
+            (18..47).map(|x| (light(x + 1) - light(x)).powi(2)).sum()
+        };
+        let certain = grain(&window);
+        let samples = 16.0;
+        for x in 0..48 {
+            let variance = share(x) * (1.0 - share(x)) / samples;
+            (4..6).for_each(|plane| window.feature_variance.row_mut(plane, edge)[x] = variance);
+        }
+        let known = grain(&window);
+        assert!(known < 0.5 * certain, "{known}, as one surface {certain}");
+    }
+
     /// On an edge a pixel may see a bit of each surface, and be like none of its neighbours.
     #[test]
     fn a_pixel_like_no_other_does_not_keep_its_grain() {

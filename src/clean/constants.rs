@@ -16,6 +16,10 @@ pub(super) const CHROMA: f32 = 2.0;
 pub(super) const NORMAL_WIDTH: f32 = 0.2;
 pub(super) const ALBEDO_WIDTH: f32 = 0.25;
 pub(super) const SHARE_WIDTH: f32 = 0.25;
+/// Variances of normal, albedo and shares count so many times: a pixel on the edge of two surfaces is like both of them, for
+/// of its own kind there is only the edge, too little to average. Chosen with one lamp of `conference-24` at 1024 × 768 pixels,
+/// 16 and 64 samples; the same of depths was worse.
+pub(super) const FEATURE_NOISE: f32 = 16.0;
 /// Relative, of the inverse depth against the plane of the surface.
 pub(super) const DEPTH_WIDTH: f32 = 0.03;
 

@@ -18,7 +18,9 @@ pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REAC
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
 /// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
 /// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. In each cell the pixel that
-/// changes most has no say: a firefly that both halves happen to have looks like a detail, but a detail has more than one pixel.
+/// speaks most against the mean has no say: a firefly that both halves happen to have looks like a detail, but a detail has more
+/// than one pixel. The one that changes most would be another: where light comes in few samples those hold all that is known of
+/// the noise, and without them the dark between them would look like a detail.
 /// Where its own cell allows it a pixel takes as much as those beside it do in the mean.
 pub(super) fn mixed(raw: &Rows, smooth: &Rows, region: &Region, pool: &Pool) -> Rows {
     let (width, planes) = (raw.width(), raw.planes() / 2);
@@ -109,7 +111,7 @@ impl Cells {
     }
 }
 
-/// Around each pixel of a region the means of the terms: of what is gained and changed without the pixel that changes most.
+/// Around each pixel of a region the means of the terms: of what is gained and changed without the pixel that speaks most against.
 fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
     let (width, height) = (terms.width(), terms.height());
     let mut cells = pool.rows_like(terms, terms.planes(), region.y.clone());
@@ -118,8 +120,8 @@ fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
         let (gained, rest) = row.split_at_mut(width);
         let (changed, squared) = rest.split_at_mut(width);
         let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[region.x.clone()]);
-        // Of the pixel that changes most so far, what is gained and changed; and how many pixels there were.
-        let mut most = vec![[0.0f32; 2]; region.x.len()];
+        // Of the pixel that speaks most against the mean so far, what is gained and changed; and how many pixels there were.
+        let mut least = vec![[0.0f32; 2]; region.x.len()];
         let mut count = vec![0.0f32; region.x.len()];
         for y in y.saturating_sub(CELL_REACH)..(y + CELL_REACH + 1).min(height) {
             let from = [0, 1, 2].map(|term| terms.row(term, y));
@@ -127,11 +129,11 @@ fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
                 let from = from.map(|row| &row[there.clone()]);
                 for (i, x) in here.enumerate() {
                     let [gain, change, light] = from.map(|row| row[i]);
-                    let [most_gain, most_change] = most[x];
-                    let is_most = change > most_change;
-                    gained[x] += if is_most { most_gain } else { gain };
-                    changed[x] += if is_most { most_change } else { change };
-                    most[x] = if is_most { [gain, change] } else { most[x] };
+                    let [least_gain, least_change] = least[x];
+                    let is_least = count[x] == 0.0 || change - gain > least_change - least_gain;
+                    gained[x] += if is_least { least_gain } else { gain };
+                    changed[x] += if is_least { least_change } else { change };
+                    least[x] = if is_least { [gain, change] } else { least[x] };
                     squared[x] += light;
                     count[x] += 1.0;
                 }

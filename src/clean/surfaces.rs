@@ -2,7 +2,7 @@
 
 use pulp::Simd;
 
-use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, NORMAL_WIDTH, SHARE_WIDTH};
+use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, FEATURE_NOISE, NORMAL_WIDTH, SHARE_WIDTH};
 use super::kernel::Offset;
 use super::rows::{Pool, Region, Rows};
 use super::stage::{Stage, Step, Track};
@@ -18,8 +18,9 @@ const COMPARED: usize = 8;
 const WIDTHS: [f32; COMPARED] =
     [NORMAL_WIDTH, NORMAL_WIDTH, NORMAL_WIDTH, ALBEDO_WIDTH, ALBEDO_WIDTH, ALBEDO_WIDTH, SHARE_WIDTH, SHARE_WIDTH];
 
-/// What pixels see, made ready for comparing: the compared planes, each in units of its width; half the variance of the sum of
-/// those; the inverse depth, its slope across, its slope down (planes are planes in it, whatever their tilt) and its variance.
+/// What pixels see, made ready for comparing: the compared planes, each in units of its width; the variance of the sum of
+/// those as [`FEATURE_NOISE`] takes it; the inverse depth, its slope across, its slope down (planes are planes in it, whatever
+/// their tilt) and its variance.
 pub(super) struct Surfaces {
     planes: Rows,
     track: Track,
@@ -62,7 +63,7 @@ impl Surfaces {
             match plane {
                 NOISE => {
                     for (plane, width) in order.iter().zip(WIDTHS) {
-                        let scale = 1.0 / (width * width);
+                        let scale = FEATURE_NOISE / (width * width);
                         out.iter_mut().zip(variance.row(*plane, y)).for_each(|(o, v)| *o += v * scale);
                     }
                 }
