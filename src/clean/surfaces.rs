@@ -63,9 +63,13 @@ impl Surfaces {
             match plane {
                 NOISE => {
                     for (plane, width) in order.iter().zip(WIDTHS) {
-                        let scale = FEATURE_NOISE / (width * width);
+                        let scale = 1.0 / (width * width);
                         out.iter_mut().zip(variance.row(*plane, y)).for_each(|(o, v)| *o += v * scale);
                     }
+                    let specular = features.row(SPECULAR, y);
+                    out.iter_mut()
+                        .zip(specular)
+                        .for_each(|(o, share)| *o *= 1.0 + (FEATURE_NOISE - 1.0) * (1.0 - share));
                 }
                 INVERSE_DEPTH => out.copy_from_slice(row),
                 SLOPE_ACROSS => {
