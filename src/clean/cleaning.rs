@@ -245,6 +245,8 @@ mod tests {
 
     const CLUSTERS: usize = 2;
     const REACH: Reach = Reach { stride: 3 };
+    /// That of larger images.
+    const FAR: Reach = Reach { stride: 4 };
 
     /// What is known of an image, all rows.
     #[derive(Clone)]
@@ -307,7 +309,7 @@ mod tests {
     }
 
     /// In steps of blocks so high, with memory that others have used: of the image and of the squares all rows.
-    fn clean_in_steps(window: &Window, region: &Region, guides: &Guides, block: usize) -> Cleaned {
+    fn clean_in_steps(window: &Window, region: &Region, guides: &Guides, (block, reach): (usize, Reach)) -> Cleaned {
         let size = (window.features.width(), window.features.height());
         let pool = Pool::default();
         for planes in [1, 3, 4, 10, 12, 16, 16] {
@@ -315,7 +317,7 @@ mod tests {
             used.values_mut().fill(f32::NAN);
             pool.keep(used);
         }
-        let mut cleaning = Cleaning::new((size, block), region.clone(), 10, guides, (REACH, &pool));
+        let mut cleaning = Cleaning::new((size, block), region.clone(), 10, guides, (reach, &pool));
         let zeros = |planes| Rows::zeros(size.0, size.1, planes);
         let mut all = Cleaned { images: zeros(3 * CLUSTERS), squares: zeros(errors::PLANES) };
         while let Some(wanted) = cleaning.wants() {
@@ -343,7 +345,7 @@ mod tests {
     }
 
     fn clean(window: Window, region: &Region, guides: &Guides) -> Cleaned {
-        clean_in_steps(&window, region, guides, 32)
+        clean_in_steps(&window, region, guides, (32, REACH))
     }
 
     fn clean_all(window: &Window) -> Rows {
@@ -513,15 +515,19 @@ mod tests {
     fn images_do_not_depend_on_how_many_rows_are_cleaned_at_once() {
         let (window, _) = room((40, 330), 0.5);
         let guides = guides(&window);
-        let whole = clean_in_steps(&window, &window.features.whole(), &guides, 330);
-        for block in [32, 50, 128] {
-            assert_eq!(clean_in_steps(&window, &window.features.whole(), &guides, block), whole, "blocks of {block}");
-        }
-        // A part of it, from where what is around it lies within the image.
-        let part = Region { x: 0..40, y: 150..200 };
-        let cleaned = clean_in_steps(&window, &part, &guides, 32);
-        for y in part.y {
-            (0..3 * CLUSTERS).for_each(|plane| assert_eq!(cleaned.images.row(plane, y), whole.images.row(plane, y)));
+        for reach in [REACH, FAR] {
+            let whole = clean_in_steps(&window, &window.features.whole(), &guides, (330, reach));
+            for block in [32, 50, 128] {
+                let cleaned = clean_in_steps(&window, &window.features.whole(), &guides, (block, reach));
+                assert_eq!(cleaned, whole, "blocks of {block}, {reach:?}");
+            }
+            // A part of it, from where what is around it lies within the image.
+            let part = Region { x: 0..40, y: 150..200 };
+            let cleaned = clean_in_steps(&window, &part, &guides, (32, reach));
+            for y in part.y {
+                (0..3 * CLUSTERS)
+                    .for_each(|plane| assert_eq!(cleaned.images.row(plane, y), whole.images.row(plane, y)));
+            }
         }
     }
 
@@ -530,15 +536,18 @@ mod tests {
         let (width, block) = (40, 32);
         let (window, _) = room((width, 500), 0.5);
         let guides = guides(&window);
-        let pool = Pool::default();
-        let mut cleaning = Cleaning::new(((width, 500), block), window.features.whole(), 10, &guides, (REACH, &pool));
-        let said = Cleaning::bytes_across(REACH, CLUSTERS, 10, block) as usize * width;
-        while let Some(wanted) = cleaning.wants() {
-            let cleaned = cleaning.clean(&wanted);
-            cleaned.keep_in(&pool);
-            let held = cleaning.held_bytes() + pool.bytes();
-            assert!(held <= said, "{held} of {said} at {wanted:?}");
-            assert!(held > said / 3, "{said} for {held}");
+        for reach in [REACH, FAR] {
+            let pool = Pool::default();
+            let settings = (reach, &pool);
+            let mut cleaning = Cleaning::new(((width, 500), block), window.features.whole(), 10, &guides, settings);
+            let said = Cleaning::bytes_across(reach, CLUSTERS, 10, block) as usize * width;
+            while let Some(wanted) = cleaning.wants() {
+                let cleaned = cleaning.clean(&wanted);
+                cleaned.keep_in(&pool);
+                let held = cleaning.held_bytes() + pool.bytes();
+                assert!(held <= said, "{held} of {said} at {wanted:?}");
+                assert!(held > said / 3, "{said} for {held}");
+            }
         }
     }
 

@@ -60,7 +60,8 @@ pub(super) struct Direct<'a> {
     raw_guide: HeldGuide,
     pilot: Held,
     guide: HeldGuide,
-    means: Held,
+    wide: Held,
+    narrow: Held,
 }
 
 impl<'a> Direct<'a> {
@@ -75,19 +76,20 @@ impl<'a> Direct<'a> {
             raw_guide: HeldGuide::new(stages.raw_guide, RAW, region, size, step),
             pilot: held(stages.pilot),
             guide: HeldGuide::new(stages.guide, FILTERED, region, size, step),
-            means: held(stages.means),
+            wide: held(stages.wide),
+            narrow: held(stages.narrow),
         }
     }
 
     /// What comes out.
     pub(super) fn means(&self) -> &Rows {
-        &self.means.rows
+        &self.narrow.rows
     }
 
     /// All rows that are held.
     #[cfg(test)]
     pub(super) fn all_rows(&self) -> Vec<&Rows> {
-        let means = [&self.mixtures, &self.pilot, &self.means].map(|held| &held.rows);
+        let means = [&self.mixtures, &self.pilot, &self.wide, &self.narrow].map(|held| &held.rows);
         means.into_iter().chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
@@ -98,15 +100,14 @@ impl<'a> Direct<'a> {
         self.raw_guide.advance(&self.mixtures.rows, step, pool);
         let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
         let alike = Alike { surfaces, guide: &self.raw_guide.guide, widths, radius: None };
-        let offsets = self.reach.direct_offsets(self.reach.direct_pilot());
         let region = self.pilot.advance(step);
-        alike.means(&self.mixtures.rows, &offsets, 0.0).fill(&region, &mut self.pilot.rows);
+        alike.means(&self.mixtures.rows, &self.reach.direct_pilot(), 0.0).fill(&region, &mut self.pilot.rows);
         self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
-        let alike = Alike { surfaces, guide: &self.guide.guide, widths, radius: Some(self.reach.direct()) };
-        let offsets = self.reach.direct_offsets(self.reach.direct());
-        let region = self.means.advance(step);
-        alike.means(light, &offsets, SLOPE).fill(&region, &mut self.means.rows);
+        let alike = Alike { surfaces, guide: &self.guide.guide, widths, radius: None };
+        let both = (&mut self.wide, &mut self.narrow);
+        let offsets = [self.reach.direct(), self.reach.direct_narrow()];
+        wide_then_narrow((light, both), step, (alike, SLOPE), &offsets);
     }
 }
 
@@ -165,11 +166,12 @@ impl<'a> Indirect<'a> {
         let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
         let alike = Alike { surfaces, guide: &self.raw_guide.guide, widths, radius: None };
         let both = (&mut self.pilot_wide, &mut self.pilot);
-        wide_then_narrow((&self.mixtures.rows, both), step, (alike, PILOT_SLOPE), self.reach);
+        let offsets = [self.reach.wide(), self.reach.narrow()];
+        wide_then_narrow((&self.mixtures.rows, both), step, (alike, PILOT_SLOPE), &offsets);
         self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
         let alike = Alike { surfaces, guide: &self.guide.guide, widths, radius: None };
-        wide_then_narrow((light, (&mut self.wide, &mut self.narrow)), step, (alike, SLOPE), self.reach);
+        wide_then_narrow((light, (&mut self.wide, &mut self.narrow)), step, (alike, SLOPE), &offsets);
         let alone = Alone {
             surfaces,
             widths: GuideWidths { noise: ALONE_NOISE, relative: ALONE_RELATIVE },
@@ -183,21 +185,19 @@ impl<'a> Indirect<'a> {
     }
 }
 
-/// A wide filter that reads some of the pixels, then a narrow one that reads all.
+/// A wide filter, which may pass pixels over, then a narrow one that reads all.
 fn wide_then_narrow(
     (light, (wide, narrow)): (&Rows, (&mut Held, &mut Held)),
     step: &Step<'_>,
     (mut alike, slope): (Alike<'_>, f32),
-    reach: Reach,
+    [of_wide, of_narrow]: &[Offsets; 2],
 ) {
-    let offsets = Offsets::disc(reach.wide(), reach.stride);
-    alike.radius = Some(reach.wide());
+    alike.radius = Some(of_wide.radius());
     let region = wide.advance(step);
-    alike.means(light, &offsets, slope).fill(&region, &mut wide.rows);
-    let offsets = Offsets::disc(INDIRECT_NARROW, 1);
-    alike.radius = Some(INDIRECT_NARROW);
+    alike.means(light, of_wide, slope).fill(&region, &mut wide.rows);
+    alike.radius = Some(of_narrow.radius());
     let region = narrow.advance(step);
-    alike.means(&wide.rows, &offsets, slope).fill(&region, &mut narrow.rows);
+    alike.means(&wide.rows, of_narrow, slope).fill(&region, &mut narrow.rows);
 }
 
 /// Weights by the guide, by what is seen, and by the distance within a radius.
@@ -241,6 +241,6 @@ impl Weigh for Alike<'_> {
 }
 
 pub(super) fn nearness((across, down): Offset, radius: usize) -> f32 {
-    let width = radius as f32 * NEARNESS;
+    let width = radius.max(1) as f32 * NEARNESS;
     (across * across + down * down) as f32 / (2.0 * width * width)
 }

@@ -22,24 +22,38 @@ impl Reach {
         Self { stride: ((side / SIDE_OF_STRIDE).round() as usize).clamp(INDIRECT_STRIDE.0, INDIRECT_STRIDE.1) }
     }
 
-    /// Radius of the filter of direct light.
-    pub(super) fn direct(self) -> usize {
-        DIRECT * self.stride / INDIRECT_STRIDE.0
+    fn is_far(self) -> bool {
+        self.stride > INDIRECT_STRIDE.0
     }
 
-    /// Radius of the filter of the guides of direct light.
-    pub(super) fn direct_pilot(self) -> usize {
-        DIRECT_PILOT * self.stride / INDIRECT_STRIDE.0
+    /// What the filter of direct light reads.
+    pub(super) fn direct(self) -> Offsets {
+        if self.is_far() {
+            Offsets::disc(DIRECT_WIDE * self.stride, self.stride)
+        } else {
+            Offsets::thinned(DIRECT, DIRECT_DENSE, 2)
+        }
     }
 
-    /// What those read within a radius: the wider it is, the fewer of the pixels.
-    pub(super) fn direct_offsets(self, radius: usize) -> Offsets {
-        Offsets::thinned(radius, DIRECT_DENSE, if self.stride == INDIRECT_STRIDE.0 { 2 } else { 5 })
+    /// What the filter after that reads, which is there where the first passes pixels over.
+    pub(super) fn direct_narrow(self) -> Offsets {
+        Offsets::disc(if self.is_far() { DIRECT_NARROW } else { 0 }, 1)
     }
 
-    /// Radius of the wide filter of indirect light.
-    pub(super) fn wide(self) -> usize {
-        INDIRECT_WIDE * self.stride
+    /// What the filter of the guides of direct light reads.
+    pub(super) fn direct_pilot(self) -> Offsets {
+        let radius = DIRECT_PILOT * self.stride / INDIRECT_STRIDE.0;
+        Offsets::thinned(radius, DIRECT_DENSE, if self.is_far() { 5 } else { 2 })
+    }
+
+    /// What the wide filter of indirect light reads.
+    pub(super) fn wide(self) -> Offsets {
+        Offsets::disc(INDIRECT_WIDE * self.stride, self.stride)
+    }
+
+    /// What the narrow one after it reads.
+    pub(super) fn narrow(self) -> Offsets {
+        Offsets::disc(INDIRECT_NARROW, 1)
     }
 
     /// What each image of indirect light by itself reads.
@@ -56,8 +70,12 @@ impl Reach {
     pub(super) fn light(self, planes: usize) -> Stage {
         let (direct, indirect) = (self.direct_stages(planes, 0), self.indirect_stages(planes, 0));
         let halo = direct.mixtures.reach.max(indirect.mixtures.reach);
-        let readers =
-            [(halo, 0), (direct.means.reach, self.direct()), (indirect.wide.reach, self.wide()), (0, RISK_REACH)];
+        let readers = [
+            (halo, 0),
+            (direct.wide.reach, self.direct().radius()),
+            (indirect.wide.reach, self.wide().radius()),
+            (0, RISK_REACH),
+        ];
         Stage::new(planes, halo, &readers)
     }
 
@@ -69,25 +87,30 @@ impl Reach {
 
     /// The stages of direct light of so many planes, which make so many of mixtures.
     pub(super) fn direct_stages(self, planes: usize, mixtures: usize) -> DirectStages {
-        let means = RISK_REACH;
-        let guide = means + self.direct();
+        let [of_wide, of_narrow, of_pilot] =
+            [self.direct(), self.direct_narrow(), self.direct_pilot()].map(|offsets| offsets.radius());
+        let narrow = RISK_REACH;
+        let wide = narrow + of_narrow;
+        let guide = wide + of_wide;
         let pilot = guide + FILTERED.read();
-        let raw_guide = pilot + self.direct_pilot();
+        let raw_guide = pilot + of_pilot;
         let all = raw_guide + RAW.read();
         let guides = mixtures / 2 + 2;
         DirectStages {
-            mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot, self.direct_pilot())]),
-            raw_guide: Stage::new(guides, raw_guide, &[(pilot, self.direct_pilot())]).with_patches(RAW.patch),
+            mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot, of_pilot)]),
+            raw_guide: Stage::new(guides, raw_guide, &[(pilot, of_pilot)]).with_patches(RAW.patch),
             pilot: Stage::new(mixtures, pilot, &[(guide, FILTERED.read())]),
-            guide: Stage::new(guides, guide, &[(means, self.direct())]).with_patches(FILTERED.patch),
-            means: Stage::new(planes, means, &[(0, RISK_REACH)]),
+            guide: Stage::new(guides, guide, &[(wide, of_wide), (narrow, of_narrow)]).with_patches(FILTERED.patch),
+            wide: Stage::new(planes, wide, &[(narrow, of_narrow)]),
+            narrow: Stage::new(planes, narrow, &[(0, RISK_REACH)]),
         }
     }
 
     /// The stages of indirect light.
     pub(super) fn indirect_stages(self, planes: usize, mixtures: usize) -> IndirectStages {
         let alone = RISK_REACH;
-        let (of_alone, of_wide, of_narrow) = (self.alone().radius() + FILTERED.read(), self.wide(), INDIRECT_NARROW);
+        let (of_alone, of_wide, of_narrow) =
+            (self.alone().radius() + FILTERED.read(), self.wide().radius(), self.narrow().radius());
         let narrow = alone + of_alone;
         let wide = narrow + of_narrow;
         let guide = wide + of_wide;
@@ -96,6 +119,7 @@ impl Reach {
         let raw_guide = pilot_wide + of_wide;
         let all = raw_guide + RAW.read();
         let guides = mixtures / 2 + 2;
+        let direct = self.direct_stages(planes, mixtures);
         IndirectStages {
             mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot_wide, of_wide)]),
             raw_guide: Stage::new(guides, raw_guide, &[(pilot_wide, of_wide), (pilot, of_narrow)])
@@ -111,7 +135,7 @@ impl Reach {
             surfaces: Stage::new(
                 surfaces::PLANES,
                 raw_guide,
-                &[(raw_guide, 0), (alone, self.alone().radius()), (RISK_REACH, self.direct())],
+                &[(raw_guide, 0), (alone, self.alone().radius()), (direct.wide.reach, self.direct().radius())],
             ),
         }
     }
@@ -128,13 +152,14 @@ pub(super) struct DirectStages {
     pub(super) raw_guide: Stage,
     pub(super) pilot: Stage,
     pub(super) guide: Stage,
-    pub(super) means: Stage,
+    pub(super) wide: Stage,
+    pub(super) narrow: Stage,
 }
 
 impl DirectStages {
-    pub(super) fn all(self) -> [Stage; 5] {
-        let Self { mixtures, raw_guide, pilot, guide, means } = self;
-        [mixtures, raw_guide, pilot, guide, means]
+    pub(super) fn all(self) -> [Stage; 6] {
+        let Self { mixtures, raw_guide, pilot, guide, wide, narrow } = self;
+        [mixtures, raw_guide, pilot, guide, wide, narrow]
     }
 }
 
@@ -164,7 +189,7 @@ mod tests {
 
     #[test]
     fn filters_reach_farther_in_larger_images() {
-        let wide = |width, height| Reach::of_image(width, height).wide();
+        let wide = |width, height| Reach::of_image(width, height).wide().radius();
         assert_eq!([wide(1, 1), wide(256, 192), wide(384, 288)], [18; 3]);
         assert_eq!([wide(480, 360), wide(1024, 768), wide(8192, 4096)], [24; 3]);
     }
