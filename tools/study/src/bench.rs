@@ -22,6 +22,9 @@ const CONFERENCE_FILES: [(u32, &str); 2] = [
 
 /// The Conference Room with its ceiling luminaires, one column each.
 pub(super) const CONFERENCE_LAMPS: &str = "conference-24";
+/// The same room with one of them, as scenes, and the lamp that each has.
+pub(super) const LAMPS_ALONE: [(&str, &str); 3] =
+    [("conference-24-lum_03", "lum_03"), ("conference-24-lum_10", "lum_10"), ("conference-24-lum_17", "lum_17")];
 /// Boxes and rooms that are files.
 pub(super) const GLOSSY: &str = "cornell-glossy";
 pub(super) const MIRROR: &str = "cornell-mirror";
@@ -116,6 +119,7 @@ impl<'a> Bench<'a> {
         let (width, height) = wanted.size;
         let mut loaded = match wanted.scene {
             CONFERENCE => self.conference(wanted.texels)?.sized(width, height),
+            name if LAMPS_ALONE.iter().any(|lamp| lamp.0 == name) => self.lamp_alone(name)?.sized(width, height),
             name if FILES.iter().any(|file| file.0 == name) => self.file(name, wanted.texels)?.sized(width, height),
             name => BuiltIn { width, height, texels: wanted.texels }.named(name)?,
         };
@@ -142,6 +146,12 @@ impl<'a> Bench<'a> {
         let line = |line: &str| if line.starts_with("texels = ") { texels_here.clone() } else { line.to_owned() };
         let lines: Vec<String> = text.lines().map(line).collect();
         self.scene(&format!("{name}-{texels}.toml"), &lines.join("\n"))
+    }
+
+    fn lamp_alone(&self, name: &str) -> Result<LoadedScene> {
+        let text = FILES.iter().find(|file| file.0 == CONFERENCE_LAMPS).map_or("", |file| file.1);
+        let lamp = LAMPS_ALONE.iter().find(|lamp| lamp.0 == name).map_or("", |lamp| lamp.1);
+        self.scene(&format!("{name}.toml"), &text.replace("lum_*", lamp))
     }
 
     fn conference(&self, texels: u32) -> Result<LoadedScene> {

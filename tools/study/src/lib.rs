@@ -20,6 +20,7 @@ mod fig9;
 mod imports;
 mod judged;
 mod kernel_nystrom;
+mod lamp;
 mod large;
 mod machine;
 mod measured;
@@ -70,6 +71,8 @@ pub enum Study {
     Rank,
     /// Error against a converged reference before and after compression.
     Noise,
+    /// A picture at full size under one lamp, beside a denoiser's.
+    Lamp,
     /// Relit images as one sees them, beside a denoiser's.
     Picture,
     /// Samples and seconds that the raw matrix takes to be as near to the truth as packed images.
@@ -106,7 +109,7 @@ pub struct StudyReport {
 
 impl Study {
     /// Every study, in the order in which `all` runs them.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         // First, while the process holds no memory that could be taken for these jobs'.
         Self::Large,
         Self::Fig6,
@@ -116,6 +119,7 @@ impl Study {
         Self::Fig7,
         Self::Rank,
         Self::Noise,
+        Self::Lamp,
         Self::Picture,
         Self::Equal,
         Self::Imports,
@@ -134,6 +138,7 @@ impl Study {
             Self::Ablation => "ablation",
             Self::Rank => "rank",
             Self::Noise => "noise",
+            Self::Lamp => "lamp",
             Self::Picture => "picture",
             Self::Equal => "equal",
             Self::Imports => "imports",
@@ -161,6 +166,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
             Study::Ablation => ablation::run(&bench)?,
             Study::Rank => rank::run(&bench)?,
             Study::Noise => noise::run(&bench)?,
+            Study::Lamp => lamp::run(&bench)?,
             Study::Picture => picture::run(&bench)?,
             Study::Equal => equal::run(&bench)?,
             Study::Imports => imports::run(&bench)?,
@@ -203,6 +209,14 @@ impl StudyReport {
     fn add_chart(&mut self, folder: &Path, stem: &str, chart: &chart::Chart) -> Result<()> {
         let path = folder.join(format!("{stem}.png"));
         chart.write(&path)?;
+        self.files.push(path);
+        Ok(())
+    }
+
+    /// Writes rows of large pictures as `STEM.jpg`.
+    fn add_photograph(&mut self, folder: &Path, stem: &str, rows: &[Vec<mosaic::Picture>]) -> Result<()> {
+        let path = folder.join(format!("{stem}.jpg"));
+        mosaic::write(&path, rows, 1)?;
         self.files.push(path);
         Ok(())
     }

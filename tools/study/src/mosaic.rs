@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use image::codecs::jpeg::JpegEncoder;
 use plotters::prelude::*;
 
 use super::chart::use_font;
@@ -13,6 +14,9 @@ use ltm::image::LinearImage;
 /// Height of a caption, and the gap between pictures, in pixels.
 const CAPTION: u32 = 24;
 const GAP: u32 = 6;
+
+/// Of JPEG: nothing of what it changes is seen.
+const QUALITY: u8 = 90;
 
 /// 8-bit sRGB pixels.
 #[derive(Clone, Debug)]
@@ -38,7 +42,7 @@ impl Picture {
     }
 }
 
-/// Writes rows of pictures of one size, each pixel `scale` pixels wide.
+/// Writes rows of pictures of one size as PNG or, where the name says `.jpg`, as JPEG, each pixel `scale` pixels wide.
 pub(super) fn write(path: &Path, rows: &[Vec<Picture>], scale: u32) -> Result<()> {
     use_font();
     let across = rows.iter().map(Vec::len).max().unwrap_or(0) as u32;
@@ -70,8 +74,12 @@ pub(super) fn write(path: &Path, rows: &[Vec<Picture>], scale: u32) -> Result<()
         Ok(())
     };
     draw().map_err(|problem| Error::input(path.display().to_string(), format!("cannot be drawn ({problem})"), ""))?;
-    image::RgbImage::from_raw(width, height, canvas)
-        .expect("three bytes a pixel")
-        .save_with_format(path, image::ImageFormat::Png)
-        .map_err(|e| Error::io(path, "write the pictures")(std::io::Error::other(e)))
+    let pixels = image::RgbImage::from_raw(width, height, canvas).expect("three bytes a pixel");
+    let mut file = std::fs::File::create(path).map_err(Error::io(path, "create the picture"))?;
+    let written = if path.extension().is_some_and(|extension| extension == "jpg") {
+        pixels.write_with_encoder(JpegEncoder::new_with_quality(&mut file, QUALITY))
+    } else {
+        pixels.write_to(&mut std::io::BufWriter::new(file), image::ImageFormat::Png)
+    };
+    written.map_err(|e| Error::io(path, "write the pictures")(std::io::Error::other(e)))
 }

@@ -1,0 +1,158 @@
+//! The first thing that one looks at: a picture at full size under one lamp, beside a denoiser's.
+
+use super::StudyReport;
+use super::bench::{Bench, CONFERENCE_LAMPS, LAMPS_ALONE, Wanted};
+use super::mosaic::Picture;
+use super::oidn::{self, Surfaces};
+use super::rivals::packed;
+use super::seen::Seen;
+use super::table::Table;
+use ltm::error::{Error, Result};
+use ltm::image::LinearImage;
+use ltm::light::{LightBasis, Lighting};
+use ltm::matrix::BlockSource;
+use ltm::pipeline::PackOptions;
+use ltm::relight::relight_raw;
+use ltm::store::StoreReader;
+
+struct Plan {
+    size: (u32, u32),
+    /// Samples of the references, in each of which one lamp is all there is.
+    converged: u32,
+    samples: &'static [u32],
+}
+
+const QUICK: Plan = Plan { size: (64, 48), converged: 64, samples: &[16] };
+const FULL: Plan = Plan { size: (1024, 768), converged: 384, samples: &[16, 64] };
+
+const NOTE: &str = "Images under one of the lamps at a time, packed with all of them. Reference: a matrix of another seed whose scene has that \
+lamp alone, so that it gets all samples. ꟻLIP and clip as `ltm study picture` has them. Denoiser: Intel's Open Image Denoise on each raw relit \
+image, high quality, with the reference's albedo and normals as noise-free guides. The first lamp took part in choosing constants of the \
+cleaning.";
+
+/// A lamp, how it looks, and what its light is seen by as a denoiser wants to know it.
+struct Lamp {
+    name: &'static str,
+    reference: LinearImage,
+    surfaces: Option<Surfaces>,
+}
+
+/// One way from samples to images.
+struct Rival {
+    method: &'static str,
+    /// One for each lamp.
+    images: Vec<LinearImage>,
+}
+
+pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
+    let plan = if bench.quick { &QUICK } else { &FULL };
+    let with_denoiser = oidn::OIDN.is_there();
+    let absent = ["The denoiser was not measured: no Python with `pyoidn` was found."];
+    let more: Vec<&str> = [NOTE].into_iter().chain(absent.into_iter().filter(|_| !with_denoiser)).collect();
+    let mut table = Table::new(
+        "One lamp alone at full size",
+        bench.notes(&more),
+        &[
+            ("samples_per_px", 0),
+            ("reference_samples_per_px", 0),
+            ("rows", 0),
+            ("columns", 0),
+            ("lamp", 0),
+            ("method", 0),
+            ("flip", 4),
+            ("psnr_clip_db", 2),
+            ("relative_l2", 4),
+        ],
+    );
+    let mut report = StudyReport::default();
+    let mut pictures = Vec::new();
+    if bench.has(CONFERENCE_LAMPS) {
+        bench.watch.begin("lamp", (LAMPS_ALONE.len() + plan.samples.len()) as u64, "matrices");
+        let lamps = lamps(bench, plan, with_denoiser)?;
+        for &samples in plan.samples {
+            let matrix = bench.matrix(wanted(CONFERENCE_LAMPS, plan, samples, 0))?;
+            let shape = matrix.shape();
+            let rivals = rivals(bench, &matrix, &lamps)?;
+            let raw = rivals.last().map_or(&[][..], |raw| &raw.images);
+            for rival in &rivals {
+                for ((lamp, image), raw) in lamps.iter().zip(&rival.images).zip(raw) {
+                    let seen = Seen::of(image, &lamp.reference, raw, shape.block_side());
+                    table.push(vec![
+                        samples.into(),
+                        plan.converged.into(),
+                        shape.rows().into(),
+                        shape.columns().into(),
+                        lamp.name.into(),
+                        rival.method.into(),
+                        seen.flip.into(),
+                        seen.psnr_clipped.into(),
+                        seen.relative_l2.into(),
+                    ]);
+                }
+            }
+            pictures.push((format!("lamp-{samples}"), shown(&lamps[0], samples, &rivals)));
+            bench.watch.advance(1, shape.raw_bytes(), "B");
+        }
+        bench.watch.end();
+    } else {
+        bench.watch.note("lamp: the Conference Room's files are not there (LTM_SCENES), nothing was measured");
+    }
+    report.add_table(&bench.out, "lamp", &table)?;
+    for (stem, pictures) in &pictures {
+        report.add_photograph(&bench.out, stem, pictures)?;
+    }
+    Ok(report)
+}
+
+fn wanted(scene: &'static str, plan: &Plan, samples: u32, seed: u64) -> Wanted {
+    Wanted { scene, size: plan.size, texels: 1, samples, seed, block_side: 32 }
+}
+
+fn lamps(bench: &Bench<'_>, plan: &Plan, with_denoiser: bool) -> Result<Vec<Lamp>> {
+    let lamp = |(scene, name): (&'static str, &'static str)| {
+        let matrix = bench.matrix(wanted(scene, plan, plan.converged, 1))?;
+        let own = Lighting::of_scene(&matrix.job().basis);
+        let mut images = relight_raw(&matrix, &[own])?;
+        bench.watch.advance(1, matrix.shape().raw_bytes(), "B");
+        let surfaces = Surfaces::of(&matrix)?.filter(|_| with_denoiser);
+        Ok(Lamp { name, reference: images.remove(0), surfaces })
+    };
+    LAMPS_ALONE.into_iter().map(lamp).collect()
+}
+
+/// The lighting of a scene of which all lights are off but this one.
+fn alone(basis: &LightBasis, name: &str) -> Result<Lighting> {
+    let light = basis.find(name).ok_or_else(|| Error::input(CONFERENCE_LAMPS, format!("has no light '{name}'"), ""))?;
+    let columns = light.columns();
+    let weights = basis.scene_weights().into_iter().enumerate();
+    Lighting::new(weights.map(|(j, weight)| if columns.contains(&(j as u32)) { weight } else { [0.0; 3] }).collect())
+}
+
+/// Ours first, the raw matrix last.
+fn rivals(bench: &Bench<'_>, matrix: &StoreReader, lamps: &[Lamp]) -> Result<Vec<Rival>> {
+    let basis = &matrix.job().basis;
+    let lightings: Vec<Lighting> = lamps.iter().map(|lamp| alone(basis, lamp.name)).collect::<Result<_>>()?;
+    let ours = packed(bench, matrix, PackOptions::default(), &lightings)?;
+    let mut rivals = vec![Rival { method: "ours", images: ours.images }];
+    let raw = relight_raw(matrix, &lightings)?;
+    let denoised = lamps.iter().zip(&raw).filter_map(|(lamp, raw)| Some((lamp.surfaces.as_ref()?, raw)));
+    let mut images = Vec::new();
+    for (surfaces, raw) in denoised {
+        images.extend(oidn::denoise(std::slice::from_ref(raw), surfaces, &bench.cached("oidn"))?);
+    }
+    if !images.is_empty() {
+        rivals.push(Rival { method: "denoiser on each image", images });
+    }
+    rivals.push(Rival { method: "raw matrix", images: raw });
+    Ok(rivals)
+}
+
+/// The images under the first lamp, and the reference: two rows.
+fn shown(lamp: &Lamp, samples: u32, rivals: &[Rival]) -> Vec<Vec<Picture>> {
+    let picture = |rival: &Rival| {
+        Picture::shown(&rival.images[0], &lamp.reference, format!("{}, {samples} samples", rival.method))
+    };
+    let mut all: Vec<Picture> = rivals.iter().map(picture).collect();
+    all.push(Picture::shown(&lamp.reference, &lamp.reference, "reference"));
+    all.chunks(2).map(<[Picture]>::to_vec).collect()
+}
