@@ -20,6 +20,7 @@ use ltm::compress::{CompressSettings, Compressor, Target};
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter};
 use ltm::host::Quiet;
+use ltm::image::LinearImage;
 use ltm::light::Job;
 use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, BlockSource, FactorSource, FactoredBlock, MatrixShape, TracedBlock};
@@ -222,15 +223,27 @@ fn lightings(columns: usize) -> [Lightings; 4] {
     ]
 }
 
-/// PSNR of an image against the truth, both exposed so that the truth's 95th percentile is 1, and clipped; none where that is
-/// black.
-fn clip_decibels(image: &[f32], truth: &[f32]) -> Option<f64> {
-    let mut sorted = truth.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    let white = Some(sorted[sorted.len() * 95 / 100]).filter(|white| *white > 0.0)?;
-    let shown = |v: f32| f64::from((v / white).clamp(0.0, 1.0));
-    let square: f64 = image.iter().zip(truth).map(|(&a, &b)| (shown(a) - shown(b)).powi(2)).sum();
-    Some(-10.0 * (square / truth.len() as f64).log10())
+/// The pixels of blocks one after the other, for what does not ask where they are.
+#[derive(Clone, Default)]
+struct Pixels(Vec<[f32; 3]>);
+
+impl Pixels {
+    /// Of a block's rows, channel by channel.
+    fn push(&mut self, rows: &[f32]) {
+        let (red, rest) = rows.split_at(rows.len() / 3);
+        let (green, blue) = rest.split_at(red.len());
+        self.0.extend(red.iter().zip(green).zip(blue).map(|((&red, &green), &blue)| [red, green, blue]));
+    }
+
+    fn image(self) -> LinearImage {
+        LinearImage { width: self.0.len() as u32, height: 1, pixels: self.0 }
+    }
+}
+
+/// PSNR of an image against the truth, exposed and clipped; none where that has no white, since less than a twentieth of it is lit.
+fn clip_decibels(image: &LinearImage, truth: &LinearImage) -> Option<f64> {
+    let lit = truth.luminances().filter(|luminance| *luminance > 0.0).count();
+    (20 * lit > truth.pixels.len()).then(|| ltm::image::compare(image, truth).psnr_clipped)
 }
 
 /// What the beginning of a container shows, against the whole of it: both against the matrix, the mean over the lightings of
@@ -247,27 +260,27 @@ fn first_image(matrix: &StoreReader, folder: &Path, title: &str, figures: &mut F
     let columns = job.shape.columns();
     for (kind, lightings) in lightings(columns) {
         let count = lightings.len() / columns;
-        let (mut truth, mut base, mut whole) =
-            (vec![Vec::new(); count], vec![Vec::new(); count], vec![Vec::new(); count]);
+        let [mut truth, mut base, mut whole] = [(); 3].map(|()| vec![Pixels::default(); count]);
         let mut traced = TracedBlock::default();
         for id in job.shape.blocks() {
             matrix.read_block(id, &mut traced).expect("the block is there");
             let rows = traced.block.rows();
             for (truth, lighting) in truth.iter_mut().zip(lightings.chunks_exact(columns)) {
-                let first = truth.len();
-                truth.resize(first + rows, 0.0f32);
+                let mut sums = vec![0.0f32; rows];
                 for (column, weight) in traced.block.entries().chunks_exact(rows).zip(lighting) {
-                    truth[first..].iter_mut().zip(column).for_each(|(row, value)| *row += weight * value);
+                    sums.iter_mut().zip(column).for_each(|(row, value)| *row += weight * value);
                 }
+                truth.push(&sums);
             }
             let layers = [packed.read_layers(id, 0..1), packed.read_block(id)];
             for (layers, images) in layers.into_iter().zip([&mut base, &mut whole]) {
                 let relit = relit(&layers.expect("the file is sound"), &lightings);
-                images.iter_mut().zip(relit.chunks_exact(rows)).for_each(|(image, rows)| image.extend_from_slice(rows));
+                images.iter_mut().zip(relit.chunks_exact(rows)).for_each(|(image, rows)| image.push(rows));
             }
         }
+        let [truth, base, whole] = [truth, base, whole].map(|of| of.into_iter().map(Pixels::image).collect::<Vec<_>>());
         // Some places of a sky light nothing that is in view.
-        let mean = |images: &[Vec<f32>]| {
+        let mean = |images: &[LinearImage]| {
             let each: Vec<f64> =
                 images.iter().zip(&truth).filter_map(|(image, truth)| clip_decibels(image, truth)).collect();
             each.iter().sum::<f64>() / each.len() as f64

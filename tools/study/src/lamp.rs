@@ -132,7 +132,7 @@ fn alone(basis: &LightBasis, name: &str) -> Result<Lighting> {
 fn rivals(bench: &Bench<'_>, matrix: &StoreReader, lamps: &[Lamp]) -> Result<Vec<Rival>> {
     let basis = &matrix.job().basis;
     let lightings: Vec<Lighting> = lamps.iter().map(|lamp| alone(basis, lamp.name)).collect::<Result<_>>()?;
-    let ours = packed(bench, matrix, PackOptions::default(), &lightings)?;
+    let ours = packed(bench, matrix, PackOptions { denoise: true, ..PackOptions::default() }, &lightings)?;
     let mut rivals = vec![Rival { method: "ours", images: ours.images }];
     let raw = relight_raw(matrix, &lightings)?;
     let denoised = lamps.iter().zip(&raw).filter_map(|(lamp, raw)| Some((lamp.surfaces.as_ref()?, raw)));

@@ -35,7 +35,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
         let bytes = fs::metadata(file).unwrap().len();
         assert!(bytes > 200, "{} has {bytes} bytes", file.display());
         match file.extension().and_then(|e| e.to_str()) {
-            Some("png") => assert!(ltm::image::read_image(file).is_ok(), "{}", file.display()),
+            Some("png" | "jpg") => assert!(ltm::image::read_image(file).is_ok(), "{}", file.display()),
             Some("csv") => drop(read_csv(file)),
             _ => assert!(fs::read_to_string(file).unwrap().contains("|---|")),
         }

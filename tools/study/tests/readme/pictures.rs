@@ -2,12 +2,20 @@
 
 use super::page::Figure;
 use super::published::{Csv, number, shown, text};
+use super::tables::Row;
 use super::words::{
     CLIP, CLIP_WORST, FLIP, FLIP_WORST, LIN, LIN_WORST, RELATIVE, bytes, cells, flip_clip, judging_in_bold, listed,
     losses, only, scene_samples, shape, span, two, wins,
 };
 
 pub(crate) const FIGURES: &[Figure] = &[
+    Figure {
+        page: "README.md",
+        heading: "### One lamp at full size",
+        files: &["lamp.csv"],
+        table: lamp,
+        says: lamp_says,
+    },
     Figure {
         page: "README.md",
         heading: "### The picture",
@@ -43,6 +51,35 @@ const DENOISER: &str = "denoiser on each image";
 const RAW: &str = "raw matrix";
 /// What makes two rows of the pictures comparable.
 const SAME: [&str; 2] = ["scene", "samples_per_px"];
+
+/// Lamps and samples.
+const SAME_LAMP: [&str; 2] = ["lamp", "samples_per_px"];
+
+fn lamp(files: &[Csv]) -> Vec<Vec<String>> {
+    let lamps = &files[0];
+    let mut table = vec![cells(&["samples, rows × columns", "lamp", "packed", "denoiser", "raw"])];
+    for ours in lamps.rows.iter().filter(|row| text(row, "method") == OURS) {
+        let cell = |name: &'static str| (name, text(ours, name));
+        let found = |method| lamps.find(&[cell("samples_per_px"), cell("lamp"), ("method", method)]);
+        let mut row = vec![format!("{}, {}", text(ours, "samples_per_px"), shape(ours)), text(ours, "lamp").to_owned()];
+        row.extend([OURS, DENOISER, RAW].map(|method| flip_clip(found(method))));
+        table.push(row);
+    }
+    table
+}
+
+fn lamp_says(files: &[Csv]) -> Vec<String> {
+    let beside = files[0].pairs("method", OURS, DENOISER, &SAME_LAMP);
+    let name = |row: &Row| format!("`{}`, {} samples", text(row, "lamp"), text(row, "samples_per_px"));
+    vec![
+        format!(
+            "Pictures where packed ones are nearer to the reference than the denoiser's: {}; {}.",
+            wins(&beside, FLIP),
+            wins(&beside, CLIP)
+        ),
+        listed("Where the denoiser is nearer", &losses(&beside, &[FLIP, CLIP], name)),
+    ]
+}
 
 fn picture_in_short(files: &[Csv]) -> Vec<Vec<String>> {
     let picture = &files[0];
