@@ -2,14 +2,12 @@
 
 use std::ops::Range;
 
-use super::constants::{LEAST_SHARE, RISK_CELLS, WHOLE_SHARE};
+use super::constants::{LEAST_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
 use super::rows::{Pool, Region, Rows, shifts};
 
 /// Pixels to each side of the middle of a cell, and across it.
 const CELL_REACH: usize = 1;
 const CELL: usize = 2 * CELL_REACH + 1;
-/// A pixel stands alone that speaks against the mean so many times as much as the others of its cell change together.
-const ALONE: f32 = 3.0;
 /// Pixels to each side over which shares are means.
 const SHARE_REACH: usize = 1;
 
@@ -19,9 +17,8 @@ pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REAC
 /// `smooth` mixed into `raw`, in a region, pixel by pixel and for each cluster, as far as the estimated risk falls (Stein 1981): of
 /// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
 /// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
-/// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. A pixel that
-/// stands alone has no say in its cell: a firefly that both halves happen to have looks like a detail, but a detail has more than
-/// one pixel. (Leaving out one pixel of every cell, be it what it may, lost up to 1.5 dB.)
+/// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. An outlier has no
+/// say in its cell ([`OUTLIER`]): a firefly that both halves happen to have looks like a detail, but a detail has more than one pixel.
 /// Where its own cell allows it a pixel takes as much as those beside it do in the mean.
 pub(super) fn mixed(raw: &Rows, smooth: &Rows, region: &Region, pool: &Pool) -> Rows {
     let (width, planes) = (raw.width(), raw.planes() / 2);
@@ -112,7 +109,7 @@ impl Cells {
     }
 }
 
-/// Around each pixel of a region the means of the terms: of what is gained and changed without a pixel that stands alone.
+/// Around each pixel of a region the means of the terms: of what is gained and changed without an outlier.
 fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
     let (width, height) = (terms.width(), terms.height());
     let mut cells = pool.rows_like(terms, terms.planes(), region.y.clone());
@@ -121,7 +118,7 @@ fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
         let (gained, rest) = row.split_at_mut(width);
         let (changed, squared) = rest.split_at_mut(width);
         let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[region.x.clone()]);
-        // Apart from the sums: of the pixel that speaks most against the mean, what is gained and changed.
+        // Kept out of the sums: gain and change of the pixel whose change exceeds its gain by most.
         let mut against = vec![[0.0f32; 2]; region.x.len()];
         let mut count = vec![0.0f32; region.x.len()];
         for y in y.saturating_sub(CELL_REACH)..(y + CELL_REACH + 1).min(height) {
@@ -143,7 +140,7 @@ fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
         }
         for (x, (mut count, [gain, change])) in count.into_iter().zip(against).enumerate() {
             squared[x] /= count;
-            if change - gain > ALONE * changed[x] {
+            if change - gain > OUTLIER * changed[x] {
                 count -= 1.0;
             } else {
                 gained[x] += gain;
