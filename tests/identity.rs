@@ -23,7 +23,7 @@ const KEPT: (u32, &[(usize, usize)]) =
 const ENCODED: (u32, &str) = (1, "52c137da5cad8bb7");
 
 /// Version of cleaning, and what it makes of some pixels of a given window.
-const CLEANED: (u32, [f32; 8]) = (12, [0.745_4, 0.609_9, 0.942_8, 1.035_2, 0.160_8, 0.564_7, 0.136_6, 0.722_4]);
+const CLEANED: (u32, [f32; 8]) = (13, [0.735_6, 0.613_9, 0.942_4, 1.035_0, 0.161_1, 0.562_4, 0.073_0, 0.724_7]);
 
 /// Two rooms that have between them texelled lights in view, an environment, glass and mirrors; and their blocks.
 fn rooms() -> [(Job, Vec<TracedBlock>); 2] {
@@ -88,18 +88,21 @@ fn what_is_kept_changes_only_with_the_compressors_version() {
     );
 }
 
-/// To a thousandth, as sums of products are the machine's.
+/// To a few ten thousandths, as sums of products are the machine's.
 #[test]
 fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     const SIZE: (usize, usize) = (24, 16);
     let rows = |planes| Rows::zeros(SIZE.0, SIZE.1, planes);
     let [mut direct_light, mut indirect_light] = [rows(12), rows(12)];
-    let mut seen = rows(10);
+    let [mut seen, mut seen_variance] = [rows(10), rows(10)];
     let grain = |i: usize| 0.5 + ((i as u32).wrapping_mul(2_654_435_769) >> 20) as f32 / 4096.0;
     for y in 0..SIZE.1 {
         for x in 0..SIZE.0 {
             let floor = y > 9;
-            let albedo = if floor { 0.75 } else { 0.5 };
+            // Of what is beside it one row is the edge: black in part.
+            let lit = if y == 5 { (x * 5 % 12) as f32 / 11.0 } else { 1.0 };
+            let albedo = lit * if floor { 0.75 } else { 0.5 };
+            (0..3).for_each(|plane| seen_variance.row_mut(plane, y)[x] = lit * (1.0 - lit) / 16.0);
             let features = [albedo, albedo, albedo, 0.0, f32::from(floor), f32::from(!floor), 4.0, 0.0, 0.0, 1.0];
             features.iter().enumerate().for_each(|(plane, &value)| seen.row_mut(plane, y)[x] = value);
             for plane in 0..12 {
@@ -126,11 +129,12 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
         strip.direct.copy_from_slice(direct_light.values());
         strip.indirect.copy_from_slice(indirect_light.values());
         strip.features.copy_from_slice(seen.values());
+        strip.feature_variance.copy_from_slice(seen_variance.values());
     }
     let images = cleaning.clean(&wanted).images;
-    let at = [(0, 2, 2), (0, 9, 11), (1, 10, 3), (2, 15, 23), (3, 4, 7), (3, 4, 8), (4, 12, 0), (5, 0, 16)];
+    let at = [(0, 2, 2), (0, 9, 11), (1, 10, 3), (2, 15, 23), (3, 4, 7), (3, 4, 8), (4, 5, 1), (5, 0, 16)];
     let found = at.map(|(plane, y, x)| images.row(plane, y)[x]);
-    let is_same = CLEANER_VERSION == CLEANED.0 && found.iter().zip(CLEANED.1).all(|(a, b)| (a - b).abs() < 1e-3);
+    let is_same = CLEANER_VERSION == CLEANED.0 && found.iter().zip(CLEANED.1).all(|(a, b)| (a - b).abs() < 2e-4);
     assert!(
         is_same,
         "{CLEANER_VERSION}, {found:?}: what images are cleaned to has changed: raise CLEANER_VERSION in src/clean/mod.rs, \

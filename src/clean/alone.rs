@@ -140,5 +140,6 @@ impl Weigh for Each<'_> {
             *out = out.max(0.0) + common;
         }
         weights(out);
+        around.surfaces.times_albedo(of.offset, out);
     }
 }

@@ -498,6 +498,31 @@ mod tests {
         assert!(known < 0.5 * certain, "{known}, as one surface {certain}");
     }
 
+    /// A lamp's housing against a ceiling: what pixels on the edge see of black says nothing of the light on what is not.
+    #[test]
+    fn what_is_black_takes_no_light_from_the_edge_beside_it() {
+        let (mut window, mut truth) = room((48, 40), 1.0);
+        let (edge, housing) = (30, 31..34);
+        let black = |x: usize, y: usize| if y == edge { (x * 5 % 12) as f32 / 11.0 } else { 1.0 };
+        for y in edge..housing.end {
+            for x in 0..48 {
+                let lit = 1.0 - black(x, y);
+                let darken = |rows: &mut Rows, planes: Range<usize>| {
+                    planes.for_each(|plane| rows.row_mut(plane, y)[x] *= lit);
+                };
+                darken(&mut window.features, 0..3);
+                darken(&mut window.direct, 0..6 * CLUSTERS);
+                darken(&mut window.indirect, 0..6 * CLUSTERS);
+                darken(&mut truth, 0..3 * CLUSTERS);
+                (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[x] = lit * (1.0 - lit) / 16.0);
+            }
+        }
+        let images = clean_all(&window);
+        let light = |rows: &Rows| rows.row(0, edge)[18..47].iter().sum::<f32>();
+        let kept = light(&images) / light(&truth);
+        assert!((0.97..1.03).contains(&kept), "{kept} of the edge's light");
+    }
+
     /// On an edge a pixel may see a bit of each surface, and be like none of its neighbours.
     #[test]
     fn a_pixel_like_no_other_does_not_keep_its_grain() {

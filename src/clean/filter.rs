@@ -237,6 +237,7 @@ impl Weigh for Alike<'_> {
         }
         surfaces.add_distances(simd, offset, out);
         weights(out);
+        surfaces.times_albedo(offset, out);
     }
 }
 

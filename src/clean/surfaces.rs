@@ -2,7 +2,7 @@
 
 use pulp::Simd;
 
-use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, FEATURE_NOISE, NORMAL_WIDTH, SHARE_WIDTH};
+use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, FEATURE_NOISE, LEAST_ALBEDO, NORMAL_WIDTH, SHARE_WIDTH};
 use super::kernel::Offset;
 use super::rows::{Pool, Region, Rows};
 use super::stage::{Stage, Step, Track};
@@ -20,7 +20,7 @@ const WIDTHS: [f32; COMPARED] =
 
 /// What pixels see, made ready for comparing: the compared planes, each in units of its width; the variance of the sum of
 /// those as [`FEATURE_NOISE`] takes it; the inverse depth, its slope across, its slope down (planes are planes in it, whatever
-/// their tilt) and its variance.
+/// their tilt) and its variance; the albedo that light was divided by, its channels' mean.
 pub(super) struct Surfaces {
     planes: Rows,
     track: Track,
@@ -31,8 +31,9 @@ const INVERSE_DEPTH: usize = COMPARED + 1;
 const SLOPE_ACROSS: usize = COMPARED + 2;
 const SLOPE_DOWN: usize = COMPARED + 3;
 const INVERSE_DEPTH_NOISE: usize = COMPARED + 4;
+const ALBEDO: usize = COMPARED + 5;
 /// Planes that are held.
-pub(super) const PLANES: usize = COMPARED + 5;
+pub(super) const PLANES: usize = COMPARED + 6;
 
 impl Surfaces {
     /// None yet.
@@ -86,6 +87,12 @@ impl Surfaces {
                         *out = certain(slope, inverse_noise(x, y));
                     }
                 }
+                ALBEDO => {
+                    for channel in 0..3 {
+                        let albedo = features.row(channel, y);
+                        out.iter_mut().zip(albedo).for_each(|(o, albedo)| *o += albedo.max(LEAST_ALBEDO) / 3.0);
+                    }
+                }
                 INVERSE_DEPTH_NOISE => out.iter_mut().enumerate().for_each(|(x, out)| *out = inverse_noise(x, y)),
                 _ => {
                     let width = WIDTHS[plane];
@@ -116,6 +123,17 @@ impl SurfacesCut {
     #[inline(always)]
     fn row(&self, plane: usize, begin: Offset) -> &[f32] {
         self.0.pixels(plane, begin, TILE_WIDTH)
+    }
+
+    /// Multiplies the weights of the neighbours at one offset by their albedo. What is averaged is light over albedo: so weighted the
+    /// mean is the light of all over the albedo of all, a ratio estimator (Cochran, *Sampling Techniques*, 3rd edition, §6.2), and a
+    /// pixel that says little of the light, since its surface is nearly black, has little say.
+    #[inline(always)]
+    pub(super) fn times_albedo(&self, (across, down): Offset, out: &mut [f32; TILE_PIXELS]) {
+        for (row, out) in out.chunks_exact_mut(TILE_WIDTH).enumerate() {
+            let albedo = self.row(ALBEDO, (across, row as isize + down));
+            out.iter_mut().zip(albedo).for_each(|(weight, albedo)| *weight *= albedo);
+        }
     }
 
     /// Adds the distances of the pixels of a tile from their neighbours at one offset.
