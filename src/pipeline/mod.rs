@@ -54,7 +54,7 @@ pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
 pub use exposed::Promise;
 #[cfg(feature = "scene")]
 pub use farm::{BuildReport, FarmJob, Probe, ProbedBlock, RefusedShard, Shards};
-pub use features::{FEATURE_CHANNELS, write_features};
+pub use features::{FEATURE_CHANNELS, Features, write_features};
 #[cfg(feature = "scene")]
 pub use fused::render_packed;
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};

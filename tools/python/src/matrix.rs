@@ -7,8 +7,8 @@ use ltm::container::ContainerReader;
 use ltm::depot::is_object;
 use ltm::host::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
-use ltm::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape, PixelRect};
-use ltm::pipeline::{check_matrix_path, open_container};
+use ltm::matrix::{BlockId, CHANNELS, FEATURE_PLANES, FactorSource, MatrixShape, PixelRect};
+use ltm::pipeline::{Features, check_matrix_path, open_container};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
 use ltm::scene::Camera;
 use ltm::store::StoreReader;
@@ -342,6 +342,21 @@ impl Native {
             }
         };
         Ok(((x, y, width, height), there, known))
+    }
+
+    /// What pixels show beside light: planes × height × width.
+    fn features<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let opened = self.opened()?;
+        let Source::Matrix(matrix) = &opened.source else {
+            let hint = "open the .ltm that it was packed from";
+            return Err(exception(&Error::input("the features", "a container holds none", hint)));
+        };
+        let shape = opened.source.shape();
+        let hold = hold_to_memory("the features", 2 * Features::needs_bytes(shape), opened.memory_bytes);
+        hold.map_err(|error| exception(&error))?;
+        let features = unlocked(py, || Features::read(matrix))?;
+        let shape = vec![FEATURE_PLANES, shape.height() as usize, shape.width() as usize];
+        PyArray1::from_slice(py, features.planes()).reshape(shape)
     }
 
     /// The entries at ascending indices: rows × across × channels × columns.

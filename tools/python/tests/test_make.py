@@ -104,6 +104,27 @@ def test_images_can_be_cleaned_elsewhere(tmp_path):
         ltm.write_basis(tmp_path / "plain.ltm", tmp_path / "c.exr")
 
 
+def test_features_are_what_pixels_show_beside_light(tmp_path):
+    ltm.render(ROOM, tmp_path / "a.ltm", samples=8, block_side=16)
+    with ltm.open(tmp_path / "a.ltm") as m:
+        features = m.features()
+        height, width = m.shape[:2]
+    assert {name: plane.shape for name, plane in features.items() if name in ("albedo", "normal")} == {
+        name: (height, width, 3) for name in ("albedo", "normal")
+    }
+    assert all(features[name].shape == (height, width) for name in ("depth", "emitter", "specular", "surface"))
+    inside = features["surface"] == 1
+    assert inside.any() and (features["depth"][inside] > 0).all() and (features["albedo"][inside] < 1).all()
+    lengths = np.linalg.norm(features["normal"][inside], axis=-1)
+    assert lengths.max() < 1 + 1e-5 and np.median(lengths) > 0.99
+    ltm.pack(tmp_path / "a.ltm", tmp_path / "a.ltc")
+    with ltm.open(tmp_path / "a.ltc") as m, pytest.raises(ValueError, match="container holds none"):
+        m.features()
+    ltm.write(np.ones((2, 8, 8, 3)), tmp_path / "plain.ltm")
+    with ltm.open(tmp_path / "plain.ltm") as m, pytest.raises(ValueError, match="samples"):
+        m.features()
+
+
 OBJ = "mtllib room.mtl\nv -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nv -1 2 -1\nv 1 2 -1\nv 1 2 1\nv -1 2 1\n"
 OBJ += "usemtl floor\nf 4 3 2 1\nusemtl lamp\nf 5 6 7 8\n"
 

@@ -1,11 +1,15 @@
-//! What is known of the surfaces in view: how much of the light on them they send on.
+//! What is known of the surfaces in view: how much of the light on them they send on, how they lie, how far they are.
 
 use std::path::Path;
 
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
-use ltm::matrix::{BlockSource, FEATURE_PLANES, FactorSource, Feature};
+use ltm::image::encode_srgb;
+use ltm::matrix::{FactorSource, Feature};
+use ltm::pipeline::Features;
 use ltm::store::StoreReader;
+
+use super::display::Shown;
 
 /// Least share of a pixel's samples on a surface, and most by mirrors, glass and emitters, with which the pixel shows that
 /// surface alone.
@@ -14,10 +18,11 @@ const OTHER_SHARE: f32 = 0.05;
 /// Albedo below which a surface tells nothing of the light on it.
 const LEAST_ALBEDO: f32 = 0.02;
 
-/// The albedo of each pixel.
+/// What each pixel shows beside light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surfaces {
     albedo: Vec<Option<[f32; 3]>>,
+    features: Option<Features>,
 }
 
 impl Surfaces {
@@ -27,34 +32,51 @@ impl Surfaces {
     pub fn beside(container_path: &Path, container: &ContainerReader) -> Result<Self> {
         let path = container_path.with_extension("ltm");
         let matrix = StoreReader::open(&path)?;
-        let shape = BlockSource::shape(&matrix);
-        let refuse = |problem: &str| Err(Error::input(path.display().to_string(), problem, ""));
         let job = matrix.job();
-        let same_view = (shape.width(), shape.height()) == (container.shape().width(), container.shape().height());
+        let same_view =
+            (job.shape.width(), job.shape.height()) == (container.shape().width(), container.shape().height());
         if !same_view || job.provenance.content != container.job().provenance.content {
-            return refuse("is the matrix of another scene or view");
+            return Err(Error::input(path.display().to_string(), "is the matrix of another scene or view", ""));
         }
-        let mut surfaces = Self { albedo: vec![None; shape.width() as usize * shape.height() as usize] };
-        let (mut reused, mut known) = (None, false);
-        for id in shape.blocks().filter(|&id| matrix.is_committed(id)) {
-            let Some(block) = matrix.read_planes(id, reused.take())? else { continue };
-            known = true;
-            let rect = shape.rect(id);
-            let pixels = rect.pixels();
-            for inside in 0..pixels {
-                let plane = |plane: usize| block.features[plane * pixels + inside];
-                let (x, y) = (inside as u32 % rect.width, inside as u32 / rect.width);
-                let at = (rect.y + y) as usize * shape.width() as usize + (rect.x + x) as usize;
-                surfaces.albedo[at] = albedo_of(plane);
-            }
-            reused = Some(block);
-        }
-        if known { Ok(surfaces) } else { refuse("does not know what its samples are") }
+        let features = Features::read(&matrix)?;
+        let (planes, pixels) = (features.planes(), features.size().0 as usize * features.size().1 as usize);
+        let albedo = (0..pixels).map(|pixel| albedo_of(|plane| planes[plane * pixels + pixel])).collect();
+        Ok(Self { albedo, features: Some(features) })
     }
 
     /// Surfaces of known albedo; none for a pixel that shows something else.
     pub fn of_albedo(albedo: Vec<Option<[f32; 3]>>) -> Self {
-        Self { albedo }
+        Self { albedo, features: None }
+    }
+
+    /// A feature of a pixel, in its own units, over the samples that show a surface; none where there are none.
+    pub fn value(&self, feature: Feature, pixel: usize) -> Option<Vec<f32>> {
+        let features = self.features.as_ref()?;
+        let share = *features.planes_of(Feature::Surface).next()?.get(pixel)?;
+        (share > 0.0).then(|| features.planes_of(feature).map(|plane| plane[pixel] / share).collect())
+    }
+
+    /// A feature as a picture: albedo in its colours, normals from −1 to 1 in red, green and blue, depth the darker the farther.
+    pub fn shown(&self, feature: Feature) -> Option<Shown> {
+        let features = self.features.as_ref()?;
+        let (width, height) = features.size();
+        let pixels = width as usize * height as usize;
+        let depths = (0..pixels).filter_map(|pixel| self.value(Feature::Depth, pixel)).map(|depth| depth[0]);
+        let (near, far) = depths.fold((f32::INFINITY, 0.0), |(near, far): (f32, f32), d| (near.min(d), far.max(d)));
+        let colour = |value: Vec<f32>| -> [f32; 3] {
+            match (feature, value.as_slice()) {
+                (Feature::Albedo, &[r, g, b]) => [r, g, b].map(encode_srgb),
+                (Feature::Normal, &[x, y, z]) => [x, y, z].map(|v| 0.5 + 0.5 * v),
+                (Feature::Depth, &[depth]) => [0.1 + 0.9 * (far - depth) / (far - near).max(f32::MIN_POSITIVE); 3],
+                (_, value) => [value[0]; 3],
+            }
+        };
+        let mut rgba = vec![0; 4 * pixels];
+        for (pixel, bytes) in rgba.chunks_exact_mut(4).enumerate() {
+            let [r, g, b] = self.value(feature, pixel).map_or([0.0; 3], colour).map(|v| (v * 255.0 + 0.5) as u8);
+            bytes.copy_from_slice(&[r, g, b, 255]);
+        }
+        Some(Shown { size: [width as usize, height as usize], rgba, histogram: Vec::new() })
     }
 
     /// The albedo of a pixel, where it shows one surface that reflects enough of each colour.
@@ -69,7 +91,6 @@ fn albedo_of(plane: impl Fn(usize) -> f32) -> Option<[f32; 3]> {
     let surface = share(Feature::Surface);
     let is_plain =
         surface >= SURFACE_SHARE && share(Feature::Emitter) <= OTHER_SHARE && share(Feature::Specular) <= OTHER_SHARE;
-    debug_assert!(Feature::Albedo.planes().end <= FEATURE_PLANES);
     let first = Feature::Albedo.planes().start;
     let albedo = [0, 1, 2].map(|ch: usize| plane(first + ch) / surface.max(SURFACE_SHARE));
     (is_plain && albedo.iter().all(|v| *v >= LEAST_ALBEDO)).then_some(albedo)
@@ -78,6 +99,7 @@ fn albedo_of(plane: impl Fn(usize) -> f32) -> Option<[f32; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ltm::matrix::FEATURE_PLANES;
 
     #[test]
     fn only_pixels_that_show_one_surface_have_an_albedo() {

@@ -9,6 +9,7 @@ use eframe::egui_wgpu::RenderState;
 use super::autosave::Autosave;
 use super::comparison::Comparison;
 use super::errands::Errands;
+use super::features_view::FeaturesView;
 use super::light_list::LightList;
 use super::light_meter::{Known, LightMeter};
 use super::pattern_editor::Easel;
@@ -52,6 +53,8 @@ pub(super) struct Document {
     pub(super) view: ViewState,
     /// What is measured in the picture.
     pub(super) meter: LightMeter,
+    /// What is seen in place of light.
+    pub(super) features: FeaturesView,
     /// Snapshots and references.
     pub(super) compare: Comparison,
     /// The texture editor's settings.
@@ -81,6 +84,7 @@ impl Document {
             work: Work::new(mix),
             view: ViewState::default(),
             meter: LightMeter::default(),
+            features: FeaturesView::default(),
             compare: Comparison::new(),
             easel: Easel::default(),
             shown: ShownPicture::new(opening.state),
@@ -262,6 +266,7 @@ impl Document {
         self.relight_snapshot();
         self.compare_pictures(held);
         self.refresh_meter(context);
+        self.refresh_features(context);
         let relit = self.requests.lit.as_ref() != Some(&self.work.mix);
         let compared = self.compare.compared();
         let display = (self.view.display, self.compare.snapshots.compared(), compared.is_some());

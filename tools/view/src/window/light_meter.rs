@@ -103,17 +103,25 @@ impl LightMeter {
 }
 
 impl Document {
+    /// Has the surfaces read, unless they were already.
+    pub(super) fn ask_surfaces(&mut self) {
+        if !matches!(self.meter.known, Known::Unasked) {
+            return;
+        }
+        self.meter.known = Known::Reading;
+        let (path, container) = (self.session.path.clone(), self.session.container.clone());
+        self.session.worker.beside(move || {
+            let surfaces = Surfaces::beside(&path, &container).map_err(|error| error.to_string());
+            Ok(Brought::Surfaces(surfaces.map(Arc::new)))
+        });
+    }
+
     /// Measures what has come, where somebody looks at it.
     pub(super) fn refresh_meter(&mut self, context: &egui::Context) {
         let Ok(gain) = self.lumens_per_watt() else { return self.meter.shows = None };
         let Some(image) = self.shown.image.clone().filter(|_| self.meter.is_used()) else { return };
-        if self.meter.measured == Measured::Illuminance && matches!(self.meter.known, Known::Unasked) {
-            self.meter.known = Known::Reading;
-            let (path, container) = (self.session.path.clone(), self.session.container.clone());
-            self.session.worker.beside(move || {
-                let surfaces = Surfaces::beside(&path, &container).map_err(|error| error.to_string());
-                Ok(Brought::Surfaces(surfaces.map(Arc::new)))
-            });
+        if self.meter.measured == Measured::Illuminance {
+            self.ask_surfaces();
         }
         let surfaces = match &self.meter.known {
             Known::Surfaces(surfaces) => Some(surfaces.clone()),

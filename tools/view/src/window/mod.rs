@@ -7,6 +7,7 @@ mod comparison;
 mod document;
 mod errands;
 mod fader;
+mod features_view;
 mod keys;
 mod layout;
 mod light_list;

@@ -209,7 +209,8 @@ fn draw(ui: &Ui, document: &Document, place: &Place) {
         return;
     };
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    painter.image(document.meter.id().unwrap_or(texture), picture, whole, Color32::WHITE);
+    let texture = document.features.id().or(document.meter.id()).unwrap_or(texture);
+    painter.image(texture, picture, whole, Color32::WHITE);
     draw_compared(ui, &painter, document, place);
     draw_labels(&painter, &document.meter, |position| place.to_screen(document, position));
     draw_area(&painter, &document.meter, |position| place.to_screen(document, position));

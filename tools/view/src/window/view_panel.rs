@@ -3,6 +3,7 @@
 use eframe::egui::{self, Color32, Rect, RichText, Sense, Ui, pos2, vec2};
 
 use super::document::Document;
+use super::features_view::features;
 use super::keys::{Action, act};
 use super::light_meter::light_meter;
 use super::snapshots_panel::snapshots;
@@ -119,6 +120,7 @@ fn display(ui: &mut Ui, document: &mut Document) {
     if document.view.display.false_colour {
         scale(ui, document);
     }
+    features(ui, document);
 }
 
 /// The name of a setting, in a column of its own.

@@ -3,7 +3,11 @@
 use std::path::Path;
 
 use eframe::egui::{Key, Modifiers, vec2};
+use ltm::host::Quiet;
+use ltm::matrix::Feature;
+use ltm::pipeline::{Features, PackOptions, RenderOptions, pack, render};
 use ltm::scene::BuiltIn;
+use ltm::store::StoreReader;
 use ltm_view::WindowOptions;
 use ltm_view::sun::nearest_texel;
 
@@ -11,12 +15,13 @@ use super::driver::Driver;
 use super::{CTRL, container, room};
 
 /// Tests of this file.
-pub(crate) const TESTS: [(&str, fn()); 10] = [
+pub(crate) const TESTS: [(&str, fn()); 11] = [
     ("a_png_reference_is_shown_as_it_is", a_png_reference_is_shown_as_it_is),
     ("the_difference_is_measured_and_shown", the_difference_is_measured_and_shown),
     ("a_light_is_set_in_candela_per_square_metre", a_light_is_set_in_candela_per_square_metre),
     ("an_area_is_measured_in_lux_and_reported", an_area_is_measured_in_lux_and_reported),
     ("false_colour_with_a_legend_takes_the_place_of_the_picture", false_colour_takes_the_place_of_the_picture),
+    ("albedo_normals_and_depth_take_the_place_of_the_picture", features_take_the_place_of_the_picture),
     ("the_sun_is_dragged_over_the_sky_and_put_by_date", the_sun_is_dragged_over_the_sky_and_put_by_date),
     ("the_sun_is_put_and_dragged_in_the_picture", the_sun_is_put_and_dragged_in_the_picture),
     ("a_band_in_the_picture_selects_lights", a_band_in_the_picture_selects_lights),
@@ -269,6 +274,42 @@ fn a_band_in_the_picture_selects_lights() {
     driver.drag_with(at - vec2(30.0, 30.0), at + vec2(30.0, 30.0), 5, Modifiers::SHIFT);
     driver.settle();
     driver.find_containing("does not say how its camera stood");
+}
+
+fn features_take_the_place_of_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let (matrix, packed) = (folder.path().join("room.ltm"), folder.path().join("room.ltc"));
+    let mut room = BuiltIn { width: 48, height: 32, texels: 2 }.named("mixed").unwrap();
+    room.settings.samples_per_pixel = 4;
+    render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
+    let matrix = StoreReader::open(&matrix).unwrap();
+    pack(&matrix, matrix.job(), &packed, &PackOptions::default(), &Quiet).unwrap();
+    let features = Features::read(&matrix).unwrap();
+    let mut driver = Driver::open(&packed);
+    for (name, feature) in [("Albedo", Feature::Albedo), ("Normals", Feature::Normal), ("Depth", Feature::Depth)] {
+        driver.click(driver.find(name).center());
+        driver.settle();
+        driver.frame(Vec::new());
+        let shown = driver.texture("features");
+        let share: Vec<f32> = features.planes_of(Feature::Surface).flatten().copied().collect();
+        let plane: Vec<f32> = features.planes_of(feature).next().unwrap().to_vec();
+        // Red of the pixels with the least and the most of it: in their order, and for depth the other way round.
+        let surfaces = (0..share.len()).filter(|&pixel| share[pixel] > 0.99);
+        let by_value = |a: &usize, b: &usize| plane[*a].total_cmp(&plane[*b]);
+        let (least, most) = (surfaces.clone().min_by(by_value).unwrap(), surfaces.max_by(by_value).unwrap());
+        let (least, most) = (shown[4 * least], shown[4 * most]);
+        assert!(if feature == Feature::Depth { least > most } else { least < most }, "{name}: {least}, {most}");
+    }
+    driver.move_to(driver.find("picture").center());
+    driver.settle();
+    driver.click(driver.find("Light").center());
+    driver.settle();
+    // Without the matrix nothing is known, and that is said.
+    std::fs::remove_file(folder.path().join("room.ltm")).unwrap();
+    let mut driver = Driver::open(&packed);
+    driver.click(driver.find("Albedo").center());
+    driver.settle();
+    driver.find_containing("Not known");
 }
 
 fn reports_and_sheets_are_written_as_pdf() {

@@ -1,0 +1,81 @@
+//! What the picture shows beside light, in place of it: albedo, normals, depth.
+
+use eframe::egui::{self, RichText, TextureHandle, TextureId, Ui};
+
+use super::document::Document;
+use super::light_meter::Known;
+use super::shown_picture::set_texture;
+use super::theme::WEAK;
+use super::view_panel::short;
+use ltm::matrix::Feature;
+
+/// What can be seen, with what is said of it.
+const WAYS: [(&str, Option<Feature>, &str); 4] = [
+    ("Light", None, "The picture"),
+    ("Albedo", Some(Feature::Albedo), "What part of the light surfaces send on"),
+    ("Normals", Some(Feature::Normal), "How surfaces lie: x, y, z as red, green, blue"),
+    ("Depth", Some(Feature::Depth), "How far surfaces are: the farther the darker"),
+];
+
+#[derive(Default)]
+pub(super) struct FeaturesView {
+    /// What is seen in place of light.
+    pub(super) shows: Option<Feature>,
+    /// What the texture shows.
+    made: Option<Feature>,
+    texture: Option<TextureHandle>,
+}
+
+impl FeaturesView {
+    /// What to draw in place of the picture.
+    pub(super) fn id(&self) -> Option<TextureId> {
+        let is_made = self.shows.is_some() && self.shows == self.made;
+        self.texture.as_ref().filter(|_| is_made).map(TextureHandle::id)
+    }
+}
+
+impl Document {
+    /// Has the surfaces read, and shows of them what is asked for.
+    pub(super) fn refresh_features(&mut self, context: &egui::Context) {
+        let Some(feature) = self.features.shows.filter(|_| self.features.shows != self.features.made) else { return };
+        self.ask_surfaces();
+        let Known::Surfaces(surfaces) = &self.meter.known else { return };
+        if let Some(shown) = surfaces.shown(feature) {
+            set_texture(context, &mut self.features.texture, "features", &shown);
+            self.features.made = Some(feature);
+        }
+    }
+
+    /// What is shown of a pixel in place of light, in words.
+    fn feature_in_words(&self, [x, y]: [u32; 2]) -> Option<String> {
+        let Known::Surfaces(surfaces) = &self.meter.known else { return None };
+        let pixel = y as usize * self.size()[0] as usize + x as usize;
+        let value = surfaces.value(self.features.shows?, pixel)?;
+        Some(value.into_iter().map(short).collect::<Vec<_>>().join(", "))
+    }
+}
+
+/// The choice, and what is known of it.
+pub(super) fn features(ui: &mut Ui, document: &mut Document) {
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing.x = 2.0;
+        ui.spacing_mut().button_padding.x = 6.0;
+        for (name, shows, about) in WAYS {
+            if ui.selectable_label(document.features.shows == shows, name).on_hover_text(about).clicked() {
+                document.features.shows = shows;
+            }
+        }
+    });
+    if document.features.shows.is_none() {
+        return;
+    }
+    let text = match &document.meter.known {
+        Known::Surfaces(_) => match document.view.hovered.and_then(|pixel| document.feature_in_words(pixel)) {
+            Some(value) => value,
+            None => "Point at the picture to read it".to_owned(),
+        },
+        Known::Not(reason) => format!("Not known: {reason}"),
+        Known::Unasked | Known::Reading => "Reading the surfaces…".to_owned(),
+    };
+    ui.label(RichText::new(text).size(11.0).color(WEAK));
+}
