@@ -1,9 +1,9 @@
 //! Every constant of the filter that was tuned. All were chosen on `conference-24` at 384 × 288 pixels and on the built-in room
 //! `mixed` at 256 × 192 pixels, 16 and 64 samples, seed 1; the relative widths of indirect light and the weight of colour also on
 //! `cornell-glossy` at 192 × 192 pixels, seed 0; the slopes on those three and `cornell-mirror`, the agreement on the panels among
-//! them, `cornell-water` and `erw5-scene3`, all as `ltm study picture` has them. No other scene took part.
-//! The cells of risks were chosen on the demonstration's room at 256 samples; they and the discs were kept since no row of all
-//! nine scenes became visibly worse.
+//! them, `cornell-water` and `erw5-scene3`, all as `ltm study picture` has them. The cells of risks were chosen on the demonstration's
+//! room at 256 samples. All that came later was kept only where no row of all nine scenes of that study became visibly worse, so
+//! these are not wholly strangers.
 
 /// Light is divided by no albedo below this.
 pub(super) const LEAST_ALBEDO: f32 = 0.02;

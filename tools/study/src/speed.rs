@@ -1,6 +1,6 @@
 //! Speed against error, end to end: from a scene to its first relit image, and from then on image by image.
 
-use super::bench::{Bench, Wanted};
+use super::bench::{Bench, CONFERENCE_LAMPS, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
 use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::{Measured, Summary};
@@ -26,7 +26,7 @@ others that use the machine change less; the numbers of relights from which on p
 preparing and a hundred images over rendering a hundred again by the same tracer.";
 
 struct Plan {
-    scene: &'static str,
+    scenes: &'static [&'static str],
     size: (u32, u32),
     texels: u32,
     samples: &'static [u32],
@@ -35,9 +35,22 @@ struct Plan {
     rounds: usize,
 }
 
-const QUICK: Plan = Plan { scene: "mixed", size: (64, 48), texels: 8, samples: &[4, 16], converged: 256, rounds: 1 };
-const FULL: Plan =
-    Plan { scene: "mixed", size: (256, 192), texels: 32, samples: &[4, 16, 64], converged: 2048, rounds: 3 };
+const QUICK: Plan = Plan {
+    scenes: &["mixed", CONFERENCE_LAMPS],
+    size: (64, 48),
+    texels: 8,
+    samples: &[4, 16],
+    converged: 256,
+    rounds: 1,
+};
+const FULL: Plan = Plan {
+    scenes: &["mixed", CONFERENCE_LAMPS],
+    size: (256, 192),
+    texels: 32,
+    samples: &[4, 16, 64],
+    converged: 2048,
+    rounds: 3,
+};
 
 const STORED: &str = "ours (stored)";
 const FUSED: &str = "ours (fused)";
@@ -87,22 +100,101 @@ fn join(all: Vec<Way>, more: Vec<Way>) -> Vec<Way> {
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
-    let Plan { scene, size, texels, converged, rounds, .. } = *plan;
+    let Plan { converged, rounds, .. } = *plan;
     let note = format!(
         "Errors against a matrix of {converged} samples per pixel and another seed. Prepare: from the scene to when relighting can \
-begin. Relight: mean of the lightings, CPU. {AGAIN}: the same tracer with the light as one column, all on, and nothing \
-stored; each of the columns by itself would take columns times as long. Pays off: relights from which on preparing has been \
+begin. Relight: mean of the lightings, CPU. {AGAIN}: the same tracer with an area light as one column (lamps stay one each), all on, and \
+nothing stored; the tree over the scene stands, as Mitsuba's does; each of the columns by itself would take columns times as long. Pays off: relights from which on preparing has been \
 worth it against rendering again at the same samples. {TIME_NOTE} {MITSUBA_NOTE} Rounds: {rounds}. {}",
         machine::load()
     );
-    bench.watch.begin("speed", plan.samples.len() as u64, "sample counts");
-    let wanted = Wanted { scene, size, texels, samples: converged, seed: 1, block_side: 32 };
+    let scenes: Vec<&str> = plan.scenes.iter().copied().filter(|scene| bench.has(scene)).collect();
+    bench.watch.begin("speed", (scenes.len() * plan.samples.len()) as u64, "sample counts");
     let mut notes = bench.notes(&[&note, LIGHTINGS_NOTE]);
     if !oidn::OIDN.is_there() {
         notes.push("The denoiser was not compared: no Python with it (`LTM_OIDN` names one, else `python3`).".into());
     }
     let rivals = rivals_there(&mut notes);
-    let mut table = Table::new(
+    let mut table = table(notes);
+    let mut panels = (Vec::new(), Vec::new());
+    for scene in scenes {
+        let (totals, errors) = measure(bench, plan, scene, &rivals, &mut table)?;
+        panels.0.push(totals);
+        panels.1.push(errors);
+    }
+    bench.watch.end();
+    let most = plan.samples.last().copied().unwrap_or(0);
+    let charts = [
+        Chart {
+            title: format!("Seconds for a number of relit images, {most} spp"),
+            caption: bench.caption("CPU; from measured parts"),
+            x: Axis::logarithmic("relit images"),
+            y: Axis::logarithmic("seconds in all"),
+            panels: panels.0,
+        },
+        Chart {
+            title: "Error of the first image (all on) against seconds to it".into(),
+            caption: bench.caption(&format!("{:?} spp", plan.samples)),
+            x: Axis::logarithmic("seconds from the scene to the first image"),
+            y: Axis::linear("PSNR clip (dB)"),
+            panels: panels.1,
+        },
+    ];
+    let mut report = StudyReport::default();
+    report.add_table(&bench.out, "speed", &table)?;
+    for (chart, stem) in charts.iter().zip(["speed-total", "speed-error"]) {
+        report.add_chart(&bench.out, stem, chart)?;
+    }
+    Ok(report)
+}
+
+/// Measures all ways on a scene: a row for each and each number of samples, and the panels of both charts.
+fn measure(
+    bench: &Bench<'_>,
+    plan: &Plan,
+    scene: &'static str,
+    rivals: &[(&'static str, &'static str)],
+    table: &mut Table,
+) -> Result<(Panel, Panel)> {
+    let Plan { size, texels, converged, rounds, .. } = *plan;
+    let wanted = Wanted { scene, size, texels, samples: converged, seed: 1, block_side: 32 };
+    let reference = bench.matrix(wanted)?;
+    let shape = reference.shape();
+    let Judged { lightings, references, .. } = Judged::of(&reference)?;
+    let surfaces = if oidn::OIDN.is_there() { Surfaces::of(&reference)? } else { None };
+    let mut last = Vec::new();
+    let mut error_lines: Vec<Line> = Vec::new();
+    for &samples in plan.samples {
+        let mut ways: Vec<Way> = Vec::new();
+        for _ in 0..rounds {
+            bench.stop_if_interrupted()?;
+            let mut round = ours(bench, Wanted { samples, seed: 0, ..wanted }, &lightings, &references)?;
+            round.extend(theirs(bench, wanted, samples, rivals, (surfaces.as_ref(), &references[0]))?);
+            ways = join(ways, round);
+        }
+        let again = ways.iter().find(|way| way.name == AGAIN);
+        for way in &ways {
+            table.push(row(scene, samples, shape, way, again));
+            let at = (way.after(1).secs, way.all_on.psnr_clipped);
+            match error_lines.iter_mut().find(|line| line.name == way.name) {
+                Some(line) => line.points.push(at),
+                None => error_lines.push(Line { name: way.name.into(), points: vec![at] }),
+            }
+        }
+        bench.watch.advance(1, shape.raw_bytes(), "B");
+        last = ways;
+    }
+    let counts = (0..=16).map(|i| 10f64.powf(f64::from(i) * 0.25).round());
+    let totals = last.iter().map(|way| Line {
+        name: way.name.into(),
+        points: counts.clone().map(|n| (n, way.after(n as usize).secs)).collect(),
+    });
+    let title = format!("{scene}, {} × {}", shape.rows(), shape.columns());
+    Ok((Panel { title: title.clone(), lines: totals.collect() }, Panel { title, lines: error_lines }))
+}
+
+fn table(notes: Vec<String>) -> Table {
+    Table::new(
         "Seconds from the scene to relit images",
         notes,
         &[
@@ -129,63 +221,7 @@ worth it against rendering again at the same samples. {TIME_NOTE} {MITSUBA_NOTE}
             ("all_on_flip", 3),
             ("hundred_over_again", 4),
         ],
-    );
-    let reference = bench.matrix(wanted)?;
-    let shape = reference.shape();
-    let Judged { lightings, references, .. } = Judged::of(&reference)?;
-    let surfaces = if oidn::OIDN.is_there() { Surfaces::of(&reference)? } else { None };
-    let mut last = Vec::new();
-    let mut error_lines: Vec<Line> = Vec::new();
-    for &samples in plan.samples {
-        bench.stop_if_interrupted()?;
-        let mut ways: Vec<Way> = Vec::new();
-        for _ in 0..rounds {
-            bench.stop_if_interrupted()?;
-            let mut round = ours(bench, Wanted { samples, seed: 0, ..wanted }, &lightings, &references)?;
-            round.extend(theirs(bench, wanted, samples, &rivals, (surfaces.as_ref(), &references[0]))?);
-            ways = join(ways, round);
-        }
-        let again = ways.iter().find(|way| way.name == AGAIN);
-        for way in &ways {
-            table.push(row(scene, samples, shape, way, again));
-            let at = (way.after(1).secs, way.all_on.psnr_clipped);
-            match error_lines.iter_mut().find(|line| line.name == way.name) {
-                Some(line) => line.points.push(at),
-                None => error_lines.push(Line { name: way.name.into(), points: vec![at] }),
-            }
-        }
-        bench.watch.advance(1, shape.raw_bytes(), "B");
-        last = ways;
-    }
-    bench.watch.end();
-    let counts = (0..=16).map(|i| 10f64.powf(f64::from(i) * 0.25).round());
-    let totals = last.iter().map(|way| Line {
-        name: way.name.into(),
-        points: counts.clone().map(|n| (n, way.after(n as usize).secs)).collect(),
-    });
-    let most = plan.samples.last().copied().unwrap_or(0);
-    let charts = [
-        Chart {
-            title: format!("Seconds for a number of relit images, {scene}, {most} spp"),
-            caption: bench.caption(&format!("{} × {}, CPU; from measured parts", shape.rows(), shape.columns())),
-            x: Axis::logarithmic("relit images"),
-            y: Axis::logarithmic("seconds in all"),
-            panels: vec![Panel { title: String::new(), lines: totals.collect() }],
-        },
-        Chart {
-            title: format!("Error of the first image (all on) against seconds to it, {scene}"),
-            caption: bench.caption(&format!("{} × {}, {:?} spp", shape.rows(), shape.columns(), plan.samples)),
-            x: Axis::logarithmic("seconds from the scene to the first image"),
-            y: Axis::linear("PSNR clip (dB)"),
-            panels: vec![Panel { title: String::new(), lines: error_lines }],
-        },
-    ];
-    let mut report = StudyReport::default();
-    report.add_table(&bench.out, "speed", &table)?;
-    for (chart, stem) in charts.iter().zip(["speed-total", "speed-error"]) {
-        report.add_chart(&bench.out, stem, chart)?;
-    }
-    Ok(report)
+    )
 }
 
 fn row(scene: &str, samples: u32, shape: MatrixShape, way: &Way, again: Option<&Way>) -> Vec<Cell> {
@@ -277,6 +313,8 @@ fn ours(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &
         max_depth: settings.max_depth,
     };
     let tracer = Tracer::new(single.scene, shape, settings)?;
+    // The tree stands before, as Mitsuba's does; not the photons, which are sent behind it. Rooms that have any are built in a moment.
+    let clock = if tracer.photon_cost().sent > 0 { clock } else { Clock::start() };
     let image = &relight_raw(&tracer, &[Lighting::uniform(shape.columns(), [1.0; 3])?])?[0];
     ways.push(Way::again(AGAIN, clock.stop(), image, &references[0]));
     Ok(ways)

@@ -71,7 +71,9 @@ fn many_columns() -> String {
 
 fn another_renderer() -> String {
     let speed = Csv::published("speed.csv");
-    let found = |way: &str| number(speed.find(&[("way", way), ("samples_per_px", "64")]), "relight_cpu_secs");
+    let found = |way: &str| {
+        number(speed.find(&[("scene", "mixed"), ("way", way), ("samples_per_px", "64")]), "relight_cpu_secs")
+    };
     format!(
         "for 64 samples of the built-in room it takes {:.1} processors' seconds, our tracer {:.1}.",
         found("Mitsuba 3 (llvm_ad_rgb)"),

@@ -204,6 +204,7 @@ fn speed_in_short(files: &[Csv]) -> Vec<Vec<String>> {
     let samples = speed.each("samples_per_px").pop().expect("a number of samples").to_owned();
     let mut table = vec![cells(&[
         &format!("{samples} samples"),
+        "way",
         "stored",
         "1st / 100th image after, processors' s",
         "a further image, s",
@@ -213,6 +214,7 @@ fn speed_in_short(files: &[Csv]) -> Vec<Vec<String>> {
     ])];
     for row in speed.rows.iter().filter(|row| text(row, "samples_per_px") == samples) {
         table.push(vec![
+            format!("{}, {}", text(row, "scene"), shape(row)),
             text(row, "way").to_owned(),
             stored_bytes(row),
             format!("{:.1} / {:.1}", cpu_after(row, 1.0), cpu_after(row, 100.0)),
@@ -227,6 +229,7 @@ fn speed_in_short(files: &[Csv]) -> Vec<Vec<String>> {
 
 fn speed(files: &[Csv]) -> Vec<Vec<String>> {
     let mut table = vec![cells(&[
+        "scene, rows × columns",
         "samples",
         "way",
         "stored",
@@ -243,6 +246,7 @@ fn speed(files: &[Csv]) -> Vec<Vec<String>> {
             |wall: &str, cpu: &str, digits| format!("{} ({})", shown(row, wall, digits), shown(row, cpu, digits));
         let after = ["first_image_secs", "ten_images_secs", "hundred_images_secs"].map(|column| shown(row, column, 1));
         table.push(vec![
+            format!("{}, {}", text(row, "scene"), shape(row)),
             text(row, "samples_per_px").to_owned(),
             text(row, "way").to_owned(),
             stored_bytes(row),
@@ -259,44 +263,54 @@ fn speed(files: &[Csv]) -> Vec<Vec<String>> {
 }
 
 fn speed_says(files: &[Csv]) -> Vec<String> {
-    let speed = &files[0];
+    let mut says = speed_of_scenes(&files[0]);
+    for scene in files[0].each("scene") {
+        let samples = files[0].each("samples_per_px").pop().expect("a number of samples");
+        says.extend(of_rival(&files[0], scene, samples).map(|rival| against_denoised(&files[0], rival)));
+    }
+    says
+}
+
+fn of_rival<'a>(speed: &'a Csv, scene: &str, samples: &str) -> Option<&'a Row> {
+    speed.maybe(&[("scene", scene), ("way", DENOISED), ("samples_per_px", samples)])
+}
+
+fn speed_of_scenes(speed: &Csv) -> Vec<String> {
     let samples = speed.each("samples_per_px");
-    let found = |way: &str, samples: &str| speed.find(&[("way", way), ("samples_per_px", samples)]);
-    let pays: Vec<String> = samples.iter().map(|s| shown(found(STORED, s), "pays_off_after", 1)).collect();
-    let part = |way: &str| -> Vec<String> {
-        let of = |s: &&str| format!("{:.2}", ratio(found(way, s), found(AGAIN, s), "relight_cpu_secs"));
-        samples.iter().map(of).collect()
-    };
-    let mut says = vec![format!(
-        "Against rendering each lighting again by the same tracer, rendering and packing all lights pays off after {} images at {} \
-samples.",
-        list(&pays),
-        list(&samples)
-    )];
-    if speed.maybe(&[("way", LLVM), ("samples_per_px", samples[0])]).is_some() {
+    let mut says = Vec::new();
+    for scene in speed.each("scene") {
+        let found =
+            |way: &str, samples: &str| speed.find(&[("scene", scene), ("way", way), ("samples_per_px", samples)]);
+        let pays: Vec<String> = samples.iter().map(|s| shown(found(STORED, s), "pays_off_after", 1)).collect();
         says.push(format!(
-            "Where we lose: the first image. For one lighting Mitsuba's LLVM mode takes {} of the processors' seconds of our tracer at {} \
-samples.",
-            list(&part(LLVM)),
+            "`{scene}`: against rendering each lighting again by the same tracer, rendering and packing all lights pays off after {} images at \
+{} samples.",
+            list(&pays),
             list(&samples)
         ));
-        says.push(as_near_without_denoiser(speed, &samples));
-    }
-    for s in &samples {
-        if let Some(rival) = speed.maybe(&[("way", DENOISED), ("samples_per_px", s)]) {
-            says.push(against_denoised(speed, rival));
+        if speed.maybe(&[("scene", scene), ("way", LLVM), ("samples_per_px", samples[0])]).is_some() {
+            let part = |s: &&str| ratio(found(LLVM, s), found(AGAIN, s), "relight_cpu_secs");
+            let parts: Vec<f64> = samples.iter().map(part).collect();
+            let told: Vec<String> = parts.iter().map(|part| format!("{part:.2}")).collect();
+            let loses = if parts.iter().any(|part| *part < 1.0) { " (below 1 we lose)" } else { "" };
+            says.push(format!(
+                "`{scene}`: for one lighting Mitsuba's LLVM mode takes {} of the processors' seconds of our tracer at {} samples{loses}.",
+                list(&told),
+                list(&samples)
+            ));
+            says.push(as_near_without_denoiser(speed, scene, &samples));
         }
     }
     says
 }
 
 /// What our tracer takes for one lighting to be as near as a renderer without a denoiser.
-fn as_near_without_denoiser(speed: &Csv, samples: &[&str]) -> String {
+fn as_near_without_denoiser(speed: &Csv, scene: &str, samples: &[&str]) -> String {
     let takes = |column: &str| -> Vec<String> {
         let of = |s: &&str| {
-            let rival = speed.find(&[("way", LLVM), ("samples_per_px", s)]);
+            let rival = speed.find(&[("scene", scene), ("way", LLVM), ("samples_per_px", s)]);
             let seconds = number(rival, "relight_cpu_secs");
-            match seconds_at(speed, column, number(rival, column)) {
+            match seconds_at(speed, scene, column, number(rival, column)) {
                 Ok(ours) => format!("{:.2}", ours / seconds),
                 Err(bound) => format!("at most {:.2}", bound / seconds),
             }
@@ -304,8 +318,8 @@ fn as_near_without_denoiser(speed: &Csv, samples: &[&str]) -> String {
         samples.iter().map(of).collect()
     };
     format!(
-        "To be as near as Mitsuba's images of {} samples our tracer takes {} times Mitsuba's processors' seconds in clip, and {} times in \
-ꟻLIP: below 1 ours is faster.",
+        "`{scene}`: to be as near as Mitsuba's images of {} samples our tracer takes {} times Mitsuba's processors' seconds in clip, and {} \
+times in ꟻLIP: below 1 ours is faster.",
         list(samples),
         list(&takes("all_on_clip_db")),
         list(&takes("all_on_flip"))
@@ -314,10 +328,10 @@ fn as_near_without_denoiser(speed: &Csv, samples: &[&str]) -> String {
 
 /// Processors' seconds in which our tracer renders one lighting with an error, on the line between two measured numbers of samples on
 /// logarithmic axes; those of the fewest samples, as a bound, where these are nearer already.
-fn seconds_at(speed: &Csv, column: &str, error: f64) -> Result<f64, f64> {
+fn seconds_at(speed: &Csv, scene: &str, column: &str, error: f64) -> Result<f64, f64> {
     // Decibels are logarithms, smaller for a larger error.
     let size = |error: f64| if column.ends_with("_db") { -error } else { error.ln() };
-    let ours = speed.rows.iter().filter(|row| text(row, "way") == AGAIN);
+    let ours = speed.rows.iter().filter(|row| text(row, "scene") == scene && text(row, "way") == AGAIN);
     let points: Vec<(f64, f64)> =
         ours.map(|row| (size(number(row, column)), number(row, "relight_cpu_secs").ln())).collect();
     let (fewest, seconds) = points[0];
@@ -330,11 +344,14 @@ fn seconds_at(speed: &Csv, column: &str, error: f64) -> Result<f64, f64> {
 /// When ours is as near as a renderer with a denoiser, and after how many images it has taken less.
 fn against_denoised(speed: &Csv, rival: &Row) -> String {
     let (each, flip) = (number(rival, "relight_cpu_secs"), number(rival, "all_on_flip"));
+    let scene = text(rival, "scene");
     let told = format!(
-        "With the denoiser its image of {} samples stands after {each:.1} processors' seconds at a ꟻLIP of {flip:.3}",
+        "`{scene}`: with the denoiser Mitsuba's image of {} samples stands after {each:.1} processors' seconds at a ꟻLIP of {flip:.3}",
         text(rival, "samples_per_px")
     );
-    let ours = speed.rows.iter().filter(|row| text(row, "way") == STORED && number(row, "all_on_flip") <= flip);
+    let is_as_near =
+        |row: &&Row| text(row, "scene") == scene && text(row, "way") == STORED && number(row, "all_on_flip") <= flip;
+    let ours = speed.rows.iter().filter(is_as_near);
     let Some(ours) = ours.min_by(|a, b| cpu_after(a, 1.0).total_cmp(&cpu_after(b, 1.0))) else {
         return format!("{told}; ours is at no measured number of samples as near.");
     };
@@ -354,8 +371,12 @@ fn against_denoised(speed: &Csv, rival: &Row) -> String {
 
 fn speed_says_more(files: &[Csv]) -> Vec<String> {
     let speed = &files[0];
-    let pairs = speed.pairs("way", UNCOMPRESSED, STORED, &["samples_per_px"]);
-    let mut says = speed_says(files);
+    let pairs = speed.pairs("way", UNCOMPRESSED, STORED, &["scene", "samples_per_px"]);
+    let mut says = speed_of_scenes(speed);
+    for scene in speed.each("scene") {
+        let rivals = speed.each("samples_per_px").into_iter().filter_map(|samples| of_rival(speed, scene, samples));
+        says.extend(rivals.map(|rival| against_denoised(speed, rival)));
+    }
     says.push(format!(
         "The uncompressed matrix on disk gives its first image after {} of our processors' seconds at the same samples, for there is \
 nothing to clean and pack; each further image takes it {} times ours, and it has {} times the bytes.",
