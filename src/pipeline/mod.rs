@@ -73,7 +73,7 @@ pub use selection::Selection;
 pub use share::{DATA_NAME, PAGE_NAME, ShareOptions, ShareReport, share};
 pub use spill::check_container_output;
 #[cfg(feature = "scene")]
-pub use stop::{Chosen, StopRule, choose_samples, expected_error, parse_error, parse_seconds};
+pub use stop::{Chosen, RenderTo, StopRule, choose_samples, expected_error, parse_error, parse_seconds};
 pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
 pub use unpack_source::{UnpackSource, Weights};
 pub use verify::{Verified, admit_merge, verify, verify_container};

@@ -49,6 +49,15 @@ pub struct StopRule {
     pub packs: bool,
 }
 
+/// Where a render goes, by its finished name.
+#[derive(Clone, Copy, Debug)]
+pub enum RenderTo<'a> {
+    /// What is unfinished there of the same scene goes on with its own number of samples.
+    GoOn(&'a Path),
+    /// What is there is not looked at.
+    Anew(&'a Path),
+}
+
 /// A scene with as many samples as a rule wants, and what it is held to where that is an error.
 pub struct Chosen {
     /// The scene.
@@ -131,13 +140,13 @@ impl Seconds {
 }
 
 /// Sets the scene's samples per pixel so that the first of a rule's ends is reached, for a matrix that will be packed with these
-/// options. What is `unfinished` of the same scene (by its finished name) goes on with its own number.
+/// options. A render that packs has the number written down until it is finished.
 ///
 /// # Errors
 /// A rule without an end, or with one that is not above 0; what tracing refuses; [`Error::Interrupted`].
 pub fn choose_samples(
     mut loaded: LoadedScene,
-    unfinished: Option<&Path>,
+    to: RenderTo<'_>,
     rule: StopRule,
     pack: &PackOptions,
     watch: &dyn Watch,
@@ -148,11 +157,11 @@ pub fn choose_samples(
             return Err(Error::input(name, "is not above 0", "give for example --error 2% or --time 60s"));
         }
     }
-    let known = match unfinished {
-        Some(path) => samples_of_unfinished(&mut loaded, path)?,
-        None => None,
+    let (path, known) = match to {
+        RenderTo::GoOn(path) => (path, samples_of_unfinished(&mut loaded, path)?),
+        RenderTo::Anew(path) => (path, None),
     };
-    if let (Some(samples), Some(path)) = (known, unfinished) {
+    if let Some(samples) = known {
         watch.note(&format!("{}: goes on with {samples} samples per pixel", path.display()));
         if rule.error.is_none() {
             return Ok(Chosen { loaded, promise: None });
@@ -183,7 +192,7 @@ pub fn choose_samples(
     })?;
     if let Some(samples) = samples {
         loaded.settings.samples_per_pixel = samples;
-        if let (Some(path), true) = (unfinished, rule.packs) {
+        if rule.packs {
             note_samples(&loaded, path)?;
         }
     }
@@ -447,10 +456,10 @@ mod tests {
         crate::matrix::BlockSink::write_block(&writer, BlockId(0), &traced).unwrap();
         drop(writer);
         let rule = StopRule { seconds: Some(1.0), ..Default::default() };
-        let again = choose_samples(scene(), Some(&path), rule, &PackOptions::default(), &Quiet).unwrap();
+        let again = choose_samples(scene(), RenderTo::GoOn(&path), rule, &PackOptions::default(), &Quiet).unwrap();
         assert_eq!(again.loaded.settings.samples_per_pixel, 6);
         let bad = StopRule { error: Some(-0.1), ..Default::default() };
-        assert!(choose_samples(scene(), Some(&path), bad, &PackOptions::default(), &Quiet).is_err());
+        assert!(choose_samples(scene(), RenderTo::GoOn(&path), bad, &PackOptions::default(), &Quiet).is_err());
     }
 
     #[test]
@@ -460,13 +469,18 @@ mod tests {
         let options = PackOptions { denoise: true, ..Default::default() };
         let chosen = |seconds| {
             let rule = StopRule { seconds: Some(seconds), packs: true, ..Default::default() };
-            choose_samples(scene(), Some(&path), rule, &options, &Quiet).unwrap().loaded
+            choose_samples(scene(), RenderTo::GoOn(&path), rule, &options, &Quiet).unwrap().loaded
         };
         let first = chosen(1.0).settings.samples_per_pixel;
         assert!(samples_path(&path).exists());
         // Another time would give another number: twice as long at least, were it not for what is begun.
         let again = chosen(60.0);
         assert_eq!(again.settings.samples_per_pixel, first);
+        // One that was begun anew can be gone on with as well.
+        std::fs::remove_file(samples_path(&path)).unwrap();
+        let rule = StopRule { seconds: Some(1.0), packs: true, ..Default::default() };
+        let anew = choose_samples(scene(), RenderTo::Anew(&path), rule, &options, &Quiet).unwrap().loaded;
+        assert_eq!(chosen(60.0).settings.samples_per_pixel, anew.settings.samples_per_pixel);
         let mut other = scene();
         other.settings.seed += 1;
         assert_eq!(samples_of_unfinished(&mut other, &path).unwrap(), None);
@@ -506,7 +520,7 @@ mod tests {
                 let rule = StopRule { error: Some(asked), packs: true, ..Default::default() };
                 let mut seeded = scene();
                 seeded.settings.seed = seed;
-                let chosen = choose_samples(seeded, Some(&path), rule, &options, &Quiet).unwrap();
+                let chosen = choose_samples(seeded, RenderTo::GoOn(&path), rule, &options, &Quiet).unwrap();
                 options.promise = chosen.promise.map(Arc::new);
                 let (_, report) = crate::pipeline::render_packed(chosen.loaded, &path, &options, &Quiet).unwrap();
                 let stated = report.exposed.unwrap();

@@ -9,7 +9,7 @@ use ltm::container::ContainerReader;
 use ltm::host::{Watch, human_bytes, parse_bytes};
 use ltm::light::{ExposedError, exposed_error_line};
 use ltm::pipeline::{
-    self, PackOptions, PackReport, Promise, RenderOptions, RenderReport, StopRule, parse_error, parse_seconds,
+    self, PackOptions, PackReport, Promise, RenderOptions, RenderReport, RenderTo, StopRule, parse_error, parse_seconds,
 };
 use ltm::store::{Precision, StoreReader};
 
@@ -89,8 +89,8 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let mut pack = PackOptions { compress, denoise, memory_bytes: options.memory, ..Default::default() };
     let has_rule = rule.error.is_some() || rule.seconds.is_some();
     if has_rule {
-        let unfinished = (!options.force).then_some(&*output);
-        let chosen = pipeline::choose_samples(loaded, unfinished, rule, &pack, console)?;
+        let to = if options.force { RenderTo::Anew(&output) } else { RenderTo::GoOn(&output) };
+        let chosen = pipeline::choose_samples(loaded, to, rule, &pack, console)?;
         (loaded, pack.promise) = (chosen.loaded, chosen.promise.map(Arc::new));
     }
     let (samples, promise) = (loaded.settings.samples_per_pixel, pack.promise.clone());
