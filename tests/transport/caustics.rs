@@ -316,6 +316,15 @@ fn scenes_without_caustics_trace_the_same_rays_to_the_same_bytes() {
         });
         assert_eq!(ours, paths);
     }
+    // What no light reaches is found out with the first of the photons; the others need none.
+    let sent = |scene: Scene, depth: u32| {
+        let tracer = tracer(Arc::new(scene), settings(64, depth));
+        (tracer.photon_cost().sent, Tracer::photons_sent(tracer.scene(), tracer.shape(), settings(64, depth)))
+    };
+    assert_eq!(sent(room(false), 6), (0, 0));
+    assert_eq!(sent(lit_by_everything_that_paths_find(), 2), (0, 0));
+    let (in_vain, planned) = sent(room(true), 6);
+    assert!(in_vain > 0 && 4 * in_vain <= planned, "{in_vain} of {planned}");
     let shape = tracer(room(false), settings(8, 6)).shape();
     assert_eq!(Tracer::photons_need_bytes(&room(false), shape, settings(8, 6)), 0);
 }
