@@ -11,7 +11,7 @@ use ltm::matrix::Feature;
 
 /// What can be seen, with what is said of it.
 const WAYS: [(&str, Option<Feature>, &str); 4] = [
-    ("Light", None, "The picture"),
+    ("Image", None, "The lit image"),
     ("Albedo", Some(Feature::Albedo), "What part of the light surfaces send on"),
     ("Normals", Some(Feature::Normal), "How surfaces lie: x, y, z as red, green, blue"),
     ("Depth", Some(Feature::Depth), "How far surfaces are: the farther the darker"),

@@ -302,7 +302,7 @@ fn features_take_the_place_of_the_picture() {
     }
     driver.move_to(driver.find("picture").center());
     driver.settle();
-    driver.click(driver.find("Light").center());
+    driver.click(driver.find("Image").center());
     driver.settle();
     // Without the matrix nothing is known, and that is said.
     std::fs::remove_file(folder.path().join("room.ltm")).unwrap();
