@@ -4,9 +4,9 @@ use std::path::Path;
 
 use super::strip::{Strip, strip_bytes};
 use crate::error::{Error, Result};
-use crate::host::{Need, PROGRAM_BYTES, Watch};
+use crate::host::{Need, PROGRAM_BYTES, Quiet, Watch};
 use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
-use crate::matrix::{BlockSource, FEATURE_PLANES, Feature, MatrixShape};
+use crate::matrix::{BlockId, BlockSource, FEATURE_PLANES, Feature, MatrixShape};
 use crate::store::{self, StoreReader};
 
 /// The channel of each plane of features, in their order: Blender's names of what its denoiser takes, as OIDN's users
@@ -29,7 +29,6 @@ pub const FEATURE_CHANNELS: [&str; FEATURE_PLANES] = [
 pub struct Features {
     size: (u32, u32),
     planes: Vec<f32>,
-    missing: u32,
 }
 
 impl Features {
@@ -44,39 +43,21 @@ impl Features {
     /// The matrix knows nothing of its samples, or not even one block; a block is damaged.
     pub fn read(matrix: &StoreReader) -> Result<Self> {
         let shape = BlockSource::shape(matrix);
-        if !are_known(matrix)? {
-            return Err(unknown("the features".to_owned()));
-        }
+        check_known(matrix, "the features")?;
+        let mut strip = Strip::new(shape, FEATURE_PLANES, |id| of_block(matrix, id));
         let (width, height) = (shape.width() as usize, shape.height() as usize);
-        let mut features = Self {
-            size: (shape.width(), shape.height()),
-            planes: vec![0.0; FEATURE_PLANES * width * height],
-            missing: shape.block_count(),
-        };
-        let mut reused = None;
-        for id in shape.blocks().filter(|&id| matrix.is_committed(id)) {
-            let Some(block) = matrix.read_planes(id, reused.take())? else { continue };
-            let rect = shape.rect(id);
-            let rows = block.features.chunks_exact(rect.width as usize);
-            for (row, values) in rows.enumerate() {
-                let (plane, y) = (row / rect.height as usize, rect.y as usize + row % rect.height as usize);
-                features.planes[(plane * height + y) * width + rect.x as usize..][..values.len()]
-                    .copy_from_slice(values);
+        let mut planes = vec![0.0; FEATURE_PLANES * width * height];
+        for y in 0..height {
+            for plane in 0..FEATURE_PLANES {
+                strip.copy_row(plane, y, &mut planes[(plane * height + y) * width..][..width], &Quiet)?;
             }
-            features.missing -= 1;
-            reused = Some(block);
         }
-        Ok(features)
+        Ok(Self { size: (shape.width(), shape.height()), planes })
     }
 
     /// Width and height of the image.
     pub fn size(&self) -> (u32, u32) {
         self.size
-    }
-
-    /// Blocks that the file lacks.
-    pub fn missing_blocks(&self) -> u32 {
-        self.missing
     }
 
     /// All planes, one after the other in the order of [`Feature`]: pixels row by row, means over all samples.
@@ -91,10 +72,21 @@ impl Features {
     }
 }
 
-/// Whether a matrix knows what its samples are. All blocks of a file do, or none.
-fn are_known(matrix: &StoreReader) -> Result<bool> {
+/// The features of a block; none where the file lacks it.
+fn of_block(matrix: &StoreReader, id: BlockId) -> Result<Option<Vec<f32>>> {
+    match matrix.is_committed(id) {
+        true => Ok(matrix.read_planes(id, None)?.map(|planes| planes.features)),
+        false => Ok(None),
+    }
+}
+
+/// Refuses a matrix that does not know what its samples are, by the name of what asks. All blocks of a file know, or none.
+fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
     let first = BlockSource::shape(matrix).blocks().find(|&id| matrix.is_committed(id));
-    first.map_or(Ok(false), |first| Ok(matrix.read_planes(first, None)?.is_some()))
+    match first.map(|first| of_block(matrix, first)).transpose()?.flatten() {
+        Some(_) => Ok(()),
+        None => Err(unknown(asks.to_owned())),
+    }
 }
 
 /// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`]. Blocks that the file lacks are
@@ -110,13 +102,8 @@ pub fn write_features(matrix: &StoreReader, path: &Path, memory_bytes: Option<u6
     let rows = strip_bytes(shape, FEATURE_PLANES) + exr_rows_need_bytes(FEATURE_PLANES.div_ceil(3), size);
     let need = Need { fixed_bytes: PROGRAM_BYTES + reading + rows, ..Need::default() };
     need.threads_within("writing features", memory_bytes)?;
-    if !are_known(matrix)? {
-        return Err(unknown("--layers features".to_owned()));
-    }
-    let mut strip = Strip::new(shape, FEATURE_PLANES, |id| match matrix.is_committed(id) {
-        true => Ok(matrix.read_planes(id, None)?.map(|planes| planes.features)),
-        false => Ok(None),
-    });
+    check_known(matrix, "--layers features")?;
+    let mut strip = Strip::new(shape, FEATURE_PLANES, |id| of_block(matrix, id));
     watch.begin("writing features", u64::from(shape.blocks_down()), "rows of blocks");
     let names = FEATURE_CHANNELS.map(str::to_owned);
     let written = write_exr_channels(path, &names, size, &mut |channel, y, row| strip.copy_row(channel, y, row, watch));

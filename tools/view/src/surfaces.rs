@@ -49,11 +49,15 @@ impl Surfaces {
         Self { albedo, features: None }
     }
 
-    /// A feature of a pixel, in its own units, over the samples that show a surface; none where there are none.
-    pub fn value(&self, feature: Feature, pixel: usize) -> Option<Vec<f32>> {
-        let features = self.features.as_ref()?;
-        let share = *features.planes_of(Feature::Surface).next()?.get(pixel)?;
-        (share > 0.0).then(|| features.planes_of(feature).map(|plane| plane[pixel] / share).collect())
+    /// A feature of a pixel, in its own units, over the samples that show a surface: one of a single plane three times. None where there is no
+    /// surface.
+    pub fn value(&self, feature: Feature, pixel: usize) -> Option<[f32; 3]> {
+        let planes = self.features.as_ref()?.planes();
+        let pixels = self.albedo.len();
+        let share = planes[Feature::Surface.planes().start * pixels + pixel];
+        let of = feature.planes();
+        let plane = |axis: usize| planes[(of.start + axis.min(of.len() - 1)) * pixels + pixel] / share;
+        (share > 0.0).then(|| [plane(0), plane(1), plane(2)])
     }
 
     /// A feature as a picture: albedo in its colours, normals from −1 to 1 in red, green and blue, depth the darker the farther.
@@ -61,15 +65,17 @@ impl Surfaces {
         let features = self.features.as_ref()?;
         let (width, height) = features.size();
         let pixels = width as usize * height as usize;
-        let depths = (0..pixels).filter_map(|pixel| self.value(Feature::Depth, pixel)).map(|depth| depth[0]);
+        let depths = match feature {
+            Feature::Depth => 0..pixels,
+            _ => 0..0,
+        };
+        let depths = depths.filter_map(|pixel| self.value(feature, pixel)).map(|depth| depth[0]);
         let (near, far) = depths.fold((f32::INFINITY, 0.0), |(near, far): (f32, f32), d| (near.min(d), far.max(d)));
-        let colour = |value: Vec<f32>| -> [f32; 3] {
-            match (feature, value.as_slice()) {
-                (Feature::Albedo, &[r, g, b]) => [r, g, b].map(encode_srgb),
-                (Feature::Normal, &[x, y, z]) => [x, y, z].map(|v| 0.5 + 0.5 * v),
-                (Feature::Depth, &[depth]) => [0.1 + 0.9 * (far - depth) / (far - near).max(f32::MIN_POSITIVE); 3],
-                (_, value) => [value[0]; 3],
-            }
+        let colour = |value: [f32; 3]| match feature {
+            Feature::Albedo => value.map(encode_srgb),
+            Feature::Normal => value.map(|v| 0.5 + 0.5 * v),
+            Feature::Depth => value.map(|depth| 0.1 + 0.9 * (far - depth) / (far - near).max(f32::MIN_POSITIVE)),
+            Feature::Emitter | Feature::Specular | Feature::Surface => value,
         };
         let mut rgba = vec![0; 4 * pixels];
         for (pixel, bytes) in rgba.chunks_exact_mut(4).enumerate() {
