@@ -160,8 +160,8 @@ impl Document {
 
     /// Writes the picture as it is shown.
     pub(super) fn write_png(&mut self, path: PathBuf) {
-        if let Some(overlay) = self.meter.overlay().cloned() {
-            return self.beside(move || export::write_rgba(&path, overlay.size, &overlay.rgba).map(|()| wrote(&path)));
+        if let Some(shown) = self.features.shown().or(self.meter.overlay()).cloned() {
+            return self.beside(move || export::write_rgba(&path, shown.size, &shown.rgba).map(|()| wrote(&path)));
         }
         let (Some(image), display) = (self.shown.image.clone(), self.view.display) else { return };
         self.beside(move || export::write_png(&path, &image, &display).map(|()| wrote(&path)));

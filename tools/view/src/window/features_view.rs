@@ -7,6 +7,7 @@ use super::light_meter::Known;
 use super::shown_picture::set_texture;
 use super::theme::WEAK;
 use super::view_panel::short;
+use crate::display::Shown;
 use ltm::matrix::Feature;
 
 /// What can be seen, with what is said of it.
@@ -22,27 +23,31 @@ pub(super) struct FeaturesView {
     /// What is seen in place of light.
     pub(super) shows: Option<Feature>,
     /// What the texture shows.
-    made: Option<Feature>,
+    made: Option<(Feature, Shown)>,
     texture: Option<TextureHandle>,
 }
 
 impl FeaturesView {
+    /// What stands in place of the picture.
+    pub(super) fn shown(&self) -> Option<&Shown> {
+        self.made.as_ref().filter(|(feature, _)| self.shows == Some(*feature)).map(|(_, shown)| shown)
+    }
+
     /// What to draw in place of the picture.
     pub(super) fn id(&self) -> Option<TextureId> {
-        let is_made = self.shows.is_some() && self.shows == self.made;
-        self.texture.as_ref().filter(|_| is_made).map(TextureHandle::id)
+        self.shown().and(self.texture.as_ref()).map(TextureHandle::id)
     }
 }
 
 impl Document {
     /// Has the surfaces read, and shows of them what is asked for.
     pub(super) fn refresh_features(&mut self, context: &egui::Context) {
-        let Some(feature) = self.features.shows.filter(|_| self.features.shows != self.features.made) else { return };
+        let Some(feature) = self.features.shows.filter(|_| self.features.shown().is_none()) else { return };
         self.ask_surfaces();
         let Known::Surfaces(surfaces) = &self.meter.known else { return };
         if let Some(shown) = surfaces.shown(feature) {
             set_texture(context, &mut self.features.texture, "features", &shown);
-            self.features.made = Some(feature);
+            self.features.made = Some((feature, shown));
         }
     }
 
@@ -50,8 +55,9 @@ impl Document {
     fn feature_in_words(&self, [x, y]: [u32; 2]) -> Option<String> {
         let Known::Surfaces(surfaces) = &self.meter.known else { return None };
         let pixel = y as usize * self.size()[0] as usize + x as usize;
-        let value = surfaces.value(self.features.shows?, pixel)?;
-        Some(value.into_iter().map(short).collect::<Vec<_>>().join(", "))
+        let feature = self.features.shows?;
+        let value = surfaces.value(feature, pixel)?;
+        Some(value[..feature.planes().len()].iter().map(|v| short(*v)).collect::<Vec<_>>().join(", "))
     }
 }
 

@@ -212,7 +212,9 @@ fn draw(ui: &Ui, document: &Document, place: &Place) {
     let texture = document.features.id().or(document.meter.id()).unwrap_or(texture);
     painter.image(texture, picture, whole, Color32::WHITE);
     draw_compared(ui, &painter, document, place);
-    draw_labels(&painter, &document.meter, |position| place.to_screen(document, position));
+    if document.features.id().is_none() {
+        draw_labels(&painter, &document.meter, |position| place.to_screen(document, position));
+    }
     draw_area(&painter, &document.meter, |position| place.to_screen(document, position));
     if let Some(asked) = &document.view.asked {
         let at = place.to_screen(document, [asked.pixel[0] as f32 + 0.5, asked.pixel[1] as f32 + 0.5]);

@@ -300,6 +300,10 @@ fn features_take_the_place_of_the_picture() {
         let (least, most) = (shown[4 * least], shown[4 * most]);
         assert!(if feature == Feature::Depth { least > most } else { least < most }, "{name}: {least}, {most}");
     }
+    let png = folder.path().join("depth.png");
+    save(&mut driver, Key::S, &png);
+    let saved = image::open(&png).unwrap().to_rgba8().into_raw();
+    assert!(saved == driver.texture("features"), "a PNG is the picture as it is shown");
     driver.move_to(driver.find("picture").center());
     driver.settle();
     driver.click(driver.find("Image").center());
