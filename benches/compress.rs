@@ -64,7 +64,7 @@ fn errors(basis: &LightBasis, a: &Block, b: &Block) -> (f64, f64) {
 }
 
 fn analyse(criterion: &mut Criterion) {
-    let mut figures = Figures::new("bench-compress", "cargo bench --bench compress");
+    let mut figures = Figures::new("bench-compress", &[], "cargo bench --bench compress");
     println!("{:>7} {:>10} {:>5} {:>12} {:>12}", "columns", "method", "rank", "matrix error", "image error");
     for (across, down) in [(32, 32), (6, 4)] {
         let (basis, block) = (lights(across, down), block(across, down));

@@ -299,7 +299,7 @@ fn codec(criterion: &mut Criterion) {
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
     let matrices = BUILT_IN_NAMES.map(|name| (name, matrix(folder.path(), name, SAMPLES)));
-    let mut figures = Figures::new("bench-container", "cargo bench --bench container");
+    let mut figures = Figures::new("bench-container", &[], "cargo bench --bench container");
     for (name, matrix) in &matrices {
         for decibels in TARGETS_DB {
             compare(matrix.job(), &factors(matrix, decibels), &format!("{name} at {decibels} dB"), &mut figures);

@@ -41,7 +41,7 @@ fn main() {
         "{:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>11} {:>12}",
         "rows", "raw", "render", "pack", "load", "relight", "streaming", "relative L2"
     );
-    let mut figures = Figures::new("bench-memory", "cargo bench --bench memory");
+    let mut figures = Figures::new("bench-memory", &[], "cargo bench --bench memory");
     // The first is not shown: in it the dense algebra reserves 960 MiB of address space for each thread, once, of which only
     // what a product needs is ever touched.
     for (round, (width, height)) in [(96, 64), (96, 64), (192, 128), (384, 256)].into_iter().enumerate() {

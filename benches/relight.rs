@@ -46,6 +46,8 @@ use ltm::relight::{
 use ltm::store::StoreReader;
 use rayon::prelude::*;
 
+/// What it is run by.
+const COMMAND: &str = "cargo bench --bench relight";
 const FULL_RANK: usize = 24;
 const KEPT_RANK: usize = 8;
 /// Cold products, of which the median is told.
@@ -404,8 +406,7 @@ fn main() {
     let bandwidth = read_bandwidth();
     if let Some(stems) = std::env::var_os("LTM_BENCH_MATRIX") {
         let stems: Vec<PathBuf> = std::env::split_paths(&stems).collect();
-        let command = format!("LTM_BENCH_MATRIX={} cargo bench --bench relight", files::typed(&stems));
-        let figures = Figures::new("bench-relight-own", &command);
+        let figures = Figures::new("bench-relight-own", &["LTM_SCENES", "LTM_BENCH_MATRIX"], COMMAND);
         let measured = |figures, stem: &PathBuf| measure_own(stem, bandwidth, &mut criterion, figures);
         stems.iter().fold(figures, measured).write();
         return criterion.final_summary();
@@ -414,7 +415,7 @@ fn main() {
     let lighting = relight_source::random_lighting(1024, 1);
     let reference = relight_raw(&source, std::slice::from_ref(&lighting)).unwrap().remove(0);
     let mut group = criterion.benchmark_group("relight 1024x768, 1024 columns, rank 8, 8 bits");
-    let figures = Figures::new("bench-relight", "cargo bench --bench relight");
+    let figures = Figures::new("bench-relight", &[], COMMAND);
     let case = "synthetic".to_owned();
     let mut ruler = Ruler { bandwidth, reference, cold_secs: None, warm_secs: None, case, figures };
     ruler.measure_direct(&source, &lighting);

@@ -28,6 +28,8 @@ use ltm::pipeline::{PackOptions, RenderOptions};
 use ltm::store::{FileStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify};
 use ltm::trace::{TraceSettings, Tracer};
 
+/// What it is run by.
+const COMMAND: &str = "cargo bench --bench store";
 const ROUNDS: usize = 3;
 /// Rounds of rendering with and without a store.
 const RENDER_ROUNDS: usize = 15;
@@ -51,7 +53,8 @@ fn main() {
         "{blocks} blocks of {rows} rows × {columns} columns, {:.2} GiB in f32\n",
         raw as f64 / (1u64 << 30) as f64
     );
-    let mut figures = Figures::new("bench-store", &format!("LTM_BENCH_BLOCKS={blocks} cargo bench --bench store"));
+    let variables = ["LTM_BENCH_BLOCKS", "LTM_BENCH_COLUMNS", "LTM_BENCH_FOLDER"];
+    let mut figures = Figures::new("bench-store", &variables, COMMAND);
     writing(folder.path(), &job, &traced, &mut figures);
     eprintln!(
         "\nreading                                  cold GB/s   warm GB/s   error (largest, relative to the entry)"
@@ -301,8 +304,8 @@ fn render(folder: &Path, samples_per_pixel: u32) {
         let [memory, store] = [memory, store].map(|[clock, processors]| format!("{clock:.2} s ({processors:.2} s)"));
         eprintln!("{memory:>30} {store:>33} {clock:>11.1} % ({processors:.1} %)");
     }
-    let command = format!("LTM_BENCH_RENDER={samples_per_pixel} cargo bench --bench store");
-    let mut figures = Figures::new("bench-store-render", &command);
+    let variables = ["LTM_BENCH_RENDER", "LTM_BENCH_ROUNDS", "LTM_BENCH_FOLDER"];
+    let mut figures = Figures::new("bench-store-render", &variables, COMMAND);
     for (case, ratios) in ["seconds", "processors' seconds"].into_iter().zip(&mut ratios) {
         ratios.sort_by(f64::total_cmp);
         let at = |part: f64| ratios[((ratios.len() - 1) as f64 * part).round() as usize];

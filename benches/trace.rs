@@ -63,7 +63,7 @@ fn seconds(texels: u32, samples: u32, side: u32) -> (f64, u64) {
 }
 
 fn tax() {
-    let mut figures = Figures::new("bench-tax", "cargo bench --bench trace -- tax");
+    let mut figures = Figures::new("bench-tax", &[], "cargo bench --bench trace -- tax");
     eprintln!("tax: blocks of 32×32 pixels, one thread, same paths for any number of columns; best of 5");
     for samples in [16, 64, 256] {
         let columns = [1u32, 8, 32, 64];

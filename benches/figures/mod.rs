@@ -1,5 +1,6 @@
 //! The figures of a benchmark as a table: `NAME.csv` in the folder `tmp/figures` of the build, to be published in `formats/plots`.
 
+use std::ffi::OsStr;
 use std::fs;
 use std::path::Path;
 
@@ -10,14 +11,16 @@ pub(crate) struct Figures {
 }
 
 impl Figures {
-    /// For a file of this name. The command is what prints them.
-    pub(crate) fn new(name: &'static str, command: &str) -> Self {
+    /// For a file of this name. What prints them is `cargo`, with those of the environment's variables that it reads.
+    pub(crate) fn new(name: &'static str, variables: &[&str], cargo: &str) -> Self {
+        let said = |name: &&str| Some(format!("{name}={} ", typed(&std::env::var_os(name)?)));
+        let said: String = variables.iter().filter_map(said).collect();
         let told = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let model = told.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
         let processor = model.map_or(std::env::consts::ARCH, |(_, model)| model);
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let text = format!(
-            "# {name}\n# Command: `{command}`.\n# Machine: {processor}, {threads} threads.\ncase,figure,value\n"
+            "# {name}\n# Command: `{said}{cargo}`.\n# Machine: {processor}, {threads} threads.\ncase,figure,value\n"
         );
         Self { name, text }
     }
@@ -36,4 +39,13 @@ impl Figures {
             .expect("the build's folder can be written");
         eprintln!("{}", path.display());
     }
+}
+
+/// A variable's value as it is typed in the folder of the files that it names, with `:` between them.
+fn typed(value: &OsStr) -> String {
+    let typed = |path: std::path::PathBuf| match (path.is_absolute(), path.file_name()) {
+        (true, Some(name)) => format!("$PWD/{}", name.display()),
+        _ => path.display().to_string(),
+    };
+    std::env::split_paths(value).map(typed).collect::<Vec<_>>().join(":")
 }

@@ -43,11 +43,8 @@ pub(crate) fn rays(criterion: &mut Criterion) {
         }
     }
     let embree = std::env::var_os("LTM_EMBREE");
-    let command = match embree {
-        Some(_) => "LTM_EMBREE=target/embree_rays cargo bench --bench trace -- rays",
-        None => "cargo bench --bench trace -- rays",
-    };
-    let mut figures = Figures::new("bench-rays", command);
+    let variables = ["LTM_SCENES", "LTM_EMBREE"];
+    let mut figures = Figures::new("bench-rays", &variables, "cargo bench --bench trace -- rays");
     for subject in subjects {
         let start = Instant::now();
         let bvh = Bvh::build(&subject.triangles);

@@ -50,16 +50,27 @@ pub fn cleaning_errors_line(errors: &CleaningErrors) -> String {
 /// over its pixels, those beyond white left out, which are clipped; of all lightings the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct ExposedError {
-    /// What was asked for.
+    /// What was asked for; 0 where that was a time.
     pub asked: f32,
     /// What was reached: of some blocks, against samples of their own.
     pub reached: f32,
 }
 
-/// A line on what was asked for and reached, for people.
+/// A line on the error of exposed images of a matrix of samples as it is, a fraction of white, for people.
+pub fn expected_error_line(error: f64) -> String {
+    let percent = 100.0 * error;
+    format!(
+        "exposed images of the matrix as it is, not cleaned: expected error {percent:.2} % of white (the worst of 16 lightings)"
+    )
+}
+
+/// A line on what was reached and asked for, for people.
 pub fn exposed_error_line(error: &ExposedError) -> String {
-    let [reached, asked] = [error.reached, error.asked].map(|share| 100.0 * share);
-    format!("exposed images: error {reached:.2} % of white reached, {asked:.2} % asked for (the worst of 16 lightings)")
+    let asked = match error.asked {
+        0.0 => String::new(),
+        asked => format!(", {:.2} % asked for", 100.0 * asked),
+    };
+    format!("exposed images: error {:.2} % of white reached{asked} (the worst of 16 lightings)", 100.0 * error.reached)
 }
 
 /// What is known of errors over the whole picture.

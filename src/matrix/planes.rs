@@ -5,15 +5,15 @@ use std::ops::Range;
 use super::CHANNELS;
 
 /// Planes of features: see [`Feature`].
-pub const FEATURE_PLANES: usize = 10;
+pub const FEATURE_PLANES: usize = 11;
 
 /// Emitters that are listed for each pixel at most, in the mean over a block.
 const MOST_SEEN_IN_PIXEL: u64 = 8;
 
 /// What is known of a pixel beside its light: of each sample, at the first surface that scatters, where the camera
 /// path stops at last. Mirrors, smooth glass and thin sheets on the way are passed. All are means over the pixel's
-/// samples; a sample whose path leaves the scene counts as zero in every plane but [`Emitter`](Self::Emitter) and
-/// [`Specular`](Self::Specular).
+/// samples but the material; a sample whose path leaves the scene counts as zero in every plane but [`Emitter`](Self::Emitter)
+/// and [`Specular`](Self::Specular).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feature {
     /// RGB: share of light that the surface reflects towards the viewer (diffuse, and specular where rough), times
@@ -29,6 +29,10 @@ pub enum Feature {
     Specular,
     /// Part of the samples that end on a surface: `Depth / Surface` is the mean over those alone.
     Surface,
+    /// Number of the surface's material, from 1 on in the order of the scene's; 0 where there is no surface. A mean of numbers
+    /// would name a third material, so it is the first sample's; its variance is that of the mean of numbers, 0 where all
+    /// samples show one material. 0 too where a file of an earlier version, or an import, does not know.
+    Material,
 }
 
 /// Light of an emitter that a pixel shows: the emitter is met by the camera ray, or through a chain of mirrors and
@@ -57,7 +61,7 @@ pub struct BlockPlanes {
     pub direct: [Vec<f32>; 2],
     /// The same of light that comes by other surfaces, mirrors and glass.
     pub indirect: [Vec<f32>; 2],
-    /// Pixels × [`FEATURE_PLANES`], plane by plane in the order of [`Feature`]: means over all samples.
+    /// Pixels × [`FEATURE_PLANES`], plane by plane in the order of [`Feature`].
     pub features: Vec<f32>,
     /// The same layout: variance of those means, as if samples were independent.
     pub feature_variance: Vec<f32>,
@@ -68,7 +72,8 @@ pub struct BlockPlanes {
 
 impl Feature {
     /// All features in the order of their planes.
-    pub const ALL: [Self; 6] = [Self::Albedo, Self::Normal, Self::Depth, Self::Emitter, Self::Specular, Self::Surface];
+    pub const ALL: [Self; 7] =
+        [Self::Albedo, Self::Normal, Self::Depth, Self::Emitter, Self::Specular, Self::Surface, Self::Material];
 
     /// Its planes.
     pub fn planes(self) -> Range<usize> {
@@ -79,6 +84,7 @@ impl Feature {
             Self::Emitter => 7..8,
             Self::Specular => 8..9,
             Self::Surface => 9..10,
+            Self::Material => 10..11,
         }
     }
 }

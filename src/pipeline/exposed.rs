@@ -138,7 +138,8 @@ fn spread(i: usize, count: usize, across: usize, down: usize) -> usize {
 /// What a render was asked for, and samples of some blocks, independent of its own, to hold it to that.
 #[derive(Debug)]
 pub struct Promise {
-    pub(super) asked: f64,
+    /// None where that was a time.
+    pub(super) asked: Option<f64>,
     /// Whether it is promised of cleaned images; else of the matrix as it is.
     pub(super) cleans: bool,
     pub(super) windows: Vec<Vec<BlockId>>,
@@ -164,7 +165,7 @@ impl Promise {
     /// the error that is usual: with the root of the samples.
     pub fn samples_instead(error: &ExposedError, samples: u32) -> Option<u32> {
         let ratio = f64::from(error.reached) / f64::from(error.asked);
-        (ratio > 1.25).then(|| (f64::from(samples) * ratio.powi(2) / 2.0).ceil() as u32 * 2)
+        (error.asked > 0.0 && ratio > 1.25).then(|| (f64::from(samples) * ratio.powi(2) / 2.0).ceil() as u32 * 2)
     }
 
     /// Notes how a block of a container came out.
@@ -182,7 +183,7 @@ impl Promise {
 
     fn reached(&self, images: &Images) -> ExposedError {
         let square = worst(&error_squares(images, &self.references));
-        ExposedError { asked: self.asked as f32, reached: square.max(0.0).sqrt() as f32 }
+        ExposedError { asked: self.asked.unwrap_or(0.0) as f32, reached: square.max(0.0).sqrt() as f32 }
     }
 
     /// What a stored matrix has reached: as it is, or as it will be when it is cleaned.
@@ -196,16 +197,22 @@ impl Promise {
         watch: &dyn Watch,
     ) -> Result<ExposedError> {
         let job = matrix.job();
-        let reading = store::requirements(job, &matrix.options()).memory_bytes;
         let need = Need {
             fixed_bytes: if self.cleans { Cleaned::windows_need_bytes(job, WINDOW) } else { 0 },
-            per_thread_bytes: reading,
+            per_thread_bytes: reading_need_bytes(matrix),
             ..Need::default()
         };
         let threads = Threads::new(need.threads_within("measuring the error", memory_bytes)?)?;
         let source = Blocks { source: matrix, job, windows: &self.windows };
         Ok(self.reached(&source.images(self.cleans, &threads, ("measuring the error", watch))?.shown))
     }
+}
+
+/// Bytes that a thread takes to read a block of a stored matrix, with the block.
+pub(super) fn reading_need_bytes(matrix: &StoreReader) -> u64 {
+    let (job, shape) = (matrix.job(), BlockSource::shape(matrix));
+    let block = size_of::<f32>() as u64 * shape.max_block_rows() as u64 * shape.columns() as u64;
+    store::requirements(job, &matrix.options()).memory_bytes + block
 }
 
 /// Blocks of windows of a matrix, from wherever it comes.

@@ -6,7 +6,7 @@ use super::strip::{Strip, strip_bytes};
 use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Quiet, Watch};
 use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
-use crate::matrix::{BlockId, BlockSource, FEATURE_PLANES, Feature, MatrixShape};
+use crate::matrix::{BlockId, BlockPlanes, BlockSource, FEATURE_PLANES, Feature, MatrixShape};
 use crate::store::{self, StoreReader};
 
 /// The channel of each plane of features, in their order: Blender's names of what its denoiser takes, as OIDN's users
@@ -22,9 +22,19 @@ pub const FEATURE_CHANNELS: [&str; FEATURE_PLANES] = [
     "Emitter Share.V",
     "Specular Share.V",
     "Surface Share.V",
+    "IndexMA.X",
 ];
 
-/// What the pixels of a whole image show beside light.
+/// The channels of the features' variances, in the same order: `Denoising Albedo Variance.R` beside `Denoising Albedo.R`, as
+/// Blender has called them.
+fn variance_channels() -> [String; FEATURE_PLANES] {
+    FEATURE_CHANNELS.map(|name| match name.split_once('.') {
+        Some((layer, channel)) => format!("{layer} Variance.{channel}"),
+        None => format!("{name} Variance"),
+    })
+}
+
+/// What the pixels of a whole image show beside light, or the variance of that.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
     size: (u32, u32),
@@ -42,9 +52,21 @@ impl Features {
     /// # Errors
     /// The matrix knows nothing of its samples, or not even one block; a block is damaged.
     pub fn read(matrix: &StoreReader) -> Result<Self> {
+        Self::read_planes(matrix, |planes| planes.features)
+    }
+
+    /// Reads the variances of what [`read`](Self::read) reads, as if samples were independent.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_variances(matrix: &StoreReader) -> Result<Self> {
+        Self::read_planes(matrix, |planes| planes.feature_variance)
+    }
+
+    fn read_planes(matrix: &StoreReader, take: fn(BlockPlanes) -> Vec<f32>) -> Result<Self> {
         let shape = BlockSource::shape(matrix);
         check_known(matrix, "the features")?;
-        let mut strip = Strip::new(shape, FEATURE_PLANES, |id| of_block(matrix, id));
+        let mut strip = Strip::new(shape, FEATURE_PLANES, |id| Ok(of_block(matrix, id)?.map(take)));
         let (width, height) = (shape.width() as usize, shape.height() as usize);
         let mut planes = vec![0.0; FEATURE_PLANES * width * height];
         for y in 0..height {
@@ -60,7 +82,7 @@ impl Features {
         self.size
     }
 
-    /// All planes, one after the other in the order of [`Feature`]: pixels row by row, means over all samples.
+    /// All planes, one after the other in the order of [`Feature`]: pixels row by row.
     pub fn planes(&self) -> &[f32] {
         &self.planes
     }
@@ -72,10 +94,10 @@ impl Features {
     }
 }
 
-/// The features of a block; none where the file lacks it.
-fn of_block(matrix: &StoreReader, id: BlockId) -> Result<Option<Vec<f32>>> {
+/// The planes of a block; none where the file lacks it.
+fn of_block(matrix: &StoreReader, id: BlockId) -> Result<Option<BlockPlanes>> {
     match matrix.is_committed(id) {
-        true => Ok(matrix.read_planes(id, None)?.map(|planes| planes.features)),
+        true => Ok(matrix.read_planes(id, None)?),
         false => Ok(None),
     }
 }
@@ -89,7 +111,8 @@ fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
     }
 }
 
-/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`]. Blocks that the file lacks are
+/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances,
+/// [`variance_channels`]. Blocks that the file lacks are
 /// black. Returns how many those are.
 ///
 /// # Errors
@@ -99,13 +122,16 @@ pub fn write_features(matrix: &StoreReader, path: &Path, memory_bytes: Option<u6
     let shape = BlockSource::shape(matrix);
     let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
     let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
-    let rows = strip_bytes(shape, FEATURE_PLANES) + exr_rows_need_bytes(FEATURE_PLANES.div_ceil(3), size);
+    let planes = 2 * FEATURE_PLANES;
+    let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
     let need = Need { fixed_bytes: PROGRAM_BYTES + reading + rows, ..Need::default() };
     need.threads_within("writing features", memory_bytes)?;
     check_known(matrix, "--layers features")?;
-    let mut strip = Strip::new(shape, FEATURE_PLANES, |id| of_block(matrix, id));
+    let mut strip = Strip::new(shape, planes, |id| {
+        Ok(of_block(matrix, id)?.map(|planes| [planes.features, planes.feature_variance].concat()))
+    });
     watch.begin("writing features", u64::from(shape.blocks_down()), "rows of blocks");
-    let names = FEATURE_CHANNELS.map(str::to_owned);
+    let names: Vec<String> = FEATURE_CHANNELS.map(str::to_owned).into_iter().chain(variance_channels()).collect();
     let written = write_exr_channels(path, &names, size, &mut |channel, y, row| strip.copy_row(channel, y, row, watch));
     watch.end();
     written?;

@@ -11,14 +11,15 @@ use std::time::Instant;
 
 use super::clean::Cleaned;
 use super::exposed::{
-    Blocks, Images, Promise, WINDOW, WindowImages, error_squares, noise_squares, spread_blocks, spread_windows, worst,
+    Blocks, Images, Promise, WINDOW, WindowImages, error_squares, noise_squares, reading_need_bytes, spread_blocks,
+    spread_windows, worst,
 };
 use super::pack::PackOptions;
 use super::render::{job_of, settings_of, tracing_need};
 use super::shard::hex;
 use crate::error::{Error, Result};
 use crate::files::with_suffix;
-use crate::host::{Threads, Watch};
+use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
 use crate::light::{Job, PROBES};
 use crate::matrix::{BlockId, BlockSource};
 use crate::scene::{LoadedScene, Scene};
@@ -113,9 +114,9 @@ impl Law {
         cleaned.min(self.noise / samples).max(0.0).sqrt()
     }
 
-    /// Pairs of samples that bring the error down to this, so many at most.
-    fn pairs(&self, error: f64, most: u32) -> u32 {
-        first(most, |pairs| self.error(2.0 * f64::from(pairs)) <= error)
+    /// Pairs of samples that bring the error down to this, between so many.
+    fn pairs(&self, error: f64, (least, most): (u32, u32)) -> u32 {
+        first(most, |pairs| pairs >= least && self.error(2.0 * f64::from(pairs)) <= error)
     }
 }
 
@@ -163,12 +164,12 @@ pub fn choose_samples(
     };
     if let Some(samples) = known {
         watch.note(&format!("{}: goes on with {samples} samples per pixel", path.display()));
-        if rule.error.is_none() {
-            return Ok(Chosen { loaded, promise: None });
-        }
+    }
+    let cleans = pack.for_source(true).denoise && pack.basis.is_none();
+    if known.is_some() && rule.error.is_none() && !(rule.packs && cleans) {
+        return Ok(Chosen { loaded, promise: None });
     }
     let job = job_of(&loaded)?;
-    let cleans = pack.for_source(true).denoise && pack.basis.is_none();
     let windows = spread_windows(job.shape, WINDOWS);
     let mut need = tracing_need(&loaded, &job);
     need.fixed_bytes += Blocks::images_need_bytes(job.shape, windows.concat().len());
@@ -196,8 +197,8 @@ pub fn choose_samples(
             note_samples(&loaded, path)?;
         }
     }
-    let promise = rule.error.zip(references).map(|(asked, (windows, references))| Promise {
-        asked,
+    let promise = references.map(|(windows, references)| Promise {
+        asked: rule.error,
         cleans,
         windows,
         references,
@@ -222,6 +223,8 @@ struct Pilot<'a> {
 /// What a pilot found.
 struct Found {
     law: Law,
+    /// Whether that is of packed, cleaned images.
+    of_packed: bool,
     seconds: Seconds,
 }
 
@@ -275,14 +278,16 @@ impl Pilot<'_> {
             per_photon: photons.seconds / photons.sent.max(1) as f64,
             per_sample: tracing / f64::from(SAMPLES.0) * share,
         };
-        if rule.error.is_none() {
-            let law = Law::of_noise(worst(&noise_squares(&few.sampled)), SAMPLES.0);
-            return Ok((Found { law, seconds }, None));
-        }
         if let Some(end) = rule.seconds {
             let left = PILOT_SHARE * end - begun.elapsed().as_secs_f64();
             let each = 2.0 * seconds.per_sample * f64::from(SAMPLES.1) / share / windows.len() as f64;
-            windows.truncate(((left / each) as usize).max(1));
+            let in_time = (left / each) as usize;
+            windows.truncate(if rule.error.is_some() { in_time.max(1) } else { in_time });
+        }
+        // Where no error was asked for, that of packed images is nice to know where there is time for it.
+        if windows.is_empty() || rule.error.is_none() && !cleans {
+            let law = Law::of_noise(worst(&noise_squares(&few.sampled)), SAMPLES.0);
+            return Ok((Found { law, of_packed: false, seconds }, None));
         }
         let at_hand = windows.concat();
         few.shown.retain(|id, _| at_hand.contains(id));
@@ -301,7 +306,7 @@ impl Pilot<'_> {
             }
             false => Law::of_noise(noise, SAMPLES.1),
         };
-        Ok((Found { law, seconds }, Some((windows, vec![first.sampled, second.sampled]))))
+        Ok((Found { law, of_packed: self.cleans, seconds }, Some((windows, vec![first.sampled, second.sampled]))))
     }
 }
 
@@ -314,7 +319,9 @@ impl Found {
             self.seconds.of(samples, Tracer::photons_sent(pilot.scene, pilot.job.shape, settings))
         };
         // Pairs of samples, so that the noise is known and there are as many in each half.
-        let by_error = rule.error.map(|error| self.law.pairs(error, most));
+        // With fewer than were tried, what cleaning makes of them is a guess.
+        let least = if pilot.cleans { SAMPLES.0 / 2 } else { 1 };
+        let by_error = rule.error.map(|error| self.law.pairs(error, (least, most)));
         let by_time = rule.seconds.map(|end| {
             let left = TRACING_SHARE * end - begun.elapsed().as_secs_f64();
             first(most, |pairs| takes(2 * pairs + 2) > left)
@@ -326,7 +333,7 @@ impl Found {
             (Some(_), _) => "for the error",
             _ => "for the time",
         };
-        let (samples, what) = (2 * pairs, if pilot.cleans && rule.error.is_some() { PACKED } else { RAW });
+        let (samples, what) = (2 * pairs, if self.of_packed { PACKED } else { RAW });
         pilot.watch.note(&format!(
             "{samples} samples per pixel, {why}: expected error {:.2} % of white {what}, about {:.0} s",
             100.0 * self.law.error(f64::from(samples)),
@@ -339,6 +346,9 @@ impl Found {
 /// Of which images an error is.
 const PACKED: &str = "in exposed images of the packed, cleaned matrix, the worst of 16 lightings";
 const RAW: &str = "in exposed images of the matrix as it is, not cleaned, the worst of 16 lightings";
+
+/// What measuring the noise of a stored matrix is called.
+const MEASURING: &str = "measuring the noise";
 
 /// Where a render that packs keeps its number of samples until it is finished.
 fn samples_path(path: &Path) -> PathBuf {
@@ -385,13 +395,19 @@ fn samples_of_unfinished(loaded: &mut LoadedScene, path: &Path) -> Result<Option
 /// noise.
 ///
 /// # Errors
-/// Those of reading.
-pub fn expected_error(matrix: &StoreReader, watch: &dyn Watch) -> Result<Option<f64>> {
+/// Those of reading; the memory is too small; [`Error::Interrupted`].
+pub fn expected_error(matrix: &StoreReader, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Option<f64>> {
     let shape = BlockSource::shape(matrix);
     let committed = shape.blocks().filter(|&id| matrix.is_committed(id)).collect();
     let blocks = [spread_blocks(shape, committed, BLOCKS)];
+    let need = Need {
+        fixed_bytes: PROGRAM_BYTES + Blocks::images_need_bytes(shape, blocks[0].len()),
+        per_thread_bytes: reading_need_bytes(matrix),
+        ..Need::default()
+    };
+    let threads = Threads::new(need.threads_within(MEASURING, memory_bytes)?)?;
     let blocks = Blocks { source: matrix, job: matrix.job(), windows: &blocks };
-    let images = blocks.images(false, &Threads::new(rayon::current_num_threads())?, ("measuring the noise", watch))?;
+    let images = blocks.images(false, &threads, (MEASURING, watch))?;
     Ok(Some(worst(&noise_squares(&images.sampled)).sqrt()).filter(|error| error.is_finite()))
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::light::{Clusters, Job, decode_job, encode_job};
-use crate::matrix::MatrixShape;
+use crate::matrix::{FEATURE_PLANES, MatrixShape};
 use std::path::Path;
 
 use super::storage::{Storage, read_exact};
@@ -11,9 +11,13 @@ use super::{Layout, PAGE_BYTES, Precision, StoreOptions, disk_structure};
 /// First bytes of every `.ltm` file: a byte above 127, the name, and line ends that a text transfer would change.
 pub const MAGIC: [u8; 8] = *b"\x89LTM\r\n\x1a\n";
 /// The newest version of the format that this program reads, and what it writes where a file has room for planes.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// The version of files without planes: the first, still written so.
 const VERSION_WITHOUT_PLANES: u32 = 1;
+/// The version whose planes do not know materials, which is still read, and gone on with.
+const VERSION_WITHOUT_MATERIAL: u32 = 2;
+/// Planes of features of that version.
+const FEATURES_WITHOUT_MATERIAL: u32 = 10;
 
 disk_structure! {
     /// The header as it lies at the start of the header page; the rest of the page is zero.
@@ -66,7 +70,11 @@ impl Header {
         let fields = HeaderBytes {
             magic: MAGIC,
             checksum: 0,
-            version: if layout.has_planes() { VERSION } else { VERSION_WITHOUT_PLANES },
+            version: match layout.features {
+                0 => VERSION_WITHOUT_PLANES,
+                FEATURES_WITHOUT_MATERIAL => VERSION_WITHOUT_MATERIAL,
+                _ => VERSION,
+            },
             precision: layout.precision.code(),
             max_probes: layout.max_probes,
             width: job.shape.width(),
@@ -164,7 +172,12 @@ impl UnverifiedHeader {
         {
             return Err(damaged("the header's fields are out of range".into()));
         }
-        let layout = Layout { shape, precision, max_probes, clusters, job_bytes };
+        let features = match fields.version {
+            VERSION_WITHOUT_PLANES => 0,
+            VERSION_WITHOUT_MATERIAL => FEATURES_WITHOUT_MATERIAL,
+            _ => FEATURE_PLANES as u32,
+        };
+        let layout = Layout { shape, precision, max_probes, clusters, features, job_bytes };
         let said = (fields.table_offset, fields.slots_offset, fields.file_bytes);
         if said != (layout.table_offset(), layout.slots_offset(), layout.file_bytes()) {
             return Err(damaged("the header's offsets do not fit its shape".into()));

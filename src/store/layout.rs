@@ -25,6 +25,8 @@ pub struct Layout {
     pub(super) max_probes: u32,
     /// Clusters of columns in the planes; 0 where there is no room for planes.
     pub(super) clusters: u32,
+    /// Planes of features, fewer in files of an earlier version; 0 where there is no room for planes.
+    pub(super) features: u32,
     pub(super) job_bytes: u64,
 }
 
@@ -83,7 +85,8 @@ impl Layout {
     pub(super) fn new(job: &Job, options: &StoreOptions, job_bytes: u64) -> Self {
         let StoreOptions { precision, max_probes, .. } = *options;
         let clusters = if options.planes { Clusters::of_basis(&job.basis).count() as u32 } else { 0 };
-        Self { shape: job.shape, precision, max_probes, clusters, job_bytes }
+        let features = if clusters > 0 { FEATURE_PLANES as u32 } else { 0 };
+        Self { shape: job.shape, precision, max_probes, clusters, features, job_bytes }
     }
 
     /// Whether there is room for what the samples of each block are.
@@ -181,7 +184,7 @@ impl Layout {
 
     /// Bytes of a block's planes, which list `seen` emitters.
     pub(super) fn planes_bytes(&self, rows: u64, seen: u64) -> u64 {
-        let features = rows / CHANNELS as u64 * FEATURE_PLANES as u64 * 6;
+        let features = rows / CHANNELS as u64 * u64::from(self.features) * 6;
         let light = rows * u64::from(self.clusters) * 4 * 2;
         (features + light).next_multiple_of(4) + seen * size_of::<SeenEmission>() as u64
     }
@@ -214,7 +217,7 @@ mod tests {
         for (width, height, side) in [(1, 1, 32), (33, 31, 32), (100, 70, 16), (7, 300, 256), (64, 64, 32)] {
             for precision in Precision::ALL {
                 let shape = MatrixShape::new(width, height, 5, side).unwrap();
-                let layout = Layout { shape, precision, max_probes: 2, clusters: 3, job_bytes: 100 };
+                let layout = Layout { shape, precision, max_probes: 2, clusters: 3, features: 11, job_bytes: 100 };
                 let mut end = layout.slots_offset();
                 for id in shape.blocks() {
                     assert_eq!(layout.slot_offset(id), end, "{width}×{height} by {side}, {id}");
@@ -229,7 +232,8 @@ mod tests {
     #[test]
     fn the_largest_shape_does_not_overflow() {
         let shape = MatrixShape::new(65_536, 65_536, 1 << 24, 256).unwrap();
-        let layout = Layout { shape, precision: Precision::F32, max_probes: 16, clusters: 24, job_bytes: 1 << 30 };
+        let layout =
+            Layout { shape, precision: Precision::F32, max_probes: 16, clusters: 24, features: 11, job_bytes: 1 << 30 };
         assert!(layout.file_bytes() > shape.raw_bytes());
     }
 }

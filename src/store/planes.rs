@@ -1,19 +1,20 @@
 //! What the samples of a block are, as it lies behind the rest of its tile.
 
-use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, SeenEmission, decode_unsigned, encode_unsigned};
+use crate::matrix::{BlockPlanes, CHANNELS, SeenEmission, decode_unsigned, encode_unsigned};
 
 use super::Layout;
 use super::record::PlanesRecord;
 
 /// The bytes of a block's planes: features, then variances and light in 16 bits, padding to 4, emission.
-pub(super) fn encode_planes(planes: &BlockPlanes) -> Vec<u8> {
-    let short: usize =
-        planes.feature_variance.len() + planes.direct.iter().chain(&planes.indirect).map(Vec::len).sum::<usize>();
+pub(super) fn encode_planes(planes: &BlockPlanes, layout: &Layout) -> Vec<u8> {
+    let kept = planes.pixels() * layout.features as usize;
+    let (features, variances) = (&planes.features[..kept], &planes.feature_variance[..kept]);
+    let short: usize = kept + planes.direct.iter().chain(&planes.indirect).map(Vec::len).sum::<usize>();
     let seen: &[u8] = bytemuck::cast_slice(&planes.emission);
-    let mut bytes = Vec::with_capacity(size_of_val(&*planes.features) + 2 * short + 2 + seen.len());
-    bytes.extend_from_slice(bytemuck::cast_slice(&planes.features));
-    let parts = std::iter::once(&planes.feature_variance).chain(&planes.direct).chain(&planes.indirect);
-    for &value in parts.flatten() {
+    let mut bytes = Vec::with_capacity(size_of_val(features) + 2 * short + 2 + seen.len());
+    bytes.extend_from_slice(bytemuck::cast_slice(features));
+    let light = planes.direct.iter().chain(&planes.indirect);
+    for &value in variances.iter().chain(light.flatten()) {
         bytes.extend_from_slice(&encode_unsigned(value).to_le_bytes());
     }
     bytes.resize(bytes.len().next_multiple_of(4), 0);
@@ -32,13 +33,18 @@ pub(super) fn decode_planes(
 ) -> Result<(), String> {
     let pixels = rows / CHANNELS;
     target.reset(pixels, layout.clusters as usize);
-    let (features, rest) = bytes.split_at(pixels * FEATURE_PLANES * 4);
-    for (value, bytes) in target.features.iter_mut().zip(features.chunks_exact(4)) {
+    let kept = pixels * layout.features as usize;
+    let BlockPlanes { direct, indirect, features: means, feature_variance: variances, .. } = target;
+    for planes in [&mut *means, variances] {
+        planes[kept..].fill(0.0);
+    }
+    let (features, rest) = bytes.split_at(kept * 4);
+    for (value, bytes) in means.iter_mut().zip(features.chunks_exact(4)) {
         *value = bytemuck::pod_read_unaligned(bytes);
     }
     let (rest, seen) = rest.split_at(rest.len() - record.seen as usize * size_of::<SeenEmission>());
-    let parts = std::iter::once(&mut target.feature_variance).chain(&mut target.direct).chain(&mut target.indirect);
-    for (value, bytes) in parts.flatten().zip(rest.chunks_exact(2)) {
+    let light = direct.iter_mut().chain(indirect);
+    for (value, bytes) in variances[..kept].iter_mut().chain(light.flatten()).zip(rest.chunks_exact(2)) {
         *value = decode_unsigned(bytemuck::pod_read_unaligned(bytes));
     }
     target.emission.reserve_exact(record.seen as usize);

@@ -499,7 +499,9 @@ impl<S: Storage> BlockSource for StoreReader<S> {
         let offset = self.header.layout.slot_offset(id);
         let is_whole = columns.len() == self.shape().columns();
         if is_whole {
-            self.storage.expect(offset, record.length);
+            // Not its probes and planes, which take more than the columns where these are few.
+            let columns = u64::from(record.stored_columns);
+            self.storage.expect(offset, self.header.layout.column_bytes(self.shape().rect(id).rows() as u64, columns));
         }
         let side = self.side_data(id, &record)?;
         let stored = Self::stored_of(&side, &columns);

@@ -51,7 +51,7 @@ impl<S: Storage> TileWriter<'_, S> {
         record.length = record.tile_bytes(self.layout, rows as u64);
         let planes_start = record.length - record.planes_bytes(self.layout, rows as u64);
         if let (Some(said), Some(planes)) = (&mut record.planes, &block.planes) {
-            let bytes = encode_planes(planes);
+            let bytes = encode_planes(planes, self.layout);
             said.checksum = crc32fast::hash(&bytes);
             write_all(self.storage, slot + planes_start, &bytes)?;
         }

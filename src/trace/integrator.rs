@@ -155,7 +155,7 @@ impl Paths<'_> {
             if layer == Layer::Emission {
                 travelled += at.point.position.distance(origin);
                 if at.bsdf.is_spread() || at_end || matches!(at.bsdf, Bsdf::Black) {
-                    at.show(&mut record.features, throughput, travelled);
+                    at.show(self.world, &mut record.features, throughput, travelled);
                 }
             }
             if at_end && !at.bsdf.lets_pass() {
@@ -246,11 +246,12 @@ impl Vertex {
     }
 
     /// What a camera path shows that has come to this surface.
-    fn show(&self, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
+    fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
         features.albedo = throughput * self.bsdf.albedo(self.wo);
         features.normal = self.frame.z;
         features.depth = depth;
         features.on_surface = true;
+        features.material = world.material_index(&self.point) + 1;
     }
 
     /// One light sample of `count`, from a pair of uniform numbers.

@@ -27,6 +27,8 @@ pub(super) struct SampleFeatures {
     pub(super) specular: bool,
     /// Whether the path came to a surface where it stops or scatters.
     pub(super) on_surface: bool,
+    /// Number of the surface's material, from 1 on.
+    pub(super) material: u32,
 }
 
 /// Light of one cluster in one pixel: by half, then direct and indirect; RGB and padding.
@@ -97,7 +99,9 @@ impl<'a> PlaneSums<'a> {
         let share = |is: bool| if is { 1.0 } else { 0.0 };
         let (a, n) = (sample.albedo, sample.normal);
         let [emitter, specular, surface] = [sample.sees_emitter, sample.specular, sample.on_surface].map(share);
-        let values: [f32; FEATURE_PLANES] = [a.x, a.y, a.z, n.x, n.y, n.z, sample.depth, emitter, specular, surface];
+        let material = sample.material as f32;
+        let values: [f32; FEATURE_PLANES] =
+            [a.x, a.y, a.z, n.x, n.y, n.z, sample.depth, emitter, specular, surface, material];
         let sums = &mut self.features;
         if sums.count == 0 {
             sums.first = values;
@@ -127,7 +131,8 @@ impl<'a> PlaneSums<'a> {
         for plane in 0..FEATURE_PLANES {
             let mean = features.sum[plane] / count;
             let variance = (features.squares[plane] / count - mean * mean) / (count - 1.0);
-            feature_lines[plane][pixel] = features.first[plane] + mean;
+            let of_first = plane == Feature::Material.planes().start;
+            feature_lines[plane][pixel] = features.first[plane] + if of_first { 0.0 } else { mean };
             feature_lines[FEATURE_PLANES + plane][pixel] = variance.max(0.0);
         }
         if feature_lines[Feature::Emitter.planes().start][pixel] > 0.0 {

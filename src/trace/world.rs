@@ -118,10 +118,14 @@ impl World {
         Vec3::ZERO
     }
 
+    /// Place of a point's material among the scene's.
+    pub(super) fn material_index(&self, point: &SurfacePoint) -> u32 {
+        self.scene.mesh.triangles[point.triangle as usize].material.0
+    }
+
     /// Material of a point.
     pub(super) fn material(&self, point: &SurfacePoint) -> &Material {
-        let triangle = &self.scene.mesh.triangles[point.triangle as usize];
-        &self.scene.materials[triangle.material.0 as usize]
+        &self.scene.materials[self.material_index(point) as usize]
     }
 
     /// Scattering at a point seen from its front or back.

@@ -1,12 +1,14 @@
-"""Makes the references that tests/transport/references.rs compares with: Mitsuba 3, scalar_rgb, its path integrator.
+"""Makes the references that tests/transport/references.rs compares with: Mitsuba 3, scalar_rgb, its path
+integrator, and its particle tracer for caustics of lights without a body, which paths from the camera never find.
 
     pip install mitsuba numpy
     python tests/references/make.py tests/references            # all scenes
     python tests/references/make.py tests/references caustics   # only this one
 
-Each scene is a room lit by a panel of two texels. Balls are facets, a mesh with smooth normals, or perfect spheres, as
+Each scene is a room lit by a panel of two texels, or by a point light and a spot, whose glass or mirror ball the camera
+does not see: particles are joined to the camera at scattering surfaces alone. Balls are facets, a mesh with smooth normals, or perfect spheres, as
 the scene's name says (facets where it says nothing). A file holds, as little-endian f32, the mean image of each texel
-lit alone, then the variance of that mean from independent renders: [mean, variance][texel][channel][y][x].
+(or light) lit alone, then the variance of that mean from independent renders: [mean, variance][texel][channel][y][x].
 """
 import math
 import os
@@ -121,21 +123,39 @@ SCENES = {
 }
 
 
+# A ball behind the upper edge of the picture, whose caustic falls on the wall in view; lights at its other side.
+HIDDEN = Ball((0.5, 0.8, 0.5), 0.1, 128)
+POINTS = {
+    "point_glass": ([WALLS, (HIDDEN, GLASS)], (0.5, 0.9, 0.75)),
+    "point_mirror": ([WALLS, (HIDDEN, MIRROR)], (0.5, 0.85, 0.25)),
+}
+
+
+LAMPS = [lamp for _, lamp in POINTS.values()]
+
+
+def bodiless(light, position):
+    if light == 0:
+        return {"type": "point", "position": list(position), "intensity": grey(1.0)}
+    towards = mi.ScalarTransform4f().look_at(origin=list(position), target=list(HIDDEN.centre), up=[1, 0, 0])
+    # An even cone: the two programs fade its edge by other rules.
+    return {"type": "spot", "to_world": towards, "cutoff_angle": 30.0, "beam_width": 29.999, "intensity": grey(1.0)}
+
+
 def scene(folder, parts, texel, panel):
-    origin, u, v = panel
     camera = mi.ScalarTransform4f().look_at(origin=[0.5, 0.5, 0.95], target=[0.5, 0.4, 0.0], up=[0, 1, 0])
     described = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": DEPTH, "rr_depth": 6},
+        "integrator": {"type": "ptracer" if panel in LAMPS else "path", "max_depth": DEPTH, "rr_depth": 6},
         "sensor": {
             "type": "perspective",
-            "fov": 75.0,
+            "fov": 45.0 if panel in LAMPS else 75.0,
             "fov_axis": "y",
             "near_clip": 1e-3,
             "to_world": camera,
             "film": {"type": "hdrfilm", "width": SIDE, "height": SIDE, "pixel_format": "rgb",
                      "component_format": "float32", "rfilter": {"type": "box"}},
-            "sampler": {"type": "independent", "sample_count": SAMPLES},
+            "sampler": {"type": "independent", "sample_count": 4 * SAMPLES if panel in LAMPS else SAMPLES},
         },
     }
     for k, (shape, bsdf) in enumerate(parts):
@@ -144,6 +164,10 @@ def scene(folder, parts, texel, panel):
         else:
             described[f"part{k}"] = {"type": "obj", "filename": obj(folder, f"part{k}", shape), "bsdf": bsdf,
                                      "face_normals": True}
+    if panel in LAMPS:
+        described["lamp"] = bodiless(texel, panel)
+        return mi.load_dict(described)
+    origin, u, v = panel
     for k in range(2):
         place = origin if k == 0 else add(origin, u)
         black = {"type": "diffuse", "reflectance": grey(0.0)}
@@ -155,14 +179,17 @@ def scene(folder, parts, texel, panel):
 
 
 def main(target, names):
-    for name, (parts, panel) in SCENES.items():
+    for name, (parts, panel) in (SCENES | POINTS).items():
         if names and name not in names:
             continue
         means, variances = [], []
         for texel in range(2):
             with tempfile.TemporaryDirectory() as folder:
                 loaded = scene(folder, parts, texel, panel)
-                images = np.stack([np.array(mi.render(loaded, seed=1000 * texel + s), dtype=np.float64) for s in range(RENDERS)])
+                # Far apart: the particle tracer draws its parts from the seeds that follow.
+                apart = 100_003 if panel in LAMPS else 1
+                seeds = [apart * (1000 * texel + s) for s in range(RENDERS)]
+                images = np.stack([np.array(mi.render(loaded, seed=seed), dtype=np.float64) for seed in seeds])
             means.append(images.mean(axis=0).transpose(2, 0, 1))
             variances.append(images.var(axis=0, ddof=1).transpose(2, 0, 1) / RENDERS)
         data = np.stack([np.stack(means), np.stack(variances)]).astype("<f4")

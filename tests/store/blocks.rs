@@ -2,7 +2,7 @@
 
 use ltm::light::{Clusters, Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{
-    BlockId, BlockNoise, BlockPlanes, BlockSink, BlockSource, CHANNELS, MatrixShape, SeenEmission, TracedBlock,
+    BlockId, BlockNoise, BlockPlanes, BlockSink, BlockSource, CHANNELS, Feature, MatrixShape, SeenEmission, TracedBlock,
 };
 use ltm::store::{Storage, StoreOptions, StoreReader};
 
@@ -64,16 +64,20 @@ pub(crate) fn block(job: &Job, id: BlockId) -> TracedBlock {
 fn planes(pixels: usize, columns: usize, clusters: usize, next: &mut impl FnMut() -> f32) -> BlockPlanes {
     let mut planes = BlockPlanes::default();
     planes.reset(pixels, clusters);
-    planes.features.iter_mut().for_each(|value| *value = next() - 0.5);
-    let light = planes.direct.iter_mut().chain(&mut planes.indirect);
-    light.chain([&mut planes.feature_variance]).flatten().for_each(|value| *value = next());
-    planes.round();
+    // The plane that version 2 does not know is drawn last, so that all else is what its golden file holds.
+    let known = Feature::Material.planes().start * pixels;
+    planes.features[..known].iter_mut().for_each(|value| *value = next() - 0.5);
+    let light = planes.direct.iter_mut().chain(&mut planes.indirect).flatten();
+    light.chain(&mut planes.feature_variance[..known]).for_each(|value| *value = next());
     let mut seen = |pixel: usize, column: usize| {
         let value = [next(), next(), next()];
         SeenEmission { pixel: pixel as u32, column: column as u32, value }
     };
     planes.emission = vec![seen(0, 0), seen(pixels / 2, 0), seen(pixels / 2, columns - 1), seen(pixels - 1, 0)];
     planes.emission.dedup_by_key(|seen| (seen.pixel, seen.column));
+    let (material, variance) = (&mut planes.features[known..], &mut planes.feature_variance[known..]);
+    material.iter_mut().chain(variance).for_each(|value| *value = next());
+    planes.round();
     planes
 }
 

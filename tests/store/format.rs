@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use ltm::Error;
-use ltm::matrix::{BlockId, BlockSource};
+use ltm::matrix::{BlockId, BlockSource, Feature};
 use ltm::store::{
     HEADER_FIELDS, MAGIC, PAGE_BYTES, Precision, RECORD_BYTES, RECORD_FIELDS, StoreOptions, StoreReader, StoreWriter,
     VERSION, verify,
@@ -69,15 +69,19 @@ fn never_change_these() {
     assert_eq!((COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED), (1, 0, 1, 2, 1));
 }
 
-/// The golden files: of version 1 without planes in each precision, of version 2 in one, as planes are the same in all.
+/// The golden file of version 2, whose planes do not know materials: it is read, and no longer written.
+const WITHOUT_MATERIAL: &str = "golden/v2-f16.ltm";
+
+/// The golden files that are written today: of version 1 without planes in each precision, of version 3 in one, as planes are
+/// the same in all.
 fn golden() -> impl Iterator<Item = (PathBuf, StoreOptions)> {
     let without = Precision::ALL.map(|precision| (1, StoreOptions { precision, planes: false, ..options() }));
-    let with = [(2, StoreOptions { precision: Precision::F16, ..options() })];
+    let with = [(3, StoreOptions { precision: Precision::F16, ..options() })];
     let name = |version, options: &StoreOptions| formats().join(format!("golden/v{version}-{}.ltm", options.precision));
     without.into_iter().chain(with).map(move |(version, options)| (name(version, &options), options))
 }
 
-/// The golden file that the bad ones are made from: of version 1 or 2, in f16.
+/// The golden file that the bad ones are made from: of version 1 or 3, in f16.
 fn sound_file(version: u32) -> Vec<u8> {
     fs::read(formats().join(format!("golden/v{version}-f16.ltm"))).unwrap()
 }
@@ -112,6 +116,23 @@ fn golden_files_are_read_and_are_what_would_be_written_now() {
         let name = golden.display();
         assert!(fs::read(&now).unwrap() == fs::read(&golden).unwrap(), "{name}: a change needs a new version");
         fs::remove_file(now).unwrap();
+    }
+}
+
+#[test]
+fn a_file_of_version_2_is_read_and_its_materials_are_not_known() {
+    let path = formats().join(WITHOUT_MATERIAL);
+    assert!(verify(&path, |_, _| true).unwrap().is_complete());
+    let reader = StoreReader::open(&path).unwrap();
+    assert_eq!(reader.job(), &job(3));
+    for id in reader.shape().blocks() {
+        let (stored, mut original) = (read(&reader, id).unwrap(), block(&job(3), id));
+        if let Some(planes) = &mut original.planes {
+            let material = Feature::Material.planes().start * planes.pixels()..;
+            planes.features[material.clone()].fill(0.0);
+            planes.feature_variance[material].fill(0.0);
+        }
+        assert_eq!(stored.planes, original.planes);
     }
 }
 
@@ -166,7 +187,7 @@ const SLOTS: usize = 12_288;
 /// Three columns and two probes of 192 rows in 2 bytes.
 const COLUMNS_OF_BLOCK_0: usize = 5 * 192 * 2;
 /// Features and variances of 64 pixels, light of three clusters: the planes without their emitters.
-const PLANES_OF_BLOCK_0: usize = 64 * 60 + 192 * 3 * 8;
+const PLANES_OF_BLOCK_0: usize = 64 * 66 + 192 * 3 * 8;
 /// Emitters in view in block 0, see `blocks.rs`.
 const SEEN_IN_BLOCK_0: usize = 4;
 
@@ -175,7 +196,7 @@ const BAD: &[(&str, Change, Fate)] = &[
     ("ltm-empty", |b| b.clear(), Refused("is not an .ltm file")),
     ("ltm-not-ours", |b| *b = b"P6 2 2 255 not a matrix".to_vec(), Refused("is not an .ltm file")),
     ("ltm-text-transfer", |b| b.splice(4..6, [b'\n']).for_each(drop), Refused("is not an .ltm file")),
-    ("ltm-newer-version", |b| set_header(b, "version", &3u32.to_le_bytes()), Refused("format version 3")),
+    ("ltm-newer-version", |b| set_header(b, "version", &4u32.to_le_bytes()), Refused("format version 4")),
     ("ltm-header-flipped", |b| b[25] ^= 1, Refused("header's checksum")),
     ("ltm-header-cut", |b| b.truncate(100), Refused("cut short inside the header")),
     ("ltm-precision-unknown", |b| set_header(b, "precision", &3u32.to_le_bytes()), Refused("unknown precision")),
@@ -241,7 +262,7 @@ const BAD: &[(&str, Change, Fate)] = &[
 
 /// The version of the golden file that a bad one is made from.
 fn version_of(name: &str) -> u32 {
-    if name.starts_with("ltm-planes") { 2 } else { 1 }
+    if name.starts_with("ltm-planes") { 3 } else { 1 }
 }
 
 /// Changes the planes of block 0, and makes their checksum hold if wanted.
@@ -269,7 +290,7 @@ fn set_planes_clusters(bytes: &mut [u8], clusters: u32) {
     let slot = |pixels: u64| {
         let (rows, clusters) = (3 * pixels, u64::from(clusters));
         let tile = (rows * 5 * 2).next_multiple_of(8) + 4 + 5 * 8 + (rows + 3) * 4;
-        (tile + (pixels * 60 + rows * clusters * 8).next_multiple_of(4) + pixels * 3 * 20).next_multiple_of(4096)
+        (tile + (pixels * 66 + rows * clusters * 8).next_multiple_of(4) + pixels * 3 * 20).next_multiple_of(4096)
     };
     let length = SLOTS as u64 + [64, 64, 32, 24, 24, 12].map(slot).iter().sum::<u64>();
     set_header(bytes, "file_bytes", &length.to_le_bytes());

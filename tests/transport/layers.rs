@@ -161,7 +161,10 @@ fn features_are_those_of_the_surface_that_a_mirror_shows() {
     builder.quad(Vec3::new(1.0, -1.0, 3.0), Vec3::X * -2.0, Vec3::Y * 2.0, wall);
     let point = PointEmitter::Point { position: Vec3::new(0.5, 0.5, 1.0) };
     builder.bodiless("point", LightKind::Point, Emitter::Point(point));
-    let blocks = trace(builder.build(), settings(4, 4));
+    let scene = builder.build();
+    // The wall's is the last.
+    let number = scene.materials.len() as f32;
+    let blocks = trace(scene, settings(4, 4));
     let expected = [
         (Feature::Albedo, (TINT * colour).to_array().to_vec()),
         (Feature::Normal, vec![0.0, 0.0, -1.0]),
@@ -169,6 +172,7 @@ fn features_are_those_of_the_surface_that_a_mirror_shows() {
         (Feature::Emitter, vec![0.0]),
         (Feature::Specular, vec![1.0]),
         (Feature::Surface, vec![1.0]),
+        (Feature::Material, vec![number]),
     ];
     for (which, values) in expected {
         for (plane, value) in values.into_iter().enumerate() {
@@ -214,6 +218,10 @@ fn shares_of_a_half_covered_image_are_means_with_the_variance_of_their_samples()
     assert!((surface.0 - 0.5).abs() <= 1.0 / 16.0 && (surface.0 + emitter.0 - 1.0).abs() < 1e-6);
     let variance = surface.0 * (1.0 - surface.0) / f64::from(samples - 1);
     assert!((f64::from(surface.1) - variance).abs() < 0.01 * variance, "{} for {variance}", surface.1);
+    // Half of the samples show the only material: the pixel is of the first sample's, and its variance says that it is mixed.
+    let (material, mixed) = feature(&blocks, Feature::Material, 0);
+    assert!(material == 0.0 || material == 1.0, "{material}");
+    assert!((f64::from(mixed) - variance).abs() < 0.01 * variance, "{mixed} for {variance}");
     let (normal, depth) = (feature(&blocks, Feature::Normal, 2).0, feature(&blocks, Feature::Depth, 0).0);
     assert!((normal - surface.0).abs() < 1e-6, "the normal +z of the part that is covered");
     assert!((1.0..1.1).contains(&(depth / surface.0)), "{depth}");

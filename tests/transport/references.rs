@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use glam::Vec3;
+use ltm::light::LightKind;
 use ltm::matrix::{CHANNELS, TracedBlock};
-use ltm::scene::{Paint, Scene, Surface};
+use ltm::scene::{Emitter, Paint, PointEmitter, Scene, Surface};
 use ltm::trace::{TraceSettings, Tracer};
 
 use crate::scenes::{Builder, blocks, camera, lambert, settings, tracer};
@@ -15,6 +16,27 @@ const TEXELS: usize = 2;
 /// Rings of a ball that stands for a perfect sphere.
 const FINE: u32 = 128;
 const ENTRIES: usize = TEXELS * CHANNELS * SIDE * SIDE;
+
+/// A room with a ball behind the upper edge of the picture, and a point light and a spot at its other side.
+fn scene_of_points(name: &str) -> Scene {
+    let mut builder = Builder::new(camera(Vec3::new(0.5, 0.5, 0.95), Vec3::new(0.5, 0.4, 0.0), 45.0, SIDE as u32));
+    builder.room(Vec3::ZERO, Vec3::ONE, lambert(0.5));
+    let (surface, position) = match name {
+        "point_glass" => (Surface::Dielectric { ior: 1.5, transmittance: Vec3::ONE }, Vec3::new(0.5, 0.9, 0.75)),
+        "point_mirror" => {
+            (Surface::Mirror { reflectance: Paint::Constant(Vec3::splat(0.9)) }, Vec3::new(0.5, 0.85, 0.25))
+        }
+        _ => unreachable!("{name}"),
+    };
+    let centre = Vec3::new(0.5, 0.8, 0.5);
+    builder.sphere(centre, 0.1, FINE, surface);
+    let direction = (centre - position).normalize();
+    let [inner_radians, outer_radians] = [29.999f32, 30.0].map(f32::to_radians);
+    builder.bodiless("point", LightKind::Point, Emitter::Point(PointEmitter::Point { position }));
+    let spot = PointEmitter::Spot { position, direction, inner_radians, outer_radians };
+    builder.bodiless("spot", LightKind::Spot, Emitter::Point(spot));
+    builder.build()
+}
 
 /// The scene of this name, as the script builds it.
 fn scene(name: &str) -> Scene {
@@ -88,12 +110,14 @@ fn compared(name: &str, with: &str) -> (Comparison, String) {
 }
 
 fn compared_by(name: &str, with: &str, by: impl Fn(Tracer) -> Tracer) -> (Comparison, String) {
-    let scene = Arc::new(scene(name));
+    let scene = Arc::new(if name.starts_with("point") { scene_of_points(name) } else { scene(name) });
+    // Photons are gathered within a radius that shrinks with the samples, and these caustics are nothing else.
+    let (samples, renders) = if name.starts_with("point") { (1024, 8) } else { (128, 24) };
     let render = |seed| {
-        let tracer = by(tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(128, 24) }));
+        let tracer = by(tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(samples, 24) }));
         image(&blocks(&tracer))
     };
-    let renders: Vec<Vec<f64>> = (0..24).map(render).collect();
+    let renders: Vec<Vec<f64>> = (0..renders).map(render).collect();
     let (mean, variance) = reference(with);
     assert_eq!(mean.len(), ENTRIES);
     // Channels are the same paths: one of them stands for all.
@@ -122,6 +146,23 @@ fn reflections_agree_with_the_reference() {
 #[test]
 fn caustics_agree_with_the_reference() {
     agrees("caustics");
+}
+
+/// Of lights without a body, against particles from the light: paths from the camera cannot find these caustics.
+#[test]
+fn caustics_of_a_point_and_a_spot_agree_with_particles_of_the_reference() {
+    for name in ["point_glass", "point_mirror"] {
+        // What is gathered beside a sharp caustic is too bright, and too dark in corners, by what the radius takes in from there: of
+        // glass, z² 1.71 and +0.42 % at these samples, +0.14 % with eight times as many. The whole must be right to that.
+        let (found, evidence) = compared(name, name);
+        assert!(
+            found.mean_square < 2.0 && found.far <= 24 && found.relative.abs() < 0.007,
+            "{name}: {found}; {evidence}"
+        );
+        // The comparison can fail: without photons the caustics are missing.
+        let (found, _) = compared_by(name, name, Tracer::without_photons);
+        assert!(found.mean_square > 10.0 && found.relative < -0.01, "{name}: {found}");
+    }
 }
 
 #[test]

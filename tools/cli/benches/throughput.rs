@@ -50,7 +50,7 @@ fn bench(criterion: &mut Criterion) {
     let shape = StoreReader::open(&matrix).expect("the matrix").job().shape;
     let (pack, unpack) = (env!("CARGO_BIN_EXE_ltm-pack"), env!("CARGO_BIN_EXE_ltm-unpack"));
     let said = run(pack, &matrix, &container);
-    let mut figures = Figures::new("bench-throughput", "cargo bench -p ltm-cli");
+    let mut figures = Figures::new("bench-throughput", &["LTM_BENCH_GIB"], "cargo bench -p ltm-cli");
     let case = format!("{} x {}", shape.rows(), shape.columns());
     let rate = |program: &str, input: &Path, output: &Path| {
         let timed = || {

@@ -344,8 +344,8 @@ impl Native {
         Ok(((x, y, width, height), there, known))
     }
 
-    /// What pixels show beside light: planes × height × width.
-    fn features<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    /// What pixels show beside light, or its variance: planes × height × width.
+    fn features<'py>(&self, py: Python<'py>, variance: bool) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let opened = self.opened()?;
         let Source::Matrix(matrix) = &opened.source else {
             let hint = "open the .ltm that it was packed from";
@@ -354,7 +354,7 @@ impl Native {
         let shape = opened.source.shape();
         let hold = hold_to_memory("the features", 2 * Features::needs_bytes(shape), opened.memory_bytes);
         hold.map_err(|error| exception(&error))?;
-        let features = unlocked(py, || Features::read(matrix))?;
+        let features = unlocked(py, || if variance { Features::read_variances(matrix) } else { Features::read(matrix) })?;
         let shape = vec![FEATURE_PLANES, shape.height() as usize, shape.width() as usize];
         PyArray1::from_slice(py, features.planes()).reshape(shape)
     }

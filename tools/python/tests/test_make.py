@@ -107,7 +107,7 @@ def test_images_can_be_cleaned_elsewhere(tmp_path):
 def test_features_are_what_pixels_show_beside_light(tmp_path):
     ltm.render(ROOM, tmp_path / "a.ltm", samples=8, block_side=16)
     with ltm.open(tmp_path / "a.ltm") as m:
-        features = m.features()
+        features, variances = m.features(), m.features(variance=True)
         height, width = m.shape[:2]
     assert {name: plane.shape for name, plane in features.items() if name in ("albedo", "normal")} == {
         name: (height, width, 3) for name in ("albedo", "normal")
@@ -117,6 +117,10 @@ def test_features_are_what_pixels_show_beside_light(tmp_path):
     assert inside.any() and (features["depth"][inside] > 0).all() and (features["albedo"][inside] < 1).all()
     lengths = np.linalg.norm(features["normal"][inside], axis=-1)
     assert lengths.max() < 1 + 1e-5 and np.median(lengths) > 0.99
+    numbers = np.unique(features["material"])
+    assert len(numbers) > 2 and (numbers == np.round(numbers)).all() and (features["material"][inside] >= 1).all()
+    assert all(variances[name].shape == plane.shape and (variances[name] >= 0).all() for name, plane in features.items())
+    assert (variances["surface"][inside] == 0).all() and (variances["material"] > 0).any()
     ltm.pack(tmp_path / "a.ltm", tmp_path / "a.ltc")
     with ltm.open(tmp_path / "a.ltc") as m, pytest.raises(ValueError, match="container holds none"):
         m.features()

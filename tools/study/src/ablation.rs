@@ -56,9 +56,6 @@ struct Plan {
     expected_ratios: &'static [f64],
     ranks: &'static [usize],
     mean_ranks: &'static [f64],
-    /// Exponents of two of the DCT's steps under its scale, and of zfp's tolerances over the largest entry.
-    steps: &'static [i32],
-    tolerances: &'static [i32],
     /// The matrix over the bytes at which all are read off.
     fixed: &'static [f64],
 }
@@ -74,26 +71,26 @@ const QUICK: Plan = Plan {
     expected_ratios: &[160.0, 60.0, 20.0],
     ranks: &[1, 2, 4],
     mean_ranks: &[0.5, 1.0, 2.0, 4.0],
-    steps: &[-4, -6, -8],
-    tolerances: &[6, 3, 0],
     fixed: &[40.0],
 };
 
 const FULL: Plan = Plan {
     scenes: &[("mixed", true), (CLASSROOM, false), (CORNELL, false)],
-    size: (64, 32),
+    size: (128, 128),
     columns: 256,
     samples: 256,
     converged: 2048,
     seeds: 5,
     ratios: &[500.0, 300.0, 90.0],
     expected_ratios: &[1000.0, 400.0, 150.0, 60.0],
-    ranks: &[1, 2, 4, 8],
-    mean_ranks: &[0.5, 1.0, 2.0, 4.0, 8.0],
-    steps: &[-5, -7, -8, -9],
-    tolerances: &[6, 4, 2, 0],
+    ranks: &[1, 2, 4, 8, 16, 32],
+    mean_ranks: &[0.5, 1.0, 2.0, 4.0, 8.0, 16.0],
     fixed: &[400.0, 100.0],
 };
+
+/// Exponents of two between which the DCT's steps lie under its scale, and zfp's tolerances over the largest entry.
+const STEPS: (f64, f64) = (-24.0, 2.0);
+const TOLERANCES: (f64, f64) = (-24.0, 12.0);
 
 /// Quantile 0.975 of Student's t for 1, 2, … degrees of freedom.
 const T_QUANTILES: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
@@ -136,7 +133,9 @@ seeds, which change samples, lightings and the draws of methods.";
 const FORMS_NOTE: &str = "f16 + zstd: factors as 16-bit floats, byte planes, zstd 12. The SVD is exact to a few parts in a thousand. Slope: \
 components that are worth their bits, with one slope for all blocks. DCT, zfp: as `ltm study fig9`. SZ3: whole colours in four \
 dimensions, one absolute bound; SPERR: in three, one mean squared error; Tucker: all five dimensions, core and factors quantised by one \
-slope, xz; these three with the first seed only.";
+slope, xz; these three with the first seed only. DCT, zfp and these three: at steps and bounds on both sides of each ratio, found by bisection. \
+Algorithm 4 by one slope has no more components that are worth their bits than its rows and columns, 64 of each, give; so it \
+stops short of the larger files.";
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
@@ -237,7 +236,7 @@ fn measure(
     let sparse = CompressSettings { sparse: CompressSettings::default().sparse, ..dark.clone() };
     let noise = CompressSettings { noise_factor: CompressSettings::default().noise_factor, ..sparse.clone() };
     let of_paper =
-        CompressSettings { rank: 32, ranks: Kept::ByRate, seed, ..CompressSettings::of_method(Method::Algorithm4) };
+        CompressSettings { rank: 64, ranks: Kept::ByRate, seed, ..CompressSettings::of_method(Method::Algorithm4) };
     let of_paper = CompressSettings { noise_factor: None, exposure_exponent: 0.0, ..of_paper };
     for ratio in plan.ratios {
         let target = Target::Bytes((raw_bytes / ratio) as u64);
@@ -297,18 +296,28 @@ fn general_codecs(on: Measured<'_>, keep: &mut dyn FnMut(Way, Packed)) -> Result
     let of_file = |path: &std::path::Path, images: Vec<LinearImage>| -> Result<Packed> {
         Ok(Packed { bytes: file_bytes(path)?, rank: None, seconds: 0.0, images })
     };
-    let scale = dct::scale(matrix)?;
-    let steps: Vec<f32> = plan.steps.iter().map(|e| scale * (*e as f32).exp2()).collect();
-    bench.stop_if_interrupted()?;
-    for (path, step) in dct::write(matrix, &steps, &bench.cached("dct"))?.iter().zip(steps) {
-        keep(DCT, of_file(path, dct::read(path, step, shape, basis, lightings)?)?);
-    }
-    let largest = zfp::scale(matrix)?;
-    for &exponent in plan.tolerances {
+    let (scale, largest) = (dct::scale(matrix)?, zfp::scale(matrix)?);
+    let step = |exponent: f64| scale * exponent.exp2() as f32;
+    let write_dct = |exponent: f64| -> Result<std::path::PathBuf> {
         bench.stop_if_interrupted()?;
-        let (path, tolerance) = (bench.cached("zfp"), largest * (exponent as f32).exp2());
-        zfp::write(matrix, tolerance, &path)?;
-        keep(ZFP, of_file(&path, zfp::read(&path, tolerance, shape, basis, lightings)?)?);
+        Ok(dct::write(matrix, &[step(exponent)], &bench.cached("dct"))?.remove(0))
+    };
+    let tolerance = |exponent: f64| largest * exponent.exp2() as f32;
+    let write_zfp = |exponent: f64| -> Result<std::path::PathBuf> {
+        bench.stop_if_interrupted()?;
+        let path = bench.cached("zfp");
+        zfp::write(matrix, tolerance(exponent), &path).map(|()| path)
+    };
+    for ratio in plan.fixed {
+        let bytes = matrix.shape().raw_bytes() as f64 / ratio;
+        for exponent in curve::bracket(STEPS, bytes, &mut |exponent| file_bytes(&write_dct(exponent)?))? {
+            let path = write_dct(exponent)?;
+            keep(DCT, of_file(&path, dct::read(&path, step(exponent), shape, basis, lightings)?)?);
+        }
+        for exponent in curve::bracket(TOLERANCES, bytes, &mut |exponent| file_bytes(&write_zfp(exponent)?))? {
+            let path = write_zfp(exponent)?;
+            keep(ZFP, of_file(&path, zfp::read(&path, tolerance(exponent), shape, basis, lightings)?)?);
+        }
     }
     Ok(())
 }

@@ -44,6 +44,11 @@ const FILES: [(&str, &str); 7] = [
     (CORNELL, include_str!("../../../formats/scenes/cornell-original.toml")),
 ];
 
+/// A scene file as it is published.
+pub(super) fn scene_text(name: &str) -> &'static str {
+    FILES.iter().find(|file| file.0 == name).map_or("", |file| file.1)
+}
+
 /// The place of one study.
 pub(super) struct Bench<'a> {
     pub(super) out: PathBuf,
@@ -75,6 +80,7 @@ impl<'a> Bench<'a> {
         let quick = if self.quick { " --quick" } else { "" };
         let mut notes =
             vec![format!("Command: `ltm study {}{quick}`.", self.study), format!("Machine: {}.", machine::describe())];
+        notes.extend(machine::commit().map(|commit| format!("Built from commit {commit}.")));
         notes.extend(more.iter().map(|note| (*note).to_owned()));
         notes
     }
@@ -141,7 +147,7 @@ impl<'a> Bench<'a> {
     }
 
     fn file(&self, name: &str, texels: u32) -> Result<LoadedScene> {
-        let text = FILES.iter().find(|file| file.0 == name).map_or("", |file| file.1);
+        let text = scene_text(name);
         let texels_here = format!("texels = [{texels}, {texels}]");
         let line = |line: &str| if line.starts_with("texels = ") { texels_here.clone() } else { line.to_owned() };
         let lines: Vec<String> = text.lines().map(line).collect();
@@ -149,7 +155,7 @@ impl<'a> Bench<'a> {
     }
 
     fn lamp_alone(&self, name: &str) -> Result<LoadedScene> {
-        let text = FILES.iter().find(|file| file.0 == CONFERENCE_LAMPS).map_or("", |file| file.1);
+        let text = scene_text(CONFERENCE_LAMPS);
         let lamp = LAMPS_ALONE.iter().find(|lamp| lamp.0 == name).map_or("", |lamp| lamp.1);
         self.scene(&format!("{name}.toml"), &text.replace("lum_*", lamp))
     }

@@ -1,5 +1,27 @@
 //! Curves through measured points: values between them, gains between curves, slopes.
 
+use ltm::error::Result;
+
+/// How often an interval is halved that brackets a size.
+const HALVINGS: usize = 9;
+
+/// Two exponents of two, near each other, between which a size passes a target that lies between those at `ends`: it falls as the
+/// exponent rises.
+///
+/// Errors: those of `bytes`.
+pub(super) fn bracket(ends: (f64, f64), target: f64, bytes: &mut dyn FnMut(f64) -> Result<u64>) -> Result<[f64; 2]> {
+    let (mut fine, mut coarse) = ends;
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (fine + coarse);
+        if bytes(middle)? as f64 > target {
+            fine = middle;
+        } else {
+            coarse = middle;
+        }
+    }
+    Ok([fine, coarse])
+}
+
 /// How much higher one curve lies than another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Gain {

@@ -11,6 +11,7 @@ mod codecs;
 pub mod curve;
 mod dct;
 mod equal;
+mod example;
 mod exchange;
 mod factors;
 mod fig5;
@@ -79,6 +80,8 @@ pub enum Study {
     Equal,
     /// Arrays of another renderer at equal bytes.
     Imports,
+    /// The worked example of the README.
+    Example,
     /// Seconds from a scene to relit images.
     Speed,
     /// Time and memory against sizes.
@@ -123,6 +126,7 @@ impl Study {
         Self::Picture,
         Self::Equal,
         Self::Imports,
+        Self::Example,
         Self::Shared,
         Self::Speed,
         Self::Scaling,
@@ -142,6 +146,7 @@ impl Study {
             Self::Picture => "picture",
             Self::Equal => "equal",
             Self::Imports => "imports",
+            Self::Example => "example",
             Self::Speed => "speed",
             Self::Scaling => "scaling",
             Self::Shared => "shared",
@@ -170,6 +175,7 @@ pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Resu
             Study::Picture => picture::run(&bench)?,
             Study::Equal => equal::run(&bench)?,
             Study::Imports => imports::run(&bench)?,
+            Study::Example => example::run(&bench)?,
             Study::Speed => speed::run(&bench)?,
             Study::Scaling => scaling::run(&bench)?,
             Study::Shared => shared::run(&bench)?,

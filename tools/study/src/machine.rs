@@ -17,6 +17,11 @@ pub(super) fn describe() -> String {
     format!("{processor}, {} threads{memory}; ltm {}{build}", rayon::current_num_threads(), env!("CARGO_PKG_VERSION"))
 }
 
+/// The commit that the program was built from, where it is known.
+pub(super) fn commit() -> Option<&'static str> {
+    Some(env!("LTM_COMMIT")).filter(|commit| !commit.is_empty())
+}
+
 /// What else the machine had to do, as far as it tells: processes that wanted to run in the last minute.
 pub(super) fn load() -> String {
     let text = fs::read_to_string("/proc/loadavg").unwrap_or_default();

@@ -38,6 +38,9 @@ use ltm::scene::BuiltIn;
 use ltm_view::display::{CURVES, Display};
 
 const FRAME: Duration = Duration::from_micros(16_667);
+/// What it is run by, and the variables that it reads.
+const COMMAND: &str = "cargo bench -p ltm-view";
+const VARIABLES: [&str; 2] = ["LTM_VIEW_DEVICE", "LTM_VIEW_CONTAINER"];
 /// Movements that are measured one by one, and frames of one long drag.
 const MOVES: usize = 60;
 const DRAG_FRAMES: usize = 120;
@@ -48,12 +51,12 @@ fn main() -> ExitCode {
     }
     if let Some(paths) = std::env::var_os("LTM_VIEW_CONTAINER") {
         let paths: Vec<PathBuf> = std::env::split_paths(&paths).collect();
-        let mut figures = Figures::new("bench-view", &command(&paths));
+        let mut figures = Figures::new("bench-view", &VARIABLES, COMMAND);
         paths.iter().for_each(|path| measure(path, &mut figures));
         figures.write();
         return ExitCode::SUCCESS;
     }
-    let mut figures = Figures::new("bench-view", &command(&[]));
+    let mut figures = Figures::new("bench-view", &VARIABLES, COMMAND);
     let folder = tempfile::tempdir().expect("a temporary folder");
     // As many components as columns: a packed container of this size has a tenth of them.
     for (name, texels) in [("mixed", 4), ("mixed", 8), ("environment", 8)] {
@@ -64,15 +67,6 @@ fn main() -> ExitCode {
     }
     figures.write();
     ExitCode::SUCCESS
-}
-
-/// The command as it is typed in the folder of the containers.
-fn command(paths: &[PathBuf]) -> String {
-    let device = std::env::var_os("LTM_VIEW_DEVICE").map_or("", |_| "LTM_VIEW_DEVICE=1 ");
-    match files::typed(paths).as_str() {
-        "" => format!("{device}cargo bench -p ltm-view"),
-        names => format!("{device}LTM_VIEW_CONTAINER={names} cargo bench -p ltm-view"),
-    }
 }
 
 fn measure(path: &Path, figures: &mut Figures) {

@@ -75,7 +75,7 @@ impl Surfaces {
             Feature::Albedo => value.map(encode_srgb),
             Feature::Normal => value.map(|v| 0.5 + 0.5 * v),
             Feature::Depth => value.map(|depth| 0.1 + 0.9 * (far - depth) / (far - near).max(f32::MIN_POSITIVE)),
-            Feature::Emitter | Feature::Specular | Feature::Surface => value,
+            Feature::Emitter | Feature::Specular | Feature::Surface | Feature::Material => value,
         };
         let mut rgba = vec![0; 4 * pixels];
         for (pixel, bytes) in rgba.chunks_exact_mut(4).enumerate() {

@@ -83,7 +83,7 @@ class Look:
 
 #: Where the planes of features lie that have three, and one.
 _VECTORS = {"albedo": 0, "normal": 3}
-_SCALARS = {"depth": 6, "emitter": 7, "specular": 8, "surface": 9}
+_SCALARS = {"depth": 6, "emitter": 7, "specular": 8, "surface": 9, "material": 10}
 
 
 def _open_file(path: Any, mode: str) -> Any:
@@ -173,15 +173,19 @@ class Matrix:
         """Weights (columns, 3) of the scene's own lighting."""
         return self._native.scene_weights()
 
-    def features(self) -> dict[str, NDArray[np.float32]]:
+    def features(self, variance: bool = False) -> dict[str, NDArray[np.float32]]:
         """What the pixels of a rendered ``.ltm`` show beside light, at the first surface that scatters, behind mirrors and smooth glass:
         ``albedo`` and ``normal`` (height, width, 3; world space), ``depth`` (length of the path in scene units), and the shares of
         the samples that show an ``emitter``, came by a mirror or glass (``specular``), and end on a ``surface`` (height, width). All are
         means over the samples, of which those without a surface count as zero: ``depth / surface`` is the mean over those that have one.
+        ``material`` is the number of the first sample's material, from 1 on in the scene's order; 0 is none, or not known.
+
+        With ``variance``, the variances of those means instead, as if samples were independent; of a material's number, it is zero
+        where all samples show one material.
 
         Raises ValueError for a container, an import, or a matrix of one sample; DamagedError; MemoryError.
         """
-        planes = self._native.features()
+        planes = self._native.features(variance)
         colours = {name: np.ascontiguousarray(np.moveaxis(planes[at : at + 3], 0, 2)) for name, at in _VECTORS.items()}
         return colours | {name: planes[at].copy() for name, at in _SCALARS.items()}
 

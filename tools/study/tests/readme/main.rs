@@ -22,7 +22,7 @@ use std::fs;
 use ltm_study::Study;
 use page::{Figure, flat, place, replaced};
 use published::{Csv, root};
-use sentences::{ROWS, SENTENCES, TableRow};
+use sentences::{PRINTED, PrintedText, ROWS, SENTENCES, TableRow};
 
 /// All pages with figures.
 const PAGES: [&str; 3] = ["README.md", "formats/figures.md", "formats/growth.md"];
@@ -48,7 +48,21 @@ fn renewed(page: &str) -> String {
     for row in ROWS.iter().filter(|row| row.page == page) {
         text = with_row(&text, row);
     }
+    for printed in PRINTED.iter().filter(|printed| printed.page == page) {
+        text = with_printed(&text, printed);
+    }
     text
+}
+
+/// A page with the text between two fences replaced.
+fn with_printed(text: &str, printed: &PrintedText) -> String {
+    let begin = format!("\n{}\n\n```text\n", printed.after);
+    let (before, rest) = text.split_once(&begin).unwrap_or_else(|| panic!("{} has no '{begin}'", printed.page));
+    let (_, after) = rest.split_once("```\n").expect("a second fence");
+    let rows = Csv::published(printed.file).rows;
+    assert!(rows.len() > 1, "{} has no lines", printed.file);
+    let lines: String = rows.iter().map(|row| format!("{}\n", published::text(row, "line"))).collect();
+    format!("{before}{begin}{lines}```\n{after}")
 }
 
 /// A page with one row of a table replaced.
@@ -133,7 +147,8 @@ fn no_figure_is_written_by_hand() {
 
 #[test]
 fn every_published_table_is_shown_and_names_a_command_that_exists() {
-    let shown: BTreeSet<&str> = figures().flat_map(|figure| figure.files).copied().collect();
+    let printed = PRINTED.iter().map(|printed| printed.file);
+    let shown: BTreeSet<&str> = figures().flat_map(|figure| figure.files).copied().chain(printed).collect();
     let mut count = 0;
     for entry in fs::read_dir(root().join("formats/plots")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
@@ -142,7 +157,8 @@ fn every_published_table_is_shown_and_names_a_command_that_exists() {
         }
         count += 1;
         assert!(shown.contains(name.as_str()), "{name} is on no page");
-        let command = Csv::published(&name).command;
+        let Csv { command, machine, .. } = Csv::published(&name);
+        assert!(!machine.contains("development build"), "{name} was measured without optimisation");
         let words: Vec<&str> = command.split(' ').skip_while(|word| word.starts_with("LTM_")).collect();
         match words.as_slice() {
             ["ltm", "study", study] => drop(study.parse::<Study>().unwrap()),

@@ -17,6 +17,18 @@ pub(crate) struct TableRow {
     pub(crate) cells: fn() -> Vec<String>,
 }
 
+/// Printed text between fences, as a run printed it.
+pub(crate) struct PrintedText {
+    pub(crate) page: &'static str,
+    /// The line before the first fence and its empty line.
+    pub(crate) after: &'static str,
+    /// Its table, of a line in each row.
+    pub(crate) file: &'static str,
+}
+
+pub(crate) const PRINTED: &[PrintedText] =
+    &[PrintedText { page: "README.md", after: "`ltm-pack` prints what it reached:", file: "example.csv" }];
+
 pub(crate) const SENTENCES: &[Sentence] = &[
     Sentence { page: "README.md", says: compressed },
     Sentence { page: "README.md", says: many_samples },

@@ -5,15 +5,16 @@ mod scene;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{hold_to_memory, human_bytes, parse_bytes};
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::{Job, Light, LightBasis};
-use ltm::light::{cleaning_errors_line, column_name, exposed_error_line, light_errors_lines};
+use ltm::light::{cleaning_errors_line, column_name, expected_error_line, exposed_error_line, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
-use ltm::pipeline::open_container;
+use ltm::pipeline::{self, open_container};
 use ltm::store::StoreReader;
+use ltm::{Error, Result};
+use ltm_cli::console::Console;
 use ltm_cli::say;
 use serde_json::{Value, json};
 
@@ -54,7 +55,7 @@ pub(crate) struct Info {
     look: Option<String>,
 }
 
-pub(crate) fn run(options: &Info) -> Result<()> {
+pub(crate) fn run(options: &Info, console: &Console) -> Result<()> {
     let path = &*options.file;
     if is_scene(path) {
         return scene::run(path, options.json, options.allow_outside, options.memory);
@@ -82,6 +83,12 @@ pub(crate) fn run(options: &Info) -> Result<()> {
         Kind::Matrix => {
             let matrix = StoreReader::open(path)?;
             let tally = matrix.tally()?;
+            // Of damaged blocks `ltm verify` tells; what else is known is said without them.
+            let error = pipeline::expected_error(&matrix, options.memory, console);
+            let error = match error {
+                Err(Error::Damaged { .. }) => None,
+                other => other?,
+            };
             if options.json {
                 let mut json = job_json(path, matrix.job());
                 add_weights(&mut json, matrix.job(), options)?;
@@ -91,6 +98,7 @@ pub(crate) fn run(options: &Info) -> Result<()> {
                 json["committed_blocks"] = tally.committed.into();
                 json["damaged_records"] = tally.damaged.into();
                 json["file_bytes"] = tally.stored_bytes.into();
+                json["expected_error"] = error.into();
                 print_json(json);
             } else {
                 print_job(path, matrix.job());
@@ -102,6 +110,7 @@ pub(crate) fn run(options: &Info) -> Result<()> {
                     say!("damaged      {} commit records; ltm verify names them", tally.damaged);
                 }
                 say!("size         {} in the committed blocks", human_bytes(tally.stored_bytes));
+                error.iter().for_each(|&error| say!("error        {}", expected_error_line(error)));
             }
         }
     }

@@ -121,7 +121,7 @@ fn run(arguments: Arguments, console: &Console) -> Result<()> {
         Command::Relight(options) => relight::run(&options, console),
         Command::Share(options) => share::run(&options, console),
         Command::View(options) => sibling::run("ltm-view", arguments.threads, &options),
-        Command::Info(options) => info::run(&options),
+        Command::Info(options) => info::run(&options, console),
         Command::Verify(options) => verify::run(&options, console),
         Command::Repair(options) => maintain::repair(&options, console),
         Command::Merge(options) => maintain::merge(&options, console),

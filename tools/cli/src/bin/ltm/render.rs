@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use ltm::Result;
 use ltm::container::ContainerReader;
 use ltm::host::{Watch, human_bytes, parse_bytes};
-use ltm::light::{ExposedError, exposed_error_line};
+use ltm::light::{ExposedError, expected_error_line, exposed_error_line};
 use ltm::pipeline::{
     self, PackOptions, PackReport, Promise, RenderOptions, RenderReport, RenderTo, StopRule, parse_error, parse_seconds,
 };
@@ -137,11 +137,10 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
         let error = promise.reached_by(&StoreReader::open(&output)?, options.memory, console)?;
         say!("{of}:");
         say_reached(&error, samples);
-    } else if has_rule && let Some(error) = pipeline::expected_error(&StoreReader::open(&output)?, console)? {
-        say!(
-            "exposed images of the matrix as it is, not cleaned: expected error {:.2} % of white, the worst of 16 lightings",
-            100.0 * error
-        );
+    } else if has_rule
+        && let Some(error) = pipeline::expected_error(&StoreReader::open(&output)?, options.memory, console)?
+    {
+        say!("{}", expected_error_line(error));
     }
     match report.blocks_missing {
         0 => say!("next: ltm-pack {}", output.display()),
