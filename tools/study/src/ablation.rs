@@ -3,6 +3,7 @@
 
 use super::bench::{Bench, CLASSROOM, CORNELL, Wanted, file_bytes};
 use super::chart::{Axis, Chart, Line, Panel};
+use super::interval::{half_interval, mean};
 use super::judged::{APART_NOTE, Judged, LIGHTINGS_SEED};
 use super::measured::Summary;
 use super::python::Python;
@@ -91,9 +92,6 @@ const FULL: Plan = Plan {
 /// Exponents of two between which the DCT's steps lie under its scale, and zfp's tolerances over the largest entry.
 const STEPS: (f64, f64) = (-24.0, 2.0);
 const TOLERANCES: (f64, f64) = (-24.0, 12.0);
-
-/// Quantile 0.975 of Student's t for 1, 2, … degrees of freedom.
-const T_QUANTILES: [f64; 4] = [12.706, 4.303, 3.182, 2.776];
 
 /// What is read off a file: name, digits, how.
 type Value = (&'static str, usize, fn(&Point) -> f64);
@@ -371,19 +369,6 @@ fn at(points: &[Point], (scene, seed, way): (&str, u64, Way), ratio: f64, value:
     curve::at(&line, bytes.ln())
 }
 
-fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-    sum / count
-}
-
-/// Half of the interval of 95 % of a mean of normal draws; none for one draw.
-fn half_interval(draws: &[f64]) -> Option<f64> {
-    let quantile = T_QUANTILES.get(draws.len().checked_sub(2)?)?;
-    let centre = mean(draws.iter().copied());
-    let variance = draws.iter().map(|draw| (draw - centre).powi(2)).sum::<f64>() / (draws.len() - 1) as f64;
-    Some(quantile * (variance / draws.len() as f64).sqrt())
-}
-
 /// Of the methods as many as a chart has colours for.
 fn panel(scene: &str, points: &[Point]) -> Panel {
     let line = |name: &str| {
@@ -397,17 +382,5 @@ fn panel(scene: &str, points: &[Point]) -> Panel {
     Panel {
         title: scene.to_owned(),
         lines: shown.into_iter().map(line).filter(|line| !line.points.is_empty()).collect(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_interval_of_a_mean_is_students() {
-        // Mean 2, standard deviation 1, three draws: 4.303 / √3.
-        assert!((half_interval(&[1.0, 2.0, 3.0]).unwrap() - 4.303 / 3f64.sqrt()).abs() < 1e-12);
-        assert_eq!(half_interval(&[1.0]), None);
     }
 }

@@ -19,6 +19,7 @@ mod fig6;
 mod fig7;
 mod fig9;
 mod imports;
+mod interval;
 mod judged;
 mod kernel_nystrom;
 mod lamp;

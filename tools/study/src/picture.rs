@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::StudyReport;
 use super::bench::{Bench, CLASSROOM, CONFERENCE_LAMPS, CORNELL, GLOSSY, MIRROR, SHIRLEY, WATER, Wanted};
+use super::interval::{half_interval, mean};
 use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::mosaic::Picture;
 use super::oidn::{self, Surfaces};
@@ -13,7 +14,7 @@ use super::table::{Cell, Table};
 use ltm::compress::{CompressSettings, Target};
 use ltm::error::Result;
 use ltm::image::LinearImage;
-use ltm::matrix::BlockSource;
+use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::PackOptions;
 use ltm::relight::relight_raw;
 use ltm::store::StoreReader;
@@ -21,6 +22,8 @@ use ltm::store::StoreReader;
 struct Plan {
     scenes: &'static [PlannedScene],
     samples: &'static [u32],
+    /// Of the matrices whose images are judged; the reference has seed 1.
+    seeds: &'static [u64],
 }
 
 struct PlannedScene {
@@ -36,6 +39,7 @@ struct PlannedScene {
 const QUICK: Plan = Plan {
     scenes: &[PlannedScene { name: "mixed", size: (64, 48), texels: 4, converged: 256, tuned_on: true }],
     samples: &[16],
+    seeds: &[0, 2],
 };
 
 const FULL: Plan = Plan {
@@ -51,6 +55,7 @@ const FULL: Plan = Plan {
         PlannedScene { name: "diffuse", size: (256, 192), texels: 16, converged: 2048, tuned_on: false },
     ],
     samples: &[16, 64, 256],
+    seeds: &[0, 2, 3, 4, 5],
 };
 
 /// The lighting whose images are shown: a narrow one, where noise is worst.
@@ -62,7 +67,8 @@ extended Reinhard (white at 4, times 1.6), sRGB. clip: PSNR after the same expos
 block edges over that inside, after a median of three along the edge. Glow: pixels where the raw matrix is exactly black and \
 the image is above 1 % of that percentile; negative: pixels below −1 % of it; both in thousandths of all pixels. Denoiser: Intel's \
 Open Image Denoise on each raw relit image, high quality, with the reference's own albedo and normals as noise-free guides. Ours: as \
-`ltm-pack` chooses by itself; packing: ours against the cleaned images, hardly compressed (120 dB); without cleaning: `--denoise off`.";
+`ltm-pack` chooses by itself; packing: ours against the cleaned images, hardly compressed (120 dB); without cleaning: `--denoise off`; these two of the first seed \
+alone. Bytes and rank are means over the seeds, intervals half of those of 95 % of the mean by the seeds.";
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
@@ -72,7 +78,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let scenes: Vec<_> = plan.scenes.iter().filter(|scene| bench.has(scene.name)).collect();
     let mut report = StudyReport::default();
     let mut pictures = Vec::new();
-    bench.watch.begin("picture", (scenes.len() * plan.samples.len()) as u64, "matrices");
+    bench.watch.begin("picture", (scenes.len() * plan.samples.len() * plan.seeds.len()) as u64, "matrices");
     for scene in scenes {
         let wanted = Wanted {
             scene: scene.name,
@@ -87,17 +93,26 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         let surfaces = Surfaces::of(&reference)?.filter(|_| with_denoiser);
         let mut rows = Vec::new();
         for &samples in plan.samples {
-            let matrix = bench.matrix(Wanted { samples, seed: 0, ..wanted })?;
-            let rivals = rivals(bench, &matrix, &judged, surfaces.as_ref())?;
-            for rival in &rivals {
-                let seen = seen_beside(&judged.references, &matrix, &rival.images, &rivals);
-                let cleaned = rivals.iter().find(|other| other.method == CLEANED && rival.method == OURS);
-                let packing = cleaned.map(|cleaned| seen_beside(&cleaned.images, &matrix, &rival.images, &rivals));
-                table.push(row(scene, &matrix, rival, &seen, packing.as_deref()));
-                each_rows(&mut each, scene, samples, rival, &judged, &seen);
+            let mut measured: Vec<Measured> = Vec::new();
+            for &seed in plan.seeds {
+                let is_first = seed == plan.seeds[0];
+                let matrix = bench.matrix(Wanted { samples, seed, ..wanted })?;
+                let rivals = rivals(bench, &matrix, &judged, surfaces.as_ref(), is_first)?;
+                for rival in &rivals {
+                    let seen = seen_beside(&judged.references, &matrix, &rival.images, &rivals);
+                    let cleaned = rivals.iter().find(|other| other.method == CLEANED && rival.method == OURS);
+                    let packing = cleaned.map(|cleaned| seen_beside(&cleaned.images, &matrix, &rival.images, &rivals));
+                    if is_first {
+                        each_rows(&mut each, scene, samples, rival, &judged, &seen);
+                    }
+                    Measured::add(&mut measured, rival, seen, packing);
+                }
+                if is_first {
+                    rows.push(shown(scene, samples, &rivals, &judged));
+                }
+                bench.watch.advance(1, matrix.shape().raw_bytes(), "B");
             }
-            rows.push(shown(scene, samples, &rivals, &judged));
-            bench.watch.advance(1, matrix.shape().raw_bytes(), "B");
+            measured.iter().for_each(|measured| table.push(row(scene, reference.shape(), samples, measured)));
         }
         pictures.push((format!("picture-{}", scene.name), rows));
     }
@@ -138,6 +153,9 @@ fn table(bench: &Bench<'_>, with_denoiser: bool) -> Table {
             ("packing_flip", 4),
             ("packing_flip_worst", 4),
             ("packing_seams", 3),
+            ("seeds", 0),
+            ("flip_interval", 4),
+            ("psnr_clip_interval_db", 2),
         ],
     )
 }
@@ -158,7 +176,39 @@ const CLEANED: &str = "cleaned, hardly compressed";
 /// Where no entry that matters is left out.
 const MOST_DB: f64 = 120.0;
 
-fn rivals(bench: &Bench<'_>, matrix: &StoreReader, judged: &Judged, surfaces: Option<&Surfaces>) -> Result<Vec<Rival>> {
+/// What one way reached with every seed.
+struct Measured {
+    method: &'static str,
+    ranks: Vec<f64>,
+    bytes: Vec<f64>,
+    /// By seed, then by lighting.
+    seen: Vec<Vec<Seen>>,
+    packing: Option<Vec<Seen>>,
+}
+
+impl Measured {
+    fn add(all: &mut Vec<Self>, rival: &Rival, seen: Vec<Seen>, packing: Option<Vec<Seen>>) {
+        let method = rival.method;
+        let at = all.iter().position(|measured| measured.method == method).unwrap_or_else(|| {
+            all.push(Self { method, ranks: Vec::new(), bytes: Vec::new(), seen: Vec::new(), packing: None });
+            all.len() - 1
+        });
+        let own = &mut all[at];
+        own.ranks.extend(rival.rank);
+        own.bytes.extend(rival.bytes.map(|bytes| bytes as f64));
+        own.seen.push(seen);
+        own.packing = own.packing.take().or(packing);
+    }
+}
+
+/// Those that show what parts of ours do only where `with_parts` says so.
+fn rivals(
+    bench: &Bench<'_>,
+    matrix: &StoreReader,
+    judged: &Judged,
+    surfaces: Option<&Surfaces>,
+    with_parts: bool,
+) -> Result<Vec<Rival>> {
     let lightings = &judged.lightings;
     let ours = |method, denoise, target| -> Result<Rival> {
         let compress = CompressSettings { target, ..CompressSettings::default() };
@@ -166,11 +216,11 @@ fn rivals(bench: &Bench<'_>, matrix: &StoreReader, judged: &Judged, surfaces: Op
             packed(bench, matrix, PackOptions { denoise, compress, ..PackOptions::default() }, lightings)?;
         Ok(Rival { method, rank, bytes: Some(bytes), images })
     };
-    let mut rivals = vec![
-        ours(OURS, true, Target::Automatic)?,
-        ours(CLEANED, true, Target::PsnrDb(MOST_DB))?,
-        ours("ours without cleaning", false, Target::Automatic)?,
-    ];
+    let mut rivals = vec![ours(OURS, true, Target::Automatic)?];
+    if with_parts {
+        rivals.push(ours(CLEANED, true, Target::PsnrDb(MOST_DB))?);
+        rivals.push(ours("ours without cleaning", false, Target::Automatic)?);
+    }
     let raw = relight_raw(matrix, lightings)?;
     if let Some(surfaces) = surfaces {
         let images = oidn::denoise(&raw, surfaces, &bench.cached("oidn"))?;
@@ -211,38 +261,41 @@ fn each_rows(table: &mut Table, scene: &PlannedScene, samples: u32, rival: &Riva
     }
 }
 
-fn row(
-    scene: &PlannedScene,
-    matrix: &StoreReader,
-    rival: &Rival,
-    seen: &[Seen],
-    packing: Option<&[Seen]>,
-) -> Vec<Cell> {
-    let shape = matrix.shape();
-    let mean = |part: fn(&Seen) -> f64| seen.iter().map(part).sum::<f64>() / seen.len() as f64;
-    let worst = |part: fn(&Seen) -> f64| seen.iter().map(part).fold(f64::NEG_INFINITY, f64::max);
+fn row(scene: &PlannedScene, shape: MatrixShape, samples: u32, measured: &Measured) -> Vec<Cell> {
+    let all = || measured.seen.iter().flatten();
+    let of_all = |part: fn(&Seen) -> f64| mean(all().map(part));
+    let worst = |part: fn(&Seen) -> f64| all().map(part).fold(f64::NEG_INFINITY, f64::max);
+    let interval = |part: fn(&Seen) -> f64| {
+        let by_seed: Vec<f64> = measured.seen.iter().map(|seen| mean(seen.iter().map(part))).collect();
+        half_interval(&by_seed)
+    };
+    let known = |values: &[f64]| (!values.is_empty()).then(|| mean(values.iter().copied()));
+    let packing = |part: fn(&Seen) -> f64| measured.packing.as_ref().map(|seen| mean(seen.iter().map(part)));
     vec![
         scene.name.into(),
         if scene.tuned_on { "yes" } else { "no" }.into(),
-        matrix.job().provenance.samples_per_pixel.into(),
+        samples.into(),
         scene.converged.into(),
-        rival.method.into(),
+        measured.method.into(),
         shape.rows().into(),
         shape.columns().into(),
-        rival.rank.into(),
-        rival.bytes.map(|bytes| bytes as f64).into(),
-        mean(|s| s.flip).into(),
+        known(&measured.ranks).into(),
+        known(&measured.bytes).into(),
+        of_all(|s| s.flip).into(),
         worst(|s| s.flip).into(),
-        mean(|s| s.psnr_clipped).into(),
+        of_all(|s| s.psnr_clipped).into(),
         (-worst(|s| -s.psnr_clipped)).into(),
-        mean(|s| s.psnr_linear).into(),
-        mean(|s| s.relative_l2).into(),
-        mean(|s| s.seams).into(),
-        mean(|s| 1e3 * s.glow).into(),
-        mean(|s| 1e3 * s.negative).into(),
-        packing.map(|packing| packing.iter().map(|s| s.flip).sum::<f64>() / packing.len() as f64).into(),
-        packing.map(|packing| packing.iter().map(|s| s.flip).fold(0.0, f64::max)).into(),
-        packing.map(|packing| packing.iter().map(|s| s.seams).sum::<f64>() / packing.len() as f64).into(),
+        of_all(|s| s.psnr_linear).into(),
+        of_all(|s| s.relative_l2).into(),
+        of_all(|s| s.seams).into(),
+        of_all(|s| 1e3 * s.glow).into(),
+        of_all(|s| 1e3 * s.negative).into(),
+        packing(|s| s.flip).into(),
+        measured.packing.as_ref().map(|seen| seen.iter().map(|s| s.flip).fold(0.0, f64::max)).into(),
+        packing(|s| s.seams).into(),
+        measured.seen.len().into(),
+        interval(|s| s.flip).into(),
+        interval(|s| s.psnr_clipped).into(),
     ]
 }
 

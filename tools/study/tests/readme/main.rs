@@ -60,8 +60,9 @@ fn with_printed(text: &str, printed: &PrintedText) -> String {
     let (before, rest) = text.split_once(&begin).unwrap_or_else(|| panic!("{} has no '{begin}'", printed.page));
     let (_, after) = rest.split_once("```\n").expect("a second fence");
     let rows = Csv::published(printed.file).rows;
-    assert!(rows.len() > 1, "{} has no lines", printed.file);
-    let lines: String = rows.iter().map(|row| format!("{}\n", published::text(row, "line"))).collect();
+    let all: Vec<&str> = rows.iter().map(|row| published::text(row, "line")).collect();
+    let shown = all.iter().position(|line| line.starts_with(printed.until)).expect("a line that is not shown");
+    let lines: String = all[..shown].iter().map(|line| format!("{line}\n")).collect();
     format!("{before}{begin}{lines}```\n{after}")
 }
 

@@ -24,10 +24,16 @@ pub(crate) struct PrintedText {
     pub(crate) after: &'static str,
     /// Its table, of a line in each row.
     pub(crate) file: &'static str,
+    /// How the first line begins that is not shown.
+    pub(crate) until: &'static str,
 }
 
-pub(crate) const PRINTED: &[PrintedText] =
-    &[PrintedText { page: "README.md", after: "`ltm-pack` prints what it reached:", file: "example.csv" }];
+pub(crate) const PRINTED: &[PrintedText] = &[PrintedText {
+    page: "README.md",
+    after: "`ltm-pack` prints what it reached:",
+    file: "example.csv",
+    until: "the 48 blocks of largest relative error",
+}];
 
 pub(crate) const SENTENCES: &[Sentence] = &[
     Sentence { page: "README.md", says: compressed },
