@@ -136,7 +136,11 @@ fn no_figure_is_written_by_hand() {
     for page in ["README.md", "formats/figures.md"] {
         let rest = written_by_hand(page);
         assert!(rest.len() > 1000, "{page}: {rest}");
-        for unit in [" %", " dB", " ms", " s ", " GB/s", " times", " MB", " MiB of memory"] {
+        let units = [
+            " %", " dB", " ms", " s ", " s.", " s,", " s;", " GB/s", " GB", " times", "×", " MB", " KB", " KiB",
+            " minutes", " million",
+        ];
+        for unit in units.into_iter().chain([" MiB of memory", " GiB of matrix"]) {
             for (at, _) in rest.match_indices(unit) {
                 let before = rest[..at].chars().next_back();
                 let near: String = rest[..at].chars().rev().take(60).collect::<Vec<_>>().into_iter().rev().collect();

@@ -154,18 +154,22 @@ fn picture_says(files: &[Csv]) -> Vec<String> {
             format!("at {samples} samples {}, and {}", wins(&pairs, FLIP), wins(&pairs, CLIP))
         })
         .collect();
-    vec![
-        format!(
-            "Scenes where packed images are nearer to the reference than the denoiser's: {}.",
-            by_samples.join("; ")
-        ),
-        seeds_say(picture, &beside),
+    let mut says = vec![format!(
+        "Scenes where packed images are nearer to the reference than the denoiser's: {}.",
+        by_samples.join("; ")
+    )];
+    // Runs of one seed have no intervals.
+    if picture.rows[0].contains_key("seeds") {
+        says.push(seeds_say(picture, &beside));
+    }
+    says.extend([
         listed("Where the denoiser is nearer", &losses(&beside, &[FLIP, FLIP_WORST, CLIP, CLIP_WORST], scene_samples)),
         listed(
             "Where the raw matrix is nearer",
             &losses(&raw, &[FLIP, FLIP_WORST, CLIP, CLIP_WORST, LIN, RELATIVE], scene_samples),
         ),
-    ]
+    ]);
+    says
 }
 
 /// How sure the means are, and how many of the differences are larger than that.
