@@ -97,6 +97,16 @@ pub(super) fn error_squares<'a>(images: &Images, references: impl IntoIterator<I
     sums.map(|sum| sum / count)
 }
 
+/// The same by two independent references at once: their noises are multiplied with each other, and so have the mean 0 that no
+/// estimate of them has to be taken off for. Its own noise is 0.7 of that of [`error_squares`] with both.
+fn error_products(images: &Images, first: &Images, second: &Images) -> [f64; PROBES] {
+    let value = |of: &Images, id: BlockId, index: usize| of.get(&id).and_then(|block| block.values.get(index)).copied();
+    mean_squares(images, |id, index, own| match (value(first, id, index), value(second, id, index)) {
+        (Some(a), Some(b)) => (f64::from(own) - f64::from(a)) * (f64::from(own) - f64::from(b)),
+        _ => f64::NAN,
+    })
+}
+
 /// The largest of those that are known; NaN where none is.
 pub(super) fn worst(squares: &[f64; PROBES]) -> f64 {
     squares.iter().copied().fold(f64::NAN, f64::max)
@@ -182,7 +192,10 @@ impl Promise {
     }
 
     fn reached(&self, images: &Images) -> ExposedError {
-        let square = worst(&error_squares(images, &self.references));
+        let square = match &self.references[..] {
+            [first, second] => worst(&error_products(images, first, second)),
+            others => worst(&error_squares(images, others)),
+        };
         ExposedError { asked: self.asked.unwrap_or(0.0) as f32, reached: square.max(0.0).sqrt() as f32 }
     }
 

@@ -132,8 +132,8 @@ const FORMS_NOTE: &str = "f16 + zstd: factors as 16-bit floats, byte planes, zst
 components that are worth their bits, with one slope for all blocks. DCT, zfp: as `ltm study fig9`. SZ3: whole colours in four \
 dimensions, one absolute bound; SPERR: in three, one mean squared error; Tucker: all five dimensions, core and factors quantised by one \
 slope, xz; these three with the first seed only. DCT, zfp and these three: at steps and bounds on both sides of each ratio, found by bisection. \
-Algorithm 4 by one slope has no more components that are worth their bits than its rows and columns, 64 of each, give; so it \
-stops short of the larger files.";
+Algorithm 4 by one slope takes 64 rows and columns of a block; what these do not span is \
+lost, in larger files too.";
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };

@@ -9,24 +9,21 @@ use super::table::Table;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 
-const NOTE: &str =
-    "What the programs print, line by line. The matrix is rendered first, by `ltm render conference-24.toml`.";
+const NOTE: &str = "What the programs print, line by line. The matrix is rendered first, by `ltm render conference-24.toml --samples 32`.";
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
-    let samples = if bench.quick { "2" } else { "32" };
     let mut notes = bench.notes(&[NOTE]);
-    notes.push(format!("{samples} samples per pixel."));
     let is_there = bench.has(CONFERENCE_LAMPS);
-    if !is_there {
-        notes.push("Not run: `LTM_SCENES` names no folder with the Conference Room.".to_owned());
+    if bench.quick || !is_there {
+        notes.push("Not run: quickly, or `LTM_SCENES` names no folder with the Conference Room.".to_owned());
     }
     let mut table = Table::new("The worked example", notes, &[("command", 0), ("line", 0)]);
-    if is_there {
+    if is_there && !bench.quick {
         let scene = bench.cached("conference-24.toml");
         write_file(&scene, true, scene_text(CONFERENCE_LAMPS).as_bytes())?;
         let [matrix, container] = ["ltm", "ltc"].map(|extension| scene.with_extension(extension));
         bench.watch.begin("worked example", 2, "programs");
-        program(bench, "ltm", &["render", &named(&scene), "--samples", samples, "--force", "-o", &named(&matrix)])?;
+        program(bench, "ltm", &["render", &named(&scene), "--samples", "32", "--force", "-o", &named(&matrix)])?;
         bench.watch.advance(1, 0, "B");
         let printed = program(bench, "ltm-pack", &[&named(&matrix), "-o", &named(&container), "--force", "--verify"])?;
         bench.watch.end();
