@@ -554,10 +554,6 @@ mod tests {
                 all.sort_unstable_by(f64::total_cmp);
                 all[all.len() / 2]
             };
-            eprintln!(
-                median(&|(stated, error)| stated / error),
-                median(&|(_, error)| error / asked)
-            );
             let said = format!("{asked} asked; stated and true by seed: {found:?}");
             assert!((0.8..most).contains(&median(&|(stated, error)| stated / error)), "{said}");
             assert!((0.5..1.5).contains(&median(&|(_, error)| error / asked)), "{said}");
