@@ -354,7 +354,8 @@ impl Native {
         let shape = opened.source.shape();
         let hold = hold_to_memory("the features", 2 * Features::needs_bytes(shape), opened.memory_bytes);
         hold.map_err(|error| exception(&error))?;
-        let features = unlocked(py, || if variance { Features::read_variances(matrix) } else { Features::read(matrix) })?;
+        let features =
+            unlocked(py, || if variance { Features::read_variances(matrix) } else { Features::read(matrix) })?;
         let shape = vec![FEATURE_PLANES, shape.height() as usize, shape.width() as usize];
         PyArray1::from_slice(py, features.planes()).reshape(shape)
     }
