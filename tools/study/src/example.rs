@@ -13,28 +13,32 @@ const NOTE: &str = "What the programs print, line by line. The matrix is rendere
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let mut notes = bench.notes(&[NOTE]);
-    let is_there = bench.has(CONFERENCE_LAMPS);
-    if bench.quick || !is_there {
+    let runs = !bench.quick && bench.has(CONFERENCE_LAMPS);
+    if !runs {
         notes.push("Not run: quickly, or `LTM_SCENES` names no folder with the Conference Room.".to_owned());
     }
     let mut table = Table::new("The worked example", notes, &[("command", 0), ("line", 0)]);
-    if is_there && !bench.quick {
-        let scene = bench.cached("conference-24.toml");
-        write_file(&scene, true, scene_text(CONFERENCE_LAMPS).as_bytes())?;
-        let [matrix, container] = ["ltm", "ltc"].map(|extension| scene.with_extension(extension));
-        bench.watch.begin("worked example", 2, "programs");
-        program(bench, "ltm", &["render", &named(&scene), "--samples", "32", "--force", "-o", &named(&matrix)])?;
-        bench.watch.advance(1, 0, "B");
-        let printed = program(bench, "ltm-pack", &[&named(&matrix), "-o", &named(&container), "--force", "--verify"])?;
-        bench.watch.end();
-        let folder = format!("{}/", container.parent().unwrap_or(Path::new("")).display());
-        for line in printed.lines() {
-            table.push(vec!["ltm-pack conference-24.ltm --verify".into(), line.replace(&folder, "").into()]);
-        }
+    let printed = if runs { printed(bench)? } else { "not run".to_owned() };
+    for line in printed.lines() {
+        table.push(vec!["ltm-pack conference-24.ltm --verify".into(), line.into()]);
     }
     let mut report = StudyReport::default();
     report.add_table(&bench.out, "example", &table)?;
     Ok(report)
+}
+
+/// Renders, packs, and returns what packing prints.
+fn printed(bench: &Bench<'_>) -> Result<String> {
+    let scene = bench.cached("conference-24.toml");
+    write_file(&scene, true, scene_text(CONFERENCE_LAMPS).as_bytes())?;
+    let [matrix, container] = ["ltm", "ltc"].map(|extension| scene.with_extension(extension));
+    bench.watch.begin("worked example", 2, "programs");
+    program(bench, "ltm", &["render", &named(&scene), "--samples", "32", "--force", "-o", &named(&matrix)])?;
+    bench.watch.advance(1, 0, "B");
+    let printed = program(bench, "ltm-pack", &[&named(&matrix), "-o", &named(&container), "--force", "--verify"])?;
+    bench.watch.end();
+    let folder = format!("{}/", container.parent().unwrap_or(Path::new("")).display());
+    Ok(printed.replace(&folder, ""))
 }
 
 fn named(path: &Path) -> String {
