@@ -153,7 +153,7 @@ pub struct Promise {
     /// Whether it is promised of cleaned images; else of the matrix as it is.
     pub(super) cleans: bool,
     pub(super) windows: Vec<Vec<BlockId>>,
-    pub(super) references: Vec<Images>,
+    pub(super) references: [Images; 2],
     /// What has been seen of the container that is packed.
     pub(super) packed: Mutex<Images>,
 }
@@ -167,7 +167,7 @@ impl Promise {
     /// Bytes that it holds, with what it will see of a container.
     pub fn needs_bytes(&self) -> u64 {
         let held = |images: &Images| images.values().map(|block| block.values.len() + block.noise.len()).sum::<usize>();
-        let seen = self.references.first().map_or(0, held) / 2;
+        let seen = held(&self.references[0]) / 2;
         4 * (self.references.iter().map(held).sum::<usize>() + seen) as u64
     }
 
@@ -192,10 +192,8 @@ impl Promise {
     }
 
     fn reached(&self, images: &Images) -> ExposedError {
-        let square = match &self.references[..] {
-            [first, second] => worst(&error_products(images, first, second)),
-            others => worst(&error_squares(images, others)),
-        };
+        let [first, second] = &self.references;
+        let square = worst(&error_products(images, first, second));
         ExposedError { asked: self.asked.unwrap_or(0.0) as f32, reached: square.max(0.0).sqrt() as f32 }
     }
 

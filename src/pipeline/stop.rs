@@ -208,7 +208,7 @@ pub fn choose_samples(
 }
 
 /// Windows with independent samples of them.
-type References = (Vec<Vec<BlockId>>, Vec<Images>);
+type References = (Vec<Vec<BlockId>>, [Images; 2]);
 
 /// What traces some windows of a scene.
 struct Pilot<'a> {
@@ -250,7 +250,7 @@ impl Pilot<'_> {
         let first = self.images(&tracer, &windows, false)?.sampled;
         let tracer = tracer.with_settings(self.settings(2, SAMPLES.1))?;
         let second = self.images(&tracer, &windows, false)?.sampled;
-        Ok((windows, vec![first, second]))
+        Ok((windows, [first, second]))
     }
 
     fn run(
@@ -306,7 +306,7 @@ impl Pilot<'_> {
             }
             false => Law::of_noise(noise, SAMPLES.1),
         };
-        Ok((Found { law, of_packed: self.cleans, seconds }, Some((windows, vec![first.sampled, second.sampled]))))
+        Ok((Found { law, of_packed: self.cleans, seconds }, Some((windows, [first.sampled, second.sampled]))))
     }
 }
 
