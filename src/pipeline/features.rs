@@ -112,7 +112,7 @@ fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
 }
 
 /// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances,
-/// [`variance_channels`]. Blocks that the file lacks are
+/// `variance_channels`. Blocks that the file lacks are
 /// black. Returns how many those are.
 ///
 /// # Errors
