@@ -66,7 +66,8 @@ impl Features {
     fn read_planes(matrix: &StoreReader, take: fn(BlockPlanes) -> Vec<f32>) -> Result<Self> {
         let shape = BlockSource::shape(matrix);
         check_known(matrix, "the features")?;
-        let mut strip = Strip::new(shape, FEATURE_PLANES, |id| Ok(of_block(matrix, id)?.map(take)));
+        let mut strip =
+            Strip::new(shape, FEATURE_PLANES, |id| Ok(of_block(matrix, id, BlockPlanes::default())?.map(take)));
         let (width, height) = (shape.width() as usize, shape.height() as usize);
         let mut planes = vec![0.0; FEATURE_PLANES * width * height];
         for y in 0..height {
@@ -94,26 +95,25 @@ impl Features {
     }
 }
 
-/// The planes of a block; none where the file lacks it.
-fn of_block(matrix: &StoreReader, id: BlockId) -> Result<Option<BlockPlanes>> {
+/// The planes of a block, in the allocations of others; none where the file lacks it.
+pub(super) fn of_block(matrix: &StoreReader, id: BlockId, reused: BlockPlanes) -> Result<Option<BlockPlanes>> {
     match matrix.is_committed(id) {
-        true => Ok(matrix.read_planes(id, None)?),
+        true => Ok(matrix.read_planes(id, Some(reused))?),
         false => Ok(None),
     }
 }
 
 /// Refuses a matrix that does not know what its samples are, by the name of what asks. All blocks of a file know, or none.
-fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
+pub(super) fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
     let first = BlockSource::shape(matrix).blocks().find(|&id| matrix.is_committed(id));
-    match first.map(|first| of_block(matrix, first)).transpose()?.flatten() {
+    match first.map(|first| of_block(matrix, first, BlockPlanes::default())).transpose()?.flatten() {
         Some(_) => Ok(()),
         None => Err(unknown(asks.to_owned())),
     }
 }
 
-/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances,
-/// `variance_channels`. Blocks that the file lacks are
-/// black. Returns how many those are.
+/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances, `Denoising Albedo
+/// Variance.R` beside `Denoising Albedo.R`. Blocks that the file lacks are black. Returns how many those are.
 ///
 /// # Errors
 /// The matrix knows nothing of its samples, or not even one block; a block is damaged; the memory is too small;
@@ -128,7 +128,8 @@ pub fn write_features(matrix: &StoreReader, path: &Path, memory_bytes: Option<u6
     need.threads_within("writing features", memory_bytes)?;
     check_known(matrix, "--layers features")?;
     let mut strip = Strip::new(shape, planes, |id| {
-        Ok(of_block(matrix, id)?.map(|planes| [planes.features, planes.feature_variance].concat()))
+        Ok(of_block(matrix, id, BlockPlanes::default())?
+            .map(|planes| [planes.features, planes.feature_variance].concat()))
     });
     watch.begin("writing features", u64::from(shape.blocks_down()), "rows of blocks");
     let names: Vec<String> = FEATURE_CHANNELS.map(str::to_owned).into_iter().chain(variance_channels()).collect();

@@ -26,6 +26,7 @@ mod imported_features;
 mod no_gpu;
 mod open;
 mod pack;
+mod passes;
 #[cfg(feature = "scene")]
 mod preview;
 mod records;
@@ -60,6 +61,7 @@ pub use fused::render_packed;
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, pack};
+pub use passes::{PASSES, passes_need_bytes, relight_passes};
 #[cfg(feature = "scene")]
 pub use preview::{PreviewReport, preview};
 pub use relight::{

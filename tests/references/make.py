@@ -7,7 +7,7 @@ integrator, and its particle tracer for caustics of lights without a body, which
 
 Each scene is a room lit by a panel of two texels, or by a point light and a spot, whose glass or mirror ball the camera
 does not see: particles are joined to the camera at scattering surfaces alone. Balls are facets, a mesh with smooth normals, or perfect spheres, as
-the scene's name says (facets where it says nothing). A file holds, as little-endian f32, the mean image of each texel
+the scene's name says (facets where it says nothing). Those called direct have emission and direct light alone. A file holds, as little-endian f32, the mean image of each texel
 (or light) lit alone, then the variance of that mean from independent renders: [mean, variance][texel][channel][y][x].
 """
 import math
@@ -134,6 +134,10 @@ POINTS = {
 LAMPS = [lamp for _, lamp in POINTS.values()]
 
 
+# Emission and direct light alone: paths of two segments at most.
+DIRECT = {"direct_diffuse": "diffuse", "direct_smooth_glossy": "smooth_glossy"}
+
+
 def bodiless(light, position):
     if light == 0:
         return {"type": "point", "position": list(position), "intensity": grey(1.0)}
@@ -142,11 +146,11 @@ def bodiless(light, position):
     return {"type": "spot", "to_world": towards, "cutoff_angle": 30.0, "beam_width": 29.999, "intensity": grey(1.0)}
 
 
-def scene(folder, parts, texel, panel):
+def scene(folder, parts, texel, panel, depth):
     camera = mi.ScalarTransform4f().look_at(origin=[0.5, 0.5, 0.95], target=[0.5, 0.4, 0.0], up=[0, 1, 0])
     described = {
         "type": "scene",
-        "integrator": {"type": "ptracer" if panel in LAMPS else "path", "max_depth": DEPTH, "rr_depth": 6},
+        "integrator": {"type": "ptracer" if panel in LAMPS else "path", "max_depth": depth, "rr_depth": 6},
         "sensor": {
             "type": "perspective",
             "fov": 45.0 if panel in LAMPS else 75.0,
@@ -179,16 +183,20 @@ def scene(folder, parts, texel, panel):
 
 
 def main(target, names):
-    for name, (parts, panel) in (SCENES | POINTS).items():
+    for name in [*SCENES, *POINTS, *DIRECT]:
+        parts, panel = (SCENES | POINTS)[DIRECT.get(name, name)]
+        depth = 2 if name in DIRECT else DEPTH
         if names and name not in names:
             continue
         means, variances = [], []
         for texel in range(2):
             with tempfile.TemporaryDirectory() as folder:
-                loaded = scene(folder, parts, texel, panel)
+                loaded = scene(folder, parts, texel, panel, depth)
                 # Far apart: the particle tracer draws its parts from the seeds that follow.
                 apart = 100_003 if panel in LAMPS else 1
-                seeds = [apart * (1000 * texel + s) for s in range(RENDERS)]
+                # Other paths than the whole image's, which it is subtracted from.
+                first = 1000 * texel + (500 if name in DIRECT else 0)
+                seeds = [apart * (first + s) for s in range(RENDERS)]
                 images = np.stack([np.array(mi.render(loaded, seed=seed), dtype=np.float64) for seed in seeds])
             means.append(images.mean(axis=0).transpose(2, 0, 1))
             variances.append(images.var(axis=0, ddof=1).transpose(2, 0, 1) / RENDERS)

@@ -209,8 +209,12 @@ fn the_error_falls_with_the_number_of_samples() {
     assert!(more < 0.75 * many, "{many} with 512 samples, {more} with 2,048");
 }
 
-/// A box of glass, a mirror ball and a glass ball, a rough metal; under a panel, a lamp that shines both ways, a sky and a sun.
+/// A box with a mirror ball and a glass ball and a rough metal; under a panel, a lamp that shines both ways, a sky and a sun.
 fn lit_by_everything_that_paths_find() -> Scene {
+    lit_by_everything_under(SKIES[0])
+}
+
+fn lit_by_everything_under((mapping, kind): (EnvironmentMapping, LightKind)) -> Scene {
     let mut builder = Builder::new(camera(Vec3::new(0.5, 0.5, 1.6), Vec3::new(0.5, 0.4, 0.0), 50.0, 16));
     for (origin, u, v) in [
         (Vec3::ZERO, Vec3::Z, Vec3::X),
@@ -229,10 +233,9 @@ fn lit_by_everything_that_paths_find() -> Scene {
     builder.panel("panel", Vec3::new(0.35, 0.98, 0.25), Vec3::X * 0.3, Vec3::Z * 0.3, (2, 2));
     let both = builder.quad(Vec3::new(0.85, 0.7, 0.3), Vec3::Y * 0.2, Vec3::Z * 0.3, Surface::Black).to_vec();
     builder.two_sided_lamp("both", &both);
-    let mapping = EnvironmentMapping::Octahedral { side: 2 };
     let world_from_environment = Mat3::from_rotation_y(0.4);
     let sky = EnvironmentEmitter { mapping, world_from_environment };
-    builder.bodiless("sky", LightKind::Octahedral { side: 2 }, Emitter::Environment(sky));
+    builder.bodiless("sky", kind, Emitter::Environment(sky));
     let towards = Vec3::new(0.2, 0.9, 0.5).normalize();
     let sun = PointEmitter::Sun { towards, angular_radius_radians: 0.15 };
     builder.bodiless("sun", LightKind::Sun, Emitter::Point(sun));
@@ -255,9 +258,18 @@ fn quarters(seeds: std::ops::Range<u64>, of: impl Fn(u64) -> Vec<Vec<f32>>) -> V
     (0..renders[0].len()).map(statistic).collect()
 }
 
+/// The sky as an octahedral map and as one of latitude and longitude.
+const SKIES: [(EnvironmentMapping, LightKind); 2] = [
+    (EnvironmentMapping::Octahedral { side: 2 }, LightKind::Octahedral { side: 2 }),
+    (EnvironmentMapping::LatLong { across: 3, down: 2 }, LightKind::LatLong { across: 3, down: 2 }),
+];
+
 #[test]
 fn photons_bring_the_light_that_paths_from_the_camera_find() {
-    let scene = Arc::new(lit_by_everything_that_paths_find());
+    SKIES.into_iter().for_each(|sky| photons_and_paths_agree(Arc::new(lit_by_everything_under(sky))));
+}
+
+fn photons_and_paths_agree(scene: Arc<Scene>) {
     let traced = |samples, seed| tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(samples, 8) });
     let ours = quarters(0..16, |seed| columns(&traced(64, seed)));
     let paths = quarters(100..116, |seed| columns(&traced(1024, seed).without_photons()));

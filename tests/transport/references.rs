@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use glam::Vec3;
-use ltm::light::LightKind;
-use ltm::matrix::{CHANNELS, TracedBlock};
+use ltm::light::{Clusters, LightKind};
+use ltm::matrix::{CHANNELS, SeenEmission, TracedBlock};
 use ltm::scene::{Emitter, Paint, PointEmitter, Scene, Surface};
 use ltm::trace::{TraceSettings, Tracer};
 
@@ -92,14 +92,18 @@ fn scene(name: &str) -> Scene {
 
 /// One render in the reference's order.
 fn image(blocks: &[TracedBlock]) -> Vec<f64> {
+    image_of(blocks, |traced, row, column| traced.block.view().at(row, column))
+}
+
+/// Values of rows and columns of all blocks, in the reference's order.
+fn image_of(blocks: &[TracedBlock], value: impl Fn(&TracedBlock, usize, usize) -> f32) -> Vec<f64> {
     let mut image = vec![0.0; ENTRIES];
     for (index, traced) in blocks.iter().enumerate() {
-        let view = traced.block.view();
         for column in 0..TEXELS {
-            for row in 0..view.rows() {
+            for row in 0..traced.block.rows() {
                 let (channel, pixel) = (row / 64, row % 64);
                 let (x, y) = (index % 2 * 8 + pixel % 8, index / 2 * 8 + pixel / 8);
-                image[((column * CHANNELS + channel) * SIDE + y) * SIDE + x] = f64::from(view.at(row, column));
+                image[((column * CHANNELS + channel) * SIDE + y) * SIDE + x] = f64::from(value(traced, row, column));
             }
         }
     }
@@ -157,6 +161,47 @@ fn reflections_agree_with_the_reference() {
 #[test]
 fn caustics_agree_with_the_reference() {
     agrees("caustics");
+}
+
+/// Layer by layer: emission and direct light against paths of two segments, indirect light against what longer ones add.
+#[test]
+fn every_layer_agrees_with_the_reference() {
+    for name in ["diffuse", "smooth_glossy"] {
+        let scene = Arc::new(scene(name));
+        let clusters = Clusters::of_basis(&scene.basis);
+        assert_eq!(clusters.of_column(), [0, 1], "each texel must be a cluster for this");
+        let (mut first, mut later) = (Vec::new(), Vec::new());
+        for seed in 0..24 {
+            let traced = blocks(&tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(128, 24) }));
+            let planes = |traced: &TracedBlock| traced.planes.clone().unwrap();
+            let lit = |halves: &[Vec<f32>; 2], at: usize| 0.5 * (halves[0][at] + halves[1][at]);
+            let indirect = |t: &TracedBlock, row, column| lit(&planes(t).indirect, column * t.block.rows() + row);
+            let seen_or_direct = |t: &TracedBlock, row: usize, column: usize| {
+                let (planes, pixels) = (planes(t), t.block.rows() / CHANNELS);
+                let is_here = |e: &&SeenEmission| (e.pixel as usize, e.column as usize) == (row % pixels, column);
+                let seen: f32 = planes.emission.iter().filter(is_here).map(|e| e.value[row / pixels]).sum();
+                seen + lit(&planes.direct, column * t.block.rows() + row)
+            };
+            first.push(image_of(&traced, seen_or_direct));
+            later.push(image_of(&traced, indirect));
+        }
+        let (all, direct) = (reference(name), reference(&format!("direct_{name}")));
+        // Two independent renders of the reference: their variances add up.
+        let mean: Vec<f64> = all.0.iter().zip(&direct.0).map(|(all, direct)| all - direct).collect();
+        let variance: Vec<f64> = all.1.iter().zip(&direct.1).map(|(all, direct)| all + direct).collect();
+        for (layer, renders, (mean, variance)) in
+            [("seen and direct", &first, (&direct.0, &direct.1)), ("indirect", &later, (&mean, &variance))]
+        {
+            let counts = |entry: usize| (entry / (SIDE * SIDE)).is_multiple_of(CHANNELS);
+            let found = compare(renders, (mean, variance), counts);
+            eprintln!("{name}, {layer}: {found}");
+            let evidence = write_evidence(&format!("{name}-{layer}"), renders);
+            assert!(
+                found.mean_square < 1.35 && found.far <= 12 && found.whole.abs() < 4.0 && found.relative.abs() < 0.006,
+                "{name}, {layer}: {found}; {evidence}"
+            );
+        }
+    }
 }
 
 /// Of lights without a body, against particles from the light: paths from the camera cannot find these caustics.

@@ -6,7 +6,9 @@
 //! see alike, keep the even share.
 //!
 //! Of the Conference Room's 24 lamps (16 samples, equal time) each column's squared error is 0.47 to 0.91 of what even shares
-//! leave. With less than half shared out evenly the mean gains no more, and columns begin to lose.
+//! leave. With less than half shared out evenly the mean gains no more, and columns begin to lose. To learn first which lights each
+//! place sees (24³ cells × 6 directions, 16,000 paths, hidden lights down to a tenth of their share) takes 1 % from the
+//! squared error there and adds 10 % to the time: a room's lamps are seen from nearly everywhere.
 
 use glam::Vec3;
 

@@ -3,6 +3,7 @@
 mod program;
 mod room;
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::Output;
@@ -111,6 +112,54 @@ fn a_container_is_relit_as_its_matrix_and_as_what_it_unpacks_to_under_any_look()
     assert!(seen[1] != seen[2] && seen[2] != seen[3]);
 }
 
+/// The layers of an EXR, however they are shared out over the parts of the file, by name.
+fn layers_of(path: &Path) -> BTreeMap<String, LinearImage> {
+    let file = read_all_flat_layers_from_file(path).unwrap();
+    let mut images = BTreeMap::new();
+    for layer in &file.layer_data {
+        for channel in &layer.channel_data.list {
+            let name = [layer.attributes.layer_name.as_ref(), Some(&channel.name)].into_iter().flatten();
+            let name = name.map(ToString::to_string).collect::<Vec<_>>().join(".");
+            let (name, of) = name.rsplit_once('.').unwrap();
+            let ch = ["R", "G", "B"].iter().position(|known| *known == of).unwrap();
+            let (width, height) = (layer.size.width() as u32, layer.size.height() as u32);
+            let image = images.entry(name.to_owned()).or_insert_with(|| LinearImage::black(width, height));
+            for (pixel, value) in image.pixels.iter_mut().zip(channel.sample_data.values_as_f32()) {
+                pixel[ch] = value;
+            }
+        }
+    }
+    images
+}
+
+fn sum_of<'a>(images: impl Iterator<Item = &'a LinearImage>, like: &LinearImage) -> LinearImage {
+    images.fold(LinearImage::black(like.width, like.height), |mut sum, image| {
+        let values = sum.pixels.as_flattened_mut().iter_mut().zip(image.values());
+        values.for_each(|(sum, value)| *sum += value);
+        sum
+    })
+}
+
+/// How light came, of a matrix: emission, direct and indirect light under any look.
+#[test]
+fn passes_add_up_to_the_picture() {
+    let folder = room();
+    let at = folder.path();
+    for look in [&[][..], &["-l", "look.toml", "--look", "lamp"], &["--on", "env*"]] {
+        relight(at, &[&["room.ltm", "-o", "whole.exr"], look].concat());
+        let said = relight(at, &[&["room.ltm", "-o", "passes.exr", "--layers", "passes"], look].concat());
+        assert!(said.contains("direct and indirect"), "{said}");
+        let whole = read_image(&at.join("whole.exr")).unwrap();
+        let passes = layers_of(&at.join("passes.exr"));
+        assert_eq!(passes.keys().map(String::as_str).collect::<Vec<_>>(), ["Direct", "Emission", "Indirect"]);
+        assert!(largest_difference(&sum_of(passes.values(), &whole), &whole) < 1e-4, "{look:?}");
+        // The floor is seen under the sky, and nothing stands around that could send light back to it.
+        let light = |name: &str| passes[name].values().iter().sum::<f32>() / whole.values().iter().sum::<f32>();
+        assert!(light("Direct") > 0.02 && light("Indirect").abs() < 1e-4, "{look:?}: {}", light("Indirect"));
+        assert_eq!(light("Emission") > 0.02, !look.contains(&"lamp"), "{look:?}: {}", light("Emission"));
+    }
+}
+
 #[test]
 fn layers_add_up_to_the_picture() {
     let folder = room();
@@ -119,16 +168,9 @@ fn layers_add_up_to_the_picture() {
     let whole = read_image(&at.join("whole.exr")).unwrap();
     for layers in [&["--layers", "lights"][..], &["--layers", "groups", "-l", "look.toml"]] {
         relight(at, &[&["room.ltc", "-o", "layers.exr"], layers].concat());
-        let file = read_all_flat_layers_from_file(at.join("layers.exr")).unwrap();
-        // Red, green and blue of two layers, however they are shared out over the parts of the file.
-        assert_eq!(file.layer_data.iter().map(|layer| layer.channel_data.list.len()).sum::<usize>(), 6);
-        let mut sum = LinearImage::black(whole.width, whole.height);
-        for channel in file.layer_data.iter().flat_map(|layer| &layer.channel_data.list) {
-            let ch = ["R", "G", "B"].iter().position(|name| channel.name.to_string().ends_with(name)).unwrap();
-            for (pixel, value) in sum.pixels.iter_mut().zip(channel.sample_data.values_as_f32()) {
-                pixel[ch] += value;
-            }
-        }
+        let images = layers_of(&at.join("layers.exr"));
+        assert_eq!(images.len(), 2);
+        let sum = sum_of(images.values(), &whole);
         // Each is a sum of the same f32 products.
         assert!(largest_difference(&sum, &whole) < 1e-4, "{layers:?}");
     }
@@ -277,6 +319,7 @@ fn what_does_not_go_together_is_refused_in_one_line() {
     refused(at, &["room.ltc", "-o", "a.exr", "--tone", "agx"], &["EXR"]);
     refused(at, &["room.ltc", "-o", "a.png", "--layers", "lights"], &["EXR"]);
     refused(at, &["room.ltc", "-o", "a.exr", "--layers", "groups"], &["[groups]"]);
+    refused(at, &["room.ltc", "-o", "a.exr", "--layers", "passes"], &["room.ltc", "no passes", ".ltm"]);
     refused(at, &["room.ltc", "-o", "a-##.png"], &["[[key]]"]);
     refused(at, &[&["room.ltc", "-o", "a-##.png", "--frames", "20..40"][..], &look].concat(), &["20..40", "0..26"]);
     refused(at, &["room.ltc", "-o", "a.png", "--false-colour", "illuminance"], &["--reflectance"]);

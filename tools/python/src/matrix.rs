@@ -8,7 +8,7 @@ use ltm::depot::is_object;
 use ltm::host::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FEATURE_PLANES, FactorSource, MatrixShape, PixelRect};
-use ltm::pipeline::{Features, check_matrix_path, open_container};
+use ltm::pipeline::{Features, RelightOptions, check_matrix_path, open_container, passes_need_bytes, relight_passes};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
 use ltm::scene::Camera;
 use ltm::store::StoreReader;
@@ -358,6 +358,29 @@ impl Native {
             unlocked(py, || if variance { Features::read_variances(matrix) } else { Features::read(matrix) })?;
         let shape = vec![FEATURE_PLANES, shape.height() as usize, shape.width() as usize];
         PyArray1::from_slice(py, features.planes()).reshape(shape)
+    }
+
+    /// How the light of an image came, under one lighting: passes × height × width × 3.
+    fn passes<'py>(
+        &self,
+        py: Python<'py>,
+        weights: PyReadonlyArrayDyn<'_, f32>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+        let opened = self.opened()?;
+        let Source::Matrix(matrix) = &opened.source else {
+            let hint = "open the .ltm that it was packed from";
+            return Err(exception(&Error::input("the passes", "a container holds none", hint)));
+        };
+        let shape = opened.source.shape();
+        let lightings = lightings_of(contiguous(&weights)?, shape.columns()).map_err(|error| exception(&error))?;
+        let [lighting] = &lightings[..] else { return Err(PyValueError::new_err("weights: not one lighting")) };
+        // The array that is returned.
+        let beside_bytes = passes_need_bytes(shape);
+        let options = RelightOptions { memory_bytes: opened.memory_bytes, beside_bytes, ..RelightOptions::default() };
+        let images = unlocked(py, || relight_passes(matrix, lighting, options))?;
+        let values: Vec<f32> = images.iter().flat_map(|image| image.values()).copied().collect();
+        let shape = vec![images.len(), shape.height() as usize, shape.width() as usize, CHANNELS];
+        PyArray1::from_vec(py, values).reshape(shape)
     }
 
     /// The entries at ascending indices: rows × across × channels × columns.

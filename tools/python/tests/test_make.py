@@ -104,6 +104,21 @@ def test_images_can_be_cleaned_elsewhere(tmp_path):
         ltm.write_basis(tmp_path / "plain.ltm", tmp_path / "c.exr")
 
 
+def test_passes_sum_up_to_the_image(tmp_path):
+    ltm.render(ROOM, tmp_path / "a.ltm", samples=8, block_side=16)
+    with ltm.open(tmp_path / "a.ltm") as m:
+        weights = np.linspace(0, 1, m.shape[-1])
+        passes, image = m.passes(weights), m.relight(weights)
+        assert list(passes) == ["emission", "direct", "indirect"]
+        np.testing.assert_allclose(sum(passes.values()), image, rtol=1e-4, atol=1e-4)
+        assert all(passes[name].mean() > 0.02 * image.mean() for name in ("direct", "indirect"))
+        with pytest.raises(ValueError, match="one lighting"):
+            m.passes(np.ones((2, m.shape[-1], 3)))
+    ltm.pack(tmp_path / "a.ltm", tmp_path / "a.ltc")
+    with ltm.open(tmp_path / "a.ltc") as m, pytest.raises(ValueError, match="container holds none"):
+        m.passes(weights)
+
+
 def test_features_are_what_pixels_show_beside_light(tmp_path):
     ltm.render(ROOM, tmp_path / "a.ltm", samples=8, block_side=16)
     with ltm.open(tmp_path / "a.ltm") as m:

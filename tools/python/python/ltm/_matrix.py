@@ -189,6 +189,19 @@ class Matrix:
         colours = {name: np.ascontiguousarray(np.moveaxis(planes[at : at + 3], 0, 2)) for name, at in _VECTORS.items()}
         return colours | {name: planes[at].copy() for name, at in _SCALARS.items()}
 
+    def passes(self, weights: ArrayLike | Mapping[str, Any] | Look) -> dict[str, NDArray[np.float32]]:
+        """How the light of a rendered ``.ltm`` came to its pixels under one lighting: ``emission`` (emitters in view, straight or by
+        mirrors and smooth glass), ``direct`` (of one surface that scatters, come to it straight or through thin sheets) and
+        ``indirect`` (all else), float32 (height, width, 3), which sum up to :meth:`relight`. ``weights`` are as there.
+
+        Emission is exact. The rest is shared out as it is for clusters of columns, each under the mean weight of its columns: exact
+        where each is lit evenly, as always with up to 16 lamps, and near it otherwise.
+
+        Raises ValueError for a container, an import, a matrix of one sample, or several lightings; DamagedError; MemoryError.
+        """
+        images = self._native.passes(self.weights(weights))
+        return dict(zip(("emission", "direct", "indirect"), images, strict=True))
+
     # Entries
 
     def __getitem__(self, key: Any) -> Any:

@@ -1,7 +1,7 @@
 //! `ltm relight`.
 
 use std::cell::Cell;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use ltm::files::check_output;
@@ -11,7 +11,8 @@ use ltm::light::names::{fits, suggest};
 use ltm::light::{Job, Light, Lighting};
 use ltm::look::{self, Look};
 use ltm::pipeline::{
-    Device, RelightOptions, Relighter, open_container, relight_matrix, relit_layers_need_bytes, write_relit_layers,
+    Device, PASSES, RelightOptions, Relighter, open_container, relight_matrix, relight_passes, relit_layers_need_bytes,
+    write_relit_layers,
 };
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
@@ -40,8 +41,9 @@ pub(crate) struct Relight {
     /// Only lights whose name matches this (`*` stands for anything); may be given several times [default: all].
     #[arg(long, value_name = "PATTERN")]
     on: Vec<String>,
-    /// Write one layer for each light, or for each group of the look file, into one EXR; or what a matrix's pixels show
-    /// beside light (albedo, normal, depth, shares of emitters), for denoisers.
+    /// Write one layer for each light, or for each group of the look file, into one EXR; or of a matrix emission seen, direct
+    /// and indirect light (passes); or what its pixels show beside light (features: albedo, normal, depth, shares of
+    /// emitters), for denoisers.
     #[arg(long, value_enum)]
     layers: Option<Layers>,
     /// Frames per second of an animation.
@@ -77,6 +79,7 @@ enum DeviceName {
 enum Layers {
     Lights,
     Groups,
+    Passes,
     Features,
 }
 
@@ -88,6 +91,9 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
     }
     match kind_of(&options.input)? {
         Kind::Container => {
+            if options.layers == Some(Layers::Passes) {
+                return Err(only_a_matrix(&options.input, "passes"));
+            }
             let container = open_container(&options.input)?;
             let task = Task::new(options, container.job(), format)?;
             let device = match options.device {
@@ -121,6 +127,9 @@ pub(crate) fn run(options: &Relight, console: &Console) -> Result<()> {
         Kind::Matrix => {
             let matrix = StoreReader::open(&options.input)?;
             let task = Task::new(options, matrix.job(), format)?;
+            if options.layers == Some(Layers::Passes) {
+                return task.write_passes(&matrix);
+            }
             let unusable = Cell::new(0usize);
             let relight = |lighting: &Lighting| {
                 let image = relight_matrix(&matrix, lighting, task.memory())?;
@@ -144,8 +153,7 @@ fn write_features(options: &Relight, format: Format, console: &Console) -> Resul
         return Err(Error::input(place, "features go into one EXR", "name the image x.exr"));
     }
     if !matches!(kind_of(&options.input)?, Kind::Matrix) {
-        let hint = "give the .ltm that it was packed from";
-        return Err(Error::input(options.input.display().to_string(), "a container holds no features", hint));
+        return Err(only_a_matrix(&options.input, "features"));
     }
     let matrix = StoreReader::open(&options.input)?;
     let missing = ltm::pipeline::write_features(&matrix, &options.output, options.memory, console)?;
@@ -154,6 +162,12 @@ fn write_features(options: &Relight, format: Format, console: &Console) -> Resul
     }
     println!("{place}: features of the matrix");
     Ok(())
+}
+
+/// What is asked of a container that only a matrix knows.
+fn only_a_matrix(input: &Path, what: &str) -> Error {
+    let hint = "give the .ltm that it was packed from";
+    Error::input(input.display().to_string(), format!("a container holds no {what}"), hint)
 }
 
 /// What is to be relit, resolved over the lights at hand.
@@ -216,6 +230,7 @@ impl<'a> Task<'a> {
         let lightings = self.look.as_ref().map_or(0, Look::bytes) + 2 * self.lighting.weights().len() as u64 * 12;
         let layers = match self.options.layers {
             None | Some(Layers::Features) => 1,
+            Some(Layers::Passes) => PASSES.len(),
             Some(Layers::Lights) => self.job.basis.lights().len(),
             Some(Layers::Groups) => self.look.as_ref().map_or(0, |look| look.groups().len()) + 1,
         };
@@ -286,7 +301,7 @@ impl<'a> Task<'a> {
                 self.job.basis.lights().iter().map(|light| (light.name.clone(), light.columns().collect())).collect()
             }
             Layers::Groups => self.groups()?,
-            Layers::Features => unreachable!("features are written before anything is relit"),
+            Layers::Features | Layers::Passes => unreachable!("written before anything is relit"),
         };
         // Lights that are off are left out, but a file needs one layer.
         let weights = self.lighting.weights();
@@ -299,6 +314,18 @@ impl<'a> Task<'a> {
         let names: Vec<String> = layers.iter().map(|(name, _)| name.clone()).collect();
         let mut relit = |layer: usize| relight(&self.lighting.only(layers[layer].1.iter().copied()));
         write_relit_layers(&self.options.output, self.job.shape, &names, &mut relit)
+    }
+
+    /// Writes how the light of the image came.
+    fn write_passes(&self, matrix: &StoreReader) -> Result<()> {
+        let output = &self.options.output;
+        let mut images = relight_passes(matrix, &self.lighting, self.memory())?;
+        let (names, mut take) = (PASSES.map(str::to_owned), |pass: usize| {
+            Ok(std::mem::replace(&mut images[pass], LinearImage::black(0, 0)))
+        });
+        write_relit_layers(output, self.job.shape, &names, &mut take)?;
+        say!("{}: emission seen, direct and indirect light of the raw matrix", output.display());
+        Ok(())
     }
 
     /// The groups of the look file, and the lights of none of them as "others".
