@@ -5,10 +5,11 @@ integrator, and its particle tracer for caustics of lights without a body, which
     python tests/references/make.py tests/references            # all scenes
     python tests/references/make.py tests/references caustics   # only this one
 
-Each scene is a room lit by a panel of two texels, or by a point light and a spot, whose glass or mirror ball the camera
-does not see: particles are joined to the camera at scattering surfaces alone. Balls are facets, a mesh with smooth normals, or perfect spheres, as
-the scene's name says (facets where it says nothing). Those called direct have emission and direct light alone. A file holds, as little-endian f32, the mean image of each texel
-(or light) lit alone, then the variance of that mean from independent renders: [mean, variance][texel][channel][y][x].
+Each scene is a room lit by a panel of two texels, or by a point light and a spot, whose glass or mirror ball the
+camera does not see: particles are joined to the camera at scattering surfaces alone. Balls are facets, a mesh with
+smooth normals, or perfect spheres, as the scene's name says (facets where it says nothing). Those called direct have
+emission and direct light alone. A file holds, as little-endian f32, the mean image of each texel (or light) lit
+alone, then the variance of that mean from independent renders: [mean, variance][texel][channel][y][x].
 """
 import math
 import os
@@ -34,7 +35,9 @@ def room(low, high):
     d = tuple(h - l for l, h in zip(low, high))
     x, y, z = (d[0], 0, 0), (0, d[1], 0), (0, 0, d[2])
     minus = lambda a: tuple(-c for c in a)
-    sides = [(low, z, x), (low, x, y), (low, y, z), (high, minus(x), minus(z)), (high, minus(y), minus(x)), (high, minus(z), minus(y))]
+    near = [(low, z, x), (low, x, y), (low, y, z)]
+    far = [(high, minus(x), minus(z)), (high, minus(y), minus(x)), (high, minus(z), minus(y))]
+    sides = near + far
     return [quad(*side)[0] for side in sides]
 
 
@@ -94,7 +97,8 @@ def lambert(r):
 
 
 MIRROR = {"type": "twosided", "bsdf": {"type": "conductor", "material": "none", "specular_reflectance": grey(0.9)}}
-GLOSSY = {"type": "twosided", "bsdf": {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": 0.2}}
+ROUGH = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": 0.2}
+GLOSSY = {"type": "twosided", "bsdf": ROUGH}
 GLASS = {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}
 SHEET = {"type": "thindielectric", "int_ior": 1.5, "ext_ior": 1.0}
 
@@ -175,7 +179,8 @@ def scene(folder, parts, texel, panel, depth):
     for k in range(2):
         place = origin if k == 0 else add(origin, u)
         black = {"type": "diffuse", "reflectance": grey(0.0)}
-        half = {"type": "obj", "filename": obj(folder, f"texel{k}", quad(place, u, v)), "bsdf": black, "face_normals": True}
+        shape = obj(folder, f"texel{k}", quad(place, u, v))
+        half = {"type": "obj", "filename": shape, "bsdf": black, "face_normals": True}
         if k == texel:
             half["emitter"] = {"type": "area", "radiance": grey(1.0)}
         described[f"texel{k}"] = half

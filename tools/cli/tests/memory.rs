@@ -41,6 +41,23 @@ fn peak_of(folder: &Path, program: &str, arguments: &[&str]) -> f64 {
     }
 }
 
+/// Half of the lamps go out within a second.
+const LOOK: &str = r#"
+[[look]]
+name = "all"
+[[look]]
+name = "half"
+[[look.light]]
+name = "p1*"
+on = false
+[[key]]
+time_secs = 0
+look = "all"
+[[key]]
+time_secs = 1
+look = "half"
+"#;
+
 /// Files and images of 24 lights, which together take 84 MiB, are read and written in less.
 #[test]
 fn what_is_allowed_is_kept_however_many_lights_there_are() {
@@ -53,7 +70,9 @@ fn what_is_allowed_is_kept_however_many_lights_there_are() {
     write_room(at, &format!("[render]\nsamples_per_pixel = 1\n{}", (0..24).map(light).collect::<String>()));
     succeed(at, "ltm", &["render", "room.toml", "--size", "640x480"]);
     succeed(at, "ltm-pack", &["room.ltm", "--denoise", "off"]);
-    let jobs: [(f64, &str, &[&str]); 9] = [
+    succeed(at, "ltm", &["render", "room.toml", "--size", "640x480", "--samples", "2", "-o", "known.ltm"]);
+    fs::write(at.join("look.toml"), LOOK).unwrap();
+    let jobs: [(f64, &str, &[&str]); 11] = [
         (64.0, "ltm-unpack", &["room.ltc", "-o", "all.exr", "--force"]),
         (40.0, "ltm-unpack", &["room.ltc", "-o", "one_{light}.exr", "--force"]),
         (40.0, "ltm-unpack", &["room.ltc", "-o", "back.ltm", "--force"]),
@@ -62,6 +81,8 @@ fn what_is_allowed_is_kept_however_many_lights_there_are() {
         (72.0, "ltm", &["relight", "room.ltc", "--device", "cpu", "-o", "lights.exr", "--layers", "lights"]),
         (40.0, "ltm", &["relight", "room.ltm", "-o", "raw.exr"]),
         (40.0, "ltm", &["relight", "room.ltc", "--device", "cpu", "-o", "paged.exr"]),
+        (48.0, "ltm", &["relight", "room.ltc", "--device", "cpu", "-l", "look.toml", "--fps", "4", "-o", "frame_##.png"]),
+        (64.0, "ltm", &["relight", "known.ltm", "-o", "passes.exr", "--layers", "passes"]),
         (32.0, "ltm", &["merge", "-o", "merged.ltc", "room.ltc", "--force"]),
     ];
     for (allowed, program, arguments) in jobs {

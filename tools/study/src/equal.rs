@@ -1,7 +1,7 @@
 //! Equal error: how many samples, and how much time, the raw matrix takes to be as near to the truth as what is packed.
 
 use super::bench::{Bench, CONFERENCE, CONFERENCE_LAMPS, Wanted};
-use super::judged::{Judged, LIGHTINGS_NOTE};
+use super::judged::{HALF_NARROW_NOTE, Judged};
 use super::measured::Summary;
 use super::table::{Cell, Table};
 use super::took::{Clock, Took};
@@ -73,7 +73,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     bench.watch.begin("equal error", (scenes.len() * (plan.packed.len() + plan.raw.len())) as u64, "matrices");
     for scene in scenes {
         let reference = bench.matrix(scene.wanted())?;
-        let (shape, judged) = (reference.shape(), Judged::of(&reference)?);
+        let (shape, judged) = (reference.shape(), Judged::half_narrow(&reference)?);
         let mut measure = |way: &str, samples: &[u32], one: &dyn Fn(u32) -> Result<Point>| -> Result<Vec<Point>> {
             let mut measured = Vec::new();
             for &samples in samples {
@@ -110,7 +110,7 @@ impl PlannedScene {
 fn points_table(bench: &Bench<'_>) -> Table {
     Table::new(
         "Error and time of packed images and of raw matrices",
-        bench.notes(&[NOTE, LIGHTINGS_NOTE]),
+        bench.notes(&[NOTE, HALF_NARROW_NOTE]),
         &[
             ("scene", 0),
             ("way", 0),
@@ -131,7 +131,7 @@ fn points_table(bench: &Bench<'_>) -> Table {
 fn ratios_table(bench: &Bench<'_>) -> Table {
     Table::new(
         "What the raw matrix takes to be as near as packed images",
-        bench.notes(&[NOTE, LIGHTINGS_NOTE]),
+        bench.notes(&[NOTE, HALF_NARROW_NOTE]),
         &[
             ("scene", 0),
             ("samples_per_px", 0),

@@ -19,6 +19,14 @@ pub(super) const LIGHTINGS_NOTE: &str = "Lightings: twelve for each scene (all o
 several widths, a pattern, one column, columns at random), without those whose image in the reference is less than a \
 millionth of that with everything on, as of a spot at the part of the sky below the floor: nothing is there to compare.";
 
+/// Said in the notes of tables of lightings of which half are narrow.
+pub(super) const HALF_NARROW_NOTE: &str = "Lightings: twelve for each scene, of which six are narrow: two spots of 0.06 of the light's \
+width, two of 0.04, two single columns; the others are all on, the scene's own, a gradient, one half, two soft spots, a coarse pattern; \
+without those that light less than a millionth of what all columns do.";
+
+const BROAD: [&str; 6] = ["all on", "of the scene", "gradient across", "half", "two soft spots", "coarse pattern"];
+const NARROW: [&str; 3] = ["narrow spot", "tiny spot", "one column"];
+
 /// Lightings, and the reference's image under each.
 pub(super) struct Judged {
     pub(super) names: Vec<&'static str>,
@@ -35,6 +43,16 @@ impl Judged {
     /// Those of a reference matrix that light something. The first has every column on.
     pub(super) fn of(reference: &StoreReader) -> Result<Self> {
         Self::among(reference, evaluation_lightings(&reference.job().basis, LIGHTINGS_SEED), |_| true)
+    }
+
+    /// Those of which half are narrow, see [`HALF_NARROW_NOTE`]. The first has every column on.
+    pub(super) fn half_narrow(reference: &StoreReader) -> Result<Self> {
+        let basis = &reference.job().basis;
+        let of = |seed, names: &'static [&str]| {
+            evaluation_lightings(basis, seed).into_iter().filter(move |(name, _)| names.contains(name))
+        };
+        let narrow = of(LIGHTINGS_SEED, &NARROW).chain(of(LIGHTINGS_SEED + 1, &NARROW));
+        Self::among(reference, of(LIGHTINGS_SEED, &BROAD).chain(narrow).collect(), |_| true)
     }
 
     /// Those of which none has a width that the prior is made of, see [`APART_NOTE`].
