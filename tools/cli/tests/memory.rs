@@ -5,6 +5,7 @@
 mod program;
 mod room;
 
+use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -28,7 +29,7 @@ fn peak_of(folder: &Path, program: &str, arguments: &[&str]) -> f64 {
     let mut peak_kibibytes = 0.0f64;
     loop {
         // Gone from an ended process, which is no fault.
-        let text = std::fs::read_to_string(&status_file).unwrap_or_default();
+        let text = fs::read_to_string(&status_file).unwrap_or_default();
         if let Some(line) = text.lines().find_map(|line| line.strip_prefix("RssAnon:")) {
             peak_kibibytes = peak_kibibytes.max(line.trim().trim_end_matches(" kB").parse().unwrap());
         }
@@ -81,7 +82,11 @@ fn what_is_allowed_is_kept_however_many_lights_there_are() {
         (72.0, "ltm", &["relight", "room.ltc", "--device", "cpu", "-o", "lights.exr", "--layers", "lights"]),
         (40.0, "ltm", &["relight", "room.ltm", "-o", "raw.exr"]),
         (40.0, "ltm", &["relight", "room.ltc", "--device", "cpu", "-o", "paged.exr"]),
-        (48.0, "ltm", &["relight", "room.ltc", "--device", "cpu", "-l", "look.toml", "--fps", "4", "-o", "frame_##.png"]),
+        (
+            48.0,
+            "ltm",
+            &["relight", "room.ltc", "--device", "cpu", "-l", "look.toml", "--fps", "4", "-o", "frame_##.png"],
+        ),
         (64.0, "ltm", &["relight", "known.ltm", "-o", "passes.exr", "--layers", "passes"]),
         (32.0, "ltm", &["merge", "-o", "merged.ltc", "room.ltc", "--force"]),
     ];
