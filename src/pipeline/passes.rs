@@ -50,13 +50,13 @@ pub fn relight_passes(
         }
         for (pixel, emission) in emission.into_iter().enumerate() {
             let place = index_in(rect, pixel, shape);
-            for channel in 0..CHANNELS {
+            for (channel, emission) in emission.into_iter().enumerate() {
                 let row = channel * rect.pixels() + pixel;
-                let rest = total.pixels[place][channel] - emission[channel];
+                let rest = total.pixels[place][channel] - emission;
                 let sum = direct[row] + indirect[row];
                 // Where no cluster has light, what is left is rounding of emission.
                 let first = if sum > 0.0 { rest * (direct[row] / sum) } else { 0.0 };
-                let parts = [emission[channel], first, rest - first];
+                let parts = [emission, first, rest - first];
                 images.iter_mut().zip(parts).for_each(|(image, part)| image.pixels[place][channel] = part);
             }
         }
