@@ -66,8 +66,7 @@ impl Features {
     fn read_planes(matrix: &StoreReader, take: fn(BlockPlanes) -> Vec<f32>) -> Result<Self> {
         let shape = BlockSource::shape(matrix);
         check_known(matrix, "the features")?;
-        let mut strip =
-            Strip::new(shape, FEATURE_PLANES, |id| Ok(of_block(matrix, id, BlockPlanes::default())?.map(take)));
+        let mut strip = Strip::new(shape, FEATURE_PLANES, |id| Ok(of_block(matrix, id)?.map(take)));
         let (width, height) = (shape.width() as usize, shape.height() as usize);
         let mut planes = vec![0.0; FEATURE_PLANES * width * height];
         for y in 0..height {
@@ -95,10 +94,10 @@ impl Features {
     }
 }
 
-/// The planes of a block, in the allocations of others; none where the file lacks it.
-pub(super) fn of_block(matrix: &StoreReader, id: BlockId, reused: BlockPlanes) -> Result<Option<BlockPlanes>> {
+/// The planes of a block; none where the file lacks it.
+fn of_block(matrix: &StoreReader, id: BlockId) -> Result<Option<BlockPlanes>> {
     match matrix.is_committed(id) {
-        true => Ok(matrix.read_planes(id, Some(reused))?),
+        true => Ok(matrix.read_planes(id, None)?),
         false => Ok(None),
     }
 }
@@ -106,7 +105,7 @@ pub(super) fn of_block(matrix: &StoreReader, id: BlockId, reused: BlockPlanes) -
 /// Refuses a matrix that does not know what its samples are, by the name of what asks. All blocks of a file know, or none.
 pub(super) fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
     let first = BlockSource::shape(matrix).blocks().find(|&id| matrix.is_committed(id));
-    match first.map(|first| of_block(matrix, first, BlockPlanes::default())).transpose()?.flatten() {
+    match first.map(|first| of_block(matrix, first)).transpose()?.flatten() {
         Some(_) => Ok(()),
         None => Err(unknown(asks.to_owned())),
     }
@@ -128,8 +127,7 @@ pub fn write_features(matrix: &StoreReader, path: &Path, memory_bytes: Option<u6
     need.threads_within("writing features", memory_bytes)?;
     check_known(matrix, "--layers features")?;
     let mut strip = Strip::new(shape, planes, |id| {
-        Ok(of_block(matrix, id, BlockPlanes::default())?
-            .map(|planes| [planes.features, planes.feature_variance].concat()))
+        Ok(of_block(matrix, id)?.map(|planes| [planes.features, planes.feature_variance].concat()))
     });
     watch.begin("writing features", u64::from(shape.blocks_down()), "rows of blocks");
     let names: Vec<String> = FEATURE_CHANNELS.map(str::to_owned).into_iter().chain(variance_channels()).collect();

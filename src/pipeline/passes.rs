@@ -1,8 +1,8 @@
 //! How the light of a relit image came to its pixels: seen in the emitters themselves, by one surface, or by more.
 
-use super::features::{check_known, of_block};
+use super::features::check_known;
 use super::relight::{RelightOptions, relight_matrix};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::image::LinearImage;
 use crate::light::{Clusters, Lighting};
 use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect};
@@ -24,7 +24,7 @@ pub fn passes_need_bytes(shape: MatrixShape) -> u64 {
 /// their columns: exact to rounding where each cluster is lit evenly, as always with up to 16 lamps, and near it otherwise.
 ///
 /// # Errors
-/// The matrix knows nothing of its samples, or, imported, nothing of how their light came; those of [`relight_matrix`].
+/// The matrix knows nothing of its samples; those of [`relight_matrix`].
 pub fn relight_passes(
     matrix: &StoreReader,
     lighting: &Lighting,
@@ -36,10 +36,9 @@ pub fn relight_passes(
     let total = relight_matrix(matrix, lighting, RelightOptions { beside_bytes, ..options })?;
     let clusters = cluster_weights(&Clusters::of_basis(&matrix.job().basis), lighting);
     let mut images = PASSES.map(|_| LinearImage::black(shape.width(), shape.height()));
-    let (mut planes, mut is_told) = (BlockPlanes::default(), false);
+    let mut planes = BlockPlanes::default();
     for id in shape.blocks() {
-        planes = of_block(matrix, id, planes)?.unwrap_or_default();
-        is_told |= !planes.emission.is_empty() || planes.direct.iter().flatten().any(|&light| light > 0.0);
+        planes = matrix.read_planes(id, Some(planes))?.unwrap_or_default();
         let rect = shape.rect(id);
         let [direct, indirect] = [&planes.direct, &planes.indirect].map(|halves| lit(halves, &clusters, rect.rows()));
         let mut emission = vec![[0.0f32; CHANNELS]; rect.pixels()];
@@ -61,11 +60,7 @@ pub fn relight_passes(
             }
         }
     }
-    if is_told {
-        return Ok(images);
-    }
-    let hint = "render the scene with this program to have them";
-    Err(Error::input("the passes", "the matrix does not know how its light came: all of it is imported", hint))
+    Ok(images)
 }
 
 /// Place in the image of a pixel of a block.

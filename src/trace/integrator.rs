@@ -25,8 +25,8 @@ use crate::scene::{Camera, PixelFilter};
 ///
 /// Two or four ways on from there in place of one help an image with all lights on and hurt a lamp alone. Squared error × time of
 /// two, all lamps on and the mean lamp: 1.01 and 1.03 of the Conference Room's 24 lamps, 0.95 and 1.13 of mixed materials under
-/// a panel of texels, 0.71 and 1.12 of the diffuse room. Four ways on: 1.29 and 1.30 of the Conference Room. Nor do more light samples pay,
-/// the way to reuse a vertex for several lamps: eight here and four at later surfaces are equal at equal time.
+/// a panel of texels, 0.71 and 1.12 of the diffuse room. Four ways on: 1.29 and 1.30 of the Conference Room. More light
+/// samples, so that a surface serves several lamps, do not pay either: eight here and four at later ones are equal at equal time.
 const FIRST_LIGHT_SAMPLES: u32 = 4;
 
 /// Vertices that a path has before its end is left to chance.

@@ -33,7 +33,7 @@ fn full_room() -> Scene {
     builder.build()
 }
 
-fn planes(block: &TracedBlock) -> &BlockPlanes {
+pub(crate) fn planes(block: &TracedBlock) -> &BlockPlanes {
     block.planes.as_ref().expect("two samples a pixel have planes")
 }
 

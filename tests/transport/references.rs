@@ -8,6 +8,7 @@ use ltm::matrix::{CHANNELS, SeenEmission, TracedBlock};
 use ltm::scene::{Emitter, Paint, PointEmitter, Scene, Surface};
 use ltm::trace::{TraceSettings, Tracer};
 
+use crate::layers::planes;
 use crate::scenes::{Builder, blocks, camera, lambert, settings, tracer};
 use crate::z_test::{Comparison, compare, reference, write_evidence};
 
@@ -128,24 +129,34 @@ fn compared_by(name: &str, with: &str, by: impl Fn(Tracer) -> Tracer) -> (Compar
         image(&blocks(&tracer))
     };
     let renders: Vec<Vec<f64>> = (0..renders).map(render).collect();
-    let (mean, variance) = reference(with);
-    assert_eq!(mean.len(), ENTRIES);
-    // Channels are the same paths: one of them stands for all.
-    let found = compare(&renders, (&mean, &variance), |entry| (entry / (SIDE * SIDE)).is_multiple_of(CHANNELS));
+    let found = judged(&renders, reference(with));
     eprintln!("{name} with {with}: {found}");
     (found, write_evidence(name, &renders))
 }
 
-fn agrees(name: &str) {
-    let (found, evidence) = compared(name, name);
-    // 1,536 entries, 512 of them independent: the mean of z² has a deviation of 0.07, and 23 and 15 degrees of freedom
+/// Renders beside a reference's mean and the variance of that.
+fn judged(renders: &[Vec<f64>], (mean, variance): (Vec<f64>, Vec<f64>)) -> Comparison {
+    assert_eq!(mean.len(), ENTRIES);
+    // Channels are the same paths: one of them stands for all.
+    compare(renders, (&mean, &variance), |entry| (entry / (SIDE * SIDE)).is_multiple_of(CHANNELS))
+}
+
+/// Asserts that a comparison of 1,536 entries shows two renderings of the same.
+fn assert_alike(name: &str, (found, evidence): (Comparison, String), most: f64) {
+    // 512 of the entries are independent: the mean of z² has a deviation of 0.07, and 23 and 15 degrees of freedom
     // bring it to 1.06. Both sides find the variance of rare bright paths too small: a few entries may lie far out.
-    // Beside sharp caustics of glass photons add a little, 0.51 % of the image at 128 samples and 0.37 % at 512: z² 1.44 and 1.39.
-    let most = if GLASS.contains(&name) { 1.5 } else { 1.35 };
     assert!(
         found.mean_square < most && found.far <= 12 && found.whole.abs() < 4.0 && found.relative.abs() < 0.006,
         "{name}: {found}; {evidence}"
     );
+}
+
+/// Mean of z² that two renderings of the same have at most.
+const ALIKE: f64 = 1.35;
+
+fn agrees(name: &str) {
+    // Beside sharp caustics of glass photons add a little, 0.51 % of the image at 128 samples and 0.37 % at 512: z² 1.44 and 1.39.
+    assert_alike(name, compared(name, name), if GLASS.contains(&name) { 1.5 } else { ALIKE });
 }
 
 #[test]
@@ -173,7 +184,6 @@ fn every_layer_agrees_with_the_reference() {
         let (mut first, mut later) = (Vec::new(), Vec::new());
         for seed in 0..24 {
             let traced = blocks(&tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(128, 24) }));
-            let planes = |traced: &TracedBlock| traced.planes.clone().unwrap();
             let lit = |halves: &[Vec<f32>; 2], at: usize| 0.5 * (halves[0][at] + halves[1][at]);
             let indirect = |t: &TracedBlock, row, column| lit(&planes(t).indirect, column * t.block.rows() + row);
             let seen_or_direct = |t: &TracedBlock, row: usize, column: usize| {
@@ -189,17 +199,10 @@ fn every_layer_agrees_with_the_reference() {
         // Two independent renders of the reference: their variances add up.
         let mean: Vec<f64> = all.0.iter().zip(&direct.0).map(|(all, direct)| all - direct).collect();
         let variance: Vec<f64> = all.1.iter().zip(&direct.1).map(|(all, direct)| all + direct).collect();
-        for (layer, renders, (mean, variance)) in
-            [("seen and direct", &first, (&direct.0, &direct.1)), ("indirect", &later, (&mean, &variance))]
-        {
-            let counts = |entry: usize| (entry / (SIDE * SIDE)).is_multiple_of(CHANNELS);
-            let found = compare(renders, (mean, variance), counts);
-            eprintln!("{name}, {layer}: {found}");
-            let evidence = write_evidence(&format!("{name}-{layer}"), renders);
-            assert!(
-                found.mean_square < 1.35 && found.far <= 12 && found.whole.abs() < 4.0 && found.relative.abs() < 0.006,
-                "{name}, {layer}: {found}; {evidence}"
-            );
+        for (layer, renders, reference) in [("seen and direct", first, direct), ("indirect", later, (mean, variance))] {
+            let (name, found) = (format!("{name}-{layer}"), judged(&renders, reference));
+            eprintln!("{name}: {found}");
+            assert_alike(&name, (found, write_evidence(&name, &renders)), ALIKE);
         }
     }
 }

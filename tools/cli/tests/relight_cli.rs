@@ -129,6 +129,8 @@ fn layers_of(path: &Path) -> BTreeMap<String, LinearImage> {
             }
         }
     }
+    let channels = file.layer_data.iter().map(|layer| layer.channel_data.list.len()).sum::<usize>();
+    assert_eq!(channels, 3 * images.len(), "each has red, green and blue");
     images
 }
 

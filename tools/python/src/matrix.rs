@@ -8,7 +8,9 @@ use ltm::depot::is_object;
 use ltm::host::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FEATURE_PLANES, FactorSource, MatrixShape, PixelRect};
-use ltm::pipeline::{Features, RelightOptions, check_matrix_path, open_container, passes_need_bytes, relight_passes};
+use ltm::pipeline::{
+    Features, PASSES, RelightOptions, check_matrix_path, open_container, passes_need_bytes, relight_passes,
+};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
 use ltm::scene::Camera;
 use ltm::store::StoreReader;
@@ -103,6 +105,16 @@ impl Opened {
         let decided = made.filter(|made| made.damage().is_empty()).map(Arc::new);
         *kept = Some(decided.clone());
         Ok(decided)
+    }
+
+    /// The raw matrix. Errors: it is a container, which holds nothing of what is asked for.
+    fn matrix(&self, asked: &str) -> Result<&StoreReader> {
+        match &self.source {
+            Source::Matrix(matrix) => Ok(matrix),
+            Source::Container(_) => {
+                Err(Error::input(asked, "a container holds none", "open the .ltm that it was packed from"))
+            }
+        }
     }
 
     fn relight(
@@ -347,10 +359,7 @@ impl Native {
     /// What pixels show beside light, or its variance: planes × height × width.
     fn features<'py>(&self, py: Python<'py>, variance: bool) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
         let opened = self.opened()?;
-        let Source::Matrix(matrix) = &opened.source else {
-            let hint = "open the .ltm that it was packed from";
-            return Err(exception(&Error::input("the features", "a container holds none", hint)));
-        };
+        let matrix = opened.matrix("the features").map_err(|error| exception(&error))?;
         let shape = opened.source.shape();
         let hold = hold_to_memory("the features", 2 * Features::needs_bytes(shape), opened.memory_bytes);
         hold.map_err(|error| exception(&error))?;
@@ -360,27 +369,26 @@ impl Native {
         PyArray1::from_slice(py, features.planes()).reshape(shape)
     }
 
-    /// How the light of an image came, under one lighting: passes × height × width × 3.
+    /// How the light of an image came, under one lighting: each pass by name, height × width × 3.
     fn passes<'py>(
         &self,
         py: Python<'py>,
         weights: PyReadonlyArrayDyn<'_, f32>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f32>>> {
+    ) -> PyResult<Vec<(String, Bound<'py, PyArrayDyn<f32>>)>> {
         let opened = self.opened()?;
-        let Source::Matrix(matrix) = &opened.source else {
-            let hint = "open the .ltm that it was packed from";
-            return Err(exception(&Error::input("the passes", "a container holds none", hint)));
-        };
+        let matrix = opened.matrix("the passes").map_err(|error| exception(&error))?;
         let shape = opened.source.shape();
         let lightings = lightings_of(contiguous(&weights)?, shape.columns()).map_err(|error| exception(&error))?;
         let [lighting] = &lightings[..] else { return Err(PyValueError::new_err("weights: not one lighting")) };
-        // The array that is returned.
+        // The arrays that are returned.
         let beside_bytes = passes_need_bytes(shape);
         let options = RelightOptions { memory_bytes: opened.memory_bytes, beside_bytes, ..RelightOptions::default() };
         let images = unlocked(py, || relight_passes(matrix, lighting, options))?;
-        let values: Vec<f32> = images.iter().flat_map(|image| image.values()).copied().collect();
-        let shape = vec![images.len(), shape.height() as usize, shape.width() as usize, CHANNELS];
-        PyArray1::from_vec(py, values).reshape(shape)
+        let named = PASSES.into_iter().zip(images).map(|(name, image)| {
+            let shape = vec![image.height as usize, image.width as usize, CHANNELS];
+            Ok((name.to_lowercase(), PyArray1::from_slice(py, image.values()).reshape(shape)?))
+        });
+        named.collect()
     }
 
     /// The entries at ascending indices: rows × across × channels × columns.

@@ -47,11 +47,11 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
 
     let gains = read_csv(&out.join("fig9-16-gain.csv"));
     assert_eq!(gains.len(), 4, "two scenes, twice");
-    // Who wins is for the study in earnest to say: here both are measured where both have sizes in common.
+    // By default what is noise is left out, so that the matrix, which holds it, is not followed beyond a size: only what
+    // keeps the noise is compared with the matrix at every size.
     for row in of(&gains, "ours", "ours (noise kept)") {
-        for gain in ["algorithm4_least_lin_db", "svd_least_lin_db"] {
-            assert!(number(row, gain).is_finite() && number(row, gain).abs() < 60.0, "{row:?}");
-        }
+        assert!(number(row, "algorithm4_least_lin_db") > 0.0, "{row:?}");
+        assert!(number(row, "svd_least_lin_db") > 0.0, "{row:?}");
     }
     let fig9 = read_csv(&out.join("fig9-16.csv"));
     for method in ["Algorithm 4", "kernel Nyström", "block SVD (fixed rank)"] {

@@ -199,8 +199,7 @@ class Matrix:
 
         Raises ValueError for a container, an import, a matrix of one sample, or several lightings; DamagedError; MemoryError.
         """
-        images = self._native.passes(self.weights(weights))
-        return dict(zip(("emission", "direct", "indirect"), images, strict=True))
+        return dict(self._native.passes(self.weights(weights)))
 
     # Entries
 
