@@ -1,4 +1,4 @@
-//! Compressing a block: speed against error, with the SVD of the same block beside it.
+//! Compressing a block: speed against error, with the SVD of the same block beside it, full and randomized.
 //!
 //! The block is 32 × 32 pixels (3,072 rows, f32) below a panel, with a shadow edge and 2 % of noise; under 1,024 columns
 //! (a panel of 32 × 32 texels) and under 24 (lamps). Each line of the table gives the rank, the error of the factors
@@ -7,17 +7,21 @@
 #![expect(clippy::print_stdout, reason = "a benchmark reports on standard output")]
 
 mod figures;
+#[path = "compress/randomized.rs"]
+mod randomized;
 
 use std::hint::black_box;
 use std::time::Instant;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use faer::MatRef;
 use figures::Figures;
 use ltm::compress::{CompressSettings, Compressor, Method, PriorChoice, Target};
 use ltm::light::{Light, LightBasis, LightKind, evaluation_lightings};
 use ltm::matrix::{Block, BlockId, MatrixShape};
 
 const SIDE: u32 = 32;
+const RANK: usize = 16;
 
 fn lights(across: u32, down: u32) -> LightBasis {
     let mut basis = LightBasis::new();
@@ -65,19 +69,22 @@ fn errors(basis: &LightBasis, a: &Block, b: &Block) -> (f64, f64) {
 
 fn analyse(criterion: &mut Criterion) {
     let mut figures = Figures::new("bench-compress", &[], "cargo bench --bench compress");
-    println!("{:>7} {:>10} {:>5} {:>12} {:>12}", "columns", "method", "rank", "matrix error", "image error");
+    println!(
+        "{:>7} {:>34} {:>5} {:>12} {:>12} {:>9}",
+        "columns", "method", "rank", "matrix error", "image error", "ms"
+    );
     for (across, down) in [(32, 32), (6, 4)] {
         let (basis, block) = (lights(across, down), block(across, down));
         let shape = MatrixShape::new(SIDE, SIDE, across * down, SIDE).expect("the shape is possible");
         let mut group = criterion.benchmark_group(format!("{} rows x {} columns, f32", block.rows(), block.columns()));
         group.sample_size(10).throughput(Throughput::Bytes(4 * block.entries().len() as u64));
         // With a flat prior the errors of both are of the same kind: ours at rank 16 against the SVD's.
-        let flat = CompressSettings { prior: PriorChoice::Flat, rank: 16, ..Default::default() };
+        let flat = CompressSettings { prior: PriorChoice::Flat, rank: RANK, ..Default::default() };
         let cases = [
-            ("auto", CompressSettings { rank: 16, ..Default::default() }),
+            ("auto", CompressSettings { rank: RANK, ..Default::default() }),
             ("auto, flat", flat),
-            ("svd", CompressSettings { rank: 16, ..CompressSettings::of_method(Method::BlockSvd) }),
-            ("algorithm4", CompressSettings { rank: 16, ..CompressSettings::of_method(Method::Algorithm4) }),
+            ("svd", CompressSettings { rank: RANK, ..CompressSettings::of_method(Method::BlockSvd) }),
+            ("algorithm4", CompressSettings { rank: RANK, ..CompressSettings::of_method(Method::Algorithm4) }),
         ];
         for (name, settings) in cases {
             let settings = CompressSettings { target: Target::Slope(0.0), ..settings };
@@ -85,20 +92,37 @@ fn analyse(criterion: &mut Criterion) {
             let candidate = compressor.analyse(BlockId(0), block.view(), None);
             let factored = candidate.cut(&compressor.choose([candidate.summary()].into_iter()));
             let (matrix, images) = errors(&basis, &block, &factored.expand());
-            println!("{:>7} {name:>10} {:>5} {matrix:>12.2e} {images:>12.2e}", block.columns(), factored.rank());
-            let case = format!("{name}, {} columns", block.columns());
-            figures.add(&case, "rank", factored.rank() as f64);
-            figures.add(&case, "matrix_error", matrix);
-            figures.add(&case, "image_error", images);
             let analyse = || drop(black_box(compressor.analyse(BlockId(0), block.view(), None)));
-            figures.add(&case, "milliseconds", 1e3 * least_secs(analyse));
+            tell(&mut figures, (name, block.columns()), factored.rank(), (matrix, images), least_secs(analyse));
             group.bench_function(name, |bencher| {
                 bencher.iter(|| black_box(compressor.analyse(BlockId(0), block.view(), None)));
             });
         }
+        let dense = MatRef::from_column_major_slice(block.entries(), block.rows(), block.columns());
+        for (name, power) in [("svd, randomized", 0), ("svd, randomized, a power iteration", 1)] {
+            let (left, right) = randomized::leading(dense, RANK, power);
+            let product = &left * &right;
+            let entries =
+                (0..block.entries().len()).map(|at| product[(at % block.rows(), at / block.rows())]).collect();
+            let found = errors(&basis, &block, &Block::from_entries(block.rows(), block.columns(), entries));
+            let find = || drop(black_box(randomized::leading(dense, RANK, power)));
+            tell(&mut figures, (name, block.columns()), left.ncols(), found, least_secs(find));
+            group.bench_function(name, |bencher| bencher.iter(find));
+        }
         group.finish();
     }
     figures.write();
+}
+
+/// Prints and keeps what came of a method.
+fn tell(figures: &mut Figures, (name, columns): (&str, usize), rank: usize, (matrix, images): (f64, f64), secs: f64) {
+    println!("{columns:>7} {name:>34} {rank:>5} {matrix:>12.2e} {images:>12.2e} {:>9.2}", 1e3 * secs);
+    let case = format!("{name}, {columns} columns");
+    for (figure, value) in
+        [("rank", rank as f64), ("matrix_error", matrix), ("image_error", images), ("milliseconds", 1e3 * secs)]
+    {
+        figures.add(&case, figure, value);
+    }
 }
 
 /// The least seconds of ten calls.

@@ -7,8 +7,9 @@
 //! The direct product that all is compared with is *warm*: the raw f32 entries in memory, and nothing else read.
 //!
 //! `LTM_BENCH_MATRIX=path/without/extension` takes a matrix of one's own instead (several with `:` between them): its
-//! `.ltc` relit in every way, from memory and through budgets, against the direct product with its `.ltm`, warm as above and
-//! *cold*, from a file that the system's cache has forgotten; and what a page-in costs. For the paper's Conference Room, with the folder that holds it in `LTM_SCENES`:
+//! `.ltc` relit in every way, from memory and through budgets, against the direct product with its `.ltm`, warm as above; and
+//! once *cold*, from a file that the system's cache has forgotten, against the direct product from such a file; and what a
+//! page-in costs. For the paper's Conference Room, with the folder that holds it in `LTM_SCENES`:
 //!
 //! ```text
 //! ltm render formats/scenes/conference-20.toml --samples 16 -o twenty.ltm && ltm-pack twenty.ltm
@@ -50,7 +51,7 @@ use rayon::prelude::*;
 const COMMAND: &str = "cargo bench --bench relight";
 const FULL_RANK: usize = 24;
 const KEPT_RANK: usize = 8;
-/// Cold products, of which the median is told.
+/// Cold images, of which the median is told.
 const COLD_ROUNDS: usize = 3;
 
 /// Smooth blocks made when they are asked for.
@@ -188,8 +189,6 @@ fn page_in(container: &ContainerReader) {
 struct Ruler {
     bandwidth: f64,
     reference: LinearImage,
-    /// Seconds of the direct product from disk, where there is a file.
-    cold_secs: Option<f64>,
     /// Seconds of the direct product in memory, where there is enough.
     warm_secs: Option<f64>,
     /// What is measured.
@@ -204,9 +203,7 @@ impl Ruler {
 
     /// Tells of one way; with the bytes that it moves through memory, where those are known and are what takes the time.
     fn report(&mut self, name: &str, secs: f64, moved: Option<u64>, decibels: f64) {
-        let case = format!("{}: {name}", self.case);
-        print!("  {name}: {:.3} ms, {:.1} per second, {decibels:.1} dB", 1e3 * secs, 1.0 / secs);
-        self.figures.add(&case, "milliseconds", 1e3 * secs);
+        let case = self.begin(name, secs, decibels);
         if let Some(bytes) = moved {
             let rate = bytes as f64 / secs;
             let part = rate / self.bandwidth;
@@ -218,13 +215,29 @@ impl Ruler {
             );
             self.figures.add(&case, "of_bandwidth", part);
         }
-        for (told, direct) in [("cold", self.cold_secs), ("warm", self.warm_secs)] {
-            if let Some(direct) = direct {
-                print!(", {:.1} × faster than the direct product, {told}", direct / secs);
-                self.figures.add(&case, &format!("{told}_direct_over_it"), direct / secs);
-            }
+        if let Some(direct) = self.warm_secs {
+            self.over_direct(&case, "warm", direct / secs);
         }
         println!();
+    }
+
+    /// Tells of the container from disk, beside the seconds of the stored matrix from there.
+    fn report_cold(&mut self, secs: f64, direct_secs: f64, decibels: f64) {
+        let case = self.begin("cpu, cold: the container from disk", secs, decibels);
+        self.over_direct(&case, "cold", direct_secs / secs);
+        println!();
+    }
+
+    fn begin(&mut self, name: &str, secs: f64, decibels: f64) -> String {
+        let case = format!("{}: {name}", self.case);
+        print!("  {name}: {:.3} ms, {:.1} per second, {decibels:.1} dB", 1e3 * secs, 1.0 / secs);
+        self.figures.add(&case, "milliseconds", 1e3 * secs);
+        case
+    }
+
+    fn over_direct(&mut self, case: &str, told: &str, ratio: f64) {
+        print!(", {ratio:.1} × faster than the direct product, {told}");
+        self.figures.add(case, &format!("{told}_direct_over_it"), ratio);
     }
 
     /// Measures the direct product with the raw entries in memory, where they fit.
@@ -357,15 +370,14 @@ fn measure_gpu(
     }
 }
 
-/// The direct product with a stored matrix that the system's cache has forgotten: the image, and the median of the seconds.
-fn cold_product(path: &Path, lighting: &Lighting) -> (LinearImage, f64) {
+/// An image made from a file that the system's cache has forgotten, its opening with it: the image, and the median of the
+/// seconds.
+fn cold(path: &Path, image: impl Fn(&Path) -> Result<LinearImage>) -> (LinearImage, f64) {
     let mut rounds: Vec<(LinearImage, f64)> = (0..COLD_ROUNDS)
         .map(|_| {
             files::forget(path);
-            let matrix = StoreReader::open(path).unwrap();
             let start = Instant::now();
-            let image = relight_raw(&matrix, std::slice::from_ref(lighting)).unwrap().remove(0);
-            (image, start.elapsed().as_secs_f64())
+            (image(path).unwrap(), start.elapsed().as_secs_f64())
         })
         .collect();
     rounds.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -377,7 +389,10 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: 
     let container = ContainerReader::open(&stem.with_extension("ltc")).unwrap();
     let path = stem.with_extension("ltm");
     let lighting = Lighting::of_scene(&container.job().basis);
-    let (reference, cold_secs) = cold_product(&path, &lighting);
+    let (reference, cold_secs) =
+        cold(&path, |path| Ok(relight_raw(&StoreReader::open(path)?, std::slice::from_ref(&lighting))?.remove(0)));
+    let (packed, packed_secs) =
+        cold(&stem.with_extension("ltc"), |path| Ok(relight_streaming(&ContainerReader::open(path)?, &lighting)?.0));
     let matrix = StoreReader::open(&path).unwrap();
     let bytes = matrix.tally().unwrap().stored_bytes as f64;
     println!(
@@ -392,10 +407,11 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: 
     let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let mut group = criterion.benchmark_group(format!("relight {name}"));
     let case = name.into_owned();
-    let mut ruler = Ruler { bandwidth, reference, cold_secs: Some(cold_secs), warm_secs: None, case, figures };
+    let mut ruler = Ruler { bandwidth, reference, warm_secs: None, case, figures };
     ruler.figures.add(&ruler.case, "stored_gigabytes", bytes / 1e9);
     ruler.figures.add(&ruler.case, "direct_cold_milliseconds", 1e3 * cold_secs);
     ruler.measure_direct(&matrix, &lighting);
+    ruler.report_cold(packed_secs, cold_secs, ruler.decibels(&packed));
     measure(&container, &lighting, &mut ruler, &mut group);
     group.finish();
     ruler.figures
@@ -417,7 +433,7 @@ fn main() {
     let mut group = criterion.benchmark_group("relight 1024x768, 1024 columns, rank 8, 8 bits");
     let figures = Figures::new("bench-relight", &[], COMMAND);
     let case = "synthetic".to_owned();
-    let mut ruler = Ruler { bandwidth, reference, cold_secs: None, warm_secs: None, case, figures };
+    let mut ruler = Ruler { bandwidth, reference, warm_secs: None, case, figures };
     ruler.measure_direct(&source, &lighting);
     measure(&source, &lighting, &mut ruler, &mut group);
     ruler.figures.write();
