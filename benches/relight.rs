@@ -122,13 +122,25 @@ impl BlockSource for Smooth {
 /// Bytes per second of summing an array far larger than the caches on all threads: the most that a relight can move.
 fn read_bandwidth() -> f64 {
     let words = vec![1u64; 64 << 20];
-    let sum = || words.par_chunks(1 << 16).map(|chunk| chunk.iter().sum::<u64>()).sum::<u64>();
+    let sum = || words.par_chunks(1 << 16).map(|chunk| pulp::Arch::new().dispatch(Sum(chunk))).sum::<u64>();
     let fastest = (0..7).map(|_| {
         let start = Instant::now();
         black_box(sum());
         start.elapsed().as_secs_f64()
     });
     (words.len() * 8) as f64 / fastest.fold(f64::INFINITY, f64::min)
+}
+
+/// A sum by the widest vectors of the machine, as products are.
+struct Sum<'a>(&'a [u64]);
+
+impl pulp::NullaryFnOnce for Sum<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn call(self) -> u64 {
+        self.0.iter().sum()
+    }
 }
 
 /// Mean seconds of one call over about a second of calls.
