@@ -240,6 +240,7 @@ impl Ruler {
         println!();
     }
 
+    /// Begins the line of one way. Returns its case among the figures.
     fn begin(&mut self, name: &str, secs: f64, decibels: f64) -> String {
         let case = format!("{}: {name}", self.case);
         print!("  {name}: {:.3} ms, {:.1} per second, {decibels:.1} dB", 1e3 * secs, 1.0 / secs);
@@ -247,6 +248,7 @@ impl Ruler {
         case
     }
 
+    /// Adds to the line how many times faster it is than the direct product that is like it.
     fn over_direct(&mut self, case: &str, told: &str, ratio: f64) {
         print!(", {ratio:.1} × faster than the direct product, {told}");
         self.figures.add(case, &format!("{told}_direct_over_it"), ratio);

@@ -22,8 +22,10 @@ pub(crate) fn leading(a: MatRef<'_, f32>, rank: usize, power: usize) -> (Mat<f32
         basis = orthonormal(product(a, along.as_ref()).as_ref());
     }
     let inside = product(basis.transpose(), a);
-    let (_, turn) = eigen(wide(inside.transpose()).as_ref());
-    let turn = Mat::from_fn(width, rank.min(width), |i, k| turn[(i, k)] as f32);
+    let (_, vectors) = eigen(wide(inside.transpose()).as_ref());
+    // The last ones are the largest.
+    let (kept, first) = (rank.min(width), width - rank.min(width));
+    let turn = Mat::from_fn(width, kept, |i, k| vectors[(i, first + k)] as f32);
     (product(basis.as_ref(), turn.as_ref()), product(turn.transpose(), inside.as_ref()))
 }
 
@@ -41,19 +43,17 @@ fn wide(a: MatRef<'_, f32>) -> Mat<f64> {
 fn orthonormal(a: MatRef<'_, f32>) -> Mat<f32> {
     let (values, vectors) = eigen(wide(a).as_ref());
     let scaled = Mat::from_fn(a.ncols(), a.ncols(), |i, k| {
-        let kept = values[k] > 1e-13 * values[0];
+        let kept = values[k] > 1e-13 * values[a.ncols() - 1];
         if kept { (vectors[(i, k)] / values[k].sqrt()) as f32 } else { 0.0 }
     });
     product(a, scaled.as_ref())
 }
 
-/// Eigenvalues of `aᵀ a`, largest first, with their vectors as columns.
+/// Eigenvalues of `aᵀ a`, largest last, with their vectors as columns.
 fn eigen(a: MatRef<'_, f64>) -> (Vec<f64>, Mat<f64>) {
     let n = a.ncols();
     let mut gram = Mat::zeros(n, n);
     matmul(gram.as_mut(), Accum::Replace, a.transpose(), a, 1.0, Par::Seq);
     let solved = SelfAdjointEigen::new(gram.as_ref(), Side::Lower).expect("the block is finite");
-    let (values, vectors) = (solved.S().column_vector(), solved.U());
-    let falling = (0..n).rev().map(|k| values[k]).collect();
-    (falling, Mat::from_fn(n, n, |i, k| vectors[(i, n - 1 - k)]))
+    (solved.S().column_vector().iter().copied().collect(), solved.U().to_owned())
 }

@@ -82,7 +82,7 @@ fn over_direct(csv: &Csv, matrix: &str, way: &str) -> String {
         let ratio = of_way(csv, matrix, way, &format!("{told}_direct_over_it"))?;
         Some(format!("{} × {told}", short(ratio)))
     };
-    DIRECT.iter().filter_map(over).collect::<Vec<_>>().join(", ")
+    DIRECT.iter().find_map(over).unwrap_or_default()
 }
 
 /// A number with the digits that it needs.
