@@ -1,52 +1,57 @@
-// What the kernels named project share: their arrays, the part of a component's dot products that one thread of its
-// workgroup adds up, and where the sums go.
+// What the kernels named project share: their arrays, the part of four components' dot products that one thread of their
+// workgroup adds up, and where the sums go. Four at once, so that what is read of the lighting serves all of them.
 
 @group(0) @binding(0) var<uniform> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> lighting: array<f32>;
+// A plane for each channel, in fours.
+@group(0) @binding(1) var<storage, read> lighting: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> components: array<Component>;
-@group(0) @binding(3) var<storage, read> factors: array<u32>;
 @group(0) @binding(4) var<storage, read_write> projected: array<f32>;
 
-fn weight(column: u32) -> vec3<f32> {
-    let n = sizes.columns;
-    return vec3<f32>(lighting[column], lighting[n + column], lighting[2u * n + column]);
+// A component; one that adds nothing where there is none.
+fn component_at(index: u32) -> Component {
+    if index < sizes.components {
+        return components[index];
+    }
+    return Component(0u, 0u, NARROW_RIGHT | NARROW_LEFT, 0.0);
 }
 
-fn signed_byte(word: u32, byte: u32) -> f32 {
-    return f32(bitcast<i32>(word << (24u - 8u * byte)) >> 24u);
+fn is_right_narrow(component: Component) -> bool {
+    return (component.narrow & NARROW_RIGHT) != 0u;
 }
 
-fn partial_product(index: u32, thread: u32) -> vec3<f32> {
-    var sum = vec3<f32>(0.0);
-    if index >= sizes.components {
-        return sum;
-    }
-    let component = components[index];
-    if component.scale == 0.0 {
-        return sum;
-    }
-    let per_word = select(2u, 4u, (component.narrow & 1u) != 0u);
-    let words = (sizes.columns + per_word - 1u) / per_word;
-    for (var w = thread; w < words; w += THREADS) {
-        let word = factors[component.right_word + w];
-        let first = w * per_word;
-        var values: vec4<f32>;
-        if per_word == 4u {
-            values = vec4<f32>(
-                signed_byte(word, 0u), signed_byte(word, 1u), signed_byte(word, 2u), signed_byte(word, 3u));
-        } else {
-            values = vec4<f32>(unpack2x16float(word), 0.0, 0.0);
-        }
-        for (var i = 0u; i < min(per_word, sizes.columns - first); i++) {
-            sum += values[i] * weight(first + i);
-        }
-    }
-    return sum;
+fn right_words(component: Component, quad: u32) -> vec2<u32> {
+    return words(component.right_word, quad, is_right_narrow(component));
 }
 
-fn store(index: u32, sum: vec3<f32>) {
-    let total = sum * components[index].scale;
-    projected[3u * index] = total.x;
-    projected[3u * index + 1u] = total.y;
-    projected[3u * index + 2u] = total.z;
+fn partial_products(first: u32, thread: u32) -> mat4x3<f32> {
+    let a = component_at(first);
+    let b = component_at(first + 1u);
+    let c = component_at(first + 2u);
+    let d = component_at(first + 3u);
+    let quads = (sizes.columns + 3u) / 4u;
+    var sums = mat4x3<f32>();
+    for (var quad = thread; quad < quads; quad += THREADS) {
+        let weights = mat3x4<f32>(lighting[quad], lighting[quads + quad], lighting[2u * quads + quad]);
+        // All loads before the first branch.
+        let of_a = right_words(a, quad);
+        let of_b = right_words(b, quad);
+        let of_c = right_words(c, quad);
+        let of_d = right_words(d, quad);
+        sums += mat4x3<f32>(
+            values(of_a, is_right_narrow(a)) * weights,
+            values(of_b, is_right_narrow(b)) * weights,
+            values(of_c, is_right_narrow(c)) * weights,
+            values(of_d, is_right_narrow(d)) * weights);
+    }
+    return sums;
+}
+
+fn store(first: u32, sums: mat4x3<f32>) {
+    for (var i = 0u; i < min(4u, sizes.components - first); i++) {
+        let total = sums[i] * components[first + i].scale;
+        let at = 3u * (first + i);
+        projected[at] = total.x;
+        projected[at + 1u] = total.y;
+        projected[at + 2u] = total.z;
+    }
 }

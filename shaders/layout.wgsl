@@ -2,6 +2,10 @@
 
 const THREADS: u32 = 64u;
 
+// Bits of Component.narrow.
+const NARROW_RIGHT: u32 = 1u;
+const NARROW_LEFT: u32 = 2u;
+
 // Numbers of things in a bank of blocks.
 struct Sizes {
     columns: u32,
@@ -13,7 +17,8 @@ struct Sizes {
 struct Component {
     right_word: u32,
     left_word: u32,
-    // Bit 0: R in 8 bits, bit 1: L in 8 bits; else 16-bit floats.
+    // Which factors are in 8 bits; else 16-bit floats. Both where the scale is 0 and nothing stands at the words: whatever
+    // is read there in 8 bits is finite.
     narrow: u32,
     scale: f32,
 }

@@ -4,23 +4,39 @@
 @group(0) @binding(0) var<uniform> sizes: Sizes;
 @group(0) @binding(1) var<storage, read> blocks: array<Block>;
 @group(0) @binding(2) var<storage, read> components: array<Component>;
-@group(0) @binding(3) var<storage, read> factors: array<u32>;
 @group(0) @binding(4) var<storage, read> projected: array<f32>;
 @group(0) @binding(5) var<storage, read_write> image: array<f32>;
 
-fn signed_bytes(word: u32) -> vec4<f32> {
-    let shifted = vec4<u32>(word << 24u, word << 16u, word << 8u, word);
-    return vec4<f32>(bitcast<vec4<i32>>(shifted) >> vec4<u32>(24u));
+// Pixels of one workgroup, whose threads write them side by side.
+const PIXELS: u32 = 4u * THREADS;
+var<workgroup> radiance: array<f32, 3u * PIXELS>;
+
+struct Planes {
+    red: vec2<u32>,
+    green: vec2<u32>,
+    blue: vec2<u32>,
 }
 
-// Four values of a plane of L: `quads` is the number of fours in a plane.
-fn four(component: Component, channel: u32, quads: u32, quad: u32) -> vec4<f32> {
-    let at = channel * quads + quad;
-    if (component.narrow & 2u) != 0u {
-        return signed_bytes(factors[component.left_word + at]);
-    }
-    let word = component.left_word + 2u * at;
-    return vec4<f32>(unpack2x16float(factors[word]), unpack2x16float(factors[word + 1u]));
+fn is_left_narrow(component: Component) -> bool {
+    return (component.narrow & NARROW_LEFT) != 0u;
+}
+
+// The words of four pixels: `quads` is the number of fours in a plane.
+fn left_words(component: Component, quads: u32, quad: u32) -> Planes {
+    let is_narrow = is_left_narrow(component);
+    return Planes(
+        words(component.left_word, quad, is_narrow),
+        words(component.left_word, quads + quad, is_narrow),
+        words(component.left_word, 2u * quads + quad, is_narrow));
+}
+
+fn product(planes: Planes, is_narrow: bool, y: vec3<f32>) -> mat3x4<f32> {
+    return mat3x4<f32>(
+        values(planes.red, is_narrow) * y.x, values(planes.green, is_narrow) * y.y, values(planes.blue, is_narrow) * y.z);
+}
+
+fn projected_at(k: u32) -> vec3<f32> {
+    return vec3<f32>(projected[3u * k], projected[3u * k + 1u], projected[3u * k + 2u]);
 }
 
 @compute @workgroup_size(THREADS)
@@ -34,27 +50,35 @@ fn reconstruct(
         return;
     }
     let block = blocks[index];
-    let quads = (block.pixels + 3u) / 4u;
-    let quad = group.x * THREADS + thread;
-    if quad >= quads {
+    let start = group.x * PIXELS;
+    if start >= block.pixels {
         return;
     }
-    var red = vec4<f32>(0.0);
-    var green = vec4<f32>(0.0);
-    var blue = vec4<f32>(0.0);
-    for (var k = 0u; k < block.component_count; k++) {
-        let component = components[block.first_component + k];
-        if component.scale != 0.0 {
-            let y = 3u * (block.first_component + k);
-            red += four(component, 0u, quads, quad) * projected[y];
-            green += four(component, 1u, quads, quad) * projected[y + 1u];
-            blue += four(component, 2u, quads, quad) * projected[y + 2u];
+    let quads = (block.pixels + 3u) / 4u;
+    // Threads behind the last pixel repeat it.
+    let quad = min(start / 4u + thread, quads - 1u);
+    let end = block.first_component + block.component_count;
+    var sum = mat3x4<f32>();
+    for (var k = block.first_component; k < end; k += 2u) {
+        // Two at once, so that their loads overlap; a last one without another comes twice and counts once.
+        let next = min(k + 1u, end - 1u);
+        let a = components[k];
+        let b = components[next];
+        let of_a = left_words(a, quads, quad);
+        let of_b = left_words(b, quads, quad);
+        let y = projected_at(k);
+        let z = select(vec3<f32>(0.0), projected_at(next), k + 1u < end);
+        sum += product(of_a, is_left_narrow(a), y);
+        sum += product(of_b, is_left_narrow(b), z);
+    }
+    for (var i = 0u; i < 4u; i++) {
+        for (var channel = 0u; channel < 3u; channel++) {
+            radiance[12u * thread + 3u * i + channel] = sum[channel][i];
         }
     }
-    for (var i = 0u; i < min(4u, block.pixels - 4u * quad); i++) {
-        let at = 3u * (block.first_pixel + 4u * quad + i);
-        image[at] = red[i];
-        image[at + 1u] = green[i];
-        image[at + 2u] = blue[i];
+    workgroupBarrier();
+    let count = 3u * min(PIXELS, block.pixels - start);
+    for (var i = thread; i < count; i += THREADS) {
+        image[3u * (block.first_pixel + start) + i] = radiance[i];
     }
 }

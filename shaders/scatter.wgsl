@@ -2,7 +2,8 @@
 // One thread for each row that has sparse entries, so that no two write to the same place.
 
 @group(0) @binding(0) var<uniform> sizes: Sizes;
-@group(0) @binding(1) var<storage, read> lighting: array<f32>;
+// A plane for each channel, in fours.
+@group(0) @binding(1) var<storage, read> lighting: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> rows: array<SparseRow>;
 @group(0) @binding(3) var<storage, read> entries: array<SparseEntry>;
 @group(0) @binding(4) var<storage, read_write> image: array<f32>;
@@ -18,10 +19,11 @@ fn scatter(
         return;
     }
     let row = rows[index];
-    let weights = (row.target_index % 3u) * sizes.columns;
+    let plane = (row.target_index % 3u) * ((sizes.columns + 3u) / 4u);
     var sum = 0.0;
     for (var i = row.first; i < row.end; i++) {
-        sum += entries[i].value * lighting[weights + entries[i].column];
+        let column = entries[i].column;
+        sum += entries[i].value * lighting[plane + column / 4u][column % 4u];
     }
     image[row.target_index] += sum;
 }

@@ -45,8 +45,8 @@ fn many_small_banks_give_the_same_bits_as_one() {
 }
 
 fn more_components_than_one_row_of_workgroups_holds() {
-    // 72,900 components, above the 65,535 workgroups of one dimension.
-    let source = Recipe::new((540, 540), 4, 2, &[4]).make();
+    // 273,375 components, four in a workgroup: above the 65,535 workgroups of one dimension.
+    let source = Recipe::new((540, 540), 4, 2, &[15]).make();
     let (cpu, gpu) = (CpuRelighter::load(&source).unwrap(), GpuRelighter::new(&source).unwrap());
     assert_eq!(gpu.bank_count(), 1);
     let lighting = random_lighting(2, 1);
@@ -313,6 +313,11 @@ fn factors_and_lightings_that_cannot_be_used_are_refused() {
     let mut small = LinearImage::black(10, 10);
     let relit = through.relight_view(&random_lighting(10, 1), &[BlockId(0)], Detail::Whole, &mut small);
     assert!(relit.is_err(), "an image of another size");
+    let gpu = GpuRelighter::new(&Recipe::new((48, 16), 16, 10, &[2]).make()).unwrap();
+    assert!(gpu.relight_into(&random_lighting(10, 1), &mut small).is_err(), "an image of another size");
+    let mut image = LinearImage::black(48, 16);
+    gpu.relight_into(&random_lighting(10, 1), &mut image).unwrap();
+    assert_eq!(image, gpu.relight(&random_lighting(10, 1)).unwrap());
 }
 
 /// A device as a window would open it, and where it reports errors.

@@ -73,13 +73,13 @@ struct State {
 /// A block in memory.
 pub(super) struct Held {
     /// None where nothing of it could be read.
-    pub(super) block: Option<CompactBlock>,
+    pub(super) block: Option<Arc<CompactBlock>>,
     pub(super) detail: Detail,
 }
 
 impl Held {
     fn bytes(&self) -> u64 {
-        (size_of::<Self>() + self.block.as_ref().map_or(0, CompactBlock::bytes)) as u64
+        (size_of::<Self>() + self.block.as_ref().map_or(0, |block| block.bytes())) as u64
     }
 }
 
@@ -165,7 +165,7 @@ impl<'a> PagedRelighter<'a> {
         for_each_tile(image, self.shape, |mut tile| {
             if seen.contains(&tile.id) {
                 let held = self.fetch(tile.id, detail)?;
-                relight_block(held.block.as_ref(), &lighting, &mut tile);
+                relight_block(held.block.as_deref(), &lighting, &mut tile);
             }
             Ok(())
         })
@@ -219,12 +219,15 @@ impl<'a> PagedRelighter<'a> {
         self.fetch_kept(id, wanted).map(|fetched| fetched.held)
     }
 
+    /// The block, if it is in memory in at least this detail.
+    pub(super) fn at_hand(&self, id: BlockId, wanted: Detail) -> Option<Arc<Held>> {
+        let mut state = self.lock();
+        state.pager.touch(id)?;
+        state.held.get(&id).filter(|held| held.detail >= wanted).cloned()
+    }
+
     fn fetch_kept(&self, id: BlockId, wanted: Detail) -> Result<Fetched> {
-        let before = {
-            let mut state = self.lock();
-            state.pager.touch(id).and_then(|_| state.held.get(&id).cloned())
-        };
-        if let Some(held) = before.filter(|held| held.detail >= wanted) {
+        if let Some(held) = self.at_hand(id, wanted) {
             return Ok(Fetched { held, is_kept: true });
         }
         let held = Arc::new(self.read(id, wanted)?);
@@ -260,7 +263,7 @@ impl<'a> PagedRelighter<'a> {
                 break None;
             }
         };
-        let block = block.map(|block| CompactBlock::new(self.shape, id, &block)).transpose()?;
+        let block = block.map(|block| CompactBlock::new(self.shape, id, &block).map(Arc::new)).transpose()?;
         // Of a damaged block there is no more than this.
         let detail = if is_whole || damage.is_some() { Detail::Whole } else { Detail::Base };
         if let Some(error) = damage {

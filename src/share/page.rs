@@ -27,12 +27,13 @@ const FRAME: &str = include_str!("page/page.html");
 
 /// The kernels that the page shares with the GPU relighter, by the name that the page knows them by.
 const KERNELS: [(&str, &[&str]); 4] = [
-    ("project", &[LAYOUT, include_str!("../../shaders/dot.wgsl"), include_str!("../../shaders/project.wgsl")]),
-    ("reconstruct", &[LAYOUT, include_str!("../../shaders/reconstruct.wgsl")]),
+    ("project", &[LAYOUT, FACTORS, include_str!("../../shaders/dot.wgsl"), include_str!("../../shaders/project.wgsl")]),
+    ("reconstruct", &[LAYOUT, FACTORS, include_str!("../../shaders/reconstruct.wgsl")]),
     ("scatter", &[LAYOUT, include_str!("../../shaders/scatter.wgsl")]),
     ("tone", &[LAYOUT, include_str!("../../shaders/tone.wgsl")]),
 ];
 const LAYOUT: &str = include_str!("../../shaders/layout.wgsl");
+const FACTORS: &str = include_str!("../../shaders/factors.wgsl");
 
 /// Unpacks the script, a third of its size, and runs it: a browser that knows the data's compression knows the script's.
 const LOADER: &str = include_str!("page/loader.js");

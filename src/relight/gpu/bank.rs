@@ -1,11 +1,16 @@
 //! Blocks packed into the arrays that the kernels read. Knows the layout of `shaders/`, not the GPU.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::matrix::{BlockId, CHANNELS};
-use crate::relight::compact::{CompactBlock, Factor};
+use crate::relight::compact::{CompactBlock, Factor, Wide};
+
+/// Bits of [`Component::narrow`], as in `shaders/layout.wgsl`.
+const NARROW_RIGHT: u32 = 1;
+const NARROW_LEFT: u32 = 2;
 
 /// One component of a block, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -60,7 +65,7 @@ pub(super) struct Sizes {
 pub(super) struct Bank {
     pub components: Vec<Component>,
     pub blocks: Vec<Block>,
-    pub factors: Vec<u32>,
+    pub factors: Factors,
     pub sparse_rows: Vec<SparseRow>,
     pub sparse_entries: Vec<SparseEntry>,
     /// Pixels of all its blocks, block after block.
@@ -68,6 +73,96 @@ pub(super) struct Bank {
     /// Its blocks, each with its first pixel.
     pub ids: Vec<(BlockId, u32)>,
     pub max_pixels: u32,
+}
+
+/// The array of factors, most of which stays where the blocks hold it.
+#[derive(Debug, Default)]
+pub(super) struct Factors {
+    /// Words of the array.
+    words: usize,
+    spans: Vec<Span>,
+    /// Words of the spans that had to be padded.
+    padded: Vec<u32>,
+}
+
+/// A part of the array of factors.
+#[derive(Debug)]
+enum Span {
+    /// A factor's components in 8 bits, as the block holds them.
+    Narrow(Arc<CompactBlock>, Side),
+    /// Those in 16 bits.
+    Wide(Arc<CompactBlock>, Side),
+    /// Planes that end in the midst of a word, in words of their own.
+    Padded(Range<usize>),
+}
+
+/// Which factor of a block.
+#[derive(Clone, Copy, Debug)]
+enum Side {
+    Left,
+    Right,
+}
+
+impl Side {
+    fn of(self, block: &CompactBlock) -> &Factor {
+        match self {
+            Self::Left => &block.left,
+            Self::Right => &block.right,
+        }
+    }
+}
+
+impl Factors {
+    /// The bytes of the array, span by span.
+    pub(super) fn bytes(&self) -> impl Iterator<Item = &[u8]> {
+        self.spans.iter().map(|span| match span {
+            Span::Narrow(block, side) => bytemuck::cast_slice(&side.of(block).narrow.values),
+            Span::Wide(block, side) => bytemuck::cast_slice(&side.of(block).wide.values),
+            Span::Padded(range) => bytemuck::cast_slice(&self.padded[range.clone()]),
+        })
+    }
+
+    /// Appends the planes of a factor, each padded to four values; returns (component, first word, whether in 8 bits).
+    fn push(&mut self, block: &Arc<CompactBlock>, side: Side, plane: usize) -> Vec<(u32, u32, bool)> {
+        let factor = side.of(block);
+        let planes = factor.length / plane.max(1);
+        let mut places = Vec::new();
+        for (components, words_of_four, is_narrow) in
+            [(&factor.narrow.components, 1, true), (&factor.wide.components, 2, false)]
+        {
+            let words = planes * plane.div_ceil(4) * words_of_four;
+            places
+                .extend((self.words..).step_by(words.max(1)).zip(components).map(|(at, &k)| (k, at as u32, is_narrow)));
+            let words = words * components.len();
+            self.words += words;
+            if plane.is_multiple_of(4) {
+                let block = Arc::clone(block);
+                self.spans.push(if is_narrow { Span::Narrow(block, side) } else { Span::Wide(block, side) });
+                continue;
+            }
+            let start = self.padded.len();
+            if is_narrow {
+                self.pad(&factor.narrow.values, plane, |four| [u32::from_le_bytes(four.map(|value| value as u8))]);
+            } else {
+                let pair = |low: Wide, high: Wide| u32::from(low.0) | u32::from(high.0) << 16;
+                self.pad(&factor.wide.values, plane, |[a, b, c, d]| [pair(a, b), pair(c, d)]);
+            }
+            debug_assert_eq!(self.padded.len(), start + words);
+            self.spans.push(Span::Padded(start..self.padded.len()));
+        }
+        places
+    }
+
+    /// Appends the words of planes, of each four values, of which the last of a plane may be zeros.
+    fn pad<Q: Pod, const WORDS: usize>(&mut self, values: &[Q], plane: usize, words: impl Fn([Q; 4]) -> [u32; WORDS]) {
+        for plane in values.chunks_exact(plane) {
+            self.padded.extend(plane.chunks(4).flat_map(|some| {
+                let mut four = [Q::zeroed(); 4];
+                four[..some.len()].copy_from_slice(some);
+                words(four)
+            }));
+        }
+    }
 }
 
 /// Lengths of the arrays of a bank, or the most that a block adds to them.
@@ -147,7 +242,7 @@ impl Lengths {
 impl Bank {
     pub(super) fn lengths(&self) -> Lengths {
         Lengths {
-            factor_words: self.factors.len(),
+            factor_words: self.factors.words,
             components: self.components.len(),
             blocks: self.blocks.len(),
             sparse_rows: self.sparse_rows.len(),
@@ -157,25 +252,26 @@ impl Bank {
     }
 
     /// Appends a block.
-    pub(super) fn push(&mut self, id: BlockId, block: &CompactBlock) {
+    pub(super) fn push(&mut self, id: BlockId, block: &Arc<CompactBlock>) {
         let pixels = block.pixels() as u32;
         let first_component = self.components.len();
-        let empty = Component { right_word: 0, left_word: 0, narrow: 0, scale: 0.0 };
+        // What is read at word 0 for one of scale 0 is finite, as bytes are.
+        let empty = Component { right_word: 0, left_word: 0, narrow: NARROW_RIGHT | NARROW_LEFT, scale: 0.0 };
         self.components.extend(std::iter::repeat_n(empty, block.rank()));
         for (component, &scale) in self.components[first_component..].iter_mut().zip(&block.scales) {
             component.scale = scale;
         }
-        let right = self.push_factor(&block.right, block.right.length);
-        let left = self.push_factor(&block.left, block.pixels());
+        let right = self.factors.push(block, Side::Right, block.right.length);
+        let left = self.factors.push(block, Side::Left, block.pixels());
         for (k, word, narrow) in right {
             let component = &mut self.components[first_component + k as usize];
             component.right_word = word;
-            component.narrow |= u32::from(narrow);
+            component.narrow &= if narrow { !0 } else { !NARROW_RIGHT };
         }
         for (k, word, narrow) in left {
             let component = &mut self.components[first_component + k as usize];
             component.left_word = word;
-            component.narrow |= u32::from(narrow) << 1;
+            component.narrow &= if narrow { !0 } else { !NARROW_LEFT };
         }
         self.push_sparse(block);
         self.blocks.push(Block {
@@ -190,49 +286,32 @@ impl Bank {
         self.max_pixels = self.max_pixels.max(pixels);
     }
 
-    /// Appends the planes of a factor, each padded to four values; returns (component, first word, whether in 8 bits).
-    fn push_factor(&mut self, factor: &Factor, plane: usize) -> Vec<(u32, u32, bool)> {
-        let mut places = Vec::new();
-        for (&k, values) in factor.narrow.components.iter().zip(factor.narrow.values.chunks_exact(factor.length)) {
-            places.push((k, self.factors.len() as u32, true));
-            for plane in values.chunks_exact(plane) {
-                self.factors.extend(plane.chunks(4).map(|four| {
-                    let byte = |i: usize| four.get(i).map_or(0, |&value| value as u8);
-                    u32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)])
-                }));
-            }
-        }
-        for (&k, values) in factor.wide.components.iter().zip(factor.wide.values.chunks_exact(factor.length)) {
-            places.push((k, self.factors.len() as u32, false));
-            for plane in values.chunks_exact(plane) {
-                for four in plane.chunks(4) {
-                    let half = |i: usize| four.get(i).map_or(0, |value| u32::from(value.0));
-                    self.factors.extend([half(0) | half(1) << 16, half(2) | half(3) << 16]);
-                }
-            }
-        }
-        places
-    }
-
-    /// Appends the sparse entries, row after row.
+    /// Appends the sparse entries, row after row; those of a row in the order of their columns, as the twin adds them.
     fn push_sparse(&mut self, block: &CompactBlock) {
-        let pixels = block.pixels() as u32;
-        let mut entries: Vec<(u32, SparseEntry)> = Vec::with_capacity(block.sparse.rows.len());
+        let pixels = block.pixels();
+        if block.sparse.rows.is_empty() {
+            return;
+        }
+        // By counting: a comparing sort would take longer than all else that is done to send a block.
+        let mut places = vec![0u32; CHANNELS * pixels];
+        block.sparse.rows.iter().for_each(|&row| places[row as usize] += 1);
+        let mut end = self.sparse_entries.len() as u32;
+        for (row, place) in places.iter_mut().enumerate() {
+            let (first, count) = (end, std::mem::replace(place, end));
+            end += count;
+            if count > 0 {
+                let target_index = (self.pixels + (row % pixels) as u32) * CHANNELS as u32 + (row / pixels) as u32;
+                self.sparse_rows.push(SparseRow { target_index, first, end });
+            }
+        }
+        self.sparse_entries.resize(end as usize, SparseEntry::zeroed());
         for (at, &(column, _)) in block.sparse.ends.iter().enumerate() {
             let (rows, values) = block.sparse.of(at);
-            entries.extend(rows.iter().zip(values).map(|(&row, &value)| (row, SparseEntry { column, value })));
-        }
-        // Stable: a row's entries stay in the order of their columns, as the twin adds them.
-        entries.sort_by_key(|(row, _)| *row);
-        for of_row in entries.chunk_by(|a, b| a.0 == b.0) {
-            let row = of_row[0].0;
-            let first = self.sparse_entries.len() as u32;
-            self.sparse_entries.extend(of_row.iter().map(|(_, entry)| entry));
-            self.sparse_rows.push(SparseRow {
-                target_index: (self.pixels + row % pixels) * CHANNELS as u32 + row / pixels,
-                first,
-                end: self.sparse_entries.len() as u32,
-            });
+            for (&row, &value) in rows.iter().zip(values) {
+                let place = &mut places[row as usize];
+                self.sparse_entries[*place as usize] = SparseEntry { column, value };
+                *place += 1;
+            }
         }
     }
 }

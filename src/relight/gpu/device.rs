@@ -1,8 +1,9 @@
 //! An adapter, a device and the compiled kernels.
 
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS};
+use super::staging::Staging;
 use crate::error::{Error, Result};
 
 /// A GPU ready to run the kernels.
@@ -13,6 +14,7 @@ pub(super) struct Gpu {
     pub pipelines: Vec<wgpu::ComputePipeline>,
     /// Whether the kernels add up within subgroups.
     pub subgroups: bool,
+    staging: Mutex<Staging>,
     /// What the driver reported outside any call of ours.
     complaint: Arc<Mutex<Option<String>>>,
 }
@@ -95,7 +97,15 @@ impl Gpu {
             kernels[0] = PROJECT_SUBGROUPS;
         }
         let pipelines = kernels.iter().map(|kernel| compile(&device, kernel)).collect();
-        let gpu = Self { adapter: device.adapter_info(), device, queue, pipelines, subgroups, complaint };
+        let gpu = Self {
+            adapter: device.adapter_info(),
+            device,
+            queue,
+            pipelines,
+            subgroups,
+            staging: Mutex::default(),
+            complaint,
+        };
         gpu.check()?;
         Ok(gpu)
     }
@@ -108,6 +118,11 @@ impl Gpu {
     /// Whether the adapter computes on the processor.
     pub(super) fn is_software(&self) -> bool {
         is_software(&self.adapter)
+    }
+
+    /// The way to its memory, which one thread uses at a time.
+    pub(super) fn staging(&self) -> MutexGuard<'_, Staging> {
+        self.staging.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Errors if the driver has complained since the last call.

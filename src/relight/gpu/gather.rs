@@ -48,7 +48,7 @@ pub(super) struct Gather<'a, 's> {
     wanted: VecDeque<(BlockId, Detail)>,
     /// Read and not yet packed.
     waiting: VecDeque<(BlockId, Arc<Held>)>,
-    pieces: VecDeque<(BlockId, Detail, CompactBlock)>,
+    pieces: VecDeque<(BlockId, Detail, Arc<CompactBlock>)>,
     limits: Limits,
 }
 
@@ -96,9 +96,19 @@ impl<'a, 's> Gather<'a, 's> {
         Ok((!gathered.blocks.is_empty()).then_some(gathered))
     }
 
-    /// Reads as many as there are threads, of one detail.
+    /// Takes what is at hand up to the first block that is not, or reads as many as there are threads.
     fn read(&mut self) -> Result<()> {
         let count = rayon::current_num_threads().min(self.wanted.len());
+        while let Some(&(id, detail)) = self.wanted.front()
+            && self.waiting.len() < count
+            && let Some(held) = self.host.at_hand(id, detail)
+        {
+            self.waiting.push_back((id, held));
+            self.wanted.pop_front();
+        }
+        if !self.waiting.is_empty() {
+            return Ok(());
+        }
         let batch: Vec<(BlockId, Detail)> = self.wanted.drain(..count).collect();
         let read = batch.into_par_iter().map(|(id, detail)| Ok((id, self.host.fetch(id, detail)?)));
         self.waiting.extend(read.collect::<Result<Vec<_>>>()?);
@@ -128,7 +138,7 @@ impl<'a, 's> Gather<'a, 's> {
                     false => too_large(&id.to_string(), needed.bytes(), self.limits.most_bytes),
                 });
             }
-            self.pieces.push_back((id, detail, block.piece(first..end)));
+            self.pieces.push_back((id, detail, Arc::new(block.piece(first..end))));
             first = end;
             if first == rank {
                 return Ok(());
@@ -136,7 +146,7 @@ impl<'a, 's> Gather<'a, 's> {
         }
     }
 
-    fn piece(id: BlockId, detail: Detail, piece: &CompactBlock) -> Gathered {
+    fn piece(id: BlockId, detail: Detail, piece: &Arc<CompactBlock>) -> Gathered {
         let mut bank = Bank::default();
         bank.push(id, piece);
         let blocks = vec![Arrived { id, detail, is_hole: false }];

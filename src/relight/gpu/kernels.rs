@@ -3,6 +3,9 @@
 /// Threads of a workgroup in every kernel; a test compares it with the shaders'.
 pub(super) const THREADS: u32 = 64;
 
+/// Components that one workgroup of the kernel `project` takes.
+pub(super) const TOGETHER: u32 = 4;
+
 /// A shader with one entry point of its own name.
 #[derive(Clone, Copy)]
 pub(super) struct Kernel<B: 'static> {
@@ -38,7 +41,7 @@ pub(super) enum ToneBinding {
 /// What the threads of a kernel are spread over.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum SpreadOver {
-    /// A workgroup for each component.
+    /// A workgroup for each [`TOGETHER`] components.
     Components,
     /// A thread for each row that has sparse entries.
     SparseRows,
@@ -59,7 +62,7 @@ pub(super) const KERNELS: [(Kernel<Array>, SpreadOver); 3] = [
     (
         Kernel {
             name: "reconstruct",
-            source: wgsl!("reconstruct.wgsl"),
+            source: wgsl!("factors.wgsl", "reconstruct.wgsl"),
             bindings: &[Array::Sizes, Array::Blocks, Array::Components, Array::Factors, Array::Projected, Array::Image],
         },
         SpreadOver::Pixels,
@@ -76,13 +79,13 @@ pub(super) const KERNELS: [(Kernel<Array>, SpreadOver); 3] = [
 
 const PROJECT: Kernel<Array> = Kernel {
     name: "project",
-    source: wgsl!("dot.wgsl", "project.wgsl"),
+    source: wgsl!("factors.wgsl", "dot.wgsl", "project.wgsl"),
     bindings: &[Array::Sizes, Array::Lighting, Array::Components, Array::Factors, Array::Projected],
 };
 
 /// Takes the place of the first kernel where the device has subgroups.
 pub(super) const PROJECT_SUBGROUPS: Kernel<Array> =
-    Kernel { source: wgsl!("dot.wgsl", "project_subgroups.wgsl"), ..PROJECT };
+    Kernel { source: wgsl!("factors.wgsl", "dot.wgsl", "project_subgroups.wgsl"), ..PROJECT };
 
 /// Puts what they have made on a screen.
 pub(super) const TONE: Kernel<ToneBinding> = Kernel {

@@ -10,18 +10,19 @@ mod kernels;
 mod paged;
 mod resident;
 mod screen;
+mod staging;
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use rayon::prelude::*;
 
-use super::cpu::check_columns;
+use super::cpu::{check_columns, check_size};
 use super::damage::read_compact;
 use super::tiles::for_each_tile;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
-use crate::matrix::{BlockId, CHANNELS, FactorSource, MatrixShape};
+use crate::matrix::{BlockId, FactorSource, MatrixShape};
 use bank::{Bank, Lengths};
 use device::Gpu;
 use resident::{ResidentBank, SharedArrays, read_back, relight, submit, submit_copy};
@@ -122,16 +123,19 @@ impl GpuRelighter {
                 if added.largest_bytes() > limit {
                     return Err(too_large(&id.to_string(), added.largest_bytes(), limit));
                 }
-                bank.push(id, &block);
+                bank.push(id, &Arc::new(block));
             }
         }
-        self.upload(bank)
+        self.upload(bank)?;
+        // Nothing more will be sent.
+        self.gpu.staging().release();
+        Ok(())
     }
 
     /// Puts a bank into GPU memory. An empty one is not kept.
     fn upload(&mut self, bank: Bank) -> Result<()> {
         if !bank.blocks.is_empty() {
-            let resident = ResidentBank::upload(&self.gpu, &self.shared, self.shape.columns(), &bank)?;
+            let (resident, _) = ResidentBank::upload(&self.gpu, &self.shared, self.shape.columns(), &bank, |_, _| ())?;
             for &(id, first) in &resident.places {
                 self.places[id.index()] = Some((self.banks.len(), first));
             }
@@ -180,11 +184,22 @@ impl GpuRelighter {
     /// # Errors
     /// A lighting with another number of columns than the matrix, and [`Error::NoGpu`] where the device fails.
     pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
+        let mut image = LinearImage::black(self.shape.width(), self.shape.height());
+        self.relight_into(lighting, &mut image)?;
+        Ok(image)
+    }
+
+    /// As [`relight`](Self::relight), into an image that is at hand: making one can take longer than the rest.
+    ///
+    /// # Errors
+    /// As [`relight`](Self::relight), and an image of another size than the matrix.
+    pub fn relight_into(&self, lighting: &Lighting, image: &mut LinearImage) -> Result<()> {
         check_columns(self.shape, lighting)?;
+        check_size(self.shape, image)?;
         let _turn = self.turn();
         self.shared.set(&self.gpu, lighting);
         let submission = submit(&self.gpu, &self.banks.iter().collect::<Vec<_>>());
-        self.read(submission)
+        self.read(submission, image)
     }
 
     /// The image under the lighting of the newest call, read back once more; black before the first.
@@ -194,25 +209,24 @@ impl GpuRelighter {
     pub fn radiance(&self) -> Result<LinearImage> {
         let _turn = self.turn();
         let encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.read(submit_copy(&self.gpu, encoder, self.banks.iter()))
+        let mut image = LinearImage::black(self.shape.width(), self.shape.height());
+        self.read(submit_copy(&self.gpu, encoder, self.banks.iter()), &mut image)?;
+        Ok(image)
     }
 
-    /// What a submission copies, once that is done.
-    fn read(&self, submission: wgpu::SubmissionIndex) -> Result<LinearImage> {
+    /// Sets an image to what a submission copies, once that is done.
+    fn read(&self, submission: wgpu::SubmissionIndex, image: &mut LinearImage) -> Result<()> {
         self.gpu.wait_for(submission)?;
         let banks: Vec<&ResidentBank> = self.banks.iter().collect();
-        let mut words: Vec<Vec<u32>> = Vec::with_capacity(banks.len());
-        read_back(&self.gpu, &banks, &mut |_, bytes| words.push(bytemuck::pod_collect_to_vec(bytes)))?;
-        let pixels: Vec<&[[f32; CHANNELS]]> = words.iter().map(|words| bytemuck::cast_slice(words)).collect();
-        let mut image = LinearImage::black(self.shape.width(), self.shape.height());
-        for_each_tile(&mut image, self.shape, |mut tile| {
-            match self.places[tile.id.index()] {
-                Some((bank, first)) => tile.copy(&pixels[bank][first as usize..]),
-                None => tile.mark_as_hole(),
-            }
-            Ok::<_, Error>(())
-        })?;
-        Ok(image)
+        read_back(&self.gpu, &banks, |images| {
+            for_each_tile(image, self.shape, |mut tile| {
+                match self.places[tile.id.index()] {
+                    Some((bank, first)) => tile.copy(&images[bank][first as usize..]),
+                    None => tile.mark_as_hole(),
+                }
+                Ok(())
+            })
+        })
     }
 
     /// Relights and waits, leaving the image in GPU memory: what a display would cost.

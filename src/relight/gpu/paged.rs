@@ -1,7 +1,7 @@
 //! Relighting on the GPU a matrix whose factors do not fit into its memory.
 
 use std::collections::{HashMap, HashSet};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::device::Gpu;
 use super::gather::{Arrived, Gather, Gathered, Limits};
@@ -16,8 +16,11 @@ use crate::relight::paged::PagedRelighter;
 use crate::relight::pager::{Admission, Detail, Pager, plan};
 use crate::relight::tiles::for_each_tile;
 
-/// Of the budget, the share of one bank: so much passes through while the rest stays.
-const BANK_SHARE: u64 = 4;
+/// Of the budget, the share of one bank. Two of them pass through at a time while the rest stays.
+const BANK_SHARE: u64 = 6;
+const PASSING: u64 = 2;
+/// Most bytes of a bank: larger ones pass no faster, and take from what stays.
+const MOST_BANK_BYTES: u64 = 64 << 20;
 
 /// Relights on the GPU within a budget of its memory: banks of blocks stay there as far as the budget goes, the others
 /// pass through, bank by bank. Blocks come through a [`PagedRelighter`], so that host memory has its own budget.
@@ -45,7 +48,7 @@ struct Place {
 
 /// A bank that stays.
 struct KeptBank {
-    bank: ResidentBank,
+    bank: Arc<ResidentBank>,
     /// How many of its blocks have not come anew in another bank.
     standing: usize,
 }
@@ -60,11 +63,20 @@ struct State {
 }
 
 /// A bank that was put into GPU memory.
-enum Uploaded {
-    /// It stays.
-    Kept(BankId),
-    /// It goes when it was used.
-    Passing(ResidentBank),
+struct Uploaded {
+    bank: Arc<ResidentBank>,
+    /// Whether it stays; else it goes when it was used.
+    is_kept: bool,
+    submission: wgpu::SubmissionIndex,
+}
+
+/// What is done with a bank that is put into GPU memory.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Use {
+    /// It is kept for later.
+    Keep,
+    /// It is relit and read back.
+    Relight,
 }
 
 /// The image as far as it has come back, block by block.
@@ -104,9 +116,9 @@ impl<'a> PagedGpuRelighter<'a> {
         let Some(most_bytes) = budget_bytes.checked_sub(lighting_bytes) else {
             return Err(too_large("the lighting", lighting_bytes, budget_bytes));
         };
-        let bank_bytes = most_bytes / BANK_SHARE;
+        let bank_bytes = (most_bytes / BANK_SHARE).min(MOST_BANK_BYTES);
         let state = State {
-            pager: Pager::new(most_bytes - bank_bytes),
+            pager: Pager::new(most_bytes - PASSING * bank_bytes),
             banks: HashMap::new(),
             places: HashMap::new(),
             uploads: 0,
@@ -161,7 +173,7 @@ impl<'a> PagedGpuRelighter<'a> {
         self.look_at(&mut state, &seen, view);
         let mut canvas = Canvas { shape, blocks: HashMap::new() };
         let shown: Vec<BankId> = state.banks_of(&seen).collect();
-        let submission = submit(&self.gpu, &shown.iter().map(|bank| &state.banks[bank].bank).collect::<Vec<_>>());
+        let submission = submit(&self.gpu, &shown.iter().map(|bank| &*state.banks[bank].bank).collect::<Vec<_>>());
         let mut gather = Gather::new(&self.host, missing.into_iter().map(|id| (id, detail)), self.limits);
         // While the GPU computes, the next bank is read and packed.
         let mut next = gather.next();
@@ -169,22 +181,27 @@ impl<'a> PagedGpuRelighter<'a> {
         for id in shown {
             // A bank may hold blocks that have come anew in another.
             let stands = |block| state.places.get(&block).is_some_and(|place| place.bank == Some(id));
-            read_back(&self.gpu, &[&state.banks[&id].bank], &mut |bank, bytes| canvas.take(bank, bytes, &stands))?;
+            let bank = &state.banks[&id].bank;
+            read_back(&self.gpu, &[bank], |images| canvas.take(bank, images[0], &stands))?;
         }
+        let state = &mut *state;
+        let mut passing: Option<Uploaded> = None;
         while let Some(gathered) = next? {
-            let Some(uploaded) = self.upload(&mut state, &gathered)? else {
-                next = gather.next();
-                continue;
-            };
-            let bank = match &uploaded {
-                Uploaded::Kept(id) => &state.banks[id].bank,
-                Uploaded::Passing(bank) => bank,
-            };
-            let submission = submit(&self.gpu, &[bank]);
-            next = gather.next();
-            self.gpu.wait_for(submission)?;
-            read_back(&self.gpu, &[bank], &mut |bank, bytes| canvas.take(bank, bytes, &|_| true))?;
+            let is_large = |bytes: u64| bytes > self.limits.bank_bytes;
+            // One that is larger than its share has the memory to itself.
+            if is_large(gathered.bank.lengths().bytes()) || passing.as_ref().is_some_and(|one| is_large(one.bank.bytes))
+            {
+                self.finish(passing.take(), &mut canvas)?;
+            }
+            let passing_bytes = passing.as_ref().filter(|bank| !bank.is_kept).map_or(0, |passing| passing.bank.bytes);
+            // While one bank is sent, the one before is relit and read back, and the next is read and packed.
+            let (uploaded, ahead) = rayon::join(
+                || self.upload(state, &gathered, Use::Relight, passing_bytes),
+                || self.finish(passing.take(), &mut canvas).and_then(|()| gather.next()),
+            );
+            (passing, next) = (uploaded?, ahead);
         }
+        self.finish(passing, &mut canvas)?;
         for_each_tile(image, shape, |mut tile| {
             if seen.contains(&tile.id) {
                 match canvas.blocks.get(&tile.id) {
@@ -194,6 +211,13 @@ impl<'a> PagedGpuRelighter<'a> {
             }
             Ok::<_, Error>(())
         })
+    }
+
+    /// Waits for a bank that is relit, and takes its image.
+    fn finish(&self, uploaded: Option<Uploaded>, canvas: &mut Canvas) -> Result<()> {
+        let Some(Uploaded { bank, submission, .. }) = uploaded else { return Ok(()) };
+        self.gpu.wait_for(submission)?;
+        read_back(&self.gpu, &[&bank], |images| canvas.take(&bank, images[0], &|_| true))
     }
 
     /// Uploads what the view lacks and then what lies nearby, base layers before the rest, until the budget is full.
@@ -212,7 +236,10 @@ impl<'a> PagedGpuRelighter<'a> {
             let mut gather = Gather::new(&self.host, step, self.limits);
             while let Some(gathered) = gather.next()? {
                 // What comes in pieces never stays.
-                if !gathered.is_piece && matches!(self.upload(&mut state, &gathered)?, Some(Uploaded::Passing(_))) {
+                if gathered.is_piece {
+                    continue;
+                }
+                if self.upload(&mut state, &gathered, Use::Keep, 0)?.is_some_and(|uploaded| !uploaded.is_kept) {
                     return Ok(());
                 }
             }
@@ -232,8 +259,14 @@ impl<'a> PagedGpuRelighter<'a> {
         state.pager.set_view(banks);
     }
 
-    /// Makes room for a bank and puts it into GPU memory; none where it has no blocks.
-    fn upload(&self, state: &mut State, gathered: &Gathered) -> Result<Option<Uploaded>> {
+    /// Makes room for a bank beside what passes through, and puts it into GPU memory; none where it has no blocks.
+    fn upload(
+        &self,
+        state: &mut State,
+        gathered: &Gathered,
+        used: Use,
+        passing_bytes: u64,
+    ) -> Result<Option<Uploaded>> {
         let Gathered { bank, blocks, is_piece } = gathered;
         for Arrived { id, detail, .. } in blocks.iter().filter(|block| block.is_hole) {
             state.place(*id, Place { detail: *detail, bank: None });
@@ -250,11 +283,15 @@ impl<'a> PagedGpuRelighter<'a> {
         };
         let mut evicted = admission.evicted;
         if !admission.kept {
-            evicted.extend(state.pager.shrink_to(self.limits.most_bytes - bytes));
+            evicted.extend(state.pager.shrink_to(self.limits.most_bytes - bytes - passing_bytes));
         }
         evicted.iter().for_each(|bank| state.drop_bank(*bank));
         let columns = self.host.shape().columns();
-        let resident = match ResidentBank::upload(&self.gpu, &self.shared, columns, bank) {
+        let resident = match used {
+            Use::Keep => ResidentBank::upload(&self.gpu, &self.shared, columns, bank, |_, _| ()),
+            Use::Relight => ResidentBank::upload_and_relight(&self.gpu, &self.shared, columns, bank),
+        };
+        let (resident, submission) = match resident {
             Ok(resident) => resident,
             Err(error) => {
                 state.pager.remove(id);
@@ -262,19 +299,19 @@ impl<'a> PagedGpuRelighter<'a> {
             }
         };
         state.uploads += 1;
-        state.uploaded_bytes += resident.bytes;
-        let passing = if admission.kept { 0 } else { resident.bytes };
+        state.uploaded_bytes += resident.sent_bytes;
+        let passing = passing_bytes + if admission.kept { 0 } else { resident.bytes };
         let used = state.pager.used_bytes() + passing + SharedArrays::lighting_bytes(columns);
         state.peak_bytes = state.peak_bytes.max(used);
-        if !admission.kept {
-            return Ok(Some(Uploaded::Passing(resident)));
+        let bank = Arc::new(resident);
+        if admission.kept {
+            state.pager.see(id);
+            state.banks.insert(id, KeptBank { standing: bank.places.len(), bank: Arc::clone(&bank) });
+            for Arrived { id: block, detail, .. } in blocks.iter().filter(|block| !block.is_hole) {
+                state.place(*block, Place { detail: *detail, bank: Some(id) });
+            }
         }
-        state.pager.see(id);
-        state.banks.insert(id, KeptBank { standing: resident.places.len(), bank: resident });
-        for Arrived { id: block, detail, .. } in blocks.iter().filter(|block| !block.is_hole) {
-            state.place(*block, Place { detail: *detail, bank: Some(id) });
-        }
-        Ok(Some(Uploaded::Kept(id)))
+        Ok(Some(Uploaded { bank, is_kept: admission.kept, submission }))
     }
 
     /// Name of the adapter and its driver's interface.
@@ -297,7 +334,7 @@ impl<'a> PagedGpuRelighter<'a> {
         self.lock().uploads
     }
 
-    /// Bytes of the banks uploaded so far.
+    /// Bytes sent to the GPU so far for the banks uploaded; what the kernels make there is not among them.
     pub fn uploaded_bytes(&self) -> u64 {
         self.lock().uploaded_bytes
     }
@@ -359,8 +396,7 @@ impl State {
 
 impl Canvas {
     /// Takes the image of the blocks of a bank that count. What comes a second time is another piece of the same block.
-    fn take(&mut self, bank: &ResidentBank, bytes: &[u8], counts: &dyn Fn(BlockId) -> bool) {
-        let image: &[[f32; CHANNELS]] = bytemuck::cast_slice(bytes);
+    fn take(&mut self, bank: &ResidentBank, image: &[[f32; CHANNELS]], counts: &dyn Fn(BlockId) -> bool) -> Result<()> {
         for &(id, first) in bank.places.iter().filter(|(id, _)| counts(*id)) {
             let pixels = &image[first as usize..][..self.shape.rect(id).rows() / CHANNELS];
             match self.blocks.get_mut(&id) {
@@ -372,5 +408,6 @@ impl Canvas {
                 }
             }
         }
+        Ok(())
     }
 }

@@ -1,10 +1,9 @@
 //! A bank of blocks in GPU memory, with what is needed to run the kernels over it.
 
-use wgpu::util::DeviceExt;
-
 use super::bank::{Bank, Sizes};
 use super::device::Gpu;
-use super::kernels::{Array, KERNELS, SpreadOver, THREADS};
+use super::kernels::{Array, KERNELS, SpreadOver, THREADS, TOGETHER};
+use super::staging::Parcel;
 use crate::error::{Error, Result};
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS};
@@ -23,12 +22,17 @@ impl SharedArrays {
     }
 
     pub(super) fn lighting_bytes(columns: usize) -> u64 {
-        (columns * CHANNELS * size_of::<f32>()) as u64
+        (columns.next_multiple_of(4) * CHANNELS * size_of::<f32>()) as u64
     }
 
-    /// Sets what the next submission uses.
+    /// Sets what the next submission uses: a plane for each channel, in fours.
     pub(super) fn set(&self, gpu: &Gpu, lighting: &Lighting) {
-        let planes: Vec<f32> = (0..CHANNELS).flat_map(|channel| lighting.channel(channel)).collect();
+        let weights = lighting.weights();
+        let plane = weights.len().next_multiple_of(4);
+        let mut planes = vec![0.0f32; CHANNELS * plane];
+        for (channel, plane) in planes.chunks_exact_mut(plane).enumerate() {
+            plane.iter_mut().zip(weights).for_each(|(value, weight)| *value = weight[channel]);
+        }
         gpu.queue.write_buffer(&self.lighting, 0, bytemuck::cast_slice(&planes));
     }
 }
@@ -47,11 +51,19 @@ pub(super) struct ResidentBank {
     pub(super) places: Vec<(BlockId, u32)>,
     /// Bytes of its buffers.
     pub(super) bytes: u64,
+    /// Those that were sent to them.
+    pub(super) sent_bytes: u64,
 }
 
 impl ResidentBank {
-    /// Puts a bank that has blocks into GPU memory.
-    pub(super) fn upload(gpu: &Gpu, shared: &SharedArrays, columns: usize, bank: &Bank) -> Result<Self> {
+    /// Puts a bank that has blocks into GPU memory, and submits that with the commands that `then` adds.
+    pub(super) fn upload(
+        gpu: &Gpu,
+        shared: &SharedArrays,
+        columns: usize,
+        bank: &Bank,
+        then: impl FnOnce(&Self, &mut wgpu::CommandEncoder),
+    ) -> Result<(Self, wgpu::SubmissionIndex)> {
         let device = &gpu.device;
         let sizes = Sizes {
             columns: columns as u32,
@@ -59,41 +71,33 @@ impl ResidentBank {
             blocks: bank.blocks.len() as u32,
             sparse_rows: bank.sparse_rows.len() as u32,
         };
-        let make = |label, contents: &[u8], usage| {
-            // A binding may not be empty: nothing reads these bytes.
-            let contents = if contents.is_empty() { &[0; 16][..] } else { contents };
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
-        };
+        let arrays = arrays(&sizes, bank);
+        let sent = arrays.each_ref().map(|(label, pieces)| empty(gpu, label, pieces));
+        let [uniform, components, blocks, factors, rows, entries] = &sent;
         let storage = wgpu::BufferUsages::STORAGE;
-        let uniform = make("sizes", bytemuck::bytes_of(&sizes), wgpu::BufferUsages::UNIFORM);
-        let components = make("components", bytemuck::cast_slice(&bank.components), storage);
-        let blocks = make("blocks", bytemuck::cast_slice(&bank.blocks), storage);
-        let factors = make("factors", bytemuck::cast_slice(&bank.factors), storage);
-        let rows = make("rows", bytemuck::cast_slice(&bank.sparse_rows), storage);
-        let entries = make("entries", bytemuck::cast_slice(&bank.sparse_entries), storage);
-        let pixels = u64::from(bank.pixels);
         let scratch = |label, size: u64, usage| {
             device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
         };
+        let pixels = u64::from(bank.pixels);
         let out = storage | wgpu::BufferUsages::COPY_SRC;
         let projected = scratch("projected", (4 * CHANNELS as u64 * u64::from(sizes.components)).max(16), storage);
         let image = scratch("image", 4 * CHANNELS as u64 * pixels, out);
         let back = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let readback = scratch("readback", 4 * CHANNELS as u64 * pixels, back);
         let buffer = |array: Array| match array {
-            Array::Sizes => &uniform,
+            Array::Sizes => uniform,
             Array::Lighting => &shared.lighting,
-            Array::Components => &components,
-            Array::Blocks => &blocks,
-            Array::Factors => &factors,
-            Array::Rows => &rows,
-            Array::Entries => &entries,
+            Array::Components => components,
+            Array::Blocks => blocks,
+            Array::Factors => factors,
+            Array::Rows => rows,
+            Array::Entries => entries,
             Array::Projected => &projected,
             Array::Image => &image,
         };
         let passes = KERNELS.iter().zip(&gpu.pipelines).map(|((kernel, spread_over), pipeline)| {
             let groups = match spread_over {
-                SpreadOver::Components => spread(gpu, sizes.components),
+                SpreadOver::Components => spread(gpu, sizes.components.div_ceil(TOGETHER)),
                 SpreadOver::SparseRows => spread(gpu, sizes.sparse_rows.div_ceil(THREADS)),
                 SpreadOver::Pixels => per_block(gpu, sizes.blocks, bank.max_pixels.div_ceil(4)),
             };
@@ -109,11 +113,46 @@ impl ResidentBank {
             (!groups.contains(&0)).then_some((bindings, groups))
         });
         let passes = passes.collect();
-        let buffers = [&uniform, &components, &blocks, &factors, &rows, &entries, &projected, &image, &readback];
-        let bytes = buffers.iter().map(|buffer| buffer.size()).sum();
+        let made_bytes: u64 = [&projected, &image, &readback].iter().map(|buffer| buffer.size()).sum();
+        let sent_bytes = sent.iter().map(wgpu::Buffer::size).sum();
+        let resident = Self {
+            blocks: blocks.clone(),
+            image,
+            readback,
+            max_pixels: bank.max_pixels,
+            passes,
+            places: bank.ids.clone(),
+            bytes: sent_bytes + made_bytes,
+            sent_bytes,
+        };
+        let parcels = sent.iter().zip(arrays).map(|(target, (_, pieces))| Parcel { target, pieces });
+        let mut staging = gpu.staging();
+        let mut sent = staging.send(gpu, &parcels.collect::<Vec<_>>())?;
+        then(&resident, &mut sent.encoder);
+        let submission = staging.submit(gpu, sent);
         gpu.check()?;
-        let (places, max_pixels) = (bank.ids.clone(), bank.max_pixels);
-        Ok(Self { blocks, image, readback, max_pixels, passes, places, bytes })
+        Ok((resident, submission))
+    }
+
+    /// As [`upload`](Self::upload), and begins to relight the bank and to read it back.
+    pub(super) fn upload_and_relight(
+        gpu: &Gpu,
+        shared: &SharedArrays,
+        columns: usize,
+        bank: &Bank,
+    ) -> Result<(Self, wgpu::SubmissionIndex)> {
+        let uploaded = Self::upload(gpu, shared, columns, bank, |resident, encoder| {
+            let banks = std::iter::once(resident);
+            relight(gpu, &mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), banks.clone());
+            copy(encoder, banks);
+        })?;
+        uploaded.0.map();
+        Ok(uploaded)
+    }
+
+    /// Lets the host read the copy of its image when what is submitted so far is done.
+    fn map(&self) {
+        self.readback.map_async(wgpu::MapMode::Read, .., |_| ());
     }
 
     fn dispatch(&self, pass: &mut wgpu::ComputePass, kernel: usize) {
@@ -122,6 +161,31 @@ impl ResidentBank {
             pass.dispatch_workgroups(*x, *y, *z);
         }
     }
+}
+
+/// What is sent of a bank: sizes, components, blocks, factors, sparse rows and sparse entries.
+fn arrays<'a>(sizes: &'a Sizes, bank: &'a Bank) -> [(&'static str, Vec<&'a [u8]>); 6] {
+    [
+        ("sizes", vec![bytemuck::bytes_of(sizes)]),
+        ("components", vec![bytemuck::cast_slice(&bank.components)]),
+        ("blocks", vec![bytemuck::cast_slice(&bank.blocks)]),
+        ("factors", bank.factors.bytes().collect()),
+        ("rows", vec![bytemuck::cast_slice(&bank.sparse_rows)]),
+        ("entries", vec![bytemuck::cast_slice(&bank.sparse_entries)]),
+    ]
+}
+
+/// A buffer for an array.
+fn empty(gpu: &Gpu, label: &str, pieces: &[&[u8]]) -> wgpu::Buffer {
+    let size: usize = pieces.iter().map(|piece| piece.len()).sum();
+    let binding = if label == "sizes" { wgpu::BufferUsages::UNIFORM } else { wgpu::BufferUsages::STORAGE };
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        // A binding may not be empty: nothing that counts is read there.
+        size: size.max(16) as u64,
+        usage: binding | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
 }
 
 /// A row of workgroups as long as the device takes, and as many rows as needed.
@@ -148,17 +212,22 @@ pub(super) fn relight<'a>(
     }
 }
 
+/// Lets the images of banks be copied to where the host can read them.
+fn copy<'a>(encoder: &mut wgpu::CommandEncoder, banks: impl Iterator<Item = &'a ResidentBank>) {
+    for bank in banks {
+        encoder.copy_buffer_to_buffer(&bank.image, 0, &bank.readback, 0, None);
+    }
+}
+
 /// Begins to read the images of banks back.
 pub(super) fn submit_copy<'a>(
     gpu: &Gpu,
     mut encoder: wgpu::CommandEncoder,
     banks: impl Iterator<Item = &'a ResidentBank> + Clone,
 ) -> wgpu::SubmissionIndex {
-    for bank in banks.clone() {
-        encoder.copy_buffer_to_buffer(&bank.image, 0, &bank.readback, 0, None);
-    }
+    copy(&mut encoder, banks.clone());
     let submission = gpu.queue.submit([encoder.finish()]);
-    banks.for_each(|bank| bank.readback.map_async(wgpu::MapMode::Read, .., |_| ()));
+    banks.for_each(ResidentBank::map);
     submission
 }
 
@@ -170,16 +239,17 @@ pub(super) fn submit(gpu: &Gpu, banks: &[&ResidentBank]) -> wgpu::SubmissionInde
     submit_copy(gpu, encoder, banks)
 }
 
-/// Hands what was read back, once that is done, to `take`, bank by bank.
-pub(super) fn read_back(gpu: &Gpu, banks: &[&ResidentBank], take: &mut dyn FnMut(&ResidentBank, &[u8])) -> Result<()> {
-    for bank in banks {
-        {
-            let mapped = bank.readback.get_mapped_range(..);
-            let mapped =
-                mapped.map_err(|e| Error::NoGpu(format!("{}: the image cannot be read ({e})", gpu.adapter.name)))?;
-            take(bank, &mapped);
-        }
-        bank.readback.unmap();
-    }
-    Ok(())
+/// Hands what was read back, once that is done, to `take`: the pixels of each bank.
+pub(super) fn read_back(
+    gpu: &Gpu,
+    banks: &[&ResidentBank],
+    take: impl FnOnce(&[&[[f32; CHANNELS]]]) -> Result<()>,
+) -> Result<()> {
+    let mapped = banks.iter().map(|bank| bank.readback.get_mapped_range(..)).collect::<Result<Vec<_>, _>>();
+    let mapped = mapped.map_err(|e| Error::NoGpu(format!("{}: the image cannot be read ({e})", gpu.adapter.name)))?;
+    let images: Vec<&[[f32; CHANNELS]]> = mapped.iter().map(|bytes| bytemuck::cast_slice(bytes)).collect();
+    let taken = take(&images);
+    drop(mapped);
+    banks.iter().for_each(|bank| bank.readback.unmap());
+    taken
 }

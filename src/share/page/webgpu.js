@@ -7,6 +7,8 @@ import { rectOf } from './blocks.js';
 import { halvesOf, slotsOf } from './webgl.js';
 
 const THREADS = 64;
+/** Components that one workgroup of the kernel project takes. */
+const TOGETHER = 4;
 const MOST_GROUPS = 65535;
 /** Bytes of an entry of each array. */
 const COMPONENT_BYTES = 16;
@@ -42,7 +44,7 @@ export class GpuPainter {
     this.first = first;
     this.slots = Math.max(sum, 1);
     // Words that a component of a block takes, left and right, in 16 bits a value.
-    this.rightWords = Math.ceil(columns / 2);
+    this.rightWords = 2 * Math.ceil(columns / 4);
     this.leftWords = level.ranks.map((_, id) => {
       const { width, height } = rectOf(level, id);
       return 6 * Math.ceil((width * height) / 4);
@@ -80,7 +82,7 @@ export class GpuPainter {
     this.buffers = {
       sizes: this.buffer(16, GPUBufferUsage.UNIFORM),
       tone: this.buffer(32, GPUBufferUsage.UNIFORM),
-      lighting: this.buffer(12 * this.columns),
+      lighting: this.buffer(48 * Math.ceil(this.columns / 4)),
       components: this.buffer(COMPONENT_BYTES * this.slots),
       factors: this.buffer(4 * this.words),
       projected: this.buffer(12 * this.slots),
@@ -202,7 +204,8 @@ export class GpuPainter {
     const screen = /** @type {GPUTexture} */ (this.screen).createView();
     /** @type {[GPUComputePipeline, GPUBindGroup, number[]][]} */
     const passes = [
-      [pipelines.project, bind(pipelines.project, [sizes, lighting, components, factors, projected].map(of)), spread(this.slots)],
+      [pipelines.project, bind(pipelines.project, [sizes, lighting, components, factors, projected].map(of)),
+        spread(Math.ceil(this.slots / TOGETHER))],
       [pipelines.reconstruct, bind(pipelines.reconstruct, [sizes, blockList, components, factors, projected, image].map(of)),
         [quads, ...spread(ids.length)]],
       [pipelines.scatter, bind(pipelines.scatter, [sizes, lighting, rowList, entryList, image].map(of)),
@@ -223,7 +226,11 @@ export class GpuPainter {
     const { device, level } = this;
     const buffers = /** @type {NonNullable<typeof this.buffers>} */ (this.buffers);
     if (this.isNew) this.renew();
-    device.queue.writeBuffer(buffers.lighting, 0, /** @type {Float32Array<ArrayBuffer>} */ (weights));
+    // A plane for each channel, in fours.
+    const plane = 4 * Math.ceil(this.columns / 4);
+    const planes = new Float32Array(3 * plane);
+    for (let ch = 0; ch < 3; ch++) planes.set(weights.subarray(ch * this.columns, (ch + 1) * this.columns), ch * plane);
+    device.queue.writeBuffer(buffers.lighting, 0, planes);
     const uniform = new DataView(new ArrayBuffer(32));
     tone.gain.forEach((gain, i) => uniform.setFloat32(4 * i, gain, true));
     [tone.curve, level.width, level.side].forEach((value, i) => uniform.setUint32(12 + 4 * i, value, true));

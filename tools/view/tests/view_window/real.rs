@@ -35,12 +35,16 @@ const DIALOGUES: &str = "LTM_VIEW_TEST_DIALOGUES";
 /// First argument with which it writes a container: scene file or built-in name, samples per pixel, container.
 const AS_TRACER: &str = "--act-as-tracer";
 
-/// Whether a real window can be opened here: with Xvfb and an adapter, or where `LTM_REQUIRE_GPU` says that there must be
-/// one.
+/// Whether there is an adapter, or `LTM_REQUIRE_GPU` says that there must be one.
+pub(crate) fn has_adapter() -> bool {
+    let adapter = || pollster::block_on(wgpu::Instance::default().request_adapter(&Default::default())).is_ok();
+    std::env::var_os("LTM_REQUIRE_GPU").is_some_and(|v| v == "1") || adapter()
+}
+
+/// Whether a real window can be opened here: with Xvfb and an adapter.
 pub(crate) fn is_possible() -> bool {
     let xvfb = Command::new("xvfb-run").arg("--help").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
-    let adapter = || pollster::block_on(wgpu::Instance::default().request_adapter(&Default::default())).is_ok();
-    xvfb && (std::env::var_os("LTM_REQUIRE_GPU").is_some_and(|v| v == "1") || adapter())
+    xvfb && has_adapter()
 }
 
 /// Acts as the viewer if that is asked for.
