@@ -8,8 +8,8 @@
 //! it in `LTM_SCENES`:
 //!
 //! ```text
-//! ltm render formats/scenes/conference-20.toml --samples 16 -o twenty.ltc
-//! ltm render formats/scenes/conference-panel-32.toml --samples 16 -o panel.ltc
+//! ltm render formats/scenes/conference-20.toml --samples 16 -o twenty.ltm && ltm-pack twenty.ltm
+//! ltm render formats/scenes/conference-panel-32.toml --samples 16 -o panel.ltm && ltm-pack panel.ltm
 //! LTM_BENCH_CONTAINER=$PWD/twenty.ltc:$PWD/panel.ltc cargo bench --bench gpu
 //! ```
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use crate::matrix::{BlockId, CHANNELS};
-use crate::relight::compact::{CompactBlock, Factor, Wide};
+use crate::relight::compact::{CompactBlock, Factor};
 
 /// Bits of [`Component::narrow`], as in `shaders/layout.wgsl`.
 const NARROW_RIGHT: u32 = 1;
@@ -81,8 +81,8 @@ pub(super) struct Factors {
     /// Words of the array.
     words: usize,
     spans: Vec<Span>,
-    /// Words of the spans that had to be padded.
-    padded: Vec<u32>,
+    /// Bytes of the spans that had to be padded.
+    padded: Vec<u8>,
 }
 
 /// A part of the array of factors.
@@ -92,7 +92,7 @@ enum Span {
     Narrow(Arc<CompactBlock>, Side),
     /// Those in 16 bits.
     Wide(Arc<CompactBlock>, Side),
-    /// Planes that end in the midst of a word, in words of their own.
+    /// Planes that would end in the midst of a word, as bytes of their own.
     Padded(Range<usize>),
 }
 
@@ -118,7 +118,7 @@ impl Factors {
         self.spans.iter().map(|span| match span {
             Span::Narrow(block, side) => bytemuck::cast_slice(&side.of(block).narrow.values),
             Span::Wide(block, side) => bytemuck::cast_slice(&side.of(block).wide.values),
-            Span::Padded(range) => bytemuck::cast_slice(&self.padded[range.clone()]),
+            Span::Padded(range) => &self.padded[range.clone()],
         })
     }
 
@@ -142,25 +142,22 @@ impl Factors {
             }
             let start = self.padded.len();
             if is_narrow {
-                self.pad(&factor.narrow.values, plane, |four| [u32::from_le_bytes(four.map(|value| value as u8))]);
+                self.pad(&factor.narrow.values, plane);
             } else {
-                let pair = |low: Wide, high: Wide| u32::from(low.0) | u32::from(high.0) << 16;
-                self.pad(&factor.wide.values, plane, |[a, b, c, d]| [pair(a, b), pair(c, d)]);
+                self.pad(&factor.wide.values, plane);
             }
-            debug_assert_eq!(self.padded.len(), start + words);
+            debug_assert_eq!(self.padded.len(), start + size_of::<u32>() * words);
             self.spans.push(Span::Padded(start..self.padded.len()));
         }
         places
     }
 
-    /// Appends the words of planes, of each four values, of which the last of a plane may be zeros.
-    fn pad<Q: Pod, const WORDS: usize>(&mut self, values: &[Q], plane: usize, words: impl Fn([Q; 4]) -> [u32; WORDS]) {
+    /// Appends planes, each with zeros up to a multiple of four values.
+    fn pad<Q: Pod>(&mut self, values: &[Q], plane: usize) {
         for plane in values.chunks_exact(plane) {
-            self.padded.extend(plane.chunks(4).flat_map(|some| {
-                let mut four = [Q::zeroed(); 4];
-                four[..some.len()].copy_from_slice(some);
-                words(four)
-            }));
+            self.padded.extend_from_slice(bytemuck::cast_slice(plane));
+            let missing = plane.len().next_multiple_of(4) - plane.len();
+            self.padded.resize(self.padded.len() + missing * size_of::<Q>(), 0);
         }
     }
 }

@@ -198,6 +198,15 @@ fn unusable_arguments_exit_with_2_and_help_with_0() {
     }
 }
 
+#[test]
+fn a_matrix_is_not_named_as_a_container_nor_the_other_way_round() {
+    let folder = room();
+    let before = fs::read_dir(folder.path()).unwrap().count();
+    fail(folder.path(), "ltm", &["render", "room.toml", "-o", "room.ltc"], 3, &["room.ltc", "x.ltm", "--pack"]);
+    fail(folder.path(), "ltm", &["render", "room.toml", "--pack", "-o", "room.LTM"], 3, &["room.LTM", "x.ltc"]);
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), before, "nothing was written");
+}
+
 /// Images of two lights and of both together, as Blender names them.
 fn write_light_groups(path: &Path) {
     let layers = ["ViewLayer.Combined", "ViewLayer.Combined_key", "ViewLayer.Combined_fill light"].map(String::from);

@@ -4,6 +4,7 @@
 //! into the pages instead; sentences inside of prose are printed as they should be, and are edited by hand.
 
 mod benches;
+mod gpu;
 mod large;
 mod methods;
 mod page;
@@ -28,9 +29,17 @@ use sentences::{PRINTED, PrintedText, ROWS, SENTENCES, TableRow};
 const PAGES: [&str; 3] = ["README.md", "formats/figures.md", "formats/growth.md"];
 
 fn figures() -> impl Iterator<Item = &'static Figure> {
-    [pictures::FIGURES, methods::FIGURES, times::FIGURES, large::FIGURES, benches::FIGURES, relighting::FIGURES]
-        .into_iter()
-        .flatten()
+    [
+        pictures::FIGURES,
+        methods::FIGURES,
+        times::FIGURES,
+        large::FIGURES,
+        benches::FIGURES,
+        relighting::FIGURES,
+        gpu::FIGURES,
+    ]
+    .into_iter()
+    .flatten()
 }
 
 fn read(page: &str) -> String {

@@ -43,6 +43,7 @@ pub(crate) const SENTENCES: &[Sentence] = &[
     Sentence { page: "README.md", says: another_renderer },
     Sentence { page: "README.md", says: reading },
     Sentence { page: "README.md", says: decoding },
+    Sentence { page: "README.md", says: super::gpu::in_short },
 ];
 
 pub(crate) const ROWS: &[TableRow] = &[

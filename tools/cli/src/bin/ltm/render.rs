@@ -6,6 +6,7 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 use ltm::Result;
 use ltm::container::ContainerReader;
+use ltm::error::Error;
 use ltm::host::{Watch, human_bytes, parse_bytes};
 use ltm::light::{ExposedError, expected_error_line, exposed_error_line};
 use ltm::pipeline::{
@@ -84,6 +85,7 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     }
     let extension = if options.pack { "ltc" } else { "ltm" };
     let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, extension));
+    check_name(&output, options.pack)?;
     let rule = StopRule { error: options.error, seconds: options.time, packs: options.pack };
     let (compress, denoise) = (options.compression.settings(), options.compression.denoise());
     let mut pack = PackOptions { compress, denoise, memory_bytes: options.memory, ..Default::default() };
@@ -183,6 +185,21 @@ pub(crate) fn parse_range(text: &str) -> Result<std::ops::Range<u32>, String> {
     let (first, end) = text.split_once("..").ok_or("write FIRST..END, for example 0..100")?;
     let index = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a block index ({e})"));
     Ok(index(first)?..index(end)?)
+}
+
+/// Errors: the name is that of the other kind of file, which the next command would take it for.
+fn check_name(output: &Path, pack: bool) -> Result<()> {
+    let (other, problem, hint) = if pack {
+        ("ltm", "with --pack a container is written, not a matrix", "name it x.ltc, or leave --pack out")
+    } else {
+        ("ltc", "without --pack a matrix is written, not a container", "name it x.ltm, or say --pack")
+    };
+    match output.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case(other) => {
+            Err(Error::input(output.display().to_string(), problem, hint))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// `path`'s file name with another extension, in the current folder.
