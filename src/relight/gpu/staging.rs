@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::device::Gpu;
 use crate::error::{Error, Result};
 
-/// Bytes of one buffer. Small enough that filling it hides nothing of what the GPU could do meanwhile, large enough that
-/// a submission does not count beside it.
+/// Bytes of one buffer: so many that a submission does not count beside filling it. With half as much, sending took 1.3 times
+/// as long on an H100, with twice as much as long.
 const SLOT_BYTES: usize = 8 << 20;
 /// One is filled, one is emptied, and one is on its way back.
 const SLOTS: usize = 3;
