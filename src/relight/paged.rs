@@ -79,7 +79,8 @@ pub(super) struct Held {
 
 impl Held {
     fn bytes(&self) -> u64 {
-        (size_of::<Self>() + self.block.as_ref().map_or(0, |block| block.bytes())) as u64
+        let block = self.block.as_ref().map_or(0, |block| size_of::<CompactBlock>() + block.bytes());
+        (size_of::<Self>() + block) as u64
     }
 }
 
