@@ -7,6 +7,9 @@
 @group(0) @binding(2) var<storage, read> components: array<Component>;
 @group(0) @binding(4) var<storage, read_write> projected: array<f32>;
 
+// Components of one workgroup: a mat4x3 holds their sums.
+const TOGETHER: u32 = 4u;
+
 // A component; one that adds nothing where there is none.
 fn component_at(index: u32) -> Component {
     if index < sizes.components {
@@ -47,7 +50,7 @@ fn partial_products(first: u32, thread: u32) -> mat4x3<f32> {
 }
 
 fn store(first: u32, sums: mat4x3<f32>) {
-    for (var i = 0u; i < min(4u, sizes.components - first); i++) {
+    for (var i = 0u; i < min(TOGETHER, sizes.components - first); i++) {
         let total = sums[i] * components[first + i].scale;
         let at = 3u * (first + i);
         projected[at] = total.x;

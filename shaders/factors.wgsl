@@ -10,7 +10,7 @@ fn words(first: u32, quad: u32, is_narrow: bool) -> vec2<u32> {
     return vec2<u32>(factors[at], factors[at + wide]);
 }
 
-// Bytes through the mantissa of 2^23, where additions are exact: faster than conversions, of which GPUs do few at a time.
+// Bytes through the mantissa of 2^23, where additions are exact, in place of conversions.
 fn signed_bytes(word: u32) -> vec4<f32> {
     let biased = word ^ 0x80808080u;
     let bytes = vec4<u32>(biased, biased >> 8u, biased >> 16u, biased >> 24u) & vec4<u32>(0xffu);

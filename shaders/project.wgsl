@@ -9,7 +9,7 @@ fn project(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) thread: u32,
 ) {
-    let first = 4u * (group.x + group.y * groups.x);
+    let first = TOGETHER * (group.x + group.y * groups.x);
     sums[thread] = partial_products(first, thread);
     for (var half = THREADS / 2u; half > 0u; half /= 2u) {
         workgroupBarrier();

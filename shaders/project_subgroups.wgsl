@@ -12,7 +12,7 @@ fn project(
     @builtin(subgroup_id) subgroup: u32,
     @builtin(num_subgroups) subgroups: u32,
 ) {
-    let first = 4u * (group.x + group.y * groups.x);
+    let first = TOGETHER * (group.x + group.y * groups.x);
     let parts = partial_products(first, thread);
     let sum = mat4x3<f32>(
         subgroupAdd(parts[0]), subgroupAdd(parts[1]), subgroupAdd(parts[2]), subgroupAdd(parts[3]));

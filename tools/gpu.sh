@@ -10,7 +10,7 @@ set -uo pipefail
 cd "$(dirname "$0")/.."
 export LTM_REQUIRE_GPU=1
 
-# What is run: its name, and the options by which cargo finds it.
+# The tests, by the names that cargo and a folder know them by.
 tests=("relight_gpu" "gpu_cli" "view" "view_window")
 profile=${LTM_GPU_PROFILE:-bench}
 # One set of features for all tests, so that nothing is built twice.
@@ -49,7 +49,7 @@ trap 'rm -rf "$work"' EXIT
 rows=""
 failed=0
 
-# Runs a test and adds a row: what, passed, failed, ignored.
+# Runs a test, which is named last, by the command before it, if there is one. Adds a row: what, passed, failed, ignored.
 tested() {
     local what=$1 result command
     shift

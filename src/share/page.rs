@@ -126,6 +126,19 @@ mod tests {
     }
 
     #[test]
+    fn workgroups_are_counted_as_the_kernels_take_them() {
+        let text = MODULES.iter().find(|(name, _)| *name == "webgpu.js").expect("it is a module").1;
+        for (name, kernel) in [("THREADS", LAYOUT), ("TOGETHER", include_str!("../../shaders/dot.wgsl"))] {
+            let number = |text: &str, before: String| {
+                let rest = text.split_once(&before).unwrap_or_else(|| panic!("there is no '{before}'")).1;
+                rest.chars().take_while(char::is_ascii_digit).collect::<String>()
+            };
+            let (page, shader) = (format!("const {name} = "), format!("const {name}: u32 = "));
+            assert_eq!(number(text, page), number(kernel, shader), "{name}");
+        }
+    }
+
+    #[test]
     fn modules_import_on_one_line_from_those_before_them_and_share_no_name() {
         let mut names: BTreeMap<&str, &str> = BTreeMap::new();
         for (at, (module, text)) in MODULES.iter().enumerate() {

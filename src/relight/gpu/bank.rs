@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use crate::matrix::{BlockId, CHANNELS};
-use crate::relight::compact::{CompactBlock, Factor};
+use crate::relight::compact::{CompactBlock, Factor, Part};
 
 /// Bits of [`Component::narrow`], as in `shaders/layout.wgsl`.
 const NARROW_RIGHT: u32 = 1;
@@ -126,39 +126,31 @@ impl Factors {
     fn push(&mut self, block: &Arc<CompactBlock>, side: Side, plane: usize) -> Vec<(u32, u32, bool)> {
         let factor = side.of(block);
         let planes = factor.length / plane.max(1);
-        let mut places = Vec::new();
-        for (components, words_of_four, is_narrow) in
-            [(&factor.narrow.components, 1, true), (&factor.wide.components, 2, false)]
-        {
-            let words = planes * plane.div_ceil(4) * words_of_four;
-            places
-                .extend((self.words..).step_by(words.max(1)).zip(components).map(|(at, &k)| (k, at as u32, is_narrow)));
-            let words = words * components.len();
-            self.words += words;
-            if plane.is_multiple_of(4) {
-                let block = Arc::clone(block);
-                self.spans.push(if is_narrow { Span::Narrow(block, side) } else { Span::Wide(block, side) });
-                continue;
-            }
-            let start = self.padded.len();
-            if is_narrow {
-                self.pad(&factor.narrow.values, plane);
-            } else {
-                self.pad(&factor.wide.values, plane);
-            }
-            debug_assert_eq!(self.padded.len(), start + size_of::<u32>() * words);
-            self.spans.push(Span::Padded(start..self.padded.len()));
-        }
-        places
+        let narrow = self.push_part(&factor.narrow, planes, plane, Span::Narrow(Arc::clone(block), side));
+        let wide = self.push_part(&factor.wide, planes, plane, Span::Wide(Arc::clone(block), side));
+        let narrow = narrow.into_iter().map(|(k, word)| (k, word, true));
+        narrow.chain(wide.into_iter().map(|(k, word)| (k, word, false))).collect()
     }
 
-    /// Appends planes, each with zeros up to a multiple of four values.
-    fn pad<Q: Pod>(&mut self, values: &[Q], plane: usize) {
+    /// Appends the components of one precision, which `held` holds without padding; returns (component, first word).
+    fn push_part<Q: Pod>(&mut self, part: &Part<Q>, planes: usize, plane: usize, held: Span) -> Vec<(u32, u32)> {
+        let span = if plane.is_multiple_of(4) { held } else { self.pad(&part.values, plane) };
+        self.spans.push(span);
+        // Four bytes take a word, four values as many words as a value has bytes.
+        let (first, words) = (self.words, planes * plane.div_ceil(4) * size_of::<Q>());
+        self.words += words * part.components.len();
+        part.components.iter().enumerate().map(|(i, &k)| (k, (first + i * words) as u32)).collect()
+    }
+
+    /// Copies planes, each with zeros up to a multiple of four values.
+    fn pad<Q: Pod>(&mut self, values: &[Q], plane: usize) -> Span {
+        let start = self.padded.len();
         for plane in values.chunks_exact(plane) {
             self.padded.extend_from_slice(bytemuck::cast_slice(plane));
             let missing = plane.len().next_multiple_of(4) - plane.len();
             self.padded.resize(self.padded.len() + missing * size_of::<Q>(), 0);
         }
+        Span::Padded(start..self.padded.len())
     }
 }
 
@@ -315,7 +307,7 @@ impl Bank {
 
 #[cfg(test)]
 mod tests {
-    use super::super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS, THREADS, TONE};
+    use super::super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS, THREADS, TOGETHER, TONE};
     use super::super::screen::Tone;
     use super::*;
     use std::mem::offset_of;
@@ -394,6 +386,9 @@ mod tests {
             assert_eq!(module.entry_points.len(), 1);
             assert_eq!(module.entry_points[0].name, kernel);
             assert_eq!(module.entry_points[0].workgroup_size, [THREADS, 1, 1]);
+            let has = |name: &str, value: u32| source.contains(&format!("const {name}: u32 = {value}u;"));
+            assert!(has("NARROW_RIGHT", NARROW_RIGHT) && has("NARROW_LEFT", NARROW_LEFT), "{kernel}");
+            assert!(kernel != "project" || has("TOGETHER", TOGETHER), "{kernel}");
             let mut bindings: Vec<_> =
                 module.global_variables.iter().filter_map(|(_, v)| v.binding.map(|b| (b.group, b.binding))).collect();
             bindings.sort_unstable();

@@ -120,6 +120,11 @@ impl Gpu {
         is_software(&self.adapter)
     }
 
+    /// For commands to come.
+    pub(super) fn encoder(&self) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+    }
+
     /// The way to its memory, which one thread uses at a time.
     pub(super) fn staging(&self) -> MutexGuard<'_, Staging> {
         self.staging.lock().unwrap_or_else(PoisonError::into_inner)

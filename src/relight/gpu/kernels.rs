@@ -3,7 +3,7 @@
 /// Threads of a workgroup in every kernel; a test compares it with the shaders'.
 pub(super) const THREADS: u32 = 64;
 
-/// Components that one workgroup of the kernel `project` takes.
+/// Components that one workgroup of the kernel `project` takes; a test compares it with the shader's.
 pub(super) const TOGETHER: u32 = 4;
 
 /// A shader with one entry point of its own name.

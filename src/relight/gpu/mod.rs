@@ -208,9 +208,8 @@ impl GpuRelighter {
     /// [`Error::NoGpu`] where the device fails.
     pub fn radiance(&self) -> Result<LinearImage> {
         let _turn = self.turn();
-        let encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut image = LinearImage::black(self.shape.width(), self.shape.height());
-        self.read(submit_copy(&self.gpu, encoder, self.banks.iter()), &mut image)?;
+        self.read(submit_copy(&self.gpu, self.banks.iter()), &mut image)?;
         Ok(image)
     }
 
@@ -248,7 +247,7 @@ impl GpuRelighter {
 
     /// Runs what one pass is given, and waits. The caller holds the turn.
     fn run(&self, fill: impl FnOnce(&mut wgpu::ComputePass)) -> Result<()> {
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = self.gpu.encoder();
         fill(&mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()));
         self.gpu.wait_for(self.gpu.queue.submit([encoder.finish()]))
     }

@@ -72,11 +72,11 @@ struct Uploaded {
     submission: wgpu::SubmissionIndex,
 }
 
-/// What is done with a bank that is put into GPU memory.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Use {
-    /// It is kept for later.
-    Keep,
+/// What follows when a bank is in GPU memory.
+#[derive(Clone, Copy)]
+enum Then {
+    /// It waits for a later call.
+    Nothing,
     /// It is relit and read back.
     Relight,
 }
@@ -198,7 +198,7 @@ impl<'a> PagedGpuRelighter<'a> {
             let passing_bytes = passing.as_ref().filter(|bank| !bank.is_kept).map_or(0, |passing| passing.bank.bytes);
             // While one bank is sent, the one before is relit and read back, and the next is read and packed.
             let (uploaded, ahead) = rayon::join(
-                || self.upload(state, &gathered, Use::Relight, passing_bytes),
+                || self.upload(state, &gathered, Then::Relight, passing_bytes),
                 || self.finish(passing.take(), &mut canvas).and_then(|()| gather.next()),
             );
             (passing, next) = (uploaded?, ahead);
@@ -241,7 +241,7 @@ impl<'a> PagedGpuRelighter<'a> {
                 if gathered.is_piece {
                     continue;
                 }
-                if self.upload(&mut state, &gathered, Use::Keep, 0)?.is_some_and(|uploaded| !uploaded.is_kept) {
+                if self.upload(&mut state, &gathered, Then::Nothing, 0)?.is_some_and(|uploaded| !uploaded.is_kept) {
                     return Ok(());
                 }
             }
@@ -266,7 +266,7 @@ impl<'a> PagedGpuRelighter<'a> {
         &self,
         state: &mut State,
         gathered: &Gathered,
-        used: Use,
+        then: Then,
         passing_bytes: u64,
     ) -> Result<Option<Uploaded>> {
         let Gathered { bank, blocks, is_piece } = gathered;
@@ -289,9 +289,9 @@ impl<'a> PagedGpuRelighter<'a> {
         }
         evicted.iter().for_each(|bank| state.drop_bank(*bank));
         let columns = self.host.shape().columns();
-        let resident = match used {
-            Use::Keep => ResidentBank::upload(&self.gpu, &self.shared, columns, bank, |_, _| ()),
-            Use::Relight => ResidentBank::upload_and_relight(&self.gpu, &self.shared, columns, bank),
+        let resident = match then {
+            Then::Nothing => ResidentBank::upload(&self.gpu, &self.shared, columns, bank, |_, _| ()),
+            Then::Relight => ResidentBank::upload_and_relight(&self.gpu, &self.shared, columns, bank),
         };
         let (resident, submission) = match resident {
             Ok(resident) => resident,

@@ -142,9 +142,7 @@ impl ResidentBank {
         bank: &Bank,
     ) -> Result<(Self, wgpu::SubmissionIndex)> {
         let uploaded = Self::upload(gpu, shared, columns, bank, |resident, encoder| {
-            let banks = std::iter::once(resident);
-            relight(gpu, &mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), banks.clone());
-            copy(encoder, banks);
+            relight_and_copy(gpu, encoder, std::iter::once(resident));
         })?;
         uploaded.0.map();
         Ok(uploaded)
@@ -219,13 +217,32 @@ fn copy<'a>(encoder: &mut wgpu::CommandEncoder, banks: impl Iterator<Item = &'a 
     }
 }
 
-/// Begins to read the images of banks back.
+/// Lets the kernels relight banks, and their images be copied to where the host can read them.
+fn relight_and_copy<'a>(
+    gpu: &Gpu,
+    encoder: &mut wgpu::CommandEncoder,
+    banks: impl Iterator<Item = &'a ResidentBank> + Clone,
+) {
+    relight(gpu, &mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), banks.clone());
+    copy(encoder, banks);
+}
+
+/// Begins to read the images of banks back as they are.
 pub(super) fn submit_copy<'a>(
     gpu: &Gpu,
-    mut encoder: wgpu::CommandEncoder,
     banks: impl Iterator<Item = &'a ResidentBank> + Clone,
 ) -> wgpu::SubmissionIndex {
+    let mut encoder = gpu.encoder();
     copy(&mut encoder, banks.clone());
+    submit_copied(gpu, encoder, banks)
+}
+
+/// Submits commands that copy the images of banks, and lets the host read the copies.
+fn submit_copied<'a>(
+    gpu: &Gpu,
+    encoder: wgpu::CommandEncoder,
+    banks: impl Iterator<Item = &'a ResidentBank>,
+) -> wgpu::SubmissionIndex {
     let submission = gpu.queue.submit([encoder.finish()]);
     banks.for_each(ResidentBank::map);
     submission
@@ -233,10 +250,9 @@ pub(super) fn submit_copy<'a>(
 
 /// Begins to relight banks and to read them back.
 pub(super) fn submit(gpu: &Gpu, banks: &[&ResidentBank]) -> wgpu::SubmissionIndex {
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    let banks = banks.iter().copied();
-    relight(gpu, &mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()), banks.clone());
-    submit_copy(gpu, encoder, banks)
+    let mut encoder = gpu.encoder();
+    relight_and_copy(gpu, &mut encoder, banks.iter().copied());
+    submit_copied(gpu, encoder, banks.iter().copied())
 }
 
 /// Hands what was read back, once that is done, to `take`: the pixels of each bank.
