@@ -197,7 +197,7 @@ pub(super) fn tracing_need(loaded: &LoadedScene, job: &Job) -> Need {
 fn scene_bytes(loaded: &LoadedScene) -> u64 {
     let mesh = &loaded.scene.mesh;
     let texels: usize = loaded.scene.textures.iter().map(|texture| texture.texels.len()).sum();
-    let vertices = size_of_val(&*mesh.positions) + size_of_val(&*mesh.normals) + size_of_val(&*mesh.uvs);
+    let vertices = size_of_val(&*mesh.vertices);
     (vertices + texels * 16 + mesh.triangles.len() * (450 + size_of::<Triangle>())) as u64 + PROGRAM_BYTES
 }
 

@@ -39,10 +39,8 @@ impl Assembly {
 
     /// Appends a mesh of one material.
     pub(super) fn add(&mut self, shape: shapes::Shape, material: MaterialId) {
-        let first = self.mesh.positions.len() as u32;
-        self.mesh.positions.extend(shape.positions);
-        self.mesh.normals.extend(shape.normals);
-        self.mesh.uvs.extend(shape.uvs);
+        let first = self.mesh.vertices.len() as u32;
+        self.mesh.vertices.extend(shape.vertices);
         self.mesh.triangles.extend(shape.triangles.into_iter().map(|vertices| Triangle {
             vertices: vertices.map(|v| v + first),
             material,

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 use super::folders::Folders;
 use super::gltf::{FileExtras, GltfMaterial, is_gltf, read as read_gltf};
@@ -13,7 +13,7 @@ use super::mtl::{self, MtlMaterial};
 use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
 use super::textures::find_as_elsewhere;
-use super::{MaterialId, Mesh, Triangle};
+use super::{MaterialId, Mesh, Triangle, Vertex};
 use crate::error::{Error, Result};
 use crate::files::{open_input, read_input};
 
@@ -90,7 +90,7 @@ impl Geometry {
             let object = &file.objects.as_slice()[part.object];
             self.add(&part, object, material, &mut degenerate, &mut turned);
             memory.check(file.bytes() + self.bytes() - before, path)?;
-            if self.mesh.positions.len() > u32::MAX as usize {
+            if self.mesh.vertices.len() > u32::MAX as usize {
                 let problem = "the scene has more vertices than 32-bit numbers count";
                 return Err(Error::input(path.display().to_string(), problem, "simplify the geometry"));
             }
@@ -107,9 +107,10 @@ impl Geometry {
 
     /// Bytes that the geometry holds.
     pub(super) fn bytes(&self) -> u64 {
-        let Mesh { positions, normals, uvs, triangles } = &self.mesh;
-        let vertices = (positions.capacity() + normals.capacity()) * 12 + uvs.capacity() * 8;
-        (vertices + triangles.capacity() * size_of::<Triangle>() + self.object_of.capacity() * 4) as u64
+        let Mesh { vertices, triangles } = &self.mesh;
+        (vertices.capacity() * size_of::<Vertex>()
+            + triangles.capacity() * size_of::<Triangle>()
+            + self.object_of.capacity() * 4) as u64
     }
 
     /// Leaves out the triangles for which `keep` says no.
@@ -176,22 +177,8 @@ impl Geometry {
         degenerate: &mut usize,
         turned: &mut usize,
     ) {
-        let first = self.mesh.positions.len() as u32;
-        let count = part.positions.len();
-        self.mesh.positions.extend_from_slice(&part.positions);
-        if part.normals.is_empty() {
-            self.mesh.normals.resize(self.mesh.positions.len(), Vec3::ZERO);
-        } else {
-            self.mesh.normals.extend_from_slice(&part.normals);
-        }
-        if part.uvs.is_empty() {
-            self.mesh.uvs.resize(self.mesh.positions.len(), Vec2::ZERO);
-        } else {
-            self.mesh.uvs.extend_from_slice(&part.uvs);
-        }
-        debug_assert!(
-            self.mesh.normals.len() == first as usize + count && self.mesh.uvs.len() == first as usize + count
-        );
+        let first = self.mesh.vertices.len() as u32;
+        self.mesh.vertices.extend(part.vertices());
         let object = self.objects.position(object);
         for indices in &part.triangles {
             let [a, b, c] = indices.map(|i| part.positions[i as usize]);
@@ -203,7 +190,7 @@ impl Geometry {
             }
             let mut vertices = indices.map(|i| i + first);
             // Glass and lamps ask which side is the front; normals are stated on purpose, winding often by accident.
-            let stated: Vec3 = vertices.iter().map(|&v| self.mesh.normals[v as usize]).sum();
+            let stated: Vec3 = vertices.iter().map(|&v| self.mesh.vertices[v as usize].normal).sum();
             if stated.dot(normal) < 0.0 {
                 vertices.swap(1, 2);
                 *turned += 1;

@@ -205,7 +205,7 @@ impl Lights<'_> {
         let corners = |&index: &u32| {
             mesh.triangles[index as usize].vertices.map(|v| {
                 let v = v as usize;
-                Corner { position: mesh.positions[v], uv: mesh.uvs[v] }
+                Corner { position: mesh.vertices[v].position, uv: mesh.vertices[v].uv }
             })
         };
         let all: Vec<_> = triangles.iter().map(corners).collect();

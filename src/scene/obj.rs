@@ -10,6 +10,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
+use super::Vertex;
 use super::memory::Memory;
 use super::names::NameList;
 use crate::error::{Error, Result};
@@ -32,6 +33,17 @@ pub(super) struct ObjPart {
     /// One a vertex, or none at all.
     pub(super) uvs: Vec<Vec2>,
     pub(super) triangles: Vec<[u32; 3]>,
+}
+
+impl ObjPart {
+    /// Its vertices, with zeros where it has no normals or texture coordinates.
+    pub(super) fn vertices(&self) -> impl Iterator<Item = Vertex> + '_ {
+        self.positions.iter().enumerate().map(|(at, &position)| Vertex {
+            position,
+            normal: self.normals.get(at).copied().unwrap_or_default(),
+            uv: self.uvs.get(at).copied().unwrap_or_default(),
+        })
+    }
 }
 
 /// What an OBJ file holds.

@@ -4,12 +4,12 @@ use std::collections::HashMap;
 
 use glam::{Quat, Vec2, Vec3};
 
+use super::Vertex;
+
 /// Triangles of their own vertex list.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shape {
-    pub(super) positions: Vec<Vec3>,
-    pub(super) normals: Vec<Vec3>,
-    pub(super) uvs: Vec<Vec2>,
+    pub(super) vertices: Vec<Vertex>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
@@ -17,24 +17,26 @@ impl Shape {
     /// Makes the front the back.
     pub(super) fn turn_over(&mut self) {
         self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
-        self.normals.iter_mut().for_each(|n| *n = -*n);
+        self.vertices.iter_mut().for_each(|v| v.normal = -v.normal);
     }
 
     fn append(&mut self, other: Self) {
-        let first = self.positions.len() as u32;
-        self.positions.extend(other.positions);
-        self.normals.extend(other.normals);
-        self.uvs.extend(other.uvs);
+        let first = self.vertices.len() as u32;
+        self.vertices.extend(other.vertices);
         self.triangles.extend(other.triangles.into_iter().map(|t| t.map(|v| v + first)));
     }
 }
 
 /// A flat rectangle with the front towards `edge_u × edge_v`, texture coordinates along its edges.
 pub(super) fn rectangle(origin: Vec3, edge_u: Vec3, edge_v: Vec3) -> Shape {
+    let corner = |position, uv| Vertex { position, normal: Vec3::ZERO, uv };
     Shape {
-        positions: vec![origin, origin + edge_u, origin + edge_u + edge_v, origin + edge_v],
-        normals: vec![Vec3::ZERO; 4],
-        uvs: vec![Vec2::ZERO, Vec2::X, Vec2::ONE, Vec2::Y],
+        vertices: vec![
+            corner(origin, Vec2::ZERO),
+            corner(origin + edge_u, Vec2::X),
+            corner(origin + edge_u + edge_v, Vec2::ONE),
+            corner(origin + edge_v, Vec2::Y),
+        ],
         triangles: vec![[0, 1, 2], [0, 2, 3]],
     }
 }
@@ -78,12 +80,8 @@ pub(super) fn ball(centre: Vec3, radius: f32, levels: u32) -> Shape {
         }
         triangles = finer;
     }
-    Shape {
-        positions: points.iter().map(|p| centre + *p * radius).collect(),
-        uvs: vec![Vec2::ZERO; points.len()],
-        normals: points,
-        triangles,
-    }
+    let vertex = |normal| Vertex { position: centre + normal * radius, normal, uv: Vec2::ZERO };
+    Shape { vertices: points.into_iter().map(vertex).collect(), triangles }
 }
 
 /// The faces of an icosahedron are the triples of its corners that are mutually nearest.
@@ -112,7 +110,7 @@ mod tests {
     use super::*;
 
     fn volume(shape: &Shape) -> f32 {
-        let corner = |i: u32| shape.positions[i as usize];
+        let corner = |i: u32| shape.vertices[i as usize].position;
         shape.triangles.iter().map(|t| corner(t[0]).cross(corner(t[1])).dot(corner(t[2])) / 6.0).sum()
     }
 
@@ -128,7 +126,7 @@ mod tests {
     fn a_ball_is_closed_and_faces_outwards() {
         let shape = ball(Vec3::new(1.0, 2.0, 3.0), 2.0, 4);
         assert_eq!(shape.triangles.len(), 20 * 256);
-        assert_eq!(shape.positions.len(), 10 * 256 + 2);
+        assert_eq!(shape.vertices.len(), 10 * 256 + 2);
         let ball = 4.0 / 3.0 * std::f32::consts::PI * 8.0;
         // An inscribed polyhedron of 5,120 faces is 0.4 % smaller than its ball.
         assert!((volume(&shape) / ball - 1.0).abs() < 0.005, "{}", volume(&shape));

@@ -50,14 +50,11 @@ fn check_mesh(scene: &Scene) -> Result<()> {
     if mesh.triangles.is_empty() {
         return refuse("has no triangles".into());
     }
-    if mesh.normals.len() != mesh.positions.len() || mesh.uvs.len() != mesh.positions.len() {
-        return refuse("has vertex lists of different lengths".into());
-    }
-    if let Some(vertex) = mesh.positions.iter().position(|p| !p.is_finite()) {
+    if let Some(vertex) = mesh.vertices.iter().position(|v| !v.position.is_finite()) {
         return refuse(format!("the position of vertex {vertex} is not finite"));
     }
     let in_range = |t: &super::Triangle| {
-        t.vertices.iter().all(|&v| (v as usize) < mesh.positions.len())
+        t.vertices.iter().all(|&v| (v as usize) < mesh.vertices.len())
             && (t.material.0 as usize) < scene.materials.len()
             && t.emitter.is_none_or(|e| matches!(scene.emitters.get(e as usize), Some(Emitter::Area(_))))
     };
@@ -114,9 +111,8 @@ fn check_camera(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
         Vec2::new(x * camera.width as f32 / across as f32, y * camera.height as f32 / down as f32)
     });
     let in_view = seen(pixels.map(|at| camera.direction(at)).collect());
-    let positions = &scene.mesh.positions;
-    let low = positions.iter().copied().fold(Vec3::INFINITY, Vec3::min);
-    let high = positions.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
+    let positions = || scene.mesh.vertices.iter().map(|vertex| vertex.position);
+    let (low, high) = (positions().fold(Vec3::INFINITY, Vec3::min), positions().fold(Vec3::NEG_INFINITY, Vec3::max));
     let size = (high - low).length();
     if in_view.is_empty() {
         let environment = scene.emitters.iter().any(|e| matches!(e, Emitter::Environment(_)));

@@ -80,7 +80,7 @@ impl PixelSums {
         size_of::<Record>() as u64 * columns + columns / 8 + 8
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn add(&mut self, half: usize, column: u32, value: Vec3) {
         let at = column as usize;
         if let (Some(record), Some(word)) = (self.records.get_mut(at), self.touched.get_mut(at / WORD)) {

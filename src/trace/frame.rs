@@ -12,6 +12,7 @@ pub(super) struct Frame {
 
 impl Frame {
     /// Duff et al. 2017, *Building an orthonormal basis, revisited*.
+    #[inline(always)]
     pub(super) fn around(z: Vec3) -> Self {
         let sign = 1.0f32.copysign(z.z);
         let a = -1.0 / (sign + z.z);
@@ -23,10 +24,12 @@ impl Frame {
         }
     }
 
+    #[inline(always)]
     pub(super) fn to_world(self, local: Vec3) -> Vec3 {
         self.x * local.x + self.y * local.y + self.z * local.z
     }
 
+    #[inline(always)]
     pub(super) fn to_local(self, world: Vec3) -> Vec3 {
         Vec3::new(world.dot(self.x), world.dot(self.y), world.dot(self.z))
     }

@@ -96,7 +96,7 @@ pub(super) struct Vertex {
 }
 
 impl Record<'_, '_> {
-    #[inline]
+    #[inline(always)]
     fn add(&mut self, layer: Layer, column: u32, value: Vec3) {
         if !value.is_finite() {
             self.cost.non_finite += 1;
@@ -113,6 +113,7 @@ impl Record<'_, '_> {
 }
 
 /// Traces a sample of the pixel at image position (x, y) into its half of `sums`, and of `planes` where wanted.
+#[inline(always)]
 pub(super) fn trace_sample(
     paths: &Paths<'_>,
     (x, y): (u32, u32),
@@ -135,6 +136,7 @@ pub(super) fn trace_sample(
 impl Paths<'_> {
     /// Follows the path of a ray, which gathers photons of the first of `maps` where it is first scattered, and of the second
     /// later.
+    #[inline(always)]
     fn follow(&self, ray: (Vec3, Vec3), maps: [u32; 2], sampler: &Sampler, record: &mut Record<'_, '_>) {
         let (world, (mut origin, mut direction)) = (self.world, ray);
         let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
@@ -190,9 +192,9 @@ impl Paths<'_> {
                     at.sample_light(world, &chances, throughput, (pair, light_samples), layer, record);
                 }
                 let map = maps[usize::from(layer == Layer::Indirect)];
-                radius = self
-                    .photons
-                    .map(|photons| at.gather(photons, map, self.max_depth - vertex - 1, throughput, record));
+                if let Some(photons) = self.photons {
+                    radius = Some(at.gather(photons, map, self.max_depth - vertex - 1, throughput, record));
+                }
             }
 
             let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
@@ -245,6 +247,7 @@ impl Paths<'_> {
 
     /// Weight of light that a ray has found beside light samples at the last surface, or beside the photons that came from it to
     /// the last surface that scatters.
+    #[inline(always)]
     fn weight_of_found(&self, last: &Last, found: &Found, hit: &EmitterHit) -> f32 {
         match (last.pdf, self.photons, last.gathered) {
             (Some(pdf), ..) => power_heuristic(pdf, last.light_samples * found.pdf),
@@ -255,6 +258,7 @@ impl Paths<'_> {
 }
 
 impl Vertex {
+    #[inline(always)]
     pub(super) fn new(world: &World, point: SurfacePoint, direction: Vec3) -> Self {
         let front = point.normal.dot(direction) < 0.0;
         let bsdf = world.bsdf(&point, front);
@@ -263,6 +267,7 @@ impl Vertex {
     }
 
     /// What a camera path shows that has come to this surface.
+    #[inline(always)]
     fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
         features.albedo = throughput * self.bsdf.albedo(self.wo);
         features.normal = self.frame.z;
@@ -272,6 +277,7 @@ impl Vertex {
     }
 
     /// One light sample of `count`, from a pair of uniform numbers.
+    #[inline(always)]
     fn sample_light(
         &self,
         world: &World,
@@ -307,6 +313,7 @@ impl Vertex {
     }
 
     /// Gathers the photons around, whose paths have `most_segments` at most. Returns the radius.
+    #[inline(always)]
     fn gather(
         &self,
         photons: &Photons,
@@ -324,6 +331,7 @@ impl Vertex {
 
     /// The world direction of what was scattered. None where the shading normal allows it and the surface itself does
     /// not.
+    #[inline(always)]
     pub(super) fn leaving(&self, next: &Scattered) -> Option<Vec3> {
         let direction = self.frame.to_world(next.wi).normalize();
         if (direction.dot(self.normal) > 0.0) == (next.wi.z > 0.0) {
@@ -404,6 +412,7 @@ const GRAZING: f32 = 1e-3;
 /// surface. Surfaces with a lobe about the mirror direction then get the nearest normal that mirrors it just above the
 /// surface (Keller et al. 2017, *The Iray light transport simulation and rendering system*, §A.3), so that nothing
 /// they reflect is lost; others the geometric normal, where theirs turns away.
+#[inline(always)]
 fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) -> (Vec3, Frame) {
     let side = if front { 1.0 } else { -1.0 };
     let (normal, shading) = (point.normal * side, point.shading_normal * side);
@@ -418,11 +427,13 @@ fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) ->
 }
 
 /// The direction nearest to one below the surface that is just above it.
+#[inline(always)]
 fn lifted(direction: Vec3, normal: Vec3) -> Vec3 {
     (direction + (GRAZING - direction.dot(normal)) * normal).try_normalize().unwrap_or(normal)
 }
 
 /// Weight of the technique with expected density `a` beside one with `b`, which are counts times densities.
+#[inline(always)]
 pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
     // As a ratio, so that large densities do not overflow.
     let ratio = b / a;
@@ -430,6 +441,7 @@ pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
 }
 
 /// Where in the image a sample falls, from the middle of its pixel: drawn from the filter's shape.
+#[inline(always)]
 fn filter_offset(camera: &Camera, pair: Vec2) -> Vec2 {
     match camera.filter {
         PixelFilter::Box => pair - 0.5,

@@ -81,7 +81,7 @@ impl<'a> PlaneSums<'a> {
     }
 
     /// Adds a contribution to its layer.
-    #[inline]
+    #[inline(always)]
     pub(super) fn add(&mut self, half: usize, layer: Layer, column: u32, value: Vec3) {
         let layer = match layer {
             Layer::Emission => return self.emission.add(0, column, value),
@@ -98,7 +98,7 @@ impl<'a> PlaneSums<'a> {
     }
 
     /// Adds what a sample shows.
-    #[inline]
+    #[inline(always)]
     pub(super) fn add_features(&mut self, sample: &SampleFeatures) {
         let share = |is: bool| if is { 1.0 } else { 0.0 };
         let (a, n) = (sample.albedo, sample.normal);

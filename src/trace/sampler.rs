@@ -32,18 +32,21 @@ pub(super) struct Sampler {
 impl Sampler {
     /// Sample `sample` of pixel `pixel`. Even and odd samples are two independent sequences, so that their means differ
     /// by what the noise of each is.
+    #[inline(always)]
     pub(super) fn new(seed: u64, pixel: u64, sample: u32) -> Self {
         let half = u64::from(sample & 1);
         Self { key: mix(mix(seed ^ 0x6c74_6d00).wrapping_add(pixel << 1 | half)), index: sample >> 1 }
     }
 
     /// The pair for `purpose` at vertex `vertex` of the path.
+    #[inline(always)]
     pub(super) fn pair(&self, purpose: Use, vertex: u32) -> Vec2 {
         self.member(purpose, vertex, 0, 1)
     }
 
     /// Pair `member` of `count` (a power of two) that one sample draws for `purpose` at `vertex`; those of all samples
     /// form one sequence.
+    #[inline(always)]
     pub(super) fn member(&self, purpose: Use, vertex: u32, member: u32, count: u32) -> Vec2 {
         let hash = mix(self.key ^ u64::from(vertex * USES + purpose as u32 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let (a, b) = (hash as u32, (hash >> 32) as u32);
@@ -59,6 +62,7 @@ impl Sampler {
 /// Owen scrambling of bits whose most significant one decides first: the hash of Laine and Karras (2011) with
 /// Vegdahl's constants, in which every bit is changed by a function of the higher ones only. Works on the reversed
 /// number, where "higher" becomes "lower" and multiplication carries the right way.
+#[inline(always)]
 fn scramble(bits: u32, seed: u32) -> u32 {
     let mut x = bits.reverse_bits();
     x ^= x.wrapping_mul(0x3d20_adea);
@@ -71,6 +75,7 @@ fn scramble(bits: u32, seed: u32) -> u32 {
 
 /// The second Sobol dimension of an index, bits reversed: Pascal's triangle modulo 2, which is the fifth Kronecker
 /// power of `[[1, 1], [0, 1]]` and so takes five steps.
+#[inline(always)]
 fn sobol_second(index: u32) -> u32 {
     let mut x = index;
     x ^= (x & 0xaaaa_aaaa) >> 1;
@@ -82,11 +87,13 @@ fn sobol_second(index: u32) -> u32 {
 }
 
 /// To [0, 1) with 24 bits.
+#[inline(always)]
 fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
 /// Finaliser of SplitMix64 (Steele, Lea and Flood 2014).
+#[inline(always)]
 fn mix(key: u64) -> u64 {
     let z = key.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -43,11 +43,8 @@ impl World {
     /// Builds the tree and prepares the lights. Errors: indices that point outside, lights of no area.
     pub(super) fn new(scene: Arc<Scene>) -> Result<Self> {
         let mesh = &scene.mesh;
-        let vertices = mesh.positions.len();
+        let vertices = mesh.vertices.len();
         let refuse = |problem: String| Err(Error::input(&scene.name, problem, "repair the scene"));
-        if mesh.normals.len() != vertices || mesh.uvs.len() != vertices {
-            return refuse("vertex arrays of different lengths".into());
-        }
         let inside = |t: &crate::scene::Triangle| {
             t.vertices.iter().all(|&v| (v as usize) < vertices) && (t.material.0 as usize) < scene.materials.len()
         };
@@ -73,6 +70,7 @@ impl World {
     }
 
     /// The first surface that a ray meets, passing through what is cut out.
+    #[inline(always)]
     pub(super) fn intersect(&self, mut origin: Vec3, direction: Vec3, rays: &mut u64) -> Option<SurfacePoint> {
         for _ in 0..MAX_PASSES {
             *rays += 1;
@@ -88,6 +86,7 @@ impl World {
 
     /// What light keeps on the way from `origin` along the unit vector `direction` to `distance`: one where nothing
     /// stands, the transmittance of thin sheets, zero behind anything else.
+    #[inline(always)]
     pub(super) fn transmittance(&self, origin: Vec3, direction: Vec3, distance: f32, rays: &mut u64) -> Vec3 {
         *rays += 1;
         match self.bvh.occlusion(&Ray { origin, direction, t_max: distance }) {
@@ -129,32 +128,34 @@ impl World {
     }
 
     /// Scattering at a point seen from its front or back.
+    #[inline(always)]
     pub(super) fn bsdf(&self, point: &SurfacePoint, front: bool) -> Bsdf {
         Bsdf::resolve(&self.material(point).surface, &self.scene.textures, point.uv, front)
     }
 
+    #[inline(always)]
     fn is_cut_out(&self, point: &SurfacePoint) -> bool {
         let cutout = self.material(point).cutout;
         cutout.is_some_and(|id| self.scene.textures[id.0 as usize].sample(point.uv)[3] < 0.5)
     }
 
+    #[inline(always)]
     fn surface_point(&self, index: u32, u: f32, v: f32) -> SurfacePoint {
         let mesh = &self.scene.mesh;
         let triangle = &mesh.triangles[index as usize];
-        let [a, b, c] = mesh.corners(triangle);
+        let [p, q, r] = mesh.vertices_of(triangle);
+        let [a, b, c] = [p.position, q.position, r.position];
         let (edge1, edge2) = (b - a, c - a);
         let position = a + edge1 * u + edge2 * v;
         let normal = edge1.cross(edge2).normalize_or(Vec3::Z);
-        let [i, j, k] = triangle.vertices;
-        let [i, j, k] = [i as usize, j as usize, k as usize];
         let w = 1.0 - u - v;
-        let shading = mesh.normals[i] * w + mesh.normals[j] * u + mesh.normals[k] * v;
+        let shading = p.normal * w + q.normal * u + r.normal * v;
         let size = position.abs().max_element().max(edge1.abs().max_element()).max(edge2.abs().max_element());
         SurfacePoint {
             position,
             normal,
             shading_normal: shading.try_normalize().unwrap_or(normal),
-            uv: mesh.uvs[i] * w + mesh.uvs[j] * u + mesh.uvs[k] * v,
+            uv: p.uv * w + q.uv * u + r.uv * v,
             triangle: index,
             offset: OFFSET * size,
         }
@@ -163,6 +164,7 @@ impl World {
 
 impl SurfacePoint {
     /// Where a ray that leaves along `direction` starts: off the surface, on the side that it leaves to.
+    #[inline(always)]
     pub(super) fn start(&self, direction: Vec3) -> Vec3 {
         self.position + self.normal * self.offset.copysign(self.normal.dot(direction))
     }

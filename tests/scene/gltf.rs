@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_1_SQRT_2, PI};
 use glam::{Vec2, Vec3};
 use ltm::light::{LightKind, LightUnit};
 use ltm::matrix::{MatrixShape, TracedBlock};
-use ltm::scene::{Emitter, LoadOptions, LoadedScene, Paint, PointEmitter, Scene, Surface, load, load_with};
+use ltm::scene::{Emitter, LoadOptions, LoadedScene, Paint, PointEmitter, Scene, Surface, Vertex, load, load_with};
 use ltm::trace::{TraceSettings, Tracer};
 use serde_json::{Value, json};
 
@@ -303,8 +303,7 @@ fn buffers_lie_anywhere() {
     let first = load(&embedded);
     assert_eq!((first.textures.len(), first.textures[0].texels[0]), (1, [1.0, 0.0, 0.0, 1.0]));
     for scene in [load(&uris), load(&beside)] {
-        assert_eq!(scene.mesh.positions, first.mesh.positions);
-        assert_eq!(scene.mesh.uvs, first.mesh.uvs);
+        assert_eq!(scene.mesh.vertices, first.mesh.vertices);
         assert_eq!(scene.textures[0].texels, first.textures[0].texels);
     }
 }
@@ -385,7 +384,7 @@ fn textures_lie_as_the_file_says() {
         scene(&file)
     };
     let at = |scene: &Scene, corner: usize, uv: [f32; 2]| {
-        let found = scene.mesh.uvs[corner];
+        let found = scene.mesh.vertices[corner].uv;
         assert!((found - Vec2::from(uv)).length() < 1e-5, "corner {corner}: {found}");
     };
     // The image's top is v = 0 in the file, and v = 1 here.
@@ -558,7 +557,7 @@ fn cameras_are_chosen() {
     let loaded = of(&file).unwrap();
     assert!(loaded.warnings[0].contains("all of it is seen"), "{:?}", loaded.warnings);
     let camera = loaded.scene.camera;
-    for position in &loaded.scene.mesh.positions {
+    for Vertex { position, .. } in &loaded.scene.mesh.vertices {
         let to = *position - camera.eye;
         let depth = to.dot(camera.forward);
         let half = (0.5 * camera.vertical_fov_radians).tan() * depth;
@@ -597,7 +596,7 @@ fn vertex_colours() {
             else {
                 panic!("no base colour")
             };
-            let uv: Vec2 = triangle.vertices.iter().map(|v| scene.mesh.uvs[*v as usize] / 3.0).sum();
+            let uv: Vec2 = triangle.vertices.iter().map(|v| scene.mesh.vertices[*v as usize].uv / 3.0).sum();
             let mean = [Vec3::splat(1.0 / 3.0), Vec3::new(1.2, 0.2, 1.2) / 3.0][index % 2];
             assert!((reflectance.at(&scene.textures, uv) - factor * mean).length() < 1e-4, "triangle {index}");
         }

@@ -86,7 +86,7 @@ fn scene(name: &str) -> Scene {
     builder.panel("panel", origin, u, v, (TEXELS as u32, 1));
     let mut scene = builder.build();
     if !name.starts_with("smooth") && !name.starts_with("coarse") && !name.starts_with("perfect") {
-        scene.mesh.normals.fill(Vec3::ZERO);
+        scene.mesh.vertices.iter_mut().for_each(|vertex| vertex.normal = Vec3::ZERO);
     }
     scene
 }

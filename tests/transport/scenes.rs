@@ -7,6 +7,7 @@ use ltm::light::{Light, LightBasis, LightKind, LightUnit};
 use ltm::matrix::{MatrixShape, TracedBlock};
 use ltm::scene::{
     AreaEmitter, AreaLayout, Camera, Emitter, Material, MaterialId, Mesh, Paint, PixelFilter, Scene, Surface, Triangle,
+    Vertex,
 };
 use ltm::trace::{BlockStats, TraceSettings, Tracer};
 
@@ -54,10 +55,9 @@ impl Builder {
     pub(crate) fn triangle(&mut self, corners: [Vec3; 3], uvs: [Vec2; 3], normals: [Vec3; 3], surface: Surface) -> u32 {
         let material = self.material(surface);
         let mesh = &mut self.scene.mesh;
-        let first = mesh.positions.len() as u32;
-        mesh.positions.extend(corners);
-        mesh.normals.extend(normals);
-        mesh.uvs.extend(uvs);
+        let first = mesh.vertices.len() as u32;
+        let vertex = |at: usize| Vertex { position: corners[at], normal: normals[at], uv: uvs[at] };
+        mesh.vertices.extend([0, 1, 2].map(vertex));
         mesh.triangles.push(Triangle { vertices: [first, first + 1, first + 2], material, emitter: None });
         mesh.triangles.len() as u32 - 1
     }

@@ -109,10 +109,8 @@ fn a_pattern_of_emission_is_seen_and_gives_light() {
         let mut floor = Builder::new(scene.camera);
         floor.quad(Vec3::new(-3.0, -1.2, 0.0), Vec3::Z * 3.0, Vec3::X * 6.0, lambert(0.7));
         let floor = floor.build();
-        let (first, material) = (scene.mesh.positions.len() as u32, MaterialId(scene.materials.len() as u32));
-        scene.mesh.positions.extend(floor.mesh.positions);
-        scene.mesh.normals.extend(floor.mesh.normals);
-        scene.mesh.uvs.extend(floor.mesh.uvs);
+        let (first, material) = (scene.mesh.vertices.len() as u32, MaterialId(scene.materials.len() as u32));
+        scene.mesh.vertices.extend(floor.mesh.vertices);
         scene.materials.extend(floor.materials);
         scene.mesh.triangles.extend(floor.mesh.triangles.into_iter().map(|mut t| {
             (t.vertices, t.material) = (t.vertices.map(|v| v + first), material);

@@ -78,7 +78,7 @@ pub(super) fn add(
             }
             let LeftOut { degenerate, turned, .. } = &mut left_out;
             geometry.add(&part, &placed.name, MaterialId(id as u32), degenerate, turned);
-            if geometry.mesh.positions.len() > u32::MAX as usize {
+            if geometry.mesh.vertices.len() > u32::MAX as usize {
                 let problem = "the scene has more vertices than 32-bit numbers count";
                 return Err(buffers.refuse(problem.into()));
             }

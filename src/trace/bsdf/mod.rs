@@ -85,6 +85,7 @@ const SMALLEST_ALPHA: f32 = 1e-3;
 
 impl Bsdf {
     /// Resolves a description at texture coordinates `uv`; `front` says which side the viewer is on.
+    #[inline(always)]
     pub fn resolve(surface: &Surface, textures: &[Texture], uv: Vec2, front: bool) -> Self {
         match *surface {
             Surface::Lambert { reflectance } => Self::Lambert { reflectance: reflectance.at(textures, uv) },
@@ -104,21 +105,25 @@ impl Bsdf {
     }
 
     /// Whether light samples can contribute: some of it scatters over a solid angle.
+    #[inline(always)]
     pub fn is_spread(&self) -> bool {
         matches!(self, Self::Lambert { .. } | Self::RoughConductor { .. } | Self::Coated { .. })
     }
 
     /// Whether light is reflected mainly about the mirror direction, or only there.
+    #[inline(always)]
     pub fn has_lobe(&self) -> bool {
         !matches!(self, Self::Lambert { .. } | Self::Black)
     }
 
     /// Whether rays may pass straight through.
+    #[inline(always)]
     pub fn lets_pass(&self) -> bool {
         matches!(self, Self::ThinDielectric { .. })
     }
 
     /// `f(wo, wi) · |cos θi|` and the density with which [`Self::sample`] chooses `wi`; zeros for singular surfaces.
+    #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> (Vec3, f32) {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return (Vec3::ZERO, 0.0);
@@ -148,6 +153,7 @@ impl Bsdf {
     /// The part of light from all around that is reflected to `wo`, as far as it is spread: what the light of a pixel is
     /// divided by to find how a surface is lit. Exact for diffuse surfaces and smooth coats, without the loss between
     /// microfacets for rough ones; zero where nothing is spread.
+    #[inline(always)]
     pub fn albedo(&self, wo: Vec3) -> Vec3 {
         match *self {
             Self::Lambert { reflectance } => reflectance,
@@ -162,6 +168,7 @@ impl Bsdf {
 
     /// Chooses a direction from a pair of uniform numbers and one more for the choice between lobes. None where the
     /// light is absorbed.
+    #[inline(always)]
     pub fn sample(&self, wo: Vec3, pair: Vec2, choice: f32) -> Option<Scattered> {
         let mirror = Scattered {
             wi: Vec3::new(-wo.x, -wo.y, wo.z),

@@ -126,6 +126,7 @@ impl Bvh {
     }
 
     /// The nearest hit of a ray, if any.
+    #[inline(always)]
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
         match self.walk {
             #[cfg(target_arch = "x86_64")]
@@ -135,6 +136,7 @@ impl Bvh {
     }
 
     /// Whether anything stands on a segment.
+    #[inline(always)]
     pub fn occlusion(&self, ray: &Ray) -> Occlusion {
         match self.walk {
             #[cfg(target_arch = "x86_64")]

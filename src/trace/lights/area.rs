@@ -36,7 +36,7 @@ impl Shape {
         let triangle = &scene.mesh.triangles[triangle as usize];
         let [a, b, c] = scene.mesh.corners(triangle);
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        let uvs = triangle.vertices.map(|i| scene.mesh.uvs[i as usize]);
+        let uvs = scene.mesh.vertices_of(triangle).map(|vertex| vertex.uv);
         Self { corner: a, edges: [b - a, c - a], normal, uvs }
     }
 }
@@ -91,17 +91,20 @@ impl AreaLight {
     }
 
     /// Cosine at the light towards a surface, 0 behind a one-sided one.
+    #[inline(always)]
     fn cosine(&self, normal: Vec3, away: Vec3) -> f32 {
         let cosine = normal.dot(away);
         if self.two_sided { cosine.abs() } else { cosine.max(0.0) }
     }
 
+    #[inline(always)]
     fn colour(&self, scene: &Scene, uv: Vec2) -> Vec3 {
         self.pattern.map_or(Vec3::ONE, |paint| paint.at(&scene.textures, uv))
     }
 
     /// A point of the light, uniform over the area, so that every texel gets the same number of samples: position, front
     /// normal, texture coordinates, column.
+    #[inline(always)]
     fn point(&self, pair: Vec2) -> (Vec3, Vec3, Vec2, u32) {
         match self.layout {
             AreaLayout::Texels { origin, edge_u, edge_v, normal, across, down } => {
@@ -120,6 +123,7 @@ impl AreaLight {
     }
 
     /// A point of the light as a surface sees it.
+    #[inline(always)]
     pub(super) fn sample(&self, scene: &Scene, position: Vec3, pair: Vec2) -> Option<LightSample> {
         let (point, normal, uv, column) = self.point(pair);
         let offset = point - position;
@@ -166,6 +170,7 @@ impl AreaLight {
     }
 
     /// Emission where a ray hits one of its triangles.
+    #[inline(always)]
     pub(super) fn found(&self, scene: &Scene, hit: &EmitterHit) -> Option<Found> {
         let (normal, uv, column) = match self.layout {
             AreaLayout::Whole => (hit.normal, hit.uv, 0),
@@ -185,6 +190,7 @@ impl AreaLight {
     }
 
     /// Triangle by area, and the number stretched to its share again.
+    #[inline(always)]
     fn choose(&self, x: f32) -> (usize, f32) {
         let index = self.cumulative.partition_point(|&c| c <= x).min(self.cumulative.len() - 1);
         let before = if index == 0 { 0.0 } else { self.cumulative[index - 1] };
@@ -195,6 +201,7 @@ impl AreaLight {
 
 /// Uniform barycentric weights of the second and third corner, keeping strata together (Heitz 2019, *A low-distortion
 /// map between triangle and square*).
+#[inline(always)]
 pub(in crate::trace) fn uniform_triangle(pair: Vec2) -> (f32, f32) {
     let (x, y) = (0.5 * pair.x, 0.5 * pair.y);
     let offset = y - x;

@@ -158,6 +158,7 @@ impl Choice {
     }
 
     /// The chances at a surface.
+    #[inline(always)]
     pub(super) fn at(&self, position: Vec3, normal: Vec3) -> Chances {
         let count = self.bounds.len();
         let (mut each, share) = ([0.0f32; MOST], 1.0 / count.max(1) as f32);
@@ -184,6 +185,7 @@ impl Chances {
     }
 
     /// The light that a number chooses, its chance, and the number stretched to its share again.
+    #[inline(always)]
     pub(super) fn choose(&self, x: f32) -> (usize, f32, f32) {
         let last = self.count - 1;
         if let Some(share) = self.even {

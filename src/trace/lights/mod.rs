@@ -115,12 +115,14 @@ impl Lights {
     }
 
     /// The chances of all lights at a surface at `position` with shading normal `normal`.
+    #[inline(always)]
     pub(super) fn chances(&self, position: Vec3, normal: Vec3) -> Chances {
         self.choice.at(position, normal)
     }
 
     /// Chooses a light and a point on it for a surface at `position` with shading frame `frame` and its chances. None where the
     /// point sends nothing there.
+    #[inline(always)]
     pub(super) fn sample(
         &self,
         scene: &Scene,
@@ -151,6 +153,7 @@ impl Lights {
 
     /// Emission of light `emitter` where a ray along `direction` hits its triangle at `position`, `distance` from the
     /// surface that scattered it, `from` there with its shading normal. `normal` is the triangle's front.
+    #[inline(always)]
     pub(super) fn on_surface(
         &self,
         scene: &Scene,
@@ -263,6 +266,7 @@ mod tests {
     use crate::light::{EnvironmentMapping, Light, LightBasis, LightKind, LightUnit};
     use crate::scene::{
         AreaEmitter, AreaLayout, Camera, Material, MaterialId, Mesh, PixelFilter, PointEmitter, Surface, Triangle,
+        Vertex,
     };
 
     /// A scene of black triangles that are all one light, seen by nobody.
@@ -270,9 +274,7 @@ mod tests {
         let mut mesh = Mesh::default();
         for (index, corners) in triangles.iter().enumerate() {
             let first = 3 * index as u32;
-            mesh.positions.extend(corners);
-            mesh.normals.extend([Vec3::ZERO; 3]);
-            mesh.uvs.extend([Vec2::ZERO; 3]);
+            mesh.vertices.extend(corners.map(|position| Vertex { position, ..Vertex::default() }));
             mesh.triangles.push(Triangle {
                 vertices: [first, first + 1, first + 2],
                 material: MaterialId(0),

@@ -87,7 +87,7 @@ fn write_scene(loaded: &LoadedScene, folder: &Path) -> Result<()> {
     // Faces with normals of their own and those without lie apart: a PLY file has them for all or for none.
     let mut groups: BTreeMap<(u32, Option<u32>, bool), Vec<&Triangle>> = BTreeMap::new();
     for triangle in &scene.mesh.triangles {
-        let flat = scene.mesh.normals[triangle.vertices[0] as usize].length_squared() == 0.0;
+        let flat = scene.mesh.vertices[triangle.vertices[0] as usize].normal.length_squared() == 0.0;
         groups.entry((triangle.material.0, triangle.emitter, flat)).or_default().push(triangle);
     }
     let mut parts = Map::new();
@@ -167,9 +167,9 @@ property list uchar int vertex_indices\nend_header\n"
     .into_bytes();
     for vertex in triangles.iter().flat_map(|triangle| triangle.vertices) {
         let put = |v: glam::Vec3| v.to_array().map(f32::to_le_bytes).concat();
-        bytes.extend(put(mesh.positions[vertex as usize]));
+        bytes.extend(put(mesh.vertices[vertex as usize].position));
         if with_normals {
-            bytes.extend(put(mesh.normals[vertex as usize]));
+            bytes.extend(put(mesh.vertices[vertex as usize].normal));
         }
     }
     for face in 0..faces as u32 {

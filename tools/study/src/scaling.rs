@@ -15,7 +15,7 @@ use ltm::light::Lighting;
 use ltm::matrix::BlockSource;
 use ltm::pipeline::{self, PackOptions, RenderOptions};
 use ltm::relight::CpuRelighter;
-use ltm::scene::{LoadedScene, Mesh, content_hash};
+use ltm::scene::{LoadedScene, Mesh, Vertex, content_hash};
 use ltm::store::StoreReader;
 
 /// Relights that a time is the mean of.
@@ -293,11 +293,13 @@ fn subdivide(mesh: &mut Mesh) {
         let [a, b, c] = triangle.vertices;
         let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(a, b)| {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
-                let (a, b) = (a as usize, b as usize);
-                mesh.positions.push(0.5 * (mesh.positions[a] + mesh.positions[b]));
-                mesh.normals.push((mesh.normals[a] + mesh.normals[b]).normalize_or_zero());
-                mesh.uvs.push(0.5 * (mesh.uvs[a] + mesh.uvs[b]));
-                mesh.positions.len() as u32 - 1
+                let [a, b] = [a, b].map(|vertex| mesh.vertices[vertex as usize]);
+                mesh.vertices.push(Vertex {
+                    position: 0.5 * (a.position + b.position),
+                    normal: (a.normal + b.normal).normalize_or_zero(),
+                    uv: 0.5 * (a.uv + b.uv),
+                });
+                mesh.vertices.len() as u32 - 1
             })
         });
         for vertices in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
