@@ -17,8 +17,8 @@ pub struct Triangle {
     pub emitter: Option<u32>,
 }
 
-/// A vertex. What a hit reads of one lies in one half of a cache line: tracing rooms took 7 to 14 % longer with an array for each of
-/// the three.
+/// A vertex. What a hit reads of one lies in one half of a cache line: with an array for each of the three, tracing rooms takes 1.02 to
+/// 1.05 of the time.
 #[repr(C, align(32))]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Vertex {

@@ -20,6 +20,7 @@ struct Lanes {
 }
 
 impl Lanes {
+    #[inline]
     #[target_feature(enable = "avx2")]
     fn new(ray: &Ray) -> Self {
         let prepared = Prepared::new(ray);
@@ -235,16 +236,21 @@ fn occlusion_lanes(tree: &WideTree, x: f32, y: f32, z: f32, dx: f32, dy: f32, dz
     let lanes = Lanes::new(&Ray { origin: Vec3::new(x, y, z), direction: Vec3::new(dx, dy, dz), t_max });
     let (mut found, t_last) = (Occlusion::Clear, t_max.next_down());
     let mut stack = Stack::<u32>::new();
-    if !tree.nodes.is_empty() {
-        stack.push(0);
-    }
-    while let Some(code) = stack.pop() {
+    let mut code = if tree.nodes.is_empty() { return found } else { 0 };
+    loop {
         if code & LEAF == 0 {
             let node = &tree.nodes[code as usize];
             let mut mask = enter(node, &lanes, t_max).1;
-            while mask != 0 {
-                stack.push(node.children[mask.trailing_zeros() as usize]);
-                mask &= mask - 1;
+            if mask != 0 {
+                // The last one is gone into at once, as if it were pushed and popped.
+                let last = mask.ilog2();
+                mask ^= 1 << last;
+                while mask != 0 {
+                    stack.push(node.children[mask.trailing_zeros() as usize]);
+                    mask &= mask - 1;
+                }
+                code = node.children[last as usize];
+                continue;
             }
         } else {
             let packet = &tree.packets[(code & !LEAF) as usize];
@@ -258,6 +264,9 @@ fn occlusion_lanes(tree: &WideTree, x: f32, y: f32, z: f32, dx: f32, dy: f32, dz
                 found = Occlusion::Perhaps;
             }
         }
+        code = match stack.pop() {
+            Some(code) => code,
+            None => return found,
+        };
     }
-    found
 }

@@ -18,6 +18,7 @@ pub(super) struct Prepared {
 pub(super) const WIDEN: f32 = 1.000_000_5;
 
 impl Prepared {
+    #[inline(always)]
     pub(super) fn new(ray: &Ray) -> Self {
         let direction = ray.direction.to_array();
         let inverse = direction.map(|d| 1.0 / d);
@@ -25,6 +26,7 @@ impl Prepared {
         Self { origin: ray.origin.to_array(), direction, inverse, near }
     }
 
+    #[inline(always)]
     pub(super) fn far(&self, axis: usize) -> usize {
         if self.near[axis] >= 3 { axis } else { 3 + axis }
     }

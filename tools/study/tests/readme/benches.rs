@@ -13,7 +13,7 @@ pub(crate) const FIGURES: &[Figure] = &[
     figure("### Rendering with a store", &["bench-store-render.csv"], store_render, store_render_says),
     figure("## Rendering all columns at once", &["bench-tax.csv"], tax, tax_says),
     figure("## Memory, counted by the allocator", &["bench-memory.csv"], memory, memory_says),
-    figure("## Rays a second", &["bench-rays.csv"], rays, rays_says),
+    figure("## Rays a second", &["bench-rays.csv", "bench-rays-epyc.csv"], rays, rays_says),
     figure("## The window", &["bench-view.csv"], window, window_says),
 ];
 
@@ -322,23 +322,34 @@ fn ray_case(case: &str) -> [String; 3] {
     [with_thousands(mesh), set.to_owned(), kind.trim_end_matches(')').to_owned()]
 }
 
+/// What the machine of a file is called, without its threads.
+fn processor(csv: &Csv) -> &str {
+    csv.machine.split(',').next().unwrap_or_default()
+}
+
+/// Rates on the machine of the first file, and beside them the ratios on that of the second.
 fn rays(files: &[Csv]) -> Vec<Vec<String>> {
-    let csv = &files[0];
-    let mut table =
-        vec![cells(&["mesh, triangles", "rays", "hit", "ours, M rays/s", "Embree, M rays/s", "ours over Embree"])];
+    let [csv, other] = files else { return Vec::new() };
+    let beside = format!("on {}", processor(other));
+    let head = ["mesh, triangles", "rays", "hit", "ours, M rays/s", "Embree, M rays/s", "ours over Embree", &beside];
+    let mut table = vec![cells(&head)];
     for case in csv.each("case") {
         let mut row = ray_case(case).to_vec();
         row.extend(
             ["million_rays_a_second", "embree_million_rays_a_second", "ours_over_embree"]
                 .map(|figure| dashed(csv.maybe_figure(case, figure), 2)),
         );
+        row.push(dashed(other.maybe_figure(case, "ours_over_embree"), 2));
         table.push(row);
     }
     table
 }
 
 fn rays_says(files: &[Csv]) -> Vec<String> {
-    let csv = &files[0];
+    files.iter().flat_map(ratios_say).collect()
+}
+
+fn ratios_say(csv: &Csv) -> Vec<String> {
     let ratios = csv.figures("ours_over_embree");
     if ratios.is_empty() {
         return Vec::new();
@@ -351,9 +362,10 @@ fn rays_says(files: &[Csv]) -> Vec<String> {
         let [mesh, set, _] = ray_case(case);
         format!("{mesh}, {set} ({ratio:.2})")
     });
+    let (on, closest, any) = (processor(csv), of("closest"), of("any"));
     vec![
-        format!("Closest hits come at {} of Embree's rate, any hits at {}.", of("closest"), of("any")),
-        listed("Where Embree is faster", &slower.collect::<Vec<_>>()),
+        format!("{on}: closest hits come at {closest} of Embree's rate, any hits at {any}."),
+        listed(&format!("{on}: where Embree is faster"), &slower.collect::<Vec<_>>()),
     ]
 }
 
