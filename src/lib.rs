@@ -68,7 +68,7 @@
 //! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share` |
 //! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
 //! | `bytemuck` | `clean`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
-//! | `pulp` | `clean`, `compress`, `container`, `relight`, `store` |
+//! | `pulp` | `clean`, `compress`, `container`, `relight`, `store`, `trace` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline` |
 //! | `object_store`, `reqwest`, `rustls`, `tokio` | `depot` |
