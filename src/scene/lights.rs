@@ -12,7 +12,7 @@ use super::looks::{Emission, colour};
 use super::memory::Memory;
 use super::photometry::{self, MOST_PHOTOMETRY_BYTES, Photometry};
 use super::rectangle::{self, Corner};
-use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, names};
+use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, Vertex, names};
 use crate::error::{Error, Result};
 use crate::files::read_input;
 use crate::image::{LUMENS_PER_WATT, image_facts, read_image};
@@ -202,12 +202,8 @@ impl Lights<'_> {
         }
         let two_sided = side == SideEntry::Both;
         let mesh = &self.assembly.mesh;
-        let corners = |&index: &u32| {
-            mesh.triangles[index as usize].vertices.map(|v| {
-                let v = v as usize;
-                Corner { position: mesh.vertices[v].position, uv: mesh.vertices[v].uv }
-            })
-        };
+        let corner = |vertex: &Vertex| Corner { position: vertex.position, uv: vertex.uv };
+        let corners = |&index: &u32| mesh.vertices_of(&mesh.triangles[index as usize]).map(corner);
         let all: Vec<_> = triangles.iter().map(corners).collect();
         let radiance = emission.radiance.to_array();
         let (light, layout) = match texels {

@@ -1,6 +1,5 @@
 //! A scene that is ready to trace, with the settings that it asks for and its identity.
 
-use glam::{Vec2, Vec3};
 use sha2::{Digest, Sha256};
 
 use super::Scene;
@@ -75,9 +74,9 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     };
     part(b"ltm scene 1");
     let Scene { name: _, mesh, materials, textures, camera, emitters, basis: _, metres_per_unit: _ } = scene;
-    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.position).collect::<Vec<Vec3>>()));
-    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.normal).collect::<Vec<Vec3>>()));
-    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.uv).collect::<Vec<Vec2>>()));
+    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.position).collect::<Vec<_>>()));
+    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.normal).collect::<Vec<_>>()));
+    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.uv).collect::<Vec<_>>()));
     let triangles: Vec<[u32; 5]> = mesh
         .triangles
         .iter()

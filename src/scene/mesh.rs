@@ -51,4 +51,14 @@ impl Mesh {
     pub fn corners(&self, triangle: &Triangle) -> [Vec3; 3] {
         self.vertices_of(triangle).map(|vertex| vertex.position)
     }
+
+    /// The box around all vertices, as [`bounds`] gives it.
+    pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
+        bounds(self.vertices.iter().map(|vertex| vertex.position))
+    }
+}
+
+/// The box around points: its least corner and its greatest; infinite the wrong way round where there are none.
+pub(crate) fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
+    points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), point| (low.min(point), high.max(point)))
 }

@@ -36,6 +36,7 @@ pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfi
 pub use load::{LoadOptions, load, load_with};
 pub use loaded::{LoadedScene, RenderSettings, content_hash};
 pub use material::{Material, Paint, Surface, Texture, TextureId};
+pub(crate) use mesh::bounds;
 pub use mesh::{MaterialId, Mesh, Triangle, Vertex};
 pub use survey::{Survey, survey};
 pub use validate::validate;

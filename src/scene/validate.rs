@@ -111,8 +111,7 @@ fn check_camera(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
         Vec2::new(x * camera.width as f32 / across as f32, y * camera.height as f32 / down as f32)
     });
     let in_view = seen(pixels.map(|at| camera.direction(at)).collect());
-    let positions = || scene.mesh.vertices.iter().map(|vertex| vertex.position);
-    let (low, high) = (positions().fold(Vec3::INFINITY, Vec3::min), positions().fold(Vec3::NEG_INFINITY, Vec3::max));
+    let (low, high) = scene.mesh.bounds();
     let size = (high - low).length();
     if in_view.is_empty() {
         let environment = scene.emitters.iter().any(|e| matches!(e, Emitter::Environment(_)));

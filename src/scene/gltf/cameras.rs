@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DMat3, Vec3};
 use gltf::Document;
 
-use super::super::{Camera, Mesh, PixelFilter, Vertex};
+use super::super::{Camera, Mesh, PixelFilter};
 use super::nodes::Placed;
 use super::plain;
 use crate::error::Result;
@@ -68,10 +68,7 @@ impl FileCamera {
 
 /// A camera before the scene and above it that has all of it in view.
 pub(in super::super) fn seeing_all(mesh: &Mesh) -> Result<Camera> {
-    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for Vertex { position, .. } in &mesh.vertices {
-        (low, high) = (low.min(*position), high.max(*position));
-    }
+    let (low, high) = mesh.bounds();
     let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low).length()).max(f32::MIN_POSITIVE));
     let fov = 45f32.to_radians();
     let towards = Vec3::new(0.5, 0.4, 1.0).normalize();

@@ -13,7 +13,7 @@
 use glam::Vec3;
 
 use super::Source;
-use crate::scene::{AreaLayout, Scene};
+use crate::scene::{AreaLayout, Scene, bounds};
 
 /// Part of the samples that is shared out evenly.
 const EVEN: f32 = 0.5;
@@ -69,8 +69,7 @@ impl Bound {
                 }
                 let corners =
                     || light.triangles().iter().map(|&t| scene.mesh.corners(&scene.mesh.triangles[t as usize]));
-                let low = corners().flatten().fold(Vec3::INFINITY, Vec3::min);
-                let high = corners().flatten().fold(Vec3::NEG_INFINITY, Vec3::max);
+                let (low, high) = bounds(corners().flatten());
                 // Area times normal of each: as long as all areas together only where the light is flat.
                 let areas = corners().map(|[a, b, c]| (b - a).cross(c - a));
                 let (sum, total) = areas.fold((Vec3::ZERO, 0.0), |(sum, total), n| (sum + n, total + n.length()));

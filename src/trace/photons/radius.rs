@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use super::tree::{Tree, bounds};
+use super::tree::Tree;
+use crate::scene::bounds;
 
 /// Photons of all maps that a radius holds where `AT` are kept; with more, `N^⅔` as many.
 const HELD: f64 = 32.0;

@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 use super::super::bsdf::concentric_disc;
 use super::super::frame::Frame;
 use super::super::lights::{cap_direction, cap_height_of};
-use crate::scene::{Mesh, Scene, Surface};
+use crate::scene::{Mesh, Scene, Surface, bounds};
 
 /// Most spheres. Every photon asks each of them whether it was meant as well.
 const MOST_SPHERES: usize = 32;
@@ -179,8 +179,7 @@ fn part(mesh: &Mesh, sphere: &Sphere, triangles: &[u32]) -> Option<[Group; 2]> {
         let [a, b, c] = mesh.corners(&mesh.triangles[t as usize]);
         (a + b + c) / 3.0
     };
-    let bounds = |(low, high): (Vec3, Vec3), &t: &u32| (low.min(middle(t)), high.max(middle(t)));
-    let (low, high) = triangles.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), bounds);
+    let (low, high) = bounds(triangles.iter().map(|&t| middle(t)));
     let mut best: Option<(f32, [Group; 2])> = None;
     for axis in 0..3 {
         for plane in 1..=PLANES {

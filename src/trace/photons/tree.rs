@@ -3,6 +3,8 @@
 
 use glam::Vec3;
 
+use crate::scene::bounds;
+
 /// The planes of a tree, in the order of a heap: node `i` has the children `2i + 1` and `2i + 2`. A node's points are a range
 /// of the sorted points, parted in its middle.
 #[derive(Debug)]
@@ -66,11 +68,6 @@ pub(super) fn part_at<T>(points: &mut [T], middle: usize, position: impl Fn(&T) 
     let axis = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
     points.select_nth_unstable_by(middle, |a, b| position(a)[axis].total_cmp(&position(b)[axis]));
     axis
-}
-
-/// The box around points.
-pub(super) fn bounds(points: impl Iterator<Item = Vec3>) -> (Vec3, Vec3) {
-    points.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), point| (low.min(point), high.max(point)))
 }
 
 #[cfg(test)]
