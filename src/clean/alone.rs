@@ -2,7 +2,7 @@
 
 use pulp::Simd;
 
-use super::constants::MOST_SCALE;
+use super::constants::{ALONE_RELATIVE, ALONE_SLOPE, MOST_SCALE};
 use super::filter::nearness;
 use super::guide::{Guide, GuideCut, GuideWidths, weights};
 use super::kernel::{IMAGE, Means, Neighbours, Offsets, Weigh, plane_of};
@@ -18,7 +18,7 @@ const GUIDE_PLANES: usize = 3;
 
 /// Values that it holds for each column of pixels while so many rows are filtered.
 pub(super) fn passing_rows(reach: Reach, step: usize) -> usize {
-    let read = step + 2 * (reach.alone().radius() + FILTERED.read());
+    let read = step + 2 * reach.alone().iter().map(Pass::read).max().unwrap_or(0);
     // Guides, and of one what it is made of: the image in grey, means of its noise and squares; sums before and after.
     read * (TOGETHER * GUIDE_PLANES + 2 + 5) + 2 * IMAGE * step
 }
@@ -30,9 +30,25 @@ pub(super) fn passing_rows(reach: Reach, step: usize) -> usize {
 /// averaged with it. So the sum of all stays what it was, in each half of the samples: each image is scaled to that.
 pub(super) struct Alone<'a> {
     pub(super) surfaces: &'a Surfaces,
-    pub(super) widths: GuideWidths,
-    pub(super) slope: f32,
+    pub(super) pass: Pass,
+}
+
+/// One of its passes.
+pub(super) struct Pass {
     pub(super) offsets: Offsets,
+    /// How much the noise counts, see [`GuideWidths::noise`].
+    pub(super) noise: f32,
+}
+
+impl Pass {
+    /// Pixels around those that it fills of which it reads images.
+    pub(super) fn read(&self) -> usize {
+        self.offsets.radius() + FILTERED.read()
+    }
+
+    fn widths(&self) -> GuideWidths {
+        GuideWidths { noise: self.noise, relative: ALONE_RELATIVE }
+    }
 }
 
 impl Alone<'_> {
@@ -44,7 +60,8 @@ impl Alone<'_> {
                 (first..all.min(first + TOGETHER)).map(|image| self.guide(images, image, region, pool)).collect();
             let each = Each { alone: self, guides };
             let first = Some(first);
-            Means { images, first, offsets: &self.offsets, slope: self.slope, weigher: &each }.fill(region, filtered);
+            let offsets = &self.pass.offsets;
+            Means { images, first, offsets, slope: ALONE_SLOPE, weigher: &each }.fill(region, filtered);
             each.guides.into_iter().for_each(|guide| pool.keep(guide.into_rows()));
         }
         let sums = [images, &*filtered].map(|images| sums(images, region, pool));
@@ -61,7 +78,7 @@ impl Alone<'_> {
 
     /// What neighbours in an image are compared by.
     fn guide(&self, images: &Rows, image: usize, region: &Region, pool: &Pool) -> Guide {
-        let compared = region.grown(self.offsets.radius(), images);
+        let compared = region.grown(self.pass.offsets.radius(), images);
         let read = compared.grown(FILTERED.read(), images);
         let mut grey = pool.rows_like(images, 2, read.y.clone());
         grey.fill_rows(&read, |y, of_half, out| {
@@ -123,7 +140,7 @@ impl Weigh for Each<'_> {
         around.guides.resize_with(self.guides.len(), GuideCut::default);
         self.guides.iter().zip(&mut around.guides).for_each(|(guide, cut)| guide.cut(tile, reach, cut));
         self.alone.surfaces.cut(tile, reach, &mut around.surfaces);
-        around.common.resize(self.alone.offsets.count(), [0.0; TILE_PIXELS]);
+        around.common.resize(self.alone.pass.offsets.count(), [0.0; TILE_PIXELS]);
     }
 
     #[inline(always)]
@@ -132,10 +149,10 @@ impl Weigh for Each<'_> {
             return;
         };
         if of.image == 0 {
-            common.fill(nearness(of.offset, self.alone.offsets.radius()));
+            common.fill(nearness(of.offset, self.alone.pass.offsets.radius()));
             around.surfaces.add_distances(simd, of.offset, common);
         }
-        guide.distances(simd, of.offset, &self.alone.widths, out);
+        guide.distances(simd, of.offset, &self.alone.pass.widths(), out);
         for (out, common) in out.iter_mut().zip(&*common) {
             *out = out.max(0.0) + common;
         }

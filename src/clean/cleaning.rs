@@ -244,9 +244,9 @@ mod tests {
     use super::*;
 
     const CLUSTERS: usize = 2;
-    const REACH: Reach = Reach { stride: 3 };
-    /// That of larger images.
-    const FAR: Reach = Reach { stride: 4 };
+    const REACH: Reach = Reach { stride: 3, far_step: None };
+    /// That, and those of larger images.
+    const REACHES: [Reach; 3] = [REACH, Reach { stride: 4, far_step: None }, Reach { stride: 4, far_step: Some(12) }];
 
     /// What is known of an image, all rows.
     #[derive(Clone)]
@@ -388,6 +388,20 @@ mod tests {
         let mut both = halves[0];
         both.add(&halves[1]);
         assert!((both.light / sums.light - 1.0).abs() < 1e-9 && (both.changed / sums.changed - 1.0).abs() < 1e-9);
+    }
+
+    /// What one image has of its own and the sum of all has not: the far pass averages it farther.
+    #[test]
+    fn noise_of_single_images_is_less_in_the_largest_images() {
+        let size = (160, 130);
+        let ((mut window, truth), (exact, _)) = (room(size, 2.0), room(size, 0.0));
+        window.direct = exact.direct;
+        let guides = guides(&window);
+        let [_, near, far] = REACHES.map(|reach| {
+            let cleaned = clean_in_steps(&window, &truth.whole(), &guides, (32, reach));
+            squared_error(&cleaned.images, &truth)
+        });
+        assert!(far < 0.9 * near, "{far}, not less than {near}");
     }
 
     #[test]
@@ -540,7 +554,7 @@ mod tests {
     fn images_do_not_depend_on_how_many_rows_are_cleaned_at_once() {
         let (window, _) = room((40, 330), 0.5);
         let guides = guides(&window);
-        for reach in [REACH, FAR] {
+        for reach in REACHES {
             let whole = clean_in_steps(&window, &window.features.whole(), &guides, (330, reach));
             for block in [32, 50, 128] {
                 let cleaned = clean_in_steps(&window, &window.features.whole(), &guides, (block, reach));
@@ -561,7 +575,7 @@ mod tests {
         let (width, block) = (40, 32);
         let (window, _) = room((width, 500), 0.5);
         let guides = guides(&window);
-        for reach in [REACH, FAR] {
+        for reach in REACHES {
             let pool = Pool::default();
             let settings = (reach, &pool);
             let mut cleaning = Cleaning::new(((width, 500), block), window.features.whole(), 10, &guides, settings);

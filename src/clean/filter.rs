@@ -122,7 +122,8 @@ pub(super) struct Indirect<'a> {
     guide: HeldGuide,
     wide: Held,
     narrow: Held,
-    alone: Held,
+    /// One for each pass.
+    alone: Vec<Held>,
 }
 
 impl<'a> Indirect<'a> {
@@ -140,21 +141,21 @@ impl<'a> Indirect<'a> {
             guide: HeldGuide::new(stages.guide, FILTERED_PIXELS, region, size, step),
             wide: held(stages.wide),
             narrow: held(stages.narrow),
-            alone: held(stages.alone),
+            alone: stages.alone.into_iter().map(held).collect(),
         }
     }
 
     /// What comes out.
     pub(super) fn means(&self) -> &Rows {
-        &self.alone.rows
+        &self.alone.last().unwrap_or(&self.narrow).rows
     }
 
     /// All rows that are held.
     #[cfg(test)]
     pub(super) fn all_rows(&self) -> Vec<&Rows> {
-        let means = [&self.mixtures, &self.pilot_wide, &self.pilot, &self.wide, &self.narrow, &self.alone]
-            .map(|held| &held.rows);
-        means.into_iter().chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
+        let means = [&self.mixtures, &self.pilot_wide, &self.pilot, &self.wide, &self.narrow];
+        let means = means.into_iter().chain(&self.alone).map(|held| &held.rows);
+        means.chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
     /// Takes all stages as far as a step needs them.
@@ -172,15 +173,13 @@ impl<'a> Indirect<'a> {
         let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
         let alike = Alike { surfaces, guide: &self.guide.guide, widths, radius: None };
         wide_then_narrow((light, (&mut self.wide, &mut self.narrow)), step, (alike, SLOPE), &offsets);
-        let alone = Alone {
-            surfaces,
-            widths: GuideWidths { noise: ALONE_NOISE, relative: ALONE_RELATIVE },
-            slope: ALONE_SLOPE,
-            offsets: self.reach.alone(),
-        };
-        let region = self.alone.advance(step);
-        if !region.y.is_empty() {
-            alone.filter(&self.narrow.rows, &region, &mut self.alone.rows, pool);
+        let mut before = &self.narrow.rows;
+        for (held, pass) in self.alone.iter_mut().zip(self.reach.alone()) {
+            let region = held.advance(step);
+            if !region.y.is_empty() {
+                Alone { surfaces, pass }.filter(before, &region, &mut held.rows, pool);
+            }
+            before = &held.rows;
         }
     }
 }

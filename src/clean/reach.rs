@@ -1,5 +1,6 @@
 //! How far filtering reaches.
 
+use super::alone::Pass;
 use super::constants::*;
 use super::guide::GuideReach;
 use super::kernel::Offsets;
@@ -13,13 +14,19 @@ use super::surfaces;
 pub struct Reach {
     /// The wide filter reads every so many pixels across and down.
     pub(super) stride: usize,
+    /// Pixels of a step of the far filter of each image by itself, which only the largest images have.
+    pub(super) far_step: Option<usize>,
 }
 
 impl Reach {
     /// That for an image of this size in pixels.
     pub fn of_image(width: u32, height: u32) -> Self {
         let side = (f64::from(width) * f64::from(height)).sqrt();
-        Self { stride: ((side / SIDE_OF_STRIDE).round() as usize).clamp(INDIRECT_STRIDE.0, INDIRECT_STRIDE.1) }
+        let far_step = ((side / SIDE_OF_FAR_STEP).round() as usize).min(FAR_STEP.1);
+        Self {
+            stride: ((side / SIDE_OF_STRIDE).round() as usize).clamp(INDIRECT_STRIDE.0, INDIRECT_STRIDE.1),
+            far_step: Some(far_step).filter(|&step| step >= FAR_STEP.0),
+        }
     }
 
     fn is_far(self) -> bool {
@@ -56,9 +63,15 @@ impl Reach {
         Offsets::disc(INDIRECT_NARROW, 1)
     }
 
-    /// What each image of indirect light by itself reads.
-    pub(super) fn alone(self) -> Offsets {
-        Offsets::disc(ALONE.0 * ALONE.1, ALONE.1)
+    /// How each image of indirect light is filtered by itself, one pass after the other.
+    pub(super) fn alone(self) -> Vec<Pass> {
+        let pass = |steps, step, noise| Pass { offsets: Offsets::disc(steps * step, step), noise };
+        match self.far_step {
+            None => vec![pass(ALONE.0, ALONE.1, ALONE_NOISE)],
+            Some(step) => {
+                vec![pass(ALONE_NEAR.0, ALONE_NEAR.1, ALONE_NEAR_NOISE), pass(ALONE_FAR, step, ALONE_FAR_NOISE)]
+            }
+        }
     }
 
     /// Pixels around a region that what comes out of it depends on.
@@ -108,10 +121,16 @@ impl Reach {
 
     /// The stages of indirect light.
     pub(super) fn indirect_stages(self, planes: usize, mixtures: usize) -> IndirectStages {
-        let alone = RISK_REACH;
-        let (of_alone, of_wide, of_narrow) =
-            (self.alone().radius() + FILTERED.read(), self.wide().radius(), self.narrow().radius());
-        let narrow = alone + of_alone;
+        let (of_wide, of_narrow) = (self.wide().radius(), self.narrow().radius());
+        let passes = self.alone();
+        let (mut alone, mut pass, mut reader) = (Vec::new(), RISK_REACH, (0, RISK_REACH));
+        for read in passes.iter().rev().map(Pass::read) {
+            alone.push(Stage::new(planes, pass, &[reader]));
+            reader = (pass, read);
+            pass += read;
+        }
+        alone.reverse();
+        let narrow = pass;
         let wide = narrow + of_narrow;
         let guide = wide + of_wide;
         let pilot = guide + FILTERED_PIXELS.read();
@@ -129,14 +148,15 @@ impl Reach {
             guide: Stage::new(guides, guide, &[(wide, of_wide), (narrow, of_narrow)])
                 .with_patches(FILTERED_PIXELS.patch),
             wide: Stage::new(planes, wide, &[(narrow, of_narrow)]),
-            narrow: Stage::new(planes, narrow, &[(alone, of_alone)]),
-            alone: Stage::new(planes, alone, &[(0, RISK_REACH)]),
-            // Of surfaces whoever weighs neighbours reads both pixels.
-            surfaces: Stage::new(
-                surfaces::PLANES,
-                raw_guide,
-                &[(raw_guide, 0), (alone, self.alone().radius()), (direct.wide.reach, self.direct().radius())],
-            ),
+            narrow: Stage::new(planes, narrow, &[reader]),
+            surfaces: {
+                let of_passes = alone.iter().zip(&passes).map(|(stage, pass)| (stage.reach, pass.offsets.radius()));
+                let mut readers: Vec<_> = of_passes.collect();
+                readers.extend([(raw_guide, 0), (direct.wide.reach, self.direct().radius())]);
+                // Whoever weighs neighbours reads both pixels.
+                Stage::new(surfaces::PLANES, raw_guide, &readers)
+            },
+            alone,
         }
     }
 }
@@ -172,14 +192,15 @@ pub(super) struct IndirectStages {
     pub(super) guide: Stage,
     pub(super) wide: Stage,
     pub(super) narrow: Stage,
-    pub(super) alone: Stage,
+    /// One for each pass.
+    pub(super) alone: Vec<Stage>,
     pub(super) surfaces: Stage,
 }
 
 impl IndirectStages {
-    pub(super) fn all(self) -> [Stage; 9] {
+    pub(super) fn all(self) -> Vec<Stage> {
         let Self { mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, alone, surfaces } = self;
-        [mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, alone, surfaces]
+        [mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, surfaces].into_iter().chain(alone).collect()
     }
 }
 
@@ -192,5 +213,8 @@ mod tests {
         let wide = |width, height| Reach::of_image(width, height).wide().radius();
         assert_eq!([wide(1, 1), wide(256, 192), wide(384, 288)], [18; 3]);
         assert_eq!([wide(480, 360), wide(1024, 768), wide(8192, 4096)], [24; 3]);
+        let far = |width, height| Reach::of_image(width, height).far_step;
+        assert_eq!([far(256, 192), far(640, 480), far(800, 600)], [None, None, Some(12)]);
+        assert_eq!([far(1024, 768), far(8192, 4096)], [Some(15); 2]);
     }
 }
