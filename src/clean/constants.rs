@@ -64,7 +64,7 @@ pub(super) const ALONE_SLOPE: f32 = 0.03;
 pub(super) const ALONE_RELATIVE: f32 = 0.03;
 /// In the largest images two passes of that, near and far, whose noise counts for more; the far one's steps have a pixel for each so many
 /// of the image's side, and it is there from so many pixels of a step on, of which it has at most so many. Chosen on three lamps of
-/// `conference-24` at 1024 × 768 pixels, 16 and 64 samples, which had soft blotches: ꟻLIP fell by 13 to 8 % and by 7 to 2 %. From
+/// `conference-24` at 1024 × 768 pixels, 16 and 64 samples, which had soft blotches: ꟻLIP fell by 12 to 8 % and by 7 to 2 %. From
 /// 9 pixels of a step on it would be there at 512 × 512 and 640 × 480 too: of `erw5-scene8`, `cornell-glossy` and `cornell-water` 16 samples
 /// gained up to 1.3 % then, 64 lost up to 1.3 %.
 pub(super) const ALONE_NEAR: (usize, usize) = (4, 5);

@@ -27,7 +27,7 @@ const FULL: Plan = Plan { size: (1024, 768), converged: 384, samples: &[16, 64] 
 
 const NOTE: &str = "Images under one of the lamps at a time, packed with all of them. Reference: a matrix of another seed whose scene has that \
 lamp alone, so that it gets all samples. ꟻLIP and clip as `ltm study picture` has them. Denoiser: Intel's Open Image Denoise on each raw relit \
-image, high quality, with the reference's albedo and normals as noise-free guides. The first lamp took part in choosing constants of the \
+image, high quality, with the reference's albedo and normals as noise-free guides. These lamps took part in choosing constants of the \
 cleaning.";
 
 /// A lamp, how it looks, and what its light is seen by as a denoiser wants to know it.
