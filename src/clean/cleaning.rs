@@ -392,7 +392,7 @@ mod tests {
 
     /// What one image has of its own and the sum of all has not: the far pass averages it farther.
     #[test]
-    fn noise_of_single_images_is_less_in_the_largest_images() {
+    fn noise_of_single_images_is_less_with_a_far_pass() {
         let size = (160, 130);
         let ((mut window, truth), (exact, _)) = (room(size, 2.0), room(size, 0.0));
         window.direct = exact.direct;

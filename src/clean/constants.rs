@@ -62,16 +62,19 @@ pub(super) const ALONE: (usize, usize) = (6, 4);
 pub(super) const ALONE_NOISE: f32 = 1.4;
 pub(super) const ALONE_SLOPE: f32 = 0.03;
 pub(super) const ALONE_RELATIVE: f32 = 0.03;
-/// In the largest images two passes of that, near and far, whose noise counts for more; the far one's steps have a pixel for each so many
-/// of the image's side, and it is there from so many pixels of a step on, of which it has at most so many. Chosen on three lamps of
-/// `conference-24` at 1024 × 768 pixels, 16 and 64 samples, which had soft blotches: ꟻLIP fell by 12 to 8 % and by 7 to 2 %. From
-/// 9 pixels of a step on it would be there at 512 × 512 and 640 × 480 too: of `erw5-scene8`, `cornell-glossy` and `cornell-water` 16 samples
-/// gained up to 1.3 % then, 64 lost up to 1.3 %.
+/// Large images have two passes of that in place of one: a near pass, then a far pass. Steps that the near pass reaches and pixels of a
+/// step, and its width. All constants of both passes were chosen on three lamps of `conference-24` at 1024 × 768 pixels, 16 and 64
+/// samples, which had soft blotches: ꟻLIP fell by 12 to 8 % and by 7 to 2 %.
 pub(super) const ALONE_NEAR: (usize, usize) = (4, 5);
 pub(super) const ALONE_NEAR_NOISE: f32 = 2.0;
+/// Steps that the far pass reaches, and its width.
 pub(super) const ALONE_FAR: usize = 4;
 pub(super) const ALONE_FAR_NOISE: f32 = 4.0;
+/// A step of the far pass is the image's side, the root of its pixels, over this.
 pub(super) const SIDE_OF_FAR_STEP: f64 = 59.0;
+/// Pixels of a step: where it would be less than the first there is one pass only, and it is never more than the second. With 9 as the first,
+/// 512 × 512 and 640 × 480 pixels would have two passes: of `erw5-scene8`, `cornell-glossy` and `cornell-water` ꟻLIP fell by up to
+/// 1.3 % at 16 samples then, and rose by up to 1.3 % at 64.
 pub(super) const FAR_STEP: (usize, usize) = (12, 15);
 /// What an image is scaled by at most, and at least by its inverse, for their sum to stay.
 pub(super) const MOST_SCALE: f32 = 4.0;

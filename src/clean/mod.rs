@@ -10,7 +10,7 @@
 //!    noise lets one say so: non-local means (Buades, Coll, Morel 2005) with features and guides in place of patches
 //!    (Rousselle, Manzi, Zwicker 2013). The noise is known from the two halves of the samples.
 //! 3. What is left of grain in one cluster's image, where weights that are common to all may not average it, its own finds
-//!    (`alone`): a lamp has no edges where the others have their shadows. In the largest images near first, then far. The sum of all stays
+//!    (`alone`): a lamp has no edges where the others have their shadows. In large images near first, then far. The sum of all stays
 //!    as it was.
 //! 4. Pixel by pixel and cluster by cluster the mean is mixed with what was there, as far as the estimated risk falls
 //!    (Stein 1981), so that at many samples nothing is averaged.

@@ -14,7 +14,7 @@ use super::surfaces;
 pub struct Reach {
     /// The wide filter reads every so many pixels across and down.
     pub(super) stride: usize,
-    /// Pixels of a step of the far filter of each image by itself, which only the largest images have.
+    /// Pixels of a step of the far pass of each image by itself, which only large images have.
     pub(super) far_step: Option<usize>,
 }
 
