@@ -22,9 +22,8 @@ const CONFERENCE_FILES: [(u32, &str); 2] = [
 
 /// The Conference Room with its ceiling luminaires, one column each.
 pub(super) const CONFERENCE_LAMPS: &str = "conference-24";
-/// The same room with one of them, as scenes, and the lamp that each has.
-pub(super) const LAMPS_ALONE: [(&str, &str); 3] =
-    [("conference-24-lum_03", "lum_03"), ("conference-24-lum_10", "lum_10"), ("conference-24-lum_17", "lum_17")];
+/// The same, seen from a corner.
+pub(super) const CONFERENCE_CORNER: &str = "conference-24-corner";
 /// Boxes and rooms that are files.
 pub(super) const GLOSSY: &str = "cornell-glossy";
 pub(super) const MIRROR: &str = "cornell-mirror";
@@ -34,8 +33,9 @@ pub(super) const CLASSROOM: &str = "erw5-scene8";
 pub(super) const CORNELL: &str = "cornell-original";
 
 /// Scene files by name. Lights of texels get as many as are wanted.
-const FILES: [(&str, &str); 7] = [
+const FILES: [(&str, &str); 8] = [
     (CONFERENCE_LAMPS, include_str!("../../../formats/scenes/conference-24.toml")),
+    (CONFERENCE_CORNER, include_str!("../../../formats/scenes/conference-24-corner.toml")),
     (GLOSSY, include_str!("../../../formats/scenes/cornell-glossy.toml")),
     (MIRROR, include_str!("../../../formats/scenes/cornell-mirror.toml")),
     (WATER, include_str!("../../../formats/scenes/cornell-water.toml")),
@@ -98,9 +98,18 @@ impl<'a> Bench<'a> {
 
     /// A matrix, rendered now or by an earlier study of the same program.
     pub(super) fn matrix(&self, wanted: Wanted) -> Result<StoreReader> {
+        self.rendered(&wanted.file_name(), self.loaded(wanted)?)
+    }
+
+    /// A matrix of a scene file that has this light alone, so that it gets all samples.
+    pub(super) fn matrix_alone(&self, wanted: Wanted, light: &str) -> Result<StoreReader> {
+        let loaded = self.file(wanted.scene, wanted.texels, Some(light))?;
+        self.rendered(&format!("{light}-alone-{}", wanted.file_name()), wanted.set(loaded))
+    }
+
+    fn rendered(&self, name: &str, loaded: LoadedScene) -> Result<StoreReader> {
         self.stop_if_interrupted()?;
-        let path = self.cached(&wanted.file_name());
-        let loaded = self.loaded(wanted)?;
+        let path = self.cached(name);
         if let Ok(matrix) = StoreReader::open(&path)
             && *matrix.job() == job_of(&loaded)?
         {
@@ -123,16 +132,12 @@ impl<'a> Bench<'a> {
     /// The scene of a matrix.
     pub(super) fn loaded(&self, wanted: Wanted) -> Result<LoadedScene> {
         let (width, height) = wanted.size;
-        let mut loaded = match wanted.scene {
-            CONFERENCE => self.conference(wanted.texels)?.sized(width, height),
-            name if LAMPS_ALONE.iter().any(|lamp| lamp.0 == name) => self.lamp_alone(name)?.sized(width, height),
-            name if FILES.iter().any(|file| file.0 == name) => self.file(name, wanted.texels)?.sized(width, height),
+        let loaded = match wanted.scene {
+            CONFERENCE => self.conference(wanted.texels)?,
+            name if FILES.iter().any(|file| file.0 == name) => self.file(name, wanted.texels, None)?,
             name => BuiltIn { width, height, texels: wanted.texels }.named(name)?,
         };
-        loaded.settings.samples_per_pixel = wanted.samples;
-        loaded.settings.seed = wanted.seed;
-        loaded.settings.block_side = wanted.block_side;
-        Ok(loaded)
+        Ok(wanted.set(loaded))
     }
 
     /// Some scenes and, where its files are and in earnest, the Conference Room.
@@ -143,21 +148,19 @@ impl<'a> Bench<'a> {
 
     /// Whether a scene is built in, or its files are there.
     pub(super) fn has(&self, name: &str) -> bool {
-        !FILES.iter().any(|file| file.0 == name) || self.file(name, 16).is_ok()
+        !FILES.iter().any(|file| file.0 == name) || self.file(name, 16, None).is_ok()
     }
 
-    fn file(&self, name: &str, texels: u32) -> Result<LoadedScene> {
-        let text = scene_text(name);
-        let texels_here = format!("texels = [{texels}, {texels}]");
-        let line = |line: &str| if line.starts_with("texels = ") { texels_here.clone() } else { line.to_owned() };
-        let lines: Vec<String> = text.lines().map(line).collect();
-        self.scene(&format!("{name}-{texels}.toml"), &lines.join("\n"))
-    }
-
-    fn lamp_alone(&self, name: &str) -> Result<LoadedScene> {
-        let text = scene_text(CONFERENCE_LAMPS);
-        let lamp = LAMPS_ALONE.iter().find(|lamp| lamp.0 == name).map_or("", |lamp| lamp.1);
-        self.scene(&format!("{name}.toml"), &text.replace("lum_*", lamp))
+    /// A scene file with so many texels along the sides of its lights, and with all its lights or this one.
+    fn file(&self, name: &str, texels: u32, only: Option<&str>) -> Result<LoadedScene> {
+        let all = only.unwrap_or("all");
+        let line = |line: &str| match line.split_once(" = ") {
+            Some(("texels", _)) => format!("texels = [{texels}, {texels}]"),
+            Some(("material", _)) if only.is_some() => format!("material = \"{all}\""),
+            _ => line.to_owned(),
+        };
+        let lines: Vec<String> = scene_text(name).lines().map(line).collect();
+        self.scene(&format!("{name}-{texels}-{all}.toml"), &lines.join("\n"))
     }
 
     fn conference(&self, texels: u32) -> Result<LoadedScene> {
@@ -209,6 +212,15 @@ fn program_mark() -> String {
 }
 
 impl Wanted {
+    /// A scene with this size and these settings.
+    fn set(self, loaded: LoadedScene) -> LoadedScene {
+        let mut loaded = loaded.sized(self.size.0, self.size.1);
+        loaded.settings.samples_per_pixel = self.samples;
+        loaded.settings.seed = self.seed;
+        loaded.settings.block_side = self.block_side;
+        loaded
+    }
+
     fn file_name(self) -> String {
         let Self { scene, size: (width, height), texels, samples, seed, block_side } = self;
         format!("{scene}-{width}x{height}-{texels}t-{samples}s-{seed}-{block_side}b.ltm")

@@ -1,7 +1,7 @@
 //! The first thing that one looks at: a picture at full size under one lamp, beside a denoiser's.
 
 use super::StudyReport;
-use super::bench::{Bench, CONFERENCE_LAMPS, LAMPS_ALONE, Wanted};
+use super::bench::{Bench, CLASSROOM, CONFERENCE_CORNER, CONFERENCE_LAMPS, Wanted};
 use super::mosaic::Picture;
 use super::oidn::{self, Surfaces};
 use super::rivals::packed;
@@ -16,19 +16,39 @@ use ltm::relight::relight_raw;
 use ltm::store::StoreReader;
 
 struct Plan {
+    rooms: &'static [Room],
     size: (u32, u32),
     /// Samples of the references, in each of which one lamp is all there is.
     converged: u32,
     samples: &'static [u32],
 }
 
-const QUICK: Plan = Plan { size: (64, 48), converged: 64, samples: &[16] };
-const FULL: Plan = Plan { size: (1024, 768), converged: 384, samples: &[16, 64] };
+/// A scene of which one lamp at a time is on.
+struct Room {
+    scene: &'static str,
+    lamps: &'static [&'static str],
+    /// These pictures took part in choosing constants of the cleaning.
+    tuned_on: bool,
+}
+
+const TUNED: Room = Room { scene: CONFERENCE_LAMPS, lamps: &["lum_03", "lum_10", "lum_17"], tuned_on: true };
+
+const QUICK: Plan = Plan { rooms: &[TUNED], size: (64, 48), converged: 64, samples: &[16] };
+const FULL: Plan = Plan {
+    rooms: &[
+        TUNED,
+        Room { scene: CONFERENCE_CORNER, lamps: &["lum_06", "lum_21"], tuned_on: false },
+        Room { scene: CLASSROOM, lamps: &["unnamed_L001"], tuned_on: false },
+    ],
+    size: (1024, 768),
+    converged: 384,
+    samples: &[16, 64],
+};
 
 const NOTE: &str = "Images under one of the lamps at a time, packed with all of them. Reference: a matrix of another seed whose scene has that \
 lamp alone, so that it gets all samples. ꟻLIP and clip as `ltm study picture` has them. Denoiser: Intel's Open Image Denoise on each raw relit \
-image, high quality, with the reference's albedo and normals as noise-free guides. These lamps took part in choosing constants of the \
-cleaning.";
+image, high quality, with the reference's albedo and normals as noise-free guides. tuned_on: the picture took part in choosing constants of \
+the cleaning.";
 
 /// A lamp, how it looks, and what its light is seen by as a denoiser wants to know it.
 struct Lamp {
@@ -53,6 +73,8 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         "One lamp alone at full size",
         bench.notes(&more),
         &[
+            ("scene", 0),
+            ("tuned_on", 0),
             ("samples_per_px", 0),
             ("reference_samples_per_px", 0),
             ("rows", 0),
@@ -66,37 +88,18 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     );
     let mut report = StudyReport::default();
     let mut pictures = Vec::new();
-    if bench.has(CONFERENCE_LAMPS) {
-        bench.watch.begin("lamp", (LAMPS_ALONE.len() + plan.samples.len()) as u64, "matrices");
-        let lamps = lamps(bench, plan, with_denoiser)?;
-        for &samples in plan.samples {
-            let matrix = bench.matrix(wanted(CONFERENCE_LAMPS, plan, samples, 0))?;
-            let shape = matrix.shape();
-            let rivals = rivals(bench, &matrix, &lamps)?;
-            let raw = rivals.last().map_or(&[][..], |raw| &raw.images);
-            for rival in &rivals {
-                for ((lamp, image), raw) in lamps.iter().zip(&rival.images).zip(raw) {
-                    let seen = Seen::of(image, &lamp.reference, raw, shape.block_side());
-                    table.push(vec![
-                        samples.into(),
-                        plan.converged.into(),
-                        shape.rows().into(),
-                        shape.columns().into(),
-                        lamp.name.into(),
-                        rival.method.into(),
-                        seen.flip.into(),
-                        seen.psnr_clipped.into(),
-                        seen.relative_l2.into(),
-                    ]);
-                }
-            }
-            pictures.push((format!("lamp-{samples}"), shown(&lamps[0], samples, &rivals)));
-            bench.watch.advance(1, shape.raw_bytes(), "B");
-        }
-        bench.watch.end();
-    } else {
-        bench.watch.note("lamp: the Conference Room's files are not there (LTM_SCENES), nothing was measured");
+    let rooms: Vec<&Room> = plan.rooms.iter().filter(|room| bench.has(room.scene)).collect();
+    if rooms.len() < plan.rooms.len() {
+        bench.watch.note("lamp: files of some scenes are not there (LTM_SCENES), these were not measured");
     }
+    let matrices = rooms.iter().map(|room| room.lamps.len() + plan.samples.len()).sum::<usize>();
+    bench.watch.begin("lamp", matrices as u64, "matrices");
+    for room in rooms {
+        let shown = measure(bench, plan, room, with_denoiser, &mut table)?;
+        pictures
+            .extend(shown.into_iter().map(|(samples, picture)| (format!("lamp-{}-{samples}", room.scene), picture)));
+    }
+    bench.watch.end();
     report.add_table(&bench.out, "lamp", &table)?;
     for (stem, pictures) in &pictures {
         report.add_photograph(&bench.out, stem, pictures)?;
@@ -104,25 +107,58 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     Ok(report)
 }
 
-fn wanted(scene: &'static str, plan: &Plan, samples: u32, seed: u64) -> Wanted {
-    Wanted { scene, size: plan.size, texels: 1, samples, seed, block_side: 32 }
-}
-
-fn lamps(bench: &Bench<'_>, plan: &Plan, with_denoiser: bool) -> Result<Vec<Lamp>> {
-    let lamp = |(scene, name): (&'static str, &'static str)| {
-        let matrix = bench.matrix(wanted(scene, plan, plan.converged, 1))?;
+/// The rows of one room, and its pictures under the first lamp by samples.
+fn measure(
+    bench: &Bench<'_>,
+    plan: &Plan,
+    room: &Room,
+    with_denoiser: bool,
+    table: &mut Table,
+) -> Result<Vec<(u32, Vec<Vec<Picture>>)>> {
+    let wanted =
+        |samples, seed| Wanted { scene: room.scene, size: plan.size, texels: 1, samples, seed, block_side: 32 };
+    let lamp = |&name: &&'static str| {
+        let matrix = bench.matrix_alone(wanted(plan.converged, 1), name)?;
         let own = Lighting::of_scene(&matrix.job().basis);
         let mut images = relight_raw(&matrix, &[own])?;
         bench.watch.advance(1, matrix.shape().raw_bytes(), "B");
         let surfaces = Surfaces::of(&matrix)?.filter(|_| with_denoiser);
         Ok(Lamp { name, reference: images.remove(0), surfaces })
     };
-    LAMPS_ALONE.into_iter().map(lamp).collect()
+    let lamps: Vec<Lamp> = room.lamps.iter().map(lamp).collect::<Result<_>>()?;
+    let mut pictures = Vec::new();
+    for &samples in plan.samples {
+        let matrix = bench.matrix(wanted(samples, 0))?;
+        let shape = matrix.shape();
+        let rivals = rivals(bench, &matrix, &lamps)?;
+        let raw = rivals.last().map_or(&[][..], |raw| &raw.images);
+        for rival in &rivals {
+            for ((lamp, image), raw) in lamps.iter().zip(&rival.images).zip(raw) {
+                let seen = Seen::of(image, &lamp.reference, raw, shape.block_side());
+                table.push(vec![
+                    room.scene.into(),
+                    if room.tuned_on { "yes" } else { "no" }.into(),
+                    samples.into(),
+                    plan.converged.into(),
+                    shape.rows().into(),
+                    shape.columns().into(),
+                    lamp.name.into(),
+                    rival.method.into(),
+                    seen.flip.into(),
+                    seen.psnr_clipped.into(),
+                    seen.relative_l2.into(),
+                ]);
+            }
+        }
+        pictures.push((samples, shown(&lamps[0], samples, &rivals)));
+        bench.watch.advance(1, shape.raw_bytes(), "B");
+    }
+    Ok(pictures)
 }
 
 /// The lighting of a scene of which all lights are off but this one.
 fn alone(basis: &LightBasis, name: &str) -> Result<Lighting> {
-    let light = basis.find(name).ok_or_else(|| Error::input(CONFERENCE_LAMPS, format!("has no light '{name}'"), ""))?;
+    let light = basis.find(name).ok_or_else(|| Error::input("the scene", format!("has no light '{name}'"), ""))?;
     let columns = light.columns();
     let weights = basis.scene_weights().into_iter().enumerate();
     Lighting::new(weights.map(|(j, weight)| if columns.contains(&(j as u32)) { weight } else { [0.0; 3] }).collect())
