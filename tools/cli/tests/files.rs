@@ -435,3 +435,14 @@ fn a_merge_heeds_an_interruption() {
     succeed(at, "ltm", &merge);
     assert!(fs::read(at.join("o.ltm")).unwrap() == fs::read(at.join("room.ltm")).unwrap());
 }
+
+#[test]
+fn no_program_gives_a_file_the_name_of_another_kind() {
+    let folder = room();
+    let at = folder.path();
+    let before = names(at);
+    end_with(at, "ltm-pack", &["room.ltm", "-o", "y.ltm"], 3, &["y.ltm", "a container is written", "name it x.ltc"]);
+    end_with(at, "ltm", &["render", "room.toml", "-o", "y.LTC"], 3, &["y.LTC", "a matrix is written", "--pack"]);
+    end_with(at, "ltm", &["render", "room.toml", "--pack", "-o", "y.ltm"], 3, &["y.ltm", "a container is written"]);
+    assert_eq!(names(at), before);
+}

@@ -16,7 +16,7 @@ use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{self, Console, EXIT_CODES, peak_memory_bytes};
-use ltm_cli::say;
+use ltm_cli::{names, say};
 
 /// Compress a stored light transport matrix (.ltm), or images of single lights that other programs rendered, into a
 /// container (.ltc).
@@ -119,6 +119,7 @@ fn run(arguments: &Arguments, console: &Console) -> Result<()> {
     console::use_threads(arguments.threads)?;
     let (input, images) = (&*arguments.input, &arguments.images);
     let output = arguments.output.clone().unwrap_or_else(|| default_output(input));
+    names::check_container(&output)?;
     if input.extension().is_some_and(|e| e == "ltm" || e == "part") {
         let for_images = [
             (images.layers.is_some(), "--layers"),

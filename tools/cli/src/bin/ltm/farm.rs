@@ -14,7 +14,7 @@ use crate::maintain::Merge;
 use crate::plan::Planned;
 use crate::render::print_packed;
 use ltm_cli::console::Console;
-use ltm_cli::say;
+use ltm_cli::{names, say};
 
 #[derive(Args)]
 pub(crate) struct Build {
@@ -92,6 +92,7 @@ pub(crate) fn merge(options: &Merge, plan: &Path, console: &Console) -> Result<(
     let depot = Depot::open(&address.to_string_lossy())?;
     let output = &options.output;
     if options.list.is_none() {
+        names::check_container(output)?;
         check_output(output, options.force)?;
     }
     let job = plan.load(options.scene.as_deref(), options.memory, options.force, console)?;

@@ -17,7 +17,7 @@ use ltm::store::{Precision, StoreReader};
 use crate::input::{Overrides, SceneFiles};
 use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{Console, peak_memory_bytes};
-use ltm_cli::say;
+use ltm_cli::{names, say};
 
 #[derive(Args)]
 pub(crate) struct Render {
@@ -187,19 +187,14 @@ pub(crate) fn parse_range(text: &str) -> Result<std::ops::Range<u32>, String> {
     Ok(index(first)?..index(end)?)
 }
 
-/// Errors: the name is that of the other kind of file, which the next command would take it for.
+/// Errors: the name is that of the other kind of file.
 fn check_name(output: &Path, pack: bool) -> Result<()> {
     let (other, problem, hint) = if pack {
         ("ltm", "with --pack a container is written, not a matrix", "name it x.ltc, or leave --pack out")
     } else {
         ("ltc", "without --pack a matrix is written, not a container", "name it x.ltm, or say --pack")
     };
-    match output.extension() {
-        Some(extension) if extension.eq_ignore_ascii_case(other) => {
-            Err(Error::input(output.display().to_string(), problem, hint))
-        }
-        _ => Ok(()),
-    }
+    names::refuse_extension(output, other, problem, hint)
 }
 
 /// `path`'s file name with another extension, in the current folder.
