@@ -1,5 +1,6 @@
 """Makes the references that tests/transport/references.rs compares with: Mitsuba 3, scalar_rgb, its path
-integrator, and its particle tracer for caustics of lights without a body, which paths from the camera never find.
+integrator, and its particle tracer for caustics of lights without a body, which paths from the camera never find; for
+single layers llvm_ad_rgb, its rays, surfaces and lights.
 
     pip install mitsuba numpy
     python tests/references/make.py tests/references            # all scenes
@@ -8,7 +9,7 @@ integrator, and its particle tracer for caustics of lights without a body, which
 Each scene is a room lit by a panel of two texels, or by a point light and a spot, whose glass or mirror ball the
 camera does not see: particles are joined to the camera at scattering surfaces alone. Balls are facets, a mesh with
 smooth normals, or perfect spheres, as the scene's name says (facets where it says nothing). Those called direct have
-emission and direct light alone. A file holds, as little-endian f32, the mean image of each texel (or light) lit
+emission, seen straight or in mirrors and smooth glass, and direct light of the first surface that scatters. A file holds, as little-endian f32, the mean image of each texel (or light) lit
 alone, then the variance of that mean from independent renders: [mean, variance][texel][channel][y][x].
 """
 import math
@@ -16,6 +17,7 @@ import os
 import sys
 import tempfile
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -138,8 +140,8 @@ POINTS = {
 LAMPS = [lamp for _, lamp in POINTS.values()]
 
 
-# Emission and direct light alone: paths of two segments at most.
-DIRECT = {"direct_diffuse": "diffuse", "direct_smooth_glossy": "smooth_glossy"}
+# Emission and direct light alone.
+DIRECT = {f"direct_{name}": name for name in ["diffuse", "smooth_glossy", "reflections", "caustics"]}
 
 
 def bodiless(light, position):
@@ -150,11 +152,39 @@ def bodiless(light, position):
     return {"type": "spot", "to_world": towards, "cutoff_angle": 30.0, "beam_width": 29.999, "intensity": grey(1.0)}
 
 
-def scene(folder, parts, texel, panel, depth):
+def seen_and_direct(scene, seed):
+    """What each camera ray sees of lights, through mirrors and smooth glass, and what lights send straight to the first
+    surface that scatters: one sample of a light, no path beyond."""
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, SIDE * SIDE * SAMPLES)
+    pixel = dr.arange(mi.UInt32, SIDE * SIDE * SAMPLES) // SAMPLES
+    position = (mi.Point2f(pixel % SIDE, pixel // SIDE) + sampler.next_2d()) / SIDE
+    ray, weight = scene.sensors()[0].sample_ray(0.0, 0.5, position, mi.Point2f(0.5))
+    light, active, context = mi.Color3f(0.0), mi.Bool(True), mi.BSDFContext()
+    for _ in range(DEPTH):
+        hit = scene.ray_intersect(ray, active)
+        active &= hit.is_valid()
+        bsdf = hit.bsdf(ray)
+        light += dr.select(active, weight * hit.emitter(scene).eval(hit, active), 0.0)
+        passes = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Delta)
+        scatters = active & ~passes
+        towards, arriving = scene.sample_emitter_direction(hit, sampler.next_2d(scatters), True, scatters)
+        reflected = bsdf.eval(context, hit, hit.to_local(towards.d), scatters)
+        light += dr.select(scatters, weight * reflected * arriving, 0.0)
+        onwards, through = bsdf.sample(context, hit, sampler.next_1d(passes), sampler.next_2d(passes), passes)
+        weight *= dr.select(passes, through, 1.0)
+        ray = hit.spawn_ray(hit.to_world(onwards.wo))
+        active = passes
+        dr.eval(light, active, weight, ray, sampler)
+    samples = np.array(light, dtype=np.float64).T.reshape(SIDE * SIDE, SAMPLES, 3)
+    return samples.mean(axis=1).reshape(SIDE, SIDE, 3)
+
+
+def scene(folder, parts, texel, panel):
     camera = mi.ScalarTransform4f().look_at(origin=[0.5, 0.5, 0.95], target=[0.5, 0.4, 0.0], up=[0, 1, 0])
     described = {
         "type": "scene",
-        "integrator": {"type": "ptracer" if panel in LAMPS else "path", "max_depth": depth, "rr_depth": 6},
+        "integrator": {"type": "ptracer" if panel in LAMPS else "path", "max_depth": DEPTH, "rr_depth": 6},
         "sensor": {
             "type": "perspective",
             "fov": 45.0 if panel in LAMPS else 75.0,
@@ -190,19 +220,20 @@ def scene(folder, parts, texel, panel, depth):
 def main(target, names):
     for name in [*SCENES, *POINTS, *DIRECT]:
         parts, panel = (SCENES | POINTS)[DIRECT.get(name, name)]
-        depth = 2 if name in DIRECT else DEPTH
         if names and name not in names:
             continue
+        mi.set_variant("llvm_ad_rgb" if name in DIRECT else "scalar_rgb")
+        render = seen_and_direct if name in DIRECT else lambda scene, seed: mi.render(scene, seed=seed)
         means, variances = [], []
         for texel in range(2):
             with tempfile.TemporaryDirectory() as folder:
-                loaded = scene(folder, parts, texel, panel, depth)
+                loaded = scene(folder, parts, texel, panel)
                 # Far apart: the particle tracer draws its parts from the seeds that follow.
                 apart = 100_003 if panel in LAMPS else 1
                 # Other paths than the whole image's, which it is subtracted from.
                 first = 1000 * texel + (500 if name in DIRECT else 0)
                 seeds = [apart * (first + s) for s in range(RENDERS)]
-                images = np.stack([np.array(mi.render(loaded, seed=seed), dtype=np.float64) for seed in seeds])
+                images = np.stack([np.array(render(loaded, seed), dtype=np.float64) for seed in seeds])
             means.append(images.mean(axis=0).transpose(2, 0, 1))
             variances.append(images.var(axis=0, ddof=1).transpose(2, 0, 1) / RENDERS)
         data = np.stack([np.stack(means), np.stack(variances)]).astype("<f4")

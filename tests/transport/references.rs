@@ -174,10 +174,11 @@ fn caustics_agree_with_the_reference() {
     agrees("caustics");
 }
 
-/// Layer by layer: emission and direct light against paths of two segments, indirect light against what longer ones add.
+/// Layer by layer: emission and direct light, also in mirrors and behind glass, against the reference's, indirect light and caustics
+/// against what its paths add to them.
 #[test]
 fn every_layer_agrees_with_the_reference() {
-    for name in ["diffuse", "smooth_glossy"] {
+    for name in ["diffuse", "smooth_glossy", "reflections", "caustics"] {
         let scene = Arc::new(scene(name));
         let clusters = Clusters::of_basis(&scene.basis);
         assert_eq!(clusters.of_column(), [0, 1], "each texel must be a cluster for this");
