@@ -44,11 +44,13 @@ impl HeldGuide {
         Self { guide: Guide::over(rows, reach.patch), reach, track }
     }
 
-    fn advance(&mut self, halves: &Rows, step: &Step<'_>, pool: &Pool) {
+    /// Gives what was filled.
+    fn advance(&mut self, halves: &Rows, step: &Step<'_>, pool: &Pool) -> Region {
         let region = self.track.advance(self.guide.rows_mut(), step);
         if !region.y.is_empty() {
             self.guide.fill(halves, self.reach, &region, pool);
         }
+        region
     }
 }
 
@@ -102,7 +104,8 @@ impl<'a> Direct<'a> {
         let alike = Alike { surfaces, guide: &self.raw_guide.guide, widths, radius: None };
         let region = self.pilot.advance(step);
         alike.means(&self.mixtures.rows, &self.reach.direct_pilot(), 0.0).fill(&region, &mut self.pilot.rows);
-        self.guide.advance(&self.pilot.rows, step, pool);
+        let region = self.guide.advance(&self.pilot.rows, step, pool);
+        self.guide.guide.add_noise_of(&self.raw_guide.guide, DIRECT_UNSEEN_NOISE, &region);
         let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
         let alike = Alike { surfaces, guide: &self.guide.guide, widths, radius: None };
         let both = (&mut self.wide, &mut self.narrow);

@@ -85,6 +85,17 @@ impl Guide {
         [variance, squares, of_variance, of_squares].into_iter().for_each(|done| pool.keep(done));
     }
 
+    /// Adds this share of the noise of `raw`, which are the same guides before they were filtered, in a region.
+    pub(super) fn add_noise_of(&mut self, raw: &Guide, share: f32, region: &Region) {
+        let noise = self.guides;
+        self.rows.change_rows(region, |y, plane, out| {
+            if plane == noise {
+                let raw = &raw.rows.row(noise, y)[region.x.clone()];
+                out.iter_mut().zip(raw).for_each(|(out, raw)| *out += share * raw);
+            }
+        });
+    }
+
     #[cfg(test)]
     pub(super) fn rows(&self) -> &Rows {
         &self.rows

@@ -186,7 +186,8 @@ impl<'a> Bench<'a> {
         Silent(self.watch)
     }
 
-    /// Matrices of another build of the program are not used: every number is of this one.
+    /// What another build of the program compressed is not used: every number is of this one. Matrices that it rendered are, for their
+    /// job names the version of the tracer ([`rendered`](Self::rendered)).
     fn start_cache(&self) -> Result<()> {
         let folder = self.out.join("cache");
         fs::create_dir_all(&folder).map_err(Error::io(&folder, "create the folder"))?;
@@ -196,7 +197,7 @@ impl<'a> Bench<'a> {
             return Ok(());
         }
         for entry in fs::read_dir(&folder).map_err(Error::io(&folder, "list"))?.flatten() {
-            let stale = |extension| matches!(extension, "ltm" | "ltc" | "rival" | "part");
+            let stale = |extension| matches!(extension, "ltc" | "rival" | "part");
             if entry.path().extension().and_then(|e| e.to_str()).is_some_and(stale) {
                 fs::remove_file(entry.path()).map_err(Error::io(entry.path(), "remove"))?;
             }
