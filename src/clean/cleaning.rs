@@ -485,6 +485,29 @@ mod tests {
         }
     }
 
+    /// Direct light comes in one sample of some, as that of a sun among the texels of a sky: guides favour bright samples of both halves
+    /// at once, and what they make of them are no edges of the light.
+    #[test]
+    fn direct_light_of_few_samples_has_no_edges_of_its_own() {
+        let (mut window, truth) = room((96, 80), 0.0);
+        let mut random = Pcg64Mcg::seed_from_u64(6);
+        let few = 6;
+        for y in 0..window.direct.height() {
+            for x in 0..window.direct.width() {
+                for half in 0..2 {
+                    let scale = if random.random_range(0..few) == 0 { few as f32 } else { 0.0 };
+                    for plane in half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS {
+                        window.direct.row_mut(plane, y)[x] *= scale;
+                    }
+                }
+            }
+        }
+        let error = squared_error(&clean_all(&window), &truth);
+        let light = squared_error(&truth, &Rows::zeros(96, 80, 3 * CLUSTERS));
+        // 0.030; where only what halves show counts as noise, 0.116.
+        assert!(error < 0.05 * light, "{error} of {light}");
+    }
+
     /// Pixels on the edge of two surfaces, which see more of the one or of the other, may be averaged with both.
     #[test]
     fn the_edge_of_two_surfaces_keeps_no_grain() {

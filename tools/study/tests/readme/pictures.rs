@@ -55,16 +55,29 @@ const RAW: &str = "raw matrix";
 const SAME: [&str; 2] = ["scene", "samples_per_px"];
 
 /// Lamps and samples.
-const SAME_LAMP: [&str; 2] = ["lamp", "samples_per_px"];
+const SAME_LAMP: [&str; 3] = ["scene", "lamp", "samples_per_px"];
 
 fn lamp(files: &[Csv]) -> Vec<Vec<String>> {
     let lamps = &files[0];
-    let mut table = vec![cells(&["samples, rows × columns", "lamp", "packed", "denoiser", "raw"])];
-    for ours in lamps.rows.iter().filter(|row| text(row, "method") == OURS) {
+    let mut table = vec![cells(&[
+        "scene, lamp",
+        "rows × columns",
+        "packed, 16 samples",
+        "denoiser",
+        "raw",
+        "packed, 64 samples",
+        "denoiser",
+        "raw",
+    ])];
+    let first = |row: &&Row| text(row, "method") == OURS && text(row, "samples_per_px") == "16";
+    for ours in lamps.rows.iter().filter(first) {
         let cell = |name: &'static str| (name, text(ours, name));
-        let found = |method| lamps.find(&[cell("samples_per_px"), cell("lamp"), ("method", method)]);
-        let mut row = vec![format!("{}, {}", text(ours, "samples_per_px"), shape(ours)), text(ours, "lamp").to_owned()];
-        row.extend([OURS, DENOISER, RAW].map(|method| flip_clip(found(method))));
+        let mut row = vec![format!("{}, {}", judging_in_bold(ours), text(ours, "lamp")), shape(ours)];
+        for samples in ["16", "64"] {
+            let found =
+                |method| lamps.find(&[cell("scene"), cell("lamp"), ("samples_per_px", samples), ("method", method)]);
+            row.extend([OURS, DENOISER, RAW].map(|method| flip_clip(found(method))));
+        }
         table.push(row);
     }
     table
@@ -72,12 +85,16 @@ fn lamp(files: &[Csv]) -> Vec<Vec<String>> {
 
 fn lamp_says(files: &[Csv]) -> Vec<String> {
     let beside = files[0].pairs("method", OURS, DENOISER, &SAME_LAMP);
-    let name = |row: &Row| format!("`{}`, {} samples", text(row, "lamp"), text(row, "samples_per_px"));
+    let judged = only(&beside, "tuned_on", "no");
+    let name =
+        |row: &Row| format!("`{}` {}, {} samples", text(row, "scene"), text(row, "lamp"), text(row, "samples_per_px"));
     vec![
         format!(
-            "Pictures where packed ones are nearer to the reference than the denoiser's: {}; {}.",
+            "Pictures where packed ones are nearer to the reference than the denoiser's: {}; {}. Of those in bold: {}; {}.",
             wins(&beside, FLIP),
-            wins(&beside, CLIP)
+            wins(&beside, CLIP),
+            wins(&judged, FLIP),
+            wins(&judged, CLIP)
         ),
         listed("Where the denoiser is nearer", &losses(&beside, &[FLIP, CLIP], name)),
     ]
