@@ -504,7 +504,7 @@ mod tests {
         }
         let error = squared_error(&clean_all(&window), &truth);
         let light = squared_error(&truth, &Rows::zeros(96, 80, 3 * CLUSTERS));
-        // 0.030; where only what halves show counts as noise, 0.116.
+        // 0.020; where only what halves show counts as noise, 0.116.
         assert!(error < 0.05 * light, "{error} of {light}");
     }
 

@@ -6,7 +6,6 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 use ltm::Result;
 use ltm::container::ContainerReader;
-use ltm::error::Error;
 use ltm::host::{Watch, human_bytes, parse_bytes};
 use ltm::light::{ExposedError, expected_error_line, exposed_error_line};
 use ltm::pipeline::{
