@@ -441,21 +441,27 @@ mod tests {
         assert!(with < 3.0 * without, "{with}, without the firefly {without}");
     }
 
-    /// Half of the indirect light comes in a few bright samples: together they keep it.
-    #[test]
-    fn fireflies_are_spread_and_not_cut() {
-        let (mut window, _) = room((48, 40), 0.3);
-        let mut random = Pcg64Mcg::seed_from_u64(4);
-        for y in 0..window.indirect.height() {
-            for x in 0..window.indirect.width() {
+    /// Scales light, in each half of the samples of a pixel, by the first of two where it is the one in so many that chance takes, else by the
+    /// second.
+    fn in_few_samples(light: &mut Rows, seed: u64, one_in: u32, [bright, other]: [f32; 2]) {
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        for y in 0..light.height() {
+            for x in 0..light.width() {
                 for half in 0..2 {
-                    let scale = if random.random_range(0..20) == 0 { 10.5 } else { 0.5 };
+                    let scale = if random.random_range(0..one_in) == 0 { bright } else { other };
                     for plane in half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS {
-                        window.indirect.row_mut(plane, y)[x] *= scale;
+                        light.row_mut(plane, y)[x] *= scale;
                     }
                 }
             }
         }
+    }
+
+    /// Half of the indirect light comes in a few bright samples: together they keep it.
+    #[test]
+    fn fireflies_are_spread_and_not_cut() {
+        let (mut window, _) = room((48, 40), 0.3);
+        in_few_samples(&mut window.indirect, 4, 20, [10.5, 0.5]);
         let sum = |rows: &Rows| rows.values().iter().map(|&v| f64::from(v)).sum::<f64>();
         let before = sum(&raw(&window));
         let kept = sum(&clean_all(&window)) / before;
@@ -467,18 +473,7 @@ mod tests {
     #[test]
     fn light_of_few_samples_is_averaged_everywhere() {
         let (mut window, truth) = room((96, 80), 0.0);
-        let mut random = Pcg64Mcg::seed_from_u64(5);
-        let few = 20;
-        for y in 0..window.indirect.height() {
-            for x in 0..window.indirect.width() {
-                for half in 0..2 {
-                    let scale = if random.random_range(0..few) == 0 { few as f32 } else { 0.0 };
-                    for plane in half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS {
-                        window.indirect.row_mut(plane, y)[x] *= scale;
-                    }
-                }
-            }
-        }
+        in_few_samples(&mut window.indirect, 5, 20, [20.0, 0.0]);
         let images = clean_all(&window);
         for (found, expected) in images.values().iter().zip(truth.values()) {
             assert!(*found > 0.1 * expected, "{found}, not {expected}");
@@ -490,18 +485,7 @@ mod tests {
     #[test]
     fn direct_light_of_few_samples_has_no_edges_of_its_own() {
         let (mut window, truth) = room((96, 80), 0.0);
-        let mut random = Pcg64Mcg::seed_from_u64(6);
-        let few = 6;
-        for y in 0..window.direct.height() {
-            for x in 0..window.direct.width() {
-                for half in 0..2 {
-                    let scale = if random.random_range(0..few) == 0 { few as f32 } else { 0.0 };
-                    for plane in half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS {
-                        window.direct.row_mut(plane, y)[x] *= scale;
-                    }
-                }
-            }
-        }
+        in_few_samples(&mut window.direct, 6, 6, [6.0, 0.0]);
         let error = squared_error(&clean_all(&window), &truth);
         let light = squared_error(&truth, &Rows::zeros(96, 80, 3 * CLUSTERS));
         // 0.020; where only what halves show counts as noise, 0.116.

@@ -96,7 +96,7 @@ impl<'a> Bench<'a> {
         self.out.join("cache").join(name)
     }
 
-    /// A matrix, rendered now or by an earlier study of the same program.
+    /// A matrix, rendered now or by an earlier study with the same tracer.
     pub(super) fn matrix(&self, wanted: Wanted) -> Result<StoreReader> {
         self.rendered(&wanted.file_name(), self.loaded(wanted)?)
     }
@@ -104,7 +104,7 @@ impl<'a> Bench<'a> {
     /// A matrix of a scene file that has this light alone, so that it gets all samples.
     pub(super) fn matrix_alone(&self, wanted: Wanted, light: &str) -> Result<StoreReader> {
         let loaded = self.file(wanted.scene, wanted.texels, Some(light))?;
-        self.rendered(&format!("{light}-alone-{}", wanted.file_name()), wanted.set(loaded))
+        self.rendered(&format!("{light}-alone-{}", wanted.file_name()), wanted.applied_to(loaded))
     }
 
     fn rendered(&self, name: &str, loaded: LoadedScene) -> Result<StoreReader> {
@@ -137,7 +137,7 @@ impl<'a> Bench<'a> {
             name if FILES.iter().any(|file| file.0 == name) => self.file(name, wanted.texels, None)?,
             name => BuiltIn { width, height, texels: wanted.texels }.named(name)?,
         };
-        Ok(wanted.set(loaded))
+        Ok(wanted.applied_to(loaded))
     }
 
     /// Some scenes and, where its files are and in earnest, the Conference Room.
@@ -153,14 +153,13 @@ impl<'a> Bench<'a> {
 
     /// A scene file with so many texels along the sides of its lights, and with all its lights or this one.
     fn file(&self, name: &str, texels: u32, only: Option<&str>) -> Result<LoadedScene> {
-        let all = only.unwrap_or("all");
-        let line = |line: &str| match line.split_once(" = ") {
-            Some(("texels", _)) => format!("texels = [{texels}, {texels}]"),
-            Some(("material", _)) if only.is_some() => format!("material = \"{all}\""),
+        let line = |line: &str| match (line.split_once(" = "), only) {
+            (Some(("texels", _)), _) => format!("texels = [{texels}, {texels}]"),
+            (Some(("material", _)), Some(light)) => format!("material = \"{light}\""),
             _ => line.to_owned(),
         };
         let lines: Vec<String> = scene_text(name).lines().map(line).collect();
-        self.scene(&format!("{name}-{texels}-{all}.toml"), &lines.join("\n"))
+        self.scene(&format!("{name}-{texels}-{}.toml", only.unwrap_or("all")), &lines.join("\n"))
     }
 
     fn conference(&self, texels: u32) -> Result<LoadedScene> {
@@ -213,8 +212,8 @@ fn program_mark() -> String {
 }
 
 impl Wanted {
-    /// A scene with this size and these settings.
-    fn set(self, loaded: LoadedScene) -> LoadedScene {
+    /// A scene with the size and settings that are wanted.
+    fn applied_to(self, loaded: LoadedScene) -> LoadedScene {
         let mut loaded = loaded.sized(self.size.0, self.size.1);
         loaded.settings.samples_per_pixel = self.samples;
         loaded.settings.seed = self.seed;

@@ -203,7 +203,7 @@ fn measure(
         let all_on = Measured::of(&relighter.relight(&judged.lightings[0])?, &judged.references[0]);
         let cells: Vec<Cell> = vec![
             scene.into(),
-            if tuned_on { "yes" } else { "no" }.into(),
+            tuned_on.into(),
             lights.into(),
             shape.rows().into(),
             shape.columns().into(),

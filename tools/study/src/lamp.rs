@@ -9,7 +9,7 @@ use super::seen::Seen;
 use super::table::Table;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
-use ltm::light::{LightBasis, Lighting};
+use ltm::light::{Job, Lighting};
 use ltm::matrix::BlockSource;
 use ltm::pipeline::PackOptions;
 use ltm::relight::relight_raw;
@@ -31,12 +31,13 @@ struct Room {
     tuned_on: bool,
 }
 
-const TUNED: Room = Room { scene: CONFERENCE_LAMPS, lamps: &["lum_03", "lum_10", "lum_17"], tuned_on: true };
+/// What constants of the cleaning were chosen on.
+const TUNED_ON: Room = Room { scene: CONFERENCE_LAMPS, lamps: &["lum_03", "lum_10", "lum_17"], tuned_on: true };
 
-const QUICK: Plan = Plan { rooms: &[TUNED], size: (64, 48), converged: 64, samples: &[16] };
+const QUICK: Plan = Plan { rooms: &[TUNED_ON], size: (64, 48), converged: 64, samples: &[16] };
 const FULL: Plan = Plan {
     rooms: &[
-        TUNED,
+        TUNED_ON,
         Room { scene: CONFERENCE_CORNER, lamps: &["lum_06", "lum_21"], tuned_on: false },
         Room { scene: CLASSROOM, lamps: &["unnamed_L001"], tuned_on: false },
     ],
@@ -137,7 +138,7 @@ fn measure(
                 let seen = Seen::of(image, &lamp.reference, raw, shape.block_side());
                 table.push(vec![
                     room.scene.into(),
-                    if room.tuned_on { "yes" } else { "no" }.into(),
+                    room.tuned_on.into(),
                     samples.into(),
                     plan.converged.into(),
                     shape.rows().into(),
@@ -157,8 +158,9 @@ fn measure(
 }
 
 /// The lighting of a scene of which all lights are off but this one.
-fn alone(basis: &LightBasis, name: &str) -> Result<Lighting> {
-    let light = basis.find(name).ok_or_else(|| Error::input("the scene", format!("has no light '{name}'"), ""))?;
+fn alone(job: &Job, name: &str) -> Result<Lighting> {
+    let (basis, scene) = (&job.basis, &job.provenance.source);
+    let light = basis.find(name).ok_or_else(|| Error::input(scene, format!("has no light '{name}'"), ""))?;
     let columns = light.columns();
     let weights = basis.scene_weights().into_iter().enumerate();
     Lighting::new(weights.map(|(j, weight)| if columns.contains(&(j as u32)) { weight } else { [0.0; 3] }).collect())
@@ -166,8 +168,8 @@ fn alone(basis: &LightBasis, name: &str) -> Result<Lighting> {
 
 /// Ours first, the raw matrix last.
 fn rivals(bench: &Bench<'_>, matrix: &StoreReader, lamps: &[Lamp]) -> Result<Vec<Rival>> {
-    let basis = &matrix.job().basis;
-    let lightings: Vec<Lighting> = lamps.iter().map(|lamp| alone(basis, lamp.name)).collect::<Result<_>>()?;
+    let job = matrix.job();
+    let lightings: Vec<Lighting> = lamps.iter().map(|lamp| alone(job, lamp.name)).collect::<Result<_>>()?;
     let ours = packed(bench, matrix, PackOptions { denoise: true, ..PackOptions::default() }, &lightings)?;
     let mut rivals = vec![Rival { method: "ours", images: ours.images }];
     let raw = relight_raw(matrix, &lightings)?;

@@ -273,7 +273,7 @@ fn row(scene: &PlannedScene, shape: MatrixShape, samples: u32, measured: &Measur
     let packing = |part: fn(&Seen) -> f64| measured.packing.as_ref().map(|seen| mean(seen.iter().map(part)));
     vec![
         scene.name.into(),
-        if scene.tuned_on { "yes" } else { "no" }.into(),
+        scene.tuned_on.into(),
         samples.into(),
         scene.converged.into(),
         measured.method.into(),

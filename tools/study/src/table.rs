@@ -23,6 +23,12 @@ impl From<String> for Cell {
     }
 }
 
+impl From<bool> for Cell {
+    fn from(is_so: bool) -> Self {
+        Self::from(if is_so { "yes" } else { "no" })
+    }
+}
+
 impl From<f64> for Cell {
     fn from(number: f64) -> Self {
         if number.is_finite() { Self::Number(number) } else { Self::Missing }

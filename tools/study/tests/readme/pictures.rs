@@ -54,30 +54,30 @@ const RAW: &str = "raw matrix";
 /// What makes two rows of the pictures comparable.
 const SAME: [&str; 2] = ["scene", "samples_per_px"];
 
-/// Lamps and samples.
+/// What makes two rows of single lamps comparable.
 const SAME_LAMP: [&str; 3] = ["scene", "lamp", "samples_per_px"];
+
+/// The head of a table that begins with these columns and goes on with [`at_16_and_64`].
+fn head(first: &[&str]) -> Vec<String> {
+    let beside = ["packed, 16 samples", "denoiser", "raw", "packed, 64 samples", "denoiser", "raw"];
+    cells(&[first, &beside].concat())
+}
+
+/// Packed, denoised and raw images at 16, then at 64 samples, of the rows that have these cells.
+fn at_16_and_64(of: &Csv, rows: &[(&str, &str)]) -> Vec<String> {
+    let found = |samples, method| of.find(&[rows, &[("samples_per_px", samples), ("method", method)]].concat());
+    let at = |samples| [OURS, DENOISER, RAW].map(|method| flip_clip(found(samples, method)));
+    ["16", "64"].map(at).concat()
+}
 
 fn lamp(files: &[Csv]) -> Vec<Vec<String>> {
     let lamps = &files[0];
-    let mut table = vec![cells(&[
-        "scene, lamp",
-        "rows × columns",
-        "packed, 16 samples",
-        "denoiser",
-        "raw",
-        "packed, 64 samples",
-        "denoiser",
-        "raw",
-    ])];
+    let mut table = vec![head(&["scene, lamp", "rows × columns"])];
     let first = |row: &&Row| text(row, "method") == OURS && text(row, "samples_per_px") == "16";
     for ours in lamps.rows.iter().filter(first) {
-        let cell = |name: &'static str| (name, text(ours, name));
-        let mut row = vec![format!("{}, {}", judging_in_bold(ours), text(ours, "lamp")), shape(ours)];
-        for samples in ["16", "64"] {
-            let found =
-                |method| lamps.find(&[cell("scene"), cell("lamp"), ("samples_per_px", samples), ("method", method)]);
-            row.extend([OURS, DENOISER, RAW].map(|method| flip_clip(found(method))));
-        }
+        let (scene, lamp) = (text(ours, "scene"), text(ours, "lamp"));
+        let mut row = vec![format!("{}, {lamp}", judging_in_bold(ours)), shape(ours)];
+        row.extend(at_16_and_64(lamps, &[("scene", scene), ("lamp", lamp)]));
         table.push(row);
     }
     table
@@ -102,24 +102,11 @@ fn lamp_says(files: &[Csv]) -> Vec<String> {
 
 fn picture_in_short(files: &[Csv]) -> Vec<Vec<String>> {
     let picture = &files[0];
-    let mut table = vec![cells(&[
-        "scene, rows × columns",
-        "packed, 16 samples",
-        "denoiser",
-        "raw",
-        "packed, 64 samples",
-        "denoiser",
-        "raw",
-    ])];
+    let mut table = vec![head(&["scene, rows × columns"])];
     for scene in picture.each("scene") {
-        let found = |samples: &str, method: &str| {
-            picture.find(&[("scene", scene), ("samples_per_px", samples), ("method", method)])
-        };
-        let ours = found("16", OURS);
+        let ours = picture.find(&[("scene", scene), ("samples_per_px", "16"), ("method", OURS)]);
         let mut row = vec![format!("{}, {}", judging_in_bold(ours), shape(ours))];
-        for samples in ["16", "64"] {
-            row.extend([OURS, DENOISER, RAW].map(|method| flip_clip(found(samples, method))));
-        }
+        row.extend(at_16_and_64(picture, &[("scene", scene)]));
         table.push(row);
     }
     table
