@@ -127,13 +127,14 @@ def test_a_container_is_read_whole_through_a_bad_network(store, network, large, 
 
 @pytest.fixture(scope="module")
 def room(tmp_path_factory) -> Path:
-    """A small room of two ranges; shards of one of them have two parts."""
+    """A small room of two ranges, of which the first gives a shard of two parts: noise that is kept does not compress."""
     folder = tmp_path_factory.mktemp("room")
     (folder / "room.obj").write_text(OBJ)
     (folder / "room.mtl").write_text(MTL)
-    (folder / "room.toml").write_text(SCENE.format(width=64, height=32, texels=256, samples=2, side=16))
-    run(PROGRAM, "plan", folder / "room.toml", "-o", folder / "room.plan.json", "--blocks", 7)
-    run(PROGRAM, "render", folder / "room.toml", "--pack", "-o", folder / "single.ltc")
+    (folder / "room.toml").write_text(SCENE.format(width=512, height=384, texels=16, samples=2, side=16))
+    exact = ["--target", "80dB", "--keep-noise"]
+    run(PROGRAM, "plan", folder / "room.toml", "-o", folder / "room.plan.json", "--blocks", 600, *exact)
+    run(PROGRAM, "render", folder / "room.toml", "--pack", "-o", folder / "single.ltc", *exact)
     return folder
 
 
@@ -174,7 +175,7 @@ def test_shards_of_others_and_damaged_ones_are_refused_by_name(store, network, r
     put(store, whole[1], bytes(data))
     merge = [PROGRAM, "merge", "--plan", str(plan), address, "-o", str(tmp_path / "room.ltc")]
     done = subprocess.run(merge, capture_output=True, text=True)
-    assert (done.returncode, done.stdout.split()) == (8, ["7..8"]), done.stderr
+    assert (done.returncode, done.stdout.split()) == (8, ["600..768"]), done.stderr
     for name, problem in [("renamed", "was renamed"), ("text", "cut short"), (Path(whole[1]).name, "was changed")]:
         assert any(name in line and problem in line for line in done.stderr.splitlines()), done.stderr
     run(PROGRAM, "build", "--plan", plan, "--range", 1, "--out", address, "--check")
