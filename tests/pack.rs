@@ -269,8 +269,7 @@ fn images_cleaned_elsewhere_go_out_and_come_back() {
 
 #[test]
 fn cleaned_images_are_nearer_to_the_truth_and_unlit_lamps_stay_dark() {
-    // Of the mirror and the glass at this size hardly two pixels are alike; and photons leave less to clean. There the share of raw noise
-    // that filtered guides have (`DIRECT_UNSEEN_NOISE`) costs a little, 0.52 in place of less than 0.5: at 256 × 192 pixels it gains.
+    // Of the mirror and the glass at this size hardly two pixels are alike; and photons leave less to clean: 0.50.
     for (name, most) in [("diffuse", 0.2), ("mixed", 0.55)] {
         let folder = tempfile::tempdir().unwrap();
         let (_, matrix) = render(&folder, name);

@@ -4,8 +4,8 @@ use pulp::Simd;
 
 use super::constants::{ALONE_RELATIVE, ALONE_SLOPE, MOST_SCALE};
 use super::filter::nearness;
-use super::guide::{Guide, GuideCut, GuideWidths, weights};
-use super::kernel::{IMAGE, Means, Neighbours, Offsets, Weigh, plane_of};
+use super::guide::{Guide, GuideCut, GuideWidths, Samples, weights};
+use super::kernel::{IMAGE, Means, Neighbours, Offsets, Weigh, Weighed, plane_of};
 use super::reach::{FILTERED, Reach};
 use super::rows::{Pool, Region, Rows};
 use super::surfaces::{Surfaces, SurfacesCut};
@@ -58,10 +58,9 @@ impl Alone<'_> {
         for first in (0..all).step_by(TOGETHER) {
             let guides =
                 (first..all.min(first + TOGETHER)).map(|image| self.guide(images, image, region, pool)).collect();
-            let each = Each { alone: self, guides };
-            let first = Some(first);
+            let each = Each { alone: self, first, guides };
             let offsets = &self.pass.offsets;
-            Means { images, first, offsets, slope: ALONE_SLOPE, weigher: &each }.fill(region, filtered);
+            Means { images, offsets, slope: ALONE_SLOPE, weigher: &each }.fill(region, filtered);
             each.guides.into_iter().for_each(|guide| pool.keep(guide.into_rows()));
         }
         let sums = [images, &*filtered].map(|images| sums(images, region, pool));
@@ -90,7 +89,7 @@ impl Alone<'_> {
         });
         let patches = compared.grown(FILTERED.patch, images).y;
         let mut guide = Guide::over(pool.rows_like(images, GUIDE_PLANES, patches), FILTERED.patch);
-        guide.fill(&grey, FILTERED, &compared, pool);
+        guide.fill((&grey, Samples::All), FILTERED, &compared, pool);
         pool.keep(grey);
         guide
     }
@@ -117,6 +116,8 @@ fn scale(before: f32, after: f32) -> f32 {
 /// Weights of some images, each from its own guide.
 struct Each<'a> {
     alone: &'a Alone<'a>,
+    /// The first of them.
+    first: usize,
     guides: Vec<Guide>,
 }
 
@@ -132,8 +133,8 @@ struct Around {
 impl Weigh for Each<'_> {
     type Ready = Around;
 
-    fn images(&self) -> usize {
-        self.guides.len()
+    fn weighed(&self) -> Weighed {
+        Weighed::Images { first: self.first, count: self.guides.len() }
     }
 
     fn make_ready(&self, tile: Tile, reach: usize, around: &mut Around) {
@@ -145,10 +146,10 @@ impl Weigh for Each<'_> {
 
     #[inline(always)]
     fn weigh<S: Simd>(&self, simd: S, around: &mut Around, of: Neighbours, out: &mut [f32; TILE_PIXELS]) {
-        let (Some(common), Some(guide)) = (around.common.get_mut(of.index), around.guides.get_mut(of.image)) else {
+        let (Some(common), Some(guide)) = (around.common.get_mut(of.index), around.guides.get_mut(of.part)) else {
             return;
         };
-        if of.image == 0 {
+        if of.part == 0 {
             common.fill(nearness(of.offset, self.alone.pass.offsets.radius()));
             around.surfaces.add_distances(simd, of.offset, common);
         }

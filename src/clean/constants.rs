@@ -39,15 +39,11 @@ pub(super) const DIRECT_DENSE: usize = 3;
 /// the one filter; smaller images lost 1 to 5 % of ꟻLIP by it with all lamps on.
 pub(super) const DIRECT_WIDE: usize = 4;
 pub(super) const DIRECT_NARROW: usize = 4;
-pub(super) const DIRECT_NOISE: f32 = 1.0;
+/// Of 1 to 2, chosen again with guides of half of the samples on the bunny under a sky with a sun (`formats/scenes/bunny-city.toml`, 640 × 480
+/// pixels, 16 and 64 samples) and three lamps of `conference-24` at 1024 × 768 pixels and 16 samples: less leaves facets on the bunny, more takes
+/// detail from the lamps.
+pub(super) const DIRECT_NOISE: f32 = 1.5;
 pub(super) const DIRECT_RELATIVE: f32 = 0.05;
-/// Filtered guides of direct light have, beside the noise that their halves show, this share of the noise of raw ones: weights are the
-/// same for both halves, so that bright samples which these favour are in both. Chosen of 0 to 0.5 on the bunny under a sky with a sun
-/// (`formats/scenes/bunny-city.toml`, 640 × 480 pixels), which looked brushed: ꟻLIP fell by 9 % at 16 samples and by 2 % at 64, clip rose by 1.6
-/// and 0.6 dB. Of three lamps of `conference-24` at 1024 × 768 pixels and 16 samples ꟻLIP rose by 1.5 to 1.9 %, clip by 0.1 to 0.2 dB, and
-/// shadows lost their steps; of `mixed`, `cornell-glossy` and `cornell-mirror` at 256 × 256 pixels and less ꟻLIP fell by up to 0.1 %. All nine scenes were not
-/// measured with it. The same of indirect light: ꟻLIP 4 % higher in `conference-24`.
-pub(super) const DIRECT_UNSEEN_NOISE: f32 = 0.25;
 
 /// The wide filter of indirect light reads every third pixel across and down, in larger images every fourth; a narrow one
 /// follows, which must reach farther than that. The first was chosen as all the rest, of 3, 4 and 5; the second, and the side of an image

@@ -24,6 +24,14 @@ pub(super) struct GuideWidths {
     pub(super) relative: f32,
 }
 
+/// Which samples a guide is made of.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Samples {
+    All,
+    /// Those of the first half, or of the second.
+    Half(usize),
+}
+
 /// Pixels to each side of a guide's: of the squares over which its noise is a mean, and of the patches that are compared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GuideReach {
@@ -45,10 +53,21 @@ impl Guide {
         Self { rows, guides, patch }
     }
 
-    /// Makes ready to compare the pixels of a region, from two halves, one after the other in `halves`: their mean, and its variance.
-    /// The rows of the patches around them must be held.
-    pub(super) fn fill(&mut self, halves: &Rows, reach: GuideReach, region: &Region, pool: &Pool) {
+    /// Makes ready to compare the pixels of a region, from two halves, one after the other in `halves`: the mean of these samples, and
+    /// its variance. The rows of the patches around them must be held.
+    pub(super) fn fill(
+        &mut self,
+        (halves, samples): (&Rows, Samples),
+        reach: GuideReach,
+        region: &Region,
+        pool: &Pool,
+    ) {
         let guides = self.guides;
+        let ([of_a, of_b], of_square) = match samples {
+            Samples::All => ([0.5, 0.5], 0.25),
+            Samples::Half(0) => ([1.0, 0.0], 0.5),
+            Samples::Half(_) => ([0.0, 1.0], 0.5),
+        };
         let pairs = |y: usize, plane: usize, region: &Region| {
             let [a, b] = [plane, guides + plane].map(|plane| &halves.row(plane, y)[region.x.clone()]);
             a.iter().zip(b)
@@ -59,7 +78,7 @@ impl Guide {
         differences.fill_rows(&around, |y, _, out| {
             for plane in 0..guides {
                 let pairs = out.iter_mut().zip(pairs(y, plane, &around));
-                pairs.for_each(|(o, (a, b))| *o += 0.25 * (a - b) * (a - b));
+                pairs.for_each(|(o, (a, b))| *o += of_square * (a - b) * (a - b));
             }
         });
         let variance = differences.box_mean(reach.noise, &patches, pool);
@@ -73,7 +92,7 @@ impl Guide {
         let of_patches = [&variance, &squares].map(|terms| terms.box_mean(reach.patch, region, pool));
         self.rows.change_rows(&patches, |y, plane, out| match plane.checked_sub(guides) {
             None => {
-                out.iter_mut().zip(pairs(y, plane, &patches)).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
+                out.iter_mut().zip(pairs(y, plane, &patches)).for_each(|(o, (a, b))| *o = of_a * a + of_b * b);
             }
             // Those of rows that are done stay.
             Some(term) if region.y.contains(&y) => {
@@ -83,17 +102,6 @@ impl Guide {
         });
         let [of_variance, of_squares] = of_patches;
         [variance, squares, of_variance, of_squares].into_iter().for_each(|done| pool.keep(done));
-    }
-
-    /// Adds this share of the noise of `raw`, which are the same guides before they were filtered, in a region.
-    pub(super) fn add_noise_of(&mut self, raw: &Guide, share: f32, region: &Region) {
-        let noise = self.guides;
-        self.rows.change_rows(region, |y, plane, out| {
-            if plane == noise {
-                let raw = &raw.rows.row(noise, y)[region.x.clone()];
-                out.iter_mut().zip(raw).for_each(|(out, raw)| *out += share * raw);
-            }
-        });
     }
 
     #[cfg(test)]

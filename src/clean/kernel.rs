@@ -15,15 +15,15 @@ pub(super) trait Weigh: Sync {
     /// What is made ready for a tile.
     type Ready: Default + Send;
 
-    /// Images that have weights of their own: each has as many planes, one image after the other.
-    fn images(&self) -> usize {
-        1
+    /// What has weights of its own.
+    fn weighed(&self) -> Weighed {
+        Weighed::Together
     }
 
     /// Makes ready what [`weigh`](Self::weigh) needs for the neighbours of a tile within a reach, in place of that of another tile.
     fn make_ready(&self, tile: Tile, reach: usize, ready: &mut Self::Ready);
 
-    /// The weights of neighbours of the pixels of a tile, row by row; of all images that are asked for the first comes first. What
+    /// The weights of neighbours of the pixels of a tile, row by row; of all parts that are asked for the first comes first. What
     /// it says of neighbours beyond the image counts nothing. To be inlined, so that it is compiled for the vectors of the machine.
     fn weigh<S: Simd>(&self, simd: S, ready: &mut Self::Ready, of: Neighbours, out: &mut [f32; TILE_PIXELS]);
 }
@@ -31,12 +31,53 @@ pub(super) trait Weigh: Sync {
 /// Those of which weights are asked for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Neighbours {
-    /// Which of the images.
-    pub(super) image: usize,
+    /// Which of the parts that have weights of their own.
+    pub(super) part: usize,
     /// How far they are.
     pub(super) offset: Offset,
     /// Which of the offsets that is.
     pub(super) index: usize,
+}
+
+/// Which parts of what is filtered have weights of their own. Images lie in two halves of the samples, of each all images, of each
+/// three channels ([`plane_of`]).
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Weighed {
+    /// All planes have the same.
+    Together,
+    /// Each half of the samples.
+    Halves,
+    /// So many images each, from one on.
+    Images { first: usize, count: usize },
+}
+
+impl Weighed {
+    /// How many parts.
+    fn parts(self) -> usize {
+        match self {
+            Self::Together => 1,
+            Self::Halves => 2,
+            Self::Images { count, .. } => count,
+        }
+    }
+
+    /// How many planes a part has, of so many.
+    fn planes(self, all: usize) -> usize {
+        match self {
+            Self::Together => all,
+            Self::Halves => all / 2,
+            Self::Images { .. } => IMAGE,
+        }
+    }
+
+    /// Which of all planes is this one of a part.
+    fn plane(self, part: usize, plane: usize, all: usize) -> usize {
+        match self {
+            Self::Together => plane,
+            Self::Halves => part * (all / 2) + plane,
+            Self::Images { first, .. } => plane_of(first + part, plane, all),
+        }
+    }
 }
 
 /// Pixels across and down.
@@ -92,9 +133,6 @@ fn taps(offsets: &[Offset], row: usize) -> Vec<isize> {
 #[derive(Clone, Copy)]
 pub(super) struct Means<'a, W> {
     pub(super) images: &'a Rows,
-    /// The first image of those that the weigher has weights of, each of [`IMAGE`] planes as [`plane_of`] has them; else all planes have
-    /// the same weights.
-    pub(super) first: Option<usize>,
     pub(super) offsets: &'a Offsets,
     /// How much of the correction for slopes is allowed ([`Moments::tilts`]).
     pub(super) slope: f32,
@@ -158,30 +196,24 @@ impl<W: Weigh> WithSimd for TileOfMeans<'_, W> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, simd: S) {
-        let Means { images, first, offsets, weigher, .. } = *self.of;
+        let Means { images, offsets, weigher, .. } = *self.of;
         weigher.make_ready(self.tile, offsets.radius, &mut self.memory.ready);
-        let planes = images.planes();
-        match first {
-            None => {
-                self.weigh(simd, 0);
-                for some in (0..planes).step_by(IMAGE) {
-                    self.add_up(simd, std::array::from_fn(|plane| (some + plane).min(planes - 1)));
-                }
-            }
-            Some(first) => {
-                for image in 0..weigher.images() {
-                    self.weigh(simd, image);
-                    self.add_up(simd, std::array::from_fn(|plane| plane_of(first + image, plane, planes)));
-                }
+        let weighed = weigher.weighed();
+        let planes = weighed.planes(images.planes());
+        for part in 0..weighed.parts() {
+            self.weigh(simd, part);
+            for some in (0..planes).step_by(IMAGE) {
+                let plane = |at: usize| weighed.plane(part, (some + at).min(planes - 1), images.planes());
+                self.add_up(simd, std::array::from_fn(plane));
             }
         }
     }
 }
 
 impl<W: Weigh> TileOfMeans<'_, W> {
-    /// Fills the weights in an image: they add up to 1 for each pixel, and are those of a plane.
+    /// Fills the weights of a part: they add up to 1 for each pixel, and are those of a plane.
     #[inline(always)]
-    fn weigh<S: Simd>(&mut self, simd: S, image: usize) {
+    fn weigh<S: Simd>(&mut self, simd: S, part: usize) {
         let Memory { ready, weights: all, .. } = &mut *self.memory;
         let Means { images, offsets, slope, weigher, .. } = *self.of;
         let mut own = 0;
@@ -193,7 +225,7 @@ impl<W: Weigh> TileOfMeans<'_, W> {
                 weights.fill(0.0);
                 continue;
             }
-            weigher.weigh(simd, ready, Neighbours { image, offset, index }, weights);
+            weigher.weigh(simd, ready, Neighbours { part, offset, index }, weights);
             if offset.0.abs() <= 1 && offset.1.abs() <= 1 {
                 for w in weights.iter_mut() {
                     *w += BESIDE;
@@ -417,7 +449,7 @@ mod tests {
 
     fn means(images: &Rows, region: &Region, offsets: &Offsets, slope: f32, weigher: &impl Weigh) -> Rows {
         let mut means = Rows::zeros(images.width(), images.height(), images.planes());
-        Means { images, first: None, offsets, slope, weigher }.fill(region, &mut means);
+        Means { images, offsets, slope, weigher }.fill(region, &mut means);
         means
     }
 

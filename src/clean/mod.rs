@@ -8,7 +8,8 @@
 //! 2. Each pixel of every image becomes the value of a plane through its neighbours, weighted by how alike they are: in what
 //!    they see (normal, albedo, inverse depth on the plane of the surface, shares) and in the filtered guides, as far as the
 //!    noise lets one say so: non-local means (Buades, Coll, Morel 2005) with features and guides in place of patches
-//!    (Rousselle, Manzi, Zwicker 2013). The noise is known from the two halves of the samples.
+//!    (Rousselle, Manzi, Zwicker 2013). The noise is known from the two halves of the samples; of direct light each half is weighed by
+//!    the guides of the other.
 //! 3. What is left of grain in one cluster's image, where weights that are common to all may not average it, its own finds
 //!    (`alone`): a lamp has no edges where the others have their shadows. In large images near first, then far. The sum of all stays
 //!    as it was.
@@ -36,7 +37,7 @@ mod tally;
 mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 15;
+pub const CLEANER_VERSION: u32 = 16;
 
 pub use cleaning::{Cleaned, Cleaning, Strip};
 pub use errors::ErrorSums;

@@ -111,7 +111,7 @@ impl Reach {
         let guides = mixtures / 2 + 2;
         DirectStages {
             mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot, of_pilot)]),
-            raw_guide: Stage::new(guides, raw_guide, &[(pilot, of_pilot), (guide, 0)]).with_patches(RAW.patch),
+            raw_guide: Stage::new(guides, raw_guide, &[(pilot, of_pilot)]).with_patches(RAW.patch),
             pilot: Stage::new(mixtures, pilot, &[(guide, FILTERED.read())]),
             guide: Stage::new(guides, guide, &[(wide, of_wide), (narrow, of_narrow)]).with_patches(FILTERED.patch),
             wide: Stage::new(planes, wide, &[(narrow, of_narrow)]),
@@ -177,9 +177,10 @@ pub(super) struct DirectStages {
 }
 
 impl DirectStages {
-    pub(super) fn all(self) -> [Stage; 6] {
+    /// Guides of each half of the samples.
+    pub(super) fn all(self) -> [Stage; 8] {
         let Self { mixtures, raw_guide, pilot, guide, wide, narrow } = self;
-        [mixtures, raw_guide, pilot, guide, wide, narrow]
+        [mixtures, raw_guide, raw_guide, pilot, guide, guide, wide, narrow]
     }
 }
 
