@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::albedo;
 use super::alone;
 use super::constants::*;
 use super::errors::{self, ErrorSums, add_squares};
@@ -134,9 +135,11 @@ impl<'a> Cleaning<'a> {
             + reach.indirect_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>();
         // Rows come by whole blocks.
         let more = 4 * block * (2 * light.planes + 2 * features);
-        // The mixed means, the cleaned images, terms of the risk in three steps; guides of some images alone, and what each is made of.
-        let passing =
-            4 * (step * (light.planes + light.planes / 2 + errors::PLANES + 9) + alone::passing_rows(reach, step));
+        // The mixed means, the cleaned images, terms of the risk in three steps; guides of some images alone, and what each is made of; the albedo.
+        let passing = 4
+            * (step * (light.planes + light.planes / 2 + errors::PLANES + 9)
+                + alone::passing_rows(reach, step)
+                + albedo::passing_rows(step));
         read + held + (more + passing) as u64
     }
 
@@ -189,12 +192,12 @@ impl<'a> Cleaning<'a> {
         let step = Step { region: &self.region, y: self.next.clone() };
         let part = step.part();
         let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
-        let albedo = |plane: usize, y: usize| -> Vec<f32> {
+        let divisor = |plane: usize, y: usize| -> Vec<f32> {
             features.row(plane % 3, y).iter().map(|a| a.max(LEAST_ALBEDO)).collect()
         };
         for light in [&mut *direct, &mut *indirect] {
             let rows = Region { x: 0..light.width(), y: came.clone() };
-            light.change_rows(&rows, |y, plane, out| out.iter_mut().zip(albedo(plane, y)).for_each(|(o, a)| *o /= a));
+            light.change_rows(&rows, |y, plane, out| out.iter_mut().zip(divisor(plane, y)).for_each(|(o, a)| *o /= a));
         }
         self.surfaces.advance(features, feature_variance, &step, self.pool);
         let planes = direct.planes() / 2;
@@ -203,19 +206,20 @@ impl<'a> Cleaning<'a> {
         images.clear(&part);
         squares.clear(&part);
         let seen = (&self.surfaces, self.pool);
+        let albedo = albedo::of_filtered((features, feature_variance), &part, seen);
         self.direct.advance(direct, &step, seen);
         self.indirect.advance(indirect, &step, seen);
         for (light, means) in [(&*direct, self.direct.means()), (&*indirect, self.indirect.means())] {
             let cleaned = mixed(light, means, &part, self.pool);
-            add_squares(light, &cleaned, albedo, &part, &mut squares);
+            add_squares(light, &cleaned, divisor, &part, &mut squares);
             images.change_rows(&part, |y, plane, out| {
                 let [a, b] = [plane, planes + plane].map(|plane| &cleaned.row(plane, y)[part.x.clone()]);
-                let albedo = albedo(plane, y);
-                let halves = a.iter().zip(b).zip(&albedo[part.x.clone()]);
+                let halves = a.iter().zip(b).zip(&albedo.row(plane % 3, y)[part.x.clone()]);
                 out.iter_mut().zip(halves).for_each(|(o, ((a, b), albedo))| *o += 0.5 * (a + b) * albedo);
             });
             self.pool.keep(cleaned);
         }
+        self.pool.keep(albedo);
         Cleaned { images, squares }
     }
 }
@@ -492,6 +496,30 @@ mod tests {
         assert!(error < 0.05 * light, "{error} of {light}");
     }
 
+    /// Through smooth glass, some samples of a pixel see what it mirrors, and no pixel has as many of them as the next.
+    #[test]
+    fn the_albedo_of_few_samples_brings_no_grain_back_through_glass() {
+        let (mut window, truth) = room((48, 40), 0.0);
+        let mut random = Pcg64Mcg::seed_from_u64(7);
+        for y in 0..40 {
+            for x in 0..48 {
+                let grain = 1.0 + 0.1 * (random.random::<f32>() - 0.5) * 12f32.sqrt();
+                let variance = (0.1 * window.features.row(0, y)[x]).powi(2);
+                (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[x] = variance);
+                let mut scale = |rows: &mut Rows, planes: usize| {
+                    (0..planes).for_each(|plane| rows.row_mut(plane, y)[x] *= grain);
+                };
+                scale(&mut window.features, 3);
+                scale(&mut window.direct, 6 * CLUSTERS);
+                scale(&mut window.indirect, 6 * CLUSTERS);
+            }
+        }
+        let mut through = window.clone();
+        (0..40).for_each(|y| through.features.row_mut(8, y).fill(1.0));
+        let [found, without] = [&through, &window].map(|window| squared_error(&clean_all(window), &truth));
+        assert!(found < 0.2 * without, "{found}, without glass {without}");
+    }
+
     /// Pixels on the edge of two surfaces, which see more of the one or of the other, may be averaged with both.
     #[test]
     fn the_edge_of_two_surfaces_keeps_no_grain() {
@@ -557,9 +585,19 @@ mod tests {
         assert!((found - beside).abs() < 2.0, "{found}, and {beside} beside it");
     }
 
+    /// A strip of mirror down the room, of which the samples know the albedo badly.
+    fn mirrored(size: (usize, usize)) -> Window {
+        let (mut window, _) = room(size, 0.5);
+        for y in 0..size.1 {
+            window.features.row_mut(8, y)[10..20].fill(1.0);
+            (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[10..20].fill(0.01));
+        }
+        window
+    }
+
     #[test]
     fn images_do_not_depend_on_how_many_rows_are_cleaned_at_once() {
-        let (window, _) = room((40, 330), 0.5);
+        let window = mirrored((40, 330));
         let guides = guides(&window);
         for reach in REACHES {
             let whole = clean_in_steps(&window, &window.features.whole(), &guides, (330, reach));
@@ -588,6 +626,8 @@ mod tests {
             let mut cleaning = Cleaning::new(((width, 500), block), window.features.whole(), 10, &guides, settings);
             let said = Cleaning::bytes_across(reach, CLUSTERS, 10, block) as usize * width;
             while let Some(wanted) = cleaning.wants() {
+                // Mirrors everywhere: what is made of their albedo is held as well.
+                cleaning.strips(&wanted, &[wanted.start]).into_iter().for_each(|strip| strip.features.fill(1.0));
                 let cleaned = cleaning.clean(&wanted);
                 cleaned.keep_in(&pool);
                 let held = cleaning.held_bytes() + pool.bytes();
@@ -600,7 +640,7 @@ mod tests {
     #[test]
     fn windows_and_threads_give_the_same_images() {
         let size = (190, 24);
-        let (window, _) = room(size, 0.5);
+        let window = mirrored(size);
         let guides = guides(&window);
         let whole = clean(window.clone(), &window.features.whole(), &guides).images;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();

@@ -20,6 +20,7 @@
 //! much of its light to the weights. Of whole images about 1 % is lost at worst, as by other denoisers. A plane, not a mean, so
 //! that corners and contact shadows, where all that is alike lies to one side, are not brightened (`kernel`).
 
+mod albedo;
 mod alone;
 mod cleaning;
 mod constants;
@@ -37,7 +38,7 @@ mod tally;
 mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 16;
+pub const CLEANER_VERSION: u32 = 17;
 
 pub use cleaning::{Cleaned, Cleaning, Strip};
 pub use errors::ErrorSums;

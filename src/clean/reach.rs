@@ -1,5 +1,6 @@
 //! How far filtering reaches.
 
+use super::albedo;
 use super::alone::Pass;
 use super::constants::*;
 use super::guide::GuideReach;
@@ -95,7 +96,7 @@ impl Reach {
     /// What is read of features, and of their variance: for surfaces, and the albedo of light that comes in and goes out.
     pub(super) fn features(self, planes: usize) -> Stage {
         let halo = self.halo();
-        Stage::new(planes, halo, &[(halo, 0), (self.indirect_stages(0, 0).surfaces.reach, 1), (0, 0)])
+        Stage::new(planes, halo, &[(halo, 0), (self.indirect_stages(0, 0).surfaces.reach, 1), (0, albedo::READ)])
     }
 
     /// The stages of direct light of so many planes, which make so many of mixtures.
@@ -152,7 +153,7 @@ impl Reach {
             surfaces: {
                 let of_passes = alone.iter().zip(&passes).map(|(stage, pass)| (stage.reach, pass.offsets.radius()));
                 let mut readers: Vec<_> = of_passes.collect();
-                readers.extend([(raw_guide, 0), (direct.wide.reach, self.direct().radius())]);
+                readers.extend([(raw_guide, 0), (direct.wide.reach, self.direct().radius()), (0, albedo::READ)]);
                 // Whoever weighs neighbours reads both pixels.
                 Stage::new(surfaces::PLANES, raw_guide, &readers)
             },

@@ -10,7 +10,7 @@ use super::tile::{Cut, TILE_PIXELS, TILE_WIDTH, Tile};
 
 const NORMAL: usize = 3;
 const DEPTH: usize = 6;
-const SPECULAR: usize = 8;
+pub(super) const SPECULAR: usize = 8;
 const SURFACE: usize = 9;
 
 /// Planes that are compared: normal, albedo, shares.
