@@ -479,6 +479,41 @@ mod tests {
         assert!(means.values().iter().all(|v| (v - 3.0).abs() < 1e-3), "{means:?}");
     }
 
+    /// The first half of the samples looks to the left, the second to the right.
+    struct ByHalf;
+
+    impl Weigh for ByHalf {
+        type Ready = ();
+
+        fn weighed(&self) -> Weighed {
+            Weighed::Halves
+        }
+
+        fn make_ready(&self, _: Tile, _: usize, (): &mut ()) {}
+
+        fn weigh<S: Simd>(&self, _: S, (): &mut (), of: Neighbours, out: &mut [f32; TILE_PIXELS]) {
+            let looks = if of.part == 0 { (-1, 0) } else { (1, 0) };
+            out.fill(if of.offset == looks { 1e6 } else { 0.0 });
+        }
+    }
+
+    #[test]
+    fn each_half_of_the_samples_may_have_weights_of_its_own() {
+        // More planes than are added up at once.
+        let (width, half) = (20, 8);
+        let mut images = Rows::zeros(width, 3, 2 * half);
+        let value = |plane: usize, x: usize| (plane + x) as f32;
+        for plane in 0..2 * half {
+            (0..3).for_each(|y| (0..width).for_each(|x| images.row_mut(plane, y)[x] = value(plane, x)));
+        }
+        let means = means(&images, &images.whole(), &Offsets::square(1, 1), 0.0, &ByHalf);
+        for plane in 0..2 * half {
+            let expected = value(plane, 10) + if plane < half { -0.5 } else { 0.5 };
+            let found = means.row(plane, 1)[10];
+            assert!((found - expected).abs() < 1e-3, "plane {plane}: {found}, not {expected}");
+        }
+    }
+
     /// Weights that are hardly there have sums without an inverse.
     #[test]
     fn a_pixel_that_is_hardly_like_any_other_keeps_its_value() {
