@@ -506,7 +506,7 @@ mod tests {
                 let grain = 1.0 + 0.1 * (random.random::<f32>() - 0.5) * 12f32.sqrt();
                 let variance = (0.1 * window.features.row(0, y)[x]).powi(2);
                 (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[x] = variance);
-                let mut scale = |rows: &mut Rows, planes: usize| {
+                let scale = |rows: &mut Rows, planes: usize| {
                     (0..planes).for_each(|plane| rows.row_mut(plane, y)[x] *= grain);
                 };
                 scale(&mut window.features, 3);
