@@ -15,16 +15,21 @@ const MEAN_REACH: usize = 1;
 /// Pixels around a region of which features are read.
 pub(super) const READ: usize = MEAN_REACH + MIRRORED;
 
-/// Values that are held for each column of pixels while so many rows are cleaned: the albedo and its means, noise and differences before
-/// they are averaged and after, and what comes out.
+/// Values that are held for each column of pixels while so many rows are cleaned: the albedo, its means, and noise and differences in three
+/// steps of averaging.
 pub(super) fn passing_rows(step: usize) -> usize {
     let compared = step + 2 * MEAN_REACH;
-    CHANNELS * (compared + 2 * MIRRORED) + (CHANNELS + 2) * compared + (2 + CHANNELS) * step
+    CHANNELS * (compared + 2 * MIRRORED) + CHANNELS * compared + 2 * (2 * compared + step)
 }
 
-/// What light that was divided by the albedo is multiplied by again, in a region: three planes.
+/// What light is divided by: a channel of the albedo that a row's own samples saw.
+pub(super) fn of_samples(features: &Rows, channel: usize, y: usize) -> impl Iterator<Item = f32> {
+    features.row(channel, y).iter().map(|albedo| albedo.max(LEAST_ALBEDO))
+}
+
+/// What light is multiplied by again once it is filtered, in a region: three planes.
 ///
-/// Light is divided by the albedo that its own samples saw, with whose noise its own goes. But where these go by a mirror or through smooth
+/// Light is divided by the albedo of its own samples, with whose noise its own goes. But where these go by a mirror or through smooth
 /// glass, each takes one of two ways by chance, and the albedo of few samples has grain that would come back with it. There a pixel takes
 /// the mean `m` of those alike, as far as what it differs by is noise: `a + α (m − a)` with `α = (v / d² − L) / (1 − L)` from 0 to 1, where
 /// `v` is the variance of the albedo, `d²` the square of `a − m`, both means around the pixel, and `L` is
@@ -34,16 +39,17 @@ pub(super) fn of_filtered(
     region: &Region,
     (surfaces, pool): (&Surfaces, &Pool),
 ) -> Rows {
-    let mut out = pool.rows_like(features, CHANNELS, region.y.clone());
-    let specular = |y: usize| &features.row(SPECULAR, y)[region.x.clone()];
-    if region.y.clone().all(|y| specular(y).iter().all(|&share| share <= 0.0)) {
-        out.fill_rows(region, |y, channel, out| copy_albedo(features, channel, y, region, out));
-        return out;
-    }
     let compared = region.grown(MEAN_REACH, features);
     let read = compared.grown(MIRRORED, features);
     let mut albedo = pool.rows_like(features, CHANNELS, read.y.clone());
-    albedo.fill_rows(&read, |y, channel, out| copy_albedo(features, channel, y, &read, out));
+    albedo.fill_rows(&read, |y, channel, out| {
+        let row = of_samples(features, channel, y).skip(read.x.start);
+        out.iter_mut().zip(row).for_each(|(out, albedo)| *out = albedo);
+    });
+    let specular = |y: usize| &features.row(SPECULAR, y)[region.x.clone()];
+    if region.y.clone().all(|y| specular(y).iter().all(|&share| share <= 0.0)) {
+        return albedo;
+    }
     let mut means = pool.rows_like(features, CHANNELS, compared.y.clone());
     let (offsets, by) = (Offsets::disc(MIRRORED, 1), BySurfaces(surfaces));
     Means { images: &albedo, offsets: &offsets, slope: SLOPE, weigher: &by }.fill(&compared, &mut means);
@@ -59,23 +65,17 @@ pub(super) fn of_filtered(
         }
     });
     let around = terms.box_mean(MEAN_REACH, region, pool);
-    out.fill_rows(region, |y, channel, out| {
-        let [noise, difference, albedo, mean] = [(&around, 0), (&around, 1), (&albedo, channel), (&means, channel)]
-            .map(|(rows, plane)| &rows.row(plane, y)[region.x.clone()]);
+    albedo.change_rows(region, |y, channel, out| {
+        let [noise, difference, mean] =
+            [(&around, 0), (&around, 1), (&means, channel)].map(|(rows, plane)| &rows.row(plane, y)[region.x.clone()]);
         for (x, (out, specular)) in out.iter_mut().zip(specular(y)).enumerate() {
             let share =
                 (noise[x] / (difference[x] + f32::MIN_POSITIVE) - LEAST_MIRRORED_NOISE) / (1.0 - LEAST_MIRRORED_NOISE);
-            *out = albedo[x] + specular.clamp(0.0, 1.0) * share.clamp(0.0, 1.0) * (mean[x] - albedo[x]);
+            *out += specular.clamp(0.0, 1.0) * share.clamp(0.0, 1.0) * (mean[x] - *out);
         }
     });
-    [albedo, means, terms, around].into_iter().for_each(|done| pool.keep(done));
-    out
-}
-
-/// A row of what light is divided by.
-fn copy_albedo(features: &Rows, channel: usize, y: usize, region: &Region, out: &mut [f32]) {
-    let row = &features.row(channel, y)[region.x.clone()];
-    out.iter_mut().zip(row).for_each(|(out, albedo)| *out = albedo.max(LEAST_ALBEDO));
+    [means, terms, around].into_iter().for_each(|done| pool.keep(done));
+    albedo
 }
 
 /// Weights by what is seen alone.

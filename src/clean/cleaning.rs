@@ -135,7 +135,8 @@ impl<'a> Cleaning<'a> {
             + reach.indirect_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>();
         // Rows come by whole blocks.
         let more = 4 * block * (2 * light.planes + 2 * features);
-        // The mixed means, the cleaned images, terms of the risk in three steps; guides of some images alone, and what each is made of; the albedo.
+        // The mixed means, the cleaned images, terms of the risk in three steps; guides of some images alone, and what each is made of;
+        // the albedo.
         let passing = 4
             * (step * (light.planes + light.planes / 2 + errors::PLANES + 9)
                 + alone::passing_rows(reach, step)
@@ -192,12 +193,12 @@ impl<'a> Cleaning<'a> {
         let step = Step { region: &self.region, y: self.next.clone() };
         let part = step.part();
         let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
-        let divisor = |plane: usize, y: usize| -> Vec<f32> {
-            features.row(plane % 3, y).iter().map(|a| a.max(LEAST_ALBEDO)).collect()
-        };
+        let of_samples = |plane: usize, y: usize| albedo::of_samples(features, plane % 3, y);
         for light in [&mut *direct, &mut *indirect] {
             let rows = Region { x: 0..light.width(), y: came.clone() };
-            light.change_rows(&rows, |y, plane, out| out.iter_mut().zip(divisor(plane, y)).for_each(|(o, a)| *o /= a));
+            light.change_rows(&rows, |y, plane, out| {
+                out.iter_mut().zip(of_samples(plane, y)).for_each(|(o, a)| *o /= a)
+            });
         }
         self.surfaces.advance(features, feature_variance, &step, self.pool);
         let planes = direct.planes() / 2;
@@ -206,12 +207,12 @@ impl<'a> Cleaning<'a> {
         images.clear(&part);
         squares.clear(&part);
         let seen = (&self.surfaces, self.pool);
-        let albedo = albedo::of_filtered((features, feature_variance), &part, seen);
         self.direct.advance(direct, &step, seen);
         self.indirect.advance(indirect, &step, seen);
+        let albedo = albedo::of_filtered((features, feature_variance), &part, seen);
         for (light, means) in [(&*direct, self.direct.means()), (&*indirect, self.indirect.means())] {
             let cleaned = mixed(light, means, &part, self.pool);
-            add_squares(light, &cleaned, divisor, &part, &mut squares);
+            add_squares(light, &cleaned, |plane, y| of_samples(plane, y).collect(), &part, &mut squares);
             images.change_rows(&part, |y, plane, out| {
                 let [a, b] = [plane, planes + plane].map(|plane| &cleaned.row(plane, y)[part.x.clone()]);
                 let halves = a.iter().zip(b).zip(&albedo.row(plane % 3, y)[part.x.clone()]);
