@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use super::constants::{ALONE_RELATIVE, ALONE_SLOPE, MOST_SCALE};
 use super::filter::nearness;
-use super::guide::{Guide, GuideCut, GuideWidths, Samples, weights};
+use super::guide::{Guide, GuideCut, GuideOf, GuideWidths, weights};
 use super::kernel::{IMAGE, Means, Neighbours, Offsets, Weigh, Weighed, plane_of};
 use super::reach::{FILTERED, Reach};
 use super::rows::{Pool, Region, Rows};
@@ -88,8 +88,8 @@ impl Alone<'_> {
             }
         });
         let patches = compared.grown(FILTERED.patch, images).y;
-        let mut guide = Guide::over(pool.rows_like(images, GUIDE_PLANES, patches), FILTERED.patch);
-        guide.fill((&grey, Samples::All), FILTERED, &compared, pool);
+        let mut guide = Guide::over(pool.rows_like(images, GUIDE_PLANES, patches), FILTERED.patch, GuideOf::All);
+        guide.fill(&grey, FILTERED, &compared, pool);
         pool.keep(grey);
         guide
     }
@@ -139,7 +139,7 @@ impl Weigh for Each<'_> {
 
     fn make_ready(&self, tile: Tile, reach: usize, around: &mut Around) {
         around.guides.resize_with(self.guides.len(), GuideCut::default);
-        self.guides.iter().zip(&mut around.guides).for_each(|(guide, cut)| guide.cut(tile, reach, cut));
+        self.guides.iter().zip(&mut around.guides).for_each(|(guide, cut)| guide.cut(0, tile, reach, cut));
         self.alone.surfaces.cut(tile, reach, &mut around.surfaces);
         around.common.resize(self.alone.pass.offsets.count(), [0.0; TILE_PIXELS]);
     }

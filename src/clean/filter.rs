@@ -4,7 +4,7 @@ use pulp::Simd;
 
 use super::alone::Alone;
 use super::constants::*;
-use super::guide::{Guide, GuideCut, GuideReach, GuideWidths, Samples, fill_mixtures, mixture_planes, weights};
+use super::guide::{Guide, GuideCut, GuideOf, GuideReach, GuideWidths, fill_mixtures, mixture_planes, weights};
 use super::kernel::{Means, Neighbours, Offset, Offsets, Weigh, Weighed};
 use super::reach::{FILTERED, FILTERED_PIXELS, RAW, Reach};
 use super::rows::{Pool, Region, Rows};
@@ -34,7 +34,6 @@ impl Held {
 /// A guide of a stage, and how far it is.
 struct HeldGuide {
     guide: Guide,
-    samples: Samples,
     reach: GuideReach,
     track: Track,
 }
@@ -42,49 +41,20 @@ struct HeldGuide {
 impl HeldGuide {
     fn new(
         stage: Stage,
-        (reach, samples): (GuideReach, Samples),
+        (reach, of): (GuideReach, GuideOf),
         region: &Region,
         size: (usize, usize),
         step: usize,
     ) -> Self {
         let (track, rows) = Track::begin(stage, region, size, step);
-        Self { guide: Guide::over(rows, reach.patch), samples, reach, track }
+        Self { guide: Guide::over(rows, reach.patch, of), reach, track }
     }
 
     fn advance(&mut self, halves: &Rows, step: &Step<'_>, pool: &Pool) {
         let region = self.track.advance(self.guide.rows_mut(), step);
         if !region.y.is_empty() {
-            self.guide.fill((halves, self.samples), self.reach, &region, pool);
+            self.guide.fill(halves, self.reach, &region, pool);
         }
-    }
-}
-
-/// A guide of each half of the samples.
-struct GuidesOfHalves([HeldGuide; 2]);
-
-impl GuidesOfHalves {
-    fn new(stage: Stage, reach: GuideReach, region: &Region, size: (usize, usize), step: usize) -> Self {
-        Self([0, 1].map(|half| HeldGuide::new(stage, (reach, Samples::Half(half)), region, size, step)))
-    }
-
-    fn advance(&mut self, halves: &Rows, step: &Step<'_>, pool: &Pool) {
-        self.0.iter_mut().for_each(|guide| guide.advance(halves, step, pool));
-    }
-
-    /// Each half by its own.
-    fn own(&self) -> By<'_> {
-        By::OfHalf(self.0.each_ref().map(|held| &held.guide))
-    }
-
-    /// Each half by that of the other.
-    fn of_other(&self) -> By<'_> {
-        let [a, b] = &self.0;
-        By::OfHalf([&b.guide, &a.guide])
-    }
-
-    #[cfg(test)]
-    fn rows(&self) -> [&Rows; 2] {
-        self.0.each_ref().map(|held| held.guide.rows())
     }
 }
 
@@ -98,9 +68,9 @@ pub(super) struct Direct<'a> {
     reach: Reach,
     mix: &'a [f32],
     mixtures: Held,
-    raw_guides: GuidesOfHalves,
+    raw_guide: HeldGuide,
     pilot: Held,
-    guides: GuidesOfHalves,
+    guide: HeldGuide,
     wide: Held,
     narrow: Held,
 }
@@ -114,9 +84,9 @@ impl<'a> Direct<'a> {
             reach,
             mix,
             mixtures: held(stages.mixtures),
-            raw_guides: GuidesOfHalves::new(stages.raw_guide, RAW, region, size, step),
+            raw_guide: HeldGuide::new(stages.raw_guide, (RAW, GuideOf::EachHalf), region, size, step),
             pilot: held(stages.pilot),
-            guides: GuidesOfHalves::new(stages.guide, FILTERED, region, size, step),
+            guide: HeldGuide::new(stages.guide, (FILTERED, GuideOf::EachHalf), region, size, step),
             wide: held(stages.wide),
             narrow: held(stages.narrow),
         }
@@ -131,21 +101,21 @@ impl<'a> Direct<'a> {
     #[cfg(test)]
     pub(super) fn all_rows(&self) -> Vec<&Rows> {
         let means = [&self.mixtures, &self.pilot, &self.wide, &self.narrow].map(|held| &held.rows);
-        means.into_iter().chain([&self.raw_guides, &self.guides].into_iter().flat_map(GuidesOfHalves::rows)).collect()
+        means.into_iter().chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
     /// Takes all stages as far as a step needs them.
     pub(super) fn advance(&mut self, light: &Rows, step: &Step<'_>, (surfaces, pool): (&Surfaces, &Pool)) {
         let region = self.mixtures.advance(step);
         fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
-        self.raw_guides.advance(&self.mixtures.rows, step, pool);
+        self.raw_guide.advance(&self.mixtures.rows, step, pool);
         let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
-        let alike = Alike { surfaces, by: self.raw_guides.own(), widths, radius: None };
+        let alike = Alike { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
         let region = self.pilot.advance(step);
         alike.means(&self.mixtures.rows, &self.reach.direct_pilot(), 0.0).fill(&region, &mut self.pilot.rows);
-        self.guides.advance(&self.pilot.rows, step, pool);
+        self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
-        let alike = Alike { surfaces, by: self.guides.of_other(), widths, radius: None };
+        let alike = Alike { surfaces, guide: &self.guide.guide, crossed: true, widths, radius: None };
         let both = (&mut self.wide, &mut self.narrow);
         let offsets = [self.reach.direct(), self.reach.direct_narrow()];
         wide_then_narrow((light, both), step, (alike, SLOPE), &offsets);
@@ -176,10 +146,10 @@ impl<'a> Indirect<'a> {
             reach,
             mix,
             mixtures: held(stages.mixtures),
-            raw_guide: HeldGuide::new(stages.raw_guide, (RAW, Samples::All), region, size, step),
+            raw_guide: HeldGuide::new(stages.raw_guide, (RAW, GuideOf::All), region, size, step),
             pilot_wide: held(stages.pilot_wide),
             pilot: held(stages.pilot),
-            guide: HeldGuide::new(stages.guide, (FILTERED_PIXELS, Samples::All), region, size, step),
+            guide: HeldGuide::new(stages.guide, (FILTERED_PIXELS, GuideOf::All), region, size, step),
             wide: held(stages.wide),
             narrow: held(stages.narrow),
             alone: stages.alone.into_iter().map(held).collect(),
@@ -206,13 +176,13 @@ impl<'a> Indirect<'a> {
         fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
         self.raw_guide.advance(&self.mixtures.rows, step, pool);
         let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
-        let alike = Alike { surfaces, by: By::All(&self.raw_guide.guide), widths, radius: None };
+        let alike = Alike { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
         let both = (&mut self.pilot_wide, &mut self.pilot);
         let offsets = [self.reach.wide(), self.reach.narrow()];
         wide_then_narrow((&self.mixtures.rows, both), step, (alike, PILOT_SLOPE), &offsets);
         self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
-        let alike = Alike { surfaces, by: By::All(&self.guide.guide), widths, radius: None };
+        let alike = Alike { surfaces, guide: &self.guide.guide, crossed: false, widths, radius: None };
         wide_then_narrow((light, (&mut self.wide, &mut self.narrow)), step, (alike, SLOPE), &offsets);
         let mut before = &self.narrow.rows;
         for (held, pass) in self.alone.iter_mut().zip(self.reach.alone()) {
@@ -240,26 +210,12 @@ fn wide_then_narrow(
     alike.means(&wide.rows, of_narrow, slope).fill(&region, &mut narrow.rows);
 }
 
-/// What pixels are compared by: all samples by one guide, or each half of them by one of its own.
-#[derive(Clone, Copy)]
-enum By<'a> {
-    All(&'a Guide),
-    OfHalf([&'a Guide; 2]),
-}
-
-impl By<'_> {
-    fn guides(&self) -> &[&Guide] {
-        match self {
-            Self::All(guide) => std::slice::from_ref(guide),
-            Self::OfHalf(guides) => guides,
-        }
-    }
-}
-
 /// Weights by the guide, by what is seen, and by the distance within a radius.
 struct Alike<'a> {
     surfaces: &'a Surfaces,
-    by: By<'a>,
+    guide: &'a Guide,
+    /// Whether each half of the samples is weighed by the guides of the other half, in place of its own.
+    crossed: bool,
     widths: GuideWidths,
     radius: Option<usize>,
 }
@@ -274,14 +230,17 @@ impl Weigh for Alike<'_> {
     type Ready = ([GuideCut; 2], SurfacesCut);
 
     fn weighed(&self) -> Weighed {
-        match self.by {
-            By::All(_) => Weighed::Together,
-            By::OfHalf(_) => Weighed::Halves,
+        match self.guide.of() {
+            GuideOf::All => Weighed::Together,
+            GuideOf::EachHalf => Weighed::Halves,
         }
     }
 
     fn make_ready(&self, tile: Tile, reach: usize, (cuts, surfaces): &mut Self::Ready) {
-        self.by.guides().iter().zip(cuts).for_each(|(guide, cut)| guide.cut(tile, reach, cut));
+        for (part, cut) in cuts.iter_mut().enumerate().take(self.guide.of().parts()) {
+            let by = if self.crossed { 1 - part } else { part };
+            self.guide.cut(by, tile, reach, cut);
+        }
         self.surfaces.cut(tile, reach, surfaces);
     }
 

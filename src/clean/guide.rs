@@ -10,11 +10,31 @@ use super::tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load, whole_v
 /// Guides that say how the first of them is coloured.
 const COLOURS: usize = 2;
 
-/// Guides, then over the patch around each pixel the mean of the sum of their variances, and of that of their squares.
+/// Guides of each part, then over the patch around each pixel the mean of the sum of their variances, and of that of their squares.
 pub(super) struct Guide {
     rows: Rows,
+    of: GuideOf,
+    /// Of a part.
     guides: usize,
     patch: usize,
+}
+
+/// What guides are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum GuideOf {
+    /// All samples.
+    All,
+    /// Each half of the samples: two parts.
+    EachHalf,
+}
+
+impl GuideOf {
+    pub(super) fn parts(self) -> usize {
+        match self {
+            Self::All => 1,
+            Self::EachHalf => 2,
+        }
+    }
 }
 
 pub(super) struct GuideWidths {
@@ -22,14 +42,6 @@ pub(super) struct GuideWidths {
     pub(super) noise: f32,
     /// Of the value itself: relative differences below this are none.
     pub(super) relative: f32,
-}
-
-/// Which samples a guide is made of.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Samples {
-    All,
-    /// Those of the first half, or of the second.
-    Half(usize),
 }
 
 /// Pixels to each side of a guide's: of the squares over which its noise is a mean, and of the patches that are compared.
@@ -47,27 +59,23 @@ impl GuideReach {
 }
 
 impl Guide {
-    /// Without any pixels yet, in rows of `guides + 2` planes.
-    pub(super) fn over(rows: Rows, patch: usize) -> Self {
-        let guides = rows.planes() - 2;
-        Self { rows, guides, patch }
+    /// Without any pixels yet, in rows of `guides + 2` planes, or `2 · guides + 2` of each half.
+    pub(super) fn over(rows: Rows, patch: usize, of: GuideOf) -> Self {
+        let guides = (rows.planes() - 2) / of.parts();
+        Self { rows, of, guides, patch }
     }
 
-    /// Makes ready to compare the pixels of a region, from two halves, one after the other in `halves`: the mean of these samples, and
-    /// its variance. The rows of the patches around them must be held.
-    pub(super) fn fill(
-        &mut self,
-        (halves, samples): (&Rows, Samples),
-        reach: GuideReach,
-        region: &Region,
-        pool: &Pool,
-    ) {
-        let guides = self.guides;
-        let ([of_a, of_b], of_square) = match samples {
-            Samples::All => ([0.5, 0.5], 0.25),
-            Samples::Half(0) => ([1.0, 0.0], 0.5),
-            Samples::Half(_) => ([0.0, 1.0], 0.5),
-        };
+    /// Which parts there are.
+    pub(super) fn of(&self) -> GuideOf {
+        self.of
+    }
+
+    /// Makes ready to compare the pixels of a region, from two halves, one after the other in `halves`: their mean or each of them, and the
+    /// variance of that. The rows of the patches around them must be held.
+    pub(super) fn fill(&mut self, halves: &Rows, reach: GuideReach, region: &Region, pool: &Pool) {
+        let (of, guides) = (self.of, self.guides);
+        // Of the mean, and of a half.
+        let of_square = 0.25 * of.parts() as f32;
         let pairs = |y: usize, plane: usize, region: &Region| {
             let [a, b] = [plane, guides + plane].map(|plane| &halves.row(plane, y)[region.x.clone()]);
             a.iter().zip(b)
@@ -90,9 +98,10 @@ impl Guide {
             }
         });
         let of_patches = [&variance, &squares].map(|terms| terms.box_mean(reach.patch, region, pool));
-        self.rows.change_rows(&patches, |y, plane, out| match plane.checked_sub(guides) {
+        self.rows.change_rows(&patches, |y, plane, out| match plane.checked_sub(of.parts() * guides) {
+            None if of == GuideOf::EachHalf => out.copy_from_slice(&halves.row(plane, y)[patches.x.clone()]),
             None => {
-                out.iter_mut().zip(pairs(y, plane, &patches)).for_each(|(o, (a, b))| *o = of_a * a + of_b * b);
+                out.iter_mut().zip(pairs(y, plane, &patches)).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
             }
             // Those of rows that are done stay.
             Some(term) if region.y.contains(&y) => {
@@ -117,10 +126,12 @@ impl Guide {
         self.rows
     }
 
-    /// Makes `around` what a tile's neighbours are compared by.
-    pub(super) fn cut(&self, tile: Tile, reach: usize, around: &mut GuideCut) {
+    /// Makes `around` what a tile's neighbours are compared by in a part.
+    pub(super) fn cut(&self, part: usize, tile: Tile, reach: usize, around: &mut GuideCut) {
         (around.guides, around.patch) = (self.guides, self.patch);
-        around.cut.fill(&self.rows, 0..self.guides + 2, tile, reach + self.patch);
+        let noise = self.of.parts() * self.guides;
+        let planes = (part * self.guides..(part + 1) * self.guides).chain(noise..noise + 2);
+        around.cut.fill(&self.rows, planes, tile, reach + self.patch);
     }
 }
 

@@ -109,7 +109,8 @@ impl Reach {
         let pilot = guide + FILTERED.read();
         let raw_guide = pilot + of_pilot;
         let all = raw_guide + RAW.read();
-        let guides = mixtures / 2 + 2;
+        // Those of each half, their noise and their squares.
+        let guides = mixtures + 2;
         DirectStages {
             mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot, of_pilot)]),
             raw_guide: Stage::new(guides, raw_guide, &[(pilot, of_pilot)]).with_patches(RAW.patch),
@@ -178,10 +179,9 @@ pub(super) struct DirectStages {
 }
 
 impl DirectStages {
-    /// Guides of each half of the samples.
-    pub(super) fn all(self) -> [Stage; 8] {
+    pub(super) fn all(self) -> [Stage; 6] {
         let Self { mixtures, raw_guide, pilot, guide, wide, narrow } = self;
-        [mixtures, raw_guide, raw_guide, pilot, guide, guide, wide, narrow]
+        [mixtures, raw_guide, pilot, guide, wide, narrow]
     }
 }
 
