@@ -4,7 +4,9 @@
 //! Next-event estimation and the light that scattered rays find by themselves are joined by multiple importance
 //! sampling with the power heuristic (Veach 1997, §9.2). A thin sheet that a ray passes straight through is no vertex:
 //! shadow rays pass it too, and both ways of finding a light must see the same path. Light that comes by mirrors and smooth
-//! glass is found by scattered rays and by photons, which are weighed likewise ([`photons`](super::photons)).
+//! glass is found by scattered rays and by photons, which are weighed likewise ([`photons`](super::photons)). Emitters that the
+//! camera sees by mirrors and smooth glass are looked for both ways from every boundary, and each way shows its share: what is seen
+//! is never filtered, and a choice between the ways would leave grain.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -44,6 +46,9 @@ const CERTAIN_VERTICES: u32 = 3;
 /// and the Conference Room is even (0.9 to 1.1 in clip), and so is a lamp alone (1.03). A higher `CERTAIN_VERTICES` or the throughput's root in its place gained less.
 const SURVIVAL: f32 = 4.0;
 
+/// Added to the vertices of rays that look aside, for random numbers that no path uses.
+const ASIDE: u32 = 1 << 16;
+
 /// What one path cost.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PathCost {
@@ -73,6 +78,34 @@ struct Last {
     /// Where photons were gathered at the last surface with more than single directions: within what radius, and with what
     /// density over projected solid angle the path goes on from there.
     gathered: Option<(f32, f32)>,
+}
+
+impl Last {
+    /// Where a ray begins that no light sample could have made.
+    #[inline(always)]
+    fn only(position: Vec3, normal: Vec3) -> Self {
+        Self { position, normal, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None }
+    }
+}
+
+/// A ray that leaves a boundary the way that the path itself does not take.
+#[derive(Clone, Copy)]
+struct Aside {
+    ray: (Vec3, Vec3),
+    throughput: Vec3,
+    /// How likely the path would have taken it, and all that it took before.
+    share: f32,
+    compression: f32,
+    /// Of the path up to there.
+    vertex: u32,
+    passes: u32,
+}
+
+/// How likely a path goes on whose end is left to chance. Radiance inside glass is larger by the square of its index, which says nothing
+/// about the path's worth.
+#[inline(always)]
+fn survival(throughput: Vec3, compression: f32) -> f32 {
+    (SURVIVAL * throughput.max_element() * compression).min(1.0)
 }
 
 /// Where the contributions of one path go.
@@ -140,35 +173,14 @@ impl Paths<'_> {
     fn follow(&self, ray: (Vec3, Vec3), maps: [u32; 2], sampler: &Sampler, record: &mut Record<'_, '_>) {
         let (world, (mut origin, mut direction)) = (self.world, ray);
         let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
-        let mut last =
-            Last { position: origin, normal: direction, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None };
+        let mut last = Last::only(origin, direction);
         // The layer of an emitter that the next ray finds: emission until a surface has scattered the path.
         let mut layer = Layer::Emission;
+        // The share of such emission that this way shows: boundaries that it came by were looked along both ways.
+        let mut seen = 1.0;
         let (mut vertex, mut passes, mut travelled) = (0, 0, 0.0);
         loop {
-            let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
-                let hit = EmitterHit::beyond(origin, direction);
-                for found in world.lights.beyond(direction, last.cosine, (last.position, last.normal)) {
-                    let weight = self.weight_of_found(&last, &found, &hit);
-                    record.add(layer, found.column, throughput * found.radiance * weight);
-                }
-                return;
-            };
-            if let Some(emitter) = world.scene.mesh.triangles[point.triangle as usize].emitter {
-                let hit = EmitterHit {
-                    position: point.position,
-                    normal: point.normal,
-                    uv: point.uv,
-                    direction,
-                    distance: point.position.distance(last.position),
-                };
-                if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit, (last.position, last.normal))
-                {
-                    let weight = self.weight_of_found(&last, &found, &hit);
-                    record.add(layer, found.column, throughput * found.radiance * weight);
-                }
-            }
-            let at = Vertex::new(world, point, direction);
+            let Some(at) = self.arrive((origin, direction), &last, (layer, throughput * seen), record) else { return };
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             if layer == Layer::Emission {
@@ -186,6 +198,7 @@ impl Paths<'_> {
             if at.bsdf.is_spread() {
                 light_samples = if layer == Layer::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
                 layer = if layer == Layer::Emission { Layer::Direct } else { Layer::Indirect };
+                seen = 1.0;
                 let chances = world.lights.chances(at.point.position, at.frame.z);
                 for member in 0..light_samples {
                     let pair = sampler.member(Use::Light, vertex, member, light_samples);
@@ -195,18 +208,31 @@ impl Paths<'_> {
                 if let Some(photons) = self.photons {
                     radius = Some(at.gather(photons, map, self.max_depth - vertex - 1, throughput, record));
                 }
+            } else if layer == Layer::Emission
+                && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
+            {
+                let ray = at.onward(direction, &way).filter(|_| way.straight || !at_end);
+                if let Some(ray) = ray {
+                    let aside = Aside {
+                        ray,
+                        throughput: throughput * way.weight,
+                        share: seen * chance,
+                        compression: compression * way.compression,
+                        vertex: vertex + u32::from(!way.straight),
+                        passes: passes + u32::from(way.straight),
+                    };
+                    self.look_aside(aside, sampler, record);
+                }
+                seen *= 1.0 - chance;
             }
 
             let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
             throughput *= next.weight;
             compression *= next.compression;
-            if !next.straight {
-                match at.leaving(&next) {
-                    Some(leaving) => direction = leaving,
-                    None => return,
-                }
+            match at.onward(direction, &next) {
+                Some(ray) => (origin, direction) = ray,
+                None => return,
             }
-            origin = at.point.start(direction);
             if next.straight {
                 passes += 1;
                 if passes >= MAX_PASSES {
@@ -235,12 +261,81 @@ impl Paths<'_> {
             };
             vertex += 1;
             if vertex >= CERTAIN_VERTICES {
-                // Radiance inside glass is larger by the square of its index, which says nothing about the path's worth.
-                let survival = (SURVIVAL * throughput.max_element() * compression).min(1.0);
+                let survival = survival(throughput, compression);
                 if choice.y >= survival {
                     return;
                 }
                 throughput /= survival;
+            }
+        }
+    }
+
+    /// Where a ray comes to, after the emitter there, or those beyond everything, have been added to a layer with the path's
+    /// throughput. None beyond everything.
+    #[inline(always)]
+    fn arrive(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        last: &Last,
+        (layer, throughput): (Layer, Vec3),
+        record: &mut Record<'_, '_>,
+    ) -> Option<Vertex> {
+        let world = self.world;
+        let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
+            let hit = EmitterHit::beyond(origin, direction);
+            for found in world.lights.beyond(direction, last.cosine, (last.position, last.normal)) {
+                let weight = self.weight_of_found(last, &found, &hit);
+                record.add(layer, found.column, throughput * found.radiance * weight);
+            }
+            return None;
+        };
+        if let Some(emitter) = world.scene.mesh.triangles[point.triangle as usize].emitter {
+            let hit = EmitterHit {
+                position: point.position,
+                normal: point.normal,
+                uv: point.uv,
+                direction,
+                distance: point.position.distance(last.position),
+            };
+            if let Some(found) = world.lights.on_surface(&world.scene, emitter, &hit, (last.position, last.normal)) {
+                let weight = self.weight_of_found(last, &found, &hit);
+                record.add(layer, found.column, throughput * found.radiance * weight);
+            }
+        }
+        Some(Vertex::new(world, point, direction))
+    }
+
+    /// Follows a ray aside as far as mirrors and boundaries lead, and only for the emitters that are seen there: one that is
+    /// mirrored in glass, which few samples mirror, would be dotted else, and no filter touches what is seen of emitters.
+    fn look_aside(&self, mut aside: Aside, sampler: &Sampler, record: &mut Record<'_, '_>) {
+        while aside.passes < MAX_PASSES {
+            let Aside { ray, throughput, share, vertex, passes, .. } = aside;
+            let (last, light) = (Last::only(ray.0, ray.1), (Layer::Emission, throughput * share));
+            let Some(at) = self.arrive(ray, &last, light, record) else { return };
+            let at_end = vertex + 1 >= self.max_depth;
+            if at.bsdf.is_spread() || at_end && !at.bsdf.lets_pass() {
+                return;
+            }
+            let choice = sampler.pair(Use::Choice, ASIDE + vertex + passes);
+            let Some(next) = at.bsdf.sample(at.wo, Vec2::ZERO, choice.x) else { return };
+            if at_end && !next.straight {
+                return;
+            }
+            let Some(ray) = at.onward(ray.1, &next) else { return };
+            aside.ray = ray;
+            aside.throughput *= next.weight;
+            aside.compression *= next.compression;
+            if next.straight {
+                aside.passes += 1;
+                continue;
+            }
+            aside.vertex += 1;
+            if aside.vertex >= CERTAIN_VERTICES {
+                let survival = survival(aside.throughput, aside.compression);
+                if choice.y >= survival {
+                    return;
+                }
+                aside.throughput /= survival;
             }
         }
     }
@@ -327,6 +422,13 @@ impl Vertex {
         let at = Gathering { map, position, normal, radius, most_segments };
         photons.gather(&at, &mut Lit { vertex: self, expected: photons.expected_of(radius), throughput, record });
         radius
+    }
+
+    /// The ray of what was scattered, where the path came by `direction`. None where it does not leave the surface.
+    #[inline(always)]
+    fn onward(&self, direction: Vec3, next: &Scattered) -> Option<(Vec3, Vec3)> {
+        let direction = if next.straight { direction } else { self.leaving(next)? };
+        Some((self.point.start(direction), direction))
     }
 
     /// The world direction of what was scattered. None where the shading normal allows it and the surface itself does

@@ -203,6 +203,35 @@ fn a_lamp_in_a_mirror_is_emission_and_nothing_else() {
     assert!((feature(&blocks, Feature::Depth, 0).0 - 7.0).abs() < 1e-4);
 }
 
+/// A path takes one way from a boundary, and lamps are seen along both.
+#[test]
+fn lamps_in_glass_and_behind_it_have_no_grain() {
+    let boundary = Surface::Dielectric { ior: 1.5, transmittance: TINT };
+    let sheet = Surface::ThinDielectric { ior: 1.5, transmittance: TINT };
+    // Radiance is smaller outside a medium by the square of its index.
+    for (surface, mirrored, index) in [(boundary, 0.04, 1.5), (sheet, 0.08 / 1.04, 1.0)] {
+        let mut builder = Builder::new(camera(Vec3::ZERO, Vec3::NEG_Z, 0.05, 8));
+        builder.quad(Vec3::new(-1.0, -1.0, -2.0), Vec3::X * 2.0, Vec3::Y * 2.0, surface);
+        builder.panel("in it", Vec3::new(1.0, -1.0, 3.0), Vec3::X * -2.0, Vec3::Y * 2.0, (1, 1));
+        builder.panel("behind it", Vec3::new(-1.0, -1.0, -4.0), Vec3::X * 2.0, Vec3::Y * 2.0, (1, 1));
+        let expected = [Vec3::splat(mirrored), TINT * (1.0 - mirrored) / (index * index)];
+        for (block, _) in trace(builder.build(), settings(2, 4)) {
+            let planes = planes(&block);
+            assert_eq!(planes.emission.len(), 2 * planes.pixels());
+            for seen in &planes.emission {
+                let expected = expected[seen.column as usize];
+                assert!((Vec3::from(seen.value) - expected).abs().max_element() < 1e-4, "{seen:?}, not {expected}");
+            }
+            let rows = block.block.view().rows();
+            for (entries, expected) in block.block.view().entries().chunks_exact(rows).zip(expected) {
+                let mean = mean(entries);
+                let right = f64::from(expected.element_sum() / 3.0);
+                assert!((mean - right).abs() < 2e-3 * right, "{mean}, not {right}");
+            }
+        }
+    }
+}
+
 #[test]
 fn shares_of_a_half_covered_image_are_means_with_the_variance_of_their_samples() {
     // A wall before the left half of a sky, seen in one wide pixel; the camera looks along the wall's edge.

@@ -213,6 +213,20 @@ impl Bsdf {
         (pdf > 0.0).then(|| Scattered { wi, weight: value / pdf, pdf, singular: false, ..mirror })
     }
 
+    /// The way from a boundary that [`Self::sample`] does not take with this choice, and how likely it would have been. None
+    /// where there is but one.
+    #[inline(always)]
+    pub fn other_way(&self, wo: Vec3, choice: f32) -> Option<(Scattered, f32)> {
+        let reflectance = match *self {
+            Self::Dielectric { ior, .. } => dielectric_reflectance(wo.z, ior).0,
+            Self::ThinDielectric { ior, .. } => thin_reflectance(wo.z, ior),
+            _ => return None,
+        };
+        let (chance, other) = if choice < reflectance { (1.0 - reflectance, 1.0) } else { (reflectance, 0.0) };
+        let way = if chance > 0.0 { self.sample(wo, Vec2::ZERO, other) } else { None };
+        way.map(|way| (way, chance))
+    }
+
     /// What light keeps that passes straight through, for shadow rays: zero for all but thin sheets.
     pub fn straight_transmittance(&self, cosine: f32) -> Vec3 {
         match *self {
