@@ -1,6 +1,8 @@
 //! Peak resident memory of a stretch of work.
 
 use std::convert::Infallible;
+use std::fs::File;
+use std::io::{Read, Seek};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender};
@@ -29,8 +31,10 @@ impl PeakMemory {
         let sampler = {
             let peak = Arc::clone(&peak);
             std::thread::spawn(move || {
+                let status = Status::open();
                 while ended.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-                    peak.fetch_max(anonymous_bytes().unwrap_or(0), Ordering::Relaxed);
+                    let now = status.as_ref().and_then(Status::anonymous_bytes);
+                    peak.fetch_max(now.unwrap_or(0), Ordering::Relaxed);
                 }
             })
         };
@@ -66,12 +70,29 @@ impl Drop for PeakMemory {
     }
 }
 
-/// Resident anonymous memory of this process now, from `/proc/self/status`.
+/// Resident anonymous memory of this process now.
 fn anonymous_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:"))?;
-    let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
-    Some(kibibytes * 1024)
+    Status::open()?.anonymous_bytes()
+}
+
+/// `/proc/self/status`, kept open: to open it again takes longer than to read it.
+struct Status(File);
+
+impl Status {
+    fn open() -> Option<Self> {
+        File::open("/proc/self/status").ok().map(Self)
+    }
+
+    fn anonymous_bytes(&self) -> Option<u64> {
+        let mut file = &self.0;
+        let mut text = [0; 4096];
+        file.rewind().ok()?;
+        let length = file.read(&mut text).ok()?;
+        let status = String::from_utf8_lossy(&text[..length]);
+        let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:"))?;
+        let kibibytes: u64 = line.trim().trim_end_matches("kB").trim().parse().ok()?;
+        Some(kibibytes * 1024)
+    }
 }
 
 #[cfg(test)]
