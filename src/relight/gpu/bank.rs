@@ -60,22 +60,27 @@ pub(super) struct Sizes {
     pub sparse_rows: u32,
 }
 
-/// Blocks whose arrays each fit one binding.
+/// A block packed into the arrays of a bank in which it would stand alone.
+#[derive(Debug)]
+pub(super) struct Packed {
+    pub id: BlockId,
+    pixels: u32,
+    components: Vec<Component>,
+    factors: Factors,
+    rows: Vec<SparseRow>,
+    entries: Vec<SparseEntry>,
+}
+
+/// Blocks whose arrays each fit one binding, one behind the other.
 #[derive(Debug, Default)]
 pub(super) struct Bank {
-    pub components: Vec<Component>,
+    packed: Vec<Packed>,
     pub blocks: Vec<Block>,
-    pub factors: Factors,
-    pub sparse_rows: Vec<SparseRow>,
-    pub sparse_entries: Vec<SparseEntry>,
-    /// Pixels of all its blocks, block after block.
-    pub pixels: u32,
-    /// Its blocks, each with its first pixel.
-    pub ids: Vec<(BlockId, u32)>,
+    lengths: Lengths,
     pub max_pixels: u32,
 }
 
-/// The array of factors, most of which stays where the blocks hold it.
+/// The array of factors of a block, most of which stays where the block holds it.
 #[derive(Debug, Default)]
 pub(super) struct Factors {
     /// Words of the array.
@@ -154,23 +159,19 @@ impl Factors {
     }
 }
 
-/// Lengths of the arrays of a bank, or the most that a block adds to them.
-#[derive(Clone, Copy, Debug)]
+/// Lengths of the arrays of a bank, or what a block adds to them.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lengths {
     factor_words: usize,
-    components: usize,
-    blocks: usize,
-    sparse_rows: usize,
+    pub components: usize,
+    pub blocks: usize,
+    pub sparse_rows: usize,
     sparse_entries: usize,
-    pixels: usize,
+    pub pixels: usize,
 }
 
 impl Lengths {
-    pub(super) fn of(block: &CompactBlock) -> Self {
-        Self::of_piece(block, &(0..block.rank() as u32))
-    }
-
-    /// Those of [`CompactBlock::piece`].
+    /// At most those of [`CompactBlock::piece`], once that is packed: rows may have several entries.
     pub(super) fn of_piece(block: &CompactBlock, components: &Range<u32>) -> Self {
         let rank = components.len();
         let words = |factor: &Factor, plane: usize| {
@@ -228,80 +229,120 @@ impl Lengths {
     }
 }
 
-impl Bank {
+impl Packed {
+    pub(super) fn new(id: BlockId, block: &Arc<CompactBlock>) -> Self {
+        // What is read at word 0 for one of scale 0 is finite, as bytes are.
+        let narrow = NARROW_RIGHT | NARROW_LEFT;
+        let component = |&scale| Component { right_word: 0, left_word: 0, narrow, scale };
+        let mut components: Vec<Component> = block.scales.iter().map(component).collect();
+        let mut factors = Factors::default();
+        for (k, word, is_narrow) in factors.push(block, Side::Right, block.right.length) {
+            components[k as usize].right_word = word;
+            components[k as usize].narrow &= if is_narrow { !0 } else { !NARROW_RIGHT };
+        }
+        for (k, word, is_narrow) in factors.push(block, Side::Left, block.pixels()) {
+            components[k as usize].left_word = word;
+            components[k as usize].narrow &= if is_narrow { !0 } else { !NARROW_LEFT };
+        }
+        let (rows, entries) = sparse(block);
+        Self { id, pixels: block.pixels() as u32, components, factors, rows, entries }
+    }
+
     pub(super) fn lengths(&self) -> Lengths {
         Lengths {
             factor_words: self.factors.words,
             components: self.components.len(),
-            blocks: self.blocks.len(),
-            sparse_rows: self.sparse_rows.len(),
-            sparse_entries: self.sparse_entries.len(),
+            blocks: 1,
+            sparse_rows: self.rows.len(),
+            sparse_entries: self.entries.len(),
             pixels: self.pixels as usize,
         }
     }
 
-    /// Appends a block.
-    pub(super) fn push(&mut self, id: BlockId, block: &Arc<CompactBlock>) {
-        let pixels = block.pixels() as u32;
-        let first_component = self.components.len();
-        // What is read at word 0 for one of scale 0 is finite, as bytes are.
-        let empty = Component { right_word: 0, left_word: 0, narrow: NARROW_RIGHT | NARROW_LEFT, scale: 0.0 };
-        self.components.extend(std::iter::repeat_n(empty, block.rank()));
-        for (component, &scale) in self.components[first_component..].iter_mut().zip(&block.scales) {
-            component.scale = scale;
+    /// Moves the block behind others in their arrays.
+    fn move_behind(&mut self, others: Lengths) {
+        for component in &mut self.components {
+            component.right_word += others.factor_words as u32;
+            component.left_word += others.factor_words as u32;
         }
-        let right = self.factors.push(block, Side::Right, block.right.length);
-        let left = self.factors.push(block, Side::Left, block.pixels());
-        for (k, word, narrow) in right {
-            let component = &mut self.components[first_component + k as usize];
-            component.right_word = word;
-            component.narrow &= if narrow { !0 } else { !NARROW_RIGHT };
+        let (target_index, entries) = ((CHANNELS * others.pixels) as u32, others.sparse_entries as u32);
+        for row in &mut self.rows {
+            row.target_index += target_index;
+            row.first += entries;
+            row.end += entries;
         }
-        for (k, word, narrow) in left {
-            let component = &mut self.components[first_component + k as usize];
-            component.left_word = word;
-            component.narrow &= if narrow { !0 } else { !NARROW_LEFT };
+    }
+}
+
+/// The sparse entries of a block, row after row; those of a row in the order of their columns, as the twin adds them.
+fn sparse(block: &CompactBlock) -> (Vec<SparseRow>, Vec<SparseEntry>) {
+    let pixels = block.pixels();
+    let mut rows = Vec::new();
+    let mut entries = vec![SparseEntry::zeroed(); block.sparse.rows.len()];
+    if entries.is_empty() {
+        return (rows, entries);
+    }
+    // By counting: a comparing sort would take longer than all else that is done to send a block.
+    let mut places = vec![0u32; CHANNELS * pixels];
+    block.sparse.rows.iter().for_each(|&row| places[row as usize] += 1);
+    let mut end = 0;
+    for (row, place) in places.iter_mut().enumerate() {
+        let (first, count) = (end, std::mem::replace(place, end));
+        end += count;
+        if count > 0 {
+            let target_index = (row % pixels * CHANNELS + row / pixels) as u32;
+            rows.push(SparseRow { target_index, first, end });
         }
-        self.push_sparse(block);
-        self.blocks.push(Block {
-            first_component: first_component as u32,
-            component_count: block.rank() as u32,
-            pixels,
-            first_pixel: self.pixels,
-            id: id.0,
-        });
-        self.ids.push((id, self.pixels));
-        self.pixels += pixels;
-        self.max_pixels = self.max_pixels.max(pixels);
+    }
+    for (at, &(column, _)) in block.sparse.ends.iter().enumerate() {
+        let (in_rows, values) = block.sparse.of(at);
+        for (&row, &value) in in_rows.iter().zip(values) {
+            let place = &mut places[row as usize];
+            entries[*place as usize] = SparseEntry { column, value };
+            *place += 1;
+        }
+    }
+    (rows, entries)
+}
+
+impl Bank {
+    pub(super) fn lengths(&self) -> Lengths {
+        self.lengths
     }
 
-    /// Appends the sparse entries, row after row; those of a row in the order of their columns, as the twin adds them.
-    fn push_sparse(&mut self, block: &CompactBlock) {
-        let pixels = block.pixels();
-        if block.sparse.rows.is_empty() {
-            return;
+    /// Appends a block.
+    pub(super) fn push(&mut self, mut packed: Packed) {
+        packed.move_behind(self.lengths);
+        self.blocks.push(Block {
+            first_component: self.lengths.components as u32,
+            component_count: packed.components.len() as u32,
+            pixels: packed.pixels,
+            first_pixel: self.lengths.pixels as u32,
+            id: packed.id.0,
+        });
+        self.lengths = self.lengths.plus(packed.lengths());
+        self.max_pixels = self.max_pixels.max(packed.pixels);
+        self.packed.push(packed);
+    }
+
+    /// Its blocks, each with its first pixel.
+    pub(super) fn places(&self) -> Vec<(BlockId, u32)> {
+        self.blocks.iter().map(|block| (BlockId(block.id), block.first_pixel)).collect()
+    }
+
+    /// What is sent of it beside its sizes, by the names of the arrays: components, blocks, factors, sparse rows and sparse
+    /// entries, each in pieces that stand one behind the other.
+    pub(super) fn arrays(&self) -> [(&'static str, Vec<&[u8]>); 5] {
+        fn pieces<'a, T: Pod>(bank: &'a Bank, of: impl Fn(&'a Packed) -> &'a [T]) -> Vec<&'a [u8]> {
+            bank.packed.iter().map(|packed| bytemuck::cast_slice(of(packed))).collect()
         }
-        // By counting: a comparing sort would take longer than all else that is done to send a block.
-        let mut places = vec![0u32; CHANNELS * pixels];
-        block.sparse.rows.iter().for_each(|&row| places[row as usize] += 1);
-        let mut end = self.sparse_entries.len() as u32;
-        for (row, place) in places.iter_mut().enumerate() {
-            let (first, count) = (end, std::mem::replace(place, end));
-            end += count;
-            if count > 0 {
-                let target_index = (self.pixels + (row % pixels) as u32) * CHANNELS as u32 + (row / pixels) as u32;
-                self.sparse_rows.push(SparseRow { target_index, first, end });
-            }
-        }
-        self.sparse_entries.resize(end as usize, SparseEntry::zeroed());
-        for (at, &(column, _)) in block.sparse.ends.iter().enumerate() {
-            let (rows, values) = block.sparse.of(at);
-            for (&row, &value) in rows.iter().zip(values) {
-                let place = &mut places[row as usize];
-                self.sparse_entries[*place as usize] = SparseEntry { column, value };
-                *place += 1;
-            }
-        }
+        [
+            ("components", pieces(self, |packed| &packed.components)),
+            ("blocks", vec![bytemuck::cast_slice(&self.blocks)]),
+            ("factors", self.packed.iter().flat_map(|packed| packed.factors.bytes()).collect()),
+            ("rows", pieces(self, |packed| &packed.rows)),
+            ("entries", pieces(self, |packed| &packed.entries)),
+        ]
     }
 }
 

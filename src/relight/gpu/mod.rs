@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, FactorSource, MatrixShape};
-use bank::{Bank, Lengths};
+use bank::{Bank, Packed};
 use device::Gpu;
 use resident::{ResidentBank, SharedArrays, read_back, relight, submit, submit_copy};
 
@@ -111,19 +111,21 @@ impl GpuRelighter {
         let ids: Vec<BlockId> = shape.blocks().collect();
         let mut bank = Bank::default();
         for batch in ids.chunks(BATCH) {
-            let read: Vec<_> =
-                batch.par_iter().map(|&id| Ok((id, read_compact(source, shape, id)?))).collect::<Result<_>>()?;
-            for (id, (block, damage)) in read {
+            let read = batch.par_iter().map(|&id| {
+                let (block, damage) = read_compact(source, shape, id)?;
+                Ok((block.map(|block| Packed::new(id, &Arc::new(block))), damage))
+            });
+            for (packed, damage) in read.collect::<Result<Vec<_>>>()? {
                 self.damage.extend(damage);
-                let Some(block) = block else { continue };
-                let added = Lengths::of(&block);
+                let Some(packed) = packed else { continue };
+                let added = packed.lengths();
                 if bank.lengths().plus(added).largest_bytes() > limit {
                     self.upload(std::mem::take(&mut bank))?;
                 }
                 if added.largest_bytes() > limit {
-                    return Err(too_large(&id.to_string(), added.largest_bytes(), limit));
+                    return Err(too_large(&packed.id.to_string(), added.largest_bytes(), limit));
                 }
-                bank.push(id, &Arc::new(block));
+                bank.push(packed);
             }
         }
         self.upload(bank)?;

@@ -1,7 +1,10 @@
 //! Relighting on the GPU a matrix whose factors do not fit into its memory.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
+use std::collections::hash_map::{Entry, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rayon::prelude::*;
 
 use super::device::Gpu;
 use super::gather::{Arrived, Gather, Gathered, Limits};
@@ -398,13 +401,22 @@ impl State {
 
 impl Canvas {
     /// Takes the image of the blocks of a bank that count. What comes a second time is another piece of the same block.
-    fn take(&mut self, bank: &ResidentBank, image: &[[f32; CHANNELS]], counts: &dyn Fn(BlockId) -> bool) -> Result<()> {
-        for &(id, first) in bank.places.iter().filter(|(id, _)| counts(*id)) {
+    fn take(
+        &mut self,
+        bank: &ResidentBank,
+        image: &[[f32; CHANNELS]],
+        counts: &(dyn Fn(BlockId) -> bool + Sync),
+    ) -> Result<()> {
+        let counted = bank.places.par_iter().filter(|(id, _)| counts(*id));
+        let copied = counted.map(|&(id, first)| {
             let pixels = &image[first as usize..][..self.shape.rect(id).rows() / CHANNELS];
-            match self.blocks.get_mut(&id) {
-                None => drop(self.blocks.insert(id, pixels.to_vec())),
-                Some(sums) => {
-                    for (sum, part) in sums.iter_mut().flatten().zip(pixels.iter().flatten()) {
+            (id, pixels.to_vec())
+        });
+        for (id, pixels) in copied.collect::<Vec<_>>() {
+            match self.blocks.entry(id) {
+                Entry::Vacant(place) => drop(place.insert(pixels)),
+                Entry::Occupied(mut sums) => {
+                    for (sum, part) in sums.get_mut().iter_mut().flatten().zip(pixels.iter().flatten()) {
                         *sum += part;
                     }
                 }

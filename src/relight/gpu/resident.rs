@@ -65,20 +65,22 @@ impl ResidentBank {
         then: impl FnOnce(&Self, &mut wgpu::CommandEncoder),
     ) -> Result<(Self, wgpu::SubmissionIndex)> {
         let device = &gpu.device;
+        let lengths = bank.lengths();
         let sizes = Sizes {
             columns: columns as u32,
-            components: bank.components.len() as u32,
-            blocks: bank.blocks.len() as u32,
-            sparse_rows: bank.sparse_rows.len() as u32,
+            components: lengths.components as u32,
+            blocks: lengths.blocks as u32,
+            sparse_rows: lengths.sparse_rows as u32,
         };
-        let arrays = arrays(&sizes, bank);
+        let [components, blocks, factors, rows, entries] = bank.arrays();
+        let arrays = [("sizes", vec![bytemuck::bytes_of(&sizes)]), components, blocks, factors, rows, entries];
         let sent = arrays.each_ref().map(|(label, pieces)| empty(gpu, label, pieces));
         let [uniform, components, blocks, factors, rows, entries] = &sent;
         let storage = wgpu::BufferUsages::STORAGE;
         let scratch = |label, size: u64, usage| {
             device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
         };
-        let pixels = u64::from(bank.pixels);
+        let pixels = lengths.pixels as u64;
         let out = storage | wgpu::BufferUsages::COPY_SRC;
         let projected = scratch("projected", (4 * CHANNELS as u64 * u64::from(sizes.components)).max(16), storage);
         let image = scratch("image", 4 * CHANNELS as u64 * pixels, out);
@@ -121,7 +123,7 @@ impl ResidentBank {
             readback,
             max_pixels: bank.max_pixels,
             passes,
-            places: bank.ids.clone(),
+            places: bank.places(),
             bytes: sent_bytes + made_bytes,
             sent_bytes,
         };
@@ -159,18 +161,6 @@ impl ResidentBank {
             pass.dispatch_workgroups(*x, *y, *z);
         }
     }
-}
-
-/// What is sent of a bank: sizes, components, blocks, factors, sparse rows and sparse entries.
-fn arrays<'a>(sizes: &'a Sizes, bank: &'a Bank) -> [(&'static str, Vec<&'a [u8]>); 6] {
-    [
-        ("sizes", vec![bytemuck::bytes_of(sizes)]),
-        ("components", vec![bytemuck::cast_slice(&bank.components)]),
-        ("blocks", vec![bytemuck::cast_slice(&bank.blocks)]),
-        ("factors", bank.factors.bytes().collect()),
-        ("rows", vec![bytemuck::cast_slice(&bank.sparse_rows)]),
-        ("entries", vec![bytemuck::cast_slice(&bank.sparse_entries)]),
-    ]
 }
 
 /// A buffer for an array.

@@ -13,11 +13,12 @@ pub(crate) const FIGURES: &[Figure] = &[Figure {
 }];
 
 /// What matrices are called on the page.
-const NAMES: [(&str, &str); 4] = [
+const NAMES: [(&str, &str); 5] = [
     ("twenty", "20 lamps"),
     ("panel", "1,047 columns"),
     ("random 1024", "random, 1,024 columns"),
     ("random 4096", "random, 4,096 columns"),
+    ("random 4096, 4K", "random, 4,096 columns, 3840 × 2160 pixels"),
 ];
 const STAYS: &str = "relit, stays there";
 const BACK: &str = "relit and read back";
