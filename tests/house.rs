@@ -201,18 +201,6 @@ fn every_source_file_is_part_of_the_build() {
     }
 }
 
-/// What the programs and the Python package are both built of is built once, which wants the same profile.
-#[test]
-fn the_python_package_is_built_as_the_programs_are() {
-    let read = |path: &str| fs::read_to_string(root().join(path)).unwrap();
-    let release = |path: &str| toml::from_str::<toml::Table>(&read(path)).unwrap()["profile"]["release"].clone();
-    let (mut programs, package) = (release("Cargo.toml"), release("tools/python/Cargo.toml"));
-    let locked = read("tools/python/Cargo.lock");
-    let is_there = |name: &str| name == "*" || locked.contains(&format!("name = \"{name}\"\n"));
-    programs["package"].as_table_mut().unwrap().retain(|name, _| is_there(name));
-    assert_eq!(programs, package);
-}
-
 #[test]
 fn paths_named_in_documents_exist() {
     let documents = files_below("formats", &["md"]).into_iter().chain([root().join("README.md")]);

@@ -1,9 +1,12 @@
 #!/usr/bin/env bash
 # Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration, the
 # Python package, the shared page, and the Blender add-on where bpy is. The README's test command for the whole workspace; the
-# tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a missing adapter into a failure.
+# tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a missing adapter into a failure. LTM_CHECK_PROFILE=release builds what is
+# checked after the tests as its users build it; without it that is built as the tests are, which takes less time.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+profile=${LTM_CHECK_PROFILE:-dev}
+if [ "$profile" = dev ]; then built=debug; else built=$profile; fi
 
 step() { printf '\n== %s (%ss)\n' "$1" "$SECONDS"; }
 
@@ -26,18 +29,23 @@ cargo package --no-verify --allow-dirty --locked -p ltm
 target=${CARGO_TARGET_DIR:-target}
 tar -xzf "$target"/package/ltm-*.crate -C "$packed" --strip-components 1
 cargo check --manifest-path "$packed/Cargo.toml" --target-dir "$target" --examples
-step "the demonstration, as the README's first command runs it"
+step "the demonstration"
 demo=$(mktemp -d)
 trap 'rm -rf "$packed" "$demo"' EXIT
-cargo run --release --locked -- demo --out "$demo/out"
+if [ "$profile" = dev ]; then
+    # As the tests have built it: alone it would be built anew, with fewer features of what it is built of.
+    "$target/debug/ltm" demo --samples 64 --out "$demo/out"
+else
+    cargo run --profile "$profile" --locked -- demo --out "$demo/out"
+fi
 test -s "$demo/out/all-on.png"
 step "the Python package, installed into a fresh environment"
 if python3 -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))' 2>/dev/null; then
-    (cd tools/python && cargo fmt --check && cargo clippy --release --locked -- -D warnings)
+    (cd tools/python && cargo fmt --check && cargo clippy --profile "$profile" --locked -- -D warnings)
     python3 -m venv "$demo/venv"
     if "$demo/venv/bin/pip" download --quiet --no-deps --dest "$demo/wheels" numpy; then
-        "$demo/venv/bin/pip" install --quiet './tools/python[test,farm,slurm]' openjd-cli
-        LTM=$(realpath "$target/release/ltm") "$demo/venv/bin/python" -m pytest --quiet tools/python
+        MATURIN_PEP517_ARGS="--profile $profile" "$demo/venv/bin/pip" install --quiet './tools/python[test,farm,slurm]' openjd-cli
+        LTM=$(realpath "$target/$built/ltm") "$demo/venv/bin/python" -m pytest --quiet tools/python
     else
         echo "no package index can be reached: the Python package is not tested"
     fi
@@ -48,13 +56,13 @@ step "the Blender add-on"
 # bpy is 300 MB and wants one version of Python, so that it is used where it is and not fetched. LTM_PYTHON names the Python that has it.
 python=${LTM_PYTHON:-python3}
 if "$python" -c 'import bpy, numpy, pytest' 2>/dev/null; then
-    LTM="$target/release/ltm" "$python" -m pytest --quiet tools/blender
+    LTM="$target/$built/ltm" "$python" -m pytest --quiet tools/blender
 else
     echo "no Python with bpy, numpy and pytest: the Blender add-on is not tested"
 fi
 step "the shared page: its types, and tests in a browser"
 if node -e 'process.exit(process.versions.node.split(".")[0] < 20)' 2>/dev/null && command -v npm >/dev/null; then
-    ltm=$(realpath "$target/debug/ltm")
+    ltm=$(realpath "$target/$built/ltm")
     if (cd tools/share && npm ci --silent --no-audit --no-fund); then
         (cd tools/share && npm run --silent types)
         if [ -x "${CHROMIUM:-/usr/bin/chromium}" ]; then
