@@ -49,11 +49,12 @@ trap 'rm -rf "$work"' EXIT
 rows=""
 failed=0
 
-# Runs a test, which is named last, by the command before it, if there is one. Adds a row: what, passed, failed, ignored.
+# Runs a test, which is named last, by the command before it, if there is one; five minutes at most where it is built already. Adds a
+# row: what, passed, failed, ignored.
 tested() {
     local what=$1 result command
     shift
-    if [ "$mode" = --run ]; then command=("${@:1:$#-1}" "$folder/${!#}"); else command=("${@:1:$#-1}" "${build[@]}" --test "${!#}"); fi
+    if [ "$mode" = --run ]; then command=(timeout 300 "${@:1:$#-1}" "$folder/${!#}"); else command=("${@:1:$#-1}" "${build[@]}" --test "${!#}"); fi
     printf '\n== %s: %s\n' "$what" "${command[*]}"
     if "${command[@]}" 2>&1 | tee "$work/log"; then result=""; else result=" (failed)" failed=1; fi
     rows+=$(awk -v what="$what$result" '/^test result:/ { passed += $4; failed += $6; ignored += $8 }

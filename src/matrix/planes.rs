@@ -23,7 +23,7 @@ pub enum Feature {
     Normal,
     /// Length of the camera path to the surface, in scene units.
     Depth,
-    /// Part of the samples whose camera path shows an emitter.
+    /// Part of the samples whose camera path shows an emitter, by either way from smooth glass.
     Emitter,
     /// Part of the samples that came by a mirror or through smooth glass.
     Specular,

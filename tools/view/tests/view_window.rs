@@ -26,9 +26,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use driver::Driver;
+use driver::{Driver, PATIENCE};
 use eframe::egui::{Key, Modifiers, vec2};
 use libtest_mimic::{Arguments, Trial};
 use ltm::container::ContainerReader;
@@ -360,24 +360,33 @@ fn request(generation: u64, lighting: &Arc<Lighting>) -> Request {
     Request { generation, lighting: lighting.clone(), display, compared: None, looked_at }
 }
 
+/// What is found in the first event of a worker that has it; events before it are lost.
+fn await_event<T>(session: &Session, what: &str, mut find: impl FnMut(Event) -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        if let Some(found) = session.worker.events().find_map(&mut find) {
+            return found;
+        }
+        assert!(begun.elapsed() < PATIENCE, "{what} does not come");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
 /// The picture in which all layers are; those before it have ever more of them.
 fn whole_picture(session: &Session) -> Picture {
     let mut last: Option<Picture> = None;
-    loop {
-        for event in session.worker.events() {
-            if let Event::Picture(picture) = event {
-                if let Some(before) = last.as_ref().filter(|before| before.generation == picture.generation) {
-                    let (before, now) = (before.progress, picture.progress);
-                    assert!(now.base >= before.base && now.whole >= before.whole, "{before:?}, {now:?}");
-                }
-                if picture.progress.is_complete() {
-                    return *picture;
-                }
-                last = Some(*picture);
-            }
+    await_event(session, "the whole picture", |event| {
+        let Event::Picture(picture) = event else { return None };
+        if let Some(before) = last.as_ref().filter(|before| before.generation == picture.generation) {
+            let (before, now) = (before.progress, picture.progress);
+            assert!(now.base >= before.base && now.whole >= before.whole, "{before:?}, {now:?}");
         }
-        std::thread::sleep(Duration::from_millis(1));
-    }
+        if picture.progress.is_complete() {
+            return Some(*picture);
+        }
+        last = Some(*picture);
+        None
+    })
 }
 
 /// The linear values of a picture, which come later where a device shows it.
@@ -385,17 +394,17 @@ fn values(session: &Session, picture: &Picture) -> Arc<LinearImage> {
     if let Seen::Bytes(_, image) = &picture.seen {
         return image.clone();
     }
-    loop {
-        for event in session.worker.events() {
-            if let Event::Values { generation, image, histogram } = event
-                && generation == picture.generation
-            {
-                assert_eq!(histogram, Display::default().histogram(&image));
-                return image;
-            }
-        }
-        std::thread::sleep(Duration::from_millis(1));
-    }
+    let (image, histogram) = values_of(session, picture.generation);
+    assert_eq!(histogram, Display::default().histogram(&image));
+    image
+}
+
+/// The values of the picture of a generation, and their histogram.
+fn values_of(session: &Session, wanted: u64) -> (Arc<LinearImage>, Vec<[f32; 3]>) {
+    await_event(session, "the picture's values", |event| match event {
+        Event::Values { generation, image, histogram } if generation == wanted => Some((image, histogram)),
+        _ => None,
+    })
 }
 
 /// A container larger than its budget is shown all the same: with the same values, and within the budget. What is held is
@@ -433,16 +442,10 @@ fn a_pixel_is_asked_under_the_newest_lighting() {
         session.worker.request(request(generation, &Arc::new(lighting)));
         while whole_picture(&session).generation < generation {}
         session.worker.ask_pixel([40, 30]);
-        let lights = loop {
-            let found = session.worker.events().find_map(|event| match event {
-                Event::Pixel { lights, .. } => Some(lights),
-                _ => None,
-            });
-            match found {
-                Some(lights) => break lights,
-                None => std::thread::sleep(Duration::from_millis(1)),
-            }
-        };
+        let lights = await_event(&session, "the pixel", |event| match event {
+            Event::Pixel { lights, .. } => Some(lights),
+            _ => None,
+        });
         assert_eq!(lights.iter().any(|v| *v > 0.0), shines, "{lights:?}");
     }
 }

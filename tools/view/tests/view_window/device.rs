@@ -11,9 +11,9 @@ use ltm::relight::CpuRelighter;
 use ltm_view::display::Display;
 use ltm_view::worker::{Event, Means, Request, Seen, Session, SharedDevice};
 
-use super::driver::Driver;
+use super::driver::{Driver, PATIENCE};
 use super::texels::texels;
-use super::{request, room, values, whole_picture};
+use super::{request, room, values, values_of, whole_picture};
 
 /// Tests of this file; they need an adapter.
 pub(crate) const TESTS: [(&str, fn()); 3] = [
@@ -85,10 +85,7 @@ fn the_device_shows_what_the_cpu_would_and_its_values_follow_a_drag() {
     let scene = Arc::new(Lighting::of_scene(session.basis()));
     session.worker.request(request(1, &scene));
     // What streams in is the CPU's; then the device takes over.
-    let mut shown_from = None;
-    while !matches!(shown_from, Some(Seen::Texture(_))) {
-        shown_from = Some(whole_picture(&session).seen);
-    }
+    while !matches!(whole_picture(&session).seen, Seen::Texture(_)) {}
     let tone = |curve, exposure_stops| ToneMapping { curve, exposure_stops, white_kelvin: None };
     let displays = [
         Display { tone: tone(ToneCurve::None, 0.0), false_colour: false },
@@ -101,14 +98,7 @@ fn the_device_shows_what_the_cpu_would_and_its_values_follow_a_drag() {
         let picture = whole_picture(&session);
         let Seen::Texture(texture) = &picture.seen else { panic!("{generation}: the CPU shows it") };
         let shown = texels(&shared.device, &shared.queue, texture);
-        let (image, histogram) = loop {
-            match session.worker.events().next() {
-                Some(Event::Values { generation: of, image, histogram }) if of == generation => {
-                    break (image, histogram);
-                }
-                _ => std::thread::sleep(std::time::Duration::from_millis(1)),
-            }
-        };
+        let (image, histogram) = values_of(&session, generation);
         let twin = display.show(&image);
         assert_eq!(histogram, twin.histogram);
         let most = shown.as_flattened().iter().zip(&twin.rgba).map(|(a, b)| a.abs_diff(*b)).max();
@@ -121,6 +111,7 @@ fn the_device_shows_what_the_cpu_would_and_its_values_follow_a_drag() {
     let mut ended = false;
     while valued.last() != Some(&generation) {
         ended |= begun.elapsed().as_secs_f64() > 0.5;
+        assert!(begun.elapsed() < PATIENCE, "values of {generation} do not come, but of {valued:?}");
         if !ended {
             generation += 1;
             let part = 1.0 + generation as f32 / 100.0;

@@ -12,7 +12,7 @@ use ltm_view::{App, WindowOptions};
 /// Size of the window, in points, where a test does not ask for another.
 const SIZE: egui::Vec2 = egui::vec2(1280.0, 800.0);
 /// How long a picture may take to come, on a machine that does other things as well.
-const PATIENCE: Duration = Duration::from_secs(60);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(crate) struct Driver {
     context: egui::Context,
