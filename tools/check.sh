@@ -61,7 +61,7 @@ else
     echo "no Python with bpy, numpy and pytest: the Blender add-on is not tested"
 fi
 step "the shared page: its types, and tests in a browser"
-if node -e 'process.exit(process.versions.node.split(".")[0] < 20)' 2>/dev/null && command -v npm >/dev/null; then
+if node -e 'process.exit(process.versions.node.split(".")[0] < 20 ? 1 : 0)' 2>/dev/null && command -v npm >/dev/null; then
     ltm=$(realpath "$target/$built/ltm")
     if (cd tools/share && npm ci --silent --no-audit --no-fund); then
         (cd tools/share && npm run --silent types)
