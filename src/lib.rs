@@ -63,17 +63,18 @@
 //! | `bincode` | `encoding` |
 //! | `zstd` | `container` |
 //! | `half` | `compress`, `image`, `store` |
-//! | `libc`, `memmap2` | `store` |
+//! | `libc` | `store` |
+//! | `memmap2` | `store`, `trace` |
 //! | `rustix` | `files`, `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share` |
 //! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
-//! | `bytemuck` | `clean`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store` |
+//! | `bytemuck` | `clean`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
 //! | `pulp` | `clean`, `compress`, `container`, `relight`, `store`, `trace` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
-//! | `tempfile` | `pipeline` |
+//! | `tempfile` | `pipeline`, `trace` |
 //! | `object_store`, `reqwest`, `rustls`, `tokio` | `depot` |
 //! | `thiserror` | `depot`, `error`, `trace` |
-//! | `std::fs` | `container`, `depot`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store` |
+//! | `std::fs` | `container`, `depot`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store`, `trace` |
 //! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
 //! | `std::thread` | `host`, `image`, `pipeline`, `store` |
 //! | `std::env` | `files` |

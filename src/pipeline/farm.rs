@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::clean::Cleaned;
 use super::pack::{Packing, need_of};
-use super::render::{job_of, settings_of, tracing_need};
+use super::render::{job_of, settings_of, tracer_of, tracing_need};
 use super::shard::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
 use super::spill::check_container_output;
 use super::worker::Worker;
@@ -27,7 +27,6 @@ use crate::host::{Need, Threads, Watch, hold_to_memory};
 use crate::light::Job;
 use crate::matrix::{BlockId, TracedBlock};
 use crate::scene::LoadedScene;
-use crate::trace::Tracer;
 
 /// Blocks that a probe builds at most.
 const PROBED_BLOCKS: u64 = 24;
@@ -158,8 +157,7 @@ impl FarmJob {
         let (worker, need) = self.worker(compressor, None)?;
         merging.fixed_bytes += if self.cleans() { Cleaned::needs_bytes(job) } else { 0 };
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
-        let settings = settings_of(&self.loaded);
-        let tracer = Tracer::new(self.loaded.scene, job.shape, settings)?;
+        let tracer = tracer_of(self.loaded, job, None, watch)?;
         let setup_seconds = begun.elapsed().as_secs_f64();
         let count = u64::from(job.shape.block_count());
         let probed = PROBED_BLOCKS.min(count);
@@ -235,8 +233,7 @@ impl FarmJob {
         let threads =
             need.threads_within(&format!("building {}", output.display()), self.terms.options.memory_bytes)?;
         let threads = Threads::new(threads)?;
-        let settings = settings_of(&self.loaded);
-        let tracer = Tracer::new(self.loaded.scene, self.terms.job.shape, settings)?;
+        let tracer = tracer_of(self.loaded, &self.terms.job, scratch, watch)?;
         let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
         watch.begin("tracing and analysing", blocks.len() as u64, "blocks");
         let trace = |id: BlockId, block: &mut TracedBlock| {

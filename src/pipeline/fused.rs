@@ -5,14 +5,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use super::pack::Packing;
-use super::render::{job_of, settings_of, tracing_need};
+use super::render::{job_of, settings_of, tracer_of, tracing_need};
 use super::stop::forget_samples;
 use super::{PackOptions, PackReport, RenderReport};
 use crate::compress::Scope;
 use crate::error::{Error, Result};
+use crate::files::folder_of;
 use crate::host::Watch;
 use crate::scene::LoadedScene;
-use crate::trace::Tracer;
 
 /// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render()) in f32 and then
 /// [`pack`](super::pack()) give, without the space for the matrix. Continues where an interrupted run stopped.
@@ -36,7 +36,7 @@ pub fn render_packed(
     // One sample a pixel has no halves.
     let source = (tracing_need(&loaded, &job), settings.samples_per_pixel > 1);
     let packing = Packing::begin(&job, "f32", path, options, source, watch)?;
-    let tracer = Tracer::new(loaded.scene, job.shape, settings)?;
+    let tracer = tracer_of(loaded, &job, Some(folder_of(path)), watch)?;
     let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
     let pack = packing.run("tracing", "rays", watch, |id, block| {
         let stats = tracer.trace_block(id, block);

@@ -8,12 +8,13 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::files::folder_of;
 use crate::host::{Need, PROGRAM_BYTES, PeakMemory, Threads, Watch, budget_bytes};
 use crate::light::{Clusters, Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
 use crate::scene::{self, LoadOptions, LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
-use crate::trace::{BlockStats, TRACER_VERSION, TraceSettings, Tracer};
+use crate::trace::{BlockStats, Sending, TRACER_VERSION, TraceSettings, Tracer};
 
 /// Choices of a render that do not change the entries.
 #[derive(Clone, Debug, Default)]
@@ -108,8 +109,7 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     if blocks_kept > 0 {
         watch.note(&format!("{}: continuing, {blocks_kept} blocks are done", path.display()));
     }
-    let settings = settings_of(&loaded);
-    let tracer = Tracer::new(loaded.scene, job.shape, settings)?;
+    let tracer = tracer_of(loaded, &job, Some(folder_of(path)), watch)?;
     let mut report = trace_into(&writer, &tracer, &todo, threads, watch)?;
     report.rays += tracer.photon_cost().rays;
     report.blocks_missing = writer.finish()?.missing.len() as u64;
@@ -117,6 +117,33 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     report.seconds = begun.elapsed().as_secs_f64();
     report.peak_memory_bytes = memory.stop();
     Ok(report)
+}
+
+/// Photons from which on sending them takes seconds.
+const MANY_PHOTONS: u64 = 1 << 22;
+
+/// The tracer of a job, with photons for which there is no memory in a folder, or the system's for temporary files.
+///
+/// # Errors
+/// Those of [`Tracer::sending`].
+pub(super) fn tracer_of(loaded: LoadedScene, job: &Job, folder: Option<&Path>, watch: &dyn Watch) -> Result<Tracer> {
+    let settings = settings_of(&loaded);
+    let photons = Tracer::photons_sent(&loaded.scene, job.shape, settings);
+    let says = photons >= MANY_PHOTONS;
+    if says {
+        watch.begin("sending photons", photons, "photons");
+    }
+    let goes_on = |sent: u64| {
+        if says {
+            watch.advance(sent, sent, "photons");
+        }
+        !watch.interrupted()
+    };
+    let tracer = Tracer::sending(loaded.scene, job.shape, settings, Sending { folder, goes_on: &goes_on });
+    if says {
+        watch.end();
+    }
+    tracer
 }
 
 /// Traces blocks in parallel; one thread more commits them, so that no core waits for the disk. At most one block more

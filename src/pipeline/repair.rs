@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use super::render::{job_of, settings_of, trace_into, tracing_need};
+use super::render::{job_of, trace_into, tracer_of, tracing_need};
 use super::verify::reading_need;
 use crate::error::{Error, Result};
+use crate::files::folder_of;
 use crate::host::{Need, PROGRAM_BYTES, Watch};
 use crate::matrix::BlockId;
 use crate::scene::LoadedScene;
 use crate::store::{self, StoreReader};
-use crate::trace::Tracer;
 
 /// Renders the damaged and missing blocks of a finished matrix again, where it stands. Returns which ones.
 ///
@@ -45,8 +45,7 @@ pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch
         writer.finish()?;
         return Ok(broken);
     }
-    let settings = settings_of(&loaded);
-    let tracer = Tracer::new(loaded.scene, job.shape, settings)?;
+    let tracer = tracer_of(loaded, &job, Some(folder_of(path)), watch)?;
     trace_into(&writer, &tracer, &broken, threads, watch)?;
     writer.finish()?;
     Ok(broken)

@@ -49,6 +49,13 @@ const SURVIVAL: f32 = 4.0;
 /// Added to the vertices of rays that look aside, for random numbers that no path uses.
 const ASIDE: u32 = 1 << 16;
 
+/// Rays that look aside look both ways from a boundary where the share of each is above this, and one way by chance elsewhere: a lamp that a
+/// ball of glass mirrors twice inside still had grain with a hundredth.
+const LEAST_SHARE: f32 = 0.001;
+/// Most boundaries from which those of a sample look both ways. Three show that lamp without grain; ten panes behind one another, which fill
+/// the picture, take 1.3 times the time of none, 1.7 with six, and 3.4 without a limit.
+const MOST_FORKS: u32 = 3;
+
 /// What one path cost.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PathCost {
@@ -99,6 +106,22 @@ struct Aside {
     /// Of the path up to there.
     vertex: u32,
     passes: u32,
+}
+
+impl Aside {
+    /// The ray that goes on from the surface it has come to, one of ways there of which this one shows `share`. None where it does not
+    /// leave the surface.
+    #[inline(always)]
+    fn onward(&self, at: &Vertex, way: &Scattered, share: f32) -> Option<Self> {
+        at.onward(self.ray.1, way).map(|ray| Self {
+            ray,
+            throughput: self.throughput * way.weight,
+            share: self.share * share,
+            compression: self.compression * way.compression,
+            vertex: self.vertex + u32::from(!way.straight),
+            passes: self.passes + u32::from(way.straight),
+        })
+    }
 }
 
 /// How likely a path goes on whose end is left to chance. Radiance inside glass is larger by the square of its index, which says nothing
@@ -178,7 +201,7 @@ impl Paths<'_> {
         let mut layer = Layer::Emission;
         // The share of such emission that this way shows: boundaries that it came by were looked along both ways.
         let mut seen = 1.0;
-        let (mut vertex, mut passes, mut travelled) = (0, 0, 0.0);
+        let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MOST_FORKS);
         loop {
             let Some(at) = self.arrive((origin, direction), &last, (layer, throughput * seen), record) else { return };
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
@@ -211,17 +234,9 @@ impl Paths<'_> {
             } else if layer == Layer::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
-                let ray = at.onward(direction, &way).filter(|_| way.straight || !at_end);
-                if let Some(ray) = ray {
-                    let aside = Aside {
-                        ray,
-                        throughput: throughput * way.weight,
-                        share: seen * chance,
-                        compression: compression * way.compression,
-                        vertex: vertex + u32::from(!way.straight),
-                        passes: passes + u32::from(way.straight),
-                    };
-                    self.look_aside(aside, sampler, record);
+                let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
+                if let Some(aside) = here.onward(&at, &way, chance).filter(|_| way.straight || !at_end) {
+                    self.look_aside(aside, &mut forks, sampler, record);
                 }
                 seen *= 1.0 - chance;
             }
@@ -306,31 +321,34 @@ impl Paths<'_> {
     }
 
     /// Follows a ray aside as far as mirrors and boundaries lead, and only for the emitters that are seen there: one that is
-    /// mirrored in glass, which few samples mirror, would be dotted else, and no filter touches what is seen of emitters.
-    fn look_aside(&self, mut aside: Aside, sampler: &Sampler, record: &mut Record<'_, '_>) {
+    /// mirrored in glass, which few samples mirror, would be dotted else, and no filter touches what is seen of emitters. It looks
+    /// both ways too where each is likely enough, from so many boundaries more.
+    fn look_aside(&self, mut aside: Aside, forks: &mut u32, sampler: &Sampler, record: &mut Record<'_, '_>) {
         while aside.passes < MAX_PASSES {
-            let Aside { ray, throughput, share, vertex, passes, .. } = aside;
-            let (last, light) = (Last::only(ray.0, ray.1), (Layer::Emission, throughput * share));
-            let Some(at) = self.arrive(ray, &last, light, record) else { return };
-            let at_end = vertex + 1 >= self.max_depth;
+            let (ray, light) = (aside.ray, (Layer::Emission, aside.throughput * aside.share));
+            let Some(at) = self.arrive(ray, &Last::only(ray.0, ray.1), light, record) else { return };
+            let at_end = aside.vertex + 1 >= self.max_depth;
             if at.bsdf.is_spread() || at_end && !at.bsdf.lets_pass() {
                 return;
             }
-            let choice = sampler.pair(Use::Choice, ASIDE + vertex + passes);
+            let choice = sampler.pair(Use::Choice, ASIDE + aside.vertex + aside.passes);
             let Some(next) = at.bsdf.sample(at.wo, Vec2::ZERO, choice.x) else { return };
-            if at_end && !next.straight {
-                return;
+            let mut certain = 1.0;
+            if *forks > 0
+                && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
+                && chance.min(1.0 - chance) * aside.share > LEAST_SHARE
+            {
+                *forks -= 1;
+                if let Some(other) = aside.onward(&at, &way, chance).filter(|_| way.straight || !at_end) {
+                    self.look_aside(other, forks, sampler, record);
+                }
+                certain = 1.0 - chance;
             }
-            let Some(ray) = at.onward(ray.1, &next) else { return };
-            aside.ray = ray;
-            aside.throughput *= next.weight;
-            aside.compression *= next.compression;
-            if next.straight {
-                aside.passes += 1;
-                continue;
+            match aside.onward(&at, &next, certain).filter(|_| next.straight || !at_end) {
+                Some(onward) => aside = onward,
+                None => return,
             }
-            aside.vertex += 1;
-            if aside.vertex >= CERTAIN_VERTICES {
+            if !next.straight && aside.vertex >= CERTAIN_VERTICES {
                 let survival = survival(aside.throughput, aside.compression);
                 if choice.y >= survival {
                     return;

@@ -23,9 +23,9 @@ mod statistics;
 mod tracer;
 mod world;
 
-pub use photons::PhotonCost;
+pub use photons::{PhotonCost, Sending};
 pub use tracer::{BlockStats, TraceSettings, Tracer};
 
 /// Version of what the tracer makes of a scene, which every matrix names: to be raised with every change of an entry, so that
 /// blocks of two versions are never mixed in one matrix.
-pub const TRACER_VERSION: u32 = 10;
+pub const TRACER_VERSION: u32 = 11;

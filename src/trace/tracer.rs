@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::accumulator::{NoiseSums, PixelSums, RUN, Run, Tile, interleave};
 use super::bvh::Bvh;
 use super::integrator::{Paths, trace_sample};
-use super::photons::{PhotonCost, Photons};
+use super::photons::{MAP_BYTES, PhotonCost, Photons, Sending};
 use super::planes::{self, PlaneSums};
 use super::sampler::Sampler;
 use super::world::World;
@@ -62,12 +62,26 @@ impl Tracer {
     /// Most samples per pixel.
     pub const MAX_SAMPLES_PER_PIXEL: u32 = RenderSettings::MAX_SAMPLES_PER_PIXEL;
 
-    /// Prepares a scene for tracing: builds its tree, which takes about a second for each million triangles and core.
+    /// Prepares a scene for tracing: builds its tree, which takes about a second for each million triangles and core, and sends photons
+    /// where there are mirrors or smooth glass. Those for which there is no memory lie in the system's folder for temporary files.
     ///
     /// # Errors
     /// A shape that is not the camera's and the basis's, settings out of range, a scene whose parts do not fit
-    /// each other, lights of no area.
+    /// each other, lights of no area; the folder for photons has no room.
     pub fn new(scene: impl Into<Arc<Scene>>, shape: MatrixShape, settings: TraceSettings) -> Result<Self> {
+        Self::sending(scene, shape, settings, Sending::default())
+    }
+
+    /// The same where photons lie in a folder of the caller's, who hears how many have been sent.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); [`Error::Interrupted`] where the caller says so.
+    pub fn sending(
+        scene: impl Into<Arc<Scene>>,
+        shape: MatrixShape,
+        settings: TraceSettings,
+        sending: Sending<'_>,
+    ) -> Result<Self> {
         let scene: Arc<Scene> = scene.into();
         let refuse = |what: &str, problem: String, hint: &str| Err(Error::input(what, problem, hint));
         let columns = scene.basis.column_count();
@@ -82,7 +96,7 @@ impl Tracer {
         let (probes_of_column, probes) = interleave(&probe_lightings(&scene.basis), columns);
         let clusters = Clusters::of_basis(&scene.basis);
         let world = World::new(scene)?;
-        let (photons, photon_cost) = Photons::new(&world, pixels(shape), settings);
+        let (photons, photon_cost) = Photons::new(&world, pixels(shape), settings, sending, MAP_BYTES)?;
         let wants_photons = true;
         Ok(Self { world, photons, photon_cost, wants_photons, shape, settings, probes_of_column, probes, clusters })
     }
@@ -109,7 +123,7 @@ impl Tracer {
         Photons::sent(scene, pixels(shape), settings)
     }
 
-    /// Bytes that the photons of a scene take at most, beside the blocks.
+    /// Bytes of memory that the photons of a scene take at most, beside the blocks.
     pub fn photons_need_bytes(scene: &Scene, shape: MatrixShape, settings: TraceSettings) -> u64 {
         Photons::needs_bytes(scene, pixels(shape), settings)
     }
@@ -126,13 +140,14 @@ impl Tracer {
     /// The same scene with other settings.
     ///
     /// # Errors
-    /// Settings out of range.
+    /// Settings out of range; the system's folder for temporary files has no room for photons.
     pub fn with_settings(mut self, settings: TraceSettings) -> Result<Self> {
         check(settings)?;
         drop(self.photons.take());
         self.settings = settings;
         if self.wants_photons {
-            (self.photons, self.photon_cost) = Photons::new(&self.world, pixels(self.shape), settings);
+            (self.photons, self.photon_cost) =
+                Photons::new(&self.world, pixels(self.shape), settings, Sending::default(), MAP_BYTES)?;
         }
         Ok(self)
     }

@@ -12,17 +12,20 @@
 //! photons that the pixel sees in the end, and the two halves of the samples have no photon in common, so that their
 //! difference shows the noise of photons as well. The radius follows the photons' density, so that a sharp caustic is gathered from
 //! near and a faint reflection from afar; the number in it grows as `N^⅔`, so that its square falls as `N^−⅓`, which lets bias and
-//! noise both go to zero (Hachisuka and Jensen 2009, *Stochastic progressive photon mapping*; Knaus and Zwicker 2011, §4) up to
-//! the number of maps that memory is given for.
+//! noise both go to zero (Hachisuka and Jensen 2009, *Stochastic progressive photon mapping*; Knaus and Zwicker 2011, §4). Maps beyond what
+//! memory is given for lie in a file ([`pages`]): neighbouring pixels gather from the same few pages of each.
 
 mod follow;
 mod near;
+mod pages;
 mod radius;
 mod targets;
 mod tree;
 
+use std::path::Path;
 use std::time::Instant;
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -31,11 +34,13 @@ use super::integrator::power_heuristic;
 use super::lights::EmitterHit;
 use super::sampler::Sampler;
 use super::world::World;
+use crate::error::{Error, Result};
 use crate::matrix::CHANNELS;
 use crate::scene::Scene;
 use follow::follow;
 pub(super) use near::LANES;
 use near::{Disc, Near};
+use pages::{Items, Pages};
 use radius::RadiusField;
 pub(super) use targets::Targets;
 
@@ -70,8 +75,8 @@ const AT_ONCE: u32 = 4;
 /// Segments of the shortest path with a photon: from the light to a mirror, on to a surface, and to the camera.
 const LEAST_DEPTH: u32 = 3;
 
-/// Most that maps may take. As many are made as fit: what counts is the photons that come to rest, not those that are sent.
-const MAP_BYTES: usize = 192 << 20;
+/// Most that maps may take in memory: more lie in a file.
+pub(super) const MAP_BYTES: usize = 192 << 20;
 
 /// Height of the disc in which photons are gathered, to either side, in units of its radius: on surfaces that are curved.
 const THICKNESS: f32 = 0.3;
@@ -99,7 +104,7 @@ struct Photon {
 #[derive(Debug)]
 struct Map {
     count: usize,
-    leaves: Vec<Leaf>,
+    leaves: Items<Leaf>,
     near: Near,
 }
 
@@ -111,13 +116,18 @@ impl Map {
     }
 
     fn bytes(&self) -> usize {
-        size_of_val(self.leaves.as_slice()) + self.near.bytes()
+        size_of_val(&*self.leaves) + self.near.bytes()
+    }
+
+    /// The same in a file.
+    fn put(self, pages: &mut Pages) -> Result<Self> {
+        Ok(Self { leaves: pages.put(&self.leaves)?, near: self.near.put(pages)?, ..self })
     }
 }
 
 /// What is read of the photons of a leaf: four lines of the cache.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Leaf {
     power: [[f32; LANES]; CHANNELS],
     column: [u32; LANES],
@@ -135,6 +145,21 @@ pub(super) struct Photons {
     targets: Targets,
     /// Photons that leave each light, for each sample of a pixel.
     per_sample: f32,
+}
+
+/// What a tracer that sends photons is given beside the scene.
+#[derive(Clone, Copy)]
+pub struct Sending<'a> {
+    /// The folder for a file without a name, of photons for which there is no memory; none for the system's folder of temporary files.
+    pub folder: Option<&'a Path>,
+    /// Hears how many more have been sent, and says whether to go on.
+    pub goes_on: &'a (dyn Fn(u64) -> bool + Sync),
+}
+
+impl Default for Sending<'_> {
+    fn default() -> Self {
+        Self { folder: None, goes_on: &|_| true }
+    }
 }
 
 /// What sending the photons took, before the first block.
@@ -296,17 +321,27 @@ impl Numbers {
 }
 
 impl Photons {
-    /// Sends the photons of a job, and says what that took. None where there is no mirror and no smooth glass, or no light comes
-    /// from there to a surface that scatters.
-    pub(super) fn new(world: &World, pixels: u64, settings: TraceSettings) -> (Option<Self>, PhotonCost) {
+    /// Sends the photons of a job, of which so many bytes may stay in memory, and says what that took. None where there is no mirror and no
+    /// smooth glass, or no light comes from there to a surface that scatters.
+    ///
+    /// # Errors
+    /// The file cannot be written; [`Error::Interrupted`] where it should not go on.
+    pub(super) fn new(
+        world: &World,
+        pixels: u64,
+        settings: TraceSettings,
+        sending: Sending<'_>,
+        most_bytes: usize,
+    ) -> Result<(Option<Self>, PhotonCost)> {
         let begun = Instant::now();
         let Some(targets) = Targets::of(&world.scene).filter(|_| settings.max_depth >= LEAST_DEPTH) else {
-            return (None, PhotonCost::default());
+            return Ok((None, PhotonCost::default()));
         };
         let numbers = Numbers::of(&world.scene, pixels, settings);
-        let (mut maps, mut places, mut rays) = (Vec::new(), Vec::new(), 0);
+        let (mut maps, mut places, mut rays, mut held, mut pages) = (Vec::new(), Vec::new(), 0, 0, None);
         while maps.len() < numbers.maps as usize {
             let some = maps.len() as u32..numbers.maps.min(maps.len() as u32 + AT_ONCE);
+            let count = some.len() as u32;
             let send = |map| send(world, &targets, map, numbers, settings);
             let (photons, of_each): (Vec<_>, Vec<u64>) = some.into_par_iter().map(send).unzip();
             rays += of_each.iter().sum::<u64>();
@@ -314,14 +349,23 @@ impl Photons {
                 places.extend(photons.iter().flatten().map(|photon| photon.position));
             }
             let sorted: Vec<Map> = photons.into_par_iter().map(Map::sort).collect();
-            let bytes = |maps: &[Map]| maps.iter().map(Map::bytes).sum::<usize>();
-            if !maps.is_empty() && bytes(&maps) + bytes(&sorted) > MAP_BYTES {
-                break;
+            for map in sorted {
+                held += map.bytes();
+                maps.push(match &mut pages {
+                    None if held <= most_bytes => map,
+                    None => map.put(pages.insert(Pages::begin(sending.folder)?))?,
+                    Some(pages) => map.put(pages)?,
+                });
             }
-            maps.extend(sorted);
             if places.is_empty() {
                 break;
             }
+            if !(sending.goes_on)(Numbers { maps: count, ..numbers }.all()) {
+                return Err(Error::Interrupted("of photons nothing is kept, of finished blocks everything".into()));
+            }
+        }
+        if let Some(pages) = pages {
+            pages.finish()?;
         }
         let sent = Numbers { maps: maps.len() as u32, ..numbers };
         let per_sample = f64::from(sent.maps) * f64::from(sent.per_light) / f64::from(settings.samples_per_pixel);
@@ -329,10 +373,10 @@ impl Photons {
         let all = maps.iter().map(|map| map.count).sum();
         let radius = RadiusField::of(&mut places, all, targets.scene_radius());
         let photons = radius.map(|radius| Self { maps, radius, targets, per_sample: per_sample as f32 });
-        (photons, PhotonCost { sent: sent.all(), rays, seconds: begun.elapsed().as_secs_f64() })
+        Ok((photons, PhotonCost { sent: sent.all(), rays, seconds: begun.elapsed().as_secs_f64() }))
     }
 
-    /// Bytes that the photons of a scene take at most, while the last of them are sorted.
+    /// Bytes of memory that the photons of a scene take at most, while the last of them are sorted.
     pub(super) fn needs_bytes(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
         if Self::sent(scene, pixels, settings) == 0 {
             return 0;
@@ -439,6 +483,62 @@ fn unfold_lanes(folded: &[[i16; LANES]; 2]) -> [[f32; LANES]; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::BuiltIn;
+
+    /// What is gathered: columns and irradiances, in their order.
+    #[derive(Default, PartialEq, Debug)]
+    struct Taken(Vec<(u32, [u32; CHANNELS])>);
+
+    impl Gather for Taken {
+        fn take(&mut self, gathered: &Gathered) {
+            let lanes = (0..LANES).filter(|lane| gathered.mask >> lane & 1 == 1);
+            let bits = |lane: usize| std::array::from_fn(|channel| gathered.irradiance[channel][lane].to_bits());
+            self.0.extend(lanes.map(|lane| (gathered.column[lane], bits(lane))));
+        }
+    }
+
+    #[test]
+    fn photons_in_a_file_are_those_in_memory() {
+        let room = BuiltIn { width: 32, height: 24, texels: 2 }.named("caustics").unwrap();
+        let settings = TraceSettings { samples_per_pixel: 32, seed: 3, max_depth: 8 };
+        let world = World::new(room.scene.into()).unwrap();
+        let some = MAP_BYTES / 100;
+        let [held, few, none] = [MAP_BYTES, some, 0]
+            .map(|most| Photons::new(&world, 32 * 24, settings, Sending::default(), most).unwrap().0.unwrap());
+        let in_memory = |photons: &Photons| photons.maps.iter().filter(|m| matches!(m.leaves, Items::Held(_))).count();
+        assert_eq!([&held, &none].map(in_memory), [held.maps.len(), 0]);
+        assert!((1..held.maps.len()).contains(&in_memory(&few)), "{} of {}", in_memory(&few), held.maps.len());
+        let numbers = Numbers::of(&world.scene, 32 * 24, settings);
+        let mut all = 0;
+        for map in 0..numbers.maps {
+            for photon in send(&world, &held.targets, map, numbers, settings).0.iter().step_by(7) {
+                let normal = unfold_lanes(&photon.normal.map(|t| [t; LANES])).map(|axis| axis[0]).into();
+                let position = photon.position;
+                let at = |photons: &Photons| {
+                    let (radius, mut taken) = (photons.radius_at(position), Taken::default());
+                    photons.gather(&Gathering { map, position, normal, radius, most_segments: 8 }, &mut taken);
+                    taken
+                };
+                let [held, few, none] = [&held, &few, &none].map(at);
+                all += held.0.len();
+                assert!(held == few && held == none);
+            }
+        }
+        assert!(all > 1000, "{all}");
+    }
+
+    #[test]
+    fn a_job_that_should_not_go_on_sends_no_more() {
+        let room = BuiltIn { width: 32, height: 24, texels: 2 }.named("caustics").unwrap();
+        let settings = TraceSettings { samples_per_pixel: 32, seed: 3, max_depth: 8 };
+        let world = World::new(room.scene.into()).unwrap();
+        let sending = Sending { folder: None, goes_on: &|_| false };
+        let stopped = Photons::new(&world, 32 * 24, settings, sending, MAP_BYTES);
+        assert!(matches!(stopped, Err(Error::Interrupted(_))));
+        let sending = Sending { folder: Some(Path::new("/nowhere/at/all")), goes_on: &|_| true };
+        let refused = Photons::new(&world, 32 * 24, settings, sending, 0).unwrap_err().to_string();
+        assert!(refused.contains("/nowhere/at/all"), "{refused}");
+    }
 
     #[test]
     fn folded_directions_are_kept_to_a_ten_thousandth() {

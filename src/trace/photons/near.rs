@@ -6,9 +6,12 @@
 
 use std::ops::Range;
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
+use super::pages::{Items, Pages};
 use super::tree::part_at;
+use crate::error::Result;
 
 /// Children of a node, and most points of a leaf.
 pub(in crate::trace) const LANES: usize = 8;
@@ -28,14 +31,16 @@ pub(super) struct Disc {
 
 /// Boxes of eight children: their minima by axis, then their maxima. Where there is no child, nothing is near.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Boxes([[f32; LANES]; 6]);
 
 /// Eight points by axis, those that are not there infinitely far.
 #[repr(C, align(64))]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Leaf {
     points: [[f32; LANES]; 3],
+    /// Up to the next line of the cache.
+    unused: [f32; LANES],
 }
 
 /// What is done with leaves that have points in the disc.
@@ -49,9 +54,9 @@ pub(super) trait Each {
 /// Sorted points, to be looked for by place.
 #[derive(Debug)]
 pub(super) struct Near {
-    leaves: Vec<Leaf>,
+    leaves: Items<Leaf>,
     /// From the nodes above the leaves to the root.
-    levels: Vec<Vec<Boxes>>,
+    levels: Vec<Items<Boxes>>,
 }
 
 const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
@@ -64,7 +69,7 @@ impl Near {
         let starts = (0..points.len().max(1)).step_by(LANES);
         let ranges: Vec<Range<usize>> = starts.map(|start| start..points.len().min(start + LANES)).collect();
         let leaf = |range: &Range<usize>| {
-            let mut leaf = Leaf { points: [[f32::INFINITY; LANES]; 3] };
+            let mut leaf = Leaf { points: [[f32::INFINITY; LANES]; 3], unused: [0.0; LANES] };
             for (lane, point) in points[range.clone()].iter().enumerate() {
                 (0..3).for_each(|axis| leaf.points[axis][lane] = position(point)[axis]);
             }
@@ -74,7 +79,7 @@ impl Near {
             let places = points[range.clone()].iter().map(position);
             places.fold(NOTHING, |[low, high], place| [low.min(place), high.max(place)])
         };
-        let leaves: Vec<Leaf> = ranges.iter().map(leaf).collect();
+        let leaves = ranges.iter().map(leaf).collect();
         let mut below: Vec<[Vec3; 2]> = ranges.iter().map(around).collect();
         let mut levels = Vec::new();
         loop {
@@ -92,8 +97,14 @@ impl Near {
 
     /// Bytes that it takes.
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(self.leaves.as_slice())
-            + self.levels.iter().map(|level| size_of_val(level.as_slice())).sum::<usize>()
+        size_of_val(&*self.leaves) + self.levels.iter().map(|level| size_of_val(&**level)).sum::<usize>()
+    }
+
+    /// The same in a file.
+    pub(super) fn put(self, pages: &mut Pages) -> Result<Self> {
+        let leaves = pages.put(&self.leaves)?;
+        let levels = self.levels.iter().map(|level| pages.put(level)).collect::<Result<_>>()?;
+        Ok(Self { leaves, levels })
     }
 
     /// Every leaf with points in the disc, in their order: its index, the squares of their distances, and which they are.
@@ -120,8 +131,10 @@ impl Near {
         mut each: impl Each,
     ) {
         let top = self.levels.len() - 1;
+        let (leaves, mut levels) = (&*self.leaves, [&[][..]; MOST_LEVELS]);
+        levels.iter_mut().zip(&self.levels).for_each(|(into, level)| *into = level);
         let mut waiting = [(0usize, 0u32); MOST_LEVELS];
-        let (mut level, mut node, mut mask) = (top, 0, boxes_near(&self.levels[top][0]));
+        let (mut level, mut node, mut mask) = (top, 0, boxes_near(&levels[top][0]));
         loop {
             if mask == 0 {
                 if level == top {
@@ -136,29 +149,34 @@ impl Near {
             if level > 0 {
                 waiting[level] = (node, mask);
                 level -= 1;
-                (node, mask) = (child, boxes_near(&self.levels[level][child]));
-                self.fetch(level, node, mask, &each);
+                (node, mask) = (child, boxes_near(&levels[level][child]));
+                ahead((leaves, &levels), level, (node, mask), &each);
                 continue;
             }
-            let (distances, found) = points_near(&self.leaves[child]);
+            let (distances, found) = points_near(&leaves[child]);
             if found != 0 {
                 each.leaf(child, &distances, found);
             }
         }
     }
+}
 
-    /// Fetches the children of a node that are looked at next.
-    #[inline(always)]
-    fn fetch(&self, level: usize, node: usize, mut mask: u32, each: &impl Each) {
-        while mask != 0 {
-            let child = node * LANES + mask.trailing_zeros() as usize;
-            mask &= mask - 1;
-            match level.checked_sub(1) {
-                Some(below) => fetch(&self.levels[below], child),
-                None => {
-                    fetch(&self.leaves, child);
-                    each.ahead(child);
-                }
+/// Fetches the children of a node that are looked at next.
+#[inline(always)]
+fn ahead(
+    (leaves, levels): (&[Leaf], &[&[Boxes]; MOST_LEVELS]),
+    level: usize,
+    (node, mut mask): (usize, u32),
+    each: &impl Each,
+) {
+    while mask != 0 {
+        let child = node * LANES + mask.trailing_zeros() as usize;
+        mask &= mask - 1;
+        match level.checked_sub(1) {
+            Some(below) => fetch(levels[below], child),
+            None => {
+                fetch(leaves, child);
+                each.ahead(child);
             }
         }
     }

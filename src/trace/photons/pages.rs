@@ -1,0 +1,80 @@
+//! Arrays in memory, or in a file without a name whose pages the system reads where they are wanted, and takes back where memory is.
+
+use std::fs::File;
+use std::io::Write;
+use std::marker::PhantomData;
+use std::ops::{Deref, Range};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use bytemuck::Pod;
+use memmap2::Mmap;
+
+use crate::error::{Error, Result};
+
+/// Items that are read only.
+#[derive(Debug)]
+pub(super) enum Items<T> {
+    Held(Vec<T>),
+    Paged { file: Arc<OnceLock<Mmap>>, bytes: Range<usize>, of: PhantomData<T> },
+}
+
+/// The file, while it is written.
+#[derive(Debug)]
+pub(super) struct Pages {
+    file: File,
+    folder: PathBuf,
+    length: usize,
+    map: Arc<OnceLock<Mmap>>,
+}
+
+impl<T: Pod> Deref for Items<T> {
+    type Target = [T];
+
+    #[inline(always)]
+    fn deref(&self) -> &[T] {
+        match self {
+            Self::Held(items) => items,
+            Self::Paged { file, bytes, .. } => file.get().map_or(&[], |map| bytemuck::cast_slice(&map[bytes.clone()])),
+        }
+    }
+}
+
+impl<T> FromIterator<T> for Items<T> {
+    fn from_iter<I: IntoIterator<Item = T>>(items: I) -> Self {
+        Self::Held(Vec::from_iter(items))
+    }
+}
+
+impl Pages {
+    /// In a folder, or in the system's for temporary files.
+    pub(super) fn begin(folder: Option<&Path>) -> Result<Self> {
+        let folder = folder.map_or_else(tempfile::env::temp_dir, Path::to_owned);
+        let file = tempfile::tempfile_in(&folder);
+        let file = file.map_err(Error::io(&folder, "create a temporary file for photons in the folder"))?;
+        Ok(Self { file, folder, length: 0, map: Arc::default() })
+    }
+
+    /// Items that are in the file from now on, to be read once it is [finished](Self::finish). They are as wide as their alignment is, or
+    /// a multiple of it, and so are all others of the file.
+    pub(super) fn put<T: Pod>(&mut self, items: &[T]) -> Result<Items<T>> {
+        debug_assert!(self.length.is_multiple_of(align_of::<T>()));
+        let bytes: &[u8] = bytemuck::cast_slice(items);
+        let written = self.file.write_all(bytes);
+        written.map_err(Error::io(&self.folder, "write a temporary file for photons in the folder"))?;
+        let place = self.length..self.length + bytes.len();
+        self.length = place.end;
+        Ok(Items::Paged { file: Arc::clone(&self.map), bytes: place, of: PhantomData })
+    }
+
+    /// Opens what was written for reading.
+    pub(super) fn finish(self) -> Result<()> {
+        #[expect(unsafe_code, reason = "a file that is larger than the memory is read where it lies")]
+        // SAFETY: the file has no name, and nobody else has it.
+        let map = unsafe { Mmap::map(&self.file) };
+        let map = map.map_err(Error::io(&self.folder, "map a temporary file for photons in the folder"))?;
+        // It is mapped once, here.
+        let _ = self.map.set(map);
+        Ok(())
+    }
+}
