@@ -131,7 +131,7 @@ seeds, which change samples, lightings and the draws of methods.";
 const FORMS_NOTE: &str = "f16 + zstd: factors as 16-bit floats, byte planes, zstd 12. The SVD is exact to a few parts in a thousand. Slope: \
 components that are worth their bits, with one slope for all blocks. DCT, zfp: as `ltm study fig9`. SZ3: whole colours in four \
 dimensions, one absolute bound; SPERR: in three, one mean squared error; Tucker: all five dimensions, core and factors quantised by one \
-slope, xz; these three with the first seed only. DCT, zfp and these three: at steps and bounds on both sides of each ratio, found by bisection. \
+slope, xz. DCT, zfp and these three: at steps and bounds on both sides of each ratio, found by bisection. \
 Algorithm 4 by one slope takes 64 rows and columns of a block; what these do not span is \
 lost, in larger files too.";
 
@@ -258,8 +258,7 @@ fn measure(
     let (fewest, most) = plan.fixed.iter().fold((f64::INFINITY, 0.0f64), |(fewest, most), ratio| {
         (fewest.min(raw_bytes / ratio), most.max(raw_bytes / ratio))
     });
-    // Nothing in them is drawn, and they take longer than all others together: for the first seed alone.
-    for codec in there.iter().filter(|_| seed == 0) {
+    for codec in there {
         for packed in codecs::code(bench, matrix, codec, (fewest, most), lightings)? {
             keep((codec.0, false), packed);
         }
