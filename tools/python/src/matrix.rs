@@ -112,7 +112,7 @@ impl Opened {
         match &self.source {
             Source::Matrix(matrix) => Ok(matrix),
             Source::Container(_) => {
-                Err(Error::input(asked, "a container holds none", "open the .ltm that it was packed from"))
+                Err(Error::input(asked, "a container holds none", "open the .ltm that it was packed from, or one rendered without --pack"))
             }
         }
     }
