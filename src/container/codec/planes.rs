@@ -324,13 +324,14 @@ pub(super) fn read(
     if classes[..zones].iter().all(|&class| class == 0) {
         return out.fill(0.0);
     }
-    let Scratch { integers, tiles, scans } = scratch;
+    let Scratch { integers, tiles, scans, rows } = scratch;
     if shape.tile == 0 {
         integers.resize(shape.values(), 0);
         decoder.read_band(classes[0], integers);
         out.iter_mut().zip(integers).for_each(|(out, &mut q)| *out = q as f32 * step);
         return;
     }
+    rows.resize(MAX_TILE * MAX_TILE, 0.0);
     tiles.clear();
     tiles.resize(shape.values(), 0.0);
     scans.clear();
@@ -352,7 +353,7 @@ pub(super) fn read(
     let mut start = 0;
     for tile in shape.tiles() {
         let buffer = &mut tiles[start..start + tile.width * tile.height];
-        inverse(buffer, tile.width, tile.height);
+        inverse(buffer, tile.width, tile.height, rows);
         for (row, y) in buffer.chunks_exact(tile.width).zip(tile.y..) {
             out[y * shape.width + tile.x..][..tile.width].copy_from_slice(row);
         }
@@ -367,4 +368,6 @@ pub(super) struct Scratch {
     tiles: Vec<f32>,
     /// Of each tile, with its number of values.
     scans: Vec<(&'static Scan, usize)>,
+    /// For the transform.
+    rows: Vec<f32>,
 }

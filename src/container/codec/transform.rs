@@ -113,27 +113,26 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 /// Transforms back in place. Rows and columns of coefficients that are all zero at the high end cost nothing.
 ///
 /// Sums run in one fixed order, so that the bits do not depend on the vector units; to be inlined into a function that is
-/// compiled for them.
+/// compiled for them. `rows` is room for [`MAX_TILE`]² values, whatever they are: to clear it for each small tile took a fifth of decoding.
 #[inline(always)]
-pub(super) fn inverse(tile: &mut [f32], width: usize, height: usize) {
+pub(super) fn inverse(tile: &mut [f32], width: usize, height: usize, rows: &mut [f32]) {
     let used_rows = tile.chunks_exact(width).rposition(|row| row.iter().any(|&c| c != 0.0)).map_or(0, |last| last + 1);
     let used = &tile[..used_rows * width];
     let used_columns =
         used.chunks_exact(width).filter_map(|row| row.iter().rposition(|&c| c != 0.0)).max().map_or(0, |last| last + 1);
-    let mut rows = [0.0f32; MAX_TILE * MAX_TILE];
     match used_columns {
         0 => return tile.fill(0.0),
-        1..=4 if width >= 4 => inverse_down::<4>(tile, width, height, used_rows, &mut rows),
-        5..=8 if width >= 8 => inverse_down::<8>(tile, width, height, used_rows, &mut rows),
-        9..=16 if width >= 16 => inverse_down::<16>(tile, width, height, used_rows, &mut rows),
-        17..=32 if width >= 32 => inverse_down::<32>(tile, width, height, used_rows, &mut rows),
-        _ => inverse_down::<1>(tile, width, height, used_rows, &mut rows),
+        1..=4 if width >= 4 => inverse_down::<4>(tile, width, height, used_rows, rows),
+        5..=8 if width >= 8 => inverse_down::<8>(tile, width, height, used_rows, rows),
+        9..=16 if width >= 16 => inverse_down::<16>(tile, width, height, used_rows, rows),
+        17..=32 if width >= 32 => inverse_down::<32>(tile, width, height, used_rows, rows),
+        _ => inverse_down::<1>(tile, width, height, used_rows, rows),
     }
     match width {
-        4 => inverse_across::<4>(tile, used_columns, &rows),
-        8 => inverse_across::<8>(tile, used_columns, &rows),
-        16 => inverse_across::<16>(tile, used_columns, &rows),
-        32 => inverse_across::<32>(tile, used_columns, &rows),
+        4 => inverse_across::<4>(tile, used_columns, rows),
+        8 => inverse_across::<8>(tile, used_columns, rows),
+        16 => inverse_across::<16>(tile, used_columns, rows),
+        32 => inverse_across::<32>(tile, used_columns, rows),
         _ => {
             let across = cosines(width);
             for (out, row) in tile.chunks_exact_mut(width).zip(rows.chunks_exact(width)) {
@@ -149,13 +148,7 @@ pub(super) fn inverse(tile: &mut [f32], width: usize, height: usize) {
 /// The transform of columns, as many at a time as `LANES`, from the first `used_rows` rows of coefficients. Cosines of
 /// even index are symmetric about the middle and those of odd index antisymmetric, so two rows share their sums.
 #[inline(always)]
-fn inverse_down<const LANES: usize>(
-    tile: &[f32],
-    width: usize,
-    height: usize,
-    used_rows: usize,
-    rows: &mut [f32; MAX_TILE * MAX_TILE],
-) {
+fn inverse_down<const LANES: usize>(tile: &[f32], width: usize, height: usize, used_rows: usize, rows: &mut [f32]) {
     let down = cosines(height);
     // One lane: as many as there are, one by one.
     let lanes_end = if LANES == 1 { width } else { LANES };
@@ -206,7 +199,7 @@ impl Strip<'_> {
 
 /// The transform of rows of `WIDTH`, from their first `used_columns` coefficients.
 #[inline(always)]
-fn inverse_across<const WIDTH: usize>(tile: &mut [f32], used_columns: usize, rows: &[f32; MAX_TILE * MAX_TILE]) {
+fn inverse_across<const WIDTH: usize>(tile: &mut [f32], used_columns: usize, rows: &[f32]) {
     let across = cosines(WIDTH).as_chunks::<WIDTH>().0;
     for (out, row) in tile.as_chunks_mut::<WIDTH>().0.iter_mut().zip(rows.as_chunks::<WIDTH>().0) {
         let mut sum = [0.0f32; WIDTH];
@@ -238,7 +231,7 @@ mod tests {
             forward(&mut tile, width, height);
             let energy = |v: &[f32]| v.iter().map(|v| v * v).sum::<f32>();
             assert!((energy(&tile) - energy(&values)).abs() < 1e-4 * energy(&values));
-            inverse(&mut tile, width, height);
+            inverse(&mut tile, width, height, &mut [f32::NAN; MAX_TILE * MAX_TILE]);
             // Rounding of two passes of at most 32 products.
             assert!(tile.iter().zip(&values).all(|(a, b)| (a - b).abs() < 1e-5), "{width}×{height}");
         }
