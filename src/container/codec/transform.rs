@@ -116,10 +116,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 /// compiled for them. `rows` is room for [`MAX_TILE`]² values, whatever they are: to clear it for each small tile took a fifth of decoding.
 #[inline(always)]
 pub(super) fn inverse(tile: &mut [f32], width: usize, height: usize, rows: &mut [f32]) {
-    let used_rows = tile.chunks_exact(width).rposition(|row| row.iter().any(|&c| c != 0.0)).map_or(0, |last| last + 1);
-    let used = &tile[..used_rows * width];
-    let used_columns =
-        used.chunks_exact(width).filter_map(|row| row.iter().rposition(|&c| c != 0.0)).max().map_or(0, |last| last + 1);
+    let (used_rows, used_columns) = used(tile, width);
     match used_columns {
         0 => return tile.fill(0.0),
         1..=4 if width >= 4 => inverse_down::<4>(tile, width, height, used_rows, rows),
@@ -143,6 +140,25 @@ pub(super) fn inverse(tile: &mut [f32], width: usize, height: usize, rows: &mut 
             }
         }
     }
+}
+
+/// Rows and columns of coefficients up to the last that is not all zero. Without a branch for each value: that took a tenth of decoding.
+#[inline(always)]
+fn used(tile: &[f32], width: usize) -> (usize, usize) {
+    let (mut rows, mut columns) = (0, [0u32; MAX_TILE]);
+    for (row, end) in tile.chunks_exact(width).zip(1..) {
+        let mut any = 0;
+        for (column, value) in columns.iter_mut().zip(row) {
+            // Zero of either sign.
+            let bits = value.to_bits() << 1;
+            *column |= bits;
+            any |= bits;
+        }
+        if any != 0 {
+            rows = end;
+        }
+    }
+    (rows, columns.iter().rposition(|&column| column != 0).map_or(0, |last| last + 1))
 }
 
 /// The transform of columns, as many at a time as `LANES`, from the first `used_rows` rows of coefficients. Cosines of
