@@ -324,7 +324,7 @@ pub(super) fn read(
     if classes[..zones].iter().all(|&class| class == 0) {
         return out.fill(0.0);
     }
-    let Scratch { integers, tiles, scans, rows } = scratch;
+    let Scratch { integers, coefficients, shape: cut, tiles, rows } = scratch;
     if shape.tile == 0 {
         integers.resize(shape.values(), 0);
         decoder.read_band(classes[0], integers);
@@ -332,27 +332,30 @@ pub(super) fn read(
         return;
     }
     rows.resize(MAX_TILE * MAX_TILE, 0.0);
-    tiles.clear();
-    tiles.resize(shape.values(), 0.0);
-    scans.clear();
-    scans.extend(shape.tiles().map(|tile| (Scan::of(tile.width, tile.height), tile.width * tile.height)));
+    coefficients.clear();
+    coefficients.resize(shape.values(), 0.0);
+    if *cut != Some(shape) {
+        *cut = Some(shape);
+        tiles.clear();
+        tiles.extend(shape.tiles().map(|tile| (tile, Scan::of(tile.width, tile.height))));
+    }
     for (zone, &class) in classes.iter().enumerate().filter(|(_, class)| **class != 0) {
-        integers.resize(scans.iter().map(|(scan, _)| scan.count(zone)).sum(), 0);
+        integers.resize(tiles.iter().map(|(_, scan)| scan.count(zone)).sum(), 0);
         decoder.read_band(class, integers);
-        let (mut values, mut buffer) = (integers.as_slice(), tiles.as_mut_slice());
-        for &(scan, size) in scans.iter() {
-            let tile;
-            (tile, buffer) = buffer.split_at_mut(size);
+        let (mut values, mut buffer) = (integers.as_slice(), coefficients.as_mut_slice());
+        for (tile, scan) in &*tiles {
+            let of_tile;
+            (of_tile, buffer) = buffer.split_at_mut(tile.width * tile.height);
             for run in scan.runs(zone) {
                 let here;
                 (here, values) = values.split_at(run.len());
-                tile[run].iter_mut().zip(here).for_each(|(value, &q)| *value = q as f32 * step);
+                of_tile[run].iter_mut().zip(here).for_each(|(value, &q)| *value = q as f32 * step);
             }
         }
     }
     let mut start = 0;
-    for tile in shape.tiles() {
-        let buffer = &mut tiles[start..start + tile.width * tile.height];
+    for (tile, _) in &*tiles {
+        let buffer = &mut coefficients[start..start + tile.width * tile.height];
         inverse(buffer, tile.width, tile.height, rows);
         for (row, y) in buffer.chunks_exact(tile.width).zip(tile.y..) {
             out[y * shape.width + tile.x..][..tile.width].copy_from_slice(row);
@@ -365,9 +368,11 @@ pub(super) fn read(
 #[derive(Default)]
 pub(super) struct Scratch {
     integers: Vec<i32>,
-    tiles: Vec<f32>,
-    /// Of each tile, with its number of values.
-    scans: Vec<(&'static Scan, usize)>,
+    /// Tile by tile.
+    coefficients: Vec<f32>,
+    /// Into which the tiles cut an image: the next one is often like it.
+    shape: Option<PlaneShape>,
+    tiles: Vec<(Tile, &'static Scan)>,
     /// For the transform.
     rows: Vec<f32>,
 }
