@@ -361,7 +361,7 @@ impl Photons {
                 break;
             }
             if !(sending.goes_on)(Numbers { maps: count, ..numbers }.all()) {
-                return Err(Error::Interrupted("of photons nothing is kept, of finished blocks everything".into()));
+                return Err(Error::Interrupted("while photons were sent; the same command goes on".into()));
             }
         }
         if let Some(pages) = pages {

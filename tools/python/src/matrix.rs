@@ -111,9 +111,11 @@ impl Opened {
     fn matrix(&self, asked: &str) -> Result<&StoreReader> {
         match &self.source {
             Source::Matrix(matrix) => Ok(matrix),
-            Source::Container(_) => {
-                Err(Error::input(asked, "a container holds none", "open the .ltm that it was packed from, or one rendered without --pack"))
-            }
+            Source::Container(_) => Err(Error::input(
+                asked,
+                "a container holds none",
+                "open the .ltm that it was packed from, or one rendered without --pack",
+            )),
         }
     }
 
