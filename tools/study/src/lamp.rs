@@ -93,6 +93,9 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     if rooms.len() < plan.rooms.len() {
         bench.watch.note("lamp: files of some scenes are not there (LTM_SCENES), these were not measured");
     }
+    if rooms.is_empty() {
+        return Ok(report);
+    }
     let matrices = rooms.iter().map(|room| room.lamps.len() + plan.samples.len()).sum::<usize>();
     bench.watch.begin("lamp", matrices as u64, "matrices");
     for room in rooms {
