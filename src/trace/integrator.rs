@@ -109,10 +109,13 @@ struct Aside {
 }
 
 impl Aside {
-    /// The ray that goes on from the surface it has come to, one of ways there of which this one shows `share`. None where it does not
-    /// leave the surface.
+    /// The ray that goes on by a way from the surface that this one has come to, with this share of what it shows. None where it does not
+    /// leave the surface, or the path has its `max_depth`: then it may pass straight on only.
     #[inline(always)]
-    fn onward(&self, at: &Vertex, way: &Scattered, share: f32) -> Option<Self> {
+    fn onward(&self, at: &Vertex, (way, share): (&Scattered, f32), max_depth: u32) -> Option<Self> {
+        if self.vertex + 1 >= max_depth && !way.straight {
+            return None;
+        }
         at.onward(self.ray.1, way).map(|ray| Self {
             ray,
             throughput: self.throughput * way.weight,
@@ -235,7 +238,7 @@ impl Paths<'_> {
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
                 let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
-                if let Some(aside) = here.onward(&at, &way, chance).filter(|_| way.straight || !at_end) {
+                if let Some(aside) = here.onward(&at, (&way, chance), self.max_depth) {
                     self.look_aside(aside, &mut forks, sampler, record);
                 }
                 seen *= 1.0 - chance;
@@ -322,7 +325,7 @@ impl Paths<'_> {
 
     /// Follows a ray aside as far as mirrors and boundaries lead, and only for the emitters that are seen there: one that is
     /// mirrored in glass, which few samples mirror, would be dotted else, and no filter touches what is seen of emitters. It looks
-    /// both ways too where each is likely enough, from so many boundaries more.
+    /// both ways too where each is likely enough, from at most `forks` more boundaries.
     fn look_aside(&self, mut aside: Aside, forks: &mut u32, sampler: &Sampler, record: &mut Record<'_, '_>) {
         while aside.passes < MAX_PASSES {
             let (ray, light) = (aside.ray, (Layer::Emission, aside.throughput * aside.share));
@@ -333,18 +336,18 @@ impl Paths<'_> {
             }
             let choice = sampler.pair(Use::Choice, ASIDE + aside.vertex + aside.passes);
             let Some(next) = at.bsdf.sample(at.wo, Vec2::ZERO, choice.x) else { return };
-            let mut certain = 1.0;
+            let mut kept = 1.0;
             if *forks > 0
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
                 && chance.min(1.0 - chance) * aside.share > LEAST_SHARE
             {
                 *forks -= 1;
-                if let Some(other) = aside.onward(&at, &way, chance).filter(|_| way.straight || !at_end) {
+                if let Some(other) = aside.onward(&at, (&way, chance), self.max_depth) {
                     self.look_aside(other, forks, sampler, record);
                 }
-                certain = 1.0 - chance;
+                kept = 1.0 - chance;
             }
-            match aside.onward(&at, &next, certain).filter(|_| next.straight || !at_end) {
+            match aside.onward(&at, (&next, kept), self.max_depth) {
                 Some(onward) => aside = onward,
                 None => return,
             }

@@ -324,7 +324,7 @@ pub(super) fn read(
     if classes[..zones].iter().all(|&class| class == 0) {
         return out.fill(0.0);
     }
-    let Scratch { integers, coefficients, shape: cut, tiles, rows } = scratch;
+    let Scratch { integers, coefficients, cut, tiles, rows } = scratch;
     if shape.tile == 0 {
         integers.resize(shape.values(), 0);
         decoder.read_band(classes[0], integers);
@@ -370,8 +370,8 @@ pub(super) struct Scratch {
     integers: Vec<i32>,
     /// Tile by tile.
     coefficients: Vec<f32>,
-    /// Into which the tiles cut an image: the next one is often like it.
-    shape: Option<PlaneShape>,
+    /// What the tiles are those of: the next image is often cut like it.
+    cut: Option<PlaneShape>,
     tiles: Vec<(Tile, &'static Scan)>,
     /// For the transform.
     rows: Vec<f32>,

@@ -497,18 +497,24 @@ mod tests {
         }
     }
 
+    const PIXELS: u64 = 32 * 24;
+
+    /// A room with water, and how it is traced.
+    fn room() -> (World, TraceSettings) {
+        let room = BuiltIn { width: 32, height: 24, texels: 2 }.named("caustics").unwrap();
+        (World::new(room.scene.into()).unwrap(), TraceSettings { samples_per_pixel: 32, seed: 3, max_depth: 8 })
+    }
+
     #[test]
     fn photons_in_a_file_are_those_in_memory() {
-        let room = BuiltIn { width: 32, height: 24, texels: 2 }.named("caustics").unwrap();
-        let settings = TraceSettings { samples_per_pixel: 32, seed: 3, max_depth: 8 };
-        let world = World::new(room.scene.into()).unwrap();
+        let (world, settings) = room();
         let some = MAP_BYTES / 100;
         let [held, few, none] = [MAP_BYTES, some, 0]
-            .map(|most| Photons::new(&world, 32 * 24, settings, Sending::default(), most).unwrap().0.unwrap());
+            .map(|most| Photons::new(&world, PIXELS, settings, Sending::default(), most).unwrap().0.unwrap());
         let in_memory = |photons: &Photons| photons.maps.iter().filter(|m| matches!(m.leaves, Items::Held(_))).count();
         assert_eq!([&held, &none].map(in_memory), [held.maps.len(), 0]);
         assert!((1..held.maps.len()).contains(&in_memory(&few)), "{} of {}", in_memory(&few), held.maps.len());
-        let numbers = Numbers::of(&world.scene, 32 * 24, settings);
+        let numbers = Numbers::of(&world.scene, PIXELS, settings);
         let mut all = 0;
         for map in 0..numbers.maps {
             for photon in send(&world, &held.targets, map, numbers, settings).0.iter().step_by(7) {
@@ -529,14 +535,12 @@ mod tests {
 
     #[test]
     fn a_job_that_should_not_go_on_sends_no_more() {
-        let room = BuiltIn { width: 32, height: 24, texels: 2 }.named("caustics").unwrap();
-        let settings = TraceSettings { samples_per_pixel: 32, seed: 3, max_depth: 8 };
-        let world = World::new(room.scene.into()).unwrap();
+        let (world, settings) = room();
         let sending = Sending { folder: None, goes_on: &|_| false };
-        let stopped = Photons::new(&world, 32 * 24, settings, sending, MAP_BYTES);
+        let stopped = Photons::new(&world, PIXELS, settings, sending, MAP_BYTES);
         assert!(matches!(stopped, Err(Error::Interrupted(_))));
         let sending = Sending { folder: Some(Path::new("/nowhere/at/all")), goes_on: &|_| true };
-        let refused = Photons::new(&world, 32 * 24, settings, sending, 0).unwrap_err().to_string();
+        let refused = Photons::new(&world, PIXELS, settings, sending, 0).unwrap_err().to_string();
         assert!(refused.contains("/nowhere/at/all"), "{refused}");
     }
 

@@ -35,7 +35,9 @@ impl<T: Pod> Deref for Items<T> {
     fn deref(&self) -> &[T] {
         match self {
             Self::Held(items) => items,
-            Self::Paged { file, bytes, .. } => file.get().map_or(&[], |map| bytemuck::cast_slice(&map[bytes.clone()])),
+            Self::Paged { file, bytes, .. } => {
+                bytemuck::cast_slice(&file.get().expect("what was written is finished")[bytes.clone()])
+            }
         }
     }
 }
@@ -55,8 +57,8 @@ impl Pages {
         Ok(Self { file, folder, length: 0, map: Arc::default() })
     }
 
-    /// Items that are in the file from now on, to be read once it is [finished](Self::finish). They are as wide as their alignment is, or
-    /// a multiple of it, and so are all others of the file.
+    /// Moves items into the file, to be read once it is [finished](Self::finish). All items of a file have the same alignment, so that what
+    /// comes next begins where it may.
     pub(super) fn put<T: Pod>(&mut self, items: &[T]) -> Result<Items<T>> {
         debug_assert!(self.length.is_multiple_of(align_of::<T>()));
         let bytes: &[u8] = bytemuck::cast_slice(items);

@@ -328,12 +328,9 @@ fn table(title: &str, notes: Vec<String>, first: &'static str) -> Table {
 
 /// A method at a ratio over some scenes and all seeds.
 fn row(name: &str, ratio: f64, way: Way, scenes: &[&str], points: &[Point], seeds: u64) -> Vec<Cell> {
-    let ran = |seed: &u64| points.iter().any(|point| point.way == way && point.seed == *seed);
-    let seeds: Vec<u64> = (0..seeds).filter(ran).collect();
     let over_seeds = |value: &Value| -> Option<Vec<Vec<f64>>> {
-        seeds
-            .iter()
-            .map(|&seed| scenes.iter().map(|scene| at(points, (scene, seed, way), ratio, value.2)).collect())
+        (0..seeds)
+            .map(|seed| scenes.iter().map(|scene| at(points, (scene, seed, way), ratio, value.2)).collect())
             .collect()
     };
     let all: Vec<Option<Vec<Vec<f64>>>> = VALUES.iter().map(over_seeds).collect();

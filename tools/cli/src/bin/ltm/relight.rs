@@ -166,7 +166,7 @@ fn write_features(options: &Relight, format: Format, console: &Console) -> Resul
 
 /// What is asked of a container that only a matrix knows.
 fn only_a_matrix(input: &Path, what: &str) -> Error {
-    let hint = "give the .ltm that it was packed from, or render one without --pack: 16 samples show much";
+    let hint = "give the .ltm that it was packed from, or render the scene without --pack, of few samples";
     Error::input(input.display().to_string(), format!("a container holds no {what}"), hint)
 }
 
