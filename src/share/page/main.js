@@ -76,6 +76,8 @@ class Page {
     this.isComplete = false;
     this.loaded = 0;
     this.fragment = '';
+    /** What the picture that is seen was drawn from. */
+    this.drawn = 'loading';
     this.lastState = '';
     this.linkTimer = 0;
     const whole = head.levels[1];
@@ -334,12 +336,15 @@ class Page {
     const begun = performance.now();
     const tone = toneOf(this.curve, this.exposure);
     this.weights ??= this.desk.lighting(this.current);
+    const known = this.engine.isWhole(1) ? 'base' : this.engine.isWhole(0) ? 'preview' : 'loading';
     await this.engine.draw(this.now, this.weights, tone);
     if (this.otherWeights && this.isOtherOld) {
       this.isOtherOld = false;
       await this.engine.draw(this.other, this.otherWeights, tone);
     }
     this.compose();
+    this.drawn = known;
+    this.showState();
     document.body.dataset.ms = (performance.now() - begun).toFixed(1);
     document.body.dataset.pictures = String(Number(document.body.dataset.pictures ?? 0) + 1);
     if (this.areThumbsOld && this.engine.isWhole(0)) {
@@ -408,7 +413,7 @@ class Page {
     const { dataset } = document.body;
     const isIdle = this.engine.atWork === 0;
     const isDone = this.isComplete && isIdle && !this.isBusy && !this.isWanted;
-    dataset.state = isDone ? (this.damage.size > 0 ? 'damaged' : 'complete') : this.engine.isWhole(1) ? 'base' : this.engine.isWhole(0) ? 'preview' : 'loading';
+    dataset.state = isDone ? (this.damage.size > 0 ? 'damaged' : 'complete') : this.drawn;
     const { width, height } = this.head.levels[1];
     const way = WAY_NAMES[/** @type {keyof typeof WAY_NAMES} */ (this.engine.way)] ?? '';
     if (isDone) this.say(`${width} × ${height} pixels, ${this.head.lights.length} lights, by ${way}`);

@@ -57,7 +57,6 @@ describe('loading', { skip: !hasBrowser }, () => {
     const server = await serve({ ...made, bytesPerSec: made.data.length / 12 });
     const page = await open(browser, server.url);
     await state(page, 'preview', 'base');
-    await page.evaluate(() => new Promise((resolve) => setTimeout(resolve, 200)));
     const early = await pictureOf(page);
     assert.ok(early.every((byte, i) => i % 4 < 3 || byte === 255), 'every pixel is there');
     await state(page, 'complete');
