@@ -52,6 +52,8 @@ fn names(folder: &Path) -> Vec<String> {
 struct StopAfter {
     steps_left: AtomicU64,
     stage: Option<&'static str>,
+    /// Steps of that stage.
+    steps_there: u64,
     said: Mutex<Vec<String>>,
 }
 
@@ -68,7 +70,7 @@ impl StopAfter {
 impl Watch for StopAfter {
     fn begin(&self, stage: &str, _: u64, _: &str) {
         if self.stage == Some(stage) {
-            self.steps_left.store(0, Ordering::SeqCst);
+            self.steps_left.store(self.steps_there, Ordering::SeqCst);
         }
     }
     fn advance(&self, steps: u64, _: u64, _: &str) {
@@ -123,6 +125,38 @@ fn a_pack_of_one_precision_is_not_continued_with_another() {
     assert_eq!(fs::read(folder.path().join("a.ltc.spill")).unwrap(), spill, "hours of work may be in it");
     assert_eq!(pack(&full, &path, &forced(), &Quiet).unwrap(), 0);
     assert!(fs::read(&path).unwrap() == fs::read(&whole).unwrap());
+}
+
+#[test]
+fn blocks_of_two_matrices_of_one_job_are_never_mixed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let rendered = render(&folder, Precision::F32);
+    // The same job with other entries: a coarse container taken apart again.
+    let mut coarse = PackOptions::default();
+    coarse.compress.rank = 1;
+    pack(&rendered, &at("coarse.ltc"), &coarse, &Quiet).unwrap();
+    let container = ContainerReader::open(&at("coarse.ltc")).unwrap();
+    pipeline::unpack_to_store(&container, &at("other.ltm"), &UnpackOptions::default(), &Quiet).unwrap();
+    let other = StoreReader::open(&at("other.ltm")).unwrap();
+    assert_eq!(rendered.job().hash(), other.job().hash());
+
+    let options = PackOptions::default();
+    pack(&other, &at("whole.ltc"), &options, &Quiet).unwrap();
+    let stop = StopAfter { steps_there: 3, ..StopAfter::at("packing") };
+    assert!(matches!(pack(&rendered, &at("a.ltc"), &options, &stop), Err(Error::Interrupted(_))));
+    let error = pack(&other, &at("a.ltc"), &options, &Quiet).unwrap_err().to_string();
+    assert!(error.contains("other input or settings"), "{error}");
+    assert_eq!(pack(&other, &at("a.ltc"), &forced(), &Quiet).unwrap(), 0);
+    assert!(fs::read(at("a.ltc")).unwrap() == fs::read(at("whole.ltc")).unwrap());
+
+    let unpack = |matrix: &StoreReader, watch: &dyn Watch| {
+        pipeline::unpack_to_store(matrix, &at("b.ltm"), &UnpackOptions::default(), watch)
+    };
+    assert!(matches!(unpack(&rendered, &StopAfter::steps(2)), Err(Error::Interrupted(_))));
+    let error = unpack(&other, &Quiet).unwrap_err().to_string();
+    assert!(error.contains("other input or settings"), "{error}");
+    assert_eq!(unpack(&rendered, &Quiet).unwrap(), 6);
 }
 
 #[test]
@@ -313,6 +347,11 @@ fn a_merge_of_containers_takes_good_copies_and_refuses_contradictions() {
     }
     assert!(matches!(join(&["broken.ltc"], true), Err(Error::Damaged { .. })));
     assert!(matches!(join(&["a.ltc"], false), Err(Error::Interrupted(_))));
+    // Also while the joined file is written, half of the steps.
+    let before = names(folder.path());
+    let stopped = merge(&[&at("a.ltc")], &at("stopped.ltc"), false, |done, all| done < all / 2 + 2);
+    assert!(matches!(stopped, Err(Error::Interrupted(_))), "{stopped:?}");
+    assert_eq!(names(folder.path()), before);
     // Of the same job and settings, but with other bytes in one block.
     let writer = ContainerWriter::create(
         &at("other.ltc"),

@@ -186,15 +186,19 @@ fn of_several_suns_the_nearest_one_shines() {
         let (emission, places, extents) = ([if i == 1 { 0.0 } else { 5.0 }; 3], vec![place], vec![1e-4]);
         basis.push(Light { name: format!("sun {i}"), kind, unit, emission, first_column: 0, places, extents }).unwrap();
     }
-    let with = |direction: &str| {
+    let ruled = |direction: &str, rule: &str| {
         let (_folder, path) =
-            folder_with("look.toml", &format!("[[light]]\nname = 'sun *'\nsun = {direction}\nstops = 1\n"));
+            folder_with("look.toml", &format!("[[light]]\nname = 'sun *'\nsun = {direction}\n{rule}\n"));
         look::load(&path, &basis).unwrap().lighting().weights()[50..].iter().map(|w| w[0]).collect::<Vec<_>>()
     };
+    let with = |direction: &str| ruled(direction, "stops = 1");
     assert_eq!(with("[0, 3, 0.1]"), [10.0, 0.0, 0.0]);
     assert_eq!(with("[4, 0.5, 4]"), [0.0, 0.0, 10.0]);
     // One that is dark in the scene stays what the scene makes of it.
     assert_eq!(with("[0.7, 0.7, 0]"), [0.0, 0.0, 0.0]);
+    // What else the rule says is of the one that shines.
+    assert_eq!(ruled("[0, 3, 0.1]", "on = true"), [5.0, 0.0, 0.0]);
+    assert_eq!(ruled("[0, 3, 0.1]", "intensity = 4.0"), [4.0, 0.0, 0.0]);
 }
 
 #[test]
@@ -214,6 +218,9 @@ fn groups_share_out_the_columns() {
     assert_eq!(look.groups()[0], ("a".to_owned(), vec![0, 1]));
     assert_eq!(look.groups()[1], ("b".to_owned(), (2..18).collect()));
     assert!(refused("[groups]\na = ['lmap left']\n").contains("'lamp left'"));
+    // A light that fits two patterns of a group gets its rule once.
+    let twice = load("[groups]\nc = ['lamp*', 'lamp left']\n[[light]]\nname = 'c'\nstops = -1\n").unwrap();
+    assert_eq!(twice.lighting().weights()[..2], [[1.0; 3]; 2]);
 }
 
 #[test]
@@ -230,6 +237,14 @@ fn named_looks_stand_on_the_rules_above_and_keys_blend_them() {
     let weight = |frame: usize| frames.lighting(frame).unwrap().weights()[0][0];
     assert_eq!((0..frames.count()).map(weight).collect::<Vec<_>>(), [2.0, 1.75, 1.5, 1.25, 1.0]);
     assert!(frames.lighting(5).is_err());
+    // Times that are no binary fractions: the last key has its frame.
+    let text = "[[look]]\nname = 'a'\n[[look]]\nname = 'b'\n[[look.light]]\nname = '*'\nstops = -1\n\
+                [[key]]\ntime_secs = 0.3\nlook = 'a'\n[[key]]\ntime_secs = 0.9\nlook = 'b'\n";
+    let look = load(text).unwrap();
+    let frames = look.frames(10.0).unwrap();
+    assert_eq!(frames.count(), 7);
+    let last = frames.lighting(6).unwrap().weights()[0][0];
+    assert!((last - 1.0).abs() < 1e-4, "{last}");
     assert!(look.named("nigth").err().unwrap().to_string().contains("'night'"));
     assert!(look.frames(0.0).is_err());
 }

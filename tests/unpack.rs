@@ -18,6 +18,9 @@ fn entry(x: u32, y: u32, channel: usize, column: u32) -> f32 {
     if column == 2 { 0.0 } else { (x + 2 * y + 5 * channel as u32) as f32 * 0.5 + column as f32 }
 }
 
+/// How the scene lights the texels of the light in the middle, as an environment's map does.
+const TEXELS: [[f32; 3]; 4] = [[0.5; 3], [1.0, 0.0, 2.0], [0.0; 3], [0.25, 4.0, 0.5]];
+
 /// Three lights; the one in the middle has 2 × 2 texels. Six blocks, of which some are written.
 fn matrix(folder: &Path, precision: Precision, blocks: impl Iterator<Item = u32>) -> StoreReader {
     let mut basis = LightBasis::new();
@@ -38,6 +41,7 @@ fn matrix(folder: &Path, precision: Precision, blocks: impl Iterator<Item = u32>
         };
         basis.push(light).unwrap();
     }
+    basis.set_scene_weights(1, TEXELS.to_vec()).unwrap();
     let shape = MatrixShape::new(WIDTH, HEIGHT, basis.column_count() as u32, 8).unwrap();
     let job = Job { shape, basis, provenance: Default::default() };
     let path = folder.join("a.ltm");
@@ -60,7 +64,11 @@ fn matrix(folder: &Path, precision: Precision, blocks: impl Iterator<Item = u32>
 
 /// What a light's image has at a pixel, as the scene lights it.
 fn lit(light: &Light, x: u32, y: u32, channel: usize) -> f32 {
-    light.columns().map(|column| entry(x, y, channel, column) * light.emission[channel]).sum()
+    let weight = |column: u32| match light.name.as_str() {
+        "panel" => TEXELS[column as usize - 1][channel],
+        _ => light.emission[channel],
+    };
+    light.columns().map(|column| entry(x, y, channel, column) * weight(column)).sum()
 }
 
 /// The values of a `.npy` file, which has a header of a multiple of 64 bytes before them.
@@ -132,6 +140,7 @@ fn a_part_of_a_matrix_is_a_matrix() {
     let part = StoreReader::open(&path).unwrap();
     let shape = BlockSource::shape(&part);
     assert_eq!((shape.width(), shape.height(), shape.columns()), (12, 9, 5));
+    assert_eq!(part.job().basis.scene_weights(), [&TEXELS[..], &[[4.0, 0.0, 1.0]]].concat());
     let mut traced = TracedBlock::default();
     for id in shape.blocks() {
         part.read_block(id, &mut traced).unwrap();

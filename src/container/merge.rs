@@ -1,5 +1,6 @@
 //! Joining containers of block ranges.
 
+use std::cell::RefCell;
 use std::path::Path;
 
 use super::reader::ContainerReader;
@@ -11,7 +12,7 @@ use crate::matrix::BlockId;
 
 /// Joins containers of the same job into one at `target`; each block is taken, byte for byte, from the first part that
 /// holds it undamaged. The report is the first part's. The result may itself lack blocks and be merged again.
-/// `progress` is told (blocks looked at, blocks), and says whether to go on.
+/// `progress` is told (steps done, steps), of which half are looking at blocks and half writing them, and says whether to go on.
 ///
 /// # Errors
 /// No parts; parts of different jobs or made with different settings; two parts that hold different bytes for the same
@@ -44,15 +45,23 @@ pub fn merge(
         }
     }
     let shape = first.job().shape;
+    let (blocks, stopped) = (shape.block_count(), || Error::Interrupted("nothing was written".into()));
     let mut holders: Vec<Option<&ContainerReader>> = Vec::with_capacity(shape.block_count() as usize);
     for id in shape.blocks() {
         holders.push(holder(id, &readers)?);
-        if !progress(id.0 + 1, shape.block_count()) {
-            return Err(Error::Interrupted("nothing was written".into()));
+        if !progress(id.0 + 1, 2 * blocks) {
+            return Err(stopped());
         }
     }
-    let records = shape.blocks().map(|id| holders[id.index()].unwrap_or(first).record(id)).collect();
+    let records: Vec<_> = shape.blocks().map(|id| holders[id.index()].unwrap_or(first).record(id)).collect();
+    let chunks: u64 = records.iter().map(|record| u64::from(record.layers)).sum();
+    let written = RefCell::new((0, progress));
     let chunk = |id: BlockId, layer: usize| {
+        let (done, progress) = &mut *written.borrow_mut();
+        *done += 1;
+        if !progress(blocks + (u64::from(blocks) * *done / chunks) as u32, 2 * blocks) {
+            return Err(stopped());
+        }
         holders[id.index()].expect("only present blocks are asked for").read_chunk(id, layer)
     };
     // Those of parts do not make those of the whole.

@@ -32,6 +32,8 @@ pub struct ContainerOptions {
     pub report: ContainerReport,
     /// Replace a file that exists.
     pub overwrite: bool,
+    /// What the blocks are made from, which is not said in the file: a pack of other ones does not go on with these.
+    pub origin: [u8; 32],
     /// Allow [`ContainerWriter::finish`] with blocks missing: a container of a block range, to be merged later.
     pub partial: bool,
 }
@@ -106,7 +108,7 @@ pub struct ContainerWriter {
 }
 
 impl ContainerWriter {
-    /// Starts, or continues, a container at `path`.
+    /// Starts, or continues, a container at `path`. One of another job, report, codec or origin is not continued.
     ///
     /// # Errors
     /// The file exists and may not be replaced; its folder cannot be written; another process packs into it.
@@ -114,6 +116,7 @@ impl ContainerWriter {
         let mut hash = Sha256::new();
         hash.update(metadata::encode(job, &options.report, &StatedErrors::default()));
         hash.update(format!("{FORMAT_VERSION} {:?}", options.codec));
+        hash.update(options.origin);
         let (fingerprint, blocks) = (hash.finalize().into(), job.shape.block_count());
         if let Err(error) = check_output(path, options.overwrite) {
             Spill::remove_leftover(path, blocks);

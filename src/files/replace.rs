@@ -66,7 +66,13 @@ impl Replacement {
     /// The system refuses to write; a file of that name was made meanwhile, and may not be replaced.
     pub fn finish(mut self) -> Result<()> {
         self.file.sync_all().map_err(Error::io(&self.path, "write"))?;
-        publish(&self.temporary, &self.path, self.overwrite)?;
+        publish(&self.temporary, &self.path, self.overwrite).map_err(|error| match error {
+            // The finished file goes.
+            Error::Input { place, problem, .. } => {
+                Error::input(place, problem, "choose another name, or say --force to replace it")
+            }
+            other => other,
+        })?;
         self.finished = true;
         Ok(())
     }

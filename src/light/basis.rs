@@ -253,7 +253,7 @@ impl LightBasis {
     }
 
     /// What [`set_scene_weights`](Self::set_scene_weights) set, in column order.
-    pub(super) fn own_scene_weights(&self) -> &[(u32, Vec<[f32; 3]>)] {
+    pub(crate) fn own_scene_weights(&self) -> &[(u32, Vec<[f32; 3]>)] {
         &self.scene_weights
     }
 

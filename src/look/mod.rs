@@ -46,6 +46,8 @@ use crate::light::{LightBasis, Lighting};
 
 /// Bytes of a look file at most.
 const MOST_TEXT_BYTES: u64 = 16 << 20;
+/// What a number of frames may be below a whole one by the rounding of the keys' times, and count as it.
+const ROUNDING_FRAMES: f64 = 1e-3;
 /// Most memory that the lightings of a file may take.
 const MAX_LIGHTING_BYTES: u64 = 1 << 30;
 /// Most memory that reading an image may take.
@@ -157,7 +159,10 @@ impl<'a> Frames<'a> {
     /// A rate that is not positive, or more than 100,000 frames.
     pub fn new(place: &'a str, keys: Vec<(f32, &'a Lighting)>, frames_per_sec: f32) -> Result<Self> {
         let count = match (keys.first(), keys.last()) {
-            (Some((begin, _)), Some((end, _))) => ((end - begin) * frames_per_sec).floor() + 1.0,
+            // Seconds like 0.9 are no binary fractions: the last key counts where rounding alone puts it between two frames.
+            (Some((begin, _)), Some((end, _))) => {
+                ((f64::from(*end) - f64::from(*begin)) * f64::from(frames_per_sec) + ROUNDING_FRAMES).floor() + 1.0
+            }
             _ => 0.0,
         };
         if !(frames_per_sec > 0.0 && count <= 100_000.0) {

@@ -79,10 +79,11 @@ impl Resolver<'_> {
         for rule in rules {
             let lights = self.lights(&rule.name)?;
             let suns = lights.iter().all(|light| light.kind == LightKind::Sun);
-            if let (Some(direction), true) = (rule.sun, suns) {
-                self.choose_sun(rule, &lights, direction, weights)?;
-            }
-            for light in lights {
+            let lit = match rule.sun {
+                Some(direction) if suns => vec![self.choose_sun(rule, &lights, direction, weights)?],
+                _ => lights,
+            };
+            for light in lit {
                 let columns = light.columns();
                 self.apply_to(rule, light, &mut weights[columns.start as usize..columns.end as usize])?;
             }
@@ -90,21 +91,24 @@ impl Resolver<'_> {
         Ok(())
     }
 
-    /// The lights that a name, a glob or a group means: at least one.
+    /// The lights that a name, a glob or a group means, each once: at least one.
     fn lights(&self, name: &str) -> Result<Vec<&Light>> {
         let alone = [name.to_owned()];
         let patterns = match self.file.groups.get(name) {
             Some(group) if self.basis.find(name).is_none() => group.as_slice(),
             _ => &alone,
         };
-        let mut found = Vec::new();
+        let mut found: Vec<&Light> = Vec::new();
         for pattern in patterns {
             // A light's own name comes before its reading as a glob.
             let exact = self.basis.find(pattern);
             let meant = |light: &&Light| exact.map_or_else(|| fits(pattern, &light.name), |e| e.name == light.name);
-            let before = found.len();
-            found.extend(self.basis.lights().iter().filter(meant));
-            if found.len() == before {
+            let mut fitting = self.basis.lights().iter().filter(meant).peekable();
+            if fitting.peek().is_some() {
+                let is_new = |light: &&Light| found.iter().all(|other| other.first_column != light.first_column);
+                let more: Vec<_> = fitting.filter(is_new).collect();
+                found.extend(more);
+            } else {
                 if self.file.groups.contains_key(pattern) {
                     let problem = format!("the group '{name}' names '{pattern}', a group");
                     return Err(Error::input(self.place, problem, "a group holds lights; name those of the other"));
@@ -188,18 +192,25 @@ impl Resolver<'_> {
         self.file.groups.keys().map(columns).collect()
     }
 
-    /// Of several suns, leaves only the one nearest to a direction on; one that was off shines as in the scene.
-    fn choose_sun(&self, rule: &Rule, suns: &[&Light], direction: [f32; 3], weights: &mut [[f32; 3]]) -> Result<()> {
+    /// Of several suns, leaves only the one nearest to a direction on, and gives it; one that was off shines as in the scene.
+    fn choose_sun<'a>(
+        &self,
+        rule: &Rule,
+        suns: &[&'a Light],
+        direction: [f32; 3],
+        weights: &mut [[f32; 3]],
+    ) -> Result<&'a Light> {
         let direction = unit(direction)
             .map_err(|problem| Error::input(format!("{}, light '{}'", self.place, rule.name), problem, ""))?;
         let nearness = |sun: &Light| (0..3).map(|i| sun.places[0][i] * direction[i]).sum::<f32>();
-        let nearest = suns.iter().max_by(|a, b| nearness(a).total_cmp(&nearness(b)));
-        let nearest = nearest.map_or(0, |sun| sun.first_column as usize);
+        let sun =
+            suns.iter().max_by(|a, b| nearness(a).total_cmp(&nearness(b))).expect("a rule means a light at least");
+        let nearest = sun.first_column as usize;
         if weights[nearest] == [0.0; 3] {
             weights[nearest] = self.basis.scene_weights()[nearest];
         }
         suns.iter().map(|sun| sun.first_column as usize).filter(|&c| c != nearest).for_each(|c| weights[c] = [0.0; 3]);
-        Ok(())
+        Ok(*sun)
     }
 
     /// Gathers the light's irradiance on the column nearest to a direction.

@@ -10,9 +10,12 @@ pub trait BlockSource: Sync {
     /// Shape of the matrix.
     fn shape(&self) -> MatrixShape;
 
-    /// Tells sources of one job apart whose entries are not the same: how the entries are stored.
-    fn variant(&self) -> String {
-        "f32".to_owned()
+    /// Tells sources of one job apart whose entries are not the same.
+    ///
+    /// # Errors
+    /// What is stored cannot be read.
+    fn variant(&self) -> Result<Vec<u8>> {
+        Ok(b"f32".to_vec())
     }
 
     /// Reads or makes one block into `target`, whose allocations are reused.

@@ -175,7 +175,8 @@ impl Promise {
     /// the error that is usual: with the root of the samples.
     pub fn samples_instead(error: &ExposedError, samples: u32) -> Option<u32> {
         let ratio = f64::from(error.reached) / f64::from(error.asked);
-        (error.asked > 0.0 && ratio > 1.25).then(|| (f64::from(samples) * ratio.powi(2) / 2.0).ceil() as u32 * 2)
+        let pairs = (f64::from(samples) * ratio.powi(2) / 2.0).ceil() as u32;
+        (error.asked > 0.0 && ratio > 1.25).then(|| 2 * pairs.min(u32::MAX / 2))
     }
 
     /// Notes how a block of a container came out.

@@ -126,7 +126,7 @@ impl FarmJob {
         // One sample a pixel has no halves.
         let has_planes = settings_of(&loaded).samples_per_pixel > 1;
         let options = options.for_source(has_planes);
-        let fingerprint = options.fingerprint(&job, "f32", None);
+        let fingerprint = options.fingerprint(&job, b"f32", None);
         Ok(Self { loaded, terms: Terms { job, options, fingerprint } })
     }
 
@@ -155,7 +155,10 @@ impl FarmJob {
         let compressor = self.compressor()?;
         let mut merging = need_of(&compressor, job.shape, Need::default());
         let (worker, need) = self.worker(compressor, None)?;
-        merging.fixed_bytes += if self.cleans() { Cleaned::needs_bytes(job) } else { 0 };
+        if self.cleans() {
+            merging.fixed_bytes += Cleaned::needs_bytes(job);
+            merging.per_thread_bytes += Cleaned::thread_needs_bytes(job);
+        }
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
         let tracer = tracer_of(self.loaded, job, None, watch)?;
         let setup_seconds = begun.elapsed().as_secs_f64();
@@ -332,7 +335,7 @@ impl FarmJob {
             });
         }
         check_container_output(path, options.container.overwrite)?;
-        let packing = Packing::begin(&job, "f32", path, &options, (Need::default(), options.denoise), watch)?;
+        let packing = Packing::begin(&job, b"f32", path, &options, (Need::default(), options.denoise), watch)?;
         packing.run_shards(shards.set, watch)
     }
 

@@ -35,7 +35,7 @@ pub fn render_packed(
     let settings = settings_of(&loaded);
     // One sample a pixel has no halves.
     let source = (tracing_need(&loaded, &job), settings.samples_per_pixel > 1);
-    let packing = Packing::begin(&job, "f32", path, options, source, watch)?;
+    let packing = Packing::begin(&job, b"f32", path, options, source, watch)?;
     let tracer = tracer_of(loaded, &job, Some(folder_of(path)), watch)?;
     let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
     let pack = packing.run("tracing", "rays", watch, |id, block| {

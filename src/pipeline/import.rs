@@ -20,7 +20,7 @@ use crate::matrix::{
 
 /// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
 /// so that blocks of two versions are never mixed.
-const IMPORT_VERSION: u32 = 1;
+const IMPORT_VERSION: u32 = 2;
 
 /// Name of the light that holds what the image under all lights has beyond the sum of the lights.
 const REST: &str = "Rest";
@@ -242,6 +242,7 @@ impl ImportedMatrix {
                         rest.iter_mut().zip(&row).for_each(|(rest, v)| *rest -= v);
                     }
                     if set.has_sum {
+                        content.update(bytemuck::cast_slice(&rest));
                         squared_rest += squares(&rest);
                         rows.write((lights, channel, y), 0, &rest)?;
                     }
@@ -303,7 +304,11 @@ impl ImportedMatrix {
                 (first, other)
             }
             None => {
-                let more = self.with_grain(known, (id, rect), target.block.entries())?;
+                let mut more = self.with_grain(known, (id, rect), target.block.entries())?;
+                // Planes hold no light below 0: noise above the light itself would brighten the mean of the two.
+                let bound =
+                    |(more, &entry): (&mut f32, &f32)| *more = more.clamp(entry.min(0.0) * 2.0, entry.max(0.0) * 2.0);
+                more.iter_mut().zip(target.block.entries()).for_each(bound);
                 let less = target.block.entries().iter().zip(&more).map(|(entry, more)| 2.0 * entry - more);
                 (less.collect(), more)
             }
@@ -313,13 +318,16 @@ impl ImportedMatrix {
         if known.cleans {
             let (features, feature_variance) = known.features.of(rect)?;
             let dark = || vec![0.0; rows * columns];
-            target.planes = Some(BlockPlanes {
+            let mut planes = BlockPlanes {
                 direct: [dark(), dark()],
                 indirect: [first, other],
                 features,
                 feature_variance,
                 emission: Vec::new(),
-            });
+            };
+            // As a file of an interrupted pack has them.
+            planes.round();
+            target.planes = Some(planes);
         }
         Ok(())
     }

@@ -21,7 +21,7 @@ use super::clean::Cleaned;
 use super::exposed::Promise;
 use super::records::Records;
 use super::shard::ShardSet;
-use super::spill::{check_container_output, open_spill, spill_path};
+use super::spill::{check_container_output, files_of_pack, open_spill, spill_path};
 use crate::clean::CLEANER_VERSION;
 use crate::compress::{
     AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, CandidateSummary, CompressSettings, Compressor, Cut,
@@ -70,10 +70,11 @@ pub struct PackOptions {
 
 impl PackOptions {
     /// What tells a pack of a job by these, as [`for_source`](Self::for_source) has them, from every other.
-    pub(super) fn fingerprint(&self, job: &Job, variant: &str, basis: Option<&Basis>) -> [u8; 32] {
+    pub(super) fn fingerprint(&self, job: &Job, variant: &[u8], basis: Option<&Basis>) -> [u8; 32] {
         let mut hash = Sha256::new();
         hash.update(job.hash().0);
-        hash.update(format!("{variant} compressor {COMPRESSOR_VERSION} {:?}", self.compress));
+        hash.update(variant);
+        hash.update(format!(" compressor {COMPRESSOR_VERSION} {:?}", self.compress));
         if self.denoise {
             hash.update(format!("cleaner {CLEANER_VERSION}"));
         }
@@ -240,12 +241,15 @@ pub fn pack(
 ) -> Result<PackReport> {
     let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
     let has_planes = options.denoise && {
+        let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * size_of::<f32>()) as u64;
+        let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes: reading + block_bytes, ..Need::default() };
+        need.threads_within("packing", options.memory_bytes)?;
         let mut first = TracedBlock::default();
         source.read_block(BlockId(0), &mut first)?;
         first.planes.is_some()
     };
     let need = Need { per_thread_bytes: reading, ..Need::default() };
-    let mut packing = Packing::begin(job, &source.variant(), path, options, (need, has_planes), watch)?;
+    let mut packing = Packing::begin(job, &source.variant()?, path, options, (need, has_planes), watch)?;
     packing.choose_globally(source, watch)?;
     packing.ask_images(source, watch)?;
     packing.run("reading", "B", watch, |id, block| {
@@ -277,7 +281,7 @@ impl Packing {
     /// whether they come with planes.
     pub(super) fn begin(
         job: &Job,
-        variant: &str,
+        variant: &[u8],
         path: &Path,
         options: &PackOptions,
         (source, has_planes): (Need, bool),
@@ -302,10 +306,11 @@ impl Packing {
         let overwrite = container.overwrite;
         // Before anything is said of memory and disk.
         check_container_output(path, overwrite)?;
-        let there = spill_path(path);
-        let threads = Threads::new(need.admit("packing", path, &[&there], options.memory_bytes, watch)?)?;
+        let there = files_of_pack(path);
+        let there = there.each_ref().map(PathBuf::as_path);
+        let threads = Threads::new(need.admit("packing", path, &there, options.memory_bytes, watch)?)?;
         let fingerprint = options.fingerprint(job, variant, basis.as_ref());
-        let writer = ContainerWriter::create(path, job, container)?;
+        let writer = ContainerWriter::create(path, job, ContainerOptions { origin: fingerprint, ..container })?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
         let analysis = Analysis { compressor, cleans: denoise, records: Records::File(spill), path: path.clone() };

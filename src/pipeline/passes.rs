@@ -21,7 +21,7 @@ pub fn passes_need_bytes(shape: MatrixShape) -> u64 {
 ///
 /// A matrix knows which emitters are in view column by column, and direct and indirect light for each cluster of columns
 /// ([`Clusters`]). So emission is exact, and the rest is shared out as the clusters' own light is under the mean weights of
-/// their columns: exact to rounding where each cluster is lit evenly, as always with up to 16 lamps, and near it otherwise.
+/// their columns: exact to rounding where each cluster is lit evenly, as always with up to 32 columns, and near it otherwise.
 ///
 /// # Errors
 /// The matrix knows nothing of its samples; those of [`relight_matrix`].

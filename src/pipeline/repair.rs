@@ -24,7 +24,7 @@ pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch
         return Err(Error::input(
             path.display().to_string(),
             "was made from another scene or with other settings",
-            "give the scene file, --samples and --size that it was rendered with",
+            "give the scene file, --samples, --seed, --size and --camera that it was rendered with",
         ));
     }
     let (tracing, reading) = (tracing_need(&loaded, &job), reading_need(&reader));

@@ -71,7 +71,13 @@ impl Selected {
             return Ok(job.clone());
         }
         let mut basis = LightBasis::new();
-        self.lights.iter().try_for_each(|light| basis.push(light.clone()))?;
+        for light in &self.lights {
+            let first_column = basis.column_count() as u32;
+            basis.push(light.clone())?;
+            if let Some((_, weights)) = job.basis.own_scene_weights().iter().find(|own| own.0 == light.first_column) {
+                basis.set_scene_weights(first_column, weights.clone())?;
+            }
+        }
         let PixelRect { x, y, width, height } = self.rect;
         let shape = MatrixShape::new(width, height, basis.column_count() as u32, job.shape.block_side())?;
         let mut provenance = job.provenance.clone();

@@ -98,10 +98,14 @@ pub fn share(
 
     let folder = tempfile::tempdir().map_err(Error::io(output, "make a temporary folder for"))?;
     let preview = preview_of(container, &folder.path().join("preview.ltc"), options.memory_bytes, watch)?;
+    let (small, whole) = (level_of(&preview)?, level_of(container)?);
+    // A stage is stopped in order, so that the temporary folder goes.
+    watch.begin("sharing", small.bytes() + whole.bytes(), "bytes");
     let exposure_stops = match options.exposure_stops {
-        Some(stops) => stops,
-        None => exposure_for(&relight_streaming(container, &Lighting::of_scene(&job.basis))?.0),
+        Some(stops) => Ok(stops),
+        None => relight_streaming(container, &Lighting::of_scene(&job.basis)).map(|relit| exposure_for(&relit.0)),
     };
+    let exposure_stops = exposure_stops.inspect_err(|_| watch.end())?;
     let picture = SharedPicture {
         title: &options.title,
         job,
@@ -111,8 +115,6 @@ pub fn share(
         exposure_stops,
         lumens_per_watt: lumens_per_watt(job),
     };
-    let (small, whole) = (level_of(&preview)?, level_of(container)?);
-    watch.begin("sharing", small.bytes() + whole.bytes(), "bytes");
     let mut advance = |bytes: u64| {
         watch.advance(bytes, bytes, "B");
         match watch.interrupted() {
@@ -125,8 +127,10 @@ pub fn share(
     };
     let written = match &data_path {
         Some(data_path) => {
-            if !output.is_dir() {
-                fs::create_dir(output).map_err(Error::io(output, "make the folder"))?;
+            let is_new = !output.is_dir();
+            if is_new {
+                let made = fs::create_dir(output).map_err(Error::io(output, "make the folder"));
+                made.inspect_err(|_| watch.end())?;
             }
             let mut bytes = None;
             let written = replace(data_path, options.overwrite, |file| {
@@ -137,6 +141,12 @@ pub fn share(
             let page_bytes = html.len() as u64;
             written
                 .and_then(|()| write_file(&page_path, options.overwrite, html.as_bytes()))
+                .inspect_err(|_| {
+                    if is_new {
+                        // Not where the data stand in it already.
+                        let _ = fs::remove_dir(output);
+                    }
+                })
                 .map(|()| (bytes.expect("it was written"), page_bytes, page_bytes))
         }
         None => {

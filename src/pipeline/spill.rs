@@ -17,6 +17,12 @@ pub(super) fn spill_path(result: &Path) -> PathBuf {
     with_suffix(result, ".spill")
 }
 
+/// The files that packing into `path` keeps beside it until it is done, if it cleans or not.
+pub(super) fn files_of_pack(path: &Path) -> [PathBuf; 4] {
+    let of = |name| spill_path(&with_suffix(path, name));
+    [spill_path(path), of(GATHERED), of(CLEANED), with_suffix(path, ".part")]
+}
+
 /// Opens the file of `result`, going on with an earlier one of the same `fingerprint`.
 ///
 /// # Errors

@@ -17,13 +17,14 @@ use super::exposed::{
 use super::pack::PackOptions;
 use super::render::{job_of, settings_of, tracing_need};
 use super::shard::hex;
+use super::spill::{check_container_output, files_of_pack};
 use crate::error::{Error, Result};
 use crate::files::with_suffix;
 use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
 use crate::light::{Job, PROBES};
 use crate::matrix::{BlockId, BlockSource};
 use crate::scene::{LoadedScene, Scene};
-use crate::store::{StoreReader, partial_path};
+use crate::store::{self, StoreReader, partial_path};
 use crate::trace::{TraceSettings, Tracer};
 
 /// Samples per pixel of the pilot: first few, then more.
@@ -159,7 +160,14 @@ pub fn choose_samples(
         }
     }
     let (path, known) = match to {
-        RenderTo::GoOn(path) => (path, samples_of_unfinished(&mut loaded, path)?),
+        RenderTo::GoOn(path) => {
+            // Before a pilot that would be for nothing.
+            match rule.packs {
+                true => check_container_output(path, false)?,
+                false => store::check_output(path, false)?,
+            }
+            (path, samples_of_unfinished(&mut loaded, path)?)
+        }
         RenderTo::Anew(path) => (path, None),
     };
     if let Some(samples) = known {
@@ -371,7 +379,9 @@ pub(super) fn forget_samples(path: &Path) {
 /// Gives the scene the samples of the unfinished render to `path`, if there is one of this scene.
 fn samples_of_unfinished(loaded: &mut LoadedScene, path: &Path) -> Result<Option<u32>> {
     let before = loaded.settings.samples_per_pixel;
-    let noted = std::fs::read_to_string(samples_path(path)).ok();
+    // A pack that was refused after its pilot has begun nothing.
+    let is_begun = files_of_pack(path).iter().any(|file| file.exists());
+    let noted = is_begun.then(|| std::fs::read_to_string(samples_path(path)).ok()).flatten();
     let noted = noted.as_deref().and_then(|text| text.split_once(' ')).and_then(|(samples, hash)| {
         Some((samples.parse().ok().filter(|s| (1..=Tracer::MAX_SAMPLES_PER_PIXEL).contains(s))?, hash.to_owned()))
     });
@@ -466,7 +476,7 @@ mod tests {
         let mut loaded = scene();
         loaded.settings.samples_per_pixel = 6;
         let job = job_of(&loaded).unwrap();
-        let writer = crate::store::StoreWriter::create(&path, &job, Default::default()).unwrap();
+        let writer = store::StoreWriter::create(&path, &job, Default::default()).unwrap();
         let mut traced = TracedBlock::default();
         traced.block.reset(job.shape.rect(BlockId(0)).rows(), job.shape.columns());
         crate::matrix::BlockSink::write_block(&writer, BlockId(0), &traced).unwrap();
@@ -489,6 +499,10 @@ mod tests {
         };
         let first = chosen(1.0).settings.samples_per_pixel;
         assert!(samples_path(&path).exists());
+        // Nothing was begun with them: they bind nobody.
+        assert_eq!(samples_of_unfinished(&mut scene(), &path).unwrap(), None);
+        let [_, gathered, ..] = files_of_pack(&path);
+        std::fs::write(gathered, "").unwrap();
         // Another time would give another number: twice as long at least, were it not for what is begun.
         let again = chosen(60.0);
         assert_eq!(again.settings.samples_per_pixel, first);

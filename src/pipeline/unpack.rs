@@ -45,14 +45,15 @@ pub fn unpack_to_store(
     store::check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let job = selected.job(source.job())?;
-    let origin = Some(source.fingerprint());
+    let origin = Some(source.fingerprint()?);
     let store = StoreOptions { overwrite: options.overwrite, origin, ..Default::default() };
     let requirements = store::requirements(&job, &store);
     let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
     let per_thread_bytes = block_bytes + requirements.memory_bytes + source.reading_bytes();
     let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes();
     let need = Need { fixed_bytes, per_thread_bytes, disk_bytes: requirements.disk_bytes, ..Need::default() };
-    let threads = Threads::new(need.admit("unpacking", path, &[], options.memory_bytes, watch)?)?;
+    let threads =
+        Threads::new(need.admit("unpacking", path, &[&store::partial_path(path)], options.memory_bytes, watch)?)?;
     let writer = StoreWriter::create_or_resume(path, &job, store)?;
     let columns = selected.columns();
     let blocks = selected.target_blocks(source.job(), &job);
@@ -136,7 +137,7 @@ fn unpack_to_files(
 ) -> Result<()> {
     const MARK: [u8; 8] = *b"LTMfile1";
     let mut hash = Sha256::new();
-    hash.update(source.fingerprint());
+    hash.update(source.fingerprint()?);
     hash.update(selected.job(source.job())?.hash().0);
     hash.update(format!("{:?}", selected.blocks));
     check_output(&with_suffix(pattern, ".part"), true)?;
@@ -213,9 +214,10 @@ fn relight_images(
     let threads = Threads::new(need.admit("unpacking", beside, &[], options.memory_bytes, watch)?)?;
     let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;
     watch.begin("relighting", selected.blocks.len() as u64, "blocks");
+    let scene_weights = source.job().basis.scene_weights();
     let weights_of = |lights: &Vec<usize>| -> Weights {
-        let lights = lights.iter().map(|&light| &selected.lights[light]);
-        lights.flat_map(|light| light.columns().map(|column| (ColumnIndex(column), light.emission))).collect()
+        let columns = lights.iter().flat_map(|&light| selected.lights[light].columns());
+        columns.map(|column| (ColumnIndex(column), scene_weights[column as usize])).collect()
     };
     let lightings: Vec<Weights> = groups.iter().map(weights_of).collect();
     let relight_one = |&id: &BlockId| {

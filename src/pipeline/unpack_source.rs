@@ -15,7 +15,10 @@ pub trait UnpackSource: Sync {
     fn job(&self) -> &Job;
 
     /// Tells one matrix from another: an unpack is continued over the same one only.
-    fn fingerprint(&self) -> [u8; 32];
+    ///
+    /// # Errors
+    /// The system refuses to read.
+    fn fingerprint(&self) -> Result<[u8; 32]>;
 
     /// Memory that it holds while it is open.
     fn fixed_bytes(&self) -> u64;
@@ -46,8 +49,8 @@ impl UnpackSource for ContainerReader {
         Self::job(self)
     }
 
-    fn fingerprint(&self) -> [u8; 32] {
-        Self::fingerprint(self)
+    fn fingerprint(&self) -> Result<[u8; 32]> {
+        Ok(Self::fingerprint(self))
     }
 
     fn fixed_bytes(&self) -> u64 {
@@ -88,8 +91,8 @@ impl UnpackSource for StoreReader {
         Self::job(self)
     }
 
-    fn fingerprint(&self) -> [u8; 32] {
-        Self::job(self).hash().0
+    fn fingerprint(&self) -> Result<[u8; 32]> {
+        Self::fingerprint(self)
     }
 
     fn fixed_bytes(&self) -> u64 {

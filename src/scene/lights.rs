@@ -86,6 +86,13 @@ impl Lights<'_> {
             let mut name = self.objects[object as usize].clone();
             if lit_materials[&object] > 1 {
                 name = format!("{name} {}", self.assembly.materials[material as usize].name);
+                // Materials may have the same name, or the one of an object.
+                let plain = name.clone();
+                let is_taken = |name: &String| self.assembly.basis.find(name).is_some() || self.objects.contains(name);
+                name = (1..)
+                    .map(|n| if n == 1 { plain.clone() } else { format!("{plain} {n}") })
+                    .find(|name| !is_taken(name))
+                    .unwrap_or(plain);
             }
             let side = if two_sided[material as usize] { SideEntry::Both } else { SideEntry::Front };
             self.surface(name, emission, triangles, None, side, place)?;
@@ -156,6 +163,10 @@ impl Lights<'_> {
                         let problem = format!("'{}' joins surfaces of different emission", group.name);
                         return Err(Error::input(place, problem, "state an emission for all of them, or do not join"));
                     }
+                    if group.emission.pattern != emission.pattern {
+                        // The stated emission is that of all.
+                        group.emission.pattern = None;
+                    }
                     group.triangles.push(index as u32);
                 }
                 None => groups.push(Group { name: name.clone(), emission, triangles: vec![index as u32] }),
@@ -196,9 +207,7 @@ impl Lights<'_> {
         place: &str,
     ) -> Result<()> {
         if side == SideEntry::Back {
-            for &index in &triangles {
-                self.assembly.mesh.triangles[index as usize].vertices.swap(1, 2);
-            }
+            triangles.iter().for_each(|&index| self.assembly.mesh.turn_over(index));
         }
         let two_sided = side == SideEntry::Both;
         let mesh = &self.assembly.mesh;
@@ -322,6 +331,8 @@ impl Lights<'_> {
                         Luminaire { photometry, world_from_luminaire: hung(axis()?, turn) }
                     }
                 };
+                // Read, kept with the emitter, and in the tracer's own form.
+                self.memory.take(3 * size_of_val(&*photometry.profile.intensity) as u64, Path::new(place))?;
                 if entry.emission.is_none() {
                     emission = [photometry.peak_candela / LUMENS_PER_WATT; 3];
                 }

@@ -2,6 +2,7 @@
 //!
 //! `formats/scene.md` states the mapping in a table.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use glam::Vec3;
@@ -18,6 +19,8 @@ use crate::light::names::fits;
 
 /// Index of refraction of surfaces that state none: ordinary glass and lacquer.
 const USUAL_IOR: f32 = 1.5;
+/// Indices of refraction that are taken.
+const IORS: RangeInclusive<f32> = 0.1..=10.0;
 
 /// What a clear coat of glTF reflects at normal incidence: that of index 1.5.
 const CLEAR_COAT: f32 = 0.04;
@@ -138,15 +141,23 @@ impl Workshop<'_> {
         let emission_map = map(&source.emission_map, Use::Emission)?;
         let diffuse = source.diffuse.unwrap_or(Vec3::splat(if source.emission.is_some() { 0.0 } else { 0.5 }));
         let base = match diffuse_map {
-            // Exporters write a black Kd beside a map that is meant to be seen.
-            Some(id) if diffuse == Vec3::ZERO => Paint::Textured(id, Vec3::ONE),
+            // Exporters write a black Kd, or none, beside a map that is meant to be seen.
+            Some(id) if diffuse == Vec3::ZERO || source.diffuse.is_none() => Paint::Textured(id, Vec3::ONE),
             Some(id) => Paint::Textured(id, diffuse),
             // The map is missing: black would not be what is meant.
             None if source.diffuse_map.is_some() && diffuse == Vec3::ZERO => Paint::Constant(Vec3::splat(0.5)),
             None => Paint::Constant(diffuse),
         };
+        if source.has_placed_maps {
+            self.warnings.push(format!(
+                "{asked_by}: its maps are scaled, moved or clamped by -s, -o or -clamp, which is not read"
+            ));
+        }
         let look = look_of(source, base);
         let transparent = matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric);
+        if let Some(ior) = source.ior.filter(|ior| transparent && !IORS.contains(ior)) {
+            self.warnings.push(format!("{asked_by}: 'Ni' {ior} is no index of refraction; taken as {USUAL_IOR}"));
+        }
         if source.dissolve.is_some_and(|d| d < 0.999) && !transparent {
             let advice = "a cut-out needs map_d, glass needs illum 4, 6, 7 or 9 or an override";
             self.warnings.push(format!("{asked_by}: 'd' below 1 is ignored; {advice}"));
@@ -203,7 +214,7 @@ fn alpha_of_shininess(exponent: f32) -> f32 {
 fn look_of(source: &MtlMaterial, base: Paint) -> Look {
     let specular = source.specular.unwrap_or(Vec3::ZERO);
     let diffuse = source.diffuse.unwrap_or(Vec3::ZERO);
-    let ior = source.ior.unwrap_or(USUAL_IOR);
+    let ior = source.ior.filter(|ior| IORS.contains(ior)).unwrap_or(USUAL_IOR);
     let coat_ior = if ior > 1.0 + NO_REFRACTION { ior } else { USUAL_IOR };
     let illumination = source.illumination.unwrap_or(2);
     let mut look = Look {
@@ -277,7 +288,7 @@ impl Look {
             self.alpha = roughness * roughness;
         }
         if let Some(ior) = entry.ior {
-            if !(0.1..=10.0).contains(&ior) {
+            if !IORS.contains(&ior) {
                 return Err(Error::input(place, format!("ior {ior}"), "give a number from 0.1 to 10, 1.5 for glass"));
             }
             self.ior = ior;

@@ -52,6 +52,16 @@ impl Mesh {
         self.vertices_of(triangle).map(|vertex| vertex.position)
     }
 
+    /// Makes the front of a triangle the back, with vertices of its own: others may share those that it had.
+    pub(crate) fn turn_over(&mut self, triangle: u32) {
+        let [a, b, c] = self.triangles[triangle as usize].vertices;
+        for (place, vertex) in [a, c, b].into_iter().enumerate() {
+            let vertex = self.vertices[vertex as usize];
+            self.triangles[triangle as usize].vertices[place] = self.vertices.len() as u32;
+            self.vertices.push(Vertex { normal: -vertex.normal, ..vertex });
+        }
+    }
+
     /// The box around all vertices, as [`bounds`] gives it.
     pub(crate) fn bounds(&self) -> (Vec3, Vec3) {
         bounds(self.vertices.iter().map(|vertex| vertex.position))

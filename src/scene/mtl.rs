@@ -26,6 +26,8 @@ pub(super) struct MtlMaterial {
     pub(super) diffuse_map: Option<String>,
     pub(super) emission_map: Option<String>,
     pub(super) dissolve_map: Option<String>,
+    /// Whether options scale, move or clamp one of the maps, which is not done here.
+    pub(super) has_placed_maps: bool,
 }
 
 /// Reads the text of an MTL file. Statements that say nothing about light transport here are skipped.
@@ -69,9 +71,15 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Vec<MtlMaterial>> {
             "illum" => material.illumination = Some(number()?.max(0.0) as u32),
             "Pr" => material.roughness = Some(number()?),
             "Pm" => material.metallic = Some(number()?),
-            "map_Kd" => material.diffuse_map = map_of(rest),
-            "map_Ke" => material.emission_map = map_of(rest),
-            "map_d" => material.dissolve_map = map_of(rest),
+            "map_Kd" | "map_Ke" | "map_d" => {
+                material.has_placed_maps |= places_map(rest);
+                let map = match key {
+                    "map_Kd" => &mut material.diffuse_map,
+                    "map_Ke" => &mut material.emission_map,
+                    _ => &mut material.dissolve_map,
+                };
+                *map = map_of(rest);
+            }
             _ => {}
         }
     }
@@ -92,6 +100,20 @@ fn colour_of(text: &str) -> Option<Vec3> {
         _ => return None,
     };
     colour.is_finite().then_some(colour)
+}
+
+/// Whether a map's options scale, move or clamp it.
+fn places_map(text: &str) -> bool {
+    let is_one = |word: &str| word.parse() == Ok(1.0f32);
+    let mut words = text.split_whitespace().peekable();
+    while let Some(word) = words.next() {
+        match (word, words.peek()) {
+            ("-o" | "-t", _) | ("-clamp", Some(&"on")) => return true,
+            ("-s", Some(next)) if !is_one(next) => return true,
+            _ => {}
+        }
+    }
+    false
 }
 
 /// The file name behind a map's options (`-s 2 2 1 -bm 0.5 wood.png`); names may contain spaces.
@@ -137,6 +159,9 @@ mod tests {
     #[test]
     fn maps_are_found_behind_their_options() {
         assert_eq!(map_of("wood.png").as_deref(), Some("wood.png"));
+        let placed = |options: &str| read(&format!("newmtl a\nmap_Kd {options} wood.png\n"))[0].has_placed_maps;
+        assert!(placed("-s 4 4 1") && placed("-o 0.5 0") && placed("-clamp on"));
+        assert!(!placed("") && !placed("-s 1 1 1 -clamp off -bm 0.5"));
         assert_eq!(map_of("-s 2 2 1 -clamp on tex\\my wood.png").as_deref(), Some("tex\\my wood.png"));
         assert_eq!(map_of("-bm 0.5 4.png").as_deref(), Some("4.png"));
         assert_eq!(map_of(""), None);

@@ -33,8 +33,8 @@ pub struct MergeReport {
 /// of the output is replaced by a good one. Other damaged blocks are left as they are, and listed unless another file has them.
 ///
 /// # Errors
-/// Inputs of different jobs or precisions; two files that hold different bytes for the same block; an output of another job;
-/// [`Error::Interrupted`], then the same merge goes on.
+/// Inputs of different jobs or precisions; two files that hold different bytes for the same block; an output of another job or
+/// with other room for planes and noise; [`Error::Interrupted`], then the same merge goes on.
 pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u32) -> bool) -> Result<MergeReport> {
     let readers: Vec<_> = inputs.iter().map(|path| StoreReader::open_positioned(path)).collect::<Result<_>>()?;
     let Some(first) = readers.first() else {
@@ -53,6 +53,13 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
         let writer = StoreWriter::create_or_resume(output, first.job(), options)?;
         (writer, StoreReader::open_positioned(&partial_path(output))?)
     };
+    // Tiles are copied as they are, to where they stood: planes and noise must have the same places.
+    if before.layout() != first.layout() {
+        let problem =
+            format!("has other room for planes or noise than {}, or is of another version", first.path().display());
+        let hint = "join them under another name, or render the missing blocks into one of them";
+        return Err(Error::input(output.display().to_string(), problem, hint));
+    }
     let blocks = first.shape().block_count();
     let mut report = MergeReport { blocks, ..MergeReport::default() };
     let mut scratch = Vec::with_capacity(first.layout().staging_bytes());

@@ -6,6 +6,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use sha2::{Digest, Sha256};
+
 use crate::error::{Error, Result};
 use crate::files::open_input;
 use crate::light::Job;
@@ -111,6 +113,23 @@ impl<S: Storage> StoreReader<S> {
     /// What was rendered.
     pub fn job(&self) -> &Job {
         &self.header.job
+    }
+
+    /// What tells this matrix from any other of its job: a hash of its precision and of the record of each block, which has the checksums
+    /// of what is stored.
+    ///
+    /// # Errors
+    /// The system refuses to read.
+    pub fn fingerprint(&self) -> Result<[u8; 32]> {
+        let mut hash = Sha256::new();
+        hash.update(self.job().hash().0);
+        hash.update(self.precision().to_string());
+        let mut record = [0; RECORD_BYTES as usize];
+        for id in self.shape().blocks() {
+            self.read(id, "commit record", self.header.layout.record_offset(id), &mut record)?;
+            hash.update(record);
+        }
+        Ok(hash.finalize().into())
     }
 
     /// How entries are stored.
@@ -440,8 +459,8 @@ impl<S: Storage> BlockSource for StoreReader<S> {
         self.header.layout.shape
     }
 
-    fn variant(&self) -> String {
-        self.precision().to_string()
+    fn variant(&self) -> Result<Vec<u8>> {
+        Ok(self.fingerprint()?.to_vec())
     }
 
     fn visit_block(

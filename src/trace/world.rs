@@ -14,6 +14,9 @@ use crate::scene::{Material, Scene, Surface};
 /// has in a row, and a bound on the time that a bad one can take.
 pub(super) const MAX_PASSES: u32 = 256;
 
+/// A surface is not there where the map that cuts it out is below this.
+pub(super) const CUT_OUT: f32 = 0.5;
+
 /// How far new rays start off a surface, in units of the size of its coordinates: some hundred roundings of f32, which
 /// covers the errors of the hit point (a few) and of the intersection with its neighbours.
 pub(super) const OFFSET: f32 = 1.0e-5;
@@ -136,7 +139,7 @@ impl World {
     #[inline(always)]
     fn is_cut_out(&self, point: &SurfacePoint) -> bool {
         let cutout = self.material(point).cutout;
-        cutout.is_some_and(|id| self.scene.textures[id.0 as usize].sample(point.uv)[3] < 0.5)
+        cutout.is_some_and(|id| self.scene.textures[id.0 as usize].sample(point.uv)[3] < CUT_OUT)
     }
 
     #[inline(always)]

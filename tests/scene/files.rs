@@ -28,6 +28,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("material_files_are_found_in_any_case", material_files_in_any_case),
     ("missing_textures_are_all_named_or_give_way_to_colours", missing_textures),
     ("degenerate_triangles_are_left_out_and_counted", degenerate_triangles_are_left_out),
+    ("material_files_may_say_odd_things", material_files_say_odd_things),
     ("missing_materials_are_grey_with_a_warning", missing_materials_are_grey),
     ("the_camera_and_the_settings_are_as_written", the_camera_and_the_settings_are_as_written),
     ("the_content_hash_follows_what_decides_the_entries", the_content_hash_follows),
@@ -97,6 +98,12 @@ fn front_of_light(folder: &Folder) -> Vec3 {
 fn the_side_that_emits_can_be_chosen() {
     assert_eq!(front_of_light(&room("")), Vec3::NEG_Y);
     assert_eq!(front_of_light(&room("[[light]]\nside = \"back\"\n")), Vec3::Y);
+    // Normals that shade turn with it, and stay what they are for whatever shares the vertices.
+    let shaded = room("[[light]]\nside = \"back\"\n")
+        .with("room.obj", super::ROOM_OBJ.replace("usemtl lamp\n", "vn 0.6 -0.8 0\nusemtl lamp\n"));
+    let shaded = shaded.load().unwrap().scene;
+    let lit = shaded.mesh.triangles.iter().filter(|t| t.emitter == Some(0));
+    assert!(lit.clone().count() == 2 && lit.flat_map(|t| shaded.mesh.vertices_of(t)).all(|v| v.normal.y >= 0.0));
     let both = room("[[light]]\nside = \"both\"\ntexels = [2, 2]\n").load().unwrap();
     assert!(matches!(&both.scene.emitters[0], Emitter::Area(area) if area.two_sided));
 }
@@ -273,6 +280,26 @@ fn degenerate_triangles_are_left_out() {
     let loaded = room("").with("room.obj", obj).load().unwrap();
     assert_eq!(loaded.scene.mesh.triangles.len(), 4);
     assert!(loaded.warnings.iter().any(|w| w.contains("3 triangles without area")), "{:?}", loaded.warnings);
+}
+
+fn material_files_say_odd_things() {
+    let glass = |ior: &str| {
+        let mtl = format!("newmtl ground\nKd 0.5 0.5 0.5\nillum 7\nNi {ior}\nnewmtl lamp\nKe 3 2 1\n");
+        room("").with("room.mtl", mtl)
+    };
+    assert!(matches!(surface_of(&glass("1.3"), "ground"), Surface::Dielectric { ior: 1.3, .. }));
+    assert!(glass("1.3").load().unwrap().warnings.is_empty());
+    for ior in ["0", "-2", "1000"] {
+        assert!(matches!(surface_of(&glass(ior), "ground"), Surface::Dielectric { ior: 1.5, .. }), "{ior}");
+        assert!(glass(ior).load().unwrap().warnings.iter().any(|w| w.contains("no index of refraction")), "{ior}");
+    }
+    // A map without a colour beside it is as bright as it is.
+    let white = LinearImage { width: 1, height: 1, pixels: vec![[1.0; 3]] };
+    let folder = room("").with("room.mtl", "newmtl ground\nmap_Kd -s 2 2 1 white.exr\nnewmtl lamp\nKe 3 2 1\n");
+    write_exr(&folder.path("white.exr"), &white).unwrap();
+    let Surface::Lambert { reflectance: Paint::Textured(_, factor) } = surface_of(&folder, "ground") else { panic!() };
+    assert_eq!(factor, Vec3::ONE);
+    assert!(folder.load().unwrap().warnings.iter().any(|w| w.contains("not read")));
 }
 
 fn missing_materials_are_grey() {

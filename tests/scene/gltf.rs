@@ -18,6 +18,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
     ("a_glb_is_geometry_of_a_scene_file", a_glb_is_geometry_of_a_scene_file),
     ("nodes_carry_their_children_and_mirrors_turn_triangles", nodes_carry_their_children),
     ("every_instance_that_emits_is_a_light_by_its_nodes_name", every_instance_is_a_light),
+    ("emissive_materials_of_one_name_make_lights_of_several", materials_may_share_a_name),
     ("strips_fans_and_plain_vertices_make_triangles", strips_and_fans),
     ("indices_of_every_type_and_interleaved_buffers_are_read", indices_of_every_type),
     ("sparse_accessors_replace_what_they_name", sparse_accessors),
@@ -139,6 +140,19 @@ fn every_instance_is_a_light() {
     assert_eq!(names, ["bulb", "bulb 2", "bulb 3", "bulb 4"]);
     assert!(scene.emitters.iter().all(|e| matches!(e, Emitter::Area(area) if area.two_sided)));
     near(scene.basis.lights()[3].places[0], [2.0, 4.0, 0.5]);
+}
+
+fn materials_may_share_a_name() {
+    let mut file = room();
+    let lamp = file.json["materials"][1].clone();
+    let other = file.push("materials", lamp);
+    let mut second = file.json["meshes"][1]["primitives"][0].clone();
+    second["material"] = json!(other);
+    file.json["meshes"][1]["primitives"].as_array_mut().unwrap().push(second);
+    // One that is called as a light of the other node would be.
+    file.root(json!({ "name": "bulb lamp", "mesh": 1 }));
+    let names: Vec<String> = scene(&file).basis.lights().iter().map(|l| l.name.clone()).collect();
+    assert_eq!(names, ["bulb lamp 2", "bulb lamp 3", "bulb lamp lamp", "bulb lamp lamp 2"]);
 }
 
 /// Replaces the floor's primitive.
@@ -580,14 +594,16 @@ fn vertex_colours() {
         });
         // Shown a second time by another node.
         file.root(json!({ "name": "again", "mesh": 0, "translation": [0.0, -1.0, 0.0] }));
+        // And as a mirror shows it: its corners have changed places.
+        file.root(json!({ "name": "mirrored", "mesh": 0, "scale": [-1.0, 1.0, 1.0], "translation": [0.0, -2.0, 0.0] }));
         let loaded = of(&file).unwrap();
         let scene = loaded.scene;
         assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
-        assert_eq!(scene.textures.len(), 1);
+        assert_eq!(scene.textures.len(), 2);
         let floor: Vec<usize> = (0..scene.mesh.triangles.len())
             .filter(|t| scene.materials[scene.mesh.triangles[*t].material.0 as usize].name == "ground")
             .collect();
-        assert_eq!(floor.len(), 4);
+        assert_eq!(floor.len(), 6);
         let factor = Vec3::from(pbr_base(&file));
         for (index, t) in floor.into_iter().enumerate() {
             let triangle = &scene.mesh.triangles[t];
@@ -599,6 +615,14 @@ fn vertex_colours() {
             let uv: Vec2 = triangle.vertices.iter().map(|v| scene.mesh.vertices[*v as usize].uv / 3.0).sum();
             let mean = [Vec3::splat(1.0 / 3.0), Vec3::new(1.2, 0.2, 1.2) / 3.0][index % 2];
             assert!((reflectance.at(&scene.textures, uv) - factor * mean).length() < 1e-4, "triangle {index}");
+            // The corner at (−5, −5), or (5, −5) mirrored, is the first, which is red.
+            let is_red = |v: &&u32| {
+                let at = scene.mesh.vertices[**v as usize].position;
+                (at.x + if at.y < -1.5 { -5.0 } else { 5.0 }).abs() < 1e-5 && (at.z + 5.0).abs() < 1e-5
+            };
+            let red = scene.mesh.vertices[*triangle.vertices.iter().find(is_red).unwrap() as usize].uv;
+            let inwards = red.lerp(uv, 0.02);
+            assert!(reflectance.at(&scene.textures, inwards).x > 0.8 * factor.x, "triangle {index}");
         }
     }
 }

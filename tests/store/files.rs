@@ -293,6 +293,26 @@ fn merging_refuses_an_input_that_contradicts_the_output_and_can_be_stopped() {
 }
 
 #[test]
+fn merging_refuses_an_output_whose_blocks_have_other_places() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    written(&at("a.ltm"), 40, 0..3);
+    for (name, other) in [
+        ("planes.ltm", StoreOptions { planes: true, ..options() }),
+        ("noise.ltm", StoreOptions { max_probes: options().max_probes + 1, ..options() }),
+    ] {
+        let job = job(40);
+        let writer = StoreWriter::create(&at(name), &job, other).unwrap();
+        writer.write_block(BlockId(5), &block(&job, BlockId(5))).unwrap();
+        writer.finish().unwrap();
+        let before = fs::read(at(name)).unwrap();
+        let error = merge(&[at("a.ltm")], &at(name), |_, _| true).unwrap_err().to_string();
+        assert!(error.contains("other room for planes or noise"), "{error}");
+        assert!(fs::read(at(name)).unwrap() == before);
+    }
+}
+
+#[test]
 fn a_file_that_appears_while_another_is_finished_is_not_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltm");

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use ltm::light::{EnvironmentMapping, LightKind};
-use ltm::scene::{Emitter, EnvironmentEmitter, MaterialId, Paint, Scene, Surface, Texture, TextureId};
+use ltm::scene::{AreaLayout, Emitter, EnvironmentEmitter, MaterialId, Paint, Scene, Surface, Texture, TextureId};
 
 use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
 
@@ -120,4 +120,54 @@ fn a_pattern_of_emission_is_seen_and_gives_light() {
     };
     let (full, half) = (lit(1.0), lit(0.5));
     assert!(full > 0.01 && (half / full - 0.5).abs() < 1e-4, "{half} of {full}");
+}
+
+#[test]
+fn an_emitter_gives_light_as_far_as_it_is_there() {
+    // A floor under a panel that is not in view; the panel as a rectangle of texels, and as triangles.
+    let with = |alphas: Option<(f32, f32)>, is_whole: bool| {
+        let mut builder = Builder::new(camera(Vec3::new(0.0, 0.7, 2.0), Vec3::new(0.0, 0.0, 0.0), 30.0, 8));
+        builder.quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, lambert(0.6));
+        builder.panel("panel", Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, (1, 1));
+        let mut scene = builder.build();
+        let Emitter::Area(area) = &mut scene.emitters[0] else { unreachable!() };
+        if is_whole {
+            area.layout = AreaLayout::Whole;
+        }
+        if let Some((left, right)) = alphas {
+            let material = scene.mesh.triangles[area.triangles[0] as usize].material;
+            scene.textures.push(halves([1.0, 1.0, 1.0, left], [1.0, 1.0, 1.0, right]));
+            scene.materials[material.0 as usize].cutout = Some(TextureId(0));
+        }
+        image(scene, 256, 3)
+    };
+    for is_whole in [false, true] {
+        let (none, there) = (with(None, is_whole), with(Some((1.0, 1.0)), is_whole));
+        assert!(mean(&none) > 0.05 && none == there);
+        assert!(with(Some((0.0, 0.0)), is_whole).iter().all(|&v| v == 0.0));
+        // The floor in view is lit evenly from both halves, but for noise.
+        let half = mean(&with(Some((1.0, 0.0)), is_whole)) / mean(&none);
+        assert!((half - 0.5).abs() < 0.05, "{half}");
+    }
+}
+
+#[test]
+fn a_pattern_lies_by_the_texture_coordinates_of_its_surface() {
+    let mut builder = Builder::new(camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 40.0, 8));
+    builder.panel("panel", Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, (2, 2));
+    let mut scene = builder.build();
+    scene.textures.push(halves([3.0, 0.0, 0.0, 1.0], [0.0, 2.0, 0.0, 1.0]));
+    let Emitter::Area(area) = &mut scene.emitters[0] else { unreachable!() };
+    area.pattern = Some(Paint::Textured(TextureId(0), Vec3::ONE));
+    // The panel is cut of the middle of the left texel.
+    for &triangle in &area.triangles {
+        for vertex in scene.mesh.triangles[triangle as usize].vertices {
+            let uv = &mut scene.mesh.vertices[vertex as usize].uv;
+            *uv = glam::Vec2::new(0.25 + 1e-3 * uv.x, uv.y);
+        }
+    }
+    for (at, value) in image(scene, 16, 1).into_iter().enumerate() {
+        let wanted = if at < 64 { 3.0 } else { 0.0 };
+        assert!((value - wanted).abs() < 0.02, "{at}: {value}");
+    }
 }

@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 import bpy
 
 from . import glb, lamps, world
+from .weights import differs, rescale
 
 
 def apply(context, lights, surfaces):
@@ -25,9 +26,7 @@ def apply(context, lights, surfaces):
         if name in known:
             changed += set_lamp(known[name], weight, before, remarks)
         elif light["kind"] in {"lat-long", "octahedral"} and context.scene.world is not None:
-            if differs(weight, before):
-                world.set_strength(context.scene.world, weight, before, remarks)
-                changed += 1
+            changed += world.set_strength(context.scene.world, weight, before, remarks)
         elif name in shining:
             wanted = materials.setdefault(shining[name].material, (name, weight, before))
             if differs(wanted[1], weight):
@@ -70,12 +69,6 @@ def apply_groups(context, file):
     return sum(map(bool, members.values())), remarks
 
 
-def differs(weight, before):
-    """Whether two weights are not the same but for rounding."""
-    largest = max(map(abs, [*weight, *before]))
-    return any(abs(w - b) > 1e-5 * largest for w, b in zip(weight, before))
-
-
 def set_lamp(lamp, weight, before, remarks):
     if lamp.per_watt <= 0.0:
         if differs(weight, before):
@@ -88,25 +81,28 @@ def set_lamp(lamp, weight, before, remarks):
 
 
 def set_material(name, weight, before, remarks):
-    """Gives a material's emission a weight, by the factor to the one before where its colour is a texture."""
+    """Gives a material's emission a weight, by the factor to the one it was exported with where its colour is a texture."""
     material = bpy.data.materials.get(name)
-    if material is None or not differs(weight, before):
+    if material is None:
         return 0
     nodes = material.node_tree.nodes if material.use_nodes else []
     node = next((n for n in nodes if n.type == "EMISSION"), None)
     node = node or next((n for n in nodes if n.type == "BSDF_PRINCIPLED"), None)
     if node is None:
-        remarks.append(f"the material '{name}' keeps its strength: it has no emission node")
+        if differs(weight, before):
+            remarks.append(f"the material '{name}' keeps its strength: it has no emission node")
         return 0
     is_emission = node.type == "EMISSION"
     colour, strength = (node.inputs[k] for k in (("Color", "Strength") if is_emission else ("Emission Color", "Emission Strength")))
     if strength.is_linked:
-        remarks.append(f"the material '{name}' keeps its strength: other nodes decide it")
+        if differs(weight, before):
+            remarks.append(f"the material '{name}' keeps its strength: other nodes decide it")
+        return 0
+    if colour.is_linked:
+        return int(rescale(material, strength, weight, before))
+    if not differs(weight, [c * strength.default_value for c in colour.default_value[:3]]):
         return 0
     strongest = max(weight)
-    if colour.is_linked:
-        strength.default_value *= sum(weight) / max(sum(before), 1e-12)
-        return 1
     if strongest > 0.0:
         colour.default_value = [w / strongest for w in weight] + [1.0]
     strength.default_value = strongest

@@ -8,7 +8,7 @@ from pathlib import Path
 import bpy
 from mathutils import Vector
 
-from . import glb, lamps, toml_text, units, world
+from . import glb, lamps, toml_text, units, weights, world
 
 
 class NotExported(Exception):
@@ -61,6 +61,7 @@ def write(context):
 
 def _write(context, where, name, remarks):
     scene = context.scene
+    weights.begin_anew([*bpy.data.materials, *bpy.data.worlds])
     camera = camera_entry(scene, remarks)
     surfaces = where / f"{name}.glb"
     glb.write(surfaces)

@@ -6,6 +6,7 @@ from math import pi
 import bpy
 
 from . import units
+from .weights import differs, rescale
 
 # Pixels across the image of a world that is more than one colour.
 ACROSS = 512
@@ -80,21 +81,29 @@ def bake(world, file):
 
 
 def set_strength(world, weight, before, remarks):
-    """Gives a world the weight that was `before`, means over all directions; the colour too where it has but one."""
+    """Gives a world a weight, a mean over all directions; the colour too where it has but one, else by the factor to the weight it was
+    exported with. How many changed.
+    """
+    even = even_colour(world)
+    if even is not None and not differs(weight, even):
+        return 0
     if not world.use_nodes:
         world.color = [min(1.0, w) for w in weight]
-        return
+        return 1
     node = background(world)
     if node is None:
-        remarks.append("the world keeps its strength: it has no single background node")
-        return
+        if differs(weight, before):
+            remarks.append("the world keeps its strength: it has no single background node")
+        return 0
     strength = node.inputs["Strength"]
-    if even_colour(world) is not None:
+    if even is not None:
         strongest = max(weight)
         if strongest > 0.0:
             node.inputs["Color"].default_value = [w / strongest for w in weight] + [1.0]
         strength.default_value = strongest
-    elif strength.is_linked:
-        remarks.append("the world keeps its strength: other nodes decide it")
-    else:
-        strength.default_value *= sum(weight) / max(sum(before), 1e-12)
+        return 1
+    if strength.is_linked:
+        if differs(weight, before):
+            remarks.append("the world keeps its strength: other nodes decide it")
+        return 0
+    return int(rescale(world, strength, weight, before))

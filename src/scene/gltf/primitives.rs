@@ -44,8 +44,8 @@ pub(super) fn add(
     let mut left_out = LeftOut::default();
     let before = geometry.bytes();
     let without = geometry.materials.len() - 1;
-    // Materials with the colours of a primitive, by its mesh and its place there.
-    let mut painted: HashMap<(usize, usize), usize> = HashMap::new();
+    // Materials with the colours of a primitive, by its mesh, its place there, and whether it is mirrored: then corners change places.
+    let mut painted: HashMap<(usize, usize, bool), usize> = HashMap::new();
     for placed in nodes {
         let Some(mesh) = placed.node.mesh() else { continue };
         left_out.skins += usize::from(placed.node.skin().is_some());
@@ -66,7 +66,7 @@ pub(super) fn add(
                     left_out.colours += 1;
                 } else {
                     memory.check(geometry.bytes() - before + colours::bytes(part.triangles.len()), path)?;
-                    let key = (mesh.index(), primitive.index());
+                    let key = (mesh.index(), primitive.index(), placed.world.determinant() < 0.0);
                     let name = format!("{}, colours of mesh {} part {}", path.display(), key.0, key.1);
                     let texture = colours::paint(&mut part, &colours, name);
                     id = *painted.entry(key).or_insert_with(|| {

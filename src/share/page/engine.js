@@ -51,7 +51,8 @@ export class Engine {
    * @param {Head} head
    * @param {string} script the page's own script, for workers
    * @param {string | null} wish a way to compute, or null for the best
-   * @param {{ changed: () => void, bad: (news: BlockNews) => void, way: (way: string) => void }} listener
+   * @param {{ changed: () => void, bad: (news: BlockNews) => void, way: (way: string) => void,
+   *   failed: (why: string) => void }} listener
    */
   constructor(head, script, wish, listener) {
     this.head = head;
@@ -62,7 +63,7 @@ export class Engine {
     /** Chunks that were handed to the workers and have not come back. */
     this.atWork = 0;
     const count = Math.max(1, Math.min(MOST_WORKERS, (navigator.hardwareConcurrency || 2)));
-    this.crew = new Crew(script, count, (news) => this.take(news));
+    this.crew = new Crew(script, count, (news) => this.take(news), (why) => this.listener.failed(why));
     const black = head.levels.map(({ ranks, sparse }) => [...ranks.keys()].filter((id) => ranks[id] === 0 && sparse[id] === 0));
     this.black = black;
     this.crew.start({

@@ -99,6 +99,7 @@ class Page {
       },
       bad: (news) => this.lost(news.level, news.layer, news.id, news.problem),
       way: (way) => (document.body.dataset.way = way),
+      failed: fail,
     });
     this.stage = new Stage(byId('stage'), canvas, {
       read: (at) => {
@@ -411,6 +412,7 @@ class Page {
 
   showState() {
     const { dataset } = document.body;
+    if (dataset.state === 'failed') return;
     const isIdle = this.engine.atWork === 0;
     const isDone = this.isComplete && isIdle && !this.isBusy && !this.isWanted;
     dataset.state = isDone ? (this.damage.size > 0 ? 'damaged' : 'complete') : this.drawn;
@@ -431,6 +433,14 @@ class Page {
     this.isComplete = true;
     this.request();
   }
+}
+
+/** Says that there is no picture, or no more of it. @param {string} problem */
+function fail(problem) {
+  byId('damage').textContent = `The picture cannot be shown: ${problem}.`;
+  byId('damage').hidden = false;
+  byId('status').textContent = '';
+  document.body.dataset.state = 'failed';
 }
 
 async function run() {
@@ -455,9 +465,8 @@ async function run() {
   } catch (error) {
     const problem = error instanceof Error ? error.message : String(error);
     const hint = !embedded && location.protocol === 'file:' ? ' A page in a folder needs a server; one made with --single does not.' : '';
-    byId('damage').textContent = `The picture cannot be shown: ${problem}.${hint}`;
-    byId('damage').hidden = false;
-    document.body.dataset.state = 'failed';
+    fail(problem);
+    byId('damage').append(hint);
   }
 }
 

@@ -217,7 +217,9 @@ export class Mixer {
     const cursor = { x: Math.floor(across / 2), y: Math.floor(down / 2) };
     const paint = (/** @type {number} */ x, /** @type {number} */ y, /** @type {boolean} */ isEnd) => {
       const ink = linearOfHex(colour.value).map((v) => v * Number(level.value));
-      const pattern = own().pattern?.slice() ?? new Float32Array(3 * across * down).fill(1);
+      // One paints on what one sees: the pattern as it is turned.
+      const { pattern: before, turn } = own();
+      const pattern = before ? turned(light, before, turn).slice() : new Float32Array(3 * across * down).fill(1);
       const reach = Number(radius.value);
       for (let row = 0; row < down; row++) {
         for (let column = 0; column < across; column++) {
@@ -225,7 +227,7 @@ export class Mixer {
           if (isAt || Math.hypot(column + 0.5 - x, row + 0.5 - y) < reach) pattern.set(ink, 3 * (row * across + column));
         }
       }
-      set({ pattern }, isEnd);
+      set({ pattern, turn: 0 }, isEnd);
     };
     const at = (/** @type {PointerEvent} */ event) => {
       const box = canvas.getBoundingClientRect();

@@ -22,8 +22,9 @@ import { gridOf } from './blocks.js';
 
 const START_BYTES = 20;
 const SHARE_MAGIC = [0x89, 0x4c, 0x54, 0x53, 0x0d, 0x0a, 0x1a, 0x0a];
-/** Times that a stream that ends early is asked to go on. */
-const MOST_RESUMES = 3;
+/** Times in a row that a stream that breaks is asked to go on, after pauses that double from the first: a minute in all. */
+const MOST_RESUMES = 8;
+const FIRST_PAUSE_MS = 250;
 
 /** The data end before their end. */
 export class Truncated extends Error {}
@@ -47,11 +48,15 @@ export class FetchedBytes {
         const { value, done } = await /** @type {ReadableStreamDefaultReader<Uint8Array>} */ (this.reader).read();
         if (done) return null;
         this.received += value.length;
+        this.resumes = 0;
         return value;
-      } catch (error) {
-        if (this.resumes++ >= MOST_RESUMES) return null;
-        await new Promise((resolve) => setTimeout(resolve, 300 * this.resumes));
-        if (!(await this.open(this.received).then(() => true, () => false))) return null;
+      } catch {
+        let isOpen = false;
+        while (!isOpen) {
+          if (this.resumes++ >= MOST_RESUMES) return null;
+          await new Promise((resolve) => setTimeout(resolve, FIRST_PAUSE_MS * 2 ** (this.resumes - 1)));
+          isOpen = await this.open(this.received).then(() => true, () => false);
+        }
       }
     }
   }

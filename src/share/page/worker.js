@@ -85,10 +85,11 @@ export class Crew {
    * @param {string} script the page's own script
    * @param {number} count
    * @param {(news: BlockNews) => void} onBlock
+   * @param {(why: string) => void} onFailure of a worker that does not start, or breaks: nothing more comes of it
    */
-  constructor(script, count, onBlock) {
+  constructor(script, count, onBlock, onFailure) {
     this.token = 0;
-    /** @type {Map<number, (value: any) => void>} */
+    /** @type {Map<number, { resolve: (value: any) => void, reject: (error: Error) => void }>} */
     this.waiting = new Map();
     this.url = URL.createObjectURL(new Blob([script], { type: 'text/javascript' }));
     this.workers = Array.from({ length: count }, () => {
@@ -97,9 +98,15 @@ export class Crew {
         if (news.type === 'block') {
           onBlock(news);
         } else {
-          this.waiting.get(news.token)?.(news.value);
+          this.waiting.get(news.token)?.resolve(news.value);
           this.waiting.delete(news.token);
         }
+      };
+      worker.onerror = (event) => {
+        const why = event.message || 'this browser or server lets the page start no workers';
+        this.waiting.forEach(({ reject }) => reject(new Error(why)));
+        this.waiting.clear();
+        onFailure(why);
       };
       return worker;
     });
@@ -127,8 +134,8 @@ export class Crew {
   /** @param {number} worker @param {any} order @returns {Promise<any>} */
   ask(worker, order) {
     const token = ++this.token;
-    return new Promise((resolve) => {
-      this.waiting.set(token, resolve);
+    return new Promise((resolve, reject) => {
+      this.waiting.set(token, { resolve, reject });
       this.workers[worker].postMessage({ ...order, token });
     });
   }

@@ -3,10 +3,10 @@
 use glam::{Vec2, Vec3};
 
 use super::super::photons::Targets;
-use super::super::world::OFFSET;
+use super::super::world::{CUT_OUT, OFFSET};
 use super::{Emitted, EmitterHit, Found, LightSample};
 use crate::error::{Error, Result};
-use crate::scene::{AreaEmitter, AreaLayout, Paint, Scene};
+use crate::scene::{AreaEmitter, AreaLayout, Paint, Scene, TextureId};
 
 /// A diffusely emitting surface.
 #[derive(Debug)]
@@ -14,6 +14,10 @@ pub(super) struct AreaLight {
     layout: AreaLayout,
     two_sided: bool,
     pattern: Option<Paint>,
+    /// Texture coordinates of a rectangle's corner with texel (0, 0), and what they grow by to the one opposite.
+    uvs: [Vec2; 2],
+    /// What has cut holes into a rectangle.
+    cutout: Option<TextureId>,
     triangles: Vec<u32>,
     /// The triangles themselves, of lights that are sampled by them.
     shapes: Vec<Shape>,
@@ -29,6 +33,18 @@ struct Shape {
     edges: [Vec3; 2],
     normal: Vec3,
     uvs: [Vec2; 3],
+    cutout: Option<TextureId>,
+}
+
+/// A point of a light.
+struct LightPoint {
+    position: Vec3,
+    /// Of the front.
+    normal: Vec3,
+    uv: Vec2,
+    /// What may have cut a hole there.
+    cutout: Option<TextureId>,
+    column: u32,
 }
 
 impl Shape {
@@ -37,7 +53,8 @@ impl Shape {
         let [a, b, c] = scene.mesh.corners(triangle);
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let uvs = scene.mesh.vertices_of(triangle).map(|vertex| vertex.uv);
-        Self { corner: a, edges: [b - a, c - a], normal, uvs }
+        let cutout = scene.materials[triangle.material.0 as usize].cutout;
+        Self { corner: a, edges: [b - a, c - a], normal, uvs, cutout }
     }
 }
 
@@ -65,10 +82,18 @@ impl AreaLight {
             sum += a;
             (sum / total) as f32
         });
+        let shapes: Vec<_> = emitter.triangles.iter().map(|&triangle| Shape::of(scene, triangle)).collect();
+        let corners = || shapes.iter().flat_map(|shape| shape.uvs);
+        let low = corners().fold(Vec2::INFINITY, Vec2::min);
+        let size = corners().fold(Vec2::NEG_INFINITY, Vec2::max) - low;
+        // A rectangle without coordinates of its own takes the unit square.
+        let uvs = if size.cmpgt(Vec2::ZERO).all() { [low, size] } else { [Vec2::ZERO, Vec2::ONE] };
+        let cutout = shapes.first().and_then(|shape| shape.cutout);
         let is_whole = matches!(emitter.layout, AreaLayout::Whole);
-        let sampled = if is_whole { emitter.triangles.as_slice() } else { &[] };
         Ok(Self {
-            shapes: sampled.iter().map(|&triangle| Shape::of(scene, triangle)).collect(),
+            shapes: if is_whole { shapes } else { Vec::new() },
+            uvs,
+            cutout,
             layout: emitter.layout,
             two_sided: emitter.two_sided,
             pattern: emitter.pattern,
@@ -102,22 +127,37 @@ impl AreaLight {
         self.pattern.map_or(Vec3::ONE, |paint| paint.at(&scene.textures, uv))
     }
 
-    /// A point of the light, uniform over the area, so that every texel gets the same number of samples: position, front
-    /// normal, texture coordinates, column.
+    /// Whether the light is not there.
     #[inline(always)]
-    fn point(&self, pair: Vec2) -> (Vec3, Vec3, Vec2, u32) {
+    fn is_hole(scene: &Scene, at: &LightPoint) -> bool {
+        at.cutout.is_some_and(|id| scene.textures[id.0 as usize].sample(at.uv)[3] < CUT_OUT)
+    }
+
+    /// A point of the light, uniform over the area, so that every texel gets the same number of samples.
+    #[inline(always)]
+    fn point(&self, pair: Vec2) -> LightPoint {
         match self.layout {
             AreaLayout::Texels { origin, edge_u, edge_v, normal, across, down } => {
-                let point = origin + edge_u * pair.x + edge_v * pair.y;
                 let texel = |x: f32, n: u32| ((x * n as f32) as u32).min(n - 1);
-                (point, normal, pair, texel(pair.y, down) * across + texel(pair.x, across))
+                LightPoint {
+                    position: origin + edge_u * pair.x + edge_v * pair.y,
+                    normal,
+                    uv: self.uvs[0] + pair * self.uvs[1],
+                    cutout: self.cutout,
+                    column: texel(pair.y, down) * across + texel(pair.x, across),
+                }
             }
             AreaLayout::Whole => {
                 let (index, x) = self.choose(pair.x);
-                let Shape { corner, edges, normal, uvs } = &self.shapes[index];
+                let Shape { corner, edges, normal, uvs, cutout } = &self.shapes[index];
                 let (u, v) = uniform_triangle(Vec2::new(x, pair.y));
-                let uv = uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v;
-                (*corner + edges[0] * u + edges[1] * v, *normal, uv, 0)
+                LightPoint {
+                    position: *corner + edges[0] * u + edges[1] * v,
+                    normal: *normal,
+                    uv: uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v,
+                    cutout: *cutout,
+                    column: 0,
+                }
             }
         }
     }
@@ -125,17 +165,17 @@ impl AreaLight {
     /// A point of the light as a surface sees it.
     #[inline(always)]
     pub(super) fn sample(&self, scene: &Scene, position: Vec3, pair: Vec2) -> Option<LightSample> {
-        let (point, normal, uv, column) = self.point(pair);
-        let offset = point - position;
+        let at = self.point(pair);
+        let offset = at.position - position;
         let distance2 = offset.length_squared();
         let distance = distance2.sqrt();
         let towards = offset / distance;
-        let cosine = self.cosine(normal, -towards);
-        if !(cosine > 0.0 && distance2 > 0.0) {
+        let cosine = self.cosine(at.normal, -towards);
+        if !(cosine > 0.0 && distance2 > 0.0) || Self::is_hole(scene, &at) {
             return None;
         }
         let pdf = distance2 / (cosine * self.area);
-        Some(LightSample { towards, distance, column, weight: self.colour(scene, uv) / pdf, pdf })
+        Some(LightSample { towards, distance, column: at.column, weight: self.colour(scene, at.uv) / pdf, pdf })
     }
 
     /// The side that it emits to, where that is one.
@@ -145,7 +185,11 @@ impl AreaLight {
 
     /// A photon from anywhere on it towards the targets.
     pub(super) fn emit(&self, scene: &Scene, targets: &Targets, [place, way]: [Vec2; 2]) -> Option<Emitted> {
-        let (point, normal, uv, column) = self.point(place);
+        let at = self.point(place);
+        if Self::is_hole(scene, &at) {
+            return None;
+        }
+        let LightPoint { position: point, normal, uv, column, .. } = at;
         let (direction, density) = targets.sample_direction(point, self.side(normal), way)?;
         let cosine = self.cosine(normal, direction);
         let density = density / self.area;
@@ -177,7 +221,11 @@ impl AreaLight {
             AreaLayout::Texels { origin, edge_u, edge_v, normal, .. } => {
                 let offset = hit.position - origin;
                 let along = |edge: Vec3| offset.dot(edge) / edge.length_squared();
-                (normal, Vec2::new(along(edge_u), along(edge_v)), self.layout.column_at(hit.position))
+                (
+                    normal,
+                    self.uvs[0] + self.uvs[1] * Vec2::new(along(edge_u), along(edge_v)),
+                    self.layout.column_at(hit.position),
+                )
             }
         };
         let cosine = self.cosine(normal, -hit.direction);

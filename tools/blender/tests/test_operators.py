@@ -8,6 +8,7 @@ import sys
 import time
 import tomllib
 from math import pi
+from types import SimpleNamespace
 
 import bpy
 import pytest
@@ -88,12 +89,31 @@ def test_the_whole_way(scene, program, tmp_path):
     assert dark.data.energy == 0
     near(material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value, 2)
     near(sky.node_tree.nodes["Background"].inputs["Strength"].default_value, 0.125)
+    # Looks do not add up: another one, then the first, twice.
+    plain = tmp_path / "plain.toml"
+    plain.write_text('base = "scene"\n', encoding="utf-8")
+    strengths = material.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"], sky.node_tree.nodes["Background"].inputs["Strength"]
+    for file, wanted in ((plain, (4, 0.5)), (look, (2, 0.125)), (look, (2, 0.125))):
+        assert bpy.ops.ltm.apply_look(filepath=str(file)) == {"FINISHED"}
+        near([strength.default_value for strength in strengths], wanted)
     # What is brought back and exported once more is what was mixed.
     weights = {light["name"]: light["weight"] for light in read_look(program, tmp_path, look)}
     assert bpy.ops.ltm.export() == {"FINISHED"}
     _, lights = exported(tmp_path)
     for name in ("bulb", "panel", "dark", "World"):
         near(lights[name]["emission"], weights[name], 1e-3)
+
+
+def test_a_strength_beside_a_texture_is_that_of_the_export_times_the_look(add_on):
+    weights = sys.modules["ltm.weights"]
+    strength, owner = SimpleNamespace(default_value=3.0), {}
+    for weight, wanted in ((0.5, 1.5), (0.5, 1.5), (2.0, 6.0), (1.0, 3.0)):
+        weights.rescale(owner, strength, [weight] * 3, [1.0] * 3)
+        assert strength.default_value == wanted
+    weights.rescale(owner, strength, [2.0] * 3, [1.0] * 3)
+    weights.begin_anew([owner])
+    weights.rescale(owner, strength, [0.5] * 3, [1.0] * 3)
+    assert strength.default_value == 3.0
 
 
 def read_look(program, tmp_path, look):

@@ -234,6 +234,25 @@ fn repair_as_a_program_makes_the_file_whole_again() {
     end_with(at, "ltm", &["repair", "room.ltm", "room.toml", "--samples", "5"], 3, &["another scene"]);
     end_with(at, "ltm", &["repair", "room.ltm", "room.toml"], 0, &["1 blocks rendered again"]);
     assert!(fs::read(at.join("room.ltm")).unwrap() == whole);
+    // One of another seed.
+    succeed(at, "ltm", &["render", "room.toml", "--seed", "5", "-o", "seed.ltm"]);
+    let whole = fs::read(at.join("seed.ltm")).unwrap();
+    flip(&at.join("seed.ltm"), tile_byte(&at.join("seed.ltm")));
+    end_with(at, "ltm", &["repair", "seed.ltm", "room.toml"], 3, &["another scene", "--seed"]);
+    end_with(at, "ltm", &["repair", "seed.ltm", "room.toml", "--seed", "5"], 0, &["1 blocks rendered again"]);
+    assert!(fs::read(at.join("seed.ltm")).unwrap() == whole);
+}
+
+#[test]
+fn a_preview_comes_before_a_pack_as_before_a_matrix() {
+    let folder = room();
+    let at = folder.path();
+    succeed(at, "ltm", &["render", "room.toml", "--pack", "-o", "p.ltc", "--preview=only"]);
+    assert!(at.join("p-preview.png").exists() && !at.join("p.ltc").exists());
+    // What is in the way is said before a pilot, and nothing of it is kept.
+    let render = ["render", "room.toml", "--pack", "-o", "room.ltc", "--error", "5%"];
+    end_with(at, "ltm", &render, 3, &["exists already"]);
+    assert!(!at.join("room.ltc.samples").exists());
 }
 
 #[test]
@@ -317,6 +336,12 @@ fn files_outside_of_a_folder_need_the_flag_or_the_library() {
     let relight = ["relight", "room.ltc", "--device", "cpu", "-o", "o.exr", "-l", "from afar/l.toml"];
     end_with(at, "ltm", &relight, 3, &["pattern.exr", "outside", "--allow-outside"]);
     succeed(at, "ltm", &[&relight[..], &["--allow-outside"]].concat());
+    let share = ["share", "room.ltc", "--single", "-o", "o.html", "-l", "from afar/l.toml"];
+    let info = ["info", "room.ltc", "--json", "-l", "from afar/l.toml"];
+    for asked in [&share[..], &info] {
+        end_with(at, "ltm", asked, 3, &["pattern.exr", "outside", "--allow-outside"]);
+        succeed(at, "ltm", &[asked, &["--allow-outside"]].concat());
+    }
 }
 
 #[test]

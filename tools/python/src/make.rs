@@ -167,12 +167,16 @@ pub(crate) fn write_array<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<()> {
     with_images(py, &array, (lights, source, block_side), progress.as_ref(), |images, job, watch| {
-        let writer = StoreWriter::create(&path, job, StoreOptions { overwrite, ..Default::default() })?;
+        let writer = StoreWriter::create_or_resume(&path, job, StoreOptions { overwrite, ..Default::default() })?;
         watch.begin("writing", u64::from(job.shape.block_count()), "blocks");
         let mut block = TracedBlock::default();
         for id in job.shape.blocks() {
             if watch.interrupted() {
-                return Err(Error::Interrupted("the matrix is not finished".into()));
+                return Err(Error::Interrupted("the same call continues".into()));
+            }
+            if writer.is_committed(id) {
+                watch.advance(1, 0, "B");
+                continue;
             }
             images.read_block(id, &mut block)?;
             writer.write_block(id, &block)?;

@@ -73,6 +73,8 @@ struct Opened {
     /// None: not asked for yet.
     relighter: Mutex<Option<Option<Arc<CpuRelighter>>>>,
     gpu: Mutex<Gpu>,
+    /// Held by the thread that relights on the GPU, one at a time.
+    gpu_turn: Mutex<()>,
     memory_bytes: Option<u64>,
     gpu_memory_bytes: Option<u64>,
 }
@@ -127,7 +129,7 @@ impl Opened {
         pixels: &mut [[f32; CHANNELS]],
     ) -> Result<()> {
         if let Some(gpu) = self.on_gpu(device)? {
-            match on_pool(|| gpu.relight(lightings, region, pixels)) {
+            match self.relight_on_gpu(&gpu, lightings, region, pixels) {
                 // The CPU's strict way says what is damaged, or that it is not in the region.
                 Ok(()) if gpu.is_damaged() => {}
                 // A device that is lost is lost for good.
@@ -138,6 +140,19 @@ impl Opened {
             }
         }
         self.relight_on_cpu(lightings, region, pixels)
+    }
+
+    fn relight_on_gpu(
+        &self,
+        gpu: &OnGpu,
+        lightings: &[Lighting],
+        region: PixelRect,
+        pixels: &mut [[f32; CHANNELS]],
+    ) -> Result<()> {
+        // Not from a thread of the pool: the relighter locks itself and works on the pool, whose threads would take up another call
+        // while they wait, and lock it again.
+        let _turn = self.gpu_turn.lock().unwrap_or_else(PoisonError::into_inner);
+        on_pool(|| gpu.relight(lightings, region, pixels))
     }
 
     fn relight_on_cpu(&self, lightings: &[Lighting], region: PixelRect, pixels: &mut [[f32; CHANNELS]]) -> Result<()> {
@@ -180,7 +195,7 @@ impl Opened {
                 // Nothing is demanded: what does not work is not used.
                 None => open().ok(),
             };
-            let is_faster = made.as_ref().map_or(Ok(false), |made| self.is_faster(made))?;
+            let is_faster = made.as_ref().is_some_and(|made| self.is_faster(made));
             if is_faster {
                 held.factors = made;
             }
@@ -189,14 +204,15 @@ impl Opened {
         Ok(held.factors.clone().filter(|_| held.is_chosen == Some(true)))
     }
 
-    fn is_faster(&self, gpu: &OnGpu) -> Result<bool> {
+    /// Not where one of the two fails: what is damaged is said where it is asked for.
+    fn is_faster(&self, gpu: &OnGpu) -> bool {
         let shape = self.source.shape();
         let whole = PixelRect { x: 0, y: 0, width: shape.width(), height: shape.height() };
         let lighting = [Lighting::of_scene(&self.source.job().basis)];
         let mut pixels = vec![[0.0; CHANNELS]; whole.pixels()];
-        let on_gpu = second_run(|| on_pool(|| gpu.relight(&lighting, whole, &mut pixels)));
-        let on_cpu = second_run(|| self.relight_on_cpu(&lighting, whole, &mut pixels))?;
-        Ok(on_gpu.is_ok_and(|on_gpu| on_gpu < on_cpu))
+        let on_gpu = second_run(|| self.relight_on_gpu(gpu, &lighting, whole, &mut pixels));
+        let on_cpu = second_run(|| self.relight_on_cpu(&lighting, whole, &mut pixels));
+        on_gpu.ok().zip(on_cpu.ok()).is_some_and(|(on_gpu, on_cpu)| on_gpu < on_cpu)
     }
 
     fn adjoint(&self, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
@@ -238,7 +254,7 @@ impl Native {
     fn new(py: Python<'_>, path: PathBuf, memory_bytes: Option<u64>, gpu_memory_bytes: Option<u64>) -> PyResult<Self> {
         let source = unlocked(py, || on_pool(|| Source::open(&path)))?;
         let (relighter, gpu) = (Mutex::new(None), Mutex::default());
-        let opened = Opened { source, relighter, gpu, memory_bytes, gpu_memory_bytes };
+        let opened = Opened { source, relighter, gpu, gpu_turn: Mutex::default(), memory_bytes, gpu_memory_bytes };
         Ok(Self { path, opened: RwLock::new(Some(Arc::new(opened))) })
     }
 

@@ -36,16 +36,25 @@ export const room = (() => {
 
 /**
  * A static server of the room's page on the loopback. `ranges`: whether it knows them; `data`: what it serves in place of the data;
- * `bytesPerSec`: how fast. `asked`: what was asked of it.
+ * `bytesPerSec`: how fast; `outage`: how often the data break off or are not to be had at all; `policy`: its Content-Security-Policy.
+ * `asked`: what was asked of it.
  */
-export async function serve({ page, data, ranges = true, bytesPerSec = 0, whole = data }) {
+export async function serve({ page, data, ranges = true, bytesPerSec = 0, outage = 0, policy = '', whole = data }) {
   const asked = [];
   const server = createServer(async (request, response) => {
     const { pathname } = new URL(request.url, 'http://localhost');
     asked.push({ path: pathname, range: request.headers.range });
     const body = pathname === '/' || pathname === '/index.html' ? page : pathname === '/picture.lts' ? data : null;
     if (!body) return response.writeHead(404).end();
+    if (body !== page && outage > 0) {
+      const isFirst = asked.filter(({ path }) => path === pathname).length === 1;
+      outage--;
+      if (!isFirst) return request.socket.destroy();
+      response.writeHead(200, { 'content-length': body.length });
+      return response.write(body.subarray(0, body.length / 2), () => request.socket.destroy());
+    }
     const type = body === page ? 'text/html' : 'application/octet-stream';
+    if (policy) response.setHeader('content-security-policy', policy);
     const range = ranges && /^bytes=(\d+)-(\d*)$/.exec(request.headers.range ?? '');
     if (range) {
       // A part is asked for once more because it was damaged on the way: now it comes as it is.

@@ -75,6 +75,20 @@ describe('loading', { skip: !hasBrowser }, () => {
     await page.context().close();
   });
 
+  it('goes on where the connection was gone for a while', async () => {
+    const { page, asked, damage } = await loaded({ outage: 4 }, 'complete', 'damaged');
+    assert.equal(damage, '');
+    assert.ok(asked.filter(({ range }) => range).length >= 4);
+    assert.deepEqual(await pictureOf(page), whole);
+    await page.context().close();
+  });
+
+  it('says so where a server lets a page start no workers', async () => {
+    const { page, damage } = await loaded({ policy: "worker-src 'none'" }, 'failed', 'complete');
+    assert.match(damage, /cannot be shown: .*workers/);
+    await page.context().close();
+  });
+
   it('says which part is damaged, and shows the rest', async () => {
     const { page, damage } = await loaded({ data: flipped(1, 0), ranges: false }, 'damaged');
     assert.match(damage, /The data are damaged.*coarse, pixels 0 to 31 across, 0 to 31 down: it does not fit its checksum/);

@@ -238,7 +238,11 @@ impl Desk {
             let is_new = canvas.is_none() || self.shared.wishes().picture.is_some();
             if let Some(request) = self.newest().filter(|_| is_new) {
                 let begun = Instant::now();
-                canvas = Some(self.begin(pages, request, canvas.take())?);
+                match self.begin(pages, request, canvas.take()) {
+                    Ok(begun) => canvas = Some(begun),
+                    Err(error) if self.goes_on(&error) => continue,
+                    Err(error) => return Err(error),
+                }
                 let canvas = canvas.as_ref().expect("it was just made");
                 let done = (pages.held.len() + canvas.refined) as f32 / all as f32;
                 let progress = Progress { base: 1.0, whole: done.min(1.0) };
@@ -257,7 +261,11 @@ impl Desk {
                     pace.begin();
                     let lighting = canvas.request.lighting.clone();
                     let left = &canvas.order[canvas.refined..];
-                    canvas.refined += pages.refine(&lighting, left, pace.step, &mut canvas.image)?;
+                    match pages.refine(&lighting, left, pace.step, &mut canvas.image) {
+                        Ok(refined) => canvas.refined += refined,
+                        Err(error) if self.goes_on(&error) => continue,
+                        Err(error) => return Err(error),
+                    }
                     pace.has_read();
                     self.meter(&pages.base, pages.resident_bytes());
                     let left = canvas.order.len() - canvas.refined;
@@ -276,14 +284,33 @@ impl Desk {
                     }
                 }
                 None => {
-                    let Some(wishes) = self.shared.wait() else { return Ok(()) };
-                    let mut waiting = self.shared.wishes();
-                    // What came in the meantime is newer.
-                    waiting.picture = waiting.picture.take().or(wishes.picture);
-                    waiting.pixel = waiting.pixel.or(wishes.pixel);
+                    if !self.await_wishes() {
+                        return Ok(());
+                    }
                 }
             }
         }
+    }
+
+    /// Waits until something is wished; whether it was, and not the end.
+    fn await_wishes(&self) -> bool {
+        let Some(wishes) = self.shared.wait() else { return false };
+        let mut waiting = self.shared.wishes();
+        // What came in the meantime is newer.
+        waiting.picture = waiting.picture.take().or(wishes.picture);
+        waiting.pixel = waiting.pixel.or(wishes.pixel);
+        true
+    }
+
+    /// Tells of an error of reading and waits for the next wish, with which it may be gone: a disk or network may be back. Not where
+    /// the desk is to end, or another is to go on.
+    fn goes_on(&self, error: &Error) -> bool {
+        let passes = matches!(error, Error::Io { .. });
+        if passes {
+            self.outbox.send(Event::Failed(format!("{error}; it is tried again with the next change")));
+            self.await_wishes();
+        }
+        passes
     }
 
     /// A picture of what is held, or the one at hand where only its display has changed.

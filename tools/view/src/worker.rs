@@ -16,6 +16,7 @@ pub use super::metered::Meter;
 use super::metered::Metered;
 use super::reach::Reach;
 use super::surfaces::Surfaces;
+use super::unsaved::LeftBehind;
 use ltm::container::ContainerReader;
 use ltm::error::Result;
 use ltm::image::LinearImage;
@@ -150,6 +151,8 @@ pub enum Brought {
     Recovered {
         /// What it is.
         saved: Box<Saved>,
+        /// Where it was written down.
+        left: LeftBehind,
     },
     /// The work was written down, in case the window ends by force.
     Unsaved(Result<()>),
@@ -161,6 +164,8 @@ pub enum Brought {
     SnapshotImage {
         /// The snapshot's name.
         name: String,
+        /// Revision of the snapshots for which it was made.
+        revision: u64,
         /// The picture.
         image: Arc<LinearImage>,
     },

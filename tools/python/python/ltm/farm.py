@@ -342,7 +342,7 @@ def main(words: list[str] | None = None) -> int:
     logging.basicConfig(format="%(message)s", level=logging.WARNING)
     try:
         plan = _planned(asked.scene, asked.plan)
-        out = asked.output or Path(asked.scene.name.removesuffix(".plan.json").removesuffix(asked.scene.suffix)).with_suffix(".ltc")
+        out = asked.output or Path(asked.scene.name.removesuffix(".plan.json").removesuffix(asked.scene.suffix) + ".ltc")
         with _cluster(asked) as client:
             render(plan, client, out, asked.shards, retries=asked.retries, threads=asked.threads, overwrite=asked.force)
     except KeyboardInterrupt:
@@ -356,16 +356,23 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _planned(scene: Path, words: str) -> Path:
-    """The plan of a scene, made unless it is there."""
+    """The plan of a scene, made unless it is there: with the same words and newer than the scene, or made by hand."""
     if scene.suffix == ".json":
         return scene
     plan = Path(scene.with_suffix(".plan.json").name)
+    if plan.exists():
+        made_with = json.loads(plan.read_text()).get("words")
+        if made_with is None and words:
+            raise FarmError(f"{plan} is there and was not made here; give it in place of the scene, or move it away")
+        if made_with is None or (made_with == words and plan.stat().st_mtime >= scene.stat().st_mtime):
+            return plan
     command = [_program(None), "plan", str(scene), "-o", str(plan), "--force", *shlex.split(words)]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
     # Of a plan that was made, the first line; the second says what is done here next.
     print("".join(done.stdout.splitlines(keepends=True)[:1]), end="", file=sys.stderr)
     if done.returncode:
         raise FarmError("ltm plan failed; what it said stands above")
+    plan.write_text(json.dumps({**json.loads(plan.read_text()), "words": words}, indent=1))
     return plan
 
 

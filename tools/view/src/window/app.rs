@@ -44,6 +44,8 @@ pub struct App {
     after_save: Option<Next>,
     /// Whether the window may close: nothing is lost, or the question was answered.
     may_close: bool,
+    /// Whether the window closes once what is being written is.
+    closes_when_written: bool,
     /// Whether the window's size is settled: it was asked for, or made to fit the screen.
     fits: bool,
     /// What the window is called.
@@ -96,6 +98,7 @@ impl App {
             question: None,
             after_save: None,
             may_close: false,
+            closes_when_written: false,
             fits: options.size.is_some() || screenshot.is_some(),
             title: String::new(),
             panels: true,
@@ -159,6 +162,10 @@ impl App {
 
     fn do_next(&mut self, context: &egui::Context, next: Next) {
         match next {
+            Next::Close if self.is_writing() && !self.closes_when_written => {
+                self.closes_when_written = true;
+                self.tell_document("Closing once what is being written is; close again to leave it unfinished");
+            }
             Next::Close => {
                 if let Some(document) = &mut self.document {
                     document.autosave.forget();
@@ -225,8 +232,35 @@ impl App {
         if self.document.as_ref().is_some_and(Document::is_modified) {
             context.send_viewport_cmd(egui::ViewportCommand::CancelClose);
             self.question = Some(Question::Unsaved(Next::Close));
+        } else if self.is_writing() && !self.closes_when_written {
+            context.send_viewport_cmd(egui::ViewportCommand::CancelClose);
+            self.do_next(context, Next::Close);
         } else if let Some(document) = &mut self.document {
             document.autosave.forget();
+        }
+    }
+
+    /// Whether something is under way that would be lost with the window: an animation, a report, pictures.
+    fn is_writing(&self) -> bool {
+        self.document.as_ref().is_some_and(|document| document.files.beside > 0)
+    }
+
+    fn tell_document(&mut self, message: &str) {
+        if let Some(document) = &mut self.document {
+            document.files.message = Some((message.to_owned(), false));
+        }
+    }
+
+    /// Closes the window once all that was under way is written.
+    fn close_when_written(&mut self, context: &egui::Context) {
+        if !self.closes_when_written || self.is_writing() || self.may_close {
+            return;
+        }
+        let said = self.document.as_ref().and_then(|document| document.files.message.as_ref());
+        match said {
+            // What failed is to be read.
+            Some((_, true)) => self.closes_when_written = false,
+            _ => self.do_next(context, Next::Close),
         }
     }
 
@@ -325,6 +359,7 @@ impl App {
         self.ask(&context);
         self.choose(&context);
         self.go_on_after_save(&context);
+        self.close_when_written(&context);
         self.set_title(&context);
         if self.help {
             help(&context, &mut self.help);

@@ -35,6 +35,11 @@ impl Autosave {
         Self { state_folder, ..Default::default() }
     }
 
+    /// Goes on in a document that was opened anew: what the old one's worker was writing is not heard of any more.
+    pub(super) fn go_on(&mut self) {
+        (self.is_writing, self.written) = (false, None);
+    }
+
     /// Takes away what was written: the work is saved, or is not wanted.
     pub(super) fn forget(&mut self) {
         self.place.take().into_iter().for_each(Unsaved::forget);

@@ -121,6 +121,11 @@ impl Comparison {
         self.thumbnails.remove(name);
     }
 
+    /// Makes all small pictures anew: the snapshots are others, whatever their names.
+    pub(super) fn forget_thumbnails(&mut self) {
+        self.thumbnails.clear();
+    }
+
     /// Takes a snapshot away.
     pub(super) fn remove(&mut self, index: usize) {
         self.thumbnails.remove(&self.snapshots.list()[index].name);

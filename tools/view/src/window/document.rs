@@ -119,6 +119,7 @@ impl Document {
         };
         self.files.message = Some((format!("Reloaded with your mix{lost}"), !lost.is_empty()));
         self.autosave = old.autosave;
+        self.autosave.go_on();
     }
 
     pub(super) fn basis(&self) -> &LightBasis {
@@ -196,9 +197,12 @@ impl Document {
                     self.files.message = Some((format!("{} damaged {blocks}: {first}", lines.len()), true));
                 }
                 Event::Brought(Ok(Brought::Unsaved(outcome))) => self.autosaved(outcome),
-                Event::Brought(Ok(Brought::SnapshotImage { name, image })) => {
+                Event::Brought(Ok(Brought::SnapshotImage { name, revision, image })) => {
                     self.compare.is_relighting = false;
-                    self.compare.snapshots.set_image(&name, image);
+                    // Else it may be the picture of another of that name, and is made again.
+                    if revision == self.compare.snapshots.revision() {
+                        self.compare.snapshots.set_image(&name, image);
+                    }
                 }
                 Event::Brought(Ok(Brought::Difference(of, difference))) => {
                     self.compare.take_difference(context, of, difference);
@@ -269,7 +273,8 @@ impl Document {
         self.refresh_features(context);
         let relit = self.requests.lit.as_ref() != Some(&self.work.mix);
         let compared = self.compare.compared();
-        let display = (self.view.display, self.compare.snapshots.compared(), compared.is_some());
+        let image = compared.as_ref().map(|compared| Arc::as_ptr(&compared.image) as usize);
+        let display = (self.view.display, self.compare.snapshots.compared(), image);
         if !relit && self.requests.display == Some(display) {
             return;
         }
@@ -356,6 +361,7 @@ impl Document {
         }
         let Some((name, mix)) = self.compare.snapshots.without_image() else { return };
         let (name, lighting) = (name.to_owned(), mix.lighting(self.session.basis()));
+        let revision = self.compare.snapshots.revision();
         let (container, relighter) = (self.session.container.clone(), self.shown.relighter.clone());
         self.compare.is_relighting = true;
         self.session.worker.beside(move || {
@@ -366,7 +372,7 @@ impl Document {
             // One that cannot be made is black, and the picture says why itself.
             let shape = container.shape();
             let image = made.unwrap_or_else(|_| LinearImage::black(shape.width(), shape.height()));
-            Ok(Brought::SnapshotImage { name, image: Arc::new(image) })
+            Ok(Brought::SnapshotImage { name, revision, image: Arc::new(image) })
         });
     }
 }

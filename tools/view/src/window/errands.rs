@@ -73,8 +73,9 @@ impl Document {
                 self.work.is_kept(path, mix, self.compare.snapshots.revision());
                 Ok(message)
             }
-            Brought::Recovered { saved } => {
+            Brought::Recovered { saved, left } => {
                 self.take_look(*saved);
+                self.autosave.recovered = Some(left);
                 Ok("Recovered unsaved work; save it to keep it".to_owned())
             }
             Brought::Image { path, light: None, image } => self.add_reference(&path, image),
@@ -95,6 +96,7 @@ impl Document {
         self.work.replace(mix);
         if !snapshots.is_empty() || !self.compare.snapshots.mixes().is_empty() {
             self.compare.snapshots.read(snapshots);
+            self.compare.forget_thumbnails();
         }
         self.work.keys = keys;
         if let Some(display) = display {
@@ -139,11 +141,11 @@ impl Document {
 
     /// Goes on with work that an earlier window left behind.
     pub(super) fn recover(&mut self, left: LeftBehind) {
-        let (container, look) = (self.session.container.clone(), left.look());
-        self.autosave.recovered = Some(left);
+        let container = self.session.container.clone();
+        // Where it cannot be read it stays for another time.
         self.beside(move || {
-            let saved = Box::new(looks::load(&look, &container.job().basis)?);
-            Ok(Brought::Recovered { saved })
+            let saved = Box::new(looks::load(&left.look(), &container.job().basis)?);
+            Ok(Brought::Recovered { saved, left })
         });
     }
 

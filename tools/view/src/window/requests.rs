@@ -17,8 +17,8 @@ pub(super) struct Requests {
     pub(super) lit: Option<Mix>,
     /// What each column brings to the picture, once that is known.
     pub(super) reach: Option<Reach>,
-    /// The newest display, and how many compared pictures there were by then.
-    pub(super) display: Option<(Display, Option<usize>, bool)>,
+    /// The newest display, the snapshot that the picture was compared with by then, and the place of that one's image.
+    pub(super) display: Option<(Display, Option<usize>, Option<usize>)>,
     /// Generations of the newest request, and of the newest that changed the lighting.
     pub(super) generation: u64,
     pub(super) relit: u64,

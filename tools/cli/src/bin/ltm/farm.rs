@@ -105,9 +105,9 @@ pub(crate) fn merge(options: &Merge, plan: &Path, console: &Console) -> Result<(
         return list(&plan, &shards, listing);
     }
     if !shards.missing.is_empty() {
+        // Nothing else goes to standard output then.
         list(&plan, &shards, Listing::Ranges)?;
-    }
-    if shards.non_finite > 0 {
+    } else if shards.non_finite > 0 {
         say!("{} contributions were not finite and were dropped", shards.non_finite);
     }
     let count = shards.count;

@@ -18,7 +18,7 @@ use ltm_cli::console::Console;
 use ltm_cli::say;
 use serde_json::{Value, json};
 
-use crate::input::{Kind, is_scene, kind_of};
+use crate::input::{Kind, is_scene, kind_of, load_look};
 
 /// Entries of a list that are shown to a person.
 const MOST_LISTED: usize = 40;
@@ -44,7 +44,7 @@ pub(crate) struct Info {
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
-    /// Read files that a scene names outside of its folder and of LTM_SCENES: for scenes whose author you trust.
+    /// Read files that a scene or look names outside of its folder and of LTM_SCENES: for those whose author you trust.
     #[arg(long)]
     allow_outside: bool,
     /// A look file: with --json, each light's weight under it, the mean over its columns (.ltm, .ltc).
@@ -328,7 +328,7 @@ fn lights_json(basis: &LightBasis) -> Value {
 /// by their extents; and whether the first is the same in all.
 fn add_weights(json: &mut Value, job: &Job, options: &Info) -> Result<()> {
     let Some(path) = &options.lighting else { return Ok(()) };
-    let look = ltm::look::load(path, &job.basis)?;
+    let look = load_look(path, &job.basis, options.allow_outside)?;
     let lighting = match &options.look {
         Some(name) => look.named(name)?,
         None => look.lighting(),

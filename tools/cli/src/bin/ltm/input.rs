@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use clap::Args;
+use ltm::light::LightBasis;
+use ltm::look::{self, Look};
 use ltm::pipeline::check_matrix_path;
 use ltm::scene::{LoadOptions, LoadedScene};
 use ltm::{Error, Result};
@@ -11,6 +13,14 @@ pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let (width, height) = text.split_once('x').ok_or("write WIDTHxHEIGHT, for example 1024x768")?;
     let side = |s: &str| s.parse().map_err(|e| format!("'{s}' is not a size ({e})"));
     Ok((side(width)?, side(height)?))
+}
+
+/// Reads a look file, whose images may lie anywhere where that is allowed.
+pub(crate) fn load_look(path: &Path, basis: &LightBasis, allow_outside: bool) -> Result<Look> {
+    match allow_outside {
+        true => look::load_reaching_outside(path, basis),
+        false => look::load(path, basis),
+    }
 }
 
 /// What of a scene is rendered, and what may be read for it.

@@ -82,7 +82,7 @@ enum Command {
     #[command(after_help = "Examples:
   ltm info room.ltc
   ltm info s3://bucket/room.ltc              only its index is fetched
-  ltm info room.ltc --lighting look.toml     what each light gives under a look
+  ltm info room.ltc --json -l look.toml      what each light gives under a look
   ltm info room.glb                          cameras, lights, materials, and what is left out")]
     Info(info::Info),
     /// Read every byte of a .ltm or .ltc file and list what is damaged.

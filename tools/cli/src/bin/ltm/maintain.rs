@@ -8,11 +8,10 @@ use ltm::files::check_output;
 use ltm::host::{Watch, human_bytes, parse_bytes};
 use ltm::matrix::BlockId;
 use ltm::pipeline;
-use ltm::scene::LoadOptions;
 use ltm::{Error, Result};
 
 use crate::farm::{self, Listing};
-use crate::input::{Kind, Overrides, kind_of, parse_size};
+use crate::input::{Kind, Overrides, SceneFiles, kind_of};
 use ltm_cli::console::Console;
 use ltm_cli::say;
 
@@ -20,23 +19,12 @@ use ltm_cli::say;
 pub(crate) struct Repair {
     /// The matrix.
     file: PathBuf,
-    /// The scene file that it was rendered from.
+    /// The scene file that it was rendered from; what follows is to be as it was then.
     scene: PathBuf,
-    /// Samples per pixel it was rendered with [default: the scene file's].
-    #[arg(long)]
-    samples: Option<u32>,
-    /// Image size it was rendered with, WIDTHxHEIGHT [default: the scene file's].
-    #[arg(long, value_parser = parse_size)]
-    size: Option<(u32, u32)>,
-    /// Camera of a glTF file that it was rendered with [default: the first].
-    #[arg(long)]
-    camera: Option<String>,
-    /// Textures may be missing, as when it was rendered.
-    #[arg(long)]
-    allow_missing: bool,
-    /// Files outside of the scene's folder and of LTM_SCENES may be read, as when it was rendered.
-    #[arg(long)]
-    allow_outside: bool,
+    #[command(flatten)]
+    overrides: Overrides,
+    #[command(flatten)]
+    files: SceneFiles,
     /// Memory to stay within, for example 1GiB [default: what the system has].
     #[arg(long, value_parser = parse_bytes)]
     memory: Option<u64>,
@@ -71,15 +59,8 @@ pub(crate) struct Merge {
 }
 
 pub(crate) fn repair(options: &Repair, console: &Console) -> Result<()> {
-    let camera = options.camera.clone();
-    let allowed = LoadOptions {
-        allow_missing: options.allow_missing,
-        allow_outside: options.allow_outside,
-        memory_bytes: options.memory,
-        camera,
-    };
-    let overrides = Overrides { samples: options.samples, size: options.size, seed: None };
-    let loaded = overrides.of(pipeline::load_scene(&options.scene, allowed)?);
+    let allowed = options.files.load_options(options.memory);
+    let loaded = options.overrides.of(pipeline::load_scene(&options.scene, allowed)?);
     let repaired = pipeline::repair(loaded, &options.file, options.memory, console)?;
     say!("{}: {} blocks rendered again", options.file.display(), repaired.len());
     Ok(())
@@ -91,12 +72,13 @@ pub(crate) fn merge(options: &Merge, console: &Console) -> Result<()> {
         return farm::merge(options, plan, console);
     }
     pipeline::admit_merge(parts, *memory)?;
-    let begun = std::cell::Cell::new(false);
-    let progress = |_: u32, blocks: u32| {
-        if !begun.replace(true) {
-            console.begin("joining", u64::from(blocks), "blocks");
+    let before = std::cell::Cell::new(0);
+    let progress = |done: u32, all: u32| {
+        let before = before.replace(done);
+        if before == 0 {
+            console.begin("joining", u64::from(all), "steps");
         }
-        console.advance(1, 0, "B");
+        console.advance(u64::from(done - before), 0, "B");
         !console.interrupted()
     };
     let missing = match kind_of(output)? {

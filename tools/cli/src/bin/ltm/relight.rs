@@ -9,7 +9,7 @@ use ltm::host::{Watch, parse_bytes};
 use ltm::image::LinearImage;
 use ltm::light::names::{fits, suggest};
 use ltm::light::{Job, Light, Lighting};
-use ltm::look::{self, Look};
+use ltm::look::Look;
 use ltm::pipeline::{
     Device, PASSES, RelightOptions, Relighter, open_container, relight_matrix, relight_passes, relit_layers_need_bytes,
     write_relit_layers,
@@ -17,7 +17,7 @@ use ltm::pipeline::{
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 
-use crate::input::{Kind, kind_of};
+use crate::input::{Kind, kind_of, load_look};
 use crate::picture::{Format, Picture, format_of, frame_path};
 use ltm_cli::console::Console;
 use ltm_cli::say;
@@ -184,8 +184,8 @@ struct Task<'a> {
 
 impl<'a> Task<'a> {
     fn new(options: &'a Relight, job: &'a Job, format: Format) -> Result<Self> {
-        let load = if options.allow_outside { look::load_reaching_outside } else { look::load };
-        let look = options.lighting.as_ref().map(|path| load(path, &job.basis)).transpose()?;
+        let load = |path| load_look(path, &job.basis, options.allow_outside);
+        let look = options.lighting.as_deref().map(load).transpose()?;
         let lighting = match (&look, &options.look) {
             (Some(look), Some(name)) => look.named(name)?.clone(),
             (Some(look), None) => look.lighting().clone(),

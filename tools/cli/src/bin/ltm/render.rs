@@ -85,6 +85,22 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let extension = if options.pack { "ltc" } else { "ltm" };
     let output = options.output.clone().unwrap_or_else(|| beside(&options.scene, extension));
     check_name(&output, options.pack)?;
+    if let Some(when) = options.preview {
+        let name = format!("{}-preview.png", output.file_stem().unwrap_or_default().to_string_lossy());
+        let report = pipeline::preview(&loaded, &output.with_file_name(name), console)?;
+        say!(
+            "{}: {}×{} pixels, {} samples per pixel, {:.1} s (the first after {:.1} s)",
+            report.path.display(),
+            report.width,
+            report.height,
+            report.samples_per_pixel,
+            report.seconds,
+            report.first_secs,
+        );
+        if when == Preview::Only {
+            return Ok(());
+        }
+    }
     let rule = StopRule { error: options.error, seconds: options.time, packs: options.pack };
     let (compress, denoise) = (options.compression.settings(), options.compression.denoise());
     let mut pack = PackOptions { compress, denoise, memory_bytes: options.memory, ..Default::default() };
@@ -102,22 +118,6 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
         print_packed(&output, &packed)?;
         packed.exposed.iter().for_each(|error| say_reached(error, samples));
         return Ok(());
-    }
-    if let Some(when) = options.preview {
-        let name = format!("{}-preview.png", output.file_stem().unwrap_or_default().to_string_lossy());
-        let report = pipeline::preview(&loaded, &output.with_file_name(name), console)?;
-        say!(
-            "{}: {}×{} pixels, {} samples per pixel, {:.1} s (the first after {:.1} s)",
-            report.path.display(),
-            report.width,
-            report.height,
-            report.samples_per_pixel,
-            report.seconds,
-            report.first_secs,
-        );
-        if when == Preview::Only {
-            return Ok(());
-        }
     }
     let store = ltm::store::StoreOptions {
         overwrite: options.force,

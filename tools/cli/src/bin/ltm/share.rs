@@ -1,14 +1,16 @@
 //! `ltm share`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ltm::host::{human_bytes, parse_bytes};
 use ltm::light::{LightBasis, Lighting};
+use ltm::look::Look;
 use ltm::pipeline::{self, ShareOptions};
 use ltm::share::SharedLook;
-use ltm::{Error, Result, look};
+use ltm::{Error, Result};
 
+use crate::input::load_look;
 use ltm_cli::console::Console;
 use ltm_cli::say;
 
@@ -25,6 +27,9 @@ pub(crate) struct Share {
     /// A look file (TOML or JSON) whose looks the page offers, and whose groups it shows; may be given several times.
     #[arg(short, long, value_name = "FILE")]
     lighting: Vec<PathBuf>,
+    /// Read images that a look names outside of its folder and of LTM_SCENES: for looks whose author you trust.
+    #[arg(long)]
+    allow_outside: bool,
     /// Title of the page [default: the container's name].
     #[arg(long)]
     title: Option<String>,
@@ -54,7 +59,10 @@ pub(crate) fn run(options: &Share, console: &Console) -> Result<()> {
         memory_bytes: options.memory,
         ..ShareOptions::default()
     };
-    options.lighting.iter().try_for_each(|path| take_looks(path, basis, &mut choices))?;
+    options.lighting.iter().try_for_each(|path| {
+        let file = load_look(path, basis, options.allow_outside)?;
+        take_looks(path, &file, basis, &mut choices)
+    })?;
     let report = pipeline::share(&container, &options.output, &choices, console)?;
     let (total, container_bytes) = (report.total_bytes, container.file_bytes());
     say!(
@@ -68,8 +76,7 @@ pub(crate) fn run(options: &Share, console: &Console) -> Result<()> {
 }
 
 /// Adds the looks and groups of a look file.
-fn take_looks(path: &std::path::Path, basis: &LightBasis, choices: &mut ShareOptions) -> Result<()> {
-    let file = look::load(path, basis)?;
+fn take_looks(path: &Path, file: &Look, basis: &LightBasis, choices: &mut ShareOptions) -> Result<()> {
     if *file.lighting() != Lighting::of_scene(basis) {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         choices.looks.push(SharedLook { name, lighting: file.lighting().clone() });
