@@ -66,7 +66,7 @@
 //! | `libc` | `store` |
 //! | `memmap2` | `store`, `trace` |
 //! | `rustix` | `files`, `store` |
-//! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share` |
+//! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share`, `store` |
 //! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
 //! | `bytemuck` | `clean`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
 //! | `pulp` | `clean`, `compress`, `container`, `relight`, `store`, `trace` |

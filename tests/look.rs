@@ -240,8 +240,8 @@ fn named_looks_stand_on_the_rules_above_and_keys_blend_them() {
     // Times that are no binary fractions: the last key has its frame.
     let text = "[[look]]\nname = 'a'\n[[look]]\nname = 'b'\n[[look.light]]\nname = '*'\nstops = -1\n\
                 [[key]]\ntime_secs = 0.3\nlook = 'a'\n[[key]]\ntime_secs = 0.9\nlook = 'b'\n";
-    let look = load(text).unwrap();
-    let frames = look.frames(10.0).unwrap();
+    let tenths = load(text).unwrap();
+    let frames = tenths.frames(10.0).unwrap();
     assert_eq!(frames.count(), 7);
     let last = frames.lighting(6).unwrap().weights()[0][0];
     assert!((last - 1.0).abs() < 1e-4, "{last}");

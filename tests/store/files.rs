@@ -298,7 +298,7 @@ fn merging_refuses_an_output_whose_blocks_have_other_places() {
     let at = |name: &str| folder.path().join(name);
     written(&at("a.ltm"), 40, 0..3);
     for (name, other) in [
-        ("planes.ltm", StoreOptions { planes: true, ..options() }),
+        ("bare.ltm", StoreOptions { planes: false, ..options() }),
         ("noise.ltm", StoreOptions { max_probes: options().max_probes + 1, ..options() }),
     ] {
         let job = job(40);
