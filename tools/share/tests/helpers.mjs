@@ -51,7 +51,8 @@ export async function serve({ page, data, ranges = true, bytesPerSec = 0, outage
       outage--;
       if (!isFirst) return request.socket.destroy();
       response.writeHead(200, { 'content-length': body.length });
-      return response.write(body.subarray(0, body.length / 2), () => request.socket.destroy());
+      // Time for the half to arrive.
+      return response.write(body.subarray(0, body.length / 2), () => setTimeout(() => request.socket.destroy(), 300));
     }
     const type = body === page ? 'text/html' : 'application/octet-stream';
     if (policy) response.setHeader('content-security-policy', policy);
