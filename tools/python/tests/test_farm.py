@@ -163,6 +163,26 @@ def test_the_command_line_renders_a_scene(room: Path, tmp_path: Path, monkeypatc
     assert digest(tmp_path / "room.ltc") == digest(room / "single.ltc")
 
 
+def test_a_plan_that_is_there_is_kept(room: Path, tmp_path: Path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("LTM", PROGRAM)
+    scene, plan = room / "room.toml", tmp_path / "room.plan.json"
+    # One that was made here is made anew only with other words.
+    assert farm._planned(scene, "--blocks 6") == Path("room.plan.json")
+    made = plan.read_bytes()
+    farm._planned(scene, "--blocks 6")
+    assert plan.read_bytes() == made
+    farm._planned(scene, "--blocks 4")
+    assert plan.read_bytes() != made
+    # One that was made by hand is used, or in the way.
+    run(PROGRAM, "plan", scene, "-o", plan, "--force", "--samples", "3")
+    made = plan.read_bytes()
+    farm._planned(scene, "")
+    with pytest.raises(farm.FarmError, match="not made here"):
+        farm._planned(scene, "--blocks 6")
+    assert plan.read_bytes() == made
+
+
 def ranges_of(plan: Path) -> list:
     return json.loads(plan.read_text())["ranges"]
 

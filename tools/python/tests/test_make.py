@@ -341,3 +341,18 @@ def test_a_bar_is_shown(images, tmp_path, capfd):
     pytest.importorskip("tqdm")
     ltm.pack(images, tmp_path / "a.ltc", progress=True)
     assert "packing: 100%" in capfd.readouterr().err
+
+
+def test_an_interrupted_write_goes_on(tmp_path):
+    images, path = np.random.default_rng(0).random((40, 240, 320, 3), dtype=np.float32), tmp_path / "a.ltm"
+
+    def stop(stage, done, total):
+        if done > 0:
+            raise KeyError("enough")
+
+    with pytest.raises(KeyError):
+        ltm.write(images, path, block_side=8, progress=stop)
+    assert not path.exists() and (tmp_path / "a.ltm.part").exists()
+    ltm.write(images, path, block_side=8)
+    with ltm.open(path) as m:
+        assert np.array_equal(m[...], images.transpose(1, 2, 3, 0))
