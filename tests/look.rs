@@ -245,6 +245,8 @@ fn named_looks_stand_on_the_rules_above_and_keys_blend_them() {
     assert_eq!(frames.count(), 7);
     let last = frames.lighting(6).unwrap().weights()[0][0];
     assert!((last - 1.0).abs() < 1e-4, "{last}");
+    let late = load(&text.replace("0.3", "0").replace("0.9", "600.1")).unwrap();
+    assert_eq!(late.frames(60.0).unwrap().count(), 36_007);
     assert!(look.named("nigth").err().unwrap().to_string().contains("'night'"));
     assert!(look.frames(0.0).is_err());
 }

@@ -32,7 +32,7 @@ pub struct ContainerOptions {
     pub report: ContainerReport,
     /// Replace a file that exists.
     pub overwrite: bool,
-    /// What the blocks are made from, which is not said in the file: a pack of other ones does not go on with these.
+    /// What the blocks are made from; the file does not say it. An unfinished file is continued only where this is the same.
     pub origin: [u8; 32],
     /// Allow [`ContainerWriter::finish`] with blocks missing: a container of a block range, to be merged later.
     pub partial: bool,

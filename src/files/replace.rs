@@ -67,7 +67,7 @@ impl Replacement {
     pub fn finish(mut self) -> Result<()> {
         self.file.sync_all().map_err(Error::io(&self.path, "write"))?;
         publish(&self.temporary, &self.path, self.overwrite).map_err(|error| match error {
-            // The finished file goes.
+            // It names the temporary file, which is removed with `self`.
             Error::Input { place, problem, .. } => {
                 Error::input(place, problem, "choose another name, or say --force to replace it")
             }

@@ -46,7 +46,7 @@ use crate::light::{LightBasis, Lighting};
 
 /// Bytes of a look file at most.
 const MOST_TEXT_BYTES: u64 = 16 << 20;
-/// What a number of frames may be below a whole one by the rounding of the keys' times, and count as it.
+/// Frames that rounding of the keys' times may take off a whole number, at least.
 const ROUNDING_FRAMES: f64 = 1e-3;
 /// Most memory that the lightings of a file may take.
 const MAX_LIGHTING_BYTES: u64 = 1 << 30;
@@ -161,7 +161,9 @@ impl<'a> Frames<'a> {
         let count = match (keys.first(), keys.last()) {
             // Seconds like 0.9 are no binary fractions: the last key counts where rounding alone puts it between two frames.
             (Some((begin, _)), Some((end, _))) => {
-                ((f64::from(*end) - f64::from(*begin)) * f64::from(frames_per_sec) + ROUNDING_FRAMES).floor() + 1.0
+                let (begin, end, rate) = (f64::from(*begin), f64::from(*end), f64::from(frames_per_sec));
+                let rounding = (end.abs() * f64::from(f32::EPSILON) * rate).max(ROUNDING_FRAMES);
+                ((end - begin) * rate + rounding).floor() + 1.0
             }
             _ => 0.0,
         };

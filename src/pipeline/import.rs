@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use super::grain::{Inside, add_grain};
 use super::imported_features::ImportedFeatures;
 use super::rows::RowSpill;
-use super::spill::spill_path;
+use super::spill::files_of_pack;
 use super::{PackOptions, pack};
 use crate::compress::Compressor;
 use crate::error::{Error, Result};
@@ -134,8 +134,9 @@ impl ImportedMatrix {
         let packing = packing_need(set, block_side, options)?;
         need.most_disk_bytes = need.disk_bytes + packing.most_disk_bytes;
         need.disk_bytes += packing.disk_bytes;
-        let there = spill_path(beside);
-        let threads = need.admit("reading the images, then packing", beside, &[&there], options.memory_bytes, watch)?;
+        let [spill, _, _, part] = files_of_pack(beside);
+        let there = [spill.as_path(), part.as_path()];
+        let threads = need.admit("reading the images, then packing", beside, &there, options.memory_bytes, watch)?;
         let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;
         let mut warnings = set.warnings.clone();
         let mut read = |set: &LightSet, source: &str| -> Result<RowSpill> {

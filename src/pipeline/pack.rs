@@ -226,8 +226,8 @@ impl std::fmt::Display for Shortfall {
     }
 }
 
-/// Compresses `source`, the matrix of `job`, into a container at `path`. Continues where an interrupted run of the same
-/// job and settings stopped.
+/// Compresses `source`, the matrix of `job`, into a container at `path`. Continues where an interrupted run over the same
+/// entries with the same settings stopped.
 ///
 /// # Errors
 /// Those of reading, compressing and writing; [`Error::Interrupted`] when the watch says so, with every analysed
@@ -240,6 +240,8 @@ pub fn pack(
     watch: &dyn Watch,
 ) -> Result<PackReport> {
     let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
+    // Before anything is said of memory and disk.
+    check_container_output(path, options.container.overwrite)?;
     let has_planes = options.denoise && {
         let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * size_of::<f32>()) as u64;
         let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes: reading + block_bytes, ..Need::default() };
@@ -266,7 +268,7 @@ pub(super) struct Packing {
     job: Job,
     analysis: Analysis,
     writer: ContainerWriter,
-    /// Of the job, how its entries are stored, and the settings.
+    /// Of the job, its entries, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
     cleaning: Option<CleaningErrors>,

@@ -99,7 +99,7 @@ pub fn share(
     let folder = tempfile::tempdir().map_err(Error::io(output, "make a temporary folder for"))?;
     let preview = preview_of(container, &folder.path().join("preview.ltc"), options.memory_bytes, watch)?;
     let (small, whole) = (level_of(&preview)?, level_of(container)?);
-    // A stage is stopped in order, so that the temporary folder goes.
+    // Within a stage Ctrl-C returns an error and does not end the process, so that the temporary folder is removed.
     watch.begin("sharing", small.bytes() + whole.bytes(), "bytes");
     let exposure_stops = match options.exposure_stops {
         Some(stops) => Ok(stops),

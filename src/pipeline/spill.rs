@@ -17,7 +17,7 @@ pub(super) fn spill_path(result: &Path) -> PathBuf {
     with_suffix(result, ".spill")
 }
 
-/// The files that packing into `path` keeps beside it until it is done, if it cleans or not.
+/// The files that packing into `path` keeps beside it until it is done, whether or not it cleans.
 pub(super) fn files_of_pack(path: &Path) -> [PathBuf; 4] {
     let of = |name| spill_path(&with_suffix(path, name));
     [spill_path(path), of(GATHERED), of(CLEANED), with_suffix(path, ".part")]

@@ -217,6 +217,14 @@ impl Lights<'_> {
         let radiance = emission.radiance.to_array();
         let (light, layout) = match texels {
             Some(texels) => {
+                let cutout = |&index: &u32| {
+                    let material = self.assembly.mesh.triangles[index as usize].material;
+                    self.assembly.materials[material.0 as usize].cutout
+                };
+                if triangles.iter().any(|index| cutout(index) != cutout(&triangles[0])) {
+                    let problem = format!("'{name}' cannot be cut into texels: different maps cut out its faces");
+                    return Err(Error::input(place, problem, "choose faces of one material"));
+                }
                 let found = rectangle::find(&all).map_err(|reason| {
                     let problem = format!("'{name}' cannot be cut into texels: {reason}");
                     let hint = "choose a flat rectangle, or put a light of kind \"panel\" in its place";

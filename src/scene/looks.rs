@@ -155,7 +155,7 @@ impl Workshop<'_> {
         }
         let look = look_of(source, base);
         let transparent = matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric);
-        if let Some(ior) = source.ior.filter(|ior| transparent && !IORS.contains(ior)) {
+        if let Some(ior) = source.ior.filter(|ior| !IORS.contains(ior) && (transparent || ior > IORS.end())) {
             self.warnings.push(format!("{asked_by}: 'Ni' {ior} is no index of refraction; taken as {USUAL_IOR}"));
         }
         if source.dissolve.is_some_and(|d| d < 0.999) && !transparent {

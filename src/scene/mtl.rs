@@ -104,16 +104,16 @@ fn colour_of(text: &str) -> Option<Vec3> {
 
 /// Whether a map's options scale, move or clamp it.
 fn places_map(text: &str) -> bool {
-    let is_one = |word: &str| word.parse() == Ok(1.0f32);
-    let mut words = text.split_whitespace().peekable();
-    while let Some(word) = words.next() {
-        match (word, words.peek()) {
-            ("-o" | "-t", _) | ("-clamp", Some(&"on")) => return true,
-            ("-s", Some(next)) if !is_one(next) => return true,
-            _ => {}
+    let words: Vec<&str> = text.split_whitespace().collect();
+    words.iter().enumerate().any(|(at, option)| {
+        let mut numbers = words[at + 1..].iter().map_while(|word| word.parse::<f32>().ok());
+        match *option {
+            "-s" => numbers.any(|scale| scale != 1.0),
+            "-o" | "-t" => numbers.any(|offset| offset != 0.0),
+            "-clamp" => words.get(at + 1) == Some(&"on"),
+            _ => false,
         }
-    }
-    false
+    })
 }
 
 /// The file name behind a map's options (`-s 2 2 1 -bm 0.5 wood.png`); names may contain spaces.
@@ -160,8 +160,8 @@ mod tests {
     fn maps_are_found_behind_their_options() {
         assert_eq!(map_of("wood.png").as_deref(), Some("wood.png"));
         let placed = |options: &str| read(&format!("newmtl a\nmap_Kd {options} wood.png\n"))[0].has_placed_maps;
-        assert!(placed("-s 4 4 1") && placed("-o 0.5 0") && placed("-clamp on"));
-        assert!(!placed("") && !placed("-s 1 1 1 -clamp off -bm 0.5"));
+        assert!(placed("-s 4 4 1") && placed("-s 1 4 1") && placed("-o 0.5 0") && placed("-clamp on"));
+        assert!(!placed("") && !placed("-s 1 1 1 -o 0 0 0 -clamp off -bm 0.5"));
         assert_eq!(map_of("-s 2 2 1 -clamp on tex\\my wood.png").as_deref(), Some("tex\\my wood.png"));
         assert_eq!(map_of("-bm 0.5 4.png").as_deref(), Some("4.png"));
         assert_eq!(map_of(""), None);

@@ -46,7 +46,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
             return Err(Error::input(reader.path().display().to_string(), problem, "merge files of one job only"));
         }
     }
-    let options = first.options();
+    let (options, is_new) = (first.options(), !output.exists() && !partial_path(output).exists());
     let (writer, before) = if output.exists() {
         (StoreWriter::reopen(output, first.job(), options)?, StoreReader::open_positioned(output)?)
     } else {
@@ -55,10 +55,21 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
     };
     // Tiles are copied as they are, to where they stood: planes and noise must have the same places.
     if before.layout() != first.layout() {
-        let problem =
-            format!("has other room for planes or noise than {}, or is of another version", first.path().display());
-        let hint = "join them under another name, or render the missing blocks into one of them";
-        return Err(Error::input(output.display().to_string(), problem, hint));
+        let (place, problem, hint) = match is_new {
+            true => (
+                first.path(),
+                "is of an earlier version of the format, which is not written any more".to_owned(),
+                "render it again",
+            ),
+            false => {
+                let problem = format!(
+                    "has other room for planes or noise than {}, or is of another version",
+                    first.path().display()
+                );
+                (output, problem, "join them under another name, or render the missing blocks into one of them")
+            }
+        };
+        return Err(Error::input(place.display().to_string(), problem, hint));
     }
     let blocks = first.shape().block_count();
     let mut report = MergeReport { blocks, ..MergeReport::default() };

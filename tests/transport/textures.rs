@@ -154,6 +154,27 @@ fn an_emitter_gives_light_as_far_as_it_is_there() {
 }
 
 #[test]
+fn samples_of_a_light_and_rays_see_the_same_holes() {
+    // A texelled panel all of whose corners have one place in the map: there or not as a whole, whichever side of the map that is.
+    for (place, is_there) in [(0.25, true), (0.75, false)] {
+        let mut builder = Builder::new(camera(Vec3::new(0.0, 0.7, 2.0), Vec3::new(0.0, 0.0, 0.0), 30.0, 8));
+        builder.quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, lambert(0.6));
+        builder.panel("panel", Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, (2, 2));
+        let mut scene = builder.build();
+        let Emitter::Area(area) = &scene.emitters[0] else { unreachable!() };
+        for &triangle in &area.triangles {
+            for vertex in scene.mesh.triangles[triangle as usize].vertices {
+                scene.mesh.vertices[vertex as usize].uv = glam::Vec2::new(place, 0.5);
+            }
+        }
+        let material = scene.mesh.triangles[area.triangles[0] as usize].material;
+        scene.textures.push(halves([1.0; 4], [1.0, 1.0, 1.0, 0.0]));
+        scene.materials[material.0 as usize].cutout = Some(TextureId(0));
+        assert_eq!(mean(&image(scene, 64, 3)) > 0.0, is_there);
+    }
+}
+
+#[test]
 fn a_pattern_lies_by_the_texture_coordinates_of_its_surface() {
     let mut builder = Builder::new(camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 40.0, 8));
     builder.panel("panel", Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, (2, 2));

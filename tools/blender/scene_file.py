@@ -61,7 +61,6 @@ def write(context):
 
 def _write(context, where, name, remarks):
     scene = context.scene
-    weights.begin_anew([*bpy.data.materials, *bpy.data.worlds])
     camera = camera_entry(scene, remarks)
     surfaces = where / f"{name}.glb"
     glb.write(surfaces)
@@ -93,6 +92,7 @@ def _write(context, where, name, remarks):
     file = where / f"{name}.toml"
     file.write_text("\n".join(parts), encoding="utf-8")
     groups = write_groups(scene, lights, where / f"{name}.look.toml")
+    weights.begin_anew([*bpy.data.materials, *bpy.data.worlds])
     return Written(file, groups, [entry["name"] for entry in lights], remarks)
 
 

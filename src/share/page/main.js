@@ -320,8 +320,11 @@ class Page {
     } catch (error) {
       // A GPU that is lost may say so here before it does by itself: the workers take over.
       const { way } = this.engine;
-      if (way === 'worker') throw error;
       console.info(String(error));
+      if (way === 'worker') {
+        if (document.body.dataset.state !== 'failed') this.tell(`This mix could not be shown: ${error}.`);
+        return;
+      }
       if (way !== '') this.engine.fallBack(way);
       this.isWanted = true;
     } finally {
@@ -386,8 +389,15 @@ class Page {
     output.textContent = `${at.x}, ${at.y}   ${unit}\n${rgb.map(short).join('  ')}`;
   }
 
+  /** @param {string} problem */
+  tell(problem) {
+    byId('damage').textContent = problem;
+    byId('damage').hidden = false;
+  }
+
   /** @param {number} level @param {number} layer @param {number | null} id @param {string} why */
   lost(level, layer, id, why) {
+    if (document.body.dataset.state === 'failed') return;
     const which = level === 0 ? 'preview' : LAYER_NAMES[layer] ?? `layer ${layer}`;
     let where = `all that is missing of it`;
     if (id !== null) {

@@ -85,16 +85,20 @@ export class Crew {
    * @param {string} script the page's own script
    * @param {number} count
    * @param {(news: BlockNews) => void} onBlock
-   * @param {(why: string) => void} onFailure of a worker that does not start, or breaks: nothing more comes of it
+   * @param {(why: string) => void} onFailure of a worker that does not start
    */
   constructor(script, count, onBlock, onFailure) {
     this.token = 0;
-    /** @type {Map<number, { resolve: (value: any) => void, reject: (error: Error) => void }>} */
+    /** @type {Map<number, { worker: number, resolve: (value: any) => void, reject: (error: Error) => void }>} */
     this.waiting = new Map();
+    /** Why there is nothing to ask. */
+    this.failure = '';
     this.url = URL.createObjectURL(new Blob([script], { type: 'text/javascript' }));
-    this.workers = Array.from({ length: count }, () => {
+    this.workers = Array.from({ length: count }, (_, index) => {
+      let isStarted = false;
       const worker = new Worker(this.url);
       worker.onmessage = (/** @type {{ data: News }} */ { data: news }) => {
+        isStarted = true;
         if (news.type === 'block') {
           onBlock(news);
         } else {
@@ -104,9 +108,13 @@ export class Crew {
       };
       worker.onerror = (event) => {
         const why = event.message || 'this browser or server lets the page start no workers';
-        this.waiting.forEach(({ reject }) => reject(new Error(why)));
-        this.waiting.clear();
-        onFailure(why);
+        if (!isStarted) this.failure = why;
+        this.waiting.forEach((asked, token) => {
+          if (isStarted && asked.worker !== index) return;
+          this.waiting.delete(token);
+          asked.reject(new Error(why));
+        });
+        if (!isStarted) onFailure(why);
       };
       return worker;
     });
@@ -134,8 +142,9 @@ export class Crew {
   /** @param {number} worker @param {any} order @returns {Promise<any>} */
   ask(worker, order) {
     const token = ++this.token;
+    if (this.failure) return Promise.reject(new Error(this.failure));
     return new Promise((resolve, reject) => {
-      this.waiting.set(token, { resolve, reject });
+      this.waiting.set(token, { worker, resolve, reject });
       this.workers[worker].postMessage({ ...order, token });
     });
   }

@@ -16,7 +16,8 @@ pub(super) struct AreaLight {
     pattern: Option<Paint>,
     /// Texture coordinates of a rectangle's corner with texel (0, 0), and what they grow by to the one opposite.
     uvs: [Vec2; 2],
-    /// What has cut holes into a rectangle.
+    /// The same of the map that cuts holes into a rectangle; one place where the surface has no coordinates.
+    hole_uvs: [Vec2; 2],
     cutout: Option<TextureId>,
     triangles: Vec<u32>,
     /// The triangles themselves, of lights that are sampled by them.
@@ -42,8 +43,8 @@ struct LightPoint {
     /// Of the front.
     normal: Vec3,
     uv: Vec2,
-    /// What may have cut a hole there.
-    cutout: Option<TextureId>,
+    /// What may have cut a hole there, and its place in that.
+    cutout: Option<(TextureId, Vec2)>,
     column: u32,
 }
 
@@ -88,11 +89,13 @@ impl AreaLight {
         let size = corners().fold(Vec2::NEG_INFINITY, Vec2::max) - low;
         // A rectangle without coordinates of its own takes the unit square.
         let uvs = if size.cmpgt(Vec2::ZERO).all() { [low, size] } else { [Vec2::ZERO, Vec2::ONE] };
+        // One for the whole rectangle: others are refused where the scene is read.
         let cutout = shapes.first().and_then(|shape| shape.cutout);
         let is_whole = matches!(emitter.layout, AreaLayout::Whole);
         Ok(Self {
             shapes: if is_whole { shapes } else { Vec::new() },
             uvs,
+            hole_uvs: [low, size],
             cutout,
             layout: emitter.layout,
             two_sided: emitter.two_sided,
@@ -130,7 +133,7 @@ impl AreaLight {
     /// Whether the light is not there.
     #[inline(always)]
     fn is_hole(scene: &Scene, at: &LightPoint) -> bool {
-        at.cutout.is_some_and(|id| scene.textures[id.0 as usize].sample(at.uv)[3] < CUT_OUT)
+        at.cutout.is_some_and(|(id, uv)| scene.textures[id.0 as usize].sample(uv)[3] < CUT_OUT)
     }
 
     /// A point of the light, uniform over the area, so that every texel gets the same number of samples.
@@ -143,7 +146,7 @@ impl AreaLight {
                     position: origin + edge_u * pair.x + edge_v * pair.y,
                     normal,
                     uv: self.uvs[0] + pair * self.uvs[1],
-                    cutout: self.cutout,
+                    cutout: self.cutout.map(|id| (id, self.hole_uvs[0] + pair * self.hole_uvs[1])),
                     column: texel(pair.y, down) * across + texel(pair.x, across),
                 }
             }
@@ -151,11 +154,12 @@ impl AreaLight {
                 let (index, x) = self.choose(pair.x);
                 let Shape { corner, edges, normal, uvs, cutout } = &self.shapes[index];
                 let (u, v) = uniform_triangle(Vec2::new(x, pair.y));
+                let uv = uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v;
                 LightPoint {
                     position: *corner + edges[0] * u + edges[1] * v,
                     normal: *normal,
-                    uv: uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v,
-                    cutout: *cutout,
+                    uv,
+                    cutout: cutout.map(|id| (id, uv)),
                     column: 0,
                 }
             }

@@ -342,7 +342,7 @@ pub(crate) fn merge(
         let mut told = 0;
         let mut step = |done: u32, total: u32| {
             if told == 0 {
-                watch.begin("joining", u64::from(total), "blocks");
+                watch.begin("joining", u64::from(total), "steps");
             }
             watch.advance(u64::from(done - told), 0, "B");
             told = done;

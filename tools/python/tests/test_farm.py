@@ -174,12 +174,21 @@ def test_a_plan_that_is_there_is_kept(room: Path, tmp_path: Path, monkeypatch):
     assert plan.read_bytes() == made
     farm._planned(scene, "--blocks 4")
     assert plan.read_bytes() != made
+    # Or for another scene of that name, or one that has changed; one that was cut short is none.
+    elsewhere = shutil.copytree(room, tmp_path / "elsewhere") / "room.toml"
+    elsewhere.write_text(elsewhere.read_text().replace("[render]", "[render]\nseed = 7"))
+    farm._planned(elsewhere, "--blocks 4")
+    assert json.loads(plan.read_text())["scene"] == str(elsewhere)
+    plan.write_text("{")
+    farm._planned(scene, "--blocks 4")
+    assert json.loads(plan.read_text())["scene"] == str(scene)
     # One that was made by hand is used, or in the way.
     run(PROGRAM, "plan", scene, "-o", plan, "--force", "--samples", "3")
     made = plan.read_bytes()
     farm._planned(scene, "")
-    with pytest.raises(farm.FarmError, match="not made here"):
-        farm._planned(scene, "--blocks 6")
+    for other, words in ((scene, "--blocks 6"), (elsewhere, "")):
+        with pytest.raises(farm.FarmError, match="not made here"):
+            farm._planned(other, words)
     assert plan.read_bytes() == made
 
 

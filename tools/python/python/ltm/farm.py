@@ -356,23 +356,32 @@ def main(words: list[str] | None = None) -> int:
 
 
 def _planned(scene: Path, words: str) -> Path:
-    """The plan of a scene, made unless it is there: with the same words and newer than the scene, or made by hand."""
+    """The plan of a scene. One that is there is kept if it was made by hand, or is of the same job with the same words; else it is made."""
     if scene.suffix == ".json":
         return scene
     plan = Path(scene.with_suffix(".plan.json").name)
-    if plan.exists():
-        made_with = json.loads(plan.read_text()).get("words")
-        if made_with is None and words:
+    try:
+        held = json.loads(plan.read_text())
+    except (FileNotFoundError, ValueError):
+        held = {}
+    if held and "words" not in held:
+        if words or Path(held.get("scene", "")).resolve() != scene.resolve():
             raise FarmError(f"{plan} is there and was not made here; give it in place of the scene, or move it away")
-        if made_with is None or (made_with == words and plan.stat().st_mtime >= scene.stat().st_mtime):
-            return plan
-    command = [_program(None), "plan", str(scene), "-o", str(plan), "--force", *shlex.split(words)]
+        return plan
+    made = plan.with_suffix(".new.json")
+    command = [_program(None), "plan", str(scene), "-o", str(made), "--force", *shlex.split(words)]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
     # Of a plan that was made, the first line; the second says what is done here next.
     print("".join(done.stdout.splitlines(keepends=True)[:1]), end="", file=sys.stderr)
     if done.returncode:
         raise FarmError("ltm plan failed; what it said stands above")
-    plan.write_text(json.dumps({**json.loads(plan.read_text()), "words": words}, indent=1))
+    content = json.loads(made.read_text())
+    if (held.get("fingerprint"), held.get("words")) == (content["fingerprint"], words):
+        # Its ranges are those of the shards that may be there.
+        made.unlink()
+        return plan
+    made.write_text(json.dumps({**content, "words": words}, indent=1))
+    made.replace(plan)
     return plan
 
 

@@ -9,6 +9,7 @@ use eframe::egui_wgpu::RenderState;
 
 use super::chooser::{Answer, Chooser, Purpose};
 use super::document::{Document, Opening};
+use super::errands::UnderWay;
 use super::keys::{Action, act, help, pressed};
 use super::layout::{Tab, show_document};
 use super::native_dialog::{NativeDialog, Outcome};
@@ -44,8 +45,8 @@ pub struct App {
     after_save: Option<Next>,
     /// Whether the window may close: nothing is lost, or the question was answered.
     may_close: bool,
-    /// Whether the window closes once what is being written is.
-    closes_when_written: bool,
+    /// Whether it was said that something is being written still: who closes the window again means it.
+    warned_of_writing: bool,
     /// Whether the window's size is settled: it was asked for, or made to fit the screen.
     fits: bool,
     /// What the window is called.
@@ -90,7 +91,7 @@ impl App {
             document: None,
             message: None,
             recent,
-            opening: Opening { means, state, state_folder: options.state_folder },
+            opening: Opening { means, state, state_folder: options.state_folder, under_way: UnderWay::default() },
             chooser: None,
             dialog: None,
             native_dialogs: options.native_dialogs,
@@ -98,7 +99,7 @@ impl App {
             question: None,
             after_save: None,
             may_close: false,
-            closes_when_written: false,
+            warned_of_writing: false,
             fits: options.size.is_some() || screenshot.is_some(),
             title: String::new(),
             panels: true,
@@ -162,9 +163,12 @@ impl App {
 
     fn do_next(&mut self, context: &egui::Context, next: Next) {
         match next {
-            Next::Close if self.is_writing() && !self.closes_when_written => {
-                self.closes_when_written = true;
-                self.tell_document("Closing once what is being written is; close again to leave it unfinished");
+            Next::Close if self.is_writing() && !self.warned_of_writing => {
+                self.warned_of_writing = true;
+                if let Some(document) = &mut self.document {
+                    let message = "Files are being read or written; close again to leave them unfinished";
+                    document.files.message = Some((message.to_owned(), true));
+                }
             }
             Next::Close => {
                 if let Some(document) = &mut self.document {
@@ -232,7 +236,7 @@ impl App {
         if self.document.as_ref().is_some_and(Document::is_modified) {
             context.send_viewport_cmd(egui::ViewportCommand::CancelClose);
             self.question = Some(Question::Unsaved(Next::Close));
-        } else if self.is_writing() && !self.closes_when_written {
+        } else if self.is_writing() && !self.warned_of_writing {
             context.send_viewport_cmd(egui::ViewportCommand::CancelClose);
             self.do_next(context, Next::Close);
         } else if let Some(document) = &mut self.document {
@@ -240,28 +244,10 @@ impl App {
         }
     }
 
-    /// Whether something is under way that would be lost with the window: an animation, a report, pictures.
+    /// Whether something is under way that would be lost with the window: an animation, a report, pictures; also those of a container
+    /// that was open before.
     fn is_writing(&self) -> bool {
-        self.document.as_ref().is_some_and(|document| document.files.beside > 0)
-    }
-
-    fn tell_document(&mut self, message: &str) {
-        if let Some(document) = &mut self.document {
-            document.files.message = Some((message.to_owned(), false));
-        }
-    }
-
-    /// Closes the window once all that was under way is written.
-    fn close_when_written(&mut self, context: &egui::Context) {
-        if !self.closes_when_written || self.is_writing() || self.may_close {
-            return;
-        }
-        let said = self.document.as_ref().and_then(|document| document.files.message.as_ref());
-        match said {
-            // What failed is to be read.
-            Some((_, true)) => self.closes_when_written = false,
-            _ => self.do_next(context, Next::Close),
-        }
+        self.opening.under_way.is_any()
     }
 
     /// Makes the first window small enough for its screen, frame and a bar of the desktop's included.
@@ -359,7 +345,7 @@ impl App {
         self.ask(&context);
         self.choose(&context);
         self.go_on_after_save(&context);
-        self.close_when_written(&context);
+        self.warned_of_writing &= self.is_writing();
         self.set_title(&context);
         if self.help {
             help(&context, &mut self.help);

@@ -8,7 +8,7 @@ use eframe::egui_wgpu::RenderState;
 
 use super::autosave::Autosave;
 use super::comparison::Comparison;
-use super::errands::Errands;
+use super::errands::{Errands, UnderWay};
 use super::features_view::FeaturesView;
 use super::light_list::LightList;
 use super::light_meter::{Known, LightMeter};
@@ -39,6 +39,8 @@ pub(super) struct Opening {
     pub(super) state: Option<RenderState>,
     /// Where unsaved work is written down.
     pub(super) state_folder: Option<PathBuf>,
+    /// What runs beside the window.
+    pub(super) under_way: UnderWay,
 }
 
 /// Each part is a room of its own; what concerns several stands here.
@@ -89,7 +91,7 @@ impl Document {
             easel: Easel::default(),
             shown: ShownPicture::new(opening.state),
             requests: Requests::new(lighting),
-            files: Errands::new(path),
+            files: Errands::new(path, opening.under_way),
             autosave: Autosave::new(opening.state_folder),
             session,
         })

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::chooser::Purpose;
 use super::document::Document;
@@ -29,6 +30,7 @@ pub(super) struct Errands {
     pub(super) message: Option<(String, bool)>,
     /// Works beside the worker that are not done yet.
     pub(super) beside: usize,
+    under_way: UnderWay,
     /// Name for exported files, without ending.
     pub(super) export_base: PathBuf,
     /// What a file is to be chosen for.
@@ -40,11 +42,12 @@ pub(super) struct Errands {
 }
 
 impl Errands {
-    pub(super) fn new(container: &Path) -> Self {
+    pub(super) fn new(container: &Path, under_way: UnderWay) -> Self {
         let container = std::path::absolute(container).unwrap_or_else(|_| container.to_owned());
         Self {
             message: None,
             beside: 0,
+            under_way,
             export_base: container.with_extension(""),
             wanted: None,
             changed: None,
@@ -54,6 +57,30 @@ impl Errands {
 
     pub(super) fn go_on(&mut self, old: Self) {
         (self.export_base, self.command_look) = (old.export_base, old.command_look);
+    }
+}
+
+/// How many errands run, those of containers that were open before included.
+#[derive(Clone, Default)]
+pub(super) struct UnderWay(Arc<AtomicUsize>);
+
+/// One of them, as long as it lives.
+struct Running(UnderWay);
+
+impl UnderWay {
+    pub(super) fn is_any(&self) -> bool {
+        self.0.load(Ordering::Relaxed) > 0
+    }
+
+    fn begin(&self) -> Running {
+        self.0.fetch_add(1, Ordering::Relaxed);
+        Running(self.clone())
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.0.0.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
@@ -124,7 +151,11 @@ impl Document {
     /// Does something that takes long beside the worker.
     pub(super) fn beside(&mut self, work: impl FnOnce() -> Result<Brought> + Send + 'static) {
         self.files.beside += 1;
-        self.session.worker.beside(work);
+        let running = self.files.under_way.begin();
+        self.session.worker.beside(move || {
+            let _running = running;
+            work()
+        });
     }
 
     /// Reads an image for a light, or as a reference.
