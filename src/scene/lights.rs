@@ -10,6 +10,7 @@ use super::file::{LightEntry, LightEntryKind, Luminaire, MappingEntry, SideEntry
 use super::folders::Folders;
 use super::looks::{Emission, colour};
 use super::memory::Memory;
+use super::names::UniqueNames;
 use super::photometry::{self, MOST_PHOTOMETRY_BYTES, Photometry};
 use super::rectangle::{self, Corner};
 use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, Vertex, names};
@@ -81,18 +82,15 @@ impl Lights<'_> {
             groups[slot].1.push(index as u32);
         }
         self.admit_columns(groups.len() as u64, place)?;
+        // Materials may have the same name, or the one of an object.
+        let lights = self.assembly.basis.lights().iter().map(|light| &light.name);
+        let mut names = UniqueNames::beside(self.objects.iter().chain(lights).cloned());
         for ((object, material), triangles) in groups {
             let Some(emission) = self.emissions[material as usize] else { continue };
             let mut name = self.objects[object as usize].clone();
             if lit_materials[&object] > 1 {
                 name = format!("{name} {}", self.assembly.materials[material as usize].name);
-                // Materials may have the same name, or the one of an object.
-                let plain = name.clone();
-                let is_taken = |name: &String| self.assembly.basis.find(name).is_some() || self.objects.contains(name);
-                name = (1..)
-                    .map(|n| if n == 1 { plain.clone() } else { format!("{plain} {n}") })
-                    .find(|name| !is_taken(name))
-                    .unwrap_or(plain);
+                name = names.unique(name);
             }
             let side = if two_sided[material as usize] { SideEntry::Both } else { SideEntry::Front };
             self.surface(name, emission, triangles, None, side, place)?;

@@ -1,4 +1,4 @@
-//! Names: lists that find them again, and the nearest known name to a misspelt one.
+//! Names: lists that find them again, names that are given once, and the nearest known name to a misspelt one.
 
 use std::collections::HashMap;
 
@@ -34,6 +34,37 @@ impl NameList {
     }
 }
 
+/// Names of which none is given twice.
+#[derive(Default)]
+pub(super) struct UniqueNames {
+    /// How often each was asked for or given.
+    taken: HashMap<String, usize>,
+}
+
+impl UniqueNames {
+    /// None of these is given.
+    pub(super) fn beside(names: impl Iterator<Item = String>) -> Self {
+        Self { taken: names.map(|name| (name, 1)).collect() }
+    }
+
+    /// The name, with a number behind it where it is taken.
+    pub(super) fn unique(&mut self, name: String) -> String {
+        let mut number = *self.taken.entry(name.clone()).and_modify(|count| *count += 1).or_insert(1);
+        if number == 1 {
+            return name;
+        }
+        loop {
+            let numbered = format!("{name} {number}");
+            if !self.taken.contains_key(&numbered) {
+                self.taken.insert(numbered.clone(), 1);
+                self.taken.insert(name, number);
+                return numbered;
+            }
+            number += 1;
+        }
+    }
+}
+
 /// The known name that is nearest to `word`, if one is near enough to be meant.
 pub(super) fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let limit = (word.chars().count() / 3).max(2);
@@ -44,6 +75,15 @@ pub(super) fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_name_is_given_twice() {
+        let mut names = UniqueNames::default();
+        let given = ["a", "a 2", "a", "a", "b"].map(|name| names.unique(name.into()));
+        assert_eq!(given, ["a", "a 2", "a 3", "a 4", "b"]);
+        let mut names = UniqueNames::beside(["a".into(), "b 2".into()].into_iter());
+        assert_eq!(["a", "b", "b"].map(|name| names.unique(name.into())), ["a 2", "b", "b 3"]);
+    }
 
     #[test]
     fn misspelt_names_find_the_known_one() {

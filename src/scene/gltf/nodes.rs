@@ -1,12 +1,12 @@
 //! The tree of nodes, with each node's place in the world.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
 use gltf::scene::Transform;
 use gltf::{Document, Node};
 
+use super::super::names::UniqueNames;
 use super::plain;
 use crate::error::{Error, Result};
 
@@ -25,7 +25,7 @@ pub(super) fn walk<'a>(path: &Path, document: &'a Document) -> Result<Vec<Placed
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let scene = scene.ok_or_else(|| refuse("has no scene".into()))?;
     let mut reached = vec![false; document.nodes().len()];
-    let mut names = Names::default();
+    let mut names = UniqueNames::default();
     let mut placed = Vec::new();
     let mut waiting: Vec<(Node<'a>, DMat4)> = scene.nodes().map(|node| (node, DMat4::IDENTITY)).collect();
     waiting.reverse();
@@ -61,42 +61,5 @@ fn matrix(node: &Node<'_>) -> DMat4 {
             DQuat::from_array(rotation.map(f64::from)).normalize(),
             DVec3::from_array(translation.map(f64::from)),
         ),
-    }
-}
-
-/// Names of which none is given twice.
-#[derive(Default)]
-struct Names {
-    /// How often each was asked for or given.
-    taken: HashMap<String, usize>,
-}
-
-impl Names {
-    fn unique(&mut self, name: String) -> String {
-        let mut number = *self.taken.entry(name.clone()).and_modify(|count| *count += 1).or_insert(1);
-        if number == 1 {
-            return name;
-        }
-        loop {
-            let numbered = format!("{name} {number}");
-            if !self.taken.contains_key(&numbered) {
-                self.taken.insert(numbered.clone(), 1);
-                self.taken.insert(name, number);
-                return numbered;
-            }
-            number += 1;
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Names;
-
-    #[test]
-    fn no_name_is_given_twice() {
-        let mut names = Names::default();
-        let given = ["a", "a 2", "a", "a", "b"].map(|name| names.unique(name.into()));
-        assert_eq!(given, ["a", "a 2", "a 3", "a 4", "b"]);
     }
 }
