@@ -255,9 +255,10 @@ fn errors_with_clusters(samples: usize) -> [f64; 2] {
     let mut map = vec![0.0; clusters.count() * COLUMNS];
     (0..COLUMNS).for_each(|j| map[of(j) * COLUMNS + j] = 1.0 / members(of(j)).count() as f32);
     let image = |cluster: usize, row: usize| members(cluster).map(|j| truth(View::Pixel, row, j)).sum::<f64>();
+    let images: Vec<f32> = (0..clusters.count() * ROWS).map(|i| image(i / ROWS, i % ROWS) as f32).collect();
     let mut block = Block::zeros(ROWS, COLUMNS);
     for (i, entry) in block.entries_mut().iter_mut().enumerate() {
-        *entry = image(of(i / ROWS), i % ROWS) as f32 * map[of(i / ROWS) * COLUMNS + i / ROWS];
+        *entry = images[of(i / ROWS) * ROWS + i % ROWS] * map[of(i / ROWS) * COLUMNS + i / ROWS];
     }
     let single = |block: &Block| (0..COLUMNS).map(|j| squared_error(View::Pixel, block, |k| f64::from(k == j))).sum();
     let without = single(&block);
@@ -266,7 +267,7 @@ fn errors_with_clusters(samples: usize) -> [f64; 2] {
     let again = Contrasts::from_bytes(&contrasts.to_bytes()).unwrap();
     assert_eq!(again, contrasts);
     assert_eq!(Contrasts::from_bytes(&contrasts.to_bytes()[1..]), None);
-    compressor.add_contrasts(&again, (&clusters, &map), &mut block);
+    compressor.spread(images, &again, (&clusters, &map), &mut block);
     assert!(block.entries().iter().all(|&v| v >= 0.0));
     for (cluster, row) in (0..clusters.count()).flat_map(|cluster| (0..ROWS).map(move |row| (cluster, row))) {
         let sum: f64 = members(cluster).map(|j| f64::from(block.entries()[j * ROWS + row])).sum();

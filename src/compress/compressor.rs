@@ -21,6 +21,12 @@ use crate::matrix::{
     TracedBlock,
 };
 
+/// A direction of a block is not looked for where its noise, as far as the model of it knows, has more than this many times the
+/// energy of its image. Beyond independent columns the model is no more than a bound, so that 1 would be too little. Of 937
+/// components that were kept of 108 blocks (Conference Room with a panel of 64 × 64 texels, 16 samples), 11 had more than 4 and none
+/// more than 8; of those that were looked for in vain two of three had.
+const NOISE_ALONE: f64 = 8.0;
+
 /// Compresses the blocks of one matrix. Shared by threads: analysing changes nothing in it.
 pub struct Compressor {
     settings: CompressSettings,
@@ -291,8 +297,15 @@ impl Compressor {
                 exact_range(a, &stray, &self.weights, self.settings.rank.min(m).min(n))
             }
             Method::Auto => {
-                let (rank, iterations) = (self.settings.rank.min(m).min(n), self.settings.power_iterations);
-                let (range, images) = find_range(a, &stray, &self.weights, rank, iterations, probes);
+                let size = (self.settings.rank.min(m).min(n), self.settings.power_iterations);
+                let wanted = |lightings: MatRef<'_, f32>, energies: &[f64]| match &noise {
+                    Some(noise) => {
+                        let of_noise = noise.energies_of_images(lightings);
+                        of_noise.iter().zip(energies).map(|(noise, energy)| *noise < NOISE_ALONE * energy).collect()
+                    }
+                    None => vec![true; energies.len()],
+                };
+                let (range, images) = find_range(a, &stray, &self.weights, size, probes, &wanted);
                 seen = Some(images);
                 range
             }

@@ -5,12 +5,12 @@
 //! `A = B R + A (I − S R)`. Cleaning makes `B` smooth; of the rest, here, the components are taken that the samples agree on, each
 //! times `1 − noise / energy` (Wiener's filter), and what stands alone.
 
-use faer::MatRef;
+use faer::{MatMut, MatRef};
 use half::f16;
 
 use super::Candidate;
 use super::compressor::Compressor;
-use super::dense::product;
+use super::dense::write_product;
 use crate::light::Clusters;
 use crate::matrix::{Block, ColumnIndex, SparseEntry};
 
@@ -44,37 +44,55 @@ impl Compressor {
         contrasts
     }
 
-    /// Adds to `block`, in which every column is a mixture of the images of clusters by `map` (`R`, row-major), what tells the
-    /// columns apart beside that. No entry is then below 0, and where the image of its cluster is not, that stays.
+    /// Makes `block` of the images of its clusters, rows × clusters, column-major: every column is a mixture of them by `map` (`R`,
+    /// row-major), and beside that what tells the columns apart. No entry is then below 0, and where the image of its cluster is
+    /// not, that stays.
     ///
     /// # Panics
     /// If they are of another size.
-    pub fn add_contrasts(&self, contrasts: &Contrasts, (clusters, map): (&Clusters, &[f32]), block: &mut Block) {
+    pub fn spread(
+        &self,
+        mut images: Vec<f32>,
+        contrasts: &Contrasts,
+        (clusters, map): (&Clusters, &[f32]),
+        block: &mut Block,
+    ) {
         let (m, n, rank) = (contrasts.rows, contrasts.columns, contrasts.noise.len());
         assert_eq!((m, n), (block.rows(), block.columns()));
+        assert_eq!((images.len(), map.len()), (m * clusters.count(), n * clusters.count()));
+        // A single entry tells its column apart from the share that it has of its cluster: that much less is spread.
+        for entry in &contrasts.sparse {
+            images[usize::from(clusters.of_column()[entry.column.index()]) * m + entry.row as usize] -= entry.value;
+        }
+        let mut left = images;
+        left.extend(contrasts.left.iter().map(|v| v.to_f32()));
+        let mut right = map.to_vec();
+        right.extend(self.trusted(contrasts, (clusters, map)));
+        let both = clusters.count() + rank;
+        write_product(
+            MatMut::from_column_major_slice_mut(block.entries_mut(), m, n),
+            MatRef::from_column_major_slice(&left, m, both),
+            MatRef::from_row_major_slice(&right, both, n),
+        );
+        for entry in &contrasts.sparse {
+            block.entries_mut()[entry.column.index() * m + entry.row as usize] += entry.value;
+        }
+        keep_positive(clusters, block);
+    }
+
+    /// Right sides of the components beside the clusters, row-major, as far as they are no noise.
+    fn trusted(&self, contrasts: &Contrasts, (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
+        let (n, rank) = (contrasts.columns, contrasts.noise.len());
         let beside = |row: &[f32]| beside_clusters(row, (clusters, map));
         let mut right: Vec<f32> = contrasts.right.chunks_exact(n).flat_map(beside).collect();
         let energies = self.energies(&right, rank);
-        let scale = 1.0 / (m as f32).sqrt();
+        let scale = 1.0 / (contrasts.rows as f32).sqrt();
         for ((row, [own, fallen]), energy) in right.chunks_exact_mut(n).zip(&contrasts.noise).zip(energies) {
             let noise = f64::from(*own) + f64::from(*fallen) / energy.max(f64::MIN_POSITIVE);
             let trust = (1.0 - noise).clamp(0.0, 1.0) as f32;
             row.iter_mut().for_each(|v| *v *= scale * trust);
         }
-        let left: Vec<f32> = contrasts.left.iter().map(|v| v.to_f32()).collect();
-        let left = MatRef::from_column_major_slice(&left, m, rank);
-        let added = product(left, MatRef::from_row_major_slice(&right, rank, n));
-        for (column, entries) in block.entries_mut().chunks_exact_mut(m).enumerate() {
-            entries.iter_mut().zip(added.col(column).iter()).for_each(|(entry, value)| *entry += value);
-        }
-        for entry in &contrasts.sparse {
-            let own = usize::from(clusters.of_column()[entry.column.index()]);
-            for (column, share) in map[own * n..][..n].iter().enumerate() {
-                let rest = f32::from(u8::from(column == entry.column.index())) - share;
-                block.entries_mut()[column * m + entry.row as usize] += rest * entry.value;
-            }
-        }
-        keep_positive(clusters, block);
+        right
     }
 }
 
@@ -141,20 +159,39 @@ fn beside_clusters(row: &[f32], (clusters, map): (&Clusters, &[f32])) -> Vec<f32
 fn keep_positive(clusters: &Clusters, block: &mut Block) {
     let rows = block.rows();
     // Of each cluster and row: the sum, and that of what is above 0.
-    let mut sums = vec![[0.0f32; 2]; clusters.count() * rows];
-    for (entries, &cluster) in block.entries().chunks_exact(rows).zip(clusters.of_column()) {
-        for ([sum, above], entry) in sums[usize::from(cluster) * rows..][..rows].iter_mut().zip(entries) {
-            *sum += entry;
-            *above += entry.max(0.0);
-        }
-    }
-    for (entries, &cluster) in block.entries_mut().chunks_exact_mut(rows).zip(clusters.of_column()) {
-        for (entry, [sum, above]) in entries.iter_mut().zip(&sums[usize::from(cluster) * rows..][..rows]) {
-            if above > sum {
-                *entry = if *sum > 0.0 { entry.max(0.0) * (sum / above) } else { 0.0 };
+    let mut sums = vec![0.0f32; clusters.count() * rows];
+    let mut above = sums.clone();
+    let part = |cluster: u16| usize::from(cluster) * rows..(usize::from(cluster) + 1) * rows;
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (entries, &cluster) in block.entries().chunks_exact(rows).zip(clusters.of_column()) {
+                let both = sums[part(cluster)].iter_mut().zip(&mut above[part(cluster)]);
+                for ((sum, above), entry) in both.zip(entries) {
+                    *sum += entry;
+                    *above += entry.max(0.0);
+                }
             }
-        }
+        },
+    );
+    // From here on what each is raised to at least, and what it is then multiplied by.
+    for (sum, above) in sums.iter_mut().zip(&mut above) {
+        (*sum, *above) = match (*above > *sum, *sum > 0.0) {
+            (false, _) => (f32::NEG_INFINITY, 1.0),
+            (true, true) => (0.0, *sum / *above),
+            (true, false) => (0.0, 0.0),
+        };
     }
+    let (least, scale) = (sums, above);
+    pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || {
+            for (entries, &cluster) in block.entries_mut().chunks_exact_mut(rows).zip(clusters.of_column()) {
+                let both = least[part(cluster)].iter().zip(&scale[part(cluster)]);
+                entries.iter_mut().zip(both).for_each(|(entry, (least, scale))| *entry = entry.max(*least) * scale);
+            }
+        },
+    );
 }
 
 #[cfg(test)]

@@ -16,8 +16,13 @@ const RANK_CUT: f64 = 1e-13;
 /// `a b` in f32.
 pub(super) fn product(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f32> {
     let mut c = Mat::zeros(a.nrows(), b.ncols());
-    matmul(c.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
+    write_product(c.as_mut(), a, b);
     c
+}
+
+/// `c = a b` in f32.
+pub(super) fn write_product(c: MatMut<'_, f32>, a: MatRef<'_, f32>, b: MatRef<'_, f32>) {
+    matmul(c, Accum::Replace, a, b, 1.0, Par::Seq);
 }
 
 /// `a b` in f64.

@@ -189,6 +189,11 @@ impl<'a> NoiseModel<'a> {
         (0..lightings.ncols()).map(variances).collect()
     }
 
+    /// Squared norm of the noise of each of the images `A w`: see [`of_images`](Self::of_images).
+    pub(super) fn energies_of_images(&self, lightings: MatRef<'_, f32>) -> Vec<f64> {
+        self.of_images(lightings).iter().map(|variances| variances.iter().sum()).collect()
+    }
+
     /// Of each gain, what the left side was fitted to.
     pub(super) fn fitted(&self, weights: &Weights, right: &[f32], gains: &[f64]) -> Vec<f32> {
         let columns = self.columns.len();

@@ -69,11 +69,16 @@ impl Weights {
     }
 
     /// Lightings, columns × (1 + width of the range), that show the range of a block best, as a sketch of its rows
-    /// (`few`) tells: all-on, then those that call up the strongest directions beside it.
-    fn lightings_that_show(&self, few: MatRef<'_, f32>, power_iterations: usize) -> Mat<f32> {
+    /// (`few`) tells: all-on, then those that call up the strongest directions beside it, as far as these are `wanted`.
+    fn lightings_that_show(
+        &self,
+        few: MatRef<'_, f32>,
+        power_iterations: usize,
+        wanted: &dyn Fn(MatRef<'_, f32>, &[f64]) -> Vec<bool>,
+    ) -> Mat<f32> {
         let mut y = product(few, self.sketch.as_ref());
         let all_on = orthonormal(y.as_ref().subcols(0, 1));
-        let mut lightings = Mat::zeros(self.sketch.nrows(), 0);
+        let (mut lightings, mut energies) = (Mat::zeros(self.sketch.nrows(), 0), Vec::new());
         for _ in 0..=power_iterations {
             let q = orthonormal_beside(all_on.as_ref(), &mut y);
             if q.ncols() == 0 {
@@ -86,9 +91,11 @@ impl Weights {
             let level = Mat::from_fn(vectors.nrows(), strong, |i, k| (vectors[(i, k)] / values[k].sqrt()) as f32);
             lightings = self.weigh(product(level.transpose(), through.as_ref()).as_ref());
             y = product(few, lightings.as_ref());
+            energies = values[..strong].to_vec();
         }
-        let ones = Mat::from_fn(self.sketch.nrows(), 1, |_, _| 1.0);
-        beside(ones.as_ref(), lightings.as_ref())
+        let wanted = wanted(lightings.as_ref(), &energies);
+        let kept: Vec<usize> = (0..lightings.ncols()).filter(|&k| wanted[k]).collect();
+        Mat::from_fn(lightings.nrows(), 1 + kept.len(), |j, k| if k == 0 { 1.0 } else { lightings[(j, kept[k - 1])] })
     }
 
     /// Mean energy that the sketch's draws show of `rest` (rows × columns).
@@ -115,19 +122,20 @@ impl Weights {
 /// the range.
 ///
 /// Which lightings show the range best is asked of a sketch of the rows, so that the block itself is multiplied twice
-/// only, by those lightings and by the basis that they give. With the former it is multiplied by `seen_under` (columns ×
-/// any) too: those images, without `stray`, are returned beside.
+/// only, by those lightings and by the basis that they give. Of the former only those are taken that are `wanted`, which is asked with the energies of
+/// the images that they show. With them it is multiplied by `seen_under` (columns × any) too: those images, without `stray`, are
+/// returned beside.
 pub(super) fn find_range(
     a: MatRef<'_, f32>,
     stray: &[SparseEntry],
     weights: &Weights,
-    rank: usize,
-    power_iterations: usize,
+    (rank, power_iterations): (usize, usize),
     seen_under: MatRef<'_, f32>,
+    wanted: &dyn Fn(MatRef<'_, f32>, &[f64]) -> Vec<bool>,
 ) -> (Range, Mat<f32>) {
     let sketch = RowSketch::new(a.nrows());
     let few = sketch.rows_of(a);
-    let lightings = weights.lightings_that_show(few.as_ref(), power_iterations);
+    let lightings = weights.lightings_that_show(few.as_ref(), power_iterations, wanted);
     let mut y = product(a, beside(lightings.as_ref(), seen_under).as_ref());
     let seen = y.subcols(lightings.ncols(), seen_under.ncols()).to_owned();
     y.truncate(y.nrows(), lightings.ncols());

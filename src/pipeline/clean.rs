@@ -30,9 +30,7 @@ use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Threads, Watch};
 use crate::light::{CleaningErrors, Clusters, Job, LightBasis};
-use crate::matrix::{
-    Block, BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock,
-};
+use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
 
 /// Memory that the rows of a window may take that are held at once; a window of one block is filtered whatever it takes.
 const WINDOW_BYTES: u64 = 512 << 20;
@@ -392,15 +390,14 @@ impl BlockSource for Cleaned {
     /// The cleaned block; of its planes only the emission.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let rows = self.shape.rect(id).rows();
-        let images = self.images_of(id)?;
         let columns = self.shape.columns();
         if (target.block.rows(), target.block.columns()) != (rows, columns) {
             target.block.reset(rows, columns);
         }
-        multiply(&images, &self.map, &mut target.block);
         let gathered = self.gathering.records.read(id.0)?;
         let parts = self.gathering.parts(id, &gathered)?;
-        self.gathering.add_contrasts(id, &parts, (&self.partition, &self.map), &mut target.block)?;
+        let images = self.images_of(id)?;
+        self.gathering.spread(id, (&parts, images), (&self.partition, &self.map), &mut target.block)?;
         let emission = parts.emission();
         let pixels = rows / CHANNELS;
         for seen in &emission {
@@ -418,20 +415,6 @@ impl BlockSource for Cleaned {
 /// Ones where a cluster and a column have the same number.
 fn identity(clusters: usize, columns: usize) -> Vec<f32> {
     (0..clusters * columns).map(|i| if i / columns == i % columns { 1.0 } else { 0.0 }).collect()
-}
-
-/// `block = images · map`, one column of the block after the other.
-fn multiply(images: &[f32], map: &[f32], block: &mut Block) {
-    let (rows, columns) = (block.rows(), block.columns());
-    for (column, entries) in block.entries_mut().chunks_exact_mut(rows).enumerate() {
-        entries.fill(0.0);
-        for (image, weights) in images.chunks_exact(rows).zip(map.chunks_exact(columns)) {
-            let weight = weights[column];
-            if weight != 0.0 {
-                entries.iter_mut().zip(image).for_each(|(entry, value)| *entry += weight * value);
-            }
-        }
-    }
 }
 
 /// Most blocks across a window.

@@ -190,19 +190,22 @@ impl Gathering {
         parts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))
     }
 
-    /// Adds to a block what tells the columns of a cluster apart, see [`Compressor::add_contrasts`].
-    pub(super) fn add_contrasts(
+    /// Makes a block of the images of its clusters, see [`Compressor::spread`].
+    pub(super) fn spread(
         &self,
         id: BlockId,
-        parts: &Parts<'_>,
-        spread: (&Clusters, &[f32]),
+        (parts, images): (&Parts<'_>, Vec<f32>),
+        map: (&Clusters, &[f32]),
         block: &mut Block,
     ) -> Result<()> {
-        if let Some(compressor) = &self.compressor {
-            let contrasts = Contrasts::from_bytes(parts.contrasts);
-            let contrasts = contrasts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))?;
-            compressor.add_contrasts(&contrasts, spread, block);
-        }
+        let Some(compressor) = &self.compressor else {
+            // Every column is a cluster.
+            block.entries_mut().copy_from_slice(&images);
+            return Ok(());
+        };
+        let contrasts = Contrasts::from_bytes(parts.contrasts);
+        let contrasts = contrasts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))?;
+        compressor.spread(images, &contrasts, map, block);
         Ok(())
     }
 
