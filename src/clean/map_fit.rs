@@ -19,8 +19,12 @@ pub fn tile_means(planes: &[f32], (width, height): (usize, usize)) -> Vec<f32> {
             let rows_here = rows.len() / width;
             for left in (0..width).step_by(TILE) {
                 let columns = TILE.min(width - left);
-                let sum: f32 = rows.chunks_exact(width).flat_map(|row| &row[left..left + columns]).sum();
-                means.push(sum / (rows_here * columns) as f32);
+                // Column by column of the tile, for sums along a row would wait for one another.
+                let mut sums = [0.0f32; TILE];
+                for row in rows.chunks_exact(width) {
+                    sums.iter_mut().zip(&row[left..left + columns]).for_each(|(sum, value)| *sum += value);
+                }
+                means.push(sums.iter().sum::<f32>() / (rows_here * columns) as f32);
             }
         }
     }

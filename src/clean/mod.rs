@@ -38,7 +38,7 @@ mod tally;
 mod tile;
 
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
-pub const CLEANER_VERSION: u32 = 17;
+pub const CLEANER_VERSION: u32 = 18;
 
 pub use cleaning::{Cleaned, Cleaning, Strip};
 pub use errors::ErrorSums;

@@ -15,6 +15,7 @@
 
 use faer::{ColRef, Mat, MatRef};
 
+use super::vectors::on_widest;
 use crate::matrix::CHANNELS;
 
 /// Largest distance in pixels that is averaged over, across and down; risks are summed over as large a window.
@@ -61,7 +62,7 @@ impl Alike {
         let reach = RADIUS as isize;
         for (across, down) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y))) {
             let mut weights = vec![0.0f32; pixels];
-            pulp::Arch::new().dispatch(
+            on_widest(
                 #[inline(always)]
                 || {
                     for (at, from, count) in overlap((width, height), (across, down)) {
@@ -102,7 +103,7 @@ impl Alike {
         let mut best: Vec<(f64, usize)> = vec![(f64::INFINITY, 0); pixels];
         let mut candidates = Vec::with_capacity(self.rings.len());
         for (window, ring) in self.rings.iter().enumerate() {
-            pulp::Arch::new().dispatch(
+            on_widest(
                 #[inline(always)]
                 || {
                     for (across, down, weights) in ring {

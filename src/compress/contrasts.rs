@@ -11,6 +11,7 @@ use half::f16;
 use super::Candidate;
 use super::compressor::Compressor;
 use super::dense::write_product;
+use super::vectors::on_widest;
 use crate::light::Clusters;
 use crate::matrix::{Block, ColumnIndex, SparseEntry};
 
@@ -162,7 +163,7 @@ fn keep_positive(clusters: &Clusters, block: &mut Block) {
     let mut sums = vec![0.0f32; clusters.count() * rows];
     let mut above = sums.clone();
     let part = |cluster: u16| usize::from(cluster) * rows..(usize::from(cluster) + 1) * rows;
-    pulp::Arch::new().dispatch(
+    on_widest(
         #[inline(always)]
         || {
             for (entries, &cluster) in block.entries().chunks_exact(rows).zip(clusters.of_column()) {
@@ -183,7 +184,7 @@ fn keep_positive(clusters: &Clusters, block: &mut Block) {
         };
     }
     let (least, scale) = (sums, above);
-    pulp::Arch::new().dispatch(
+    on_widest(
         #[inline(always)]
         || {
             for (entries, &cluster) in block.entries_mut().chunks_exact_mut(rows).zip(clusters.of_column()) {

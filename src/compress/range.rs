@@ -11,6 +11,7 @@ use rand_pcg::Pcg64Mcg;
 use super::dense::{
     eigen, gram, orthonormal, product, product_f64, product_in_f64, subtract_product, to_f32, to_f64, to_vec,
 };
+use super::vectors::on_widest;
 use crate::light::LightingPrior;
 use crate::matrix::SparseEntry;
 
@@ -225,7 +226,7 @@ impl RowSketch {
             return a.to_owned();
         }
         let mut few = Mat::zeros(SKETCH_ROWS, a.ncols());
-        pulp::Arch::new().dispatch(
+        on_widest(
             #[inline(always)]
             || {
                 for j in 0..a.ncols() {

@@ -5,6 +5,7 @@
 
 use std::borrow::Cow;
 
+use super::vectors::on_widest;
 use crate::matrix::{BlockView, ColumnIndex, SparseEntry};
 
 /// A column with more of its rows standing out than this is a component, not a set of single entries: as a component it
@@ -55,7 +56,7 @@ pub(super) fn stand_out(block: BlockView<'_>, sums: &[f32], fraction: f64, contr
 /// Entries of a larger magnitude than the threshold of their row, by column, then row.
 fn above(block: BlockView<'_>, thresholds: &[f32]) -> Vec<SparseEntry> {
     let mut found: Vec<SparseEntry> = Vec::new();
-    pulp::Arch::new().dispatch(
+    on_widest(
         #[inline(always)]
         || {
             for (j, column) in block.entries().chunks_exact(block.rows()).enumerate() {
@@ -85,7 +86,7 @@ fn counts_above(block: BlockView<'_>, limits: &[f32]) -> Vec<u32> {
         .step_by(TOGETHER)
         .filter(|&first| limits[first..].iter().take(TOGETHER).any(|limit| limit.is_finite()))
         .collect();
-    pulp::Arch::new().dispatch(
+    on_widest(
         #[inline(always)]
         || {
             for column in block.entries().chunks_exact(block.rows()) {

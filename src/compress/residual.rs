@@ -17,6 +17,7 @@
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
+use super::vectors::on_widest;
 use super::{BlockSums, ColumnErrors};
 use crate::matrix::{BlockNoise, BlockReport, FactoredBlock, SparseEntry, TracedBlock};
 
@@ -268,15 +269,19 @@ const LANES: usize = 16;
 /// The sum of the squares of the finite values.
 fn squared_norm(values: &[f32]) -> f64 {
     let mut sums = [0.0f64; LANES];
-    pulp::Arch::new().dispatch(
+    on_widest(
         #[inline(always)]
         || {
-            for values in values.chunks(LANES) {
+            let mut add = |values: &[f32]| {
                 for (sum, &value) in sums.iter_mut().zip(values) {
                     let value = f64::from(finite(value));
                     *sum += value * value;
                 }
-            }
+            };
+            // As arrays, or the sums would not stay in registers.
+            let (arrays, rest) = values.as_chunks::<LANES>();
+            arrays.iter().for_each(|values| add(values));
+            add(rest);
         },
     );
     sums.iter().sum()
@@ -284,7 +289,7 @@ fn squared_norm(values: &[f32]) -> f64 {
 
 /// [`squared_norm`] of a column, which is added to `all_on`.
 fn column_sums(entries: &[f32], all_on: &mut [f32]) -> f64 {
-    pulp::Arch::new().dispatch(
+    on_widest(
         #[inline(always)]
         || {
             for (sum, &entry) in all_on.iter_mut().zip(entries) {

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use super::vectors::on_widest;
 use crate::matrix::{BlockView, ColumnIndex};
 
 /// Largest magnitude that is computed with: the squares of 3.4e8 such entries still sum up within an f32. Sums over more, and
@@ -52,7 +53,7 @@ pub(super) struct Survey {
 pub(super) fn survey(block: BlockView<'_>) -> Survey {
     let sums_of = BlockSums { all_on: vec![0.0; block.rows()], column_norms: Vec::with_capacity(block.columns()) };
     let mut survey = Survey { sums_of, sums: vec![0.0; block.rows()], usable: true };
-    pulp::Arch::new().dispatch(
+    on_widest(
         #[inline(always)]
         || {
             let Survey { sums_of: BlockSums { all_on: lit, column_norms }, sums, usable } = &mut survey;
@@ -62,9 +63,13 @@ pub(super) fn survey(block: BlockView<'_>) -> Survey {
                     lit.iter_mut().zip(values).for_each(|(sum, v)| *sum += v);
                     sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += v.abs());
                     *usable &= values.iter().fold(true, |all, v| all & (v.abs() <= LARGEST));
-                    for values in values.chunks(LANES) {
+                    let mut add = |values: &[f32]| {
                         squares.iter_mut().zip(values).for_each(|(sum, &v)| *sum += f64::from(v) * f64::from(v));
-                    }
+                    };
+                    // As arrays, or the sums would not stay in registers.
+                    let (arrays, rest) = values.as_chunks::<LANES>();
+                    arrays.iter().for_each(|values| add(values));
+                    add(rest);
                 }
                 column_norms.push(squares.iter().sum());
             }
