@@ -28,14 +28,14 @@
 //!
 //! | module | may import |
 //! |---|---|
-//! | `error`, `encoding` | nothing |
+//! | `error`, `encoding`, `vectors` | nothing |
 //! | `files`, `matrix` | `error` |
 //! | `image` | `error`, `files`, `matrix` |
 //! | `light` | `error`, `encoding`, `matrix` |
 //! | `look` | `error`, `files`, `light`, `image` |
 //! | `scene` | `error`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
-//! | `clean`, `compress` | `error`, `matrix`, `light` |
+//! | `clean`, `compress` | `error`, `matrix`, `light`, `vectors` |
 //! | `store` | `error`, `files`, `matrix`, `light` |
 //! | `container` | `error`, `encoding`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
@@ -69,7 +69,7 @@
 //! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share`, `store` |
 //! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
 //! | `bytemuck` | `clean`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
-//! | `pulp` | `clean`, `compress`, `container`, `relight`, `store`, `trace` |
+//! | `pulp` | `clean`, `container`, `relight`, `store`, `trace`, `vectors` |
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline`, `trace` |
 //! | `object_store`, `reqwest`, `rustls`, `tokio` | `depot` |
@@ -104,6 +104,7 @@ pub mod share;
 pub mod store;
 #[cfg(feature = "scene")]
 pub mod trace;
+mod vectors;
 
 pub use error::{Error, Result};
 

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::constants::{LEAST_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
 use super::rows::{Pool, Region, Rows, shifts};
+use crate::vectors::on_widest;
 
 /// Pixels to each side of the middle of a cell, and across it.
 const CELL_REACH: usize = 1;
@@ -60,14 +61,21 @@ impl Cells {
             for channel in first..first + 3 {
                 let ([raw_a, raw_b], [a, b]) =
                     (halves(raw, channel, (&around.x, y)), halves(smooth, channel, (&around.x, y)));
-                for x in 0..around.x.len() {
-                    let (noise, left) = (0.5 * (raw_a[x] - raw_b[x]), 0.5 * (a[x] - b[x]));
-                    let light = 0.5 * (a[x] + b[x]);
-                    let change = 0.5 * (raw_a[x] + raw_b[x]) - light;
-                    gained[x] += noise * (noise - left);
-                    changed[x] += change * change;
-                    squared[x] += light * light;
-                }
+                on_widest(
+                    #[inline(always)]
+                    || {
+                        let sums = gained.iter_mut().zip(&mut *changed).zip(&mut *squared);
+                        let values = raw_a.iter().zip(raw_b).zip(a).zip(b);
+                        for (((gained, changed), squared), (((raw_a, raw_b), a), b)) in sums.zip(values) {
+                            let (noise, left) = (0.5 * (raw_a - raw_b), 0.5 * (a - b));
+                            let light = 0.5 * (a + b);
+                            let change = 0.5 * (raw_a + raw_b) - light;
+                            *gained += noise * (noise - left);
+                            *changed += change * change;
+                            *squared += light * light;
+                        }
+                    },
+                );
             }
         });
         let cells = of_cells(&terms, &region.grown(CELL * RISK_CELLS + SHARE_REACH, raw), pool);
@@ -92,20 +100,26 @@ impl Cells {
     fn shares_of_row(&self, y: usize, region: &Region) -> Vec<f32> {
         let Self(terms) = self;
         let own = &terms.row(2, y)[region.x.clone()];
-        let mut sums = vec![[0.0; 2]; own.len()];
+        let [mut gains, mut changes] = [0, 1].map(|_| vec![0.0; own.len()]);
         let rows = (0..=2 * RISK_CELLS).filter_map(|cell| (y + CELL * cell).checked_sub(CELL * RISK_CELLS));
         for y in rows.filter(|&y| y < terms.height()) {
             let [gained, changed, light] = [0, 1, 2].map(|term| terms.row(term, y));
             for (from, to) in shifts(&region.x, (CELL * RISK_CELLS, CELL), terms.width()) {
-                let cells = gained[from.clone()].iter().zip(&changed[from.clone()]).zip(&light[from]);
-                for ((sums, own), ((gained, changed), light)) in sums[to.clone()].iter_mut().zip(&own[to]).zip(cells) {
-                    let weight = (own / (own + light + f32::MIN_POSITIVE)).powi(2);
-                    sums[0] += weight * gained;
-                    sums[1] += weight * changed;
-                }
+                on_widest(
+                    #[inline(always)]
+                    || {
+                        let sums = gains[to.clone()].iter_mut().zip(&mut changes[to.clone()]).zip(&own[to.clone()]);
+                        let cells = gained[from.clone()].iter().zip(&changed[from.clone()]).zip(&light[from.clone()]);
+                        for (((gain, change), own), ((gained, changed), light)) in sums.zip(cells) {
+                            let weight = (own / (own + light + f32::MIN_POSITIVE)).powi(2);
+                            *gain += weight * gained;
+                            *change += weight * changed;
+                        }
+                    },
+                );
             }
         }
-        sums.iter().map(|[gained, changed]| share(*gained, *changed)).collect()
+        gains.iter().zip(&changes).map(|(gained, changed)| share(*gained, *changed)).collect()
     }
 }
 
@@ -119,26 +133,34 @@ fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
         let (changed, squared) = rest.split_at_mut(width);
         let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[region.x.clone()]);
         // Kept out of the sums: gain and change of the pixel whose change exceeds its gain by most.
-        let mut against = vec![[0.0f32; 2]; region.x.len()];
-        let mut count = vec![0.0f32; region.x.len()];
+        let [mut most_gain, mut most_change, mut count] = [0, 1, 2].map(|_| vec![0.0f32; region.x.len()]);
         for y in y.saturating_sub(CELL_REACH)..(y + CELL_REACH + 1).min(height) {
             let from = [0, 1, 2].map(|term| terms.row(term, y));
             for (there, here) in shifts(&region.x, (CELL_REACH, 1), width) {
-                let from = from.map(|row| &row[there.clone()]);
-                for (i, x) in here.enumerate() {
-                    let [gain, change, light] = from.map(|row| row[i]);
-                    let most = against[x];
-                    let is_most = change - gain > most[1] - most[0];
-                    let (kept, left) = if is_most { ([gain, change], most) } else { (most, [gain, change]) };
-                    against[x] = kept;
-                    gained[x] += left[0];
-                    changed[x] += left[1];
-                    squared[x] += light;
-                    count[x] += 1.0;
-                }
+                let [gain, change, light] = from.map(|row| &row[there.clone()]);
+                on_widest(
+                    #[inline(always)]
+                    || {
+                        let most = most_gain[here.clone()].iter_mut().zip(&mut most_change[here.clone()]);
+                        let sums = gained[here.clone()].iter_mut().zip(&mut changed[here.clone()]);
+                        let means = squared[here.clone()].iter_mut().zip(&mut count[here.clone()]);
+                        let values = gain.iter().zip(change).zip(light);
+                        for ((most, sums), (means, ((&gain, &change), light))) in most.zip(sums).zip(means.zip(values))
+                        {
+                            let is_most = change - gain > *most.1 - *most.0;
+                            *sums.0 += if is_most { *most.0 } else { gain };
+                            *sums.1 += if is_most { *most.1 } else { change };
+                            *most.0 = if is_most { gain } else { *most.0 };
+                            *most.1 = if is_most { change } else { *most.1 };
+                            *means.0 += light;
+                            *means.1 += 1.0;
+                        }
+                    },
+                );
             }
         }
-        for (x, (mut count, [gain, change])) in count.into_iter().zip(against).enumerate() {
+        for (x, mut count) in count.into_iter().enumerate() {
+            let (gain, change) = (most_gain[x], most_change[x]);
             squared[x] /= count;
             if change - gain > OUTLIER * changed[x] {
                 count -= 1.0;

@@ -15,8 +15,8 @@
 
 use faer::{ColRef, Mat, MatRef};
 
-use super::vectors::on_widest;
 use crate::matrix::CHANNELS;
+use crate::vectors::on_widest;
 
 /// Largest distance in pixels that is averaged over, across and down; risks are summed over as large a window.
 const RADIUS: usize = 3;

@@ -11,9 +11,9 @@ use half::f16;
 use super::Candidate;
 use super::compressor::Compressor;
 use super::dense::write_product;
-use super::vectors::on_widest;
 use crate::light::Clusters;
 use crate::matrix::{Block, ColumnIndex, SparseEntry};
+use crate::vectors::on_widest;
 
 /// A block as the components and single entries that stand above their noise.
 #[derive(Clone, Debug, Default, PartialEq)]

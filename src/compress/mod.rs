@@ -42,7 +42,6 @@ mod residual;
 mod sanitise;
 mod settings;
 mod size;
-mod vectors;
 
 pub use candidate::{Candidate, CandidateSummary};
 pub use compressor::Compressor;

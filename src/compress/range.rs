@@ -11,9 +11,9 @@ use rand_pcg::Pcg64Mcg;
 use super::dense::{
     eigen, gram, orthonormal, product, product_f64, product_in_f64, subtract_product, to_f32, to_f64, to_vec,
 };
-use super::vectors::on_widest;
 use crate::light::LightingPrior;
 use crate::matrix::SparseEntry;
+use crate::vectors::on_widest;
 
 /// Factors of a block over an orthonormal `left`, in falling order of gain after the exact all-on component.
 pub(super) struct Range {

@@ -5,8 +5,8 @@
 
 use std::borrow::Cow;
 
-use super::vectors::on_widest;
 use crate::matrix::{BlockView, ColumnIndex, SparseEntry};
+use crate::vectors::on_widest;
 
 /// A column with more of its rows standing out than this is a component, not a set of single entries: as a component it
 /// costs a value a row, as entries about three times that each.

@@ -17,9 +17,9 @@
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 
-use super::vectors::on_widest;
 use super::{BlockSums, ColumnErrors};
 use crate::matrix::{BlockNoise, BlockReport, FactoredBlock, SparseEntry, TracedBlock};
+use crate::vectors::on_widest;
 
 /// Columns that are multiplied out at a time: with 3,072 rows they fit a second-level cache.
 const STRIP: usize = 64;
