@@ -27,6 +27,9 @@ pub(super) struct Range {
     pub(super) tail: f64,
 }
 
+/// Of lightings (columns × any), with the energies of the images that they show: which of them are wanted.
+pub(super) type Wanted<'a> = dyn Fn(MatRef<'_, f32>, &[f64]) -> Vec<bool> + 'a;
+
 /// The prior in the form that products want.
 pub(super) struct Weights {
     /// `F`, columns × width.
@@ -71,12 +74,7 @@ impl Weights {
 
     /// Lightings, columns × (1 + width of the range), that show the range of a block best, as a sketch of its rows
     /// (`few`) tells: all-on, then those that call up the strongest directions beside it, as far as these are `wanted`.
-    fn lightings_that_show(
-        &self,
-        few: MatRef<'_, f32>,
-        power_iterations: usize,
-        wanted: &dyn Fn(MatRef<'_, f32>, &[f64]) -> Vec<bool>,
-    ) -> Mat<f32> {
+    fn lightings_that_show(&self, few: MatRef<'_, f32>, power_iterations: usize, wanted: &Wanted<'_>) -> Mat<f32> {
         let mut y = product(few, self.sketch.as_ref());
         let all_on = orthonormal(y.as_ref().subcols(0, 1));
         let (mut lightings, mut energies) = (Mat::zeros(self.sketch.nrows(), 0), Vec::new());
@@ -123,16 +121,16 @@ impl Weights {
 /// the range.
 ///
 /// Which lightings show the range best is asked of a sketch of the rows, so that the block itself is multiplied twice
-/// only, by those lightings and by the basis that they give. Of the former only those are taken that are `wanted`, which is asked with the energies of
-/// the images that they show. With them it is multiplied by `seen_under` (columns × any) too: those images, without `stray`, are
-/// returned beside.
+/// only, by those lightings and by the basis that they give. Of the former only those are taken that are `wanted`, which is
+/// asked with the energies of the images that they show. With them it is multiplied by `seen_under` (columns × any) too:
+/// those images, without `stray`, are returned beside.
 pub(super) fn find_range(
     a: MatRef<'_, f32>,
     stray: &[SparseEntry],
     weights: &Weights,
     (rank, power_iterations): (usize, usize),
     seen_under: MatRef<'_, f32>,
-    wanted: &dyn Fn(MatRef<'_, f32>, &[f64]) -> Vec<bool>,
+    wanted: &Wanted<'_>,
 ) -> (Range, Mat<f32>) {
     let sketch = RowSketch::new(a.nrows());
     let few = sketch.rows_of(a);

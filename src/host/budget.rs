@@ -12,12 +12,14 @@ use crate::files::{folder_of, free_bytes};
 /// The program itself, its threads and its tables.
 pub(crate) const PROGRAM_BYTES: u64 = 24 << 20;
 
-/// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block, and
-/// disk.
+/// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block or, where that is
+/// more, for a stage by itself; and disk.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Need {
     pub(crate) fixed_bytes: u64,
     pub(crate) per_thread_bytes: u64,
+    /// Of a stage during which no thread works on a block.
+    pub(crate) alone_bytes: u64,
     /// What is refused where the disk has not so much.
     pub(crate) disk_bytes: u64,
     /// What no input passes, where that is more than a job is likely to take; else 0.
@@ -27,7 +29,7 @@ pub(crate) struct Need {
 impl Need {
     /// Memory for a number of threads.
     pub(crate) fn bytes(self, threads: usize) -> u64 {
-        self.fixed_bytes + self.per_thread_bytes * threads as u64
+        self.fixed_bytes + (self.per_thread_bytes * threads as u64).max(self.alone_bytes)
     }
 
     /// Admits a job that writes `output`: the number of threads that stay within the memory, after one line on what is
@@ -156,6 +158,9 @@ mod tests {
         assert_eq!(need.threads_within("a job", Some(150)).unwrap(), 1);
         let error = need.threads_within("a job", Some(149)).unwrap_err().to_string();
         assert!(error.contains("150 B") && error.contains("149 B"), "{error}");
+        // A stage by itself takes the place of the threads.
+        let staged = Need { alone_bytes: 80, ..need };
+        assert_eq!((staged.bytes(1), staged.bytes(2)), (180, 200));
     }
 
     #[test]

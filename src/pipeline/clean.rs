@@ -28,7 +28,7 @@ use super::spill::{CLEANED, GATHERED, open_spill};
 use crate::clean::{self, Cleaning, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
-use crate::host::{Threads, Watch};
+use crate::host::{Need, Threads, Watch};
 use crate::light::{CleaningErrors, Clusters, Job, LightBasis};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
 
@@ -56,18 +56,22 @@ pub(super) struct Cleaned {
 }
 
 impl Cleaned {
-    /// Bytes that filtering takes at most beside the blocks.
-    pub(super) fn needs_bytes(job: &Job) -> u64 {
+    /// What compressing cleaned blocks takes, where for each thread that takes `compressing` beside the block, and making a block
+    /// takes `making`: first the blocks are gathered, then filtered, then spread and compressed.
+    pub(super) fn need(job: &Job, making_bytes: u64, compressing_bytes: u64) -> Need {
         let clusters = Clusters::of_basis(&job.basis).count();
-        Self::windows_need_bytes(job, window_blocks(job.shape, clusters))
+        let gathering = making_bytes + Gathering::takes_bytes(job);
+        Need {
+            // The map stays.
+            fixed_bytes: (size_of::<f32>() * clusters * job.shape.columns()) as u64,
+            per_thread_bytes: gathering.max(compressing_bytes).max(Gathering::spreads_bytes(job)),
+            alone_bytes: Self::windows_need_bytes(job, window_blocks(job.shape, clusters)),
+            disk_bytes: Self::disk_bytes(job),
+            most_disk_bytes: Self::disk_bytes(job),
+        }
     }
 
-    /// Bytes that a thread takes at most beside its block.
-    pub(super) fn thread_needs_bytes(job: &Job) -> u64 {
-        Gathering::contrasts_need_bytes(job)
-    }
-
-    /// The same with windows of so many blocks across.
+    /// Bytes that filtering and fitting take at most, with windows of so many blocks across.
     pub(super) fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let planes = BlockPlanes::fixed_bytes(u64::from(job.shape.block_side()).pow(2), clusters);
@@ -83,7 +87,7 @@ impl Cleaned {
     }
 
     /// Bytes of disk that it takes.
-    pub(super) fn disk_bytes(job: &Job) -> u64 {
+    fn disk_bytes(job: &Job) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let pixels = job.shape.rows() / CHANNELS as u64;
         let tiles: u64 =

@@ -12,7 +12,6 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::clean::Cleaned;
 use super::pack::{Packing, need_of};
 use super::render::{job_of, settings_of, tracer_of, tracing_need};
 use super::shard::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
@@ -153,12 +152,8 @@ impl FarmJob {
         let begun = Instant::now();
         let job = &self.terms.job;
         let compressor = self.compressor()?;
-        let mut merging = need_of(&compressor, job.shape, Need::default());
+        let merging = need_of(&compressor, job.shape, Need::default(), self.cleans().then_some(job));
         let (worker, need) = self.worker(compressor, None)?;
-        if self.cleans() {
-            merging.fixed_bytes += Cleaned::needs_bytes(job);
-            merging.per_thread_bytes += Cleaned::thread_needs_bytes(job);
-        }
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
         let tracer = tracer_of(self.loaded, job, None, watch)?;
         let setup_seconds = begun.elapsed().as_secs_f64();

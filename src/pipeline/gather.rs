@@ -58,13 +58,40 @@ impl Gathering {
         Ok(Self { path, shape: job.shape, clusters, records, compressor: compressor.transpose()? })
     }
 
-    /// Bytes that one thread takes at most to find the contrasts of a block, and to write or read them.
-    pub(super) fn contrasts_need_bytes(job: &Job) -> u64 {
-        match Self::contrast_bytes(job) {
+    /// Bytes that one thread takes at most to gather a block, beside the block itself.
+    pub(super) fn takes_bytes(job: &Job) -> u64 {
+        // Planes, tiles and contrasts as they come, and as bytes; before them what looks for contrasts.
+        let looking = match Self::contrast_bytes(job) {
             0 => 0,
-            // As they are analysed, and as bytes.
-            bytes => Compressor::needs_bytes_for(job.shape, &contrast_settings()) + 4 * bytes,
+            bytes => Compressor::needs_bytes_for(job.shape, &contrast_settings()) + 2 * bytes,
+        };
+        2 * Self::record_bytes(job) + looking
+    }
+
+    /// Bytes that one thread takes at most to make a block of what was gathered of it and of its cleaned images, beside the block
+    /// itself.
+    pub(super) fn spreads_bytes(job: &Job) -> u64 {
+        let (rows, columns) = (job.shape.max_block_rows() as u64, job.shape.columns() as u64);
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        // The images as bytes and as floats.
+        let images = 2 * 4 * rows * clusters;
+        match Self::contrast_bytes(job) {
+            0 => Self::record_bytes(job) + images,
+            bytes => {
+                let rank = CONTRAST_RANK as u64 + 1;
+                // Both sides of the product, their energies in f64, and what keeps entries positive.
+                let sides = 4 * (rows * (2 * clusters + rank) + columns * (clusters + 2 * rank));
+                Self::record_bytes(job) + bytes + images + sides + 24 * columns * rank + 8 * rows * clusters
+            }
         }
+    }
+
+    /// Bytes of what is gathered of a block at most, its single entries as many as are likely.
+    fn record_bytes(job: &Job) -> u64 {
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        let side = job.shape.block_side();
+        let tiles = 4 * tile_values(job.shape, PixelRect { x: 0, y: 0, width: side, height: side }, clusters) as u64;
+        BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters) + tiles + Self::contrast_bytes(job)
     }
 
     /// Bytes that the contrasts of a block are likely to take at most.

@@ -466,7 +466,7 @@ fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions) -> Resul
     }
     let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
     let compressor = Compressor::new(&basis_of(&names)?, shape, options.compress.clone())?;
-    let need = pack::need_of(&compressor, shape, Need::default());
+    let need = pack::need_of(&compressor, shape, Need::default(), None);
     need.threads_within("packing", options.memory_bytes)?;
     Ok(need)
 }

@@ -294,17 +294,10 @@ impl Packing {
         let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
         let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
         let basis = open_basis(options, job)?;
-        let mut need = need_of(&compressor, job.shape, source);
+        let mut need = need_of(&compressor, job.shape, source, options.denoise.then_some(job));
         need.fixed_bytes += basis.as_ref().map_or(0, Basis::needs_bytes);
         need.fixed_bytes += if options.denoise { 0 } else { compressor.asking_needs_bytes(&job.basis) };
         need.fixed_bytes += options.promise.as_ref().map_or(0, |promise| promise.needs_bytes());
-        if options.denoise {
-            need.fixed_bytes += Cleaned::needs_bytes(job);
-            // Contrasts are looked for before blocks are analysed, and added to those while they are.
-            need.per_thread_bytes += Cleaned::thread_needs_bytes(job);
-            need.disk_bytes += Cleaned::disk_bytes(job);
-            need.most_disk_bytes += Cleaned::disk_bytes(job);
-        }
         let overwrite = container.overwrite;
         // Before anything is said of memory and disk.
         check_container_output(path, overwrite)?;
@@ -582,8 +575,8 @@ impl BlockSource for Watched<'_> {
     }
 }
 
-/// What packing a matrix of this shape takes. `source` is what making its blocks takes.
-pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need) -> Need {
+/// What packing a matrix of this shape takes, or that of the job that is `cleaned`. `source` is what making its blocks takes.
+pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need, cleaned: Option<&Job>) -> Need {
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let columns = shape.columns() as u64;
     let candidate =
@@ -596,16 +589,23 @@ pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need)
     // bits: a fiftieth at the default target, a fourth where all is asked for.
     let fixed = compressor.settings().has_fixed_rank();
     let stored = if fixed { likely } else { likely / 4 };
+    // The analysis of a block, and its candidate: as it is, encoded, and multiplied out in strips.
+    let compressing = compressor.needs_bytes() + 3 * candidate;
+    let cleaning = match cleaned {
+        Some(job) => Cleaned::need(job, source.per_thread_bytes, compressing),
+        None => Need { per_thread_bytes: source.per_thread_bytes + compressing, ..Need::default() },
+    };
     Need {
         fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES)
             + 4096 * blocks
             + 48 * columns
-            + compressor.global_needs_bytes(),
-        // The block, its analysis, and its candidate: as it is, encoded, and multiplied out in strips.
-        per_thread_bytes: source.per_thread_bytes + block_bytes + compressor.needs_bytes() + 3 * candidate,
-        disk_bytes: source.disk_bytes + blocks * (likely + stored),
+            + compressor.global_needs_bytes()
+            + cleaning.fixed_bytes,
+        per_thread_bytes: block_bytes + cleaning.per_thread_bytes,
+        alone_bytes: cleaning.alone_bytes,
+        disk_bytes: source.disk_bytes + blocks * (likely + stored) + cleaning.disk_bytes,
         // The spill file; then the waiting blocks and the container, each half as large as a candidate at most.
-        most_disk_bytes: source.disk_bytes + 2 * blocks * candidate,
+        most_disk_bytes: source.disk_bytes + 2 * blocks * candidate + cleaning.most_disk_bytes,
     }
 }
 

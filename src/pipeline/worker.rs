@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::analysis::Analysis;
 use super::farm::Terms;
-use super::gather::{Gathering, tile_values};
+use super::gather::Gathering;
 use super::pack::need_of;
 use super::records::Records;
 use super::shard::ShardHead;
@@ -14,8 +14,7 @@ use crate::depot::Depot;
 use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
 use crate::host::{Need, Watch};
-use crate::light::Clusters;
-use crate::matrix::{BlockId, BlockPlanes, PixelRect, TracedBlock};
+use crate::matrix::{BlockId, TracedBlock};
 
 /// Makes the records of a shard.
 pub(super) enum Worker {
@@ -54,16 +53,10 @@ impl Worker {
         // Where each record is.
         let places = 64 * u64::from(shape.block_count());
         if !terms.options.denoise {
-            let need = need_of(compressor, shape, source);
+            let need = need_of(compressor, shape, source, None);
             return Need { fixed_bytes: need.fixed_bytes + places, ..need };
         }
-        let clusters = Clusters::of_basis(&terms.job.basis).count() as u64;
-        let side = shape.block_side();
-        let tiles = 4 * tile_values(shape, PixelRect { x: 0, y: 0, width: side, height: side }, clusters) as u64;
-        let planes = BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters);
-        // The planes as they come, and as bytes.
-        let per_thread_bytes =
-            source.per_thread_bytes + 2 * planes + 2 * tiles + Gathering::contrasts_need_bytes(&terms.job);
+        let per_thread_bytes = source.per_thread_bytes + Gathering::takes_bytes(&terms.job);
         Need { fixed_bytes: source.fixed_bytes + places, per_thread_bytes, ..source }
     }
 

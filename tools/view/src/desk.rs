@@ -165,7 +165,10 @@ impl Desk {
             while at < these.len() {
                 pace.begin();
                 let step = &these[at..(at + pace.step).min(these.len())];
-                relighter.refine(metered, step)?;
+                match relighter.refine(metered, step) {
+                    Err(error) if self.goes_on(&error) => continue,
+                    refined => refined?,
+                }
                 at += step.len();
                 match base_only {
                     true => progress.base = at as f32 / ids.len() as f32,
@@ -197,6 +200,27 @@ impl Desk {
             self.last = Some(request);
         }
         self.last.clone()
+    }
+
+    /// Waits until something is wished; whether it was, and not the end.
+    pub(super) fn await_wishes(&self) -> bool {
+        let Some(wishes) = self.shared.wait() else { return false };
+        let mut waiting = self.shared.wishes();
+        // What came in the meantime is newer.
+        waiting.picture = waiting.picture.take().or(wishes.picture);
+        waiting.pixel = waiting.pixel.or(wishes.pixel);
+        true
+    }
+
+    /// Tells of an error of reading and waits for the next wish, with which it may be gone: a disk or network may be back. Not where
+    /// the desk is to end, or another is to go on.
+    pub(super) fn goes_on(&self, error: &Error) -> bool {
+        let passes = matches!(error, Error::Io { .. });
+        if passes {
+            self.outbox.send(Event::Failed(format!("{error}; it is tried again with the next change")));
+            self.await_wishes();
+        }
+        passes
     }
 
     pub(super) fn tell(&self, outcome: Result<()>) {

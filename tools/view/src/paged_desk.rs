@@ -192,7 +192,10 @@ impl Desk {
             };
             pace.begin();
             let step = &ids[at..(at + pace.step).min(all)];
-            base.relight_view(&request.lighting, step, Detail::Base, &mut image)?;
+            match base.relight_view(&request.lighting, step, Detail::Base, &mut image) {
+                Err(error) if self.goes_on(&error) => continue,
+                relit => relit?,
+            }
             at += step.len();
             pace.has_read();
             self.meter(&base, base.resident_bytes());
@@ -290,27 +293,6 @@ impl Desk {
                 }
             }
         }
-    }
-
-    /// Waits until something is wished; whether it was, and not the end.
-    fn await_wishes(&self) -> bool {
-        let Some(wishes) = self.shared.wait() else { return false };
-        let mut waiting = self.shared.wishes();
-        // What came in the meantime is newer.
-        waiting.picture = waiting.picture.take().or(wishes.picture);
-        waiting.pixel = waiting.pixel.or(wishes.pixel);
-        true
-    }
-
-    /// Tells of an error of reading and waits for the next wish, with which it may be gone: a disk or network may be back. Not where
-    /// the desk is to end, or another is to go on.
-    fn goes_on(&self, error: &Error) -> bool {
-        let passes = matches!(error, Error::Io { .. });
-        if passes {
-            self.outbox.send(Event::Failed(format!("{error}; it is tried again with the next change")));
-            self.await_wishes();
-        }
-        passes
     }
 
     /// A picture of what is held, or the one at hand where only its display has changed.
