@@ -1,4 +1,4 @@
-//! Algorithms 2 and 4 over a matrix larger than the memory that `ltm-pack` is given.
+//! Packing matrices larger than the memory that `ltm-pack` is given: by Algorithms 2 and 4 over all of it, and cleaned.
 
 use assert_cmd::Command;
 use ltm::host::Quiet;
@@ -33,5 +33,28 @@ fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated()
         assert!(output.status.success(), "{said}");
         let (peak, need) = (mebibytes(&said, "peak memory"), mebibytes(&said, "needs up to"));
         assert!(peak <= need && need <= 60.0, "{method}: {peak} MiB of {need} MiB");
+    }
+}
+
+/// Its stages follow one another: blocks by all threads, then windows of the picture, then blocks again.
+#[test]
+fn a_matrix_is_cleaned_within_what_was_stated() {
+    let folder = tempfile::tempdir().unwrap();
+    // Many columns, where the blocks take most; few, where the windows do.
+    for (width, texels, allowed) in [(96, 32, 160.0), (512, 8, 160.0)] {
+        let mut room = BuiltIn { width, height: 64, texels }.named("diffuse").unwrap();
+        room.settings.samples_per_pixel = 4;
+        let matrix = folder.path().join(format!("{texels}.ltm"));
+        pipeline::render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_ltm-pack"))
+            .arg(&matrix)
+            .args(["--memory", &format!("{allowed}MiB")])
+            .current_dir(&folder)
+            .output()
+            .unwrap();
+        let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
+        assert!(output.status.success(), "{said}");
+        let (peak, need) = (mebibytes(&said, "peak memory"), mebibytes(&said, "needs up to"));
+        assert!(peak <= need && need <= allowed, "{texels} texels: {peak} MiB of {need} MiB");
     }
 }
