@@ -25,8 +25,7 @@ use crate::matrix::{
 /// energy of its image. Beyond independent columns the model is no more than a bound, so that 1 would be too little: of 937 components
 /// that were kept of 108 blocks (Conference Room with a panel of 64 × 64 texels, 16 samples) 11 had more than 4 and none more than
 /// 8, of those that were looked for in vain half had more than 16. With 8 images of "environment" came up to 1.7 % farther from the
-/// truth in ꟻLIP (`ltm study noise`), with 16 not; packing takes 8 %
-/// less time than without.
+/// truth in ꟻLIP (`ltm study noise`), with 16 not. Packing takes 8 % less time with it than without.
 const NOISE_ALONE: f64 = 16.0;
 
 /// Compresses the blocks of one matrix. Shared by threads: analysing changes nothing in it.
@@ -44,6 +43,9 @@ pub struct Compressor {
 }
 
 impl Compressor {
+    /// Values that a compressor holds for each column at most: the prior's factor, the lightings of the sketch and the probes.
+    pub const COLUMN_VALUES: u64 = 256;
+
     /// A compressor for matrices of this shape over this basis.
     ///
     /// # Errors
@@ -187,7 +189,7 @@ impl Compressor {
         };
         // A copy of the block where it has entries that cannot be used; factors in f32 and f64; the sketch of its rows,
         // the prior's factor and the sketch's lightings.
-        let factors = 4 * m * n + dense + 56 * (m + n) * q + 4 * n * (2 * SKETCH_ROWS as u64 + 256);
+        let factors = 4 * m * n + dense + 56 * (m + n) * q + 4 * n * (2 * SKETCH_ROWS as u64 + Self::COLUMN_VALUES);
         // The images under the probes, their comparison, and the candidates of one component.
         factors + 4 * m * (3 * super::alike::WINDOW_PIXELS + 64)
     }
@@ -300,10 +302,13 @@ impl Compressor {
             }
             Method::Auto => {
                 let size = (self.settings.rank.min(m).min(n), self.settings.power_iterations);
+                // A factor below 1 asks for what is less sure.
+                let heeded = self.settings.noise_factor.unwrap_or(0.0).min(1.0);
                 let wanted = |lightings: MatRef<'_, f32>, energies: &[f64]| match &noise {
                     Some(noise) => {
-                        let of_noise = noise.energies_of_images(lightings);
-                        of_noise.iter().zip(energies).map(|(noise, energy)| *noise < NOISE_ALONE * energy).collect()
+                        let of_noise = noise.energies_of_images(lightings, &stray);
+                        let is_wanted = |(noise, energy): (&f64, &f64)| heeded * noise < NOISE_ALONE * energy;
+                        of_noise.iter().zip(energies).map(is_wanted).collect()
                     }
                     None => vec![true; energies.len()],
                 };

@@ -6,7 +6,7 @@
 //! there: the range finder fits the noise that it sees. A component brings the image nearer to the truth only where its
 //! signal is above this noise.
 
-use faer::MatRef;
+use faer::{Mat, MatRef};
 
 use super::dense::{product, product_f64, solve_least_squares, subtract_product, to_f32, to_f64};
 use super::range::Weights;
@@ -169,7 +169,38 @@ impl<'a> NoiseModel<'a> {
     /// For each of the images `A w` under `lightings` (columns × images), the variance of the noise of each row: what
     /// the probes show of it as far as they span `w`, and beside them independent columns.
     pub(super) fn of_images(&self, lightings: MatRef<'_, f32>) -> Vec<Vec<f64>> {
-        let (rows, columns) = (self.rows.len(), self.columns.len());
+        let (spanned, beside) = self.spanned(lightings);
+        let seen = product(self.under_probes(), spanned.as_ref());
+        let total: f64 = self.rows.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        let variances = |k: usize| {
+            let own = self.own_of(beside.as_ref(), k);
+            (0..self.rows.len()).map(|i| f64::from(seen[(i, k)]).powi(2) + own * self.rows[i] / total).collect()
+        };
+        (0..lightings.ncols()).map(variances).collect()
+    }
+
+    /// Squared norm of the noise of each of the images `A w`, as [`of_images`](Self::of_images) has it, but for that of `stray`
+    /// entries, which are taken out of `A`.
+    pub(super) fn energies_of_images(&self, lightings: MatRef<'_, f32>, stray: &[SparseEntry]) -> Vec<f64> {
+        let (spanned, beside) = self.spanned(lightings);
+        let seen = product(self.under_probes(), spanned.as_ref());
+        let columns = self.columns.len();
+        let energy = |k: usize| {
+            // As much of the probes' images as of their noise: one of the two estimates lacks it.
+            let of_stray = |entry: &SparseEntry| {
+                let probes = self.probes[entry.column.index()..].iter().step_by(columns);
+                let weight: f32 = probes.zip(spanned.col(k).iter()).map(|(probe, share)| probe * share).sum();
+                f64::from(entry.value * weight).powi(2)
+            };
+            let seen = f64::from(seen.col(k).squared_norm_l2()) - stray.iter().map(of_stray).sum::<f64>();
+            seen.max(0.0) + self.own_of(beside.as_ref(), k)
+        };
+        (0..lightings.ncols()).map(energy).collect()
+    }
+
+    /// Lightings as mixtures of the probes, and what of them these do not span.
+    fn spanned(&self, lightings: MatRef<'_, f32>) -> (Mat<f32>, Mat<f32>) {
+        let columns = self.columns.len();
         let probes = MatRef::from_column_major_slice(self.probes, columns, self.probes.len() / columns);
         let spanned = {
             let (probes, lightings) = (to_f64(probes), to_f64(lightings));
@@ -179,19 +210,12 @@ impl<'a> NoiseModel<'a> {
         };
         let mut beside = lightings.to_owned();
         subtract_product(&mut beside, probes, spanned.as_ref());
-        let seen = product(self.under_probes(), spanned.as_ref());
-        let total: f64 = self.rows.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-        let variances = |k: usize| {
-            let beside: Vec<f32> = beside.col(k).iter().copied().collect();
-            let (own, _) = self.parts(&beside);
-            (0..rows).map(|i| f64::from(seen[(i, k)]).powi(2) + own * self.rows[i] / total).collect()
-        };
-        (0..lightings.ncols()).map(variances).collect()
+        (spanned, beside)
     }
 
-    /// Squared norm of the noise of each of the images `A w`: see [`of_images`](Self::of_images).
-    pub(super) fn energies_of_images(&self, lightings: MatRef<'_, f32>) -> Vec<f64> {
-        self.of_images(lightings).iter().map(|variances| variances.iter().sum()).collect()
+    /// `‖N w‖²` of independent columns, of one of several lightings.
+    fn own_of(&self, lightings: MatRef<'_, f32>, which: usize) -> f64 {
+        self.parts(&lightings.col(which).iter().copied().collect::<Vec<f32>>()).0
     }
 
     /// Of each gain, what the left side was fitted to.

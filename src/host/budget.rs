@@ -12,13 +12,17 @@ use crate::files::{folder_of, free_bytes};
 /// The program itself, its threads and its tables.
 pub(crate) const PROGRAM_BYTES: u64 = 24 << 20;
 
+/// Of what a thread takes, at most one part in so many is in pieces small enough for the allocator to keep: blocks and copies of them
+/// are most of it.
+const KEPT_PART: u64 = 4;
+
 /// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block or, where that is
 /// more, for a stage by itself; and disk.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Need {
     pub(crate) fixed_bytes: u64,
     pub(crate) per_thread_bytes: u64,
-    /// Of a stage during which no thread works on a block.
+    /// Of a stage during which no thread works on a block; what those gave back in small pieces, the allocator keeps for a while.
     pub(crate) alone_bytes: u64,
     /// What is refused where the disk has not so much.
     pub(crate) disk_bytes: u64,
@@ -29,7 +33,9 @@ pub(crate) struct Need {
 impl Need {
     /// Memory for a number of threads.
     pub(crate) fn bytes(self, threads: usize) -> u64 {
-        self.fixed_bytes + (self.per_thread_bytes * threads as u64).max(self.alone_bytes)
+        let of_threads = self.per_thread_bytes * threads as u64;
+        let alone = if self.alone_bytes > 0 { self.alone_bytes + of_threads / KEPT_PART } else { 0 };
+        self.fixed_bytes + of_threads.max(alone)
     }
 
     /// Admits a job that writes `output`: the number of threads that stay within the memory, after one line on what is
@@ -160,7 +166,7 @@ mod tests {
         assert!(error.contains("150 B") && error.contains("149 B"), "{error}");
         // A stage by itself takes the place of the threads.
         let staged = Need { alone_bytes: 80, ..need };
-        assert_eq!((staged.bytes(1), staged.bytes(2)), (180, 200));
+        assert_eq!((staged.bytes(1), staged.bytes(2), staged.bytes(3)), (192, 205, 250));
     }
 
     #[test]

@@ -26,6 +26,7 @@ use super::records::Records;
 use super::shard::ShardSet;
 use super::spill::{CLEANED, GATHERED, open_spill};
 use crate::clean::{self, Cleaning, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
+use crate::compress::Compressor;
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Need, Threads, Watch};
@@ -56,23 +57,36 @@ pub(super) struct Cleaned {
 }
 
 impl Cleaned {
-    /// What compressing cleaned blocks takes, where for each thread that takes `compressing` beside the block, and making a block
-    /// takes `making`: first the blocks are gathered, then filtered, then spread and compressed.
+    /// What packing a cleaned matrix takes, for each thread beside the block at hand: first blocks are made, which takes `making_bytes`
+    /// more, and gathered; then windows are filtered; then blocks are spread, and compressed, which takes `compressing_bytes`.
     pub(super) fn need(job: &Job, making_bytes: u64, compressing_bytes: u64) -> Need {
+        let windows = window_blocks(job.shape, Clusters::of_basis(&job.basis).count());
+        let stages = Self::need_of_windows(job, making_bytes, windows);
+        let disk_bytes = Self::disk_bytes(job);
+        Need {
+            per_thread_bytes: stages.per_thread_bytes.max(compressing_bytes),
+            disk_bytes,
+            most_disk_bytes: disk_bytes,
+            ..stages
+        }
+    }
+
+    /// The same of cleaning alone, with windows of so many blocks across.
+    pub(super) fn need_of_windows(job: &Job, making_bytes: u64, blocks: u32) -> Need {
         let clusters = Clusters::of_basis(&job.basis).count();
         let gathering = making_bytes + Gathering::takes_bytes(job);
         Need {
-            // The map stays.
-            fixed_bytes: (size_of::<f32>() * clusters * job.shape.columns()) as u64,
-            per_thread_bytes: gathering.max(compressing_bytes).max(Gathering::spreads_bytes(job)),
-            alone_bytes: Self::windows_need_bytes(job, window_blocks(job.shape, clusters)),
-            disk_bytes: Self::disk_bytes(job),
-            most_disk_bytes: Self::disk_bytes(job),
+            // The map stays, and what looks for contrasts.
+            fixed_bytes: (size_of::<f32>() * job.shape.columns()) as u64
+                * (clusters as u64 + Compressor::COLUMN_VALUES),
+            per_thread_bytes: gathering.max(Gathering::spreads_bytes(job)),
+            alone_bytes: Self::windows_need_bytes(job, blocks),
+            ..Need::default()
         }
     }
 
     /// Bytes that filtering and fitting take at most, with windows of so many blocks across.
-    pub(super) fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
+    fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let planes = BlockPlanes::fixed_bytes(u64::from(job.shape.block_side()).pow(2), clusters);
         let columns = job.shape.columns() as u64;

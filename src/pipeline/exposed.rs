@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::clean::{Cleaned, windows_of};
 use crate::error::{Error, Result};
-use crate::host::{Need, Threads, Watch};
+use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
 use crate::image::percentile;
 use crate::light::{ExposedError, Job, LightBasis, PROBES, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
@@ -209,11 +209,14 @@ impl Promise {
         watch: &dyn Watch,
     ) -> Result<ExposedError> {
         let job = matrix.job();
-        let need = Need {
-            fixed_bytes: if self.cleans { Cleaned::windows_need_bytes(job, WINDOW) } else { 0 },
-            per_thread_bytes: reading_need_bytes(matrix),
-            ..Need::default()
+        let reading = reading_need_bytes(matrix);
+        let cleaning = match self.cleans {
+            true => Cleaned::need_of_windows(job, reading, WINDOW),
+            false => Need { per_thread_bytes: reading, ..Need::default() },
         };
+        let images = Blocks::images_need_bytes(job.shape, self.windows.concat().len());
+        let fixed_bytes = PROGRAM_BYTES + self.needs_bytes() + images + cleaning.fixed_bytes;
+        let need = Need { fixed_bytes, ..cleaning };
         let threads = Threads::new(need.threads_within("measuring the error", memory_bytes)?)?;
         let source = Blocks { source: matrix, job, windows: &self.windows };
         Ok(self.reached(&source.images(self.cleans, &threads, ("measuring the error", watch))?.shown))

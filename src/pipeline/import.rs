@@ -131,7 +131,7 @@ impl ImportedMatrix {
             let features = noise.features().into_iter().flatten().map(FeaturePasses::needs_bytes_per_thread);
             need.per_thread_bytes = features.fold(need.per_thread_bytes, u64::max);
         }
-        let packing = packing_need(set, block_side, options)?;
+        let packing = packing_need(set, block_side, options, !matches!(noise, ImageNoise::Unknown))?;
         need.most_disk_bytes = need.disk_bytes + packing.most_disk_bytes;
         need.disk_bytes += packing.disk_bytes;
         let [spill, _, _, part] = files_of_pack(beside);
@@ -455,18 +455,20 @@ fn reading_need(set: &LightSet) -> Need {
     Need { fixed_bytes, per_thread_bytes: set.needs_bytes_per_thread(), disk_bytes, ..Need::default() }
 }
 
-/// What packing the images takes.
+/// What packing the images takes, cleaned where their noise is known and they are few enough.
 ///
 /// # Errors
 /// The memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
-fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions) -> Result<Need> {
+fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions, is_noise_known: bool) -> Result<Need> {
     let mut names = set.lights.clone();
     if set.has_sum {
         names.push(name_of_rest(&names));
     }
     let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
-    let compressor = Compressor::new(&basis_of(&names)?, shape, options.compress.clone())?;
-    let need = pack::need_of(&compressor, shape, Need::default(), None);
+    let job = Job { shape, basis: basis_of(&names)?, provenance: Provenance::default() };
+    let options = options.for_source(is_noise_known && can_be_cleaned(&job));
+    let compressor = Compressor::new(&job.basis, shape, options.compress.clone())?;
+    let need = pack::need_of(&compressor, shape, Need::default(), options.denoise.then_some(&job));
     need.threads_within("packing", options.memory_bytes)?;
     Ok(need)
 }

@@ -181,7 +181,10 @@ pub fn choose_samples(
     let windows = spread_windows(job.shape, WINDOWS);
     let mut need = tracing_need(&loaded, &job);
     need.fixed_bytes += Blocks::images_need_bytes(job.shape, windows.concat().len());
-    need.fixed_bytes += if cleans { Cleaned::windows_need_bytes(&job, WINDOW) } else { 0 };
+    if cleans {
+        let cleaning = Cleaned::need_of_windows(&job, need.per_thread_bytes, WINDOW);
+        need = Need { fixed_bytes: need.fixed_bytes + cleaning.fixed_bytes, ..cleaning };
+    }
     let threads = Threads::new(need.threads_within("a pilot", pack.memory_bytes)?)?;
     let settings = settings_of(&loaded);
     let scene = Arc::new(loaded.scene);

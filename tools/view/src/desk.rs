@@ -202,25 +202,18 @@ impl Desk {
         self.last.clone()
     }
 
-    /// Waits until something is wished; whether it was, and not the end.
-    pub(super) fn await_wishes(&self) -> bool {
-        let Some(wishes) = self.shared.wait() else { return false };
-        let mut waiting = self.shared.wishes();
-        // What came in the meantime is newer.
-        waiting.picture = waiting.picture.take().or(wishes.picture);
-        waiting.pixel = waiting.pixel.or(wishes.pixel);
-        true
-    }
-
-    /// Tells of an error of reading and waits for the next wish, with which it may be gone: a disk or network may be back. Not where
-    /// the desk is to end, or another is to go on.
+    /// Tells of an error of reading and waits for a wish that is newer than it, with which it may be gone: a disk or network may be
+    /// back. Not where another error ends the desk, or lets another go on. At the stop the next read ends it.
     pub(super) fn goes_on(&self, error: &Error) -> bool {
-        let passes = matches!(error, Error::Io { .. });
-        if passes {
-            self.outbox.send(Event::Failed(format!("{error}; it is tried again with the next change")));
-            self.await_wishes();
+        if !matches!(error, Error::Io { .. }) {
+            return false;
         }
-        passes
+        let before = std::mem::take(&mut *self.shared.wishes());
+        self.outbox.send(Event::Failed(format!("{error}; it is tried again with the next change")));
+        let newer = self.shared.wait().unwrap_or_default();
+        self.shared.wishes().add_older(newer);
+        self.shared.wishes().add_older(before);
+        true
     }
 
     pub(super) fn tell(&self, outcome: Result<()>) {

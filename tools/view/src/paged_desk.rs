@@ -295,6 +295,13 @@ impl Desk {
         }
     }
 
+    /// Waits until something is wished; whether it was, and not the end.
+    fn await_wishes(&self) -> bool {
+        let Some(wishes) = self.shared.wait() else { return false };
+        self.shared.wishes().add_older(wishes);
+        true
+    }
+
     /// A picture of what is held, or the one at hand where only its display has changed.
     fn begin(&self, pages: &Pages, request: Request, last: Option<Canvas>) -> Result<Canvas> {
         if let Some(last) = last.filter(|last| last.request.lighting == request.lighting) {

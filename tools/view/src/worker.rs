@@ -222,6 +222,12 @@ impl Wishes {
     pub(super) fn is_empty(&self) -> bool {
         self.picture.is_none() && self.pixel.is_none()
     }
+
+    /// Takes what was wished before, where nothing newer is.
+    pub(super) fn add_older(&mut self, older: Self) {
+        self.picture = self.picture.take().or(older.picture);
+        self.pixel = self.pixel.or(older.pixel);
+    }
 }
 
 /// What the window and its worker share.

@@ -89,10 +89,16 @@ fn what_cannot_be_read_is_said_and_tried_again_with_the_next_change() {
             _ => None,
         });
         assert!(said.contains("the network is away") && said.contains("tried again"), "{said}");
-        is_away.store(false, Ordering::Relaxed);
+        // Once for each change, and no more.
+        worker.ask_pixel([3, 4]);
         worker.request(request(2));
+        std::thread::sleep(Duration::from_millis(200));
+        let again = worker.events().filter(|event| matches!(event, Event::Failed(_))).count();
+        assert!((1..=2).contains(&again), "said {again} times again");
+        is_away.store(false, Ordering::Relaxed);
+        worker.request(request(3));
         wait_for(&worker, "whole picture", |event| match event {
-            Event::Picture(picture) => (picture.generation == 2 && picture.progress.is_complete()).then_some(()),
+            Event::Picture(picture) => (picture.generation == 3 && picture.progress.is_complete()).then_some(()),
             _ => None,
         });
     }
