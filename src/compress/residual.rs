@@ -272,16 +272,13 @@ fn squared_norm(values: &[f32]) -> f64 {
     on_widest(
         #[inline(always)]
         || {
-            let mut add = |values: &[f32]| {
-                for (sum, &value) in sums.iter_mut().zip(values) {
-                    let value = f64::from(finite(value));
-                    *sum += value * value;
-                }
-            };
-            // As arrays, or the sums would not stay in registers.
+            let square = |value: f32| f64::from(finite(value)) * f64::from(finite(value));
+            // Of arrays, or the sums would not stay in registers.
             let (arrays, rest) = values.as_chunks::<LANES>();
-            arrays.iter().for_each(|values| add(values));
-            add(rest);
+            for values in arrays {
+                sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += square(*value));
+            }
+            sums.iter_mut().zip(rest).for_each(|(sum, value)| *sum += square(*value));
         },
     );
     sums.iter().sum()

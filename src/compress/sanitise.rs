@@ -49,6 +49,11 @@ pub(super) struct Survey {
     pub(super) usable: bool,
 }
 
+#[inline(always)]
+fn square(value: f32) -> f64 {
+    f64::from(value) * f64::from(value)
+}
+
 /// Sums the rows of a block and looks for entries that cannot be computed with.
 pub(super) fn survey(block: BlockView<'_>) -> Survey {
     let sums_of = BlockSums { all_on: vec![0.0; block.rows()], column_norms: Vec::with_capacity(block.columns()) };
@@ -63,13 +68,12 @@ pub(super) fn survey(block: BlockView<'_>) -> Survey {
                     lit.iter_mut().zip(values).for_each(|(sum, v)| *sum += v);
                     sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += v.abs());
                     *usable &= values.iter().fold(true, |all, v| all & (v.abs() <= LARGEST));
-                    let mut add = |values: &[f32]| {
-                        squares.iter_mut().zip(values).for_each(|(sum, &v)| *sum += f64::from(v) * f64::from(v));
-                    };
-                    // As arrays, or the sums would not stay in registers.
+                    // Of arrays, or the sums would not stay in registers.
                     let (arrays, rest) = values.as_chunks::<LANES>();
-                    arrays.iter().for_each(|values| add(values));
-                    add(rest);
+                    for values in arrays {
+                        squares.iter_mut().zip(values).for_each(|(sum, v)| *sum += square(*v));
+                    }
+                    squares.iter_mut().zip(rest).for_each(|(sum, v)| *sum += square(*v));
                 }
                 column_norms.push(squares.iter().sum());
             }

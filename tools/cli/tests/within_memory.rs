@@ -41,7 +41,7 @@ fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated()
 fn a_matrix_is_cleaned_within_what_was_stated() {
     let folder = tempfile::tempdir().unwrap();
     // Many columns, where the blocks take most; few, where the windows do.
-    for (width, texels, allowed) in [(96, 32, 160.0), (512, 8, 160.0)] {
+    for (width, texels, allowed) in [(96, 32, 200.0), (512, 8, 400.0)] {
         let mut room = BuiltIn { width, height: 64, texels }.named("diffuse").unwrap();
         room.settings.samples_per_pixel = 4;
         let matrix = folder.path().join(format!("{texels}.ltm"));
