@@ -144,10 +144,10 @@ pub struct CompressSettings {
     pub exposure_exponent: f64,
     /// A component is kept if its energy `g` is above this many times its noise `f`. Keeping it brings its signal `g − f`
     /// and costs `f`, so 2 where `f` is right; 4, because `f` is what is left after pixels were averaged that were chosen
-    /// by the same noise, and so too low. What seems to be noise many times over is not even looked for, unless the factor is far below
-    /// 1. Where there is a factor, pixels that are lit alike are averaged too, an entry that
-    /// stands out is kept if samples agree on it, and nothing is quantised much finer than its noise. None: noise is not
-    /// looked at, the matrix is followed as it is.
+    /// by the same noise, and so too low. What seems to be noise many times over is not even looked for, unless the factor is
+    /// far below one. Where there is a factor, pixels that are lit alike are averaged too, an entry that stands out is kept if
+    /// samples agree on it, and nothing is quantised much finer than its noise. None: noise is not looked at, the matrix is
+    /// followed as it is.
     pub noise_factor: Option<f64>,
     /// Seed of the lightings that the range is sketched with, and of every choice of Algorithms 1–4. The sketch of rows and the
     /// probe lightings of noise are the same for every seed.
