@@ -88,16 +88,10 @@ impl Cleaned {
     /// Bytes that filtering and fitting take at most, with windows of so many blocks across.
     fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
-        let planes = BlockPlanes::fixed_bytes(u64::from(job.shape.block_side()).pow(2), clusters);
-        let columns = job.shape.columns() as u64;
-        let block = PixelRect { x: 0, y: 0, width: job.shape.block_side(), height: job.shape.block_side() };
-        let tiles = 4 * tile_values(job.shape, block, clusters) as u64;
-        // The map and what it is fitted with; planes and tiles of the blocks at hand.
-        let fit = if tiles > 0 { MapFit::needs_bytes(clusters, columns) } else { 0 };
-        window_bytes(job.shape, blocks, clusters as usize)
-            + BLOCKS_AT_HAND * (planes + 3 * tiles)
-            + 4 * clusters * columns
-            + fit
+        let (planes, tiles) = Gathering::plane_and_tile_bytes(job);
+        // What the map is fitted with; planes and tiles of the blocks at hand.
+        let fit = if tiles > 0 { MapFit::needs_bytes(clusters, job.shape.columns() as u64) } else { 0 };
+        window_bytes(job.shape, blocks, clusters as usize) + BLOCKS_AT_HAND * (planes + 3 * tiles) + fit
     }
 
     /// Bytes of disk that it takes.

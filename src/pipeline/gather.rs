@@ -88,10 +88,16 @@ impl Gathering {
 
     /// Bytes of what is gathered of a block at most, its single entries as many as are likely.
     fn record_bytes(job: &Job) -> u64 {
+        let (planes, tiles) = Self::plane_and_tile_bytes(job);
+        planes + tiles + Self::contrast_bytes(job)
+    }
+
+    /// Bytes of the planes of a block, and of its tiles, at most.
+    pub(super) fn plane_and_tile_bytes(job: &Job) -> (u64, u64) {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let side = job.shape.block_side();
-        let tiles = 4 * tile_values(job.shape, PixelRect { x: 0, y: 0, width: side, height: side }, clusters) as u64;
-        BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters) + tiles + Self::contrast_bytes(job)
+        let tiles = tile_values(job.shape, PixelRect { x: 0, y: 0, width: side, height: side }, clusters);
+        (BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters), 4 * tiles as u64)
     }
 
     /// Bytes that the contrasts of a block are likely to take at most.

@@ -1,5 +1,7 @@
 //! Packing matrices larger than the memory that `ltm-pack` is given: by Algorithms 2 and 4 over all of it, and cleaned.
 
+use std::path::Path;
+
 use assert_cmd::Command;
 use ltm::host::Quiet;
 use ltm::pipeline::{self, RenderOptions};
@@ -13,6 +15,19 @@ fn mebibytes(said: &str, word: &str) -> f64 {
     number.parse().unwrap()
 }
 
+/// Packs a matrix and gives the peak of memory and what was stated of it, in MiB.
+fn pack(matrix: &Path, arguments: &[&str]) -> (f64, f64) {
+    let output = Command::new(env!("CARGO_BIN_EXE_ltm-pack"))
+        .arg(matrix)
+        .args(arguments)
+        .current_dir(matrix.parent().unwrap())
+        .output()
+        .unwrap();
+    let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
+    assert!(output.status.success(), "{said}");
+    (mebibytes(&said, "peak memory"), mebibytes(&said, "needs up to"))
+}
+
 #[test]
 fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated() {
     let folder = tempfile::tempdir().unwrap();
@@ -23,15 +38,7 @@ fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated()
     pipeline::render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
     for method in ["algorithm2", "algorithm4"] {
         let arguments = ["--method", method, "--scope", "global", "--rank", "16", "--memory", "60MiB", "--force"];
-        let output = Command::new(env!("CARGO_BIN_EXE_ltm-pack"))
-            .arg(&matrix)
-            .args(arguments)
-            .current_dir(&folder)
-            .output()
-            .unwrap();
-        let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
-        assert!(output.status.success(), "{said}");
-        let (peak, need) = (mebibytes(&said, "peak memory"), mebibytes(&said, "needs up to"));
+        let (peak, need) = pack(&matrix, &arguments);
         assert!(peak <= need && need <= 60.0, "{method}: {peak} MiB of {need} MiB");
     }
 }
@@ -46,15 +53,7 @@ fn a_matrix_is_cleaned_within_what_was_stated() {
         room.settings.samples_per_pixel = 4;
         let matrix = folder.path().join(format!("{texels}.ltm"));
         pipeline::render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
-        let output = Command::new(env!("CARGO_BIN_EXE_ltm-pack"))
-            .arg(&matrix)
-            .args(["--memory", &format!("{allowed}MiB")])
-            .current_dir(&folder)
-            .output()
-            .unwrap();
-        let said = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap()).concat();
-        assert!(output.status.success(), "{said}");
-        let (peak, need) = (mebibytes(&said, "peak memory"), mebibytes(&said, "needs up to"));
+        let (peak, need) = pack(&matrix, &["--memory", &format!("{allowed}MiB")]);
         assert!(peak <= need && need <= allowed, "{texels} texels: {peak} MiB of {need} MiB");
     }
 }
