@@ -85,7 +85,7 @@ impl Smooth {
             // So coarse that 8 bits are taken.
             left_step: steps(8.0 / 127.0),
             right_step: vec![8.0 / 127.0; rank],
-            sparse: Vec::new(),
+            ..Default::default()
         }
     }
 }

@@ -198,36 +198,42 @@ fn every_truncation_and_every_flipped_byte_is_noticed() {
 #[test]
 fn chunks_that_lie_are_errors_and_earn_no_memory() {
     let layout = BlockLayout::of(&small_job(), BlockId(0));
-    let factors = block(&small_job(), BlockId(0));
-    let bytes = encode_layer(&layout, &factors, LayerPart::default(), &CodecSettings::default()).unwrap();
-    for length in 0..bytes.len() {
-        assert!(decode_layer(&layout, &bytes[..length], None).is_err(), "cut at {length}");
-    }
-    let mut random = Pcg64Mcg::seed_from_u64(1);
-    for _ in 0..20_000 {
-        let mut bad = bytes.clone();
-        for _ in 0..random.random_range(1..4) {
-            let at = random.random_range(0..bad.len());
-            bad[at] = random.random();
+    let even = block(&small_job(), BlockId(0));
+    let finer = FactoredBlock { right_fineness: FINENESS.into(), ..even.clone() };
+    for factors in [even, finer] {
+        let bytes = encode_layer(&layout, &factors, LayerPart::default(), &CodecSettings::default()).unwrap();
+        for length in 0..bytes.len() {
+            assert!(decode_layer(&layout, &bytes[..length], None).is_err(), "cut at {length}");
         }
-        if let Ok(block) = decode_layer(&layout, &bad, None) {
-            assert!(block.is_consistent());
-            assert!(block.left.iter().chain(&block.right).all(|v| v.is_finite()));
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        for _ in 0..20_000 {
+            let mut bad = bytes.clone();
+            for _ in 0..random.random_range(1..4) {
+                let at = random.random_range(0..bad.len());
+                bad[at] = random.random();
+            }
+            if let Ok(block) = decode_layer(&layout, &bad, None) {
+                assert!(block.is_consistent());
+                assert!(block.left.iter().chain(&block.right).all(|v| v.is_finite()));
+            }
         }
+        // A rank of 65,535 in a block of 256 × 256 pixels would be 51 GB.
+        let wide = Job { shape: MatrixShape::new(256, 256, 67, 256).unwrap(), ..job() };
+        let mut bad = bytes;
+        bad[2..4].copy_from_slice(&[255, 255]);
+        assert!(decode_layer(&BlockLayout::of(&wide, BlockId(0)), &bad, None).is_err());
     }
-    // A rank of 65,535 in a block of 256 × 256 pixels would be 51 GB.
-    let wide = Job { shape: MatrixShape::new(256, 256, 67, 256).unwrap(), ..job() };
-    let mut bad = bytes;
-    bad[2..4].copy_from_slice(&[255, 255]);
-    assert!(decode_layer(&BlockLayout::of(&wide, BlockId(0)), &bad, None).is_err());
 }
+
+/// For each of the ten zones of the panel, and for the three lamps.
+const FINENESS: [i8; 13] = [8, 3, 1, 0, 0, 0, 0, 0, 0, 0, 0, 5, -2];
 
 fn formats(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("formats").join(name)
 }
 
 /// The golden files, with the codings of their base layers and of their refinements.
-const GOLDEN: [(&str, u8, u8); 3] = [("v1", 1, 1), ("v1-coding-2", 1, 2), ("v1-coding-3", 3, 3)];
+const GOLDEN: [(&str, u8, u8); 4] = [("v1", 1, 1), ("v1-coding-2", 1, 2), ("v1-coding-3", 3, 3), ("v1-coding-4", 4, 4)];
 
 #[test]
 fn the_golden_file_of_each_version_and_coding_is_read_as_it_was_written() {
@@ -292,10 +298,15 @@ fn every_bad_file_is_refused_for_what_is_wrong_with_it() {
 #[test]
 #[ignore = "makes files that are never rewritten"]
 fn make_golden_and_bad_files() {
-    let golden = formats("golden/v1-coding-3.ltc");
+    let golden = formats("golden/v1-coding-4.ltc");
     if !golden.exists() {
         let job = job();
-        pack(&golden, &job, job.shape.blocks(), false);
+        let writer = ContainerWriter::create(&golden, &job, ContainerOptions::default()).unwrap();
+        for id in job.shape.blocks() {
+            let factors = FactoredBlock { right_fineness: FINENESS.into(), ..block(&job, id) };
+            writer.write_block(id, &factors, &report(id)).unwrap();
+        }
+        writer.finish().unwrap();
     }
     let folder = tempfile::tempdir().unwrap();
     let good = small_file(&folder.path().join("a.ltc"));

@@ -35,8 +35,6 @@ pub struct Compressor {
     weights: Weights,
     /// Diagonal of `K`.
     variances: Vec<f32>,
-    /// See [`LightingPrior::white_square`].
-    white_square: Option<f64>,
     /// The probe lightings that noise is kept under: columns × probes, column-major.
     probes: Vec<f32>,
     global: Option<GlobalCur>,
@@ -61,7 +59,7 @@ impl Compressor {
             PriorChoice::Lighting => LightingPrior::of_basis(basis),
             PriorChoice::Flat => LightingPrior::flat(n),
         };
-        Ok(Self::with_prior(basis, shape, settings, &prior))
+        Ok(Self::with_prior(basis, shape, settings, prior))
     }
 
     /// This, for lightings of one light alone as well: see [`LightingPrior::with_lights_alone`].
@@ -71,7 +69,7 @@ impl Compressor {
             PriorChoice::Flat => self,
             PriorChoice::Lighting => {
                 let prior = LightingPrior::of_basis(basis).with_lights_alone(basis, shares);
-                Self::with_prior(basis, self.shape, self.settings, &prior)
+                Self::with_prior(basis, self.shape, self.settings, prior)
             }
         }
     }
@@ -93,7 +91,7 @@ impl Compressor {
         });
         let cells = coarse.collect::<Result<Vec<_>>>()?.concat();
         let prior = LightingPrior::of_places(&likeness::places(&cells, self.shape.columns()));
-        let made = Self::with_prior(basis, self.shape, self.settings.clone(), &prior);
+        let made = Self::with_prior(basis, self.shape, self.settings.clone(), prior);
         *self = Self { global: self.global.take(), ..made };
         Ok(())
     }
@@ -109,13 +107,13 @@ impl Compressor {
         by_lighting && basis.is_unplaced() && likeness::can_tell(self.shape.columns())
     }
 
-    fn with_prior(basis: &LightBasis, shape: MatrixShape, settings: CompressSettings, prior: &LightingPrior) -> Self {
+    fn with_prior(basis: &LightBasis, shape: MatrixShape, settings: CompressSettings, prior: LightingPrior) -> Self {
         let n = shape.columns();
         let sketch_columns = (settings.rank + settings.oversampling).min(n);
+        let variances = prior.variances();
         let weights = Weights::new(prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
         let probes = probe_lightings(basis);
-        let (variances, white_square) = (prior.variances(), prior.white_square());
-        Self { shape, weights, variances, white_square, probes, global: None, settings }
+        Self { shape, weights, variances, probes, global: None, settings }
     }
 
     /// For [`Scope::Global`]: chooses rows and columns of the whole matrix, before any block is analysed; at most three
@@ -165,6 +163,11 @@ impl Compressor {
         let rows = MatRef::from_row_major_slice(rows, count, self.shape.columns());
         let gram = self.weights.gram(rows);
         (0..count).map(|k| gram[(k, k)]).collect()
+    }
+
+    /// The lightings that it weighs errors by.
+    pub fn prior(&self) -> &LightingPrior {
+        self.weights.prior()
     }
 
     /// The settings it was made with.
@@ -330,7 +333,7 @@ impl Compressor {
 
     /// Chooses the slope for all blocks from their summaries, in any order.
     pub fn choose<'a>(&self, summaries: impl Iterator<Item = &'a CandidateSummary> + Clone) -> Cut {
-        cut::choose(&self.settings, self.white_square, summaries)
+        cut::choose(&self.settings, self.prior().white_square(), summaries)
     }
 
     /// The methods that have a rank of their own, brought to orthonormal factors.

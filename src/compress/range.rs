@@ -32,28 +32,29 @@ pub(super) type Wanted<'a> = dyn Fn(MatRef<'_, f32>, &[f64]) -> Vec<bool> + 'a;
 
 /// The prior in the form that products want.
 pub(super) struct Weights {
-    /// `F`, columns × width.
-    factor: Mat<f32>,
-    /// `d`.
-    independent: Vec<f32>,
+    prior: LightingPrior,
     /// The sketch's lightings: all-on, then draws; all-on alone where there are no more columns than draws.
     sketch: Mat<f32>,
 }
 
 impl Weights {
-    pub(super) fn new(prior: &LightingPrior, sketch_columns: usize, seed: u64) -> Self {
+    pub(super) fn new(prior: LightingPrior, sketch_columns: usize, seed: u64) -> Self {
         let n = prior.columns();
-        let view = |values: &[f32], width| MatRef::from_column_major_slice(values, n, width).to_owned();
         let mut sketch = vec![1.0f32; n];
         // As many lightings as columns: the columns themselves lose nothing.
         let draws = if sketch_columns >= n { 0 } else { sketch_columns - 1 };
         sketch.extend(prior.draws(draws, seed));
-        let width = sketch.len() / n;
-        Self {
-            factor: view(prior.factor(), prior.width()),
-            independent: prior.independent().to_vec(),
-            sketch: view(&sketch, width),
-        }
+        let sketch = MatRef::from_column_major_slice(&sketch, n, sketch.len() / n).to_owned();
+        Self { prior, sketch }
+    }
+
+    pub(super) fn prior(&self) -> &LightingPrior {
+        &self.prior
+    }
+
+    /// `F`, columns × width.
+    fn factor(&self) -> MatRef<'_, f32> {
+        MatRef::from_column_major_slice(self.prior.factor(), self.prior.columns(), self.prior.width())
     }
 
     /// Whether columns are so few that a sketch of them saves nothing.
@@ -63,10 +64,10 @@ impl Weights {
 
     /// `K bᵀ` for `b` (k × columns).
     pub(super) fn weigh(&self, b: MatRef<'_, f32>) -> Mat<f32> {
-        let mut weighed = product(self.factor.as_ref(), product(self.factor.transpose(), b.transpose()).as_ref());
+        let mut weighed = product(self.factor(), product(self.factor().transpose(), b.transpose()).as_ref());
         for k in 0..b.nrows() {
             for j in 0..b.ncols() {
-                weighed[(j, k)] += self.independent[j] * b[(k, j)];
+                weighed[(j, k)] += self.prior.independent()[j] * b[(k, j)];
             }
         }
         weighed
@@ -109,9 +110,9 @@ impl Weights {
 
     /// `b K bᵀ` for `b` (k × columns), in f64.
     pub(super) fn gram(&self, b: MatRef<'_, f32>) -> Mat<f64> {
-        let through = to_f64(product(b, self.factor.as_ref()).as_ref());
+        let through = to_f64(product(b, self.factor()).as_ref());
         let b = to_f64(b);
-        let scaled = Mat::from_fn(b.nrows(), b.ncols(), |k, j| b[(k, j)] * f64::from(self.independent[j]));
+        let scaled = Mat::from_fn(b.nrows(), b.ncols(), |k, j| b[(k, j)] * f64::from(self.prior.independent()[j]));
         product_f64(through.as_ref(), through.transpose()) + product_f64(scaled.as_ref(), b.transpose())
     }
 }

@@ -115,5 +115,6 @@ fn base_of(block: &FactoredBlock) -> FactoredBlock {
         left_step: vec![block.left_step[0] * left],
         right_step: vec![block.right_step[0] * right],
         sparse: block.sparse.clone(),
+        right_fineness: block.right_fineness.clone(),
     }
 }

@@ -1,5 +1,7 @@
 //! Blocks as factors: the one shape that every compressor makes and every relighter uses.
 
+use std::sync::Arc;
+
 use super::{Block, CHANNELS, ColumnIndex};
 
 /// One large entry kept outside the low-rank part.
@@ -32,6 +34,9 @@ pub struct FactoredBlock {
     pub left_step: Vec<f32>,
     /// As `left_step`, for `right`.
     pub right_step: Vec<f32>,
+    /// How much finer than `right_step` each band of a right side is stored, in half octaves, as
+    /// [`fineness`](crate::container::fineness) weighs them; empty: all bands alike.
+    pub right_fineness: Arc<[i8]>,
     /// `S`, sorted by column, then row, without duplicates.
     pub sparse: Vec<SparseEntry>,
 }

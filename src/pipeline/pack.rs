@@ -24,15 +24,16 @@ use super::shard::ShardSet;
 use super::spill::{check_container_output, files_of_pack, open_spill, spill_path};
 use crate::clean::CLEANER_VERSION;
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, CandidateSummary, CompressSettings, Compressor, Cut,
-    LightErrorSums, Method, Residual, Target, cut_of_size,
+    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
+    Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
 };
-use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, WrittenBlock};
+use crate::container::codec::fineness;
+use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightLayout, WrittenBlock};
 use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Threads};
 use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::light::{CleaningErrors, ExposedError, Job, LightErrors, StatedErrors};
-use crate::matrix::{BlockId, BlockSource, ColumnIndex, MatrixShape, TracedBlock};
+use crate::matrix::{BlockId, BlockSource, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
 use crate::store;
 
 /// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
@@ -276,6 +277,8 @@ pub(super) struct Packing {
     basis: Option<Basis>,
     overwrite: bool,
     threads: Threads,
+    /// See [`FactoredBlock::right_fineness`].
+    fineness: Arc<[i8]>,
 }
 
 impl Packing {
@@ -323,6 +326,7 @@ impl Packing {
             basis,
             overwrite,
             threads,
+            fineness: Arc::default(),
         })
     }
 
@@ -428,6 +432,7 @@ impl Packing {
             .run(|| -> Result<Vec<_>> { blocks.par_iter().map_init(TracedBlock::default, analyse).collect() });
         watch.end();
         let analysed = analysed?;
+        self.fineness = self.fineness();
         let cut = self.choose(&analysed)?;
         let replaced = ReplacedEntries::of(&analysed, &blocks);
         if replaced.count() > 0 {
@@ -478,11 +483,25 @@ impl Packing {
         })
     }
 
+    /// How much finer than others bands of right sides are stored: by what their errors do to the lightings of the prior.
+    fn fineness(&self) -> Arc<[i8]> {
+        let compressor = &self.analysis.compressor;
+        match compressor.settings().has_fixed_rank() {
+            true => Arc::default(),
+            false => fineness(&LightLayout::of(&self.job.basis), compressor.prior()).into(),
+        }
+    }
+
+    /// A candidate as the cut wants it.
+    fn cut(&self, candidate: &Candidate, cut: &Cut) -> FactoredBlock {
+        FactoredBlock { right_fineness: Arc::clone(&self.fineness), ..candidate.cut(cut) }
+    }
+
     /// The second pass over a block: cuts its candidate, writes it, and adds what it lost to `lights`.
     fn store(&self, id: BlockId, cut: &Cut, lights: &LightErrorSums, watch: &dyn Watch) -> Result<WrittenBlock> {
         stop_if_interrupted(&self.path, watch)?;
         let (candidate, residual) = self.analysis.read(id)?;
-        let factored = candidate.cut(cut);
+        let factored = self.cut(&candidate, cut);
         let encoded = self.writer.encode(id, &factored)?;
         let stored = self.writer.decode(id, &encoded)?;
         let (report, columns) = residual.report(&candidate.whole(), &stored);
@@ -516,7 +535,7 @@ impl Packing {
         let sample: Vec<BlockId> =
             (0..blocks).step_by(blocks.div_ceil(SAMPLE_BLOCKS)).map(|i| BlockId(i as u32)).collect();
         let encode = |&id: &BlockId| -> Result<(usize, usize)> {
-            let size = self.writer.encode(id, &self.analysis.read(id)?.0.cut(cut))?.size();
+            let size = self.writer.encode(id, &self.cut(&self.analysis.read(id)?.0, cut))?.size();
             Ok((size.bytes(), size.layer_bytes.len()))
         };
         let sizes = sample.par_iter().map(encode).collect::<Result<Vec<_>>>()?;

@@ -48,7 +48,16 @@ impl FactorSource for Random {
         });
         let step = vec![0.05, 0.0, 0.1, 0.0, 0.05];
         let (left_step, right_step) = (step.clone(), step);
-        Ok(FactoredBlock { rows, columns, left, right, left_step, right_step, sparse: sparse.to_vec() })
+        Ok(FactoredBlock {
+            rows,
+            columns,
+            left,
+            right,
+            left_step,
+            right_step,
+            sparse: sparse.to_vec(),
+            ..Default::default()
+        })
     }
 }
 

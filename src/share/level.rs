@@ -3,8 +3,8 @@
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, FactorSource, MatrixShape};
 
-/// The coding of chunks that the page knows: their first byte.
-const CODING: u8 = 3;
+/// The codings of chunks that the page knows: their first byte.
+const CODINGS: [u8; 2] = [3, 4];
 
 /// One layer of all blocks, as it will stand in the file.
 #[derive(Clone, Debug)]
@@ -27,7 +27,7 @@ impl<'a> Level<'a> {
     /// Looks at every chunk of a source once. `counts` tells of a block its components and sparse entries over all layers.
     ///
     /// # Errors
-    /// Those of reading; a chunk of 2³² bytes or more, or of another coding than the newest.
+    /// Those of reading; a chunk of 2³² bytes or more, or of an early coding.
     pub fn new(source: &'a dyn FactorSource, counts: impl Fn(BlockId) -> (usize, usize)) -> Result<Self> {
         let shape = source.shape();
         let depth = shape.blocks().map(|id| source.layer_count(id)).max().unwrap_or(0);
@@ -40,7 +40,7 @@ impl<'a> Level<'a> {
                     continue;
                 }
                 let chunk = source.stored_layer(id, layer as u32)?;
-                if chunk.first().is_some_and(|&coding| coding != CODING) {
+                if chunk.first().is_some_and(|coding| !CODINGS.contains(coding)) {
                     let problem = format!("is coded in an early way ({}), which the page does not read", chunk[0]);
                     return Err(Error::input(id.to_string(), problem, "ltm-unpack it and pack it again"));
                 }

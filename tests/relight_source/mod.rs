@@ -119,7 +119,7 @@ fn random_block(shape: MatrixShape, id: BlockId, rank: usize, recipe: &Recipe, l
         value: 3.0 + (column % 7) as f32 - (row % 11) as f32,
     };
     let sparse = places.into_iter().map(entry).collect();
-    FactoredBlock { rows, columns, left, right, left_step, right_step, sparse }
+    FactoredBlock { rows, columns, left, right, left_step, right_step, sparse, ..Default::default() }
 }
 
 impl MemoryFactors {

@@ -8,6 +8,8 @@ pub(super) const CODING_SHARED: u8 = 1;
 pub(super) const CODING_REFINED: u8 = 2;
 /// As [`CODING_REFINED`], with a compact start, tiles for each component, and low bits apart. Writers use only this.
 pub(super) const CODING_APART: u8 = 3;
+/// As [`CODING_APART`], where bands of the right sides have steps of their own.
+pub(super) const CODING_BANDS: u8 = 4;
 
 /// Bytes before the streams with the first two codings: coding, shared, rank, sparse entries, bytes of the side stream.
 const LONG_BYTES: usize = 12;
@@ -46,7 +48,7 @@ impl Chunk {
                 chunk.states = 4;
                 (LONG_BYTES, number(8), 0)
             }
-            CODING_APART => {
+            CODING_APART | CODING_BANDS => {
                 let mut rest = &bytes[1..];
                 let mut number = || read_number(&mut rest).ok_or_else(cut_short);
                 chunk.shared = number()?;
@@ -75,7 +77,7 @@ impl Chunk {
             return Err(format!("the chunk shares {} components that are not there", self.shared));
         }
         let enough = match self.coding {
-            CODING_APART => self.rank * LEAST_COMPONENT_BYTES <= self.values.end,
+            CODING_APART | CODING_BANDS => self.rank * LEAST_COMPONENT_BYTES <= self.values.end,
             _ => self.rank * LONG_COMPONENT_BYTES <= self.side.len(),
         };
         if self.rank > rows.min(columns) + self.shared || !enough || self.sparse_entries > rows * columns {
@@ -91,8 +93,14 @@ impl Chunk {
     }
 
     /// A chunk of the newest coding.
-    pub(super) fn write(counts: [usize; 3], side: &[u8], low_bits: &[u8], (values, is_long): (&[u8], bool)) -> Vec<u8> {
-        let mut bytes = vec![CODING_APART];
+    pub(super) fn write(
+        coding: u8,
+        counts: [usize; 3],
+        side: &[u8],
+        low_bits: &[u8],
+        (values, is_long): (&[u8], bool),
+    ) -> Vec<u8> {
+        let mut bytes = vec![coding];
         let lengths = [side.len() * 2 + usize::from(is_long), low_bits.len()];
         counts.into_iter().chain(lengths).for_each(|number| write_number(&mut bytes, number));
         [side, low_bits, values].into_iter().for_each(|stream| bytes.extend(stream));
@@ -141,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_start_is_read_as_it_was_written() {
-        let bytes = Chunk::write([2, 300, 70_000], &[1; 200], &[2; 5], (&[3; 40], true));
+        let bytes = Chunk::write(CODING_APART, [2, 300, 70_000], &[1; 200], &[2; 5], (&[3; 40], true));
         let chunk = Chunk::parse(&bytes).unwrap();
         assert_eq!((chunk.shared, chunk.rank, chunk.sparse_entries), (2, 300, 70_000));
         assert!(bytes[chunk.side.clone()] == [1; 200] && bytes[chunk.low_bits.clone()] == [2; 5]);

@@ -1,12 +1,13 @@
 //! One component of a block as it is to be coded: rotation, tiles and quantised images.
 
+use super::classes::MAX_MAGNITUDE;
 use super::layer::CodecSettings;
 use super::planes::{PlanePlan, PlaneShape, estimate, plan};
 use super::rotation::{ROTATION_BITS, Rotation, rotate, transposed};
 use super::side::{Head, PlaneKind};
-use super::step::index_of;
+use super::step::{Steps, index_of};
 use super::transform::MAX_TILE;
-use crate::container::layout::BlockLayout;
+use crate::container::layout::{BlockLayout, LightLayout};
 use crate::matrix::{CHANNELS, FactoredBlock};
 
 /// Sides of tiles that a block's pixels may be cut into, by stored index.
@@ -32,7 +33,8 @@ impl Component {
     ) -> Self {
         let (left, right) = (block.left_component(k), block.right_component(k));
         let left_step = index_of(allowed_step(&block.left_step, k, left));
-        let right_step = index_of(allowed_step(&block.right_step, k, right));
+        let right_step = allowed_step(&block.right_step, k, right).max(least_right_step(layout, block, right));
+        let right_step = index_of(right_step);
         let shape = |tile: usize| PlaneShape { width: layout.width, height: layout.height, tile };
         let lambda = settings.lambda;
         let cost = |plane: &[f32], tile: usize| estimate(plane, shape(tile), left_step, lambda);
@@ -57,12 +59,12 @@ impl Component {
         let costs = TILES.map(|tile| cost(strong, tile));
         let tile = (0..TILES.len()).min_by(|&a, &b| costs[a].total_cmp(&costs[b])).expect("there are tiles");
         let image = |c: usize| &planes[c * layout.pixels()..][..layout.pixels()];
-        let left = std::array::from_fn(|c| plan(image(c), shape(TILES[tile]), left_step, lambda));
+        let left = std::array::from_fn(|c| plan(image(c), shape(TILES[tile]), Steps::even(left_step), lambda));
         let mut rest = right;
-        let right_plans = right_shapes(layout).map(|shape| {
+        let right_plans = right_images(&layout.lights, &block.right_fineness).map(|(shape, fineness)| {
             let plane;
-            (plane, rest) = rest.split_at(shape.width * shape.height);
-            plan(plane, shape, right_step, lambda)
+            (plane, rest) = rest.split_at(shape.values());
+            plan(plane, shape, Steps { index: right_step, fineness }, lambda)
         });
         let right = right_plans.collect();
         Self { head: Head { tile: tile as u32, left_step, right_step, rotation: rotation.0 }, left, right }
@@ -89,11 +91,39 @@ fn allowed_step(steps: &[f32], k: usize, values: &[f32]) -> f32 {
     steps.get(k).map_or(largest / 2048.0, |&step| step).max(least)
 }
 
+/// Steps of a right side are at least this, so that the values of its finest bands stay inside what is stored.
+fn least_right_step(layout: &BlockLayout, block: &FactoredBlock, values: &[f32]) -> f32 {
+    let (mut rest, mut least) = (values, 0.0f32);
+    for (shape, fineness) in right_images(&layout.lights, &block.right_fineness) {
+        let plane;
+        (plane, rest) = rest.split_at(shape.values());
+        let largest = plane.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+        let finest = fineness.iter().fold(0, |finest, &f| finest.max(f));
+        // As in `allowed_step`; half a step of the index more, for rounding.
+        let coefficient = largest * if shape.tile == 0 { 1.0 } else { shape.tile as f32 };
+        least = least.max(1.05 * coefficient * (f32::from(finest) / 2.0).exp2() / MAX_MAGNITUDE as f32);
+    }
+    least
+}
+
 /// The images of a component of the right factor.
-pub(super) fn right_shapes(layout: &BlockLayout) -> impl Iterator<Item = PlaneShape> {
-    layout.lights.planes().iter().map(|plane| PlaneShape {
+pub(super) fn right_shapes(lights: &LightLayout) -> impl Iterator<Item = PlaneShape> {
+    lights.planes().iter().map(|plane| PlaneShape {
         width: plane.across,
         height: plane.down,
         tile: if plane.is_image { MAX_TILE } else { 0 },
+    })
+}
+
+/// The same, each with how much finer its bands are.
+pub(super) fn right_images<'a>(
+    lights: &LightLayout,
+    fineness: &'a [i8],
+) -> impl Iterator<Item = (PlaneShape, &'a [i8])> {
+    let mut rest = fineness;
+    right_shapes(lights).map(move |shape| {
+        let here;
+        (here, rest) = rest.split_at(shape.bands().min(rest.len()));
+        (shape, here)
     })
 }

@@ -1,15 +1,17 @@
 //! A chunk of bytes back to a layer, whatever its coding.
 
+use std::sync::Arc;
+
 use super::adaptive::{BitCoder, BitDecoder};
-use super::chunk::{CODING_APART, Chunk};
-use super::component::{TILES, right_shapes, turn_back};
+use super::chunk::{CODING_APART, CODING_BANDS, Chunk};
+use super::component::{TILES, right_images, right_shapes, turn_back};
 use super::low_bits::LowBits;
 use super::planes::{PlaneShape, Scratch, read};
 use super::rans::RansDecoder;
 use super::rotation::ROTATION_BITS;
-use super::side::{ClassContexts, Head, Heads, PlaneKind, TILE_BITS, code_step};
+use super::side::{ClassContexts, Head, Heads, PlaneKind, TILE_BITS, code_fineness, code_step};
 use super::sparse;
-use super::step::step_of;
+use super::step::{Steps, step_of};
 use crate::container::layout::BlockLayout;
 use crate::matrix::{CHANNELS, FactoredBlock};
 
@@ -76,7 +78,7 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
     let (rows, columns, pixels) = (layout.rows(), layout.columns(), layout.pixels());
     let chunk = Chunk::parse(bytes)?;
     chunk.check(rows, columns, base.map_or(0, FactoredBlock::rank))?;
-    let is_apart = chunk.coding == CODING_APART;
+    let is_apart = matches!(chunk.coding, CODING_APART | CODING_BANDS);
     let mut side = BitDecoder::new(&bytes[chunk.side.clone()]);
     // With the first codings all components have the same tiles, said once.
     let one_tile = if is_apart { 0 } else { side.bits(0, TILE_BITS) };
@@ -94,6 +96,17 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
         ..Default::default()
     };
     let (mut heads, mut contexts) = (Heads::default(), ClassContexts::default());
+    if chunk.coding == CODING_BANDS {
+        block.right_fineness = match base.filter(|_| chunk.shared > 0) {
+            Some(base) => Arc::clone(&base.right_fineness),
+            None => {
+                let mut fineness = vec![0; right_shapes(&layout.lights).map(PlaneShape::bands).sum()];
+                code_fineness(&mut side, &mut fineness);
+                fineness.into()
+            }
+        };
+    }
+    let fineness = Arc::clone(&block.right_fineness);
     let mut scratch = Scratch::default();
     let mut corrections: Vec<(usize, Vec<f32>)> = Vec::new();
     if let Some(decoder) = &mut decoder {
@@ -118,18 +131,25 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
             let shape = PlaneShape { width: layout.width, height: layout.height, tile: TILES[head.tile as usize] };
             for channel in 0..CHANNELS {
                 let classes = contexts.read(&mut side, PlaneKind::left(channel))?;
-                read(decoder, &classes, shape, left_step, &mut scratch, &mut left[channel * pixels..][..pixels]);
+                read(
+                    decoder,
+                    &classes,
+                    shape,
+                    Steps::even(head.left_step),
+                    &mut scratch,
+                    &mut left[channel * pixels..][..pixels],
+                );
             }
             turn_back(left, head.rotation);
             if let Some(base) = copied {
                 right.copy_from_slice(base.right_component(k));
             }
             let mut rest = &mut *right;
-            for shape in right_shapes(layout).filter(|_| copied.is_none()) {
+            for (shape, fineness) in right_images(&layout.lights, &fineness).filter(|_| copied.is_none()) {
                 let plane;
                 (plane, rest) = rest.split_at_mut(shape.width * shape.height);
                 let classes = contexts.read(&mut side, PlaneKind::Right)?;
-                read(decoder, &classes, shape, right_step, &mut scratch, plane);
+                read(decoder, &classes, shape, Steps { index: head.right_step, fineness }, &mut scratch, plane);
             }
             if let Some(base) = base.filter(|_| copied.is_none()) {
                 corrections.push((k, right.to_vec()));

@@ -1,11 +1,11 @@
 //! A layer: some components of a block and some of its sparse entries, as one chunk of bytes.
 
 use super::adaptive::BitEncoder;
-use super::chunk::{Chunk, LEAST_COMPONENT_BYTES};
+use super::chunk::{CODING_APART, CODING_BANDS, Chunk, LEAST_COMPONENT_BYTES};
 use super::component::Component;
 use super::planes::push;
 use super::rans::RansEncoder;
-use super::side::{ClassContexts, Heads, code_step};
+use super::side::{ClassContexts, Heads, code_fineness, code_step};
 use super::sparse;
 use super::step::{index_of, step_of};
 use crate::container::layout::BlockLayout;
@@ -57,6 +57,11 @@ pub fn encode_layer(
     let mut side = BitEncoder::new();
     let mut values = RansEncoder::default();
     let (mut heads, mut contexts) = (Heads::default(), ClassContexts::default());
+    let is_even = rank == 0 || block.right_fineness.is_empty();
+    let coding = if is_even { CODING_APART } else { CODING_BANDS };
+    if !is_even && part.shared == 0 {
+        code_fineness(&mut side, &mut block.right_fineness.to_vec());
+    }
     let mut before = None;
     for k in 0..rank {
         let component = Component::new(layout, block, k, before.as_ref(), settings);
@@ -76,7 +81,7 @@ pub fn encode_layer(
     let (values, is_long, low_bits) = if rank > 0 { values.finish() } else { Default::default() };
     let streams = side.len() + low_bits.len() + values.len();
     side.resize(side.len() + (rank * LEAST_COMPONENT_BYTES).saturating_sub(streams), 0);
-    Ok(Chunk::write([part.shared, rank, block.sparse.len()], &side, &low_bits, (&values, is_long)))
+    Ok(Chunk::write(coding, [part.shared, rank, block.sparse.len()], &side, &low_bits, (&values, is_long)))
 }
 
 /// The step for sparse values that fits the steps of the factors.

@@ -5,6 +5,7 @@ mod chunk;
 mod classes;
 mod component;
 mod decode;
+mod fineness;
 mod layer;
 mod low_bits;
 mod planes;
@@ -17,4 +18,5 @@ mod transform;
 
 pub(crate) use decode::claims;
 pub use decode::{correcting_components, decode_layer, shared_components};
+pub use fineness::fineness;
 pub use layer::{CodecSettings, LayerPart, encode_layer, sparse_step};

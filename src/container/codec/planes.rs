@@ -4,7 +4,7 @@ use super::classes::{
     CLASSES, ESCAPE, LARGEST, LEAST_SCALE, MAX_MAGNITUDE, SYMBOLS, coding_of, escape_bits, symbol_of,
 };
 use super::rans::{RansDecoder, RansEncoder};
-use super::step::step_of;
+use super::step::{Steps, step_of};
 use super::transform::{MAX_TILE, Scan, ZONES, forward, inverse};
 
 /// How an image is cut and transformed.
@@ -46,21 +46,26 @@ impl PlaneShape {
         })
     }
 
-    fn values(self) -> usize {
+    /// Bands with steps of their own.
+    pub(super) fn bands(self) -> usize {
+        if self.tile == 0 { self.values() } else { ZONES }
+    }
+
+    pub(super) fn values(self) -> usize {
         self.width * self.height
     }
 }
 
-/// Transforms and quantises an image with the step of an index. `lambda` is the squared error, in squared steps, that a bit is worth.
-pub(super) fn plan(values: &[f32], shape: PlaneShape, step: i32, lambda: f32) -> PlanePlan {
-    pulp::Arch::new().dispatch(Planning { values, shape, step, lambda })
+/// Transforms and quantises an image with the steps of its bands. `lambda` is the squared error, in squared steps, that a bit is worth.
+pub(super) fn plan(values: &[f32], shape: PlaneShape, steps: Steps<'_>, lambda: f32) -> PlanePlan {
+    pulp::Arch::new().dispatch(Planning { values, shape, steps, lambda })
 }
 
 /// A call that is compiled for each vector unit.
 struct Planning<'a> {
     values: &'a [f32],
     shape: PlaneShape,
-    step: i32,
+    steps: Steps<'a>,
     lambda: f32,
 }
 
@@ -70,9 +75,14 @@ impl pulp::NullaryFnOnce for Planning<'_> {
     #[inline(always)]
     fn call(self) -> Self::Output {
         let mut plan = PlanePlan { classes: [0; ZONES], bands: Default::default() };
-        let inverse_step = 1.0 / step_of(self.step);
         for (zone, mut band) in bands(self.values, self.shape).into_iter().enumerate() {
-            band.iter_mut().for_each(|c| *c *= inverse_step);
+            match self.shape.tile {
+                0 => band.iter_mut().enumerate().for_each(|(i, c)| *c /= self.steps.of(i)),
+                _ => {
+                    let inverse_step = 1.0 / self.steps.of(zone);
+                    band.iter_mut().for_each(|c| *c *= inverse_step);
+                }
+            }
             (plan.classes[zone], plan.bands[zone]) = quantise(&band, self.lambda);
         }
         plan
@@ -132,7 +142,7 @@ fn laplace_bits(mean: f32) -> f32 {
 
 /// The coefficients of an image by zone.
 #[inline(always)]
-fn bands(values: &[f32], shape: PlaneShape) -> [Vec<f32>; ZONES] {
+pub(super) fn bands(values: &[f32], shape: PlaneShape) -> [Vec<f32>; ZONES] {
     let mut bands: [Vec<f32>; ZONES] = Default::default();
     if shape.tile == 0 {
         bands[0].extend(values);
@@ -315,7 +325,7 @@ pub(super) fn read(
     decoder: &mut RansDecoder<'_>,
     classes: &[u32; ZONES],
     shape: PlaneShape,
-    step: f32,
+    steps: Steps<'_>,
     scratch: &mut Scratch,
     out: &mut [f32],
 ) {
@@ -328,7 +338,7 @@ pub(super) fn read(
     if shape.tile == 0 {
         integers.resize(shape.values(), 0);
         decoder.read_band(classes[0], integers);
-        out.iter_mut().zip(integers).for_each(|(out, &mut q)| *out = q as f32 * step);
+        out.iter_mut().zip(integers).enumerate().for_each(|(i, (out, &mut q))| *out = q as f32 * steps.of(i));
         return;
     }
     rows.resize(MAX_TILE * MAX_TILE, 0.0);
@@ -342,6 +352,7 @@ pub(super) fn read(
     for (zone, &class) in classes.iter().enumerate().filter(|(_, class)| **class != 0) {
         integers.resize(tiles.iter().map(|(_, scan)| scan.count(zone)).sum(), 0);
         decoder.read_band(class, integers);
+        let step = steps.of(zone);
         let (mut values, mut buffer) = (integers.as_slice(), coefficients.as_mut_slice());
         for (tile, scan) in &*tiles {
             let of_tile;

@@ -62,6 +62,17 @@ pub(super) fn code_step(coder: &mut impl BitCoder, step: i32) -> i32 {
     coder.bits((step + STEP_LIMIT) as u32, STEP_BITS) as i32 - STEP_LIMIT
 }
 
+/// Codes how much finer bands are, each as its difference from the one before.
+pub(super) fn code_fineness(coder: &mut impl BitCoder, fineness: &mut [i8]) {
+    let mut contexts = SignedContexts::default();
+    let mut before = 0;
+    for finer in fineness {
+        let difference = coder.signed(&mut contexts, i32::from(*finer) - before);
+        before = before.saturating_add(difference).clamp(i32::from(i8::MIN), i32::from(i8::MAX));
+        *finer = before as i8;
+    }
+}
+
 /// Which statistics an image's classes share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PlaneKind {

@@ -22,6 +22,28 @@ pub(super) fn index_of(step: f32) -> i32 {
     index.clamp(-STEP_LIMIT, STEP_LIMIT)
 }
 
+/// Steps of the bands of an image: the zones of one that is transformed, else its values.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Steps<'a> {
+    /// Index of the step that they stand to.
+    pub(super) index: i32,
+    /// How much finer each band is, in half octaves; empty: all alike.
+    pub(super) fineness: &'a [i8],
+}
+
+impl Steps<'_> {
+    /// One step for all bands.
+    pub(super) fn even(index: i32) -> Self {
+        Self { index, fineness: &[] }
+    }
+
+    /// The step of a band.
+    #[inline(always)]
+    pub(super) fn of(self, band: usize) -> f32 {
+        step_of(self.index - 4 * self.fineness.get(band).map_or(0, |&finer| i32::from(finer)))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,11 +1,12 @@
-// From a chunk to factors: the reading half of src/container/codec, of coding 3.
+// From a chunk to factors: the reading half of src/container/codec, of codings 3 and 4.
 
 import { BitDecoder, CLASSES, NUMBER_CONTEXTS, RansDecoder, SIGNED_CONTEXTS } from './coder.js';
 
 /**
  * A block `L R + S`. `left`: three planes of pixels for each component; `right`: a value a column for each. Sparse entries: of
- * each its column, its row (channel · pixels + pixel) and its value.
- * @typedef {{ rank: number, left: Float32Array, right: Float32Array, sparse: Sparse }} Factors
+ * each its column, its row (channel · pixels + pixel) and its value. `fineness`: how much finer each band of a right side is
+ * stored, in half octaves; empty: all alike.
+ * @typedef {{ rank: number, left: Float32Array, right: Float32Array, sparse: Sparse, fineness: Int8Array }} Factors
  * @typedef {{ columns: Uint32Array, rows: Uint32Array, values: Float32Array }} Sparse
  */
 /**
@@ -20,9 +21,13 @@ const MAX_TILE = 32;
 const STEP_LIMIT = 600;
 const EIGHTHS = [1, 1.0905077, 1.1892071, 1.2968396, Math.SQRT2, 1.5422108, 1.6817929, 1.834008].map(Math.fround);
 
+/** The coding where bands of right sides have steps of their own. */
+const CODING_BANDS = 4;
+const NO_FINENESS = new Int8Array(0);
+
 /** Where each group of contexts of the side stream begins. */
-const [TILE, LEFT_STEP, RIGHT_STEP, ROTATION, BANDS, COLUMN, GAPS, START, MASKS, FIRST, OTHERS, CONTEXTS] = [
-  1, SIGNED_CONTEXTS, SIGNED_CONTEXTS, 1, 6 * SIGNED_CONTEXTS, NUMBER_CONTEXTS, 3 * NUMBER_CONTEXTS, SIGNED_CONTEXTS, 64,
+const [FINENESS, TILE, LEFT_STEP, RIGHT_STEP, ROTATION, BANDS, COLUMN, GAPS, START, MASKS, FIRST, OTHERS, CONTEXTS] = [
+  SIGNED_CONTEXTS, 1, SIGNED_CONTEXTS, SIGNED_CONTEXTS, 1, 6 * SIGNED_CONTEXTS, NUMBER_CONTEXTS, 3 * NUMBER_CONTEXTS, SIGNED_CONTEXTS, 64,
   SIGNED_CONTEXTS, SIGNED_CONTEXTS, 0,
 ].map((_, i, sizes) => sizes.slice(0, i).reduce((a, b) => a + b, 0));
 
@@ -131,11 +136,12 @@ const SCRATCH = { integers: new Int32Array(0), tiles: new Float32Array(0) };
  * @param {RansDecoder} decoder
  * @param {number[]} classes
  * @param {{ width: number, height: number, tile: number }} shape
- * @param {number} step
+ * @param {number} stepIndex
+ * @param {Int8Array} fineness
  * @param {Float32Array} out
  * @param {number} first
  */
-function readImage(decoder, classes, { width, height, tile: side }, step, out, first) {
+function readImage(decoder, classes, { width, height, tile: side }, stepIndex, fineness, out, first) {
   const size = width * height;
   if (classes.slice(0, side === 0 ? 1 : ZONES).every((c) => c === 0)) return;
   if (SCRATCH.integers.length < size) {
@@ -145,7 +151,7 @@ function readImage(decoder, classes, { width, height, tile: side }, step, out, f
   const { integers, tiles } = SCRATCH;
   if (side === 0) {
     decoder.readBand(classes[0], integers, size);
-    for (let i = 0; i < size; i++) out[first + i] = integers[i] * step;
+    for (let i = 0; i < size; i++) out[first + i] = integers[i] * stepOf(stepIndex - 4 * (fineness[i] ?? 0));
     return;
   }
   /** @type {{ x: number, y: number, w: number, h: number, at: number, scan: Uint16Array[] }[]} */
@@ -163,6 +169,7 @@ function readImage(decoder, classes, { width, height, tile: side }, step, out, f
     if (classes[zone] === 0) continue;
     const count = cut.reduce((sum, tile) => sum + tile.scan[zone].length, 0);
     decoder.readBand(classes[zone], integers, count);
+    const step = stepOf(stepIndex - 4 * (fineness[zone] ?? 0));
     let next = 0;
     for (const tile of cut) {
       const places = tile.scan[zone];
@@ -218,17 +225,37 @@ function readStart(bytes) {
     }
     throw new Error('the chunk has a number that is too large');
   };
-  if (bytes[0] !== 3) throw new Error(`the chunk is coded in an unknown way (${bytes[0]})`);
+  if (bytes[0] !== 3 && bytes[0] !== CODING_BANDS) throw new Error(`the chunk is coded in an unknown way (${bytes[0]})`);
   const [shared, rank, sparse, side, low] = [number(), number(), number(), number(), number()];
   const lowBegin = at + Math.floor(side / 2);
   if (lowBegin + low > bytes.length) throw new Error('the chunk is cut short');
   return {
     shared, rank, sparse,
+    hasBands: bytes[0] === CODING_BANDS,
     states: side % 2 === 0 ? 1 : 8,
     side: bytes.subarray(at, lowBegin),
     low: bytes.subarray(lowBegin, lowBegin + low),
     values: bytes.subarray(lowBegin + low),
   };
+}
+
+/**
+ * How much finer the bands of right sides are, each as its difference from the one before.
+ * @param {BitDecoder} side
+ * @param {LightPlane[]} planes
+ */
+function readFineness(side, planes) {
+  const bands = planes.reduce((sum, plane) => sum + bandsOf(plane), 0);
+  let before = 0;
+  return Int8Array.from({ length: bands }, () => {
+    before = Math.min(Math.max(before + side.signed(FINENESS), -128), 127);
+    return before;
+  });
+}
+
+/** @param {LightPlane} plane */
+function bandsOf(plane) {
+  return plane.isImage ? ZONES : plane.across;
 }
 
 /**
@@ -251,6 +278,8 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
     throw new Error(`the chunk claims rank ${rank}`);
   }
   const side = new BitDecoder(chunk.side, CONTEXTS);
+  let fineness = NO_FINENESS;
+  if (chunk.hasBands) fineness = base && shared > 0 ? base.fineness : readFineness(side, planes);
   // The base layer's other components, which this one has nothing to say of, stay between those that it refines and its own.
   const kept = before - shared;
   const left = new Float32Array((rank + kept) * rows);
@@ -292,13 +321,15 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
       const shape = { width, height, tile: TILES[head.tile] };
       for (let channel = 0; channel < 3; channel++) {
         const first = place * rows + channel * pixels;
-        readImage(decoder, readClasses(Math.min(channel, 1)), shape, stepOf(head.left), left, first);
+        readImage(decoder, readClasses(Math.min(channel, 1)), shape, head.left, NO_FINENESS, left, first);
       }
       turnBack(left, place * rows, pixels, head.rotation);
-      let first = place * columns;
+      let [first, band] = [place * columns, 0];
       for (const plane of planes) {
         const image = { width: plane.across, height: plane.down, tile: plane.isImage ? MAX_TILE : 0 };
-        readImage(decoder, readClasses(2), image, stepOf(head.right), right, first);
+        const finer = fineness.subarray(band, band + bandsOf(plane));
+        readImage(decoder, readClasses(2), image, head.right, finer, right, first);
+        band += bandsOf(plane);
         first += plane.across * plane.down;
       }
       if (base && k < shared) {
@@ -310,12 +341,12 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
     decoder.finish();
   }
   const own = chunk.sparse > 0 ? readSparse(side, chunk.sparse, pixels, columns) : noSparse();
-  return { rank: rank + kept, left, right, sparse: base ? joined(base.sparse, own) : own };
+  return { rank: rank + kept, left, right, sparse: base ? joined(base.sparse, own) : own, fineness };
 }
 
 /** A black block. @returns {Factors} */
 export function noFactors() {
-  return { rank: 0, left: new Float32Array(0), right: new Float32Array(0), sparse: noSparse() };
+  return { rank: 0, left: new Float32Array(0), right: new Float32Array(0), sparse: noSparse(), fineness: NO_FINENESS };
 }
 
 /** @returns {Sparse} */

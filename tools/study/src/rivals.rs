@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use faer::Mat;
@@ -12,7 +13,8 @@ use super::bench::{Bench, file_bytes};
 use super::factors::{assemble, relit_block, relit_factors};
 use super::{kernel_nystrom, svd};
 use ltm::compress::{CompressSettings, component_bits};
-use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter};
+use ltm::container::codec::fineness;
+use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter, LightLayout};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::image::LinearImage;
@@ -103,6 +105,8 @@ pub(super) struct BlockSvd {
     parts: Vec<svd::Leading>,
     rows: Vec<usize>,
     columns: usize,
+    /// How finely the product's codec stores right sides, by the prior; empty without one.
+    fineness: Arc<[i8]>,
     seconds: f64,
 }
 
@@ -131,7 +135,10 @@ impl BlockSvd {
             Ok((part, traced.block.rows()))
         });
         let (parts, rows): (Vec<_>, Vec<_>) = parts.collect::<Result<Vec<_>>>()?.into_iter().unzip();
-        Ok(Self { parts, rows, columns: matrix.shape().columns(), seconds: begun.elapsed().as_secs_f64() })
+        let lights = LightLayout::of(&matrix.job().basis);
+        let fineness = prior.map_or_else(Arc::default, |prior| fineness(&lights, prior).into());
+        let columns = matrix.shape().columns();
+        Ok(Self { parts, rows, columns, fineness, seconds: begun.elapsed().as_secs_f64() })
     }
 
     /// Rank of each block.
@@ -243,7 +250,9 @@ impl BlockSvd {
     fn cut(&self, id: BlockId, slope: f64) -> FactoredBlock {
         let index = id.index();
         let part = &self.parts[index];
-        let mut block = FactoredBlock { rows: self.rows[index], columns: self.columns, ..Default::default() };
+        let right_fineness = Arc::clone(&self.fineness);
+        let (rows, columns) = (self.rows[index], self.columns);
+        let mut block = FactoredBlock { rows, columns, right_fineness, ..Default::default() };
         for Kept { component: k, left, right, .. } in self.kept(index, slope) {
             block.left.extend((0..block.rows).map(|i| part.u[(i, k)] as f32));
             block.right.extend((0..block.columns).map(|j| (part.v[(j, k)] * part.sigma[k]) as f32));

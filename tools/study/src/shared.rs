@@ -381,7 +381,7 @@ impl Subject {
             right: (0..rank).flat_map(|g| (0..n).map(move |j| (g, j))).map(|at| basis.vectors[at] as f32).collect(),
             left_step: vec![1.0; rank],
             right_step: basis.energies.iter().map(|energy| (basis.square_step / energy).sqrt() as f32).collect(),
-            sparse: Vec::new(),
+            ..Default::default()
         };
         let (bytes, decoded) = through(&BlockLayout::new(rect, self.lights.clone()), &block)?;
         Ok((bytes, MatRef::from_row_major_slice(&decoded.right, rank, n).to_owned()))
@@ -465,7 +465,7 @@ mod tests {
                     .collect(),
                 left_step: vec![1e-3; 2],
                 right_step: vec![1e-2; 2],
-                sparse: Vec::new(),
+                ..Default::default()
             }
         };
         let blocks = vec![
