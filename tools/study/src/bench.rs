@@ -24,6 +24,8 @@ const CONFERENCE_FILES: [(u32, &str); 2] = [
 pub(super) const CONFERENCE_LAMPS: &str = "conference-24";
 /// The same, seen from a corner.
 pub(super) const CONFERENCE_CORNER: &str = "conference-24-corner";
+/// The same, one luminaire replaced by a panel of texels.
+pub(super) const CONFERENCE_PANEL: &str = "conference-panel";
 /// Boxes and rooms that are files.
 pub(super) const GLOSSY: &str = "cornell-glossy";
 pub(super) const MIRROR: &str = "cornell-mirror";
@@ -33,9 +35,10 @@ pub(super) const CLASSROOM: &str = "erw5-scene8";
 pub(super) const CORNELL: &str = "cornell-original";
 
 /// Scene files by name. Lights of texels get as many as are wanted.
-const FILES: [(&str, &str); 8] = [
+const FILES: [(&str, &str); 9] = [
     (CONFERENCE_LAMPS, include_str!("../../../formats/scenes/conference-24.toml")),
     (CONFERENCE_CORNER, include_str!("../../../formats/scenes/conference-24-corner.toml")),
+    (CONFERENCE_PANEL, CONFERENCE_FILES[0].1),
     (GLOSSY, include_str!("../../../formats/scenes/cornell-glossy.toml")),
     (MIRROR, include_str!("../../../formats/scenes/cornell-mirror.toml")),
     (WATER, include_str!("../../../formats/scenes/cornell-water.toml")),
@@ -158,7 +161,14 @@ impl<'a> Bench<'a> {
             (Some(("material", _)), Some(light)) => format!("material = \"{light}\""),
             _ => line.to_owned(),
         };
-        let lines: Vec<String> = scene_text(name).lines().map(line).collect();
+        let text = match only {
+            // A panel is no material: the lamps beside it go.
+            Some(light) if scene_text(name).contains(&format!("name = \"{light}\"")) => {
+                scene_text(name).replace("[[light]]\nmaterial = \"lum_*\"\n", "")
+            }
+            _ => scene_text(name).to_owned(),
+        };
+        let lines: Vec<String> = text.lines().map(line).collect();
         self.scene(&format!("{name}-{texels}-{}.toml", only.unwrap_or("all")), &lines.join("\n"))
     }
 

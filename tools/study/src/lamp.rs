@@ -1,7 +1,7 @@
 //! The first thing that one looks at: a picture at full size under one lamp, beside a denoiser's.
 
 use super::StudyReport;
-use super::bench::{Bench, CLASSROOM, CONFERENCE_CORNER, CONFERENCE_LAMPS, Wanted};
+use super::bench::{Bench, CLASSROOM, CONFERENCE_CORNER, CONFERENCE_LAMPS, CONFERENCE_PANEL, Wanted};
 use super::mosaic::Picture;
 use super::oidn::{self, Surfaces};
 use super::rivals::packed;
@@ -27,19 +27,23 @@ struct Plan {
 struct Room {
     scene: &'static str,
     lamps: &'static [&'static str],
+    /// Texels along the sides of its lights that have any.
+    texels: u32,
     /// These pictures took part in choosing constants of the cleaning.
     tuned_on: bool,
 }
 
 /// What constants of the cleaning were chosen on.
-const TUNED_ON: Room = Room { scene: CONFERENCE_LAMPS, lamps: &["lum_03", "lum_10", "lum_17"], tuned_on: true };
+const TUNED_ON: Room =
+    Room { scene: CONFERENCE_LAMPS, lamps: &["lum_03", "lum_10", "lum_17"], texels: 1, tuned_on: true };
 
 const QUICK: Plan = Plan { rooms: &[TUNED_ON], size: (64, 48), converged: 64, samples: &[16] };
 const FULL: Plan = Plan {
     rooms: &[
         TUNED_ON,
-        Room { scene: CONFERENCE_CORNER, lamps: &["lum_06", "lum_21"], tuned_on: false },
-        Room { scene: CLASSROOM, lamps: &["unnamed_L001"], tuned_on: false },
+        Room { scene: CONFERENCE_CORNER, lamps: &["lum_06", "lum_21"], texels: 1, tuned_on: false },
+        Room { scene: CLASSROOM, lamps: &["unnamed_L001"], texels: 1, tuned_on: false },
+        Room { scene: CONFERENCE_PANEL, lamps: &["panel"], texels: 32, tuned_on: true },
     ],
     size: (1024, 768),
     converged: 384,
@@ -120,9 +124,10 @@ fn measure(
     table: &mut Table,
 ) -> Result<Vec<(u32, Vec<Vec<Picture>>)>> {
     let wanted =
-        |samples, seed| Wanted { scene: room.scene, size: plan.size, texels: 1, samples, seed, block_side: 32 };
+        |texels, samples, seed| Wanted { scene: room.scene, size: plan.size, texels, samples, seed, block_side: 32 };
     let lamp = |&name: &&'static str| {
-        let matrix = bench.matrix_alone(wanted(plan.converged, 1), name)?;
+        // All texels of a light are on: one would do.
+        let matrix = bench.matrix_alone(wanted(1, plan.converged, 1), name)?;
         let own = Lighting::of_scene(&matrix.job().basis);
         let mut images = relight_raw(&matrix, &[own])?;
         bench.watch.advance(1, matrix.shape().raw_bytes(), "B");
@@ -132,7 +137,7 @@ fn measure(
     let lamps: Vec<Lamp> = room.lamps.iter().map(lamp).collect::<Result<_>>()?;
     let mut pictures = Vec::new();
     for &samples in plan.samples {
-        let matrix = bench.matrix(wanted(samples, 0))?;
+        let matrix = bench.matrix(wanted(room.texels, samples, 0))?;
         let shape = matrix.shape();
         let rivals = rivals(bench, &matrix, &lamps)?;
         let raw = rivals.last().map_or(&[][..], |raw| &raw.images);
