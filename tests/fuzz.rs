@@ -214,11 +214,18 @@ fn no_changed_chunk_makes_its_decoder_panic() {
         sparse: (0..9u32).map(|i| SparseEntry { column: ColumnIndex(i), row: 7 * i, value: 1.0 + i as f32 }).collect(),
         ..FactoredBlock::default()
     };
-    let sound = encode_layer(layout, &block, LayerPart::default(), &CodecSettings::default()).unwrap();
-    assert!(ltc::look(&sound));
+    let bands =
+        layout.lights.planes().iter().map(|plane| if plane.is_image { 10 } else { plane.across }).sum::<usize>();
+    let right_fineness: Vec<i8> = (0..bands).map(|band| 9 - band as i8 % 12).collect();
+    let finer = FactoredBlock { right_fineness: right_fineness.into(), ..block.clone() };
+    let sound = [block, finer].map(|block| {
+        let sound = encode_layer(layout, &block, LayerPart::default(), &CodecSettings::default()).unwrap();
+        assert!(ltc::look(&sound));
+        sound
+    });
     let mut decoded = 0;
-    for _ in 0..inputs {
-        let mut input = sound.clone();
+    for i in 0..inputs {
+        let mut input = sound[i % 2].clone();
         for _ in 0..random.random_range(1..5) {
             let at = random.random_range(0..input.len());
             input[at] = some_byte(&mut random);

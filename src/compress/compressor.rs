@@ -62,13 +62,13 @@ impl Compressor {
         Ok(Self::with_prior(basis, shape, settings, prior))
     }
 
-    /// This, for lightings of one light alone as well: see [`LightingPrior::with_lights_alone`].
+    /// This, for lightings of one light alone as well: see [`LightingPrior::of_lights_alone`].
     #[must_use]
     pub fn for_lights_alone(self, basis: &LightBasis, shares: &[f64]) -> Self {
         match self.settings.prior {
             PriorChoice::Flat => self,
             PriorChoice::Lighting => {
-                let prior = LightingPrior::of_basis(basis).with_lights_alone(basis, shares);
+                let prior = LightingPrior::of_lights_alone(basis, shares);
                 Self::with_prior(basis, self.shape, self.settings, prior)
             }
         }

@@ -72,6 +72,7 @@ pub(super) fn join_layers<'a, E: From<String>>(
             layer.left_step.truncate(rank);
             layer.right_step.truncate(rank);
             layer.sparse.append(&mut whole.sparse);
+            layer.right_fineness = whole.right_fineness;
             whole = layer;
             continue;
         }

@@ -23,9 +23,6 @@ const WHITE_BOUNDS: (f64, f64) = (0.002, 0.3);
 const FACTOR_WIDTH: usize = 128;
 /// Share of a light in the image with all on below which its own image is not exposed any brighter.
 const LEAST_SHARE: f64 = 1e-3;
-/// Squared white of a lighting of the prior with each light alone, over that of all on, before both are scaled: about half of it are
-/// the prior's own, the lights alone are as white as all.
-const LIGHTINGS_AND_LIGHTS: f64 = 1.5;
 /// Lamps that a light of texels counts for where lights are alone: it is not switched, it is painted. The Conference Room with a panel of 32 ×
 /// 32 texels beside 23 lamps, 16 samples: with 4 the panel alone and discs of 0.3 and 0.2 of its side on it are 59, 53 and 49 dB in clip from
 /// what is packed at 90 dB, with 1 55, 49 and 45 dB for 4 % fewer bytes, with 16 63, 57 and 53 dB for 9 % more; lamps alone 52 to 60 dB.
@@ -56,15 +53,16 @@ impl LightingPrior {
     /// The prior of a basis: all on, each light alone, Gaussian shapes of 0.35, 0.12 and 0.04 of a light's extent, and
     /// single columns. Lamps are covered by shapes in space (groups of neighbours) and are switched singly.
     pub fn of_basis(basis: &LightBasis) -> Self {
-        Self::of_sites(&sites(basis))
+        Self::of_sites(&sites(basis), &|_, _| 1.0)
     }
 
     /// The same, of single columns that stand at these places, in a space of extent 1.
     pub fn of_places(places: &[[f64; 3]]) -> Self {
-        Self::of_sites(&places.iter().map(|&place| Site { group: 0, place }).collect::<Vec<_>>())
+        Self::of_sites(&places.iter().map(|&place| Site { group: 0, place }).collect::<Vec<_>>(), &|_, _| 1.0)
     }
 
-    fn of_sites(sites: &[Site]) -> Self {
+    /// The covariance of two sites is taken as often as `times` says; its diagonal is that of one of them.
+    fn of_sites(sites: &[Site], times: &dyn Fn(&Site, &Site) -> f64) -> Self {
         let groups = sites.iter().map(|site| site.group + 1).max().unwrap_or(0);
         let one_light = if groups > 1 { ONE_LIGHT } else { 0.0 };
         let white = (WHITE_TIMES_COLUMNS / sites.len().max(1) as f64).clamp(WHITE_BOUNDS.0, WHITE_BOUNDS.1);
@@ -76,45 +74,67 @@ impl LightingPrior {
                 sum += one_light;
                 sum += SHAPES.iter().map(|(weight, width)| weight * (-0.5 * d2 / (width * width)).exp()).sum::<f64>();
             }
-            sum / total
+            times(a, b) * sum / total
         };
         let (factor, rest) = pivoted_cholesky(sites, smooth);
-        let independent = rest.iter().map(|r| (r + white / total) as f32).collect();
+        let independent =
+            rest.iter().zip(sites).map(|(r, site)| (r + times(site, site) * white / total) as f32).collect();
         Self { columns: sites.len(), factor, independent, white_square: None }
     }
 
     /// The same, and each light alone, exposed as all of them together are: an image under one lamp counts as much as one under all,
-    /// however little of it is seen. A light of texels alone is one under every lighting of this prior: so much is it brighter in all of
-    /// them. `shares` are those of the lights in the mean of the image with all on.
+    /// however little of it is seen. A light of texels alone is one under every lighting of the prior of its texels. `shares` are those of the
+    /// lights in the mean of the image with all on. Of one light there is nothing to choose between.
     ///
     /// # Panics
     /// If there are not as many shares as lights.
-    #[must_use]
-    pub fn with_lights_alone(mut self, basis: &LightBasis, shares: &[f64]) -> Self {
+    pub fn of_lights_alone(basis: &LightBasis, shares: &[f64]) -> Self {
         let lights = basis.lights();
         assert_eq!(lights.len(), shares.len());
         if lights.len() < 2 {
-            return self;
+            return Self::of_basis(basis);
         }
-        for (light, share) in lights.iter().zip(shares) {
-            let added = share.max(LEAST_SHARE).powi(-2) / lights.len() as f64;
-            let columns = light.columns().start as usize..light.columns().end as usize;
-            if columns.len() == 1 {
-                self.independent[columns.start] += added as f32;
-                continue;
-            }
-            let brighter = (1.0 + PAINTED * added) as f32;
-            self.independent[columns.clone()].iter_mut().for_each(|d| *d *= brighter);
-            for column in self.factor.chunks_exact_mut(self.columns) {
-                column[columns.clone()].iter_mut().for_each(|f| *f *= brighter.sqrt());
-            }
+        let sites = sites(basis);
+        // How much more a light counts by being alone; sites of a group of texels are those of one light.
+        let added: Vec<f64> =
+            shares.iter().map(|share| share.max(LEAST_SHARE).powi(-2) / lights.len() as f64).collect();
+        let mut painted = vec![0.0; sites.iter().map(|site| site.group as usize + 1).max().unwrap_or(0)];
+        for (light, added) in lights.iter().zip(&added).filter(|(light, _)| light.places.len() > 1) {
+            painted[sites[light.columns().start as usize].group as usize] = PAINTED * added;
         }
+        let times = |a: &Site, b: &Site| if a.group == b.group { 1.0 + painted[a.group as usize] } else { 1.0 };
+        let mut prior = Self::of_sites(&sites, &times);
+        for (light, &added) in lights.iter().zip(&added).filter(|(light, _)| light.places.len() == 1) {
+            prior.independent[light.columns().start as usize] += added as f32;
+        }
+        prior.scaled().with_white(basis, shares)
+    }
+
+    /// This, with a mean diagonal of 1.
+    fn scaled(mut self) -> Self {
         let variances = self.variances();
         let scale = variances.len() as f32 / variances.iter().sum::<f32>();
         self.factor.iter_mut().for_each(|f| *f *= scale.sqrt());
         self.independent.iter_mut().for_each(|d| *d *= scale);
-        self.white_square = Some(LIGHTINGS_AND_LIGHTS * f64::from(scale));
         self
+    }
+
+    /// This, of which it is known how white its lightings are: the square of the mean of an image, as the lights' shares make it.
+    fn with_white(mut self, basis: &LightBasis, shares: &[f64]) -> Self {
+        let of_columns = basis.lights().iter().zip(shares).flat_map(|(light, share)| {
+            let each = share / light.places.len() as f64;
+            light.places.iter().map(move |_| each)
+        });
+        let of_columns: Vec<f64> = of_columns.collect();
+        self.white_square = Some(self.energy(&of_columns));
+        self
+    }
+
+    /// `wᵀ K w`.
+    fn energy(&self, weights: &[f64]) -> f64 {
+        let sum = |values: &[f32]| values.iter().zip(weights).map(|(&v, w)| f64::from(v) * w).sum::<f64>();
+        let independent: f64 = self.independent.iter().zip(weights).map(|(&d, w)| f64::from(d) * w * w).sum();
+        independent + self.factor.chunks_exact(self.columns.max(1)).map(|column| sum(column).powi(2)).sum::<f64>()
     }
 
     /// Every column equally likely and independent: plain least squares.
@@ -324,44 +344,63 @@ mod tests {
         basis
     }
 
+    fn with(lights: &[(&str, LightKind)]) -> LightBasis {
+        let mut basis = LightBasis::new();
+        for &(name, kind) in lights {
+            basis.push(Light::unplaced(name, kind)).unwrap();
+        }
+        basis
+    }
+
+    /// What is new of an error of a hundredth of a lighting's light, in the scale of the prior before.
+    fn added(basis: &LightBasis, shares: &[f64], lighting: &[f64]) -> f64 {
+        let (before, prior) = (LightingPrior::of_basis(basis), LightingPrior::of_lights_alone(basis, shares));
+        let variances = prior.variances();
+        assert!((variances.iter().sum::<f32>() / variances.len() as f32 - 1.0).abs() < 1e-3, "{variances:?}");
+        // What both have in common tells the scale: the covariance of different lights.
+        let (first, last) = (0, variances.len() - 1);
+        let covariance = |prior: &LightingPrior| {
+            prior.factor().chunks_exact(prior.columns()).map(|f| f64::from(f[first] * f[last])).sum::<f64>()
+        };
+        prior.energy(lighting) * covariance(&before) / covariance(&prior) - before.energy(lighting)
+    }
+
+    const TEXELS: LightKind = LightKind::AreaTexels { across: 4, down: 4 };
+
     /// A panel, a lamp as bright, and one of which a hundredth is seen: under each alone an error of a hundredth of its light counts
     /// the same, under the panel four times as much in each of its lightings.
     #[test]
     fn each_light_alone_counts_as_exposed_as_all_together() {
-        let mut basis = panel(4, 4);
-        for name in ["near", "far"] {
-            basis.push(Light::unplaced(name, LightKind::Lamp)).unwrap();
+        let basis = with(&[("panel", TEXELS), ("near", LightKind::Lamp), ("far", LightKind::Lamp)]);
+        let shares = [0.495, 0.495, 0.01];
+        for lamp in [1, 2] {
+            let mut error = vec![0.0; 18];
+            error[15 + lamp] = 0.01 * shares[lamp];
+            let added = added(&basis, &shares, &error);
+            assert!((added / (1e-4 / 3.0) - 1.0).abs() < 1e-2, "{added}");
         }
-        let of_lights = LightingPrior::of_basis(&basis);
-        let prior = of_lights.clone().with_lights_alone(&basis, &[0.495, 0.495, 0.01]);
-        let variances = prior.variances();
-        assert!((variances.iter().sum::<f32>() / 18.0 - 1.0).abs() < 1e-3, "{variances:?}");
-        let scale = prior.white_square().unwrap() / LIGHTINGS_AND_LIGHTS;
-        // What is new under a lighting, in the scale of the prior before.
-        let energy = |prior: &LightingPrior, lighting: &[f64]| {
-            let independent: f64 = lighting.iter().zip(prior.independent()).map(|(l, &d)| l * l * f64::from(d)).sum();
-            let through = |f: &[f32]| lighting.iter().zip(f).map(|(l, &f)| l * f64::from(f)).sum::<f64>().powi(2);
-            independent + prior.factor().chunks_exact(18).map(through).sum::<f64>()
-        };
-        let added = |lighting: &[f64]| energy(&prior, lighting) / scale - energy(&of_lights, lighting);
-        let mut errors = vec![vec![0.0; 18]; 3];
-        errors[0][..16].fill(0.01 * 0.495 / 16.0);
-        errors[1][16] = 0.01 * 0.495;
-        errors[2][17] = 0.01 * 0.01;
-        let (even, half) = (vec![1.0 / 16.0; 16], [vec![0.125; 8], vec![0.0; 8]].concat());
-        let painted = [even, half].map(|texels| [texels, vec![0.0; 2]].concat());
-        for (error, lighting) in
-            [(&errors[0], &painted[0]), (&painted[1].iter().map(|l| 0.01 * 0.495 * l).collect(), &painted[1])]
-        {
-            let expected = PAINTED * 1e-4 / 3.0 * energy(&of_lights, lighting);
-            assert!((added(error) / expected - 1.0).abs() < 1e-2, "{} over {expected}", added(error));
-        }
-        for error in &errors[1..] {
-            assert!((added(error) / (1e-4 / 3.0) - 1.0).abs() < 1e-2, "{}", added(error));
+        for texels in [vec![1.0 / 16.0; 16], [vec![0.125; 8], vec![0.0; 8]].concat()] {
+            let lighting = [texels, vec![0.0; 2]].concat();
+            let expected = PAINTED * 1e-4 / 3.0 * LightingPrior::of_basis(&basis).energy(&lighting);
+            let error: Vec<f64> = lighting.iter().map(|l| 0.01 * 0.495 * l).collect();
+            let added = added(&basis, &shares, &error);
+            assert!((added / expected - 1.0).abs() < 1e-2, "{added} over {expected}");
         }
         // Of one light there is nothing to choose between.
-        let alone = LightingPrior::of_basis(&panel(4, 4));
-        assert_eq!(alone.clone().with_lights_alone(&panel(4, 4), &[1.0]), alone);
+        assert_eq!(LightingPrior::of_lights_alone(&panel(4, 4), &[1.0]), LightingPrior::of_basis(&panel(4, 4)));
+    }
+
+    /// Lights that are alike leave each other's covariance alone, and count alone as much as one among others.
+    #[test]
+    fn of_two_panels_each_alone_counts_too() {
+        let (basis, shares) = (with(&[("left", TEXELS), ("right", TEXELS)]), [0.5, 0.5]);
+        let lighting = [vec![1.0 / 16.0; 16], vec![0.0; 16]].concat();
+        let before = LightingPrior::of_basis(&basis).energy(&lighting);
+        let added = added(&basis, &shares, &lighting.iter().map(|l| 0.01 * 0.5 * l).collect::<Vec<_>>());
+        assert!((added / (PAINTED * 1e-4 / 2.0 * before) - 1.0).abs() < 1e-2, "{added}");
+        let even = vec![1.0 / 32.0; 32];
+        let prior = LightingPrior::of_lights_alone(&basis, &shares);
+        assert!((prior.white_square().unwrap() / prior.energy(&even) - 1.0).abs() < 1e-6);
     }
 
     #[test]

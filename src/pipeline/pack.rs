@@ -40,7 +40,7 @@ use crate::store;
 const SAMPLE_BLOCKS: usize = 48;
 
 /// What [`Target::Automatic`] is for cleaned images: there is no noise that would hide more. Of several lights each alone counts as
-/// much as all together ([`LightingPrior::with_lights_alone`](crate::light::LightingPrior::with_lights_alone)).
+/// much as all together ([`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone)).
 ///
 /// Chosen on `conference-24` (1024 × 768 pixels, 32 samples): at 66 dB the faintest lamps alone show the borders of blocks and lose
 /// shadows on the floor, at 72 dB they do not.
@@ -278,7 +278,7 @@ pub(super) struct Packing {
     overwrite: bool,
     threads: Threads,
     /// See [`FactoredBlock::right_fineness`].
-    fineness: Arc<[i8]>,
+    right_fineness: Arc<[i8]>,
 }
 
 impl Packing {
@@ -326,7 +326,7 @@ impl Packing {
             basis,
             overwrite,
             threads,
-            fineness: Arc::default(),
+            right_fineness: Arc::default(),
         })
     }
 
@@ -432,7 +432,7 @@ impl Packing {
             .run(|| -> Result<Vec<_>> { blocks.par_iter().map_init(TracedBlock::default, analyse).collect() });
         watch.end();
         let analysed = analysed?;
-        self.fineness = self.fineness();
+        self.right_fineness = self.right_fineness();
         let cut = self.choose(&analysed)?;
         let replaced = ReplacedEntries::of(&analysed, &blocks);
         if replaced.count() > 0 {
@@ -483,18 +483,19 @@ impl Packing {
         })
     }
 
-    /// How much finer than others bands of right sides are stored: by what their errors do to the lightings of the prior.
-    fn fineness(&self) -> Arc<[i8]> {
+    /// How much finer bands of right sides are stored: by what their errors do to the lightings of the prior. Where a rank is given there
+    /// are no steps that they could be finer than.
+    fn right_fineness(&self) -> Arc<[i8]> {
         let compressor = &self.analysis.compressor;
-        match compressor.settings().has_fixed_rank() {
-            true => Arc::default(),
-            false => fineness(&LightLayout::of(&self.job.basis), compressor.prior()).into(),
+        if compressor.settings().has_fixed_rank() {
+            return Arc::default();
         }
+        fineness(&LightLayout::of(&self.job.basis), compressor.prior()).into()
     }
 
-    /// A candidate as the cut wants it.
+    /// What the cut keeps of a candidate, and how finely it is to be stored.
     fn cut(&self, candidate: &Candidate, cut: &Cut) -> FactoredBlock {
-        FactoredBlock { right_fineness: Arc::clone(&self.fineness), ..candidate.cut(cut) }
+        FactoredBlock { right_fineness: Arc::clone(&self.right_fineness), ..candidate.cut(cut) }
     }
 
     /// The second pass over a block: cuts its candidate, writes it, and adds what it lost to `lights`.

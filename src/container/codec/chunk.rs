@@ -6,7 +6,7 @@ use std::ops::Range;
 pub(super) const CODING_SHARED: u8 = 1;
 /// As [`CODING_SHARED`], but the right sides of shared components are stored, as differences from the base layer's.
 pub(super) const CODING_REFINED: u8 = 2;
-/// As [`CODING_REFINED`], with a compact start, tiles for each component, and low bits apart. Writers use only this.
+/// As [`CODING_REFINED`], with a compact start, tiles for each component, and low bits apart. Writers use this and the next.
 pub(super) const CODING_APART: u8 = 3;
 /// As [`CODING_APART`], where bands of the right sides have steps of their own.
 pub(super) const CODING_BANDS: u8 = 4;
@@ -92,7 +92,7 @@ impl Chunk {
         self.coding != CODING_SHARED
     }
 
-    /// A chunk of the newest coding.
+    /// A chunk of one of the newest codings, which begin alike.
     pub(super) fn write(
         coding: u8,
         counts: [usize; 3],
@@ -149,13 +149,15 @@ mod tests {
 
     #[test]
     fn a_start_is_read_as_it_was_written() {
-        let bytes = Chunk::write(CODING_APART, [2, 300, 70_000], &[1; 200], &[2; 5], (&[3; 40], true));
-        let chunk = Chunk::parse(&bytes).unwrap();
-        assert_eq!((chunk.shared, chunk.rank, chunk.sparse_entries), (2, 300, 70_000));
-        assert!(bytes[chunk.side.clone()] == [1; 200] && bytes[chunk.low_bits.clone()] == [2; 5]);
-        assert!(bytes[chunk.values.clone()] == [3; 40] && chunk.states == super::super::rans::MAX_STATES);
-        for length in 0..chunk.values.start {
-            assert!(Chunk::parse(&bytes[..length]).is_err(), "cut at {length}");
+        for coding in [CODING_APART, CODING_BANDS] {
+            let bytes = Chunk::write(coding, [2, 300, 70_000], &[1; 200], &[2; 5], (&[3; 40], true));
+            let chunk = Chunk::parse(&bytes).unwrap();
+            assert_eq!((chunk.coding, chunk.shared, chunk.rank, chunk.sparse_entries), (coding, 2, 300, 70_000));
+            assert!(bytes[chunk.side.clone()] == [1; 200] && bytes[chunk.low_bits.clone()] == [2; 5]);
+            assert!(bytes[chunk.values.clone()] == [3; 40] && chunk.states == super::super::rans::MAX_STATES);
+            for length in 0..chunk.values.start {
+                assert!(Chunk::parse(&bytes[..length]).is_err(), "cut at {length}");
+            }
         }
     }
 }

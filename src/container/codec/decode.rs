@@ -147,7 +147,7 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
             let mut rest = &mut *right;
             for (shape, fineness) in right_images(&layout.lights, &fineness).filter(|_| copied.is_none()) {
                 let plane;
-                (plane, rest) = rest.split_at_mut(shape.width * shape.height);
+                (plane, rest) = rest.split_at_mut(shape.values());
                 let classes = contexts.read(&mut side, PlaneKind::Right)?;
                 read(decoder, &classes, shape, Steps { index: head.right_step, fineness }, &mut scratch, plane);
             }

@@ -21,6 +21,13 @@ const FINEST: i32 = 20;
 /// # Panics
 /// If the lights and the prior have different numbers of columns.
 pub fn fineness(lights: &LightLayout, prior: &LightingPrior) -> Vec<i8> {
+    let finer = |weight: f64| (weight.log2().round() as i32).clamp(0, FINEST) as i8;
+    let finer: Vec<i8> = band_weights(lights, prior).into_iter().map(finer).collect();
+    if finer.iter().all(|&finer| finer == 0) { Vec::new() } else { finer }
+}
+
+/// The mean of `bᵀ K b` over the coefficients of each band.
+fn band_weights(lights: &LightLayout, prior: &LightingPrior) -> Vec<f64> {
     assert_eq!(lights.columns(), prior.columns());
     let mut weights = Vec::new();
     let mut rest = prior.independent();
@@ -50,8 +57,7 @@ pub fn fineness(lights: &LightLayout, prior: &LightingPrior) -> Vec<i8> {
             }
         }
     }
-    let finer: Vec<i8> = weights.iter().map(|weight| (weight.log2().round() as i32).clamp(0, FINEST) as i8).collect();
-    if finer.iter().all(|&finer| finer == 0) { Vec::new() } else { finer }
+    weights
 }
 
 #[cfg(test)]
@@ -76,7 +82,7 @@ mod tests {
     #[test]
     fn bands_are_finer_by_what_they_do_to_images() {
         let basis = basis(8, 2);
-        let prior = LightingPrior::of_basis(&basis).with_lights_alone(&basis, &[0.5, 0.48, 0.02]);
+        let prior = LightingPrior::of_lights_alone(&basis, &[0.5, 0.48, 0.02]);
         let finer = fineness(&LightLayout::of(&basis), &prior);
         let energy = |columns: std::ops::Range<usize>| {
             let root = (columns.len() as f32).sqrt();
@@ -88,6 +94,23 @@ mod tests {
         assert_eq!([finer[0], finer[10], finer[11]].map(f32::from), expected);
         assert!(finer.len() == 12 && finer[0] > 0 && finer[11] > finer[10], "{finer:?}");
         assert!(fineness(&LightLayout::of(&basis), &LightingPrior::flat(66)).is_empty());
+    }
+
+    /// The transform is orthonormal: over all coefficients the weights are those of the columns.
+    #[test]
+    fn weights_of_bands_add_up_to_those_of_columns() {
+        for side in [8, 32, 48] {
+            let basis = basis(side, 3);
+            let (lights, prior) = (LightLayout::of(&basis), LightingPrior::of_basis(&basis));
+            let counts = right_shapes(&lights).flat_map(|shape| {
+                let of_image = bands(&vec![0.0; shape.values()], shape).map(|band| band.len());
+                if shape.tile == 0 { vec![1; shape.values()] } else { of_image.to_vec() }
+            });
+            let weights = band_weights(&lights, &prior);
+            let sum: f64 = counts.zip(&weights).map(|(count, weight)| count as f64 * weight).sum();
+            let expected: f64 = prior.variances().iter().map(|&v| f64::from(v)).sum();
+            assert!((sum / expected - 1.0).abs() < 1e-4, "{sum} over {expected}");
+        }
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use super::adaptive::BitEncoder;
 use super::chunk::{CODING_APART, CODING_BANDS, Chunk, LEAST_COMPONENT_BYTES};
-use super::component::Component;
-use super::planes::push;
+use super::component::{Component, right_shapes};
+use super::planes::{PlaneShape, push};
 use super::rans::RansEncoder;
 use super::side::{ClassContexts, Heads, code_fineness, code_step};
 use super::sparse;
@@ -30,7 +30,8 @@ impl Default for CodecSettings {
 /// What the encoding of a layer takes from the block that it is part of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LayerPart {
-    /// This many first components are differences from the base layer's first ones, on both sides.
+    /// This many first components are differences from the base layer's first ones, on both sides. Where there are any, bands are as fine as
+    /// in the base layer, which the block is to say too.
     pub shared: usize,
     /// Step for sparse values; `None`: found from the layer's own factors and values.
     pub sparse_step: Option<f32>,
@@ -39,7 +40,8 @@ pub struct LayerPart {
 /// Encodes all components and sparse entries of `block` as one layer.
 ///
 /// # Errors
-/// As text for the caller to place: a value that is not finite, more shared components than there are.
+/// As text for the caller to place: a value that is not finite, more shared components than there are, fineness of other bands than
+/// the layout has.
 pub fn encode_layer(
     layout: &BlockLayout,
     block: &FactoredBlock,
@@ -49,6 +51,10 @@ pub fn encode_layer(
     let rank = block.rank();
     if part.shared > rank {
         return Err(format!("{} components cannot be shared", part.shared));
+    }
+    let bands: usize = right_shapes(&layout.lights).map(PlaneShape::bands).sum();
+    if ![0, bands].contains(&block.right_fineness.len()) {
+        return Err(format!("it says how finely {} bands are stored and has {bands}", block.right_fineness.len()));
     }
     let sparse_finite = block.sparse.iter().all(|e| e.value.is_finite());
     if !block.left.iter().chain(&block.right).all(|v| v.is_finite()) || !sparse_finite {

@@ -76,12 +76,11 @@ impl pulp::NullaryFnOnce for Planning<'_> {
     fn call(self) -> Self::Output {
         let mut plan = PlanePlan { classes: [0; ZONES], bands: Default::default() };
         for (zone, mut band) in bands(self.values, self.shape).into_iter().enumerate() {
-            match self.shape.tile {
-                0 => band.iter_mut().enumerate().for_each(|(i, c)| *c /= self.steps.of(i)),
-                _ => {
-                    let inverse_step = 1.0 / self.steps.of(zone);
-                    band.iter_mut().for_each(|c| *c *= inverse_step);
-                }
+            if self.shape.tile == 0 && !self.steps.are_even() {
+                band.iter_mut().enumerate().for_each(|(i, c)| *c *= 1.0 / self.steps.of(i));
+            } else {
+                let inverse_step = 1.0 / self.steps.of(zone);
+                band.iter_mut().for_each(|c| *c *= inverse_step);
             }
             (plan.classes[zone], plan.bands[zone]) = quantise(&band, self.lambda);
         }
@@ -338,7 +337,13 @@ pub(super) fn read(
     if shape.tile == 0 {
         integers.resize(shape.values(), 0);
         decoder.read_band(classes[0], integers);
-        out.iter_mut().zip(integers).enumerate().for_each(|(i, (out, &mut q))| *out = q as f32 * steps.of(i));
+        let values = out.iter_mut().zip(integers);
+        if steps.are_even() {
+            let step = steps.of(0);
+            values.for_each(|(out, &mut q)| *out = q as f32 * step);
+        } else {
+            values.enumerate().for_each(|(i, (out, &mut q))| *out = q as f32 * steps.of(i));
+        }
         return;
     }
     rows.resize(MAX_TILE * MAX_TILE, 0.0);

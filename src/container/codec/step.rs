@@ -37,6 +37,11 @@ impl Steps<'_> {
         Self { index, fineness: &[] }
     }
 
+    /// Whether all bands have the same.
+    pub(super) fn are_even(self) -> bool {
+        self.fineness.is_empty()
+    }
+
     /// The step of a band.
     #[inline(always)]
     pub(super) fn of(self, band: usize) -> f32 {

@@ -151,7 +151,10 @@ function readImage(decoder, classes, { width, height, tile: side }, stepIndex, f
   const { integers, tiles } = SCRATCH;
   if (side === 0) {
     decoder.readBand(classes[0], integers, size);
-    for (let i = 0; i < size; i++) out[first + i] = integers[i] * stepOf(stepIndex - 4 * (fineness[i] ?? 0));
+    const step = stepOf(stepIndex);
+    for (let i = 0; i < size; i++) {
+      out[first + i] = integers[i] * (fineness.length > 0 ? stepOf(stepIndex - 4 * fineness[i]) : step);
+    }
     return;
   }
   /** @type {{ x: number, y: number, w: number, h: number, at: number, scan: Uint16Array[] }[]} */
@@ -341,7 +344,7 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
     decoder.finish();
   }
   const own = chunk.sparse > 0 ? readSparse(side, chunk.sparse, pixels, columns) : noSparse();
-  return { rank: rank + kept, left, right, sparse: base ? joined(base.sparse, own) : own, fineness };
+  return { rank: rank + kept, left, right, sparse: base ? joined(base.sparse, own) : own, fineness: base ? base.fineness : fineness };
 }
 
 /** A black block. @returns {Factors} */

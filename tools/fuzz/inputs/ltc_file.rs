@@ -12,11 +12,12 @@ use ltm::container::ContainerReader;
 use ltm::matrix::FactorSource;
 
 /// A file of each coding, its metadata laid open so that changes in it are not stopped by its compression.
-pub(crate) static SOUND: LazyLock<[Vec<u8>; 3]> = LazyLock::new(|| {
-    let files: [&[u8]; 3] = [
+pub(crate) static SOUND: LazyLock<[Vec<u8>; 4]> = LazyLock::new(|| {
+    let files: [&[u8]; 4] = [
         include_bytes!("../../../formats/golden/v1.ltc"),
         include_bytes!("../../../formats/golden/v1-coding-2.ltc"),
         include_bytes!("../../../formats/golden/v1-coding-3.ltc"),
+        include_bytes!("../../../formats/golden/v1-coding-4.ltc"),
     ];
     files.map(laid_open)
 });
