@@ -281,6 +281,7 @@ export function decodeChunk(bytes, width, height, columns, planes, base) {
     throw new Error(`the chunk claims rank ${rank}`);
   }
   const side = new BitDecoder(chunk.side, CONTEXTS);
+  /** @type {Int8Array} */
   let fineness = NO_FINENESS;
   if (chunk.hasBands) fineness = base && shared > 0 ? base.fineness : readFineness(side, planes);
   // The base layer's other components, which this one has nothing to say of, stay between those that it refines and its own.

@@ -39,6 +39,11 @@ describe('loading', { skip: !hasBrowser }, () => {
     return data;
   };
 
+  it('reads a room whose right sides have steps for each band', () => {
+    const { offset, indexBytes } = head.levels[1].layers[1];
+    assert.equal(made.data[rest + offset + indexBytes], 4);
+  });
+
   it('asks for the page and its data, and nothing else', async () => {
     const { page, asked } = await loaded({}, 'complete');
     assert.deepEqual(asked.map(({ path }) => path), ['/', '/picture.lts']);
