@@ -75,9 +75,15 @@ fn report(id: BlockId) -> BlockReport {
 }
 
 fn pack(path: &Path, job: &Job, ids: impl Iterator<Item = BlockId>, partial: bool) {
+    pack_finer(path, job, ids, partial, &[]);
+}
+
+/// With bands of right sides so much finer.
+fn pack_finer(path: &Path, job: &Job, ids: impl Iterator<Item = BlockId>, partial: bool, fineness: &[i8]) {
     let writer = ContainerWriter::create(path, job, ContainerOptions { partial, ..Default::default() }).unwrap();
     for id in ids {
-        writer.write_block(id, &block(job, id), &report(id)).unwrap();
+        let factors = FactoredBlock { right_fineness: fineness.into(), ..block(job, id) };
+        writer.write_block(id, &factors, &report(id)).unwrap();
     }
     writer.finish().unwrap();
 }
@@ -301,12 +307,7 @@ fn make_golden_and_bad_files() {
     let golden = formats("golden/v1-coding-4.ltc");
     if !golden.exists() {
         let job = job();
-        let writer = ContainerWriter::create(&golden, &job, ContainerOptions::default()).unwrap();
-        for id in job.shape.blocks() {
-            let factors = FactoredBlock { right_fineness: FINENESS.into(), ..block(&job, id) };
-            writer.write_block(id, &factors, &report(id)).unwrap();
-        }
-        writer.finish().unwrap();
+        pack_finer(&golden, &job, job.shape.blocks(), false, &FINENESS);
     }
     let folder = tempfile::tempdir().unwrap();
     let good = small_file(&folder.path().join("a.ltc"));

@@ -61,7 +61,7 @@ impl LightingPrior {
         Self::of_sites(&places.iter().map(|&place| Site { group: 0, place }).collect::<Vec<_>>(), &|_, _| 1.0)
     }
 
-    /// The covariance of two sites is taken as often as `times` says; its diagonal is that of one of them.
+    /// The prior of these sites, the covariance of each two (and of each with itself) multiplied by `times`.
     fn of_sites(sites: &[Site], times: &dyn Fn(&Site, &Site) -> f64) -> Self {
         let groups = sites.iter().map(|site| site.group + 1).max().unwrap_or(0);
         let one_light = if groups > 1 { ONE_LIGHT } else { 0.0 };
@@ -131,7 +131,7 @@ impl LightingPrior {
     }
 
     /// `wᵀ K w`.
-    fn energy(&self, weights: &[f64]) -> f64 {
+    pub(crate) fn energy(&self, weights: &[f64]) -> f64 {
         let sum = |values: &[f32]| values.iter().zip(weights).map(|(&v, w)| f64::from(v) * w).sum::<f64>();
         let independent: f64 = self.independent.iter().zip(weights).map(|(&d, w)| f64::from(d) * w * w).sum();
         independent + self.factor.chunks_exact(self.columns.max(1)).map(|column| sum(column).powi(2)).sum::<f64>()

@@ -277,8 +277,6 @@ pub(super) struct Packing {
     basis: Option<Basis>,
     overwrite: bool,
     threads: Threads,
-    /// See [`FactoredBlock::right_fineness`].
-    right_fineness: Arc<[i8]>,
 }
 
 impl Packing {
@@ -326,7 +324,6 @@ impl Packing {
             basis,
             overwrite,
             threads,
-            right_fineness: Arc::default(),
         })
     }
 
@@ -432,8 +429,8 @@ impl Packing {
             .run(|| -> Result<Vec<_>> { blocks.par_iter().map_init(TracedBlock::default, analyse).collect() });
         watch.end();
         let analysed = analysed?;
-        self.right_fineness = self.right_fineness();
-        let cut = self.choose(&analysed)?;
+        let fineness = self.right_fineness();
+        let cut = self.choose(&analysed, &fineness)?;
         let replaced = ReplacedEntries::of(&analysed, &blocks);
         if replaced.count() > 0 {
             watch.note(&format!("{}: {replaced}", self.path.display()));
@@ -443,7 +440,7 @@ impl Packing {
         drop(analysed);
 
         watch.begin("packing", blocks.len() as u64, "blocks");
-        let store = |&id: &BlockId| self.store(id, &cut, &lights, watch);
+        let store = |&id: &BlockId| self.store(id, (&cut, &fineness), &lights, watch);
         let stored = self.threads.run(|| -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
         watch.end();
         let stored = stored?;
@@ -493,16 +490,17 @@ impl Packing {
         fineness(&LightLayout::of(&self.job.basis), compressor.prior()).into()
     }
 
-    /// What the cut keeps of a candidate, and how finely it is to be stored.
-    fn cut(&self, candidate: &Candidate, cut: &Cut) -> FactoredBlock {
-        FactoredBlock { right_fineness: Arc::clone(&self.right_fineness), ..candidate.cut(cut) }
-    }
-
     /// The second pass over a block: cuts its candidate, writes it, and adds what it lost to `lights`.
-    fn store(&self, id: BlockId, cut: &Cut, lights: &LightErrorSums, watch: &dyn Watch) -> Result<WrittenBlock> {
+    fn store(
+        &self,
+        id: BlockId,
+        (cut, fineness): (&Cut, &Arc<[i8]>),
+        lights: &LightErrorSums,
+        watch: &dyn Watch,
+    ) -> Result<WrittenBlock> {
         stop_if_interrupted(&self.path, watch)?;
         let (candidate, residual) = self.analysis.read(id)?;
-        let factored = self.cut(&candidate, cut);
+        let factored = kept_of(&candidate, cut, fineness);
         let encoded = self.writer.encode(id, &factored)?;
         let stored = self.writer.decode(id, &encoded)?;
         let (report, columns) = residual.report(&candidate.whole(), &stored);
@@ -520,23 +518,23 @@ impl Packing {
     }
 
     /// The cut for the target; where that is a number of bytes, the one of the largest file that is not larger.
-    fn choose(&self, analysed: &[CandidateSummary]) -> Result<Cut> {
+    fn choose(&self, analysed: &[CandidateSummary], fineness: &Arc<[i8]>) -> Result<Cut> {
         let cut = self.analysis.compressor.choose(analysed.iter());
         match self.analysis.compressor.settings().target {
             Target::Bytes(bytes) if cut.slope > 0.0 => {
-                self.threads.run(|| cut_of_size(cut, bytes, |cut| self.bytes_at(cut)))
+                self.threads.run(|| cut_of_size(cut, bytes, |cut| self.bytes_at(cut, fineness)))
             }
             _ => Ok(cut),
         }
     }
 
     /// Bytes of the file that a cut makes, from those of the blocks of the sample.
-    fn bytes_at(&self, cut: &Cut) -> Result<f64> {
+    fn bytes_at(&self, cut: &Cut, fineness: &Arc<[i8]>) -> Result<f64> {
         let blocks = self.job.shape.block_count() as usize;
         let sample: Vec<BlockId> =
             (0..blocks).step_by(blocks.div_ceil(SAMPLE_BLOCKS)).map(|i| BlockId(i as u32)).collect();
         let encode = |&id: &BlockId| -> Result<(usize, usize)> {
-            let size = self.writer.encode(id, &self.cut(&self.analysis.read(id)?.0, cut))?.size();
+            let size = self.writer.encode(id, &kept_of(&self.analysis.read(id)?.0, cut, fineness))?.size();
             Ok((size.bytes(), size.layer_bytes.len()))
         };
         let sizes = sample.par_iter().map(encode).collect::<Result<Vec<_>>>()?;
@@ -545,6 +543,11 @@ impl Packing {
         let layers = share * sizes.iter().map(|(_, layers)| *layers as f64).sum::<f64>();
         Ok(bytes + self.writer.overhead_bytes(layers.round() as u64) as f64)
     }
+}
+
+/// What a cut keeps of a candidate, and how finely it is to be stored.
+fn kept_of(candidate: &Candidate, cut: &Cut, fineness: &Arc<[i8]>) -> FactoredBlock {
+    FactoredBlock { right_fineness: Arc::clone(fineness), ..candidate.cut(cut) }
 }
 
 /// The cleaned images that the options name.

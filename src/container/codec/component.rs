@@ -115,7 +115,12 @@ pub(super) fn right_shapes(lights: &LightLayout) -> impl Iterator<Item = PlaneSh
     })
 }
 
-/// The same, each with how much finer its bands are.
+/// Bands of a right side, in all its images.
+pub(super) fn right_bands(lights: &LightLayout) -> usize {
+    right_shapes(lights).map(PlaneShape::bands).sum()
+}
+
+/// The images of a component of the right factor, each with how much finer its bands are.
 pub(super) fn right_images<'a>(
     lights: &LightLayout,
     fineness: &'a [i8],

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::adaptive::{BitCoder, BitDecoder};
 use super::chunk::{CODING_APART, CODING_BANDS, Chunk};
-use super::component::{TILES, right_images, right_shapes, turn_back};
+use super::component::{TILES, right_bands, right_images, turn_back};
 use super::low_bits::LowBits;
 use super::planes::{PlaneShape, Scratch, read};
 use super::rans::RansDecoder;
@@ -100,7 +100,7 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
         block.right_fineness = match base.filter(|_| chunk.shared > 0) {
             Some(base) => Arc::clone(&base.right_fineness),
             None => {
-                let mut fineness = vec![0; right_shapes(&layout.lights).map(PlaneShape::bands).sum()];
+                let mut fineness = vec![0; right_bands(&layout.lights)];
                 code_fineness(&mut side, &mut fineness);
                 fineness.into()
             }

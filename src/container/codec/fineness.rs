@@ -85,13 +85,12 @@ mod tests {
         let prior = LightingPrior::of_lights_alone(&basis, &[0.5, 0.48, 0.02]);
         let finer = fineness(&LightLayout::of(&basis), &prior);
         let energy = |columns: std::ops::Range<usize>| {
-            let root = (columns.len() as f32).sqrt();
-            let sums = prior.factor().chunks_exact(66).map(|f| f[columns.clone()].iter().sum::<f32>() / root);
-            let independent = prior.independent()[columns.clone()].iter().sum::<f32>() / columns.len() as f32;
-            sums.map(|sum| sum * sum).sum::<f32>() + independent
+            let mut weights = [0.0; 66];
+            weights[columns.clone()].fill((columns.len() as f64).sqrt().recip());
+            prior.energy(&weights)
         };
         let expected = [energy(0..64), energy(64..65), energy(65..66)].map(|energy| energy.log2().round().max(0.0));
-        assert_eq!([finer[0], finer[10], finer[11]].map(f32::from), expected);
+        assert_eq!([finer[0], finer[10], finer[11]].map(f64::from), expected);
         assert!(finer.len() == 12 && finer[0] > 0 && finer[11] > finer[10], "{finer:?}");
         assert!(fineness(&LightLayout::of(&basis), &LightingPrior::flat(66)).is_empty());
     }

@@ -2,8 +2,8 @@
 
 use super::adaptive::BitEncoder;
 use super::chunk::{CODING_APART, CODING_BANDS, Chunk, LEAST_COMPONENT_BYTES};
-use super::component::{Component, right_shapes};
-use super::planes::{PlaneShape, push};
+use super::component::{Component, right_bands};
+use super::planes::push;
 use super::rans::RansEncoder;
 use super::side::{ClassContexts, Heads, code_fineness, code_step};
 use super::sparse;
@@ -52,7 +52,7 @@ pub fn encode_layer(
     if part.shared > rank {
         return Err(format!("{} components cannot be shared", part.shared));
     }
-    let bands: usize = right_shapes(&layout.lights).map(PlaneShape::bands).sum();
+    let bands = right_bands(&layout.lights);
     if ![0, bands].contains(&block.right_fineness.len()) {
         return Err(format!("it says how finely {} bands are stored and has {bands}", block.right_fineness.len()));
     }

@@ -25,7 +25,7 @@ pub(super) fn index_of(step: f32) -> i32 {
 /// Steps of the bands of an image: the zones of one that is transformed, else its values.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Steps<'a> {
-    /// Index of the step that they stand to.
+    /// Index of the step of a band that is no finer: the component's.
     pub(super) index: i32,
     /// How much finer each band is, in half octaves; empty: all alike.
     pub(super) fineness: &'a [i8],
