@@ -4,12 +4,13 @@
 //! size in full precision; what is relit is its first 8 components in 8 bits, and the error is that of the relit image
 //! against the direct product with all 24 components.
 //!
-//! The direct product that all is compared with is *warm*: the raw f32 entries in memory, and nothing else read.
+//! The direct product that all is compared with is *warm*: the raw f32 entries in memory, and nothing else read. Where one light is
+//! changed, it is the product with that light's column alone.
 //!
 //! `LTM_BENCH_MATRIX=path/without/extension` takes a matrix of one's own instead (several with `:` between them): its
 //! `.ltc` relit in every way, from memory and through budgets, against the direct product with its `.ltm`, warm as above; and
-//! once *cold*, from a file that the system's cache has forgotten, against the direct product from such a file; and what a
-//! page-in costs. For the paper's Conference Room, with the folder that holds it in `LTM_SCENES`:
+//! once *cold*, from a file that the system's cache has forgotten, against the direct product from such a file, which has the
+//! entries and nothing else; and what a page-in costs. For the paper's Conference Room, with the folder that holds it in `LTM_SCENES`:
 //!
 //! ```text
 //! ltm render formats/scenes/conference-20.toml --samples 16 -o twenty.ltm && ltm-pack twenty.ltm
@@ -39,7 +40,7 @@ use ltm::container::ContainerReader;
 use ltm::error::Result;
 use ltm::image::{LinearImage, compare};
 use ltm::light::Lighting;
-use ltm::matrix::{BlockId, BlockSource, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, TracedBlock};
+use ltm::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, TracedBlock};
 use ltm::relight::{
     CompactBlock, CpuRelighter, GpuRelighter, GpuSettings, PagedGpuRelighter, PagedRelighter, relight_raw,
     relight_streaming,
@@ -201,8 +202,9 @@ fn page_in(container: &ContainerReader) {
 struct Ruler {
     bandwidth: f64,
     reference: LinearImage,
-    /// Seconds of the direct product in memory, where there is enough.
+    /// Seconds of the direct product in memory, where there is enough, and of its change by one light.
     warm_secs: Option<f64>,
+    change_secs: Option<f64>,
     /// What is measured.
     case: String,
     figures: Figures,
@@ -233,10 +235,21 @@ impl Ruler {
         println!();
     }
 
-    /// Tells of the container from disk, beside the seconds of the stored matrix from there.
-    fn report_cold(&mut self, secs: f64, direct_secs: f64, decibels: f64) {
-        let case = self.begin("cpu, cold: the container from disk", secs, decibels);
-        self.over_direct(&case, "cold", direct_secs / secs);
+    /// Tells of what is read from disk, beside the seconds of the entries from there.
+    fn report_cold(&mut self, name: &str, secs: f64, direct_secs: Option<f64>, decibels: f64) {
+        let case = self.begin(name, secs, decibels);
+        if let Some(direct) = direct_secs {
+            self.over_direct(&case, "cold", direct / secs);
+        }
+        println!();
+    }
+
+    /// Tells of one light changed, beside the seconds of the same with the raw entries in memory.
+    fn report_change(&mut self, secs: f64, decibels: f64) {
+        let case = self.begin("cpu, one light changed", secs, decibels);
+        if let Some(direct) = self.change_secs {
+            self.over_direct(&case, "change", direct / secs);
+        }
         println!();
     }
 
@@ -254,15 +267,21 @@ impl Ruler {
         self.figures.add(case, &format!("{told}_direct_over_it"), ratio);
     }
 
-    /// Measures the direct product with the raw entries in memory, where they fit.
-    fn measure_direct(&mut self, matrix: &dyn BlockSource, lighting: &Lighting) {
+    /// Measures the direct product with the raw entries in memory, where they fit; and with those of a file that is written for
+    /// that, of which the seconds are returned.
+    fn measure_direct(&mut self, matrix: &dyn BlockSource, lighting: &Lighting, file: Option<&Path>) -> Option<f64> {
         let Some(entries) = InMemory::load(matrix) else {
-            return println!("  there is not enough memory for the raw matrix: no warm direct product");
+            println!("  there is not enough memory for the raw matrix: no direct product");
+            return None;
         };
         let target = entries.target();
         let secs = mean_secs(|| entries.product(lighting, &target));
-        let mut image = LinearImage::black(self.reference.width, self.reference.height);
-        entries.each_pixel(&target, |x, y, pixel| image.pixels[(y * self.reference.width + x) as usize] = pixel);
+        let image = entries.image(&target);
+        let mut columns = (0..matrix.shape().columns() as u32).cycle();
+        let change_secs = mean_secs(|| {
+            let column = ColumnIndex(columns.next().expect("it never ends"));
+            entries.add_column(column, [1e-6; CHANNELS], &target);
+        });
         let (rate, bytes) = (entries.bytes() as f64 / secs, entries.bytes());
         println!(
             "direct product with the raw matrix in memory: {secs:.3} s, {:.2} GB, {:.2} GB/s = {:.2} of the {:.1} GB/s read \
@@ -273,14 +292,30 @@ impl Ruler {
             self.bandwidth / 1e9,
             self.decibels(&image),
         );
-        self.warm_secs = Some(secs);
+        println!("  one light changed, with its raw column in memory: {:.3} ms", 1e3 * change_secs);
+        (self.warm_secs, self.change_secs) = (Some(secs), Some(change_secs));
+        let cold_secs = file.map(|path| {
+            entries.write(path).expect("the folder of the matrix can be written");
+            let (image, secs) =
+                cold(path, |path| Ok(entries.opened(path).and_then(|file| file.relit(lighting)).unwrap()));
+            std::fs::remove_file(path).expect("it was just written");
+            let rate = bytes as f64 / secs / 1e9;
+            println!(
+                "  from disk, a file of the entries: {secs:.3} s, {rate:.2} GB/s, {:.0} dB",
+                self.decibels(&image)
+            );
+            self.figures.add(&self.case, "direct_cold_milliseconds", 1e3 * secs);
+            secs
+        });
         for (figure, value) in [
+            ("direct_change_milliseconds", 1e3 * change_secs),
             ("entries_gigabytes", bytes as f64 / 1e9),
             ("direct_warm_milliseconds", 1e3 * secs),
             ("direct_warm_of_bandwidth", rate / self.bandwidth),
         ] {
             self.figures.add(&self.case, figure, value);
         }
+        cold_secs
     }
 }
 
@@ -320,7 +355,7 @@ fn measure(source: &dyn FactorSource, lighting: &Lighting, ruler: &mut Ruler, gr
         let column = i % columns as u32;
         relighter.change(&mut kept, &[(ColumnIndex(column), [i as f32 % 3.0; 3])]).unwrap();
     };
-    ruler.report("cpu, one light changed", mean_secs(&mut change), None, ruler.decibels(&target));
+    ruler.report_change(mean_secs(&mut change), ruler.decibels(&target));
     group.bench_function("cpu, full", |b| b.iter(|| relighter.relight_into(lighting, &mut target).unwrap()));
     group.bench_function("cpu, one light changed", |b| b.iter(&mut change));
 
@@ -403,29 +438,29 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: 
     let container = ContainerReader::open(&stem.with_extension("ltc")).unwrap();
     let path = stem.with_extension("ltm");
     let lighting = Lighting::of_scene(&container.job().basis);
-    let (reference, cold_secs) =
+    let (reference, stored_secs) =
         cold(&path, |path| Ok(relight_raw(&StoreReader::open(path)?, std::slice::from_ref(&lighting))?.remove(0)));
     let (packed, packed_secs) =
         cold(&stem.with_extension("ltc"), |path| Ok(relight_streaming(&ContainerReader::open(path)?, &lighting)?.0));
     let matrix = StoreReader::open(&path).unwrap();
     let bytes = matrix.tally().unwrap().stored_bytes as f64;
     println!(
-        "{}: direct product with the stored matrix from disk: {cold_secs:.2} s, {:.2} GB, {:.2} GB/s; the container is \
+        "{}: direct product with the stored matrix from disk: {stored_secs:.2} s, {:.2} GB, {:.2} GB/s; the container is \
          {:.2} MB",
         stem.display(),
         bytes / 1e9,
-        bytes / cold_secs / 1e9,
+        bytes / stored_secs / 1e9,
         container.file_bytes() as f64 / 1e6,
     );
     page_in(&container);
     let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let mut group = criterion.benchmark_group(format!("relight {name}"));
     let case = name.into_owned();
-    let mut ruler = Ruler { bandwidth, reference, warm_secs: None, case, figures };
+    let mut ruler = Ruler { bandwidth, reference, warm_secs: None, change_secs: None, case, figures };
     ruler.figures.add(&ruler.case, "stored_gigabytes", bytes / 1e9);
-    ruler.figures.add(&ruler.case, "direct_cold_milliseconds", 1e3 * cold_secs);
-    ruler.measure_direct(&matrix, &lighting);
-    ruler.report_cold(packed_secs, cold_secs, ruler.decibels(&packed));
+    let cold_secs = ruler.measure_direct(&matrix, &lighting, Some(&stem.with_extension("entries")));
+    ruler.report_cold("the stored matrix, cold: from disk", stored_secs, cold_secs, f64::INFINITY);
+    ruler.report_cold("cpu, cold: the container from disk", packed_secs, cold_secs, ruler.decibels(&packed));
     measure(&container, &lighting, &mut ruler, &mut group);
     group.finish();
     ruler.figures
@@ -447,8 +482,8 @@ fn main() {
     let mut group = criterion.benchmark_group("relight 1024x768, 1024 columns, rank 8, 8 bits");
     let figures = Figures::new("bench-relight", &[], COMMAND);
     let case = "synthetic".to_owned();
-    let mut ruler = Ruler { bandwidth, reference, warm_secs: None, case, figures };
-    ruler.measure_direct(&source, &lighting);
+    let mut ruler = Ruler { bandwidth, reference, warm_secs: None, change_secs: None, case, figures };
+    ruler.measure_direct(&source, &lighting, None);
     measure(&source, &lighting, &mut ruler, &mut group);
     ruler.figures.write();
     group.finish();

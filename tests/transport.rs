@@ -26,7 +26,7 @@ use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::{MatrixShape, TracedBlock};
 use ltm::scene::{Emitter, EnvironmentEmitter, Paint, Surface};
 use ltm::trace::{TraceSettings, Tracer};
-use scenes::{Builder, all_on, blocks, camera, lambert, mean, settings, trace, tracer};
+use scenes::{Builder, all_on, camera, lambert, mean, renders, settings, trace, tracer};
 
 /// A closed room whose walls all emit E and reflect ρ is equally bright everywhere: E / (1 − ρ).
 #[test]
@@ -115,13 +115,9 @@ fn no_path_is_much_brighter_than_its_light() {
     let coat = Surface::Coated { reflectance: coated, specular: Vec3::splat(0.04), alpha: 0.02 };
     builder.quad(Vec3::new(0.05, 0.01, 0.05), Vec3::Z * 0.9, Vec3::X * 0.9, coat);
     builder.panel("panel", Vec3::new(0.45, 0.98, 0.45), Vec3::X * 0.1, Vec3::Z * 0.1, (1, 1));
-    let scene = std::sync::Arc::new(builder.build());
-    let brightest = (0..400)
-        .map(|seed| {
-            let settings = TraceSettings { seed, ..settings(1, 12) };
-            tracer(std::sync::Arc::clone(&scene), settings).without_photons()
-        })
-        .flat_map(|tracer| blocks(&tracer))
+    let tracer = tracer(builder.build(), settings(1, 12)).without_photons();
+    let brightest = renders(tracer, settings(1, 12), 0..400)
+        .flatten()
         .flat_map(|block| block.block.entries().to_vec())
         .fold(0.0f32, f32::max);
     // Of emission 1: at every vertex a path may find the light by chance (at most 1) and by four samples (at most half
@@ -152,12 +148,7 @@ fn columns_summed_are_the_image_under_uniform_light() {
 #[test]
 fn the_stated_noise_is_the_noise_that_repeated_renders_show() {
     let (repeats, columns) = (24, 16);
-    let renders: Vec<Vec<TracedBlock>> = (0..repeats)
-        .map(|seed| {
-            let blocks = trace(glossy_room(4), TraceSettings { seed, ..settings(16, 4) });
-            blocks.into_iter().map(|(block, _)| block).collect()
-        })
-        .collect();
+    let renders: Vec<_> = renders(tracer(glossy_room(4), settings(16, 4)), settings(16, 4), 0..repeats).collect();
     let (mut stated, mut shown, mut probes_stated, mut probes_shown) = (0.0, 0.0, 0.0, 0.0);
     for (block, first) in renders[0].iter().enumerate() {
         let of = |k: usize| &renders[k][block];

@@ -3,6 +3,7 @@
 use std::ffi::OsStr;
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 /// Figures of one run.
 pub(crate) struct Figures {
@@ -20,7 +21,9 @@ impl Figures {
         let processor = model.map_or(std::env::consts::ARCH, |(_, model)| model);
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let text = format!(
-            "# {name}\n# Command: `{said}{cargo}`.\n# Machine: {processor}, {threads} threads.\ncase,figure,value\n"
+            "# {name}\n# Command: `{said}{cargo}`.\n# Machine: {processor}, {threads} threads.\n# Built from commit {}.\n\
+             case,figure,value\n",
+            commit(),
         );
         Self { name, text }
     }
@@ -39,6 +42,14 @@ impl Figures {
             .expect("the build's folder can be written");
         eprintln!("{}", path.display());
     }
+}
+
+/// The commit that is checked out, which `cargo` builds a benchmark from when it is run; `unknown` without `git`.
+fn commit() -> String {
+    let said =
+        Command::new("git").args(["rev-parse", "--short=10", "HEAD"]).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+    let said = said.ok().filter(|said| said.status.success()).and_then(|said| String::from_utf8(said.stdout).ok());
+    said.map_or_else(|| "unknown".to_owned(), |commit| commit.trim().to_owned())
 }
 
 /// A variable's value as it is typed in the folder of the files that it names, with `:` between them.

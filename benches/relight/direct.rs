@@ -1,10 +1,16 @@
-//! The direct product with a raw matrix that is in memory already: the fastest that can be done without factors.
+//! The direct product with a raw matrix that is in memory already, or in a file of its entries alone: the fastest that can be
+//! done without factors.
 
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::os::unix::fs::FileExt;
+use std::path::Path;
 use std::sync::Mutex;
 
 use ltm::host::budget_bytes;
+use ltm::image::LinearImage;
 use ltm::light::Lighting;
-use ltm::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
+use ltm::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, MatrixShape, TracedBlock};
 use rayon::prelude::*;
 
 /// Columns that are added to the rows in one pass over them.
@@ -22,6 +28,12 @@ struct Entries {
     columns: Vec<u32>,
     /// Column after column.
     values: Vec<f32>,
+}
+
+/// A file of [`InMemory`]'s entries, block after block.
+pub(crate) struct OnDisk<'a> {
+    file: File,
+    of: &'a InMemory,
 }
 
 impl InMemory {
@@ -66,19 +78,86 @@ impl InMemory {
     pub(crate) fn product(&self, lighting: &Lighting, target: &[Mutex<Vec<f32>>]) {
         self.blocks.par_iter().zip(target).for_each(|(block, rows)| {
             let rows = &mut *rows.lock().expect("no thread panics with it");
-            pulp::Arch::new().dispatch(Product { block, weights: lighting.weights(), rows });
+            let Entries { columns, values, .. } = block;
+            pulp::Arch::new().dispatch(Product { columns, values, weights: lighting.weights(), rows });
         });
     }
 
-    /// Rows of blocks as pixels, block after block, each of `pixels` where it belongs.
-    pub(crate) fn each_pixel(&self, target: &[Mutex<Vec<f32>>], mut work: impl FnMut(u32, u32, [f32; CHANNELS])) {
+    /// Adds a change of one light to the rows of all blocks, on all threads.
+    pub(crate) fn add_column(&self, column: ColumnIndex, weight: [f32; CHANNELS], target: &[Mutex<Vec<f32>>]) {
+        self.blocks.par_iter().zip(target).for_each(|(block, rows)| {
+            if let Ok(at) = block.columns.binary_search(&column.0) {
+                let rows = &mut *rows.lock().expect("no thread panics with it");
+                let values = &block.values[at * block.rows..][..block.rows];
+                pulp::Arch::new().dispatch(AddColumn { values, weight, rows });
+            }
+        });
+    }
+
+    /// Writes the entries into a file of their own.
+    pub(crate) fn write(&self, path: &Path) -> std::io::Result<()> {
+        let mut file = BufWriter::new(File::create(path)?);
+        for block in &self.blocks {
+            file.write_all(bytemuck::cast_slice(&block.values))?;
+        }
+        file.into_inner()?.sync_all()
+    }
+
+    /// Opens such a file.
+    pub(crate) fn opened(&self, path: &Path) -> std::io::Result<OnDisk<'_>> {
+        Ok(OnDisk { file: File::open(path)?, of: self })
+    }
+
+    /// The image of the rows of all blocks.
+    pub(crate) fn image(&self, target: &[Mutex<Vec<f32>>]) -> LinearImage {
+        let mut image = LinearImage::black(self.shape.width(), self.shape.height());
         for (id, rows) in self.shape.blocks().zip(target) {
             let (rect, rows) = (self.shape.rect(id), rows.lock().expect("no thread panics with it"));
             let pixels = rect.pixels();
             for i in 0..pixels {
                 let (x, y) = (i as u32 % rect.width, i as u32 / rect.width);
-                work(rect.x + x, rect.y + y, std::array::from_fn(|channel| rows[channel * pixels + i]));
+                let at = (rect.y + y) * self.shape.width() + rect.x + x;
+                image.pixels[at as usize] = std::array::from_fn(|channel| rows[channel * pixels + i]);
             }
+        }
+        image
+    }
+}
+
+impl OnDisk<'_> {
+    /// The image under a lighting: reads no more than the entries, block by block on all threads.
+    pub(crate) fn relit(&self, lighting: &Lighting) -> std::io::Result<LinearImage> {
+        let target = self.of.target();
+        let sizes = self.of.blocks.iter().map(|block| 4 * block.values.len() as u64);
+        let begins: Vec<u64> = sizes.scan(0, |end, size| Some(std::mem::replace(end, *end + size))).collect();
+        let blocks = self.of.blocks.par_iter().zip(&target).zip(begins);
+        blocks.try_for_each_init(Vec::new, |values, ((block, rows), begin)| {
+            values.resize(block.values.len(), 0.0);
+            self.file.read_exact_at(bytemuck::cast_slice_mut(values), begin)?;
+            let rows = &mut *rows.lock().expect("no thread panics with it");
+            pulp::Arch::new().dispatch(Product { columns: &block.columns, values, weights: lighting.weights(), rows });
+            Ok::<_, std::io::Error>(())
+        })?;
+        Ok(self.of.image(&target))
+    }
+}
+
+/// A column times a weight, added to the rows.
+struct AddColumn<'a> {
+    values: &'a [f32],
+    weight: [f32; CHANNELS],
+    rows: &'a mut [f32],
+}
+
+impl pulp::NullaryFnOnce for AddColumn<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let pixels = self.rows.len() / CHANNELS;
+        let planes = self.rows.chunks_exact_mut(pixels).zip(self.values.chunks_exact(pixels));
+        for ((rows, values), weight) in planes.zip(self.weight) {
+            rows.iter_mut().zip(values).for_each(|(row, value)| *row += weight * value);
         }
     }
 }
@@ -86,7 +165,9 @@ impl InMemory {
 /// A block's product, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without
 /// them.
 struct Product<'a> {
-    block: &'a Entries,
+    columns: &'a [u32],
+    /// Column after column.
+    values: &'a [f32],
     weights: &'a [[f32; CHANNELS]],
     rows: &'a mut [f32],
 }
@@ -96,13 +177,12 @@ impl pulp::NullaryFnOnce for Product<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { block, weights, rows } = self;
+        let Self { columns, values, weights, rows } = self;
         rows.fill(0.0);
-        let pixels = block.rows / CHANNELS;
-        let some = block.values.chunks(AT_ONCE * block.rows).zip(block.columns.chunks(AT_ONCE));
-        for (values, columns) in some {
+        let (all, pixels) = (rows.len(), rows.len() / CHANNELS);
+        for (values, columns) in values.chunks(AT_ONCE * all).zip(columns.chunks(AT_ONCE)) {
             for (channel, rows) in rows.chunks_exact_mut(pixels).enumerate() {
-                let plane = |column: usize| &values[column * block.rows + channel * pixels..][..pixels];
+                let plane = |column: usize| &values[column * all + channel * pixels..][..pixels];
                 let weight = |column: usize| weights[columns[column] as usize][channel];
                 if columns.len() == AT_ONCE {
                     let (planes, weight) = ([0, 1, 2, 3].map(plane), [0, 1, 2, 3].map(weight));

@@ -6,9 +6,9 @@ use glam::{Mat3, Vec3};
 use ltm::light::{EnvironmentMapping, LightKind};
 use ltm::matrix::{BlockSource, CHANNELS, TracedBlock};
 use ltm::scene::{Camera, Emitter, EnvironmentEmitter, IesProfile, Paint, PointEmitter, Scene, Surface};
-use ltm::trace::{TraceSettings, Tracer};
+use ltm::trace::Tracer;
 
-use crate::scenes::{Builder, blocks, camera, lambert, mean, settings, tracer};
+use crate::scenes::{Builder, blocks, camera, lambert, mean, renders, settings, tracer};
 
 const WHITE: f32 = 0.8;
 const SILVER: f32 = 0.9;
@@ -29,9 +29,9 @@ fn level(builder: &mut Builder, y: f32, half: f32, up: bool, surface: Surface) {
 }
 
 /// Images of every column, block by block: columns × rows.
-fn columns(tracer: &Tracer) -> Vec<Vec<f32>> {
-    let mut columns = vec![Vec::new(); tracer.shape().columns()];
-    for block in blocks(tracer) {
+fn columns(blocks: &[TracedBlock]) -> Vec<Vec<f32>> {
+    let mut columns = vec![Vec::new(); blocks[0].block.columns()];
+    for block in blocks {
         let view = block.block.view();
         let entries = view.entries().chunks_exact(view.rows());
         columns.iter_mut().zip(entries).for_each(|(column, entries)| column.extend(entries));
@@ -243,13 +243,10 @@ fn lit_by_everything_under((mapping, kind): (EnvironmentMapping, LightKind)) -> 
 }
 
 /// Means of each column over each quarter of the image, and the variance of that mean, from renders of different seeds.
-fn quarters(seeds: std::ops::Range<u64>, of: impl Fn(u64) -> Vec<Vec<f32>>) -> Vec<(f64, f64)> {
-    let n = seeds.end - seeds.start;
-    let mut renders = Vec::new();
-    for seed in seeds {
-        let columns = of(seed);
-        renders.push(columns.iter().flat_map(|c| c.chunks_exact(c.len() / 4).map(mean)).collect::<Vec<f64>>());
-    }
+fn quarters(renders: impl Iterator<Item = Vec<TracedBlock>>) -> Vec<(f64, f64)> {
+    let of_columns = |c: &Vec<f32>| c.chunks_exact(c.len() / 4).map(mean).collect::<Vec<f64>>();
+    let renders: Vec<Vec<f64>> = renders.map(|blocks| columns(&blocks).iter().flat_map(of_columns).collect()).collect();
+    let n = renders.len();
     let statistic = |at: usize| {
         let mean = renders.iter().map(|r| r[at]).sum::<f64>() / n as f64;
         let variance = renders.iter().map(|r| (r[at] - mean).powi(2)).sum::<f64>() / (n * (n - 1)) as f64;
@@ -270,10 +267,10 @@ fn photons_bring_the_light_that_paths_from_the_camera_find() {
 }
 
 fn photons_and_paths_agree(scene: Arc<Scene>) {
-    let traced = |samples, seed| tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(samples, 8) });
-    let ours = quarters(0..16, |seed| columns(&traced(64, seed)));
-    let paths = quarters(100..116, |seed| columns(&traced(1024, seed).without_photons()));
-    assert!(traced(64, 0).photon_count() > 10_000);
+    let tracer = |samples| tracer(Arc::clone(&scene), settings(samples, 8));
+    let ours = quarters(renders(tracer(1), settings(64, 8), 0..16));
+    let paths = quarters(renders(tracer(1).without_photons(), settings(1024, 8), 100..116));
+    assert!(tracer(64).photon_count() > 10_000);
     let (mut squares, mut difference, mut variance) = (0.0, 0.0, 0.0);
     for (at, ((a, va), (b, vb))) in ours.iter().zip(&paths).enumerate() {
         // What is blurred across a quarter's edge, and darkened where surfaces meet: half a percent.
@@ -350,9 +347,7 @@ fn the_noise_of_photons_is_stated() {
         16,
     );
     scene.camera.vertical_fov_radians = 1.0;
-    let scene = Arc::new(scene);
-    let renders: Vec<_> =
-        (0..24).map(|seed| blocks(&tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(16, 3) }))).collect();
+    let renders: Vec<_> = renders(tracer(scene, settings(1, 3)), settings(16, 3), 0..24).collect();
     let (mut stated, mut shown) = (0.0, 0.0);
     for (block, first) in renders[0].iter().enumerate() {
         let rows = first.block.rows();

@@ -1,15 +1,13 @@
 //! Against another renderer: images of single columns by Mitsuba 3, with their variance (`tests/references/make.py`).
 
-use std::sync::Arc;
-
 use glam::Vec3;
 use ltm::light::{Clusters, LightKind};
 use ltm::matrix::{CHANNELS, SeenEmission, TracedBlock};
 use ltm::scene::{Emitter, Paint, PointEmitter, Scene, Surface};
-use ltm::trace::{TraceSettings, Tracer};
+use ltm::trace::Tracer;
 
 use crate::layers::planes;
-use crate::scenes::{Builder, blocks, camera, lambert, settings, tracer};
+use crate::scenes::{self, Builder, camera, lambert, settings, tracer};
 use crate::z_test::{Comparison, compare, reference, write_evidence};
 
 const SIDE: usize = 16;
@@ -117,18 +115,16 @@ fn compared(name: &str, with: &str) -> (Comparison, String) {
 }
 
 fn compared_by(name: &str, with: &str, by: impl Fn(Tracer) -> Tracer) -> (Comparison, String) {
-    let scene = Arc::new(if name.starts_with("point") { scene_of_points(name) } else { scene(name) });
+    let scene = if name.starts_with("point") { scene_of_points(name) } else { scene(name) };
     // Photons are gathered within a radius that shrinks with the samples.
     let (samples, renders) = match name {
         "point_glass" | "point_mirror" => (1024, 8),
         name if GLASS.contains(&name) => (512, 8),
         _ => (128, 24),
     };
-    let render = |seed| {
-        let tracer = by(tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(samples, 24) }));
-        image(&blocks(&tracer))
-    };
-    let renders: Vec<Vec<f64>> = (0..renders).map(render).collect();
+    let tracer = by(tracer(scene, settings(1, 24)));
+    let renders: Vec<Vec<f64>> =
+        scenes::renders(tracer, settings(samples, 24), 0..renders).map(|blocks| image(&blocks)).collect();
     let found = judged(&renders, reference(with));
     eprintln!("{name} with {with}: {found}");
     (found, write_evidence(name, &renders))
@@ -179,12 +175,11 @@ fn caustics_agree_with_the_reference() {
 #[test]
 fn every_layer_agrees_with_the_reference() {
     for name in ["diffuse", "smooth_glossy", "reflections", "caustics"] {
-        let scene = Arc::new(scene(name));
+        let scene = scene(name);
         let clusters = Clusters::of_basis(&scene.basis);
         assert_eq!(clusters.of_column(), [0, 1], "each texel must be a cluster for this");
         let (mut first, mut later) = (Vec::new(), Vec::new());
-        for seed in 0..24 {
-            let traced = blocks(&tracer(Arc::clone(&scene), TraceSettings { seed, ..settings(128, 24) }));
+        for traced in scenes::renders(tracer(scene, settings(1, 24)), settings(128, 24), 0..24) {
             let lit = |halves: &[Vec<f32>; 2], at: usize| 0.5 * (halves[0][at] + halves[1][at]);
             let indirect = |t: &TracedBlock, row, column| lit(&planes(t).indirect, column * t.block.rows() + row);
             let seen_or_direct = |t: &TracedBlock, row: usize, column: usize| {

@@ -1,5 +1,6 @@
 //! Small scenes put together by hand.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3};
@@ -175,6 +176,21 @@ pub(crate) fn tracer(scene: impl Into<Arc<Scene>>, settings: TraceSettings) -> T
     let side = if width > 64 { 32 } else { 8 };
     let shape = MatrixShape::new(width, height, scene.basis.column_count() as u32, side).unwrap();
     Tracer::new(scene, shape, settings).unwrap()
+}
+
+/// All blocks of renders with these seeds, one after the other, over a tree that is built once.
+pub(crate) fn renders(
+    tracer: Tracer,
+    settings: TraceSettings,
+    seeds: Range<u64>,
+) -> impl Iterator<Item = Vec<TracedBlock>> {
+    let mut before = Some(tracer);
+    seeds.map(move |seed| {
+        let tracer = before.take().expect("put back below").with_settings(TraceSettings { seed, ..settings }).unwrap();
+        let blocks = blocks(&tracer);
+        before = Some(tracer);
+        blocks
+    })
 }
 
 /// All blocks of a tracer.

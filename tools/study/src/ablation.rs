@@ -62,7 +62,7 @@ struct Plan {
 }
 
 const QUICK: Plan = Plan {
-    scenes: &[("diffuse", true), ("mixed", true)],
+    scenes: &[("mixed", true)],
     size: (64, 32),
     columns: 64,
     samples: 16,

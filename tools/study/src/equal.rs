@@ -3,11 +3,13 @@
 use super::bench::{Bench, CONFERENCE, CONFERENCE_LAMPS, Wanted};
 use super::judged::{HALF_NARROW_NOTE, Judged};
 use super::measured::Summary;
+use super::oidn::{self, Surfaces};
 use super::table::{Cell, Table};
 use super::took::{Clock, Took};
 use super::{StudyReport, curve};
 use ltm::container::ContainerReader;
 use ltm::error::Result;
+use ltm::image::LinearImage;
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, PackOptions, RenderOptions};
 use ltm::relight::{CpuRelighter, relight_raw};
@@ -30,7 +32,7 @@ struct PlannedScene {
 }
 
 const QUICK: Plan = Plan {
-    scenes: &[PlannedScene { name: "diffuse", size: (64, 48), texels: 4, converged: 2048 }],
+    scenes: &[PlannedScene { name: "diffuse", size: (64, 48), texels: 4, converged: 1024 }],
     packed: &[8],
     raw: &[8, 64, 512],
 };
@@ -49,7 +51,9 @@ const FULL: Plan = Plan {
 };
 
 const NOTE: &str = "Images against those of a matrix of another seed, mean over the lightings. Packed: rendered, cleaned and packed in one, \
-as `ltm render --pack` does. Raw: the matrix rendered into a file, and relit from it. secs: from the scene to the file, best of two but for the \
+as `ltm render --pack` does. Raw: the matrix rendered into a file, and relit from it. Denoised: Intel's Open Image Denoise on each image \
+of the raw matrix, high quality, with the reference's albedo and normals as noise-free guides; its own time, which each image takes anew, is \
+not in the seconds. secs: from the scene to the file, best of two but for the \
 raw matrices of most samples; cpu: processors' seconds of all threads. Raw samples and seconds at the error of the packed images: on the line \
 between the two measured numbers of samples around it, on logarithmic axes (clip: dB against the logarithm of samples); none where all \
 numbers of samples are on one side.";
@@ -67,30 +71,40 @@ type Read = fn(&Point) -> f64;
 
 pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     let plan = if bench.quick { &QUICK } else { &FULL };
-    let (mut points, mut ratios) = (points_table(bench), ratios_table(bench));
+    let with_denoiser = oidn::OIDN.is_there();
+    let mut notes = bench.notes(&[NOTE, HALF_NARROW_NOTE]);
+    if !with_denoiser {
+        notes.push("The denoiser was not measured: no Python with `pyoidn` was found.".into());
+    }
+    let (mut points, mut ratios) = (points_table(notes.clone()), ratios_table(notes));
     let has = |scene: &&PlannedScene| bench.loaded(scene.wanted()).is_ok();
     let scenes: Vec<_> = plan.scenes.iter().filter(has).collect();
     bench.watch.begin("equal error", (scenes.len() * (plan.packed.len() + plan.raw.len())) as u64, "matrices");
     for scene in scenes {
         let reference = bench.matrix(scene.wanted())?;
         let (shape, judged) = (reference.shape(), Judged::half_narrow(&reference)?);
-        let mut measure = |way: &str, samples: &[u32], one: &dyn Fn(u32) -> Result<Point>| -> Result<Vec<Point>> {
-            let mut measured = Vec::new();
-            for &samples in samples {
-                bench.stop_if_interrupted()?;
-                let point = one(samples)?;
-                points.push(point_row(scene, shape, way, &point));
-                bench.watch.advance(1, point.bytes, "B");
-                measured.push(point);
-            }
-            Ok(measured)
-        };
-        let packed = measure("packed", plan.packed, &|samples| packed(bench, scene, samples, &judged))?;
-        let most = plan.raw.iter().copied().max();
-        let raw = measure("raw matrix", plan.raw, &|samples| {
-            raw(bench, scene, samples, if Some(samples) == most { 1 } else { 2 }, &judged)
-        })?;
-        packed.iter().for_each(|packed| ratios.push(ratio_row(scene, shape, packed, &raw)));
+        let surfaces = if with_denoiser { Surfaces::of(&reference)? } else { None };
+        let mut tell = |way: &str, point: &Point| points.push(point_row(scene, shape, way, point));
+        let mut of_packed = Vec::new();
+        for &samples in plan.packed {
+            bench.stop_if_interrupted()?;
+            let point = packed(bench, scene, samples, &judged)?;
+            tell("packed", &point);
+            bench.watch.advance(1, point.bytes, "B");
+            of_packed.push(point);
+        }
+        let (mut of_raw, mut of_denoised) = (Vec::new(), Vec::new());
+        for &samples in plan.raw {
+            bench.stop_if_interrupted()?;
+            let times = if Some(&samples) == plan.raw.iter().max() { 1 } else { 2 };
+            let (point, denoised) = raw(bench, scene, samples, times, (&judged, surfaces.as_ref()))?;
+            tell("raw matrix", &point);
+            denoised.iter().for_each(|denoised| tell("raw matrix, each image denoised", denoised));
+            bench.watch.advance(1, point.bytes, "B");
+            of_raw.push(point);
+            of_denoised.extend(denoised);
+        }
+        of_packed.iter().for_each(|packed| ratios.push(ratio_row(scene, shape, packed, [&of_raw, &of_denoised])));
     }
     bench.watch.end();
     let mut report = StudyReport::default();
@@ -107,10 +121,10 @@ impl PlannedScene {
     }
 }
 
-fn points_table(bench: &Bench<'_>) -> Table {
+fn points_table(notes: Vec<String>) -> Table {
     Table::new(
         "Error and time of packed images and of raw matrices",
-        bench.notes(&[NOTE, HALF_NARROW_NOTE]),
+        notes,
         &[
             ("scene", 0),
             ("way", 0),
@@ -128,10 +142,10 @@ fn points_table(bench: &Bench<'_>) -> Table {
     )
 }
 
-fn ratios_table(bench: &Bench<'_>) -> Table {
+fn ratios_table(notes: Vec<String>) -> Table {
     Table::new(
         "What the raw matrix takes to be as near as packed images",
-        bench.notes(&[NOTE, HALF_NARROW_NOTE]),
+        notes,
         &[
             ("scene", 0),
             ("samples_per_px", 0),
@@ -144,6 +158,10 @@ fn ratios_table(bench: &Bench<'_>) -> Table {
             ("raw_samples_at_clip", 0),
             ("raw_cpu_over_ours_at_flip", 1),
             ("raw_cpu_over_ours_at_clip", 1),
+            ("denoised_samples_at_flip", 0),
+            ("denoised_samples_at_clip", 0),
+            ("denoised_cpu_over_ours_at_flip", 1),
+            ("denoised_cpu_over_ours_at_clip", 1),
         ],
     )
 }
@@ -166,16 +184,17 @@ fn point_row(scene: &PlannedScene, shape: MatrixShape, way: &str, point: &Point)
     ]
 }
 
-fn ratio_row(scene: &PlannedScene, shape: MatrixShape, packed: &Point, raw: &[Point]) -> Vec<Cell> {
+/// A row for what is packed, beside the raw matrix and its denoised images.
+fn ratio_row(scene: &PlannedScene, shape: MatrixShape, packed: &Point, others: [&[Point]; 2]) -> Vec<Cell> {
     // What grows with samples, at the error of the packed images.
-    let at = |error: Read, cost: Read| {
-        let line: Vec<(f64, f64)> = raw.iter().map(|point| (error(point), cost(point).ln())).collect();
+    let at = |others: &[Point], error: Read, cost: Read| {
+        let line: Vec<(f64, f64)> = others.iter().map(|point| (error(point), cost(point).ln())).collect();
         curve::at(&line, error(packed)).map(f64::exp)
     };
     let [flip, clip]: [Read; 2] = [|p| p.summary.mean.flip.ln(), |p| p.summary.mean.psnr_clipped];
     let [samples, seconds]: [Read; 2] = [|p| f64::from(p.samples), |p| p.took.cpu_secs];
-    let over = |raw: Option<f64>| Cell::from(raw.map(|raw| raw / seconds(packed)));
-    vec![
+    let over = |other: Option<f64>| Cell::from(other.map(|other| other / seconds(packed)));
+    let mut cells = vec![
         scene.name.into(),
         packed.samples.into(),
         shape.rows().into(),
@@ -183,11 +202,12 @@ fn ratio_row(scene: &PlannedScene, shape: MatrixShape, packed: &Point, raw: &[Po
         packed.summary.mean.flip.into(),
         packed.summary.mean.psnr_clipped.into(),
         packed.took.cpu_secs.into(),
-        at(flip, samples).into(),
-        at(clip, samples).into(),
-        over(at(flip, seconds)),
-        over(at(clip, seconds)),
-    ]
+    ];
+    for other in others {
+        cells.extend([flip, clip].map(|error| Cell::from(at(other, error, samples))));
+        cells.extend([flip, clip].map(|error| over(at(other, error, seconds))));
+    }
+    cells
 }
 
 /// Runs something so many times, at least once: the last result and the least time.
@@ -212,7 +232,14 @@ fn packed(bench: &Bench<'_>, scene: &PlannedScene, samples: u32, judged: &Judged
     Ok(Point { samples, took, bytes: report.packed_bytes, summary: Summary::of(&images, &judged.references) })
 }
 
-fn raw(bench: &Bench<'_>, scene: &PlannedScene, samples: u32, times: u32, judged: &Judged) -> Result<Point> {
+/// The raw matrix, and its images denoised where surfaces are given.
+fn raw(
+    bench: &Bench<'_>,
+    scene: &PlannedScene,
+    samples: u32,
+    times: u32,
+    (judged, surfaces): (&Judged, Option<&Surfaces>),
+) -> Result<(Point, Option<Point>)> {
     let path = bench.cached("equal.ltm");
     let mut options = RenderOptions::default();
     options.store.overwrite = true;
@@ -222,5 +249,8 @@ fn raw(bench: &Bench<'_>, scene: &PlannedScene, samples: u32, times: u32, judged
     let matrix = StoreReader::open(&path)?;
     let images = relight_raw(&matrix, &judged.lightings)?;
     let bytes = matrix.tally()?.stored_bytes;
-    Ok(Point { samples, took, bytes, summary: Summary::of(&images, &judged.references) })
+    let point =
+        |images: &[LinearImage]| Point { samples, took, bytes, summary: Summary::of(images, &judged.references) };
+    let denoised = surfaces.map(|surfaces| oidn::denoise(&images, surfaces, &bench.cached("oidn"))).transpose()?;
+    Ok((point(&images), denoised.as_deref().map(point)))
 }

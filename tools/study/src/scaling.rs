@@ -20,12 +20,12 @@ use ltm::store::StoreReader;
 
 /// Relights that a time is the mean of.
 const RELIGHTS: usize = 10;
-/// Runs of each size, of which the least times are told.
-const RUNS: usize = 3;
 /// Seconds after which a size is not run again.
 const LONG_SECS: f64 = 30.0;
 
 struct Plan {
+    /// Runs of each size, of which the least times are told.
+    runs: usize,
     samples: u32,
     /// Images with 256 columns.
     sizes: &'static [(u32, u32)],
@@ -36,9 +36,11 @@ struct Plan {
     ranks: &'static [usize],
 }
 
-const QUICK: Plan = Plan { samples: 4, sizes: &[(32, 32), (64, 64)], texels: &[4, 8], levels: &[0, 1], ranks: &[4, 8] };
+const QUICK: Plan =
+    Plan { runs: 1, samples: 4, sizes: &[(32, 32), (64, 64)], texels: &[4, 8], levels: &[0, 1], ranks: &[4, 8] };
 
 const FULL: Plan = Plan {
+    runs: 3,
     samples: 16,
     sizes: &[(96, 64), (192, 128), (384, 256), (768, 512), (1536, 1024)],
     texels: &[8, 16, 32, 64, 128],
@@ -96,7 +98,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
             // The first run of a series is slower: the last file of the one before, the largest, is still on its way to the disk.
             let mut taken: Option<Taken> = None;
             let begun = Instant::now();
-            for _ in 0..RUNS {
+            for _ in 0..plan.runs {
                 bench.stop_if_interrupted()?;
                 // Made anew, for a second copy would be counted in the peak of memory.
                 let run = measure(bench, varied, value, scene()?, settings)?;
