@@ -162,8 +162,8 @@ fn chunk_bytes(source: &dyn FactorSource) -> u64 {
     source.shape().blocks().map(|id| source.encoded_bytes(id, 0..layers(id)) + 192 * u64::from(layers(id))).sum()
 }
 
-/// What bringing all blocks in costs on one thread, step by step.
-fn page_in(container: &ContainerReader) {
+/// What bringing all blocks in costs on one thread, step by step: the share of it that is reading and checking.
+fn page_in(container: &ContainerReader) -> f64 {
     let shape = FactorSource::shape(container);
     let (mut read, mut decode, mut compact) = (0.0, 0.0, 0.0);
     let mut factor_bytes = 0;
@@ -196,6 +196,7 @@ fn page_in(container: &ContainerReader) {
         container.file_bytes() as f64 / 1e6,
         factor_bytes as f64 / 1e6,
     );
+    read / (read + decode + compact)
 }
 
 /// The rates of this machine in this run, and the error that every figure is printed with.
@@ -452,12 +453,13 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: 
         bytes / stored_secs / 1e9,
         container.file_bytes() as f64 / 1e6,
     );
-    page_in(&container);
+    let read_share = page_in(&container);
     let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let mut group = criterion.benchmark_group(format!("relight {name}"));
     let case = name.into_owned();
     let mut ruler = Ruler { bandwidth, reference, warm_secs: None, change_secs: None, case, figures };
     ruler.figures.add(&ruler.case, "stored_gigabytes", bytes / 1e9);
+    ruler.figures.add(&ruler.case, "page_in_read_share", read_share);
     let cold_secs = ruler.measure_direct(&matrix, &lighting, Some(&stem.with_extension("entries")));
     ruler.report_cold("the stored matrix, cold: from disk", stored_secs, cold_secs, f64::INFINITY);
     ruler.report_cold("cpu, cold: the container from disk", packed_secs, cold_secs, ruler.decibels(&packed));

@@ -20,9 +20,9 @@ const NAMES: [(&str, &str); 5] = [
     ("random 4096", "random, 4,096 columns"),
     ("random 4096, 4K", "random, 4,096 columns, 3840 × 2160 pixels"),
 ];
-const STAYS: &str = "relit, stays there";
+pub(crate) const STAYS: &str = "relit, stays there";
 const BACK: &str = "relit and read back";
-const PASSES: &str = "relit through a tenth of the memory, read back";
+pub(crate) const PASSES: &str = "relit through a tenth of the memory, read back";
 const CPU: &str = "relit on the CPU";
 
 /// The adapter, which all other cases begin with.
@@ -38,6 +38,11 @@ fn matrices(csv: &Csv) -> Vec<&'static str> {
 
 fn of(csv: &Csv, matrix: &str, way: &str, figure: &str) -> Option<f64> {
     csv.maybe_figure(&format!("{}: {matrix}: {way}", adapter(csv)), figure)
+}
+
+/// A figure of one way, of all matrices.
+pub(crate) fn of_all(csv: &Csv, way: &str, figure: &str) -> Vec<f64> {
+    matrices(csv).into_iter().filter_map(|matrix| of(csv, matrix, way, figure)).collect()
 }
 
 fn relighting(files: &[Csv]) -> Vec<Vec<String>> {
@@ -120,9 +125,13 @@ pub(crate) fn in_short() -> String {
     let csv = Csv::published("bench-gpu.csv");
     let adapter = adapter(&csv).split(" (").next().unwrap_or_default().to_owned();
     format!(
-        "On one ({adapter}) a picture of 1,047 columns takes {:.2} ms and stays in its memory, or {:.2} ms with reading it back.",
+        "On one ({adapter}) a picture of {} rows × 1,047 columns, mean rank {:.1}, takes {:.2} ms and stays in its memory, or {:.2} ms with \
+reading it back; the processors of that machine take {:.2} ms.",
+        thousands(csv.figure(&format!("{}: panel", self::adapter(&csv)), "rows")),
+        csv.figure(&format!("{}: panel", self::adapter(&csv)), "mean_rank"),
         of(&csv, "panel", STAYS, "milliseconds").expect("a time"),
-        of(&csv, "panel", BACK, "milliseconds").expect("a time")
+        of(&csv, "panel", BACK, "milliseconds").expect("a time"),
+        of(&csv, "panel", CPU, "milliseconds").expect("a time")
     )
 }
 

@@ -4,6 +4,7 @@
 //! into the pages instead; sentences inside of prose are printed as they should be, and are edited by hand.
 
 mod benches;
+mod goals;
 mod gpu;
 mod large;
 mod methods;
@@ -37,6 +38,7 @@ fn figures() -> impl Iterator<Item = &'static Figure> {
         benches::FIGURES,
         relighting::FIGURES,
         gpu::FIGURES,
+        goals::FIGURES,
     ]
     .into_iter()
     .flatten()

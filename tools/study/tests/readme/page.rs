@@ -43,12 +43,13 @@ impl Figure {
         lines
     }
 
-    /// Commands and machines, each with the tables that came of it.
+    /// Commands, machines and commits, each with the tables that came of it.
     fn sources(&self, files: &[Csv]) -> String {
         let folder = if self.page.starts_with("formats/") { "plots" } else { "formats/plots" };
         let mut sources: Vec<(String, Vec<String>)> = Vec::new();
         for file in files {
-            let by = format!("`{}` on {}", file.command, file.machine);
+            let commit = file.commit.as_ref().map_or(String::new(), |commit| format!(", commit {commit}"));
+            let by = format!("`{}` on {}{commit}", file.command, file.machine);
             let link = format!("[{name}]({folder}/{name})", name = file.name);
             match sources.iter_mut().find(|source| source.0 == by) {
                 Some(source) => source.1.push(link),

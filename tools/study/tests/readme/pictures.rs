@@ -152,18 +152,20 @@ fn picture_says(files: &[Csv]) -> Vec<String> {
     let picture = &files[0];
     let beside = picture.pairs("method", OURS, DENOISER, &SAME);
     let raw = picture.pairs("method", OURS, RAW, &SAME);
-    let by_samples: Vec<String> = picture
+    let mut says: Vec<String> = picture
         .each("samples_per_px")
         .into_iter()
         .map(|samples| {
             let pairs = only(&beside, "samples_per_px", samples);
-            format!("at {samples} samples {}, and {}", wins(&pairs, FLIP), wins(&pairs, CLIP))
+            let judged = only(&pairs, "tuned_on", "no");
+            let of = |pairs: &[(&Row, &Row)]| format!("{}; {}", wins(pairs, FLIP), wins(pairs, CLIP));
+            format!(
+                "At {samples} samples packed images are nearer to the reference than the denoiser's: {}. Of those in bold: {}.",
+                of(&pairs),
+                of(&judged)
+            )
         })
         .collect();
-    let mut says = vec![format!(
-        "Scenes where packed images are nearer to the reference than the denoiser's: {}.",
-        by_samples.join("; ")
-    )];
     // Runs of one seed have no intervals.
     if picture.rows[0].contains_key("seeds") {
         says.push(seeds_say(&beside));

@@ -11,6 +11,8 @@ pub(crate) struct Csv {
     /// What prints it.
     pub(crate) command: String,
     pub(crate) machine: String,
+    /// What its program was built from, where it says so.
+    pub(crate) commit: Option<String>,
     /// All lines of notes, without their `# `.
     pub(crate) notes: Vec<String>,
     pub(crate) rows: Vec<Row>,
@@ -34,6 +36,9 @@ impl Csv {
         let command = command.split('`').nth(1).unwrap_or_else(|| panic!("{name}: the command stands in backticks"));
         Self {
             name: name.to_owned(),
+            commit: notes
+                .iter()
+                .find_map(|note| Some(note.strip_prefix("Built from commit ")?.trim_end_matches('.').to_owned())),
             command: command.to_owned(),
             machine: note("Machine: ").trim_end_matches('.').to_owned(),
             rows: read_table(&path),

@@ -7,7 +7,7 @@ use super::published::{Csv, maybe, number, shown, text};
 use super::tables::Row;
 use super::words::{
     CLIP, CLIP_WORST, FLIP, FLIP_WORST, bytes, cells, flip_clip, list, listed, losses, ratio, scene_samples, shape,
-    span, thousands, two,
+    span, thousands, two, wins,
 };
 
 const README: &str = "README.md";
@@ -42,30 +42,31 @@ pub(crate) const FIGURES: &[Figure] = &[
 
 const PACKED: &str = "packed";
 const RAW_MATRIX: &str = "raw matrix";
+const EACH_DENOISED: &str = "raw matrix, each image denoised";
 
-/// The points of the raw matrix of a row's scene, from few samples to many.
-fn raw_points<'a>(points: &'a Csv, row: &Row) -> Vec<&'a Row> {
-    let is = |point: &&Row| text(point, "scene") == text(row, "scene") && text(point, "way") == RAW_MATRIX;
+/// The points of another way of a row's scene, from few samples to many.
+fn points_of<'a>(points: &'a Csv, row: &Row, way: &str) -> Vec<&'a Row> {
+    let is = |point: &&Row| text(point, "scene") == text(row, "scene") && text(point, "way") == way;
     let mut found: Vec<&Row> = points.rows.iter().filter(is).collect();
     found.sort_by(|a, b| number(a, "samples_per_px").total_cmp(&number(b, "samples_per_px")));
     found
 }
 
-/// A cost of the raw matrix at equal error, or the bound that is known of it.
+/// A cost of another way at equal error, or the bound that is known of it.
 fn at_equal_error(
     row: &Row,
-    points: &Csv,
+    (points, way): (&Csv, &str),
     column: &str,
-    is_clip: bool,
     cost: fn(&Row, &Row) -> f64,
     digits: usize,
 ) -> String {
+    let is_clip = column.ends_with("_clip");
     let told = |value: f64| if digits == 0 { thousands(value) } else { format!("{value:.digits$}") };
     if let Some(value) = maybe(row, column) {
         return told(value);
     }
-    let raw = raw_points(points, row);
-    let (first, last) = (raw[0], raw[raw.len() - 1]);
+    let all = points_of(points, row, way);
+    let (first, last) = (all[0], all[all.len() - 1]);
     let is_behind = |point: &Row| {
         let measure = if is_clip { CLIP } else { FLIP };
         measure.lead(row, point).expect("both were measured") > 0.0
@@ -73,6 +74,8 @@ fn at_equal_error(
     match (is_behind(first), is_behind(last)) {
         (true, true) => format!("> {}", told(cost(last, row))),
         (false, false) => format!("< {}", told(cost(first, row))),
+        // More samples are not nearer there.
+        (false, true) => "–".to_owned(),
         _ => panic!("{row:?} lies between measured points, and has no value"),
     }
 }
@@ -81,13 +84,23 @@ fn samples_of(raw: &Row, _: &Row) -> f64 {
     number(raw, "samples_per_px")
 }
 
+/// Bytes of a matrix's entries as f32 over those of a container.
+fn entries_over(ours: &Row) -> f64 {
+    4.0 * number(ours, "rows") * number(ours, "columns") / number(ours, "bytes")
+}
+
 fn time_over(raw: &Row, ours: &Row) -> f64 {
     ratio(raw, ours, "cpu_secs")
 }
 
+/// Whether a denoiser was at hand when they were measured.
+fn has_denoised(points: &Csv) -> bool {
+    points.each("way").contains(&EACH_DENOISED)
+}
+
 fn equal(files: &[Csv]) -> Vec<Vec<String>> {
     let (ratios, points) = (&files[0], &files[1]);
-    let mut table = vec![cells(&[
+    let mut head = cells(&[
         "scene, rows × columns",
         "packed: samples",
         "ꟻLIP / clip",
@@ -96,20 +109,30 @@ fn equal(files: &[Csv]) -> Vec<Vec<String>> {
         "at that clip",
         "raw time over ours at that ꟻLIP",
         "at that clip",
-    ])];
-    for row in &ratios.rows {
-        table.push(vec![
+    ]);
+    if has_denoised(points) {
+        head.extend(cells(&["each image denoised: samples at that ꟻLIP", "at that clip"]));
+    }
+    let row = |row: &Row| {
+        let mut cells = vec![
             format!("{}, {}", text(row, "scene"), shape(row)),
             text(row, "samples_per_px").to_owned(),
             flip_clip(row),
             shown(row, "cpu_secs", 1),
-            at_equal_error(row, points, "raw_samples_at_flip", false, samples_of, 0),
-            at_equal_error(row, points, "raw_samples_at_clip", true, samples_of, 0),
-            at_equal_error(row, points, "raw_cpu_over_ours_at_flip", false, time_over, 1),
-            at_equal_error(row, points, "raw_cpu_over_ours_at_clip", true, time_over, 1),
-        ]);
-    }
-    table
+        ];
+        let raw = |column, cost: fn(&Row, &Row) -> f64, digits| {
+            at_equal_error(row, (points, RAW_MATRIX), column, cost, digits)
+        };
+        cells.extend(["raw_samples_at_flip", "raw_samples_at_clip"].map(|column| raw(column, samples_of, 0)));
+        cells
+            .extend(["raw_cpu_over_ours_at_flip", "raw_cpu_over_ours_at_clip"].map(|column| raw(column, time_over, 1)));
+        if has_denoised(points) {
+            let samples = |column| at_equal_error(row, (points, EACH_DENOISED), column, samples_of, 0);
+            cells.extend(["denoised_samples_at_flip", "denoised_samples_at_clip"].map(samples));
+        }
+        cells
+    };
+    [head].into_iter().chain(ratios.rows.iter().map(row)).collect()
 }
 
 fn equal_says(files: &[Csv]) -> Vec<String> {
@@ -118,10 +141,10 @@ fn equal_says(files: &[Csv]) -> Vec<String> {
     let samples =
         ratios.rows.iter().filter_map(|row| Some(maybe(row, "raw_samples_at_flip")? / number(row, "samples_per_px")));
     let beside = points.pairs("way", PACKED, RAW_MATRIX, &["scene", "samples_per_px"]);
-    vec![
+    let mut says = vec![
         format!(
             "To be as near in ꟻLIP the raw matrix takes {} times the samples, and {} times the processors' seconds that rendering and \
-packing take together; to be as near in clip {} times the seconds where it is reached at all.",
+packing take together; to be as near in clip {} times the seconds: each where it is reached at all.",
             span(samples, 0),
             span(known("raw_cpu_over_ours_at_flip"), 1),
             span(known("raw_cpu_over_ours_at_clip"), 1)
@@ -130,7 +153,22 @@ packing take together; to be as near in clip {} times the seconds where it is re
             "Where the raw matrix of the same samples is nearer",
             &losses(&beside, &[FLIP, FLIP_WORST, CLIP, CLIP_WORST], scene_samples),
         ),
-    ]
+    ];
+    if has_denoised(points) {
+        let denoised = points.pairs("way", PACKED, EACH_DENOISED, &["scene", "samples_per_px"]);
+        says.extend([
+            format!(
+                "Beside images of the raw matrix of the same samples, each denoised anew, packed ones are nearer: {}; {}.",
+                wins(&denoised, FLIP),
+                wins(&denoised, CLIP)
+            ),
+            listed(
+                "Where the denoised ones are nearer",
+                &losses(&denoised, &[FLIP, FLIP_WORST, CLIP, CLIP_WORST], scene_samples),
+            ),
+        ]);
+    }
+    says
 }
 
 fn equal_says_more(files: &[Csv]) -> Vec<String> {
@@ -139,10 +177,11 @@ fn equal_says_more(files: &[Csv]) -> Vec<String> {
     let over = |column: &str| beside.iter().map(|(ours, raw)| ratio(ours, raw, column)).collect::<Vec<_>>();
     let mut says = equal_says(files);
     says.push(format!(
-        "At the same samples rendering and packing take {} times the processors' seconds of rendering alone, and the raw file has {} \
-times the bytes.",
+        "At the same samples rendering and packing take {} times the processors' seconds of rendering alone. The raw file, which has \
+noise statistics and features as well, has {} times the bytes; the raw entries alone as f32 have {} times.",
         span(over("cpu_secs"), 1),
-        span(over("bytes").into_iter().map(|over| 1.0 / over), 0)
+        span(over("bytes").into_iter().map(|over| 1.0 / over), 0),
+        span(beside.iter().map(|(ours, _)| entries_over(ours)), 0)
     ));
     says
 }
@@ -379,10 +418,11 @@ fn speed_says_more(files: &[Csv]) -> Vec<String> {
     }
     says.push(format!(
         "The uncompressed matrix on disk gives its first image after {} of our processors' seconds at the same samples, for there is \
-nothing to clean and pack; each further image takes it {} times ours, and it has {} times the bytes.",
+nothing to clean and pack; each further image takes it {} times ours. Its file has {} times the bytes, its entries alone as f32 {} times.",
         span(pairs.iter().map(|(raw, ours)| cpu_after(raw, 1.0) / cpu_after(ours, 1.0)), 2),
         span(pairs.iter().map(|(raw, ours)| ratio(raw, ours, "relight_cpu_secs")), 0),
-        span(pairs.iter().map(|(raw, ours)| ratio(raw, ours, "bytes")), 0)
+        span(pairs.iter().map(|(raw, ours)| ratio(raw, ours, "bytes")), 0),
+        span(pairs.iter().map(|(_, ours)| entries_over(ours)), 0)
     ));
     let load = speed.notes.iter().find_map(|note| note.split_once("Load when it began: "));
     if let Some((_, load)) = load {
