@@ -30,7 +30,7 @@ const COLOURS: [RGBColor; 10] = [
 const PANEL: (u32, u32) = (560, 400);
 const TITLE: u32 = 44;
 const LEGEND_LINE: u32 = 24;
-const LEGEND_ENTRY: u32 = 270;
+const LEGEND_ENTRY: u32 = 350;
 const CAPTION: u32 = 24;
 
 /// Makes the typeface known under the name that all text asks for.
