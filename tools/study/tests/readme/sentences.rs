@@ -3,6 +3,8 @@
 use super::published::{Csv, maybe, number, text};
 use super::words::{CLIP, FLIP, LIN, bytes, losses, only, span, thousands};
 
+const GROWTH: &str = "formats/growth.md";
+
 /// A sentence that a page is to have, as its tables say it today.
 pub(crate) struct Sentence {
     pub(crate) page: &'static str,
@@ -47,12 +49,12 @@ pub(crate) const SENTENCES: &[Sentence] = &[
 ];
 
 pub(crate) const ROWS: &[TableRow] = &[
-    TableRow { page: "formats/growth.md", first: "one block in memory", cells: growth_block },
-    TableRow { page: "formats/growth.md", first: "the container", cells: growth_container },
-    TableRow { page: "formats/growth.md", first: "factors in memory", cells: growth_factors },
-    TableRow { page: "formats/growth.md", first: "one relit picture", cells: growth_picture },
-    TableRow { page: "formats/growth.md", first: "one light changed", cells: growth_change },
-    TableRow { page: "formats/growth.md", first: "a thousand viewers", cells: growth_viewers },
+    TableRow { page: GROWTH, first: "one block in memory", cells: growth_block },
+    TableRow { page: GROWTH, first: "the container", cells: growth_container },
+    TableRow { page: GROWTH, first: "factors in memory", cells: growth_factors },
+    TableRow { page: GROWTH, first: "one relit picture", cells: growth_picture },
+    TableRow { page: GROWTH, first: "one light changed", cells: growth_change },
+    TableRow { page: GROWTH, first: "a thousand viewers", cells: growth_viewers },
 ];
 
 fn compressed() -> String {
@@ -146,34 +148,68 @@ fn growth_block() -> Vec<String> {
     let times = COLUMNS_THERE / number(row, "columns");
     vec![
         format!(
-            "16,384 columns: rendering peaks at {}, packing at {}, two threads (`ltm study scaling`, 32 × 32 pixels)",
+            "16,384 columns: rendering peaks at {}, packing at {}, two threads (`formats/plots/scaling.csv`, 32 × 32 pixels); 65,559: 2.1 GiB \
+(*Columns*)",
             bytes(render),
             bytes(pack)
         ),
-        format!("{}; with blocks of 16 × 16 pixels a quarter", bytes(times * render.max(pack))),
+        format!(
+            "{} in proportion, 2.1 GiB measured; with blocks of 16 × 16 pixels half (`formats/farm.md`)",
+            bytes(times * render.max(pack))
+        ),
         "machines of little memory: smaller blocks".to_owned(),
     ]
 }
 
-/// Bytes of the container a row, and what it would have there.
-fn container() -> (f64, f64, String) {
+/// Containers of the Conference Room, and what one would have there.
+struct Containers {
+    /// At 1,047 columns and at 4,119: bytes a row, and the mean rank.
+    each: [(f64, f64); 2],
+    /// Times the bytes from 256 × 192 pixels to 1024 × 768, at 4,119 columns.
+    larger: f64,
+    /// Times the bytes from 4,119 columns to 65,559, at 256 × 192 pixels.
+    wider: f64,
+    there: f64,
+}
+
+/// Bytes at 256 × 192 pixels, of the table that the page has itself.
+fn of_columns(columns: &str) -> f64 {
+    let (page, begin) = (super::read(GROWTH), format!("| {columns} |"));
+    let line = page.lines().find(|line| line.starts_with(&begin)).unwrap_or_else(|| panic!("{GROWTH}: no '{begin}'"));
+    let cell = line.split('|').nth(3).unwrap_or_default().trim().replace(',', "");
+    cell.parse().unwrap_or_else(|_| panic!("'{line}' has no bytes at 256 × 192"))
+}
+
+fn containers() -> Containers {
     let large = Csv::published("large.csv");
-    let row = large.find(&[("columns", "1047"), ("stage", "pack")]);
-    let each = number(row, "file_bytes") / number(row, "rows");
-    (each, each * ROWS_THERE, format!("{:.1}", number(row, "mean_rank")))
+    let of = |columns| large.find(&[("columns", columns), ("stage", "pack")]);
+    let rows = ["1047", "4119"].map(of);
+    let each = rows.map(|row| (number(row, "file_bytes") / number(row, "rows"), number(row, "mean_rank")));
+    let few = of_columns("4,119");
+    let wider = of_columns("65,559") / few;
+    Containers { each, larger: number(rows[1], "file_bytes") / few, wider, there: each[1].0 * wider * ROWS_THERE }
 }
 
 fn growth_container() -> Vec<String> {
-    let (each, there, rank) = container();
+    let Containers { each: [few, many], larger, wider, there } = containers();
     vec![
-        format!("{each:.1} bytes a row at mean rank {rank} (Conference Room, 1,047 columns, `ltm study large`)"),
-        format!("{:.0} MB, if the rank stays", there / 1e6),
+        format!(
+            "{:.1} bytes a row at 1,047 columns, {:.1} at 4,119, mean rank {} (Conference Room, 1024 × 768 pixels, `formats/plots/large.csv`); \
+65,559 columns take {wider:.1} times the bytes of 4,119 at 256 × 192 pixels (*Columns*)",
+            few.0,
+            many.0,
+            span([few.1, many.1], 1)
+        ),
+        format!(
+            "{:.0} MB, if the rank stays and bytes grow with pixels; from 256 × 192 to 1024 × 768, 16 times the pixels, they grew {larger:.1} times",
+            there / 1e6
+        ),
         "no".to_owned(),
     ]
 }
 
 fn growth_viewers() -> Vec<String> {
-    let (_, there, _) = container();
+    let Containers { there, .. } = containers();
     vec![
         "each computes its own picture; the host gives files only, about the bytes of the container".to_owned(),
         format!(
@@ -228,7 +264,7 @@ fn growth_factors() -> Vec<String> {
     let [left, right] = relit.there();
     vec![
         format!(
-            "{:.1} bytes a value (Conference Room, 1,047 columns, rank {:.1}, `benches/relight.rs`)",
+            "{:.1} bytes a value (Conference Room, 1,047 columns, rank {:.1}, `formats/plots/bench-relight-own.csv`)",
             relit.value_bytes, relit.rank
         ),
         format!(
@@ -243,9 +279,14 @@ fn growth_factors() -> Vec<String> {
 fn growth_picture() -> Vec<String> {
     let relit = relit();
     let [left, right] = relit.there();
+    let gpu = Csv::published("bench-gpu.csv");
+    let adapter = gpu.each("case")[0];
+    let (memory, largest) = (gpu.figure(adapter, "memory_gb_per_s"), format!("{adapter}: random 4096, 4K"));
+    let share = gpu.figure(&format!("{largest}: {}", super::gpu::STAYS), "of_memory");
+    let smaller = gpu.figures("of_memory").into_iter().map(|(_, other)| other).filter(|other| *other < share);
     vec![
         format!(
-            "{:.1} ms for {} rows at rank {:.1} and 1,047 columns, {:.2} of the memory's bandwidth",
+            "{:.1} ms for {} rows at rank {:.1} and 1,047 columns, {:.2} of the memory's bandwidth (`formats/plots/bench-relight-own.csv`)",
             relit.full_ms,
             thousands(CONFERENCE.0),
             relit.rank,
@@ -258,17 +299,33 @@ fn growth_picture() -> Vec<String> {
             right / relit.rate
         ),
         format!(
-            "not interactive on two cores; a GPU of 1 TB/s: {:.0} ms, if it holds them",
-            1e3 * (left + right) / 1e12
+            "not interactive on two cores; one {}: {:.0} ms, if it holds their {:.0} GB, at {share:.2} of the {} GB that it reads of its memory \
+a second, as for {} rows × 4,096 columns; {} for less (`formats/plots/bench-gpu.csv`)",
+            adapter.split(" (").next().unwrap_or_default(),
+            1e3 * (left + right) / (1e9 * memory * share),
+            (left + right) / 1e9,
+            thousands(memory),
+            thousands(gpu.figure(&largest, "rows")),
+            span(smaller, 2)
         ),
     ]
 }
 
 fn growth_change() -> Vec<String> {
     let relit = relit();
+    let [left, right] = relit.there();
     vec![
-        format!("{:.1} ms on the same matrix: only what that column touches is read", relit.change_ms),
-        format!("{:.0} ms, and one value a component of each block", relit.change_ms * ROWS_THERE / CONFERENCE.0),
+        format!(
+            "{:.1} ms on the same matrix, {:.0} % of a whole picture: the left factors are read again, of the right ones that column \
+(`formats/plots/bench-relight-own.csv`)",
+            relit.change_ms,
+            100.0 * relit.change_ms / relit.full_ms
+        ),
+        format!(
+            "{:.0} ms, as it grows with rows, and one value a component of each block; a whole picture takes {:.1} s",
+            relit.change_ms * ROWS_THERE / CONFERENCE.0,
+            (left + right) / relit.rate
+        ),
         "nearly".to_owned(),
     ]
 }
