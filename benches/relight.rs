@@ -199,13 +199,20 @@ fn page_in(container: &ContainerReader) -> f64 {
     read / (read + decode + compact)
 }
 
+/// Seconds of the direct product, where there is enough memory for it: with all entries in memory, of one light changed there, and from
+/// a file of them.
+#[derive(Default)]
+struct DirectSecs {
+    warm: Option<f64>,
+    change: Option<f64>,
+    cold: Option<f64>,
+}
+
 /// The rates of this machine in this run, and the error that every figure is printed with.
 struct Ruler {
     bandwidth: f64,
     reference: LinearImage,
-    /// Seconds of the direct product in memory, where there is enough, and of its change by one light.
-    warm_secs: Option<f64>,
-    change_secs: Option<f64>,
+    direct: DirectSecs,
     /// What is measured.
     case: String,
     figures: Figures,
@@ -230,28 +237,19 @@ impl Ruler {
             );
             self.figures.add(&case, "of_bandwidth", part);
         }
-        if let Some(direct) = self.warm_secs {
-            self.over_direct(&case, "warm", direct / secs);
-        }
-        println!();
+        self.over_direct(&case, ("warm", self.direct.warm), secs);
     }
 
-    /// Tells of what is read from disk, beside the seconds of the entries from there.
-    fn report_cold(&mut self, name: &str, secs: f64, direct_secs: Option<f64>, decibels: f64) {
+    /// Tells of what is read from disk.
+    fn report_cold(&mut self, name: &str, secs: f64, decibels: f64) {
         let case = self.begin(name, secs, decibels);
-        if let Some(direct) = direct_secs {
-            self.over_direct(&case, "cold", direct / secs);
-        }
-        println!();
+        self.over_direct(&case, ("cold", self.direct.cold), secs);
     }
 
-    /// Tells of one light changed, beside the seconds of the same with the raw entries in memory.
+    /// Tells of one light changed.
     fn report_change(&mut self, secs: f64, decibels: f64) {
         let case = self.begin("cpu, one light changed", secs, decibels);
-        if let Some(direct) = self.change_secs {
-            self.over_direct(&case, "change", direct / secs);
-        }
-        println!();
+        self.over_direct(&case, ("change", self.direct.change), secs);
     }
 
     /// Begins the line of one way. Returns its case among the figures.
@@ -262,18 +260,21 @@ impl Ruler {
         case
     }
 
-    /// Adds to the line how many times faster it is than the direct product that is like it.
-    fn over_direct(&mut self, case: &str, told: &str, ratio: f64) {
-        print!(", {ratio:.1} × faster than the direct product, {told}");
-        self.figures.add(case, &format!("{told}_direct_over_it"), ratio);
+    /// Ends the line with how many times faster it is than the direct product that is like it, where that was measured.
+    fn over_direct(&mut self, case: &str, (told, direct): (&str, Option<f64>), secs: f64) {
+        if let Some(direct) = direct {
+            let ratio = direct / secs;
+            print!(", {ratio:.1} × faster than the direct product, {told}");
+            self.figures.add(case, &format!("{told}_direct_over_it"), ratio);
+        }
+        println!();
     }
 
     /// Measures the direct product with the raw entries in memory, where they fit; and with those of a file that is written for
-    /// that, of which the seconds are returned.
-    fn measure_direct(&mut self, matrix: &dyn BlockSource, lighting: &Lighting, file: Option<&Path>) -> Option<f64> {
+    /// that, if it is named.
+    fn measure_direct(&mut self, matrix: &dyn BlockSource, lighting: &Lighting, file: Option<&Path>) {
         let Some(entries) = InMemory::load(matrix) else {
-            println!("  there is not enough memory for the raw matrix: no direct product");
-            return None;
+            return println!("  there is not enough memory for the raw matrix: no direct product");
         };
         let target = entries.target();
         let secs = mean_secs(|| entries.product(lighting, &target));
@@ -294,8 +295,7 @@ impl Ruler {
             self.decibels(&image),
         );
         println!("  one light changed, with its raw column in memory: {:.3} ms", 1e3 * change_secs);
-        (self.warm_secs, self.change_secs) = (Some(secs), Some(change_secs));
-        let cold_secs = file.map(|path| {
+        let cold = file.map(|path| {
             entries.write(path).expect("the folder of the matrix can be written");
             let (image, secs) =
                 cold(path, |path| Ok(entries.opened(path).and_then(|file| file.relit(lighting)).unwrap()));
@@ -308,6 +308,7 @@ impl Ruler {
             self.figures.add(&self.case, "direct_cold_milliseconds", 1e3 * secs);
             secs
         });
+        self.direct = DirectSecs { warm: Some(secs), change: Some(change_secs), cold };
         for (figure, value) in [
             ("direct_change_milliseconds", 1e3 * change_secs),
             ("entries_gigabytes", bytes as f64 / 1e9),
@@ -316,7 +317,6 @@ impl Ruler {
         ] {
             self.figures.add(&self.case, figure, value);
         }
-        cold_secs
     }
 }
 
@@ -457,12 +457,12 @@ fn measure_own(stem: &Path, bandwidth: f64, criterion: &mut Criterion, figures: 
     let name = stem.file_name().map_or_else(Default::default, |name| name.to_string_lossy());
     let mut group = criterion.benchmark_group(format!("relight {name}"));
     let case = name.into_owned();
-    let mut ruler = Ruler { bandwidth, reference, warm_secs: None, change_secs: None, case, figures };
+    let mut ruler = Ruler { bandwidth, reference, direct: DirectSecs::default(), case, figures };
     ruler.figures.add(&ruler.case, "stored_gigabytes", bytes / 1e9);
     ruler.figures.add(&ruler.case, "page_in_read_share", read_share);
-    let cold_secs = ruler.measure_direct(&matrix, &lighting, Some(&stem.with_extension("entries")));
-    ruler.report_cold("the stored matrix, cold: from disk", stored_secs, cold_secs, f64::INFINITY);
-    ruler.report_cold("cpu, cold: the container from disk", packed_secs, cold_secs, ruler.decibels(&packed));
+    ruler.measure_direct(&matrix, &lighting, Some(&stem.with_extension("entries")));
+    ruler.report_cold("the stored matrix, cold: from disk", stored_secs, f64::INFINITY);
+    ruler.report_cold("cpu, cold: the container from disk", packed_secs, ruler.decibels(&packed));
     measure(&container, &lighting, &mut ruler, &mut group);
     group.finish();
     ruler.figures
@@ -484,7 +484,7 @@ fn main() {
     let mut group = criterion.benchmark_group("relight 1024x768, 1024 columns, rank 8, 8 bits");
     let figures = Figures::new("bench-relight", &[], COMMAND);
     let case = "synthetic".to_owned();
-    let mut ruler = Ruler { bandwidth, reference, warm_secs: None, change_secs: None, case, figures };
+    let mut ruler = Ruler { bandwidth, reference, direct: DirectSecs::default(), case, figures };
     ruler.measure_direct(&source, &lighting, None);
     measure(&source, &lighting, &mut ruler, &mut group);
     ruler.figures.write();

@@ -79,7 +79,8 @@ impl InMemory {
         self.blocks.par_iter().zip(target).for_each(|(block, rows)| {
             let rows = &mut *rows.lock().expect("no thread panics with it");
             let Entries { columns, values, .. } = block;
-            pulp::Arch::new().dispatch(Product { columns, values, weights: lighting.weights(), rows });
+            rows.fill(0.0);
+            pulp::Arch::new().dispatch(AddColumns { columns, values, weights: lighting.weights(), rows });
         });
     }
 
@@ -89,7 +90,7 @@ impl InMemory {
             if let Ok(at) = block.columns.binary_search(&column.0) {
                 let rows = &mut *rows.lock().expect("no thread panics with it");
                 let values = &block.values[at * block.rows..][..block.rows];
-                pulp::Arch::new().dispatch(AddColumn { values, weight, rows });
+                pulp::Arch::new().dispatch(AddColumns { columns: &[0], values, weights: &[weight], rows });
             }
         });
     }
@@ -135,36 +136,23 @@ impl OnDisk<'_> {
             values.resize(block.values.len(), 0.0);
             self.file.read_exact_at(bytemuck::cast_slice_mut(values), begin)?;
             let rows = &mut *rows.lock().expect("no thread panics with it");
-            pulp::Arch::new().dispatch(Product { columns: &block.columns, values, weights: lighting.weights(), rows });
+            rows.fill(0.0);
+            pulp::Arch::new().dispatch(AddColumns {
+                columns: &block.columns,
+                values,
+                weights: lighting.weights(),
+                rows,
+            });
             Ok::<_, std::io::Error>(())
         })?;
         Ok(self.of.image(&target))
     }
 }
 
-/// A column times a weight, added to the rows.
-struct AddColumn<'a> {
-    values: &'a [f32],
-    weight: [f32; CHANNELS],
-    rows: &'a mut [f32],
-}
-
-impl pulp::NullaryFnOnce for AddColumn<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let pixels = self.rows.len() / CHANNELS;
-        let planes = self.rows.chunks_exact_mut(pixels).zip(self.values.chunks_exact(pixels));
-        for ((rows, values), weight) in planes.zip(self.weight) {
-            rows.iter_mut().zip(values).for_each(|(row, value)| *row += weight * value);
-        }
-    }
-}
-
-/// A block's product, compiled for the vectors that the machine has. Not a closure: what wraps one is compiled without
-/// them.
-struct Product<'a> {
+/// Columns times their weights, added to the rows of a block; compiled for the vectors that the machine has. Not a closure: what
+/// wraps one is compiled without them.
+struct AddColumns<'a> {
+    /// Which of the weights are theirs.
     columns: &'a [u32],
     /// Column after column.
     values: &'a [f32],
@@ -172,13 +160,12 @@ struct Product<'a> {
     rows: &'a mut [f32],
 }
 
-impl pulp::NullaryFnOnce for Product<'_> {
+impl pulp::NullaryFnOnce for AddColumns<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
         let Self { columns, values, weights, rows } = self;
-        rows.fill(0.0);
         let (all, pixels) = (rows.len(), rows.len() / CHANNELS);
         for (values, columns) in values.chunks(AT_ONCE * all).zip(columns.chunks(AT_ONCE)) {
             for (channel, rows) in rows.chunks_exact_mut(pixels).enumerate() {

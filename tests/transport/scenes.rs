@@ -178,7 +178,8 @@ pub(crate) fn tracer(scene: impl Into<Arc<Scene>>, settings: TraceSettings) -> T
     Tracer::new(scene, shape, settings).unwrap()
 }
 
-/// All blocks of renders with these seeds, one after the other, over a tree that is built once.
+/// All blocks of renders with these seeds, one after the other, over a tree that is built once. The tracer's own settings do not
+/// matter: with one sample it has sent few photons in vain.
 pub(crate) fn renders(
     tracer: Tracer,
     settings: TraceSettings,

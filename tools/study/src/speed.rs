@@ -19,7 +19,8 @@ use ltm::store::StoreReader;
 use ltm::trace::{TraceSettings, Tracer};
 
 const MITSUBA_NOTE: &str = "Mitsuba 3: the same scene and lighting by its path integrator and the sampler \
-`multijitter`, its best in equal time, on all cores; loading and compiling are not counted. With the denoiser: Open Image Denoise on its image, with noise-free albedo and normals, Python and files not counted.";
+`multijitter`, its best in equal time, on all cores; loading and compiling are not counted. With the denoiser: Open Image Denoise on its \
+image, with noise-free albedo and normals, Python and files not counted.";
 
 const TIME_NOTE: &str = "All ways in turn, then all again: each time is the least of so many. cpu: processors' seconds of all threads, which \
 others that use the machine change less; the numbers of relights from which on preparing pays off are of these, and so is the last column: \

@@ -4,6 +4,7 @@ use super::gpu;
 use super::page::Figure;
 use super::published::{Csv, number, text};
 use super::words::{cells, rounded, span};
+use Wanted::{AtLeast, AtMost};
 
 pub(crate) const FIGURES: &[Figure] = &[Figure {
     page: "formats/figures.md",
@@ -34,15 +35,19 @@ enum Wanted {
     AtMost(f64),
 }
 
+fn goal(what: &'static str, wanted: Wanted, digits: usize, measured: Vec<f64>) -> Goal {
+    Goal { what, wanted, digits, measured }
+}
+
 impl Goal {
     fn row(&self) -> Vec<String> {
         let is_met = |value: &f64| match self.wanted {
-            Wanted::AtLeast(bound) => *value >= bound,
-            Wanted::AtMost(bound) => *value <= bound,
+            AtLeast(bound) => *value >= bound,
+            AtMost(bound) => *value <= bound,
         };
         let (sign, bound) = match self.wanted {
-            Wanted::AtLeast(bound) => ("≥", bound),
-            Wanted::AtMost(bound) => ("≤", bound),
+            AtLeast(bound) => ("≥", bound),
+            AtMost(bound) => ("≤", bound),
         };
         let met = self.measured.iter().filter(|value| is_met(value)).count();
         let told = match (met, self.measured.len()) {
@@ -63,66 +68,31 @@ fn table(files: &[Csv]) -> Vec<Vec<String>> {
     let added = 100.0 * (render.figure("seconds", "store_over_memory_median") - 1.0);
     let first = ["cold", "warm"].map(|kind| of(window, &format!("{kind}_first_picture_milliseconds"))).concat();
     let goals = [
-        Goal {
-            what: "packing, GB of raw matrix a second, of matrices larger than memory",
-            wanted: Wanted::AtLeast(1.0),
-            digits: 2,
-            measured: packing.collect(),
-        },
-        Goal {
-            what: "writing a store over plain writing, f32",
-            wanted: Wanted::AtLeast(0.95),
-            digits: 2,
-            measured: written("f32"),
-        },
-        Goal {
-            what: "writing a store over plain writing, f16",
-            wanted: Wanted::AtLeast(0.9),
-            digits: 2,
-            measured: written("f16"),
-        },
-        Goal {
-            what: "what writing a store adds to rendering, % of its seconds",
-            wanted: Wanted::AtMost(3.0),
-            digits: 1,
-            measured: vec![added],
-        },
-        Goal {
-            what: "decoding a container, GB of factors a second on one core",
-            wanted: Wanted::AtLeast(1.2),
-            digits: 2,
-            measured: of(coding, "decoded_gb_per_s"),
-        },
-        Goal {
-            what: "share of reading in bringing a container into memory",
-            wanted: Wanted::AtLeast(0.8),
-            digits: 2,
-            measured: of(relight, "page_in_read_share"),
-        },
-        Goal {
-            what: "the window's first picture, ms after the start of the program",
-            wanted: Wanted::AtMost(300.0),
-            digits: 0,
-            measured: first,
-        },
-        Goal {
-            what: "on a GPU, an image that stays there, ms",
-            wanted: Wanted::AtMost(1.0),
-            digits: 2,
-            measured: gpu::of_all(gpu, gpu::STAYS, "milliseconds"),
-        },
-        Goal {
-            what: "on a GPU, the same, of its memory's rate",
-            wanted: Wanted::AtLeast(0.5),
-            digits: 2,
-            measured: gpu::of_all(gpu, gpu::STAYS, "of_memory"),
-        },
-        Goal {
-            what: "on a GPU, through a tenth of its memory, of the rate of sending",
-            wanted: Wanted::AtLeast(0.8),
-            digits: 2,
-            measured: gpu::of_all(gpu, gpu::PASSES, "of_sent"),
-        },
+        goal("packing, GB of raw matrix a second, of matrices larger than memory", AtLeast(1.0), 2, packing.collect()),
+        goal("writing a store over plain writing, f32", AtLeast(0.95), 2, written("f32")),
+        goal("writing a store over plain writing, f16", AtLeast(0.9), 2, written("f16")),
+        goal("what writing a store adds to rendering, % of its seconds", AtMost(3.0), 1, vec![added]),
+        goal(
+            "decoding a container, GB of factors a second on one core",
+            AtLeast(1.2),
+            2,
+            of(coding, "decoded_gb_per_s"),
+        ),
+        goal(
+            "share of reading in bringing a container into memory",
+            AtLeast(0.8),
+            2,
+            of(relight, "page_in_read_share"),
+        ),
+        goal("the window's first picture, ms after the start of the program", AtMost(300.0), 0, first),
+        goal("on a GPU, an image that stays there, ms", AtMost(1.0), 2, gpu::of_all(gpu, gpu::STAYS, "milliseconds")),
+        goal("on a GPU, the same, of its memory's rate", AtLeast(0.5), 2, gpu::of_all(gpu, gpu::STAYS, "of_memory")),
+        goal(
+            "on a GPU, through a tenth of its memory, of the rate of sending",
+            AtLeast(0.8),
+            2,
+            gpu::of_all(gpu, gpu::PASSES, "of_sent"),
+        ),
     ];
     let mut table = vec![cells(&["what", "wanted", "measured", ""])];
     // Tables of earlier runs may not have told one.
