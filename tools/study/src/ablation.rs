@@ -1,6 +1,8 @@
 //! What each idea is worth: from a plain block SVD to what `ltm-pack` does today, one idea more in each row, all at the same
 //! bytes; beside them Algorithm 4 and general codecs, each at its best.
 
+use std::path::{Path, PathBuf};
+
 use super::bench::{Bench, CLASSROOM, CORNELL, Wanted, file_bytes};
 use super::chart::{Axis, Chart, Line, Panel};
 use super::interval::{half_interval, mean};
@@ -11,11 +13,12 @@ use super::rivals::{BlockSvd, Packed, Ranks, packed, product};
 use super::table::{Cell, Table};
 use super::{StudyReport, codecs, curve, dct, zfp};
 use ltm::compress::{CompressSettings, Method, Ranks as Kept, Target};
+use ltm::container::ContainerReader;
 use ltm::error::Result;
 use ltm::image::LinearImage;
 use ltm::light::{Lighting, LightingPrior};
 use ltm::matrix::BlockSource;
-use ltm::pipeline::PackOptions;
+use ltm::pipeline::{PackOptions, UnpackOptions, pack, unpack_to_store};
 use ltm::relight::relight_raw;
 use ltm::store::StoreReader;
 
@@ -36,10 +39,33 @@ const PAPER: Way = ("Algorithm 4, one rank", false);
 const PAPER_SLOPE: Way = ("Algorithm 4, ranks by one slope, our coder", false);
 const DCT: Way = ("DCT + zstd", false);
 const ZFP: Way = ("zfp + zstd", false);
+/// Rivals that are given the matrix that the default's cleaning makes.
+const CLEANED_CODER: Way = ("cleaned, then block SVD in our coder, prior", false);
+const CLEANED_ZFP: Way = ("cleaned, then zfp + zstd", false);
+const CLEANED_TUCKER: Way = ("cleaned, then Tucker", false);
 
 /// All, in the order of the tables; general codecs that a Python has come behind.
-const WAYS: [Way; 14] =
-    [PLAIN, PRIOR, SLOPE, CODER, SKETCH, DARK, SPARSE, NOISE, CLEANED, FLAT, PAPER, PAPER_SLOPE, DCT, ZFP];
+const WAYS: [Way; 16] = [
+    PLAIN,
+    PRIOR,
+    SLOPE,
+    CODER,
+    SKETCH,
+    DARK,
+    SPARSE,
+    NOISE,
+    CLEANED,
+    FLAT,
+    PAPER,
+    PAPER_SLOPE,
+    CLEANED_CODER,
+    CLEANED_ZFP,
+    DCT,
+    ZFP,
+];
+
+/// Components of the file through which rivals get the cleaned matrix, and what its images keep of it in dB: all that matters.
+const HARDLY_COMPRESSED: (usize, f64) = (64, 120.0);
 
 struct Plan {
     /// With whether it took part in choosing constants.
@@ -131,7 +157,8 @@ seeds, which change samples, lightings and the draws of methods.";
 const FORMS_NOTE: &str = "f16 + zstd: factors as 16-bit floats, byte planes, zstd 12. The SVD is exact to a few parts in a thousand. Slope: \
 components that are worth their bits, with one slope for all blocks. DCT, zfp: as `ltm study fig9`. SZ3: whole colours in four \
 dimensions, one absolute bound; SPERR: in three, one mean squared error; Tucker: all five dimensions, core and factors quantised by one \
-slope, xz. DCT, zfp and these three: at steps and bounds on both sides of each ratio, found by bisection. \
+slope, xz. DCT, zfp and these three: at steps and bounds on both sides of each ratio, found by bisection. Cleaned, then: the same \
+methods, given the matrix that the default's cleaning makes, by way of a file that keeps 120 dB of it. \
 Algorithm 4 by one slope takes 64 rows and columns of a block; what these do not span is \
 lost, in larger files too.";
 
@@ -172,7 +199,12 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         }
     }
     bench.watch.end();
-    let ways: Vec<Way> = WAYS.into_iter().chain(there.iter().map(|(name, _)| (*name, false))).collect();
+    let tucker_is_there = there.iter().any(|(name, _)| *name == codecs::TUCKER.0);
+    let ways: Vec<Way> = WAYS
+        .into_iter()
+        .chain(there.iter().map(|(name, _)| (*name, false)))
+        .chain(tucker_is_there.then_some(CLEANED_TUCKER))
+        .collect();
     let mut report = StudyReport::default();
     let mut all = table("Ideas at equal bytes", notes.clone(), "scenes");
     let mut each = table("Ideas at equal bytes, scene by scene", notes, "scene");
@@ -254,25 +286,42 @@ fn measure(
         let settings = CompressSettings { rank, seed, ..CompressSettings::of_method(Method::Algorithm4) };
         keep(PAPER, product(bench, matrix, &settings, lightings)?);
     }
-    general_codecs(on, keep)?;
-    let (fewest, most) = plan.fixed.iter().fold((f64::INFINITY, 0.0f64), |(fewest, most), ratio| {
-        (fewest.min(raw_bytes / ratio), most.max(raw_bytes / ratio))
-    });
+    dct_files(on, keep)?;
+    zfp_files(on, ZFP, keep)?;
     for codec in there {
-        for packed in codecs::code(bench, matrix, codec, (fewest, most), lightings)? {
-            keep((codec.0, false), packed);
-        }
+        python_files(on, codec, (codec.0, false), keep)?;
+    }
+    let cleaned = cleaned(bench, matrix)?;
+    let on = Measured { matrix: &cleaned, ..on };
+    let weighted = weighted_svd(&cleaned)?;
+    for ratio in plan.expected_ratios {
+        keep(CLEANED_CODER, weighted.pack_coded(bench, &cleaned, raw_bytes / ratio, lightings)?);
+    }
+    zfp_files(on, CLEANED_ZFP, keep)?;
+    if there.iter().any(|(name, _)| *name == codecs::TUCKER.0) {
+        python_files(on, &codecs::TUCKER, CLEANED_TUCKER, keep)?;
     }
     Ok(())
+}
+
+/// What the default's cleaning makes of a matrix.
+fn cleaned(bench: &Bench<'_>, matrix: &StoreReader) -> Result<StoreReader> {
+    let (rank, decibels) = HARDLY_COMPRESSED;
+    let compress = CompressSettings { target: Target::PsnrDb(decibels), rank, ..CompressSettings::default() };
+    let mut options = PackOptions { compress, denoise: true, ..PackOptions::default() };
+    options.container.overwrite = true;
+    let (packed, path, silent) = (bench.cached("cleaned.ltc"), bench.cached("cleaned.ltm"), bench.silent());
+    pack(matrix, matrix.job(), &packed, &options, &silent)?;
+    let options = UnpackOptions { overwrite: true, ..UnpackOptions::default() };
+    unpack_to_store(&ContainerReader::open(&packed)?, &path, &options, &silent)?;
+    StoreReader::open(&path)
 }
 
 fn svd_ways(on: Measured<'_>, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
     let Measured { bench, plan, matrix, lightings } = on;
     let raw_bytes = matrix.shape().raw_bytes() as f64;
-    // As many as ours looks at.
-    let most = CompressSettings::default().rank;
-    let plain = BlockSvd::new(matrix, most, None)?;
-    let weighted = BlockSvd::new(matrix, most, Some(&LightingPrior::of_basis(&matrix.job().basis)))?;
+    let plain = BlockSvd::new(matrix, CompressSettings::default().rank, None)?;
+    let weighted = weighted_svd(matrix)?;
     for &rank in plan.ranks {
         keep(PLAIN, plain.pack(bench, matrix, Ranks::Fixed(rank), lightings)?);
         keep(PRIOR, weighted.pack(bench, matrix, Ranks::Fixed(rank), lightings)?);
@@ -287,34 +336,59 @@ fn svd_ways(on: Measured<'_>, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
     Ok(())
 }
 
-fn general_codecs(on: Measured<'_>, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
+/// Of as many components as ours looks at.
+fn weighted_svd(matrix: &StoreReader) -> Result<BlockSvd> {
+    BlockSvd::new(matrix, CompressSettings::default().rank, Some(&LightingPrior::of_basis(&matrix.job().basis)))
+}
+
+fn dct_files(on: Measured<'_>, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
     let Measured { bench, plan, matrix, lightings } = on;
-    let (shape, basis) = (matrix.shape(), &matrix.job().basis);
-    let of_file = |path: &std::path::Path, images: Vec<LinearImage>| -> Result<Packed> {
-        Ok(Packed { bytes: file_bytes(path)?, rank: None, seconds: 0.0, images })
-    };
-    let (scale, largest) = (dct::scale(matrix)?, zfp::scale(matrix)?);
+    let (shape, scale) = (matrix.shape(), dct::scale(matrix)?);
     let step = |exponent: f64| scale * exponent.exp2() as f32;
-    let write_dct = |exponent: f64| -> Result<std::path::PathBuf> {
+    let write = |exponent: f64| -> Result<PathBuf> {
         bench.stop_if_interrupted()?;
         Ok(dct::write(matrix, &[step(exponent)], &bench.cached("dct"))?.remove(0))
     };
+    for ratio in plan.fixed {
+        let bytes = shape.raw_bytes() as f64 / ratio;
+        for exponent in curve::bracket(STEPS, bytes, &mut |exponent| file_bytes(&write(exponent)?))? {
+            let path = write(exponent)?;
+            keep(DCT, of_file(&path, dct::read(&path, step(exponent), shape, &matrix.job().basis, lightings)?)?);
+        }
+    }
+    Ok(())
+}
+
+fn zfp_files(on: Measured<'_>, way: Way, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
+    let Measured { bench, plan, matrix, lightings } = on;
+    let (shape, largest) = (matrix.shape(), zfp::scale(matrix)?);
     let tolerance = |exponent: f64| largest * exponent.exp2() as f32;
-    let write_zfp = |exponent: f64| -> Result<std::path::PathBuf> {
+    let write = |exponent: f64| -> Result<PathBuf> {
         bench.stop_if_interrupted()?;
         let path = bench.cached("zfp");
         zfp::write(matrix, tolerance(exponent), &path).map(|()| path)
     };
     for ratio in plan.fixed {
-        let bytes = matrix.shape().raw_bytes() as f64 / ratio;
-        for exponent in curve::bracket(STEPS, bytes, &mut |exponent| file_bytes(&write_dct(exponent)?))? {
-            let path = write_dct(exponent)?;
-            keep(DCT, of_file(&path, dct::read(&path, step(exponent), shape, basis, lightings)?)?);
+        let bytes = shape.raw_bytes() as f64 / ratio;
+        for exponent in curve::bracket(TOLERANCES, bytes, &mut |exponent| file_bytes(&write(exponent)?))? {
+            let path = write(exponent)?;
+            keep(way, of_file(&path, zfp::read(&path, tolerance(exponent), shape, &matrix.job().basis, lightings)?)?);
         }
-        for exponent in curve::bracket(TOLERANCES, bytes, &mut |exponent| file_bytes(&write_zfp(exponent)?))? {
-            let path = write_zfp(exponent)?;
-            keep(ZFP, of_file(&path, zfp::read(&path, tolerance(exponent), shape, basis, lightings)?)?);
-        }
+    }
+    Ok(())
+}
+
+fn of_file(path: &Path, images: Vec<LinearImage>) -> Result<Packed> {
+    Ok(Packed { bytes: file_bytes(path)?, rank: None, seconds: 0.0, images })
+}
+
+fn python_files(on: Measured<'_>, codec: &(&str, Python), way: Way, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
+    let raw_bytes = on.matrix.shape().raw_bytes() as f64;
+    let sizes = on.plan.fixed.iter().map(|ratio| raw_bytes / ratio);
+    let (fewest, most) =
+        sizes.fold((f64::INFINITY, 0.0f64), |(fewest, most), bytes| (fewest.min(bytes), most.max(bytes)));
+    for packed in codecs::code(on.bench, on.matrix, codec, (fewest, most), on.lightings)? {
+        keep(way, packed);
     }
     Ok(())
 }
