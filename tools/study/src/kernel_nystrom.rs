@@ -4,8 +4,9 @@
 //! A monotone map `f` is applied to every entry, so that `f(A)` has a lower rank than `A`; the Nyström reconstruction is
 //! made there and mapped back: `A ≈ f⁻¹(f(C) f(W)⁺ f(R))`. Here `f(x) = sign(x) |x|^γ`, with `γ` fitted to the block
 //! from nothing but its sampled rows and columns: half of the sampled rows predict the other half. Rows and columns are
-//! those of Algorithm 4, so that the map is all that differs. The image is no product of thin factors any more: every
-//! entry has to be made before it can be summed.
+//! those of Algorithm 4, so that the map is all that differs. What comes back is kept between the least and the largest sampled
+//! entry: the inverse map enlarges what the product extrapolates without bound. The image is no product of thin factors any more:
+//! every entry has to be made before it can be summed.
 
 use faer::{Mat, MatRef};
 
@@ -18,10 +19,27 @@ const EXPONENTS: [f64; 6] = [1.0, 0.7, 0.5, 0.35, 0.25, 0.15];
 /// Singular values of `f(W)` below this fraction of the largest are dropped, as in the product's own core.
 const TRUNCATION: f64 = 1e-2;
 
-/// `f(A)` as factors, and the exponent.
+/// `f(A)` as factors, and the way back.
 pub(super) struct Mapped {
     pub(super) factors: FactoredBlock,
-    pub(super) exponent: f64,
+    pub(super) back: Back,
+}
+
+/// `f⁻¹`.
+#[derive(Clone, Copy)]
+pub(super) struct Back {
+    exponent: f64,
+    /// The least and the largest sampled entry.
+    bounds: [f32; 2],
+}
+
+impl Back {
+    /// In a file: a byte for the exponent, and the bounds.
+    pub(super) const BYTES: u64 = 9;
+
+    fn of(self, mapped: f64) -> f64 {
+        map(mapped, 1.0 / self.exponent).clamp(self.bounds[0].into(), self.bounds[1].into())
+    }
 }
 
 /// Decomposes a block with `rank` columns and twice as many rows.
@@ -30,7 +48,8 @@ pub(super) fn decompose(block: BlockView<'_>, rank: usize, seed: u64) -> Mapped 
     let chosen = cur(block, &settings, seed).2;
     let a = to_f64(block);
     let (rows, columns) = (&chosen.rows, &chosen.columns);
-    let error = |exponent: f64| held_out_error(a.as_ref(), rows, columns, exponent);
+    let bounds = bounds(a.as_ref(), rows, columns);
+    let error = |exponent: f64| held_out_error(a.as_ref(), rows, columns, Back { exponent, bounds });
     let exponent = EXPONENTS.into_iter().min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or(1.0);
     let c = Mat::from_fn(a.nrows(), columns.len(), |i, k| map(a[(i, columns[k])], exponent));
     let right = core_times_rows(a.as_ref(), rows, columns, exponent);
@@ -44,14 +63,22 @@ pub(super) fn decompose(block: BlockView<'_>, rank: usize, seed: u64) -> Mapped 
         right: column_major(right.transpose()),
         ..Default::default()
     };
-    Mapped { factors, exponent }
+    Mapped { factors, back: Back { exponent, bounds } }
 }
 
 /// `f⁻¹(L R)`, entry by entry.
-pub(super) fn reconstruct(factors: &FactoredBlock, exponent: f64) -> Block {
+pub(super) fn reconstruct(factors: &FactoredBlock, back: Back) -> Block {
     let mut block = factors.expand();
-    block.entries_mut().iter_mut().for_each(|v| *v = map(f64::from(*v), 1.0 / exponent) as f32);
+    block.entries_mut().iter_mut().for_each(|v| *v = back.of(f64::from(*v)) as f32);
     block
+}
+
+/// The least and the largest entry of these rows and columns; none: zeros.
+fn bounds(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize]) -> [f32; 2] {
+    let of_rows = rows.iter().flat_map(|&row| (0..a.ncols()).map(move |column| a[(row, column)]));
+    let of_columns = columns.iter().flat_map(|&column| (0..a.nrows()).map(move |row| a[(row, column)]));
+    let sampled = of_rows.chain(of_columns).map(|value| [value as f32; 2]);
+    sampled.reduce(|all, value| [all[0].min(value[0]), all[1].max(value[1])]).unwrap_or_default()
 }
 
 fn map(value: f64, exponent: f64) -> f64 {
@@ -75,7 +102,8 @@ fn core_times_rows(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize], expone
 }
 
 /// Squared error, in the entries themselves, of every second sampled row as the others predict it.
-fn held_out_error(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize], exponent: f64) -> f64 {
+fn held_out_error(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize], back: Back) -> f64 {
+    let exponent = back.exponent;
     let (known, held): (Vec<_>, Vec<_>) = rows.iter().enumerate().partition(|(i, _)| i % 2 == 0);
     let strip = |rows: Vec<(usize, &usize)>| -> Vec<usize> { rows.into_iter().map(|(_, row)| *row).collect() };
     let (known, held) = (strip(known), strip(held));
@@ -85,7 +113,7 @@ fn held_out_error(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize], exponen
     let mut error = 0.0;
     for j in 0..a.ncols() {
         for (i, &row) in held.iter().enumerate() {
-            error += (map(predicted[(i, j)], 1.0 / exponent) - a[(row, j)]).powi(2);
+            error += (back.of(predicted[(i, j)]) - a[(row, j)]).powi(2);
         }
     }
     if error.is_finite() { error } else { f64::INFINITY }
@@ -103,13 +131,22 @@ mod tests {
         let entries: Vec<f32> = (0..m * n).map(|e| value(e % m, e / m)).collect();
         let block = BlockView::new(m, n, &entries);
         let mapped = decompose(block, 2, 1);
-        let again = reconstruct(&mapped.factors, mapped.exponent);
+        let again = reconstruct(&mapped.factors, mapped.back);
         let sum = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
             entries.iter().zip(again.entries()).map(|(&a, &b)| f(f64::from(a), f64::from(b))).sum()
         };
         let error = (sum(&|a, b| (a - b).powi(2)) / sum(&|a, _| a * a)).sqrt();
-        assert_eq!(mapped.exponent, 0.25);
+        assert_eq!(mapped.back.exponent, 0.25);
         // Exact but for f32 and the truncation of the core, which two well separated components do not meet.
         assert!(error < 1e-3, "{error}");
+    }
+
+    #[test]
+    fn nothing_comes_back_beyond_what_was_sampled() {
+        let back = Back { exponent: 0.25, bounds: [0.0, 3.0] };
+        assert_eq!([-2.0, 1.0, 1e9].map(|mapped| back.of(mapped)), [0.0, 1.0, 3.0]);
+        let a = Mat::from_fn(3, 3, |i, j| (3 * i + j) as f64);
+        assert_eq!(bounds(a.as_ref(), &[1], &[0]), [0.0, 6.0]);
+        assert_eq!(bounds(a.as_ref(), &[], &[]), [0.0, 0.0]);
     }
 }

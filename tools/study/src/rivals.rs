@@ -66,7 +66,7 @@ pub(super) fn packed(
     Ok(Packed { bytes: file_bytes(&path)?, rank: Some(report.mean_rank), seconds: report.seconds, images })
 }
 
-/// Kernel Nyström with the product's codec for its factors, and a byte a block for its exponent.
+/// Kernel Nyström with the product's codec for its factors, and a few bytes a block for the way back.
 pub(super) fn kernel(bench: &Bench<'_>, matrix: &StoreReader, rank: usize, lightings: &[Lighting]) -> Result<Packed> {
     bench.stop_if_interrupted()?;
     let begun = Instant::now();
@@ -75,25 +75,25 @@ pub(super) fn kernel(bench: &Bench<'_>, matrix: &StoreReader, rank: usize, light
         ContainerWriter::create(&path, matrix.job(), ContainerOptions { overwrite: true, ..Default::default() })?;
     let shape = matrix.shape();
     let blocks: Vec<BlockId> = shape.blocks().collect();
-    let exponents: Vec<f64> = blocks
+    let ways_back: Vec<kernel_nystrom::Back> = blocks
         .par_iter()
         .map_init(TracedBlock::default, |traced, &id| {
             matrix.read_block(id, traced)?;
             let mapped = kernel_nystrom::decompose(traced.block.view(), rank, u64::from(id.0));
             writer.write_block(id, &mapped.factors, &BlockReport::default())?;
-            Ok(mapped.exponent)
+            Ok(mapped.back)
         })
         .collect::<Result<_>>()?;
     writer.finish()?;
     let seconds = begun.elapsed().as_secs_f64();
     let reader = ContainerReader::open(&path)?;
-    let relit = blocks.par_iter().zip(&exponents).map(|(&id, &exponent)| {
-        let block = kernel_nystrom::reconstruct(&reader.read_block(id)?, exponent);
+    let relit = blocks.par_iter().zip(&ways_back).map(|(&id, &back)| {
+        let block = kernel_nystrom::reconstruct(&reader.read_block(id)?, back);
         Ok(relit_block(block.view(), lightings))
     });
     let relit = relit.collect::<Result<Vec<_>>>()?;
     Ok(Packed {
-        bytes: file_bytes(&path)? + blocks.len() as u64,
+        bytes: file_bytes(&path)? + kernel_nystrom::Back::BYTES * blocks.len() as u64,
         rank: Some(rank as f64),
         seconds,
         images: assemble(shape, lightings.len(), &relit),
