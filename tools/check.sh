@@ -28,7 +28,8 @@ trap 'rm -rf "$packed"' EXIT
 cargo package --no-verify --allow-dirty --locked -p ltm
 target=${CARGO_TARGET_DIR:-target}
 tar -xzf "$target"/package/ltm-*.crate -C "$packed" --strip-components 1
-cargo check --manifest-path "$packed/Cargo.toml" --target-dir "$target" --examples
+# With all features most of what it is built of is what the Python package is built of, and is checked once for both.
+cargo check --manifest-path "$packed/Cargo.toml" --target-dir "$target" --examples --all-features
 step "the demonstration"
 demo=$(mktemp -d)
 trap 'rm -rf "$packed" "$demo"' EXIT
