@@ -2,7 +2,7 @@
 
 import { execFileSync } from 'node:child_process';
 import { createServer } from 'node:http';
-import { mkdtempSync, readFileSync, existsSync } from 'node:fs';
+import { mkdtempSync, readFileSync, existsSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before } from 'node:test';
@@ -24,6 +24,7 @@ export const room = (() => {
   return () => {
     if (made) return made;
     const folder = mkdtempSync(join(tmpdir(), 'ltm-share-'));
+    process.on('exit', () => rmSync(folder, { recursive: true, force: true }));
     const at = (name) => join(folder, name);
     const looks = join(HERE, 'room/looks.toml');
     ltm('render', join(HERE, 'room/room.toml'), '--pack', '-o', at('room.ltc'));
