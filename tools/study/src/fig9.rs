@@ -104,8 +104,8 @@ reference's 95th luminance percentile to 1 and clipping to [0, 1]; relMSE: (a �
 ꟻLIP: mean, of the exposed 8-bit sRGB images, at 67 pixels a degree.";
 
 const FORMS_NOTE: &str = "Bytes are those of whole files. Algorithm 4, the proposed method: `ltm-pack` with its codec at a fixed \
-rank. Kernel Nyström: the same codec, rows and columns as Algorithm 4, a power map fitted to each block, kept within its \
-sampled entries. Block SVD: 16-bit floats, byte planes, zstd 12. DCT: over pixels and texels, one step, zstd 12. zfp: each colour of a \
+rank. Kernel Nyström: the same codec, rows and columns as Algorithm 4, the power map that suits each block best, kept within \
+its entries. Block SVD: 16-bit floats, byte planes, zstd 12. DCT: over pixels and texels, one step, zstd 12. zfp: each colour of a \
 block over pixels and texels, one absolute tolerance, zstd 12. Both in four dimensions, light by light; lamps of one column are one row.";
 
 /// What is read off a summary.

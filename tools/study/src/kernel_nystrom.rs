@@ -2,11 +2,11 @@
 //! comparison only: nothing of the product uses it.
 //!
 //! A monotone map `f` is applied to every entry, so that `f(A)` has a lower rank than `A`; the Nyström reconstruction is
-//! made there and mapped back: `A ≈ f⁻¹(f(C) f(W)⁺ f(R))`. Here `f(x) = sign(x) |x|^γ`, with `γ` fitted to the block
-//! from nothing but its sampled rows and columns: half of the sampled rows predict the other half. Rows and columns are
-//! those of Algorithm 4, so that the map is all that differs. What comes back is kept between the least and the largest sampled
-//! entry: the inverse map enlarges what the product extrapolates without bound. The image is no product of thin factors any more:
-//! every entry has to be made before it can be summed.
+//! made there and mapped back: `A ≈ f⁻¹(f(C) f(W)⁺ f(R))`. Here `f(x) = sign(x) |x|^γ`. Rows and columns are those of
+//! Algorithm 4, so that the map is all that differs. Where the method is meant for a camera that sees nothing but these,
+//! a compressor sees the block: `γ` is that of several whose block is nearest, and what comes back is kept between the
+//! block's least and largest entry, since the inverse map enlarges what the product extrapolates without bound. The image is
+//! no product of thin factors any more: every entry has to be made before it can be summed.
 
 use faer::{Mat, MatRef};
 
@@ -29,7 +29,7 @@ pub(super) struct Mapped {
 #[derive(Clone, Copy)]
 pub(super) struct Back {
     exponent: f64,
-    /// The least and the largest sampled entry.
+    /// The least and the largest entry of the block.
     bounds: [f32; 2],
 }
 
@@ -47,23 +47,30 @@ pub(super) fn decompose(block: BlockView<'_>, rank: usize, seed: u64) -> Mapped 
     let settings = CompressSettings { rank, ..CompressSettings::of_method(Method::Algorithm4) };
     let chosen = cur(block, &settings, seed).2;
     let a = to_f64(block);
-    let (rows, columns) = (&chosen.rows, &chosen.columns);
-    let bounds = bounds(a.as_ref(), rows, columns);
-    let error = |exponent: f64| held_out_error(a.as_ref(), rows, columns, Back { exponent, bounds });
-    let exponent = EXPONENTS.into_iter().min_by(|a, b| error(*a).total_cmp(&error(*b))).unwrap_or(1.0);
+    let bounds = bounds(block.entries());
+    let tried = EXPONENTS.into_iter().map(|exponent| {
+        let back = Back { exponent, bounds };
+        let factors = factors(a.as_ref(), &chosen.rows, &chosen.columns, exponent);
+        let error = squared_error(&reconstruct(&factors, back), block.entries());
+        (error, Mapped { factors, back })
+    });
+    tried.min_by(|a, b| a.0.total_cmp(&b.0)).expect("an exponent").1
+}
+
+/// `f(C)` and `f(W)⁺ f(R)`.
+fn factors(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize], exponent: f64) -> FactoredBlock {
     let c = Mat::from_fn(a.nrows(), columns.len(), |i, k| map(a[(i, columns[k])], exponent));
-    let right = core_times_rows(a.as_ref(), rows, columns, exponent);
+    let right = core_times_rows(a, rows, columns, exponent);
     let column_major = |m: MatRef<'_, f64>| -> Vec<f32> {
         (0..m.ncols()).flat_map(|j| (0..m.nrows()).map(move |i| m[(i, j)] as f32)).collect()
     };
-    let factors = FactoredBlock {
-        rows: block.rows(),
-        columns: block.columns(),
+    FactoredBlock {
+        rows: a.nrows(),
+        columns: a.ncols(),
         left: column_major(c.as_ref()),
         right: column_major(right.transpose()),
         ..Default::default()
-    };
-    Mapped { factors, back: Back { exponent, bounds } }
+    }
 }
 
 /// `f⁻¹(L R)`, entry by entry.
@@ -73,12 +80,17 @@ pub(super) fn reconstruct(factors: &FactoredBlock, back: Back) -> Block {
     block
 }
 
-/// The least and the largest entry of these rows and columns; none: zeros.
-fn bounds(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize]) -> [f32; 2] {
-    let of_rows = rows.iter().flat_map(|&row| (0..a.ncols()).map(move |column| a[(row, column)]));
-    let of_columns = columns.iter().flat_map(|&column| (0..a.nrows()).map(move |row| a[(row, column)]));
-    let sampled = of_rows.chain(of_columns).map(|value| [value as f32; 2]);
-    sampled.reduce(|all, value| [all[0].min(value[0]), all[1].max(value[1])]).unwrap_or_default()
+/// The least and the largest entry; of none: zeros.
+fn bounds(entries: &[f32]) -> [f32; 2] {
+    let both = entries.iter().map(|&value| [value; 2]);
+    both.reduce(|all, value| [all[0].min(value[0]), all[1].max(value[1])]).unwrap_or_default()
+}
+
+/// Infinite where it is no number.
+fn squared_error(block: &Block, entries: &[f32]) -> f64 {
+    let squares = block.entries().iter().zip(entries).map(|(&a, &b)| f64::from(a - b).powi(2));
+    let error: f64 = squares.sum();
+    if error.is_finite() { error } else { f64::INFINITY }
 }
 
 fn map(value: f64, exponent: f64) -> f64 {
@@ -99,24 +111,6 @@ fn core_times_rows(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize], expone
         }
     }
     solved.V() * x
-}
-
-/// Squared error, in the entries themselves, of every second sampled row as the others predict it.
-fn held_out_error(a: MatRef<'_, f64>, rows: &[usize], columns: &[usize], back: Back) -> f64 {
-    let exponent = back.exponent;
-    let (known, held): (Vec<_>, Vec<_>) = rows.iter().enumerate().partition(|(i, _)| i % 2 == 0);
-    let strip = |rows: Vec<(usize, &usize)>| -> Vec<usize> { rows.into_iter().map(|(_, row)| *row).collect() };
-    let (known, held) = (strip(known), strip(held));
-    let right = core_times_rows(a, &known, columns, exponent);
-    let c = Mat::from_fn(held.len(), columns.len(), |i, k| map(a[(held[i], columns[k])], exponent));
-    let predicted = c * right;
-    let mut error = 0.0;
-    for j in 0..a.ncols() {
-        for (i, &row) in held.iter().enumerate() {
-            error += (back.of(predicted[(i, j)]) - a[(row, j)]).powi(2);
-        }
-    }
-    if error.is_finite() { error } else { f64::INFINITY }
 }
 
 #[cfg(test)]
@@ -142,11 +136,9 @@ mod tests {
     }
 
     #[test]
-    fn nothing_comes_back_beyond_what_was_sampled() {
-        let back = Back { exponent: 0.25, bounds: [0.0, 3.0] };
+    fn nothing_comes_back_beyond_what_the_block_has() {
+        let back = Back { exponent: 0.25, bounds: bounds(&[1.0, 0.0, 3.0]) };
         assert_eq!([-2.0, 1.0, 1e9].map(|mapped| back.of(mapped)), [0.0, 1.0, 3.0]);
-        let a = Mat::from_fn(3, 3, |i, j| (3 * i + j) as f64);
-        assert_eq!(bounds(a.as_ref(), &[1], &[0]), [0.0, 6.0]);
-        assert_eq!(bounds(a.as_ref(), &[], &[]), [0.0, 0.0]);
+        assert_eq!(bounds(&[]), [0.0, 0.0]);
     }
 }
