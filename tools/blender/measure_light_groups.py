@@ -152,6 +152,7 @@ def main():
         out.write("# Command: `python tools/blender/measure_light_groups.py`; its text says what the columns are\n")
         machine = f"{platform.machine()}, {os.cpu_count()} threads; Blender {bpy.app.version_string}"
         out.write(f"# Machine: {machine}\n")
+        # The commit that is checked out, which the command above builds the programs from.
         asked = ["git", "rev-parse", "--short=10", "HEAD"]
         said = subprocess.run(asked, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
         out.write(f"# Built from commit {said.stdout.strip() or 'unknown'}.\n")

@@ -64,7 +64,7 @@ const WAYS: [Way; 16] = [
     ZFP,
 ];
 
-/// Components of the file through which rivals get the cleaned matrix, and what its images keep of it in dB: all that matters.
+/// Components of the file through which rivals get the cleaned matrix, and the PSNR in dB that it keeps: more than shows.
 const HARDLY_COMPRESSED: (usize, f64) = (64, 120.0);
 
 struct Plan {
@@ -199,11 +199,10 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
         }
     }
     bench.watch.end();
-    let tucker_is_there = there.iter().any(|(name, _)| *name == codecs::TUCKER.0);
     let ways: Vec<Way> = WAYS
         .into_iter()
         .chain(there.iter().map(|(name, _)| (*name, false)))
-        .chain(tucker_is_there.then_some(CLEANED_TUCKER))
+        .chain(tucker_of(&there).map(|_| CLEANED_TUCKER))
         .collect();
     let mut report = StudyReport::default();
     let mut all = table("Ideas at equal bytes", notes.clone(), "scenes");
@@ -298,10 +297,15 @@ fn measure(
         keep(CLEANED_CODER, weighted.pack_coded(bench, &cleaned, raw_bytes / ratio, lightings)?);
     }
     zfp_files(on, CLEANED_ZFP, keep)?;
-    if there.iter().any(|(name, _)| *name == codecs::TUCKER.0) {
-        python_files(on, &codecs::TUCKER, CLEANED_TUCKER, keep)?;
+    if let Some(tucker) = tucker_of(there) {
+        python_files(on, tucker, CLEANED_TUCKER, keep)?;
     }
     Ok(())
+}
+
+/// Tucker, where what runs it is there.
+fn tucker_of(there: &[&'static (&'static str, Python)]) -> Option<&'static (&'static str, Python)> {
+    there.iter().copied().find(|(name, _)| *name == codecs::TUCKER)
 }
 
 /// What the default's cleaning makes of a matrix.
@@ -342,44 +346,43 @@ fn weighted_svd(matrix: &StoreReader) -> Result<BlockSvd> {
 }
 
 fn dct_files(on: Measured<'_>, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
-    let Measured { bench, plan, matrix, lightings } = on;
-    let (shape, scale) = (matrix.shape(), dct::scale(matrix)?);
+    let Measured { bench, matrix, lightings, .. } = on;
+    let scale = dct::scale(matrix)?;
     let step = |exponent: f64| scale * exponent.exp2() as f32;
-    let write = |exponent: f64| -> Result<PathBuf> {
-        bench.stop_if_interrupted()?;
-        Ok(dct::write(matrix, &[step(exponent)], &bench.cached("dct"))?.remove(0))
-    };
-    for ratio in plan.fixed {
-        let bytes = shape.raw_bytes() as f64 / ratio;
-        for exponent in curve::bracket(STEPS, bytes, &mut |exponent| file_bytes(&write(exponent)?))? {
-            let path = write(exponent)?;
-            keep(DCT, of_file(&path, dct::read(&path, step(exponent), shape, &matrix.job().basis, lightings)?)?);
-        }
-    }
-    Ok(())
+    let write = |exponent| Ok(dct::write(matrix, &[step(exponent)], &bench.cached("dct"))?.remove(0));
+    let read = |path: &Path, exponent| dct::read(path, step(exponent), matrix.shape(), &matrix.job().basis, lightings);
+    at_sizes(on, STEPS, &write, &read, &mut |packed| keep(DCT, packed))
 }
 
 fn zfp_files(on: Measured<'_>, way: Way, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {
-    let Measured { bench, plan, matrix, lightings } = on;
-    let (shape, largest) = (matrix.shape(), zfp::scale(matrix)?);
+    let Measured { bench, matrix, lightings, .. } = on;
+    let largest = zfp::scale(matrix)?;
     let tolerance = |exponent: f64| largest * exponent.exp2() as f32;
-    let write = |exponent: f64| -> Result<PathBuf> {
-        bench.stop_if_interrupted()?;
-        let path = bench.cached("zfp");
-        zfp::write(matrix, tolerance(exponent), &path).map(|()| path)
-    };
-    for ratio in plan.fixed {
-        let bytes = shape.raw_bytes() as f64 / ratio;
-        for exponent in curve::bracket(TOLERANCES, bytes, &mut |exponent| file_bytes(&write(exponent)?))? {
+    let path = bench.cached("zfp");
+    let write = |exponent| zfp::write(matrix, tolerance(exponent), &path).map(|()| path.clone());
+    let read =
+        |path: &Path, exponent| zfp::read(path, tolerance(exponent), matrix.shape(), &matrix.job().basis, lightings);
+    at_sizes(on, TOLERANCES, &write, &read, &mut |packed| keep(way, packed))
+}
+
+/// Gives `keep` the files of a codec on both sides of each size, of which the exponents lie between `ends`.
+fn at_sizes(
+    on: Measured<'_>,
+    ends: (f64, f64),
+    write: &dyn Fn(f64) -> Result<PathBuf>,
+    read: &dyn Fn(&Path, f64) -> Result<Vec<LinearImage>>,
+    keep: &mut dyn FnMut(Packed),
+) -> Result<()> {
+    let write = |exponent| on.bench.stop_if_interrupted().and_then(|()| write(exponent));
+    for ratio in on.plan.fixed {
+        let bytes = on.matrix.shape().raw_bytes() as f64 / ratio;
+        for exponent in curve::bracket(ends, bytes, &mut |exponent| file_bytes(&write(exponent)?))? {
             let path = write(exponent)?;
-            keep(way, of_file(&path, zfp::read(&path, tolerance(exponent), shape, &matrix.job().basis, lightings)?)?);
+            let images = read(&path, exponent)?;
+            keep(Packed { bytes: file_bytes(&path)?, rank: None, seconds: 0.0, images });
         }
     }
     Ok(())
-}
-
-fn of_file(path: &Path, images: Vec<LinearImage>) -> Result<Packed> {
-    Ok(Packed { bytes: file_bytes(path)?, rank: None, seconds: 0.0, images })
 }
 
 fn python_files(on: Measured<'_>, codec: &(&str, Python), way: Way, keep: &mut dyn FnMut(Way, Packed)) -> Result<()> {

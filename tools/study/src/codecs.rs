@@ -24,9 +24,9 @@ const SCRIPT: &str = include_str!("code_with_python.py");
 pub(super) const CODECS: [(&str, Python); 3] = [
     ("SZ3", Python { package: "hdf5plugin, h5py", variable: "LTM_CODECS" }),
     ("SPERR", Python { package: "hdf5plugin, h5py", variable: "LTM_CODECS" }),
-    TUCKER,
+    (TUCKER, Python { package: "tensorly", variable: "LTM_CODECS" }),
 ];
-pub(super) const TUCKER: (&str, Python) = ("Tucker", Python { package: "tensorly", variable: "LTM_CODECS" });
+pub(super) const TUCKER: &str = "Tucker";
 
 /// Codes a matrix at several sizes between these bytes and around them.
 ///
