@@ -1,0 +1,7 @@
+//! glTF files of many exporters.
+
+use super::{Case, Collection};
+
+pub(super) const CASES: &[Case] = &[];
+
+pub(super) const COLLECTIONS: &[Collection] = &[];
