@@ -182,7 +182,7 @@ fn page_in(container: &ContainerReader) -> f64 {
             let block = container.decode_layers(id, &chunks).unwrap();
             took(&mut decode, start);
             let start = Instant::now();
-            factor_bytes += CompactBlock::new(shape, id, &block).unwrap().bytes();
+            factor_bytes += CompactBlock::new(shape, id, &block, container.column_scales()).unwrap().bytes();
             took(&mut compact, start);
         }
     }

@@ -164,6 +164,37 @@ fn a_killed_pack_continues_where_it_stood() {
     assert!(!part.exists());
 }
 
+/// Each light by itself comes back as it was written, also one whose unit makes it 10⁻¹⁸ of another.
+#[test]
+fn lights_of_any_unit_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("units.ltc");
+    let mut job = job();
+    // The panel, then the lamps.
+    let scales = [vec![1e9; 64], vec![1e-9, 1.0, 1e-3]].concat();
+    job.basis.set_column_scales(scales.clone()).unwrap();
+    let scaled = |id: BlockId| {
+        let mut block = block(&job, id);
+        block.scale_columns(&scales);
+        block
+    };
+    let writer = ContainerWriter::create(&path, &job, ContainerOptions::default()).unwrap();
+    for id in job.shape.blocks() {
+        writer.write_block(id, &scaled(id), &report(id)).unwrap();
+    }
+    writer.finish().unwrap();
+    let reader = ContainerReader::open(&path).unwrap();
+    for id in job.shape.blocks() {
+        let (read, wrote) = (reader.read_block(id).unwrap().expand(), block(&job, id).expand());
+        let (rows, norm) = (wrote.rows(), wrote.entries().iter().map(|b| b * b).sum::<f32>().sqrt());
+        for (column, (a, b)) in read.entries().chunks(rows).zip(wrote.entries().chunks(rows)).enumerate() {
+            let error: f32 = a.iter().zip(b).map(|(a, b)| (a / scales[column] - b).powi(2)).sum();
+            // The file keeps what a 16-bit float keeps of each component.
+            assert!(error.sqrt() <= 2e-3 * norm, "{id}, column {column}: {} of {norm}", error.sqrt());
+        }
+    }
+}
+
 /// One block of 16 × 8 pixels, so that every byte can be tried.
 fn small_job() -> Job {
     Job { shape: MatrixShape::new(16, 8, 67, 16).unwrap(), ..job() }
@@ -544,6 +575,8 @@ fn documented_job(panel: &Light) -> Vec<u8> {
             ("seed", Value::Integer(1 << 40)),
             ("settings", Value::Text("s")),
             ("metres per unit", Value::Floats(vec![0.5])),
+            ("scene weights", Value::List(1, [integer(0), integer(300), floats(&[0.25; 900])].concat())),
+            ("column scales", Value::List(300, floats(&[1e-6; 300]))),
         ],
     )
 }
@@ -555,6 +588,8 @@ fn the_metadata_is_written_as_the_document_says() {
     panel.unit = LightUnit::Irradiance;
     panel.emission = [1.0, 2.0, 3.0];
     basis.push(panel.clone()).unwrap();
+    basis.set_scene_weights(0, vec![[0.25; 3]; 300]).unwrap();
+    basis.set_column_scales(vec![1e-6; 300]).unwrap();
     let provenance = Provenance {
         source: "room".into(),
         content: [9; 32],

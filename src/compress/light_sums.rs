@@ -2,7 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard};
 
-use crate::light::LightErrors;
+use crate::light::{Light, LightBasis, LightErrors, LightLoss};
 
 /// What is known of the columns of one block, as squared norms.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -91,6 +91,18 @@ impl LightErrorSums {
             noise_mean: mean(|light| light.2) as f32,
             noise_worst: worst.2 as f32,
         }
+    }
+
+    /// The lights of a basis that alone come out far from what they are, the worst first.
+    pub fn lossy_lights(&self, basis: &LightBasis) -> Vec<LightLoss> {
+        let sums = self.lock();
+        let loss = |light: &Light| {
+            let of = |which: usize| light.columns().map(|column| sums.columns[column as usize][which] as f64).sum();
+            LightLoss::notable(&light.name, [of(0), if sums.noise_known { of(2) } else { 0.0 }, of(1)])
+        };
+        let mut losses: Vec<LightLoss> = basis.lights().iter().filter_map(loss).collect();
+        losses.sort_by(|a, b| b.error.total_cmp(&a.error));
+        losses
     }
 
     fn lock(&self) -> MutexGuard<'_, Sums> {

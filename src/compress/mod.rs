@@ -32,6 +32,7 @@ mod compressor;
 mod contrasts;
 mod cut;
 mod dense;
+mod identity;
 mod light_sums;
 mod likeness;
 mod noise;
@@ -59,4 +60,4 @@ pub use size::cut_of_size;
 /// Version of what the compressor makes of a block, the bytes that its factors are encoded to among it; every container and
 /// every interrupted pack names it. To be raised with every change of either, so that blocks of two versions are never mixed in
 /// one container.
-pub const COMPRESSOR_VERSION: u32 = 3;
+pub const COMPRESSOR_VERSION: u32 = 4;

@@ -19,10 +19,10 @@ pub(super) fn encode(job: &Job, report: &ContainerReport, errors: &StatedErrors)
     let mut report = encode_record(report);
     if let Some(lights) = &errors.lights {
         report.extend(encode_record(lights));
-        if let Some(cleaning) = &errors.cleaning {
-            report.extend(encode_record(cleaning));
-            errors.exposed.iter().for_each(|exposed| report.extend(encode_record(exposed)));
-        }
+        // The errors of exposed images stand behind those of cleaning, which are no numbers where nothing was cleaned.
+        let cleaning = errors.cleaning.or(errors.exposed.map(|_| CleaningErrors::NONE));
+        cleaning.iter().for_each(|cleaning| report.extend(encode_record(cleaning)));
+        errors.exposed.iter().for_each(|exposed| report.extend(encode_record(exposed)));
     }
     let plain = [job.as_slice(), report.as_slice()].concat();
     let packed = zstd::bulk::compress(&plain, if plain.len() < LARGE_BYTES { 19 } else { 9 })
@@ -71,7 +71,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, StatedErrors
     if !rest.is_empty() {
         let (errors, used): (CleaningErrors, usize) =
             decode_record(rest).map_err(|e| format!("the errors of cleaning do not decode ({e})"))?;
-        (cleaning, rest) = (Some(errors), &rest[used..]);
+        (cleaning, rest) = (Some(errors).filter(|errors| !errors.is_none()), &rest[used..]);
     }
     let mut exposed = None;
     if !rest.is_empty() {

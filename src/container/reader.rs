@@ -319,20 +319,13 @@ impl FactorSource for ContainerReader {
         layers.map(|layer| u64::from(self.index.layer((first + layer) as usize).bytes)).sum()
     }
 
+    fn column_scales(&self) -> &[f32] {
+        self.job.basis.column_scales()
+    }
+
     fn read_layers(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock> {
-        if !self.has_block(id) {
-            let problem = format!("holds a range of blocks only, without {id}");
-            return Err(Error::input(self.path.display().to_string(), problem, "merge it with the others first"));
-        }
-        let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
-        // Later layers lean on the base layer.
-        let base = if layers.start > 0 { Some(self.read_layers(id, 0..1)?) } else { None };
-        let chunks = (layers.start..layers.end).map(|layer| self.read_chunk(id, layer as usize));
-        let chunks = chunks.collect::<Result<Vec<_>>>()?;
-        self.hold_to_index(id, layers.start, &chunks)
-            .and_then(|()| join_layers(&layout, chunks.iter().map(|chunk| Ok(chunk.as_slice())), base.as_ref()))
-            .and_then(usable)
-            .map_err(|problem| self.bad_block(id, layers.start as usize, &problem))
+        let divided = self.read_divided(id, layers.clone())?;
+        usable(self.times_scales(divided)).map_err(|problem| self.bad_block(id, layers.start as usize, &problem))
     }
 
     fn stored_layer(&self, id: BlockId, layer: u32) -> Result<Vec<u8>> {
@@ -346,8 +339,31 @@ impl FactorSource for ContainerReader {
         let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
         self.hold_to_index(id, 0, stored)
             .and_then(|()| join_layers(&layout, stored.iter().map(|chunk| Ok(chunk.as_slice())), None))
-            .and_then(usable)
+            .and_then(|divided| usable(self.times_scales(divided)))
             .map_err(|problem| self.bad_block(id, stored.len().saturating_sub(1), &problem))
+    }
+}
+
+impl ContainerReader {
+    /// The factors as they are stored, of columns divided by their scales.
+    fn read_divided(&self, id: BlockId, layers: Range<u32>) -> Result<FactoredBlock> {
+        if !self.has_block(id) {
+            let problem = format!("holds a range of blocks only, without {id}");
+            return Err(Error::input(self.path.display().to_string(), problem, "merge it with the others first"));
+        }
+        let layout = BlockLayout::new(self.job.shape.rect(id), self.lights.clone());
+        // Later layers lean on the base layer.
+        let base = if layers.start > 0 { Some(self.read_divided(id, 0..1)?) } else { None };
+        let chunks = (layers.start..layers.end).map(|layer| self.read_chunk(id, layer as usize));
+        let chunks = chunks.collect::<Result<Vec<_>>>()?;
+        self.hold_to_index(id, layers.start, &chunks)
+            .and_then(|()| join_layers(&layout, chunks.iter().map(|chunk| Ok(chunk.as_slice())), base.as_ref()))
+            .map_err(|problem| self.bad_block(id, layers.start as usize, &problem))
+    }
+
+    fn times_scales(&self, mut divided: FactoredBlock) -> FactoredBlock {
+        divided.scale_columns(self.job.basis.column_scales());
+        divided
     }
 }
 

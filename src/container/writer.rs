@@ -115,7 +115,7 @@ impl ContainerWriter {
     pub fn create(path: &Path, job: &Job, options: ContainerOptions) -> Result<Self> {
         let mut hash = Sha256::new();
         hash.update(metadata::encode(job, &options.report, &StatedErrors::default()));
-        hash.update(format!("{FORMAT_VERSION} {:?}", options.codec));
+        hash.update(format!("{FORMAT_VERSION} {}", options.codec.identity()));
         hash.update(options.origin);
         let (fingerprint, blocks) = (hash.finalize().into(), job.shape.block_count());
         if let Err(error) = check_output(path, options.overwrite) {
@@ -147,6 +147,20 @@ impl ContainerWriter {
     /// # Errors
     /// A block that is not of this job's shape or whose parts do not fit each other.
     pub fn encode(&self, id: BlockId, block: &FactoredBlock) -> Result<EncodedBlock> {
+        let scales = self.job.basis.column_scales();
+        if scales.is_empty() {
+            return self.encode_divided(id, block);
+        }
+        let mut divided = block.clone();
+        divided.scale_columns(&scales.iter().map(|scale| scale.recip()).collect::<Vec<_>>());
+        self.encode_divided(id, &divided)
+    }
+
+    /// [`encode`](Self::encode) for factors whose columns are divided by their scales already.
+    ///
+    /// # Errors
+    /// As [`encode`](Self::encode).
+    pub fn encode_divided(&self, id: BlockId, block: &FactoredBlock) -> Result<EncodedBlock> {
         let layout = self.layout(id);
         if block.rows != layout.rows() || block.columns != layout.columns() || !block.is_consistent() {
             let problem = format!(
@@ -167,7 +181,15 @@ impl ContainerWriter {
         Ok(EncodedBlock { layers, rank: block.rank(), sparse_entries: block.sparse.len() })
     }
 
-    /// What a reader will get of an encoded block.
+    /// Takes scales of columns that were not known when the writer was made, before any block is encoded.
+    ///
+    /// # Errors
+    /// They are not those of the job's columns.
+    pub fn set_column_scales(&mut self, scales: &[f32]) -> Result<()> {
+        self.job.basis.set_column_scales(scales.to_vec())
+    }
+
+    /// What a reader will get of an encoded block, but for the scales of its columns.
     ///
     /// # Errors
     /// The bytes are not a block of this container.

@@ -186,6 +186,8 @@ pub struct LightBasis {
     by_name: HashMap<String, usize>,
     /// Weights in the scene's lighting that are not their light's emission: first column, weights.
     scene_weights: Vec<(u32, Vec<[f32; 3]>)>,
+    /// See [`column_scales`](Self::column_scales).
+    column_scales: Vec<f32>,
 }
 
 impl LightBasis {
@@ -265,6 +267,35 @@ impl LightBasis {
             weights[*first as usize..][..own.len()].copy_from_slice(own);
         }
         weights
+    }
+
+    /// Says how bright each column makes the picture, see [`column_scales`](Self::column_scales); none: not known.
+    ///
+    /// # Errors
+    /// Another number than that of the columns, a scale that is not finite and above 0, or several within a light.
+    pub fn set_column_scales(&mut self, scales: Vec<f32>) -> Result<()> {
+        let refuse = |problem: String| Err(Error::input("column scales", problem, ""));
+        if !scales.is_empty() && scales.len() != self.column_count() {
+            return refuse(format!("are {}, the columns {}", scales.len(), self.column_count()));
+        }
+        if let Some(scale) = scales.iter().find(|scale| !(scale.is_normal() && **scale > 0.0)) {
+            return refuse(format!("have one of {scale}"));
+        }
+        if let Some(light) = self.lights.iter().filter(|_| !scales.is_empty()).find(|light| {
+            let own = &scales[light.first_column as usize..light.columns().end as usize];
+            own.iter().any(|scale| *scale != own[0])
+        }) {
+            return refuse(format!("differ between the columns of light '{}'", light.name));
+        }
+        self.column_scales = scales;
+        Ok(())
+    }
+
+    /// What each column is divided by before columns are compared, cleaned and compressed: the mean of its image under a weight of
+    /// 1, one value for all columns of a light. Columns of any unit then count alike (column equilibration; Golub and Van Loan,
+    /// *Matrix Computations*, §3.5.2). Empty where it is not known: columns then count as they are.
+    pub fn column_scales(&self) -> &[f32] {
+        &self.column_scales
     }
 
     /// The lights in column order.

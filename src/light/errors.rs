@@ -37,6 +37,15 @@ pub struct CleaningErrors {
     pub bias: f32,
 }
 
+impl CleaningErrors {
+    /// Stands where nothing was cleaned.
+    pub(crate) const NONE: Self = Self { noise_before: f32::NAN, noise_after: f32::NAN, bias: f32::NAN };
+
+    pub(crate) fn is_none(&self) -> bool {
+        self.noise_before.is_nan() && self.noise_after.is_nan() && self.bias.is_nan()
+    }
+}
+
 /// A line on what cleaning did, for people.
 pub fn cleaning_errors_line(errors: &CleaningErrors) -> String {
     format!(
@@ -71,6 +80,40 @@ pub fn exposed_error_line(error: &ExposedError) -> String {
         asked => format!(", {:.2} % asked for", 100.0 * asked),
     };
     format!("exposed images: error {:.2} % of white reached{asked} (the worst of 16 lightings)", 100.0 * error.reached)
+}
+
+/// How far the picture under one light alone is from what it should be, beyond the noise of the samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightLoss {
+    /// Name of the light.
+    pub light: String,
+    /// Relative L2 over the whole picture, all columns of the light at random.
+    pub error: f64,
+}
+
+impl LightLoss {
+    /// Error from which on people are told.
+    const NOTABLE: f64 = 0.05;
+    /// Error from which on there is little left of the light.
+    const SEVERE: f64 = 0.5;
+
+    /// The loss of a light of this name with this squared error, noise of the samples and norm, if people should know of it.
+    pub fn notable(light: &str, [error, noise, norm]: [f64; 3]) -> Option<Self> {
+        let error = ((error - noise).max(0.0) / norm.max(f64::MIN_POSITIVE)).sqrt();
+        (error > Self::NOTABLE).then(|| Self { light: light.to_owned(), error })
+    }
+
+    /// Whether so little is left of the light that nobody would want it.
+    pub fn is_severe(&self) -> bool {
+        self.error > Self::SEVERE
+    }
+}
+
+/// A line for people.
+impl std::fmt::Display for LightLoss {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "light '{}' alone is {:.0} % off", self.light, 100.0 * self.error)
+    }
 }
 
 /// What is known of errors over the whole picture.

@@ -46,7 +46,7 @@ pub struct Job {
 impl Job {
     /// Identity of the job.
     pub fn hash(&self) -> JobHash {
-        JobHash(Sha256::digest(metadata::encode_job(self)).into())
+        JobHash(Sha256::digest(metadata::encode_description(self)).into())
     }
 }
 

@@ -1,5 +1,5 @@
 //! The bytes of a [`Job`]: a `JobRecord`, and after it the weights of the scene's lighting that are not their lights'
-//! emission, if there are any.
+//! emission, if there are any, then the scales of columns, if they are known.
 
 use super::{Job, Light, LightBasis, Provenance};
 use crate::encoding::{Decode, Encode, MAX_BYTES, decode, encode};
@@ -21,6 +21,19 @@ type SceneWeights = Vec<(u32, Vec<[f32; 3]>)>;
 
 /// Encodes a job.
 pub fn encode_job(job: &Job) -> Vec<u8> {
+    let mut bytes = encode_description(job);
+    let scales = job.basis.column_scales();
+    if !scales.is_empty() {
+        if job.basis.own_scene_weights().is_empty() {
+            bytes.extend(encode(job.basis.own_scene_weights()));
+        }
+        bytes.extend(encode(scales));
+    }
+    bytes
+}
+
+/// What tells a job from others: all but the scales of its columns, which are measured and follow from the rest.
+pub(super) fn encode_description(job: &Job) -> Vec<u8> {
     let record = JobRecord {
         width: job.shape.width(),
         height: job.shape.height(),
@@ -50,8 +63,12 @@ pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
     let rest = &bytes[used..];
     let (weights, used): (SceneWeights, usize) =
         if rest.is_empty() { Default::default() } else { decode(rest).map_err(undecodable)? };
-    // An empty list is never written: a description has one form.
-    if used != rest.len() || (weights.is_empty() && !rest.is_empty()) {
+    let rest_of_weights = &rest[used..];
+    let (scales, used): (Vec<f32>, usize) =
+        if rest_of_weights.is_empty() { Default::default() } else { decode(rest_of_weights).map_err(undecodable)? };
+    // An empty list is written only where a list follows: a description has one form.
+    let last_is_empty = if rest_of_weights.is_empty() { weights.is_empty() } else { scales.is_empty() };
+    if used != rest_of_weights.len() || (last_is_empty && !rest.is_empty()) {
         return Err(format!("the job description has {} trailing bytes", rest.len()));
     }
     let shape = MatrixShape::new(record.width, record.height, record.columns, record.block_side)
@@ -68,6 +85,7 @@ pub fn decode_job(bytes: &[u8]) -> Result<Job, String> {
             .set_scene_weights(first_column, weights)
             .map_err(|e| format!("the job description is impossible: {e}"))?;
     }
+    basis.set_column_scales(scales).map_err(|e| format!("the job description is impossible: {e}"))?;
     if basis.column_count() != shape.columns() {
         return Err(format!("the job has {} columns but its lights {}", shape.columns(), basis.column_count()));
     }
@@ -114,6 +132,25 @@ mod tests {
             assert!(decode_job(&bytes[..length]).is_err());
         }
         assert!(decode_job(&[encode_job(&job()), vec![0]].concat()).is_err());
+    }
+
+    #[test]
+    fn scales_of_columns_survive_with_and_without_weights_and_are_no_part_of_the_identity() {
+        let mut scaled = job();
+        scaled.basis.set_column_scales([vec![1e-6], vec![3.0; 6]].concat()).unwrap();
+        assert_eq!(decode_job(&encode_job(&scaled)).unwrap(), scaled);
+        assert_eq!(scaled.hash(), job().hash());
+        let bytes = encode_job(&scaled);
+        for length in encode_job(&job()).len() + 1..bytes.len() {
+            assert!(decode_job(&bytes[..length]).is_err(), "{length} of {}", bytes.len());
+        }
+        scaled.basis.set_scene_weights(1, vec![[2.0; 3]; 6]).unwrap();
+        assert_eq!(decode_job(&encode_job(&scaled)).unwrap(), scaled);
+        for scales in
+            [vec![1.0; 6], vec![0.0; 7], vec![f32::NAN; 7], vec![-1.0; 7], vec![1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0]]
+        {
+            assert!(scaled.basis.set_column_scales(scales).is_err());
+        }
     }
 
     #[test]

@@ -19,6 +19,9 @@ pub struct BlockView<'a> {
 }
 
 /// A block with what tracing knows of its noise and of its samples.
+///
+/// Entries, and the emission of the planes, are those of a weight 1 on each column. Noise and the light of clusters are of columns
+/// divided by their scales, where the light basis knows them: sums over columns of different units would be those of one alone.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TracedBlock {
     /// The entries: the mean of the two half-sample estimates.
@@ -27,6 +30,19 @@ pub struct TracedBlock {
     pub noise: Option<BlockNoise>,
     /// What its samples are; none where the source cannot know it (imported renders, one sample a pixel).
     pub planes: Option<BlockPlanes>,
+}
+
+impl TracedBlock {
+    /// Divides entries and emission by the scales of their columns, which noise and light are divided by already. Of no scales all
+    /// are 1.
+    pub fn divide_columns(&mut self, scales: &[f32]) {
+        self.block.divide_columns(scales);
+        let emission = self.planes.iter_mut().flat_map(|planes| &mut planes.emission);
+        for seen in emission.filter(|_| !scales.is_empty()) {
+            let inverse = scales[seen.column as usize].recip();
+            seen.value.iter_mut().for_each(|value| *value *= inverse);
+        }
+    }
 }
 
 impl Block {
@@ -72,6 +88,14 @@ impl Block {
     /// All entries, column-major.
     pub fn entries(&self) -> &[f32] {
         &self.entries
+    }
+
+    /// Divides each column by its scale. Of no scales all are 1.
+    pub fn divide_columns(&mut self, scales: &[f32]) {
+        for (column, scale) in self.entries.chunks_exact_mut(self.rows.max(1)).zip(scales) {
+            let inverse = scale.recip();
+            column.iter_mut().for_each(|entry| *entry *= inverse);
+        }
     }
 
     /// All entries, column-major.

@@ -69,6 +69,17 @@ impl FactoredBlock {
             && self.sparse.windows(2).all(|w| (w[0].column, w[0].row) < (w[1].column, w[1].row))
     }
 
+    /// Multiplies each column by its scale. Of no scales all are 1.
+    pub fn scale_columns(&mut self, scales: &[f32]) {
+        if scales.is_empty() {
+            return;
+        }
+        for component in self.right.chunks_exact_mut(self.columns.max(1)) {
+            component.iter_mut().zip(scales).for_each(|(value, scale)| *value *= scale);
+        }
+        self.sparse.iter_mut().for_each(|entry| entry.value *= scales[entry.column.index()]);
+    }
+
     /// Multiplies out: `L R + S`, accumulated in f32.
     pub fn expand(&self) -> Block {
         let mut block = Block::zeros(self.rows, self.columns);

@@ -51,7 +51,8 @@ pub struct SeenEmission {
 /// What the samples of a block are, beside the block: for some clusters of columns (`light::Clusters`), whose 0/1
 /// matrix is `S`.
 ///
-/// `T S = mean of halves (direct + indirect) + emission S`, to rounding. With an odd number of samples the first half
+/// `T S = mean of halves (direct + indirect) + emission S`, to rounding, where the columns of `T` and `emission` are divided by their
+/// scales as direct and indirect light are (see [`TracedBlock`](super::TracedBlock)). With an odd number of samples the first half
 /// has one more, and the mean is weighted so. Light and variances are kept to nine significant bits
 /// ([`encode_unsigned`]), in memory too, so that files give back what they were given.
 #[derive(Clone, Debug, Default, PartialEq)]

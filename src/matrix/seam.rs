@@ -116,6 +116,12 @@ pub trait FactorSource: Send + Sync {
     /// Shape of the matrix.
     fn shape(&self) -> MatrixShape;
 
+    /// What columns were divided by before they were stored, one value each; empty where all are 1. Factors are read as those of a
+    /// weight 1 on each column: who rounds them divides them first, or the column of the largest unit decides for all.
+    fn column_scales(&self) -> &[f32] {
+        &[]
+    }
+
     /// Layers of a block; 0 for a block that holds nothing (all zero).
     fn layer_count(&self, id: BlockId) -> u32;
 

@@ -12,8 +12,6 @@ use crate::matrix::{BlockId, TracedBlock};
 /// Analyses blocks into records.
 pub(super) struct Analysis {
     pub(super) compressor: Compressor,
-    /// Whether the blocks are cleaned ones.
-    pub(super) cleans: bool,
     /// Candidates with what they lack of their blocks.
     pub(super) records: Records,
     /// The result, for messages.
@@ -46,8 +44,7 @@ impl Analysis {
             return Ok((self.read(id)?.0.summary().clone(), 0));
         }
         let work = make(id, block)?;
-        let planes = block.planes.as_ref().filter(|_| self.cleans);
-        let seen = planes.map_or(&[][..], |planes| &planes.emission);
+        let seen = block.planes.as_ref().map_or(&[][..], |planes| &planes.emission);
         let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), seen);
         let mut bytes = candidate.to_bytes();
         let candidate_bytes = bytes.len() as u64;

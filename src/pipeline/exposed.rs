@@ -263,10 +263,11 @@ impl Blocks<'_> {
         threads: &Threads,
         (stage, watch): (&str, &dyn Watch),
     ) -> Result<WindowImages> {
-        let probes = probe_lightings(&self.job.basis);
+        let (probes, scales) = (probe_lightings(&self.job.basis), self.job.basis.column_scales());
         let sampled = Mutex::new(Images::new());
         let make = |id: BlockId, block: &mut TracedBlock| -> Result<u64> {
             self.source.read_block(id, block)?;
+            block.divide_columns(scales);
             let probed = ProbedBlock::of(block, &probes);
             sampled.lock().unwrap_or_else(PoisonError::into_inner).insert(id, probed);
             Ok(0)

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::pack::{Packing, need_of};
+use super::pack::{Packing, compressor_of, need_of};
 use super::render::{job_of, settings_of, tracer_of, tracing_need};
 use super::shard::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
 use super::spill::check_container_output;
@@ -26,6 +26,7 @@ use crate::host::{Need, Threads, Watch, hold_to_memory};
 use crate::light::Job;
 use crate::matrix::{BlockId, TracedBlock};
 use crate::scene::LoadedScene;
+use crate::trace::Tracer;
 
 /// Blocks that a probe builds at most.
 const PROBED_BLOCKS: u64 = 24;
@@ -153,9 +154,10 @@ impl FarmJob {
         let job = &self.terms.job;
         let compressor = self.compressor()?;
         let merging = need_of(&compressor, job.shape, Need::default(), self.cleans().then_some(job));
+        let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
         let (worker, need) = self.worker(compressor, None)?;
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
-        let tracer = tracer_of(self.loaded, job, None, watch)?;
+        let tracer = tracer_of(self.loaded, &mut self.terms.job.clone(), None, watch)?;
         let setup_seconds = begun.elapsed().as_secs_f64();
         let count = u64::from(job.shape.block_count());
         let probed = PROBED_BLOCKS.min(count);
@@ -169,7 +171,11 @@ impl FarmJob {
             if late && !found.lock().unwrap_or_else(|e| e.into_inner()).is_empty() {
                 return Ok(());
             }
-            worker.build(id, block, watch, &|id, block| Ok(tracer.trace_block(id, block).rays))?;
+            worker.build(id, block, watch, &|id, block| {
+                let rays = tracer.trace_block(id, block).rays;
+                block.divide_columns(tracer.column_scales());
+                Ok(rays)
+            })?;
             let (seconds, bytes) = (begins.elapsed().as_secs_f64(), worker.bytes_of(id)?);
             found.lock().unwrap_or_else(|e| e.into_inner()).push(ProbedBlock { block: id, seconds, bytes });
             watch.advance(1, 0, "rays");
@@ -185,7 +191,7 @@ impl FarmJob {
             setup_seconds,
             memory_bytes: need.bytes(1),
             thread_memory_bytes: need.per_thread_bytes,
-            merge_memory_bytes: merging.bytes(1),
+            merge_memory_bytes: merging,
         })
     }
 
@@ -231,11 +237,12 @@ impl FarmJob {
         let threads =
             need.threads_within(&format!("building {}", output.display()), self.terms.options.memory_bytes)?;
         let threads = Threads::new(threads)?;
-        let tracer = tracer_of(self.loaded, &self.terms.job, scratch, watch)?;
+        let tracer = tracer_of(self.loaded, &mut self.terms.job.clone(), scratch, watch)?;
         let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
         watch.begin("tracing and analysing", blocks.len() as u64, "blocks");
         let trace = |id: BlockId, block: &mut TracedBlock| {
             let stats = tracer.trace_block(id, block);
+            block.divide_columns(tracer.column_scales());
             rays.fetch_add(stats.rays, Ordering::Relaxed);
             non_finite.fetch_add(stats.non_finite, Ordering::Relaxed);
             Ok(stats.rays)
@@ -318,9 +325,8 @@ impl FarmJob {
     /// # Errors
     /// [`Error::Incomplete`] where blocks are missing; those of cleaning, packing and the container; [`Error::Interrupted`].
     pub fn merge(self, shards: Shards, path: &Path, watch: &dyn Watch) -> Result<PackReport> {
-        let Terms { job, options, .. } = self.terms;
-        // Whoever merges traces nothing.
-        drop(self.loaded);
+        let measuring = self.measuring_need();
+        let Terms { mut job, options, .. } = self.terms;
         if !shards.missing.is_empty() {
             let blocks: usize = shards.missing.iter().map(|range| range.len()).sum();
             return Err(Error::Incomplete {
@@ -330,8 +336,17 @@ impl FarmJob {
             });
         }
         check_container_output(path, options.container.overwrite)?;
+        measuring.threads_within("merging", options.memory_bytes)?;
+        let max_depth = self.loaded.settings.max_depth;
+        job.basis.set_column_scales(Tracer::measure_column_scales(self.loaded.scene, max_depth)?)?;
         let packing = Packing::begin(&job, b"f32", path, &options, (Need::default(), options.denoise), watch)?;
         packing.run_shards(shards.set, watch)
+    }
+
+    /// What the merge takes while it measures the scales of columns, before it packs.
+    fn measuring_need(&self) -> Need {
+        let tracing = tracing_need(&self.loaded, &self.terms.job);
+        Need { fixed_bytes: tracing.fixed_bytes, ..Need::default() }
     }
 
     /// Where copies of shards wait for the merge of a container.
@@ -340,8 +355,7 @@ impl FarmJob {
     }
 
     fn compressor(&self) -> Result<Compressor> {
-        let Terms { job, options, .. } = &self.terms;
-        Compressor::new(&job.basis, job.shape, options.compress.clone())
+        compressor_of(&self.terms.job, &self.terms.options)
     }
 
     /// What builds, and what that takes.

@@ -31,12 +31,13 @@ pub fn render_packed(
         let hint = "render without packing, then pack the stored matrix";
         return Err(Error::input("global scope", "the matrix is read several times, here it is never stored", hint));
     }
-    let job = job_of(&loaded)?;
+    let mut job = job_of(&loaded)?;
     let settings = settings_of(&loaded);
     // One sample a pixel has no halves.
     let source = (tracing_need(&loaded, &job), settings.samples_per_pixel > 1);
-    let packing = Packing::begin(&job, b"f32", path, options, source, watch)?;
-    let tracer = tracer_of(loaded, &job, Some(folder_of(path)), watch)?;
+    let mut packing = Packing::begin(&job, b"f32", path, options, source, watch)?;
+    let tracer = tracer_of(loaded, &mut job, Some(folder_of(path)), watch)?;
+    packing.set_column_scales(tracer.column_scales())?;
     let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
     let pack = packing.run("tracing", "rays", watch, |id, block| {
         let stats = tracer.trace_block(id, block);

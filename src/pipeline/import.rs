@@ -4,6 +4,7 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
+use super::column_scales;
 use super::grain::{Inside, add_grain};
 use super::imported_features::ImportedFeatures;
 use super::rows::RowSpill;
@@ -15,7 +16,7 @@ use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
 use crate::image::{FeaturePasses, LayerMatch, LayerRole, LightRow, LightSet};
 use crate::light::{Clusters, Job, Light, LightBasis, LightKind, LightUnit, Provenance, probe_lightings};
 use crate::matrix::{
-    BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
+    Block, BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
 };
 
 /// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
@@ -34,6 +35,8 @@ pub struct ImportedMatrix {
     /// Lights that have images of their own.
     images: usize,
     rows: RowSpill,
+    /// Of each column: the sum of the sizes of its values.
+    sizes: Vec<f64>,
     known: Option<KnownNoise>,
     /// What each layer or file was taken for.
     pub matches: Vec<LayerMatch>,
@@ -158,6 +161,7 @@ impl ImportedMatrix {
             job: Job { shape, basis: LightBasis::new(), provenance: Provenance::default() },
             images: set.lights.len(),
             rows,
+            sizes: Vec::new(),
             known,
             matches: set.matches.clone(),
             warnings,
@@ -204,11 +208,17 @@ impl ImportedMatrix {
         let mut basis = LightBasis::new();
         std::iter::once(light).chain(rest).try_for_each(|light| basis.push(light))?;
         self.job.basis = basis;
+        self.set_column_scales()?;
         if let Some(known) = &mut self.known {
             known.probes = probe_lightings(&self.job.basis);
             known.cleans = can_be_cleaned(&self.job);
         }
         Ok(())
+    }
+
+    fn set_column_scales(&mut self) -> Result<()> {
+        let scales = column_scales::of_sums(&self.sizes, self.job.shape.rows(), &self.job.basis);
+        self.job.basis.set_column_scales(scales)
     }
 
     /// What the matrix is.
@@ -230,7 +240,8 @@ impl ImportedMatrix {
         let mut row = vec![0.0; set.width as usize];
         let mut rest = row.clone();
         let second = self.known.as_ref().and_then(|known| known.second.as_ref());
-        for rows in std::iter::once(&self.rows).chain(second) {
+        let mut sizes = vec![0.0; lights + 1];
+        for (rendering, rows) in std::iter::once(&self.rows).chain(second).enumerate() {
             for y in 0..set.height as usize {
                 for channel in 0..CHANNELS {
                     if set.has_sum {
@@ -240,11 +251,17 @@ impl ImportedMatrix {
                     for light in 0..lights {
                         rows.read((light, channel, y), 0, &mut row)?;
                         content.update(bytemuck::cast_slice(&row));
+                        if rendering == 0 {
+                            sizes[light] += column_scales::sizes(&row);
+                        }
                         rest.iter_mut().zip(&row).for_each(|(rest, v)| *rest -= v);
                     }
                     if set.has_sum {
                         content.update(bytemuck::cast_slice(&rest));
                         squared_rest += squares(&rest);
+                        if rendering == 0 {
+                            sizes[lights] += column_scales::sizes(&rest);
+                        }
                         rows.write((lights, channel, y), 0, &rest)?;
                     }
                     rest.fill(0.0);
@@ -277,7 +294,9 @@ impl ImportedMatrix {
             program: format!("ltm import {IMPORT_VERSION}, from images"),
             ..Provenance::default()
         };
-        Ok(())
+        sizes.truncate(names.len());
+        self.sizes = sizes;
+        self.set_column_scales()
     }
 
     /// The entries of a block of one rendering.
@@ -314,6 +333,12 @@ impl ImportedMatrix {
                 (less.collect(), more)
             }
         };
+        let divided = |entries: Vec<f32>| {
+            let mut block = Block::from_entries(rows, columns, entries);
+            block.divide_columns(self.job.basis.column_scales());
+            block.entries().to_vec()
+        };
+        let (first, other) = (divided(first), divided(other));
         let halves: Vec<f32> = first.iter().zip(&other).map(|(a, b)| 0.5 * (a - b)).collect();
         target.noise = Some(noise_of(&halves, rows, columns, &known.probes));
         if known.cleans {

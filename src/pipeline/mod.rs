@@ -6,6 +6,7 @@
 mod analysis;
 mod basis;
 mod clean;
+mod column_scales;
 mod compare;
 #[cfg(feature = "scene")]
 pub mod demo;
@@ -26,6 +27,7 @@ mod imported_features;
 mod no_gpu;
 mod open;
 mod pack;
+mod pack_report;
 mod passes;
 #[cfg(feature = "scene")]
 mod preview;
@@ -60,7 +62,8 @@ pub use features::{FEATURE_CHANNELS, Features, write_features};
 pub use fused::render_packed;
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};
-pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, pack};
+pub use pack::{PackOptions, pack};
+pub use pack_report::{PackReport, ReplacedEntries, Shortfall};
 pub use passes::{PASSES, passes_need_bytes, relight_passes};
 #[cfg(feature = "scene")]
 pub use preview::{PreviewReport, preview};

@@ -18,7 +18,9 @@ use sha2::{Digest, Sha256};
 use super::analysis::Analysis;
 use super::basis::Basis;
 use super::clean::Cleaned;
+use super::column_scales;
 use super::exposed::Promise;
+use super::pack_report::{PackReport, ReplacedEntries, Shortfall};
 use super::records::Records;
 use super::shard::ShardSet;
 use super::spill::{check_container_output, files_of_pack, open_spill, spill_path};
@@ -31,9 +33,9 @@ use crate::container::codec::fineness;
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightLayout, WrittenBlock};
 use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Threads};
-use crate::host::{PeakMemory, Watch, human_bytes};
-use crate::light::{CleaningErrors, ExposedError, Job, LightErrors, StatedErrors};
-use crate::matrix::{BlockId, BlockSource, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
+use crate::host::{PeakMemory, Watch};
+use crate::light::{CleaningErrors, Job, StatedErrors};
+use crate::matrix::{BlockId, BlockSource, FactoredBlock, MatrixShape, TracedBlock};
 use crate::store;
 
 /// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
@@ -65,6 +67,8 @@ pub struct PackOptions {
     pub basis: Option<PathBuf>,
     /// What the container is held to, which is measured and kept where images are cleaned; the blocks are the same.
     pub promise: Option<Arc<Promise>>,
+    /// Whether to write a container, too, in which a light alone is hardly what it is: see [`LightLoss::is_severe`].
+    pub allow_lost_lights: bool,
     /// Anonymous memory to stay within; none: what the system has.
     pub memory_bytes: Option<u64>,
 }
@@ -75,7 +79,7 @@ impl PackOptions {
         let mut hash = Sha256::new();
         hash.update(job.hash().0);
         hash.update(variant);
-        hash.update(format!(" compressor {COMPRESSOR_VERSION} {:?}", self.compress));
+        hash.update(format!(" compressor {COMPRESSOR_VERSION} {}", self.compress.identity()));
         if self.denoise {
             hash.update(format!("cleaner {CLEANER_VERSION}"));
         }
@@ -100,130 +104,6 @@ impl PackOptions {
             compress.target = Target::PsnrDb(CLEANED_DB);
         }
         options
-    }
-}
-
-/// What a pack did.
-#[derive(Clone, Copy, Debug)]
-pub struct PackReport {
-    /// Wall-clock seconds.
-    pub seconds: f64,
-    /// Bytes of the matrix in f32.
-    pub raw_bytes: u64,
-    /// Bytes of the container.
-    pub packed_bytes: u64,
-    /// Mean rank over blocks.
-    pub mean_rank: f64,
-    /// Entries kept outside the low-rank part.
-    pub sparse_entries: u64,
-    /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`].
-    pub relative_l2: f64,
-    /// What cleaning did, where images were cleaned: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
-    pub cleaning: Option<CleaningErrors>,
-    /// What exposed images have reached of what was asked for, where that was an error.
-    pub exposed: Option<ExposedError>,
-    /// What lightings of every kind lose: see [`light_errors_lines`](crate::light::light_errors_lines).
-    pub lights: LightErrors,
-    /// Where the target could not be reached: how near.
-    pub short_of_target: Option<Shortfall>,
-    /// Entries that could not be computed with, and what they became.
-    pub replaced: ReplacedEntries,
-    /// Blocks found analysed by an earlier, interrupted run.
-    pub blocks_kept: u64,
-    /// Peak resident anonymous memory, where the system tells.
-    pub peak_memory_bytes: Option<u64>,
-}
-
-/// Entries of a matrix that could not be computed with: the container holds others in their place.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ReplacedEntries {
-    /// Entries that were no number, now 0.
-    pub nan: u64,
-    /// Entries that were infinite or too large, now the largest of their block that is usable.
-    pub huge: u64,
-    /// Where the first stands: block, column, and row in the block.
-    pub first: Option<(BlockId, ColumnIndex, u32)>,
-}
-
-impl ReplacedEntries {
-    fn of(analysed: &[CandidateSummary], blocks: &[BlockId]) -> Self {
-        let mut all = Self::default();
-        for (summary, &id) in analysed.iter().zip(blocks) {
-            all.nan += u64::from(summary.replaced.nan);
-            all.huge += u64::from(summary.replaced.huge);
-            all.first = all.first.or(summary.replaced.first.map(|(column, row)| (id, column, row)));
-        }
-        all
-    }
-
-    /// Number of replaced entries.
-    pub fn count(self) -> u64 {
-        self.nan + self.huge
-    }
-}
-
-/// One line for people.
-impl std::fmt::Display for ReplacedEntries {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { nan, huge, first } = self;
-        write!(f, "{} entries were replaced: {nan} that are not a number by 0, {huge} ", self.count())?;
-        write!(f, "infinite or above 1e15 by the largest of their block")?;
-        match first {
-            Some((id, column, row)) => write!(f, "; the first is in {id}, {column}, row {row}"),
-            None => Ok(()),
-        }
-    }
-}
-
-/// A target that was not reached: what is expected of images under the prior, against the matrix with its noise.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shortfall {
-    /// What was asked for.
-    pub target: Target,
-    /// PSNR in dB that is expected, see [`Target::PsnrDb`].
-    pub psnr_db: f64,
-    /// Relative L2 error that is expected.
-    pub relative_l2: f64,
-    /// Bytes of the container.
-    pub file_bytes: u64,
-    /// Whether heeding the noise may be what stopped it; else the rank did.
-    pub noise_heeded: bool,
-}
-
-/// One line for people: how near, and what goes further.
-impl std::fmt::Display for Shortfall {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let (reached, asked) = match self.target {
-            Target::RelativeL2(asked) => (format!("relative L2 {:.4}", self.relative_l2), format!("{asked}")),
-            Target::PsnrDb(asked) => (format!("{:.1} dB", self.psnr_db), format!("{asked} dB")),
-            Target::Bytes(asked) => {
-                let over = self.file_bytes.saturating_sub(asked);
-                let further = match self.relative_l2 < 0.999 {
-                    true => "a smaller target leaves out more",
-                    false => "nothing is left in it that could be left out",
-                };
-                return write!(
-                    f,
-                    "the file has {}, {over} B more than the target, {}; {further}",
-                    human_bytes(self.file_bytes),
-                    human_bytes(asked)
-                );
-            }
-            Target::Slope(asked) => (format!("{:.1} dB", self.psnr_db), format!("slope {asked}")),
-            Target::Automatic if self.noise_heeded => {
-                let at = self.psnr_db;
-                return write!(
-                    f,
-                    "stopped at the noise of the samples, {at:.1} dB from the matrix; --keep-noise follows it further"
-                );
-            }
-            Target::Automatic => (format!("{:.1} dB", self.psnr_db), format!("{AUTOMATIC_DB} dB")),
-        };
-        let (stopped_by, further) = match self.noise_heeded {
-            true => ("the noise of the samples", "what is left out is mostly noise, --keep-noise follows it"),
-            false => ("the rank", "a higher --rank goes further"),
-        };
-        write!(f, "{stopped_by} stopped it at {reached} from the matrix, short of the target, {asked}; {further}")
     }
 }
 
@@ -253,6 +133,7 @@ pub fn pack(
     };
     let need = Need { per_thread_bytes: reading, ..Need::default() };
     let mut packing = Packing::begin(job, &source.variant()?, path, options, (need, has_planes), watch)?;
+    packing.measure_column_scales(source, watch)?;
     packing.choose_globally(source, watch)?;
     packing.ask_images(source, watch)?;
     packing.run("reading", "B", watch, |id, block| {
@@ -276,6 +157,7 @@ pub(super) struct Packing {
     promise: Option<Arc<Promise>>,
     basis: Option<Basis>,
     overwrite: bool,
+    allow_lost_lights: bool,
     threads: Threads,
 }
 
@@ -293,7 +175,7 @@ impl Packing {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
         let options = &options.for_source(has_planes);
         let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
-        let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
+        let compressor = compressor_of(job, options)?;
         let basis = open_basis(options, job)?;
         let mut need = need_of(&compressor, job.shape, source, options.denoise.then_some(job));
         need.fixed_bytes += basis.as_ref().map_or(0, Basis::needs_bytes);
@@ -309,7 +191,7 @@ impl Packing {
         let writer = ContainerWriter::create(path, job, ContainerOptions { origin: fingerprint, ..container })?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
-        let analysis = Analysis { compressor, cleans: denoise, records: Records::File(spill), path: path.clone() };
+        let analysis = Analysis { compressor, records: Records::File(spill), path: path.clone() };
         Ok(Self {
             begun,
             memory,
@@ -323,6 +205,7 @@ impl Packing {
             promise: options.promise.clone(),
             basis,
             overwrite,
+            allow_lost_lights: options.allow_lost_lights,
             threads,
         })
     }
@@ -341,6 +224,28 @@ impl Packing {
         self.compress("reading shards", "B", watch, absent)
     }
 
+    /// Takes scales of columns that are known only now, see [`LightBasis::column_scales`](crate::light::LightBasis::column_scales).
+    ///
+    /// # Errors
+    /// They are not those of these columns.
+    pub(super) fn set_column_scales(&mut self, scales: &[f32]) -> Result<()> {
+        self.job.basis.set_column_scales(scales.to_vec())?;
+        self.writer.set_column_scales(scales)
+    }
+
+    /// Where nobody knows the scales of columns, and neither noise nor light of clusters has been summed without them: reads the matrix
+    /// once for them.
+    fn measure_column_scales(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
+        if !self.job.basis.column_scales().is_empty() {
+            return Ok(());
+        }
+        let source = Watched { source, watch, path: &self.path, scales: &[] };
+        if let Some(scales) = self.threads.run(|| column_scales::measure(&source, &self.job.basis, watch))? {
+            self.set_column_scales(&scales)?;
+        }
+        Ok(())
+    }
+
     /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
     fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
         let passes = u64::from(self.analysis.compressor.global_passes());
@@ -348,7 +253,7 @@ impl Packing {
             return Ok(());
         }
         watch.begin("choosing rows and columns", passes * u64::from(self.job.shape.block_count()), "blocks");
-        let source = Watched { source, watch, path: &self.path };
+        let source = Watched { source, watch, path: &self.path, scales: self.job.basis.column_scales() };
         let done = self.threads.run(|| self.analysis.compressor.choose_globally(&source));
         watch.end();
         done
@@ -361,7 +266,7 @@ impl Packing {
             return Ok(());
         }
         watch.begin("looking which lights are alike", blocks, "blocks");
-        let source = Watched { source, watch, path: &self.path };
+        let source = Watched { source, watch, path: &self.path, scales: self.job.basis.column_scales() };
         let done = self.threads.run(|| self.analysis.compressor.ask_images(&self.job.basis, &source));
         watch.end();
         done
@@ -376,6 +281,12 @@ impl Packing {
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
+        let scales = self.job.basis.column_scales().to_vec();
+        let make = |id: BlockId, block: &mut TracedBlock| {
+            let work = make(id, block)?;
+            block.divide_columns(&scales);
+            Ok(work)
+        };
         if !self.denoise {
             return self.compress(&format!("{stage} and analysing"), work_unit, watch, make);
         }
@@ -390,6 +301,7 @@ impl Packing {
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
+        // What is made here on is of columns divided by their scales, and so is all that is learnt of it.
         let mut cleaned = Cleaned::begin(&self.job, &self.path, self.fingerprint, self.overwrite, shards)?;
         let blocks_kept = cleaned.gather(&self.threads, (stage, work_unit), watch, make)?;
         match &self.basis {
@@ -444,6 +356,11 @@ impl Packing {
         let stored = self.threads.run(|| -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
         watch.end();
         let stored = stored?;
+        let lossy_lights = lights.lossy_lights(&self.job.basis);
+        if let Some(lost) = lossy_lights.first().filter(|loss| loss.is_severe() && !self.allow_lost_lights) {
+            let hint = "ask for a finer target or a higher rank; forced, it is written all the same";
+            return Err(Error::input(self.path.display().to_string(), format!("{lost}: it is not written"), hint));
+        }
         let lights = lights.errors(cut.expected_relative_l2);
         let exposed = self.promise.as_ref().map(|promise| promise.reached_packed());
         self.writer.state_errors(StatedErrors { lights: Some(lights), cleaning: self.cleaning, exposed });
@@ -467,6 +384,7 @@ impl Packing {
             cleaning: self.cleaning,
             exposed,
             lights,
+            lossy_lights,
             short_of_target: (!is_reached).then(|| Shortfall {
                 target,
                 psnr_db: cut.expected_psnr_db,
@@ -501,7 +419,7 @@ impl Packing {
         stop_if_interrupted(&self.path, watch)?;
         let (candidate, residual) = self.analysis.read(id)?;
         let factored = kept_of(&candidate, cut, fineness);
-        let encoded = self.writer.encode(id, &factored)?;
+        let encoded = self.writer.encode_divided(id, &factored)?;
         let stored = self.writer.decode(id, &encoded)?;
         let (report, columns) = residual.report(&candidate.whole(), &stored);
         lights.add(&columns);
@@ -534,7 +452,7 @@ impl Packing {
         let sample: Vec<BlockId> =
             (0..blocks).step_by(blocks.div_ceil(SAMPLE_BLOCKS)).map(|i| BlockId(i as u32)).collect();
         let encode = |&id: &BlockId| -> Result<(usize, usize)> {
-            let size = self.writer.encode(id, &kept_of(&self.analysis.read(id)?.0, cut, fineness))?.size();
+            let size = self.writer.encode_divided(id, &kept_of(&self.analysis.read(id)?.0, cut, fineness))?.size();
             Ok((size.bytes(), size.layer_bytes.len()))
         };
         let sizes = sample.par_iter().map(encode).collect::<Result<Vec<_>>>()?;
@@ -548,6 +466,20 @@ impl Packing {
 /// What a cut keeps of a candidate, and how finely it is to be stored.
 fn kept_of(candidate: &Candidate, cut: &Cut, fineness: &Arc<[i8]>) -> FactoredBlock {
     FactoredBlock { right_fineness: Arc::clone(fineness), ..candidate.cut(cut) }
+}
+
+/// What compresses the matrix of a job. Each light alone counts as much as all together: those of columns that are divided by their
+/// scales have equal shares of the picture. A matrix that is cleaned knows them better, once it is.
+///
+/// # Errors
+/// Those of [`Compressor::new`].
+pub(super) fn compressor_of(job: &Job, options: &PackOptions) -> Result<Compressor> {
+    let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
+    if compressor.asks_images(&job.basis) {
+        return Ok(compressor);
+    }
+    let lights = job.basis.lights().len();
+    Ok(compressor.for_lights_alone(&job.basis, &vec![1.0 / lights as f64; lights]))
 }
 
 /// The cleaned images that the options name.
@@ -578,11 +510,12 @@ pub(super) fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> 
     Ok(())
 }
 
-/// A source whose reads are counted and can be stopped.
+/// A source whose reads are counted and can be stopped, with its columns divided by their scales.
 struct Watched<'a> {
     source: &'a dyn BlockSource,
     watch: &'a dyn Watch,
     path: &'a Path,
+    scales: &'a [f32],
 }
 
 impl BlockSource for Watched<'_> {
@@ -593,6 +526,7 @@ impl BlockSource for Watched<'_> {
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         stop_if_interrupted(self.path, self.watch)?;
         self.source.read_block(id, target)?;
+        target.divide_columns(self.scales);
         self.watch.advance(1, size_of_val(target.block.entries()) as u64, "B");
         Ok(())
     }
@@ -667,25 +601,8 @@ fn report_of(options: &PackOptions) -> ContainerReport {
             (false, _) => settings.method.to_string(),
         },
         target,
-        prior: format!("{:?}", settings.prior).to_lowercase(),
-        settings: format!("{settings:?}"),
+        prior: settings.prior.identity().to_owned(),
+        settings: settings.identity(),
         provenance: provenance.map(|(figure, origin)| (figure.to_owned(), origin.to_owned())).to_vec(),
-    }
-}
-
-/// One line on what a pack reached, for people, and one more where it is short of its target.
-impl std::fmt::Display for PackReport {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ratio = self.raw_bytes as f64 / self.packed_bytes as f64;
-        write!(
-            f,
-            "{} from {}, ratio {ratio:.0}×, mean rank {:.2}, {} sparse entries, error {:.5} relative L2 of the matrix",
-            human_bytes(self.packed_bytes),
-            human_bytes(self.raw_bytes),
-            self.mean_rank,
-            self.sparse_entries,
-            self.relative_l2,
-        )?;
-        self.short_of_target.map_or(Ok(()), |shortfall| write!(f, "\n{shortfall}"))
     }
 }

@@ -80,7 +80,7 @@ pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
 pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: &dyn Watch) -> Result<RenderReport> {
     let begun = Instant::now();
     let memory = PeakMemory::start();
-    let job = job_of(&loaded)?;
+    let mut job = job_of(&loaded)?;
     let wanted = options.blocks.clone().unwrap_or(0..job.shape.block_count());
     // One sample a pixel has no halves.
     let stored = StoreOptions { planes: loaded.settings.samples_per_pixel > 1, ..options.store };
@@ -97,6 +97,7 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     }
     let there = if fill_in { path.to_owned() } else { partial_path(path) };
     let threads = need.admit("rendering", path, &[&there], options.memory_bytes, watch)?;
+    let tracer = tracer_of(loaded, &mut job, Some(folder_of(path)), watch)?;
     let writer = match fill_in {
         true => StoreWriter::reopen(path, &job, lazy)?,
         false => StoreWriter::create_or_resume(path, &job, lazy)?,
@@ -109,7 +110,6 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     if blocks_kept > 0 {
         watch.note(&format!("{}: continuing, {blocks_kept} blocks are done", path.display()));
     }
-    let tracer = tracer_of(loaded, &job, Some(folder_of(path)), watch)?;
     let mut report = trace_into(&writer, &tracer, &todo, threads, watch)?;
     report.rays += tracer.photon_cost().rays;
     report.blocks_missing = writer.finish()?.missing.len() as u64;
@@ -122,11 +122,16 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
 /// Photons from which on sending them takes seconds.
 const MANY_PHOTONS: u64 = 1 << 22;
 
-/// The tracer of a job, with photons for which there is no memory in a folder, or the system's for temporary files.
+/// The tracer of a job, which learns the scales of its columns by it; with photons for which there is no memory in a folder, or the system's for temporary files.
 ///
 /// # Errors
 /// Those of [`Tracer::sending`].
-pub(super) fn tracer_of(loaded: LoadedScene, job: &Job, folder: Option<&Path>, watch: &dyn Watch) -> Result<Tracer> {
+pub(super) fn tracer_of(
+    loaded: LoadedScene,
+    job: &mut Job,
+    folder: Option<&Path>,
+    watch: &dyn Watch,
+) -> Result<Tracer> {
     let settings = settings_of(&loaded);
     let photons = Tracer::photons_sent(&loaded.scene, job.shape, settings);
     let says = photons >= MANY_PHOTONS;
@@ -143,7 +148,9 @@ pub(super) fn tracer_of(loaded: LoadedScene, job: &Job, folder: Option<&Path>, w
     if says {
         watch.end();
     }
-    tracer
+    let tracer = tracer?.with_column_scales();
+    job.basis.set_column_scales(tracer.column_scales().to_vec())?;
+    Ok(tracer)
 }
 
 /// Traces blocks in parallel; one thread more commits them, so that no core waits for the disk. At most one block more

@@ -39,13 +39,13 @@ pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch
         !watch.interrupted()
     });
     watch.end();
-    let (writer, mut broken, job) = mended?;
+    let (writer, mut broken, mut job) = mended?;
     broken.sort();
     if broken.is_empty() {
         writer.finish()?;
         return Ok(broken);
     }
-    let tracer = tracer_of(loaded, &job, Some(folder_of(path)), watch)?;
+    let tracer = tracer_of(loaded, &mut job, Some(folder_of(path)), watch)?;
     trace_into(&writer, &tracer, &broken, threads, watch)?;
     writer.finish()?;
     Ok(broken)

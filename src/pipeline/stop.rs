@@ -247,7 +247,7 @@ impl Pilot<'_> {
     }
 
     fn tracer(&self, settings: TraceSettings) -> Result<Tracer> {
-        Tracer::new(Arc::clone(self.scene), self.job.shape, settings)
+        Tracer::new(Arc::clone(self.scene), self.job.shape, settings).map(Tracer::with_column_scales)
     }
 
     fn images(&self, tracer: &Tracer, windows: &[Vec<BlockId>], cleans: bool) -> Result<WindowImages> {

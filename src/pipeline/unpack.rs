@@ -139,7 +139,7 @@ fn unpack_to_files(
     let mut hash = Sha256::new();
     hash.update(source.fingerprint()?);
     hash.update(selected.job(source.job())?.hash().0);
-    hash.update(format!("{:?}", selected.blocks));
+    selected.blocks.iter().for_each(|id| hash.update(id.0.to_le_bytes()));
     check_output(&with_suffix(pattern, ".part"), true)?;
     let begun =
         ContinuationFile::open(&with_suffix(pattern, ".part"), MARK, hash.finalize().into(), paths.len() as u32, true)?;

@@ -43,7 +43,7 @@ impl Worker {
         Ok(if terms.options.denoise {
             Self::Gathers(Box::new(Gathering::new(&terms.job, path, records)?))
         } else {
-            Self::Analyses(Box::new(Analysis { compressor, cleans: false, records, path }))
+            Self::Analyses(Box::new(Analysis { compressor, records, path }))
         })
     }
 

@@ -31,8 +31,7 @@ impl CpuRelighter {
     /// # Errors
     /// A number of pixels that is no whole number of images; a value that is not finite.
     pub fn adjoint(&self, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
-        let shape = self.shape();
-        sum_blocks(shape, images, |id, planes, sums| {
+        sum_blocks((self.shape(), self.column_scales()), images, |id, planes, sums| {
             match self.block(id) {
                 Some(block) => set_compact(block, planes, sums),
                 None => sums.fill(0.0),
@@ -48,7 +47,7 @@ impl CpuRelighter {
 /// Those of [`CpuRelighter::adjoint`] and of reading, damage among them.
 pub fn adjoint_streaming(source: &dyn FactorSource, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
     let shape = source.shape();
-    sum_blocks(shape, images, |id, planes, sums| {
+    sum_blocks((shape, source.column_scales()), images, |id, planes, sums| {
         set_compact(&read_undamaged(source, shape, id)?, planes, sums);
         Ok(())
     })
@@ -61,7 +60,7 @@ pub fn adjoint_streaming(source: &dyn FactorSource, images: &[[f32; CHANNELS]]) 
 pub fn adjoint_raw(source: &dyn BlockSource, images: &[[f32; CHANNELS]]) -> Result<Vec<[f64; CHANNELS]>> {
     let shape = source.shape();
     let columns = shape.columns();
-    sum_blocks(shape, images, |id, planes, sums| {
+    sum_blocks((shape, &[]), images, |id, planes, sums| {
         let pixels = shape.rect(id).pixels();
         // Of a block without entries no column is visited.
         sums.fill(0.0);
@@ -77,9 +76,9 @@ pub fn adjoint_raw(source: &dyn BlockSource, images: &[[f32; CHANNELS]]) -> Resu
 }
 
 /// Runs `set` over all blocks with the block's pixels (images × channels × pixels), and adds up what it sets (images ×
-/// channels × columns).
+/// channels × columns), each column multiplied by its scale.
 fn sum_blocks(
-    shape: MatrixShape,
+    (shape, scales): (MatrixShape, &[f32]),
     images: &[[f32; CHANNELS]],
     set: impl Fn(BlockId, &[f32], &mut [f32]) -> Result<()> + Sync,
 ) -> Result<Vec<[f64; CHANNELS]>> {
@@ -111,6 +110,9 @@ fn sum_blocks(
     let mut totals = vec![0.0f64; values];
     for part in parts {
         totals.iter_mut().zip(part).for_each(|(total, sum)| *total += sum);
+    }
+    for totals in totals.chunks_exact_mut(columns) {
+        totals.iter_mut().zip(scales).for_each(|(total, &scale)| *total *= f64::from(scale));
     }
     let of_image = |totals: &[f64]| {
         (0..columns).map(|column| [0, 1, 2].map(|channel| totals[channel * columns + column])).collect::<Vec<_>>()

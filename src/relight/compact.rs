@@ -269,11 +269,12 @@ fn wide(value: f32, inverse_scale: f64) -> Wide {
 }
 
 impl CompactBlock {
-    /// Takes the factors of block `id` into compact form.
+    /// Takes the factors of block `id` into compact form: its columns divided by `scales`, so that none of a small unit falls below what
+    /// 8 bits tell beside the others. Of no scales all are 1. A lighting is multiplied by them.
     ///
     /// # Errors
     /// Parts that do not fit each other or the shape, and values that are not finite.
-    pub fn new(shape: MatrixShape, id: BlockId, block: &FactoredBlock) -> Result<Self> {
+    pub fn new(shape: MatrixShape, id: BlockId, block: &FactoredBlock, scales: &[f32]) -> Result<Self> {
         let rect = shape.rect(id);
         let refuse = |problem: String| Err(Error::input(id.to_string(), problem, "pack the matrix again"));
         let empty = block.left.is_empty() && block.right.is_empty() && block.sparse.is_empty();
@@ -284,6 +285,12 @@ impl CompactBlock {
         if !empty && !block.is_consistent() {
             return refuse("has factors that do not fit each other".into());
         }
+        let mut divided = None;
+        if !scales.is_empty() {
+            let block = divided.insert(block.clone());
+            block.scale_columns(&scales.iter().map(|scale| scale.recip()).collect::<Vec<_>>());
+        }
+        let block = divided.as_ref().unwrap_or(block);
         let rank = if empty { 0 } else { block.rank() };
         let mut compact = Self {
             scales: Vec::with_capacity(rank),

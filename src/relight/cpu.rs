@@ -18,6 +18,8 @@ pub struct CpuRelighter {
     shape: MatrixShape,
     /// One for each block; none where nothing of it could be read.
     blocks: Vec<Option<CompactBlock>>,
+    /// What columns of the blocks are divided by; empty where all are 1.
+    scales: Vec<f32>,
     damage: Vec<String>,
 }
 
@@ -45,7 +47,8 @@ impl CpuRelighter {
             .map(|id| read_compact(source, shape, BlockId(id)))
             .collect::<Result<_>>()?;
         let (blocks, damage): (Vec<_>, Vec<_>) = read.into_iter().unzip();
-        Ok(Self { shape, blocks, damage: damage.into_iter().flatten().collect() })
+        let scales = source.column_scales().to_vec();
+        Ok(Self { shape, blocks, scales, damage: damage.into_iter().flatten().collect() })
     }
 
     /// Reads some blocks again, with the layers that `source` gives by now: how a picture grows while its container
@@ -55,10 +58,10 @@ impl CpuRelighter {
     /// As [`load`](Self::load); the blocks stay as they were then.
     ///
     /// # Panics
-    /// If the source has another shape.
+    /// If the source has another shape or other scales of columns.
     pub fn refine(&mut self, source: &dyn FactorSource, ids: &[BlockId]) -> Result<()> {
         let shape = self.shape;
-        assert_eq!(source.shape(), shape);
+        assert_eq!((source.shape(), source.column_scales()), (shape, self.scales.as_slice()));
         let read: Vec<_> =
             ids.par_iter().map(|&id| Ok((id, read_compact(source, shape, id)?))).collect::<Result<_>>()?;
         for (id, (block, damage)) in read {
@@ -78,7 +81,12 @@ impl CpuRelighter {
         &self.damage
     }
 
-    /// The factors of a block; none where nothing of it could be read.
+    /// What columns of the blocks are divided by; empty where all are 1.
+    pub(super) fn column_scales(&self) -> &[f32] {
+        &self.scales
+    }
+
+    /// The factors of a block, of columns divided by their scales; none where nothing of it could be read.
     pub(super) fn block(&self, id: BlockId) -> Option<&CompactBlock> {
         self.blocks[id.index()].as_ref()
     }
@@ -111,7 +119,7 @@ impl CpuRelighter {
     pub fn relight_into(&self, lighting: &Lighting, image: &mut LinearImage) -> Result<()> {
         check_columns(self.shape, lighting)?;
         check_size(self.shape, image)?;
-        let lighting = PlanarLighting::new(lighting);
+        let lighting = PlanarLighting::new(lighting, &self.scales);
         for_each_tile(image, self.shape, |mut tile| {
             relight_block(self.blocks[tile.id.index()].as_ref(), &lighting, &mut tile);
             Ok(())
@@ -124,7 +132,7 @@ impl CpuRelighter {
     /// A lighting with another number of columns than the matrix.
     pub fn relight_kept(&self, lighting: &Lighting) -> Result<Relit> {
         check_columns(self.shape, lighting)?;
-        let planar = PlanarLighting::new(lighting);
+        let planar = PlanarLighting::new(lighting, &self.scales);
         let projected = self
             .blocks
             .par_iter()
@@ -164,7 +172,8 @@ impl CpuRelighter {
             .into_iter()
             .map(|column| {
                 let (new, old) = (lighting.weights()[column as usize], relit.weights[column as usize]);
-                (column, [0, 1, 2].map(|ch| f64::from(new[ch]) - f64::from(old[ch])))
+                let scale = f64::from(self.scales.get(column as usize).copied().unwrap_or(1.0));
+                (column, [0, 1, 2].map(|ch| scale * (f64::from(new[ch]) - f64::from(old[ch]))))
             })
             .collect();
         let reached: Vec<bool> = self
@@ -173,7 +182,7 @@ impl CpuRelighter {
             .zip(&mut relit.projected)
             .map(|(block, projected)| block.as_ref().is_some_and(|block| block.change(&deltas, projected)))
             .collect();
-        let planar = PlanarLighting::new(&lighting);
+        let planar = PlanarLighting::new(&lighting, &self.scales);
         let projected = &relit.projected;
         for_each_tile(&mut relit.image, self.shape, |mut tile| {
             if let (true, Some(block)) = (reached[tile.id.index()], &self.blocks[tile.id.index()]) {
@@ -226,7 +235,7 @@ impl CompactBlock {
 pub fn relight_streaming(source: &dyn FactorSource, lighting: &Lighting) -> Result<(LinearImage, Vec<String>)> {
     let shape = source.shape();
     check_columns(shape, lighting)?;
-    let lighting = PlanarLighting::new(lighting);
+    let lighting = PlanarLighting::new(lighting, source.column_scales());
     let mut image = LinearImage::black(shape.width(), shape.height());
     let damage = std::sync::Mutex::new(Vec::new());
     for_each_tile(&mut image, shape, |mut tile| {

@@ -44,7 +44,7 @@ pub(crate) fn read_compact(
     id: BlockId,
 ) -> Result<(Option<CompactBlock>, Option<String>)> {
     let readable = read_what_stands(source, id)?;
-    let block = readable.block.map(|block| CompactBlock::new(shape, id, &block)).transpose()?;
+    let block = readable.block.map(|block| CompactBlock::new(shape, id, &block, source.column_scales())).transpose()?;
     Ok((block, readable.damage.map(|damage| damage.to_string())))
 }
 
@@ -53,5 +53,6 @@ pub(crate) fn read_compact(
 /// # Errors
 /// Those of reading, damage among them, and factors that do not fit the shape or are not finite.
 pub(crate) fn read_undamaged(source: &dyn FactorSource, shape: MatrixShape, id: BlockId) -> Result<CompactBlock> {
-    CompactBlock::new(shape, id, &source.read_layers(id, 0..source.layer_count(id))?)
+    let block = source.read_layers(id, 0..source.layer_count(id))?;
+    CompactBlock::new(shape, id, &block, source.column_scales())
 }

@@ -17,7 +17,7 @@ use super::tiles::for_each_tile;
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
-use crate::matrix::{BlockId, FactorSource, MatrixShape};
+use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
 
 /// Memory that a chunk takes beside its bytes: its entries in the maps of pages, chunks and uses.
 const CHUNK_OVERHEAD_BYTES: u64 = 192;
@@ -133,6 +133,12 @@ impl<'a> PagedRelighter<'a> {
         self.shape
     }
 
+    /// What columns of the blocks are divided by; empty where all are 1.
+    #[cfg(feature = "gpu")]
+    pub(super) fn column_scales(&self) -> &[f32] {
+        self.source.column_scales()
+    }
+
     /// The image under `lighting`: every block with all its layers.
     ///
     /// # Errors
@@ -162,7 +168,7 @@ impl<'a> PagedRelighter<'a> {
         check_size(self.shape, image)?;
         let seen: HashSet<BlockId> = view.iter().copied().collect();
         self.set_view(view);
-        let lighting = PlanarLighting::new(lighting);
+        let lighting = PlanarLighting::new(lighting, self.source.column_scales());
         for_each_tile(image, self.shape, |mut tile| {
             if seen.contains(&tile.id) {
                 let held = self.fetch(tile.id, detail)?;
@@ -264,7 +270,9 @@ impl<'a> PagedRelighter<'a> {
                 break None;
             }
         };
-        let block = block.map(|block| CompactBlock::new(self.shape, id, &block).map(Arc::new)).transpose()?;
+        let scales = self.source.column_scales();
+        let compact = |block: &FactoredBlock| CompactBlock::new(self.shape, id, block, scales).map(Arc::new);
+        let block = block.map(|block| compact(&block)).transpose()?;
         // Of a damaged block there is no more than this.
         let detail = if is_whole || damage.is_some() { Detail::Whole } else { Detail::Base };
         if let Some(error) = damage {

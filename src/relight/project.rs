@@ -13,8 +13,13 @@ pub(crate) struct PlanarLighting {
 }
 
 impl PlanarLighting {
-    pub(crate) fn new(lighting: &Lighting) -> Self {
-        Self { channels: [0, 1, 2].map(|channel| lighting.channel(channel)) }
+    /// For factors whose columns are divided by these scales; of no scales all are 1.
+    pub(crate) fn new(lighting: &Lighting, scales: &[f32]) -> Self {
+        let mut channels = [0, 1, 2].map(|channel| lighting.channel(channel));
+        for channel in &mut channels {
+            channel.iter_mut().zip(scales).for_each(|(weight, scale)| *weight *= scale);
+        }
+        Self { channels }
     }
 
     pub(crate) fn channel(&self, channel: usize) -> &[f32] {

@@ -26,7 +26,7 @@ impl CpuRelighter {
         pixels: &mut [[f32; CHANNELS]],
     ) -> Result<()> {
         let shape = self.shape();
-        let planar = planar(shape, lightings)?;
+        let planar = planar(shape, lightings, self.column_scales())?;
         for_each_part(pixels, lightings.len(), shape, region, |part| {
             if let Some(block) = self.block(part.id) {
                 relight_part(block, &planar, part);
@@ -47,7 +47,7 @@ pub fn relight_region_streaming(
     pixels: &mut [[f32; CHANNELS]],
 ) -> Result<()> {
     let shape = source.shape();
-    let planar = planar(shape, lightings)?;
+    let planar = planar(shape, lightings, source.column_scales())?;
     for_each_part(pixels, lightings.len(), shape, region, |part| {
         relight_part(&read_undamaged(source, shape, part.id)?, &planar, part);
         Ok(())
@@ -73,9 +73,9 @@ pub fn relight_region_raw(
     })
 }
 
-fn planar(shape: MatrixShape, lightings: &[Lighting]) -> Result<Vec<PlanarLighting>> {
+fn planar(shape: MatrixShape, lightings: &[Lighting], scales: &[f32]) -> Result<Vec<PlanarLighting>> {
     lightings.iter().try_for_each(|lighting| check_columns(shape, lighting))?;
-    Ok(lightings.iter().map(PlanarLighting::new).collect())
+    Ok(lightings.iter().map(|lighting| PlanarLighting::new(lighting, scales)).collect())
 }
 
 fn relight_part(block: &CompactBlock, lightings: &[PlanarLighting], part: &mut Part) {

@@ -49,7 +49,11 @@ pub fn head_json(picture: &SharedPicture<'_>, preview: &Level<'_>, whole: &Level
         None => json += "null",
     }
     json += ",\"lights\":";
-    list(&mut json, job.basis.lights(), |json, light| light_json(json, light, weights_of(&scene, light)));
+    let scales = job.basis.column_scales();
+    list(&mut json, job.basis.lights(), |json, light| {
+        let scale = scales.get(light.first_column as usize).copied().unwrap_or(1.0);
+        light_json(json, light, weights_of(&scene, light), scale);
+    });
     json += ",\"groups\":";
     list(&mut json, picture.groups, |json, (name, lights)| {
         *json += "{\"name\":";
@@ -81,7 +85,7 @@ fn weights_of<'a>(lighting: &'a Lighting, light: &Light) -> &'a [[f32; 3]] {
     &lighting.weights()[columns.start as usize..columns.end as usize]
 }
 
-fn light_json(json: &mut String, light: &Light, scene: &[[f32; 3]]) {
+fn light_json(json: &mut String, light: &Light, scene: &[[f32; 3]], scale: f32) {
     let (across, down) = light.layout();
     *json += "{\"name\":";
     text(json, &light.name);
@@ -91,6 +95,8 @@ fn light_json(json: &mut String, light: &Light, scene: &[[f32; 3]]) {
     colour(json, &light.emission);
     *json += ",\"scene\":";
     weights_json(json, scene);
+    *json += ",\"scale\":";
+    number(json, scale);
     json.push('}');
 }
 

@@ -62,6 +62,8 @@ pub(super) struct NoiseSums<'a> {
     /// Columns × probes, probe fastest.
     probes_of_column: &'a [f32],
     probes: usize,
+    /// What each column is multiplied by before its noise is counted; empty where all are 1.
+    factors: &'a [f32],
     /// Sum of `D²` over pixels for each column, RGB and padding. Some thousand squares at most: f32 keeps four digits.
     entry_squares: Vec<[f32; 4]>,
     row_sums: Vec<f32>,
@@ -123,21 +125,20 @@ impl Tile {
         (size_of::<Line>() * CHANNELS) as u64 * columns + columns / 8 + 8
     }
 
-    /// Takes the means of pixel `pixel` of `run` out of `sums`, which it leaves empty, and their noise. `samples` are
-    /// those of each half; with none in the second there is no noise to know.
+    /// Takes the means of pixel `pixel` of `run` out of `sums`, which it leaves empty, and their noise without that of the emission
+    /// among them. `samples` are those of each half; with none in the second there is no noise to know.
     pub(super) fn take(
         &mut self,
         sums: &mut PixelSums,
-        noise: Option<&mut NoiseSums<'_>>,
-        run: Run,
-        pixel: usize,
+        noise: Option<(&mut NoiseSums<'_>, &PixelSums)>,
+        (run, pixel): (Run, usize),
         samples: [u32; 2],
     ) {
         let scale = 1.0 / (samples[0] + samples[1]) as f32;
         let scales = difference_scales(samples);
         let PixelSums { records, touched } = sums;
         let mut differences = noise;
-        if let Some(noise) = &mut differences {
+        if let Some((noise, _)) = &mut differences {
             noise.differences.clear();
         }
         let mut squares = [0.0f32; 4];
@@ -151,10 +152,12 @@ impl Tile {
                 for (channel, line) in lines.iter_mut().enumerate() {
                     line.0[pixel] = (a[channel] + b[channel]) * scale;
                 }
-                if let Some(noise) = &mut differences {
+                if let Some((noise, emission)) = &mut differences {
+                    let Record([of_a, of_b]) = emission.records[column];
                     let mut d = [0.0f32; 4];
+                    let factor = noise.factors.get(column).copied().unwrap_or(1.0);
                     for lane in 0..4 {
-                        d[lane] = a[lane] * scales[0] - b[lane] * scales[1];
+                        d[lane] = factor * ((a[lane] - of_a[lane]) * scales[0] - (b[lane] - of_b[lane]) * scales[1]);
                         squares[lane] += d[lane] * d[lane];
                         noise.entry_squares[column][lane] += d[lane] * d[lane];
                     }
@@ -162,7 +165,7 @@ impl Tile {
                 }
             }
         }
-        if let Some(noise) = differences {
+        if let Some((noise, _)) = differences {
             for (channel, &square) in squares.iter().take(CHANNELS).enumerate() {
                 noise.row_sums[channel * run.pixels + run.first + pixel] = square;
             }
@@ -194,11 +197,17 @@ impl Tile {
 }
 
 impl<'a> NoiseSums<'a> {
-    /// For a block of `rows`, and probe lightings as [`interleave`] gives them.
-    pub(super) fn new(rows: usize, columns: usize, probes_of_column: &'a [f32], probes: usize) -> Self {
+    /// For a block of (rows, columns), probe lightings as [`interleave`] gives them and their number, and what each column is
+    /// multiplied by.
+    pub(super) fn new(
+        (rows, columns): (usize, usize),
+        (probes_of_column, probes): (&'a [f32], usize),
+        factors: &'a [f32],
+    ) -> Self {
         Self {
             probes_of_column,
             probes,
+            factors,
             entry_squares: vec![[0.0; 4]; columns],
             row_sums: vec![0.0; rows],
             products: vec![0.0; rows * probes],
@@ -301,13 +310,13 @@ mod tests {
         let mut sample = || random.random_range(-1.0f32..1.0);
         for halves in [[1u32, 1], [2, 1], [3, 2], [8, 8]] {
             let mut sums = PixelSums::new(1);
-            let (mut tile, mut noise) = (Tile::new(1), NoiseSums::new(3 * PIXELS, 1, &[], 0));
+            let (mut tile, mut noise) = (Tile::new(1), NoiseSums::new((3 * PIXELS, 1), (&[], 0), &[]));
             for pixel in 0..PIXELS {
                 for (half, count) in halves.into_iter().enumerate() {
                     (0..count).for_each(|_| sums.add(half, 0, Vec3::splat(sample())));
                 }
                 let run = Run { first: pixel, count: 1, pixels: PIXELS };
-                tile.take(&mut sums, Some(&mut noise), run, 0, halves);
+                tile.take(&mut sums, Some((&mut noise, &PixelSums::new(1))), (run, 0), halves);
             }
             let stated = f64::from(noise.finish().column_variance[0]);
             let expected = 1.0 / 3.0 / f64::from(halves[0] + halves[1]);

@@ -17,6 +17,7 @@ mod lights;
 mod photons;
 mod planes;
 mod sampler;
+mod scales;
 #[cfg(test)]
 #[path = "../../tests/transport/statistics.rs"]
 mod statistics;

@@ -41,6 +41,8 @@ type ClusterLight = [[[f32; 4]; 2]; 2];
 /// Sums over the samples of one pixel, the clusters that they go to, and means of a run of pixels.
 pub(super) struct PlaneSums<'a> {
     of_column: &'a [u16],
+    /// What each column is multiplied by before clusters are summed; empty where all are 1.
+    factors: &'a [f32],
     light: Vec<ClusterLight>,
     emission: PixelSums,
     features: FeatureSums,
@@ -61,10 +63,11 @@ struct FeatureSums {
 }
 
 impl<'a> PlaneSums<'a> {
-    pub(super) fn new(clusters: &'a Clusters) -> Self {
+    pub(super) fn new(clusters: &'a Clusters, factors: &'a [f32]) -> Self {
         let of_column = clusters.of_column();
         Self {
             of_column,
+            factors,
             light: vec![ClusterLight::default(); clusters.count()],
             emission: PixelSums::new(of_column.len()),
             features: FeatureSums::default(),
@@ -84,17 +87,28 @@ impl<'a> PlaneSums<'a> {
     #[inline(always)]
     pub(super) fn add(&mut self, half: usize, layer: Layer, column: u32, value: Vec3) {
         let layer = match layer {
-            Layer::Emission => return self.emission.add(0, column, value),
+            Layer::Emission => return self.emission.add(half, column, value),
             Layer::Direct => 0,
             Layer::Indirect => 1,
         };
         let cluster = self.of_column.get(column as usize).copied().unwrap_or(u16::MAX);
         if let Some(light) = self.light.get_mut(usize::from(cluster)) {
             let [r, g, b, _] = &mut light[half & 1][layer];
+            let value = value * self.factors.get(column as usize).copied().unwrap_or(1.0);
             *r += value.x;
             *g += value.y;
             *b += value.z;
         }
+    }
+
+    /// The emission of the pixel at hand.
+    pub(super) fn emission(&self) -> &PixelSums {
+        &self.emission
+    }
+
+    /// Empties the emission into `each`: columns, and sums of all samples.
+    pub(super) fn drain_emission(&mut self, each: impl FnMut(usize, Vec3)) {
+        self.emission.drain(each);
     }
 
     /// Adds what a sample shows.
@@ -148,7 +162,7 @@ impl<'a> PlaneSums<'a> {
             let most = BlockPlanes::most_seen(run.pixels as u64, self.of_column.len() as u64) as usize;
             if planes.emission.len() > 2 * most {
                 self.carry_until(planes, run, pixel + 1);
-                keep_brightest(planes, self.of_column, most);
+                keep_brightest(planes, (self.of_column, self.factors), most);
             }
         }
     }
@@ -192,18 +206,19 @@ pub(super) fn begin(planes: &mut BlockPlanes, clusters: &Clusters, pixels: usize
 }
 
 /// Brings the planes of a traced block to what is kept of them.
-pub(super) fn finish(planes: &mut BlockPlanes, clusters: &Clusters) {
+pub(super) fn finish(planes: &mut BlockPlanes, clusters: &Clusters, factors: &[f32]) {
     let most = BlockPlanes::most_seen(planes.pixels() as u64, clusters.of_column().len() as u64);
-    keep_brightest(planes, clusters.of_column(), most as usize);
+    keep_brightest(planes, (clusters.of_column(), factors), most as usize);
     planes.round();
 }
 
-/// Keeps the brightest of the emission, and counts the rest as indirect.
-fn keep_brightest(planes: &mut BlockPlanes, of_column: &[u16], most: usize) {
+/// Keeps the brightest of the emission, each column multiplied by its factor, and counts the rest as indirect.
+fn keep_brightest(planes: &mut BlockPlanes, (of_column, factors): (&[u16], &[f32]), most: usize) {
     if planes.emission.len() <= most {
         return;
     }
-    let brightness = |seen: &SeenEmission| seen.value.iter().sum::<f32>();
+    let factor = |seen: &SeenEmission| factors.get(seen.column as usize).copied().unwrap_or(1.0);
+    let brightness = |seen: &SeenEmission| factor(seen) * seen.value.iter().sum::<f32>();
     let place = |seen: &SeenEmission| (seen.pixel, seen.column);
     let brighter = |a: &SeenEmission, b: &SeenEmission| {
         brightness(b).total_cmp(&brightness(a)).then_with(|| place(a).cmp(&place(b)))
@@ -213,10 +228,10 @@ fn keep_brightest(planes: &mut BlockPlanes, of_column: &[u16], most: usize) {
     // In one order, so that sums come out the same.
     planes.emission[most..].sort_unstable_by_key(place);
     for seen in planes.emission.drain(most..) {
-        let cluster = usize::from(of_column[seen.column as usize]);
+        let (cluster, factor) = (usize::from(of_column[seen.column as usize]), factor(&seen));
         for (channel, value) in seen.value.into_iter().enumerate() {
             let at = (cluster * CHANNELS + channel) * pixels + seen.pixel as usize;
-            planes.indirect.iter_mut().for_each(|half| half[at] += value);
+            planes.indirect.iter_mut().for_each(|half| half[at] += factor * value);
         }
     }
     planes.emission.sort_unstable_by_key(place);
@@ -233,7 +248,7 @@ mod tests {
         planes.reset(2, 2);
         let brightest = [seen(0, 1, 3.0), seen(1, 0, 4.0)];
         planes.emission = vec![seen(0, 0, 1.0), brightest[0], brightest[1], seen(1, 3, 2.0)];
-        keep_brightest(&mut planes, &[0, 0, 1, 1], 2);
+        keep_brightest(&mut planes, (&[0, 0, 1, 1], &[]), 2);
         assert_eq!(planes.emission, brightest);
         for half in &planes.indirect {
             // Column-major: cluster 0 has pixels 0, 1 of each channel, then cluster 1.
@@ -244,7 +259,7 @@ mod tests {
     #[test]
     fn features_have_the_mean_and_the_variance_of_that_mean() {
         let clusters = Clusters::default();
-        let mut sums = PlaneSums::new(&clusters);
+        let mut sums = PlaneSums::new(&clusters, &[]);
         let mut planes = BlockPlanes::default();
         planes.reset(1, 0);
         for depth in [1000.0, 1001.0, 1002.0, 1005.0] {

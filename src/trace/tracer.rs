@@ -11,6 +11,7 @@ use super::integrator::{Paths, trace_sample};
 use super::photons::{MAP_BYTES, PhotonCost, Photons, Sending};
 use super::planes::{self, PlaneSums};
 use super::sampler::Sampler;
+use super::scales;
 use super::world::World;
 use crate::error::{Error, Result};
 use crate::light::{Clusters, probe_lightings};
@@ -56,6 +57,9 @@ pub struct Tracer {
     probes_of_column: Vec<f32>,
     probes: usize,
     clusters: Clusters,
+    /// See [`Tracer::column_scales`], and their inverses.
+    column_scales: Vec<f32>,
+    column_factors: Vec<f32>,
 }
 
 impl Tracer {
@@ -97,8 +101,44 @@ impl Tracer {
         let clusters = Clusters::of_basis(&scene.basis);
         let world = World::new(scene)?;
         let (photons, photon_cost) = Photons::new(&world, pixels(shape), settings, sending, MAP_BYTES)?;
-        let wants_photons = true;
-        Ok(Self { world, photons, photon_cost, wants_photons, shape, settings, probes_of_column, probes, clusters })
+        Ok(Self {
+            world,
+            photons,
+            photon_cost,
+            wants_photons: true,
+            shape,
+            settings,
+            probes_of_column,
+            probes,
+            clusters,
+            column_scales: Vec::new(),
+            column_factors: Vec::new(),
+        })
+    }
+
+    /// The scales of the columns of a scene ([`crate::light::LightBasis::column_scales`]) for paths of this length, measured by a few:
+    /// those of a tracer, for who traces no blocks.
+    ///
+    /// # Errors
+    /// A scene whose parts do not fit each other, lights of no area.
+    pub fn measure_column_scales(scene: impl Into<Arc<Scene>>, max_depth: u32) -> Result<Vec<f32>> {
+        let world = World::new(scene.into())?;
+        Ok(scales::measure(&Paths { world: &world, photons: None, max_depth }))
+    }
+
+    /// The same with noise and light of clusters of columns divided by their scales ([`crate::light::LightBasis::column_scales`]),
+    /// which are measured by a few paths.
+    #[must_use]
+    pub fn with_column_scales(mut self) -> Self {
+        let paths = Paths { world: &self.world, photons: None, max_depth: self.settings.max_depth };
+        self.column_scales = scales::measure(&paths);
+        self.column_factors = self.column_scales.iter().map(|scale| scale.recip()).collect();
+        self
+    }
+
+    /// What noise and light of clusters are divided by, column by column; empty where all are 1.
+    pub fn column_scales(&self) -> &[f32] {
+        &self.column_scales
     }
 
     /// The same by paths from the camera alone, which do not find what mirrors and glass throw of lamps without extent. An
@@ -177,11 +217,13 @@ impl Tracer {
         }
         let spp = self.settings.samples_per_pixel;
         let samples = [spp.div_ceil(2), spp / 2];
-        let mut noise = (spp > 1).then(|| NoiseSums::new(rect.rows(), columns, &self.probes_of_column, self.probes));
+        let mut noise = (spp > 1).then(|| {
+            NoiseSums::new((rect.rows(), columns), (&self.probes_of_column, self.probes), &self.column_factors)
+        });
         let mut planes = (spp > 1).then(|| target.planes.take().unwrap_or_default());
         let mut plane_sums = planes.as_mut().map(|planes| {
             planes::begin(planes, &self.clusters, pixels);
-            PlaneSums::new(&self.clusters)
+            PlaneSums::new(&self.clusters, &self.column_factors)
         });
         let (mut sums, mut tile) = (PixelSums::new(columns), Tile::new(columns));
         let mut stats = BlockStats { paths: pixels as u64 * u64::from(spp), ..Default::default() };
@@ -191,7 +233,8 @@ impl Tracer {
                 let inside = (first + pixel) as u32;
                 let (x, y) = (rect.x + inside % rect.width, rect.y + inside / rect.width);
                 self.trace_pixel((x, y), &mut sums, plane_sums.as_mut(), &mut stats);
-                tile.take(&mut sums, noise.as_mut(), run, pixel, samples);
+                let noise = noise.as_mut().zip(plane_sums.as_ref().map(PlaneSums::emission));
+                tile.take(&mut sums, noise, (run, pixel), samples);
                 if let (Some(planes), Some(sums)) = (&mut planes, &mut plane_sums) {
                     sums.take(planes, run, pixel, samples);
                 }
@@ -203,7 +246,7 @@ impl Tracer {
         }
         target.noise = noise.map(NoiseSums::finish);
         if let Some(planes) = &mut planes {
-            planes::finish(planes, &self.clusters);
+            planes::finish(planes, &self.clusters, &self.column_factors);
         }
         target.planes = planes;
         stats

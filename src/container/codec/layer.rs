@@ -21,6 +21,14 @@ pub struct CodecSettings {
     pub layered: bool,
 }
 
+impl CodecSettings {
+    /// These as `name=value`, in words that never change: they tell an interrupted file from that of other settings.
+    pub fn identity(&self) -> String {
+        let Self { lambda, layered } = self;
+        format!("lambda={lambda} layered={layered}")
+    }
+}
+
 impl Default for CodecSettings {
     fn default() -> Self {
         Self { lambda: 0.15, layered: true }

@@ -98,7 +98,7 @@ impl GpuRelighter {
     fn on(gpu: Gpu, source: &dyn FactorSource, settings: GpuSettings) -> Result<Self> {
         let shape = source.shape();
         let limit = binding_limit(&gpu, shape, settings)?;
-        let shared = SharedArrays::new(&gpu, shape.columns());
+        let shared = SharedArrays::new(&gpu, shape.columns(), source.column_scales());
         let places = vec![None; shape.block_count() as usize];
         let mut relighter =
             Self { gpu, shape, shared, banks: Vec::new(), places, damage: Vec::new(), turn: Mutex::new(()) };

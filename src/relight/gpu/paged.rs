@@ -130,7 +130,7 @@ impl<'a> PagedGpuRelighter<'a> {
             uploaded_bytes: 0,
             peak_bytes: lighting_bytes,
         };
-        let shared = SharedArrays::new(&gpu, columns);
+        let shared = SharedArrays::new(&gpu, columns, host.column_scales());
         let limits = Limits { binding_bytes, bank_bytes, most_bytes };
         Ok(Self { gpu, host, shared, limits, state: Mutex::new(state) })
     }

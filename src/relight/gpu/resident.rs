@@ -7,18 +7,21 @@ use super::staging::Parcel;
 use crate::error::{Error, Result};
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS};
+use crate::relight::project::PlanarLighting;
 
 /// Arrays that all banks of a matrix share.
 pub(super) struct SharedArrays {
     lighting: wgpu::Buffer,
+    /// What columns of the factors are divided by; empty where all are 1.
+    scales: Vec<f32>,
 }
 
 impl SharedArrays {
-    pub(super) fn new(gpu: &Gpu, columns: usize) -> Self {
+    pub(super) fn new(gpu: &Gpu, columns: usize, scales: &[f32]) -> Self {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let size = Self::lighting_bytes(columns);
         let descriptor = wgpu::BufferDescriptor { label: Some("lighting"), size, usage, mapped_at_creation: false };
-        Self { lighting: gpu.device.create_buffer(&descriptor) }
+        Self { lighting: gpu.device.create_buffer(&descriptor), scales: scales.to_vec() }
     }
 
     pub(super) fn lighting_bytes(columns: usize) -> u64 {
@@ -27,11 +30,12 @@ impl SharedArrays {
 
     /// Sets what the next submission uses: a plane for each channel, in fours.
     pub(super) fn set(&self, gpu: &Gpu, lighting: &Lighting) {
-        let weights = lighting.weights();
-        let plane = weights.len().next_multiple_of(4);
+        let columns = lighting.weights().len();
+        let plane = columns.next_multiple_of(4);
         let mut planes = vec![0.0f32; CHANNELS * plane];
+        let lighting = PlanarLighting::new(lighting, &self.scales);
         for (channel, plane) in planes.chunks_exact_mut(plane).enumerate() {
-            plane.iter_mut().zip(weights).for_each(|(value, weight)| *value = weight[channel]);
+            plane[..columns].copy_from_slice(lighting.channel(channel));
         }
         gpu.queue.write_buffer(&self.lighting, 0, bytemuck::cast_slice(&planes));
     }

@@ -56,14 +56,14 @@ export class Desk {
     return own.on && (!group || group.on) && (own.solo || !mix.lights.some((other) => other.solo));
   }
 
-  /** The weights of all columns, three planes. @param {Mix} mix */
+  /** The weights of all columns times their scales, three planes: what the factors are multiplied by. @param {Mix} mix */
   lighting(mix) {
     const weights = new Float32Array(3 * this.columns);
     this.lights.forEach((light, i) => {
       if (!this.shines(mix, i)) return;
       const own = mix.lights[i];
       const gain = 2 ** (own.stops + (mix.groups[this.groupOf[i]]?.stops ?? 0));
-      const colour = colourOf(light, own.tint).map((v) => v * gain);
+      const colour = colourOf(light, own.tint).map((v) => v * gain * light.scale);
       const pattern = own.pattern && turned(light, own.pattern, own.turn);
       for (let texel = 0; texel < light.across * light.down; texel++) {
         for (const ch of UNITS) {

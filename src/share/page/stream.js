@@ -8,7 +8,8 @@ import { gridOf } from './blocks.js';
  * The head of the data, see formats/share.md.
  * @typedef {{ offset: number, indexBytes: number, indexCrc: number, chunkBytes: number }} Layer
  * @typedef {{ width: number, height: number, side: number, ranks: number[], sparse: number[], layers: Layer[] }} Level
- * @typedef {{ name: string, kind: string, unit: string, across: number, down: number, emission: number[], scene: number[][] }} Light
+ * @typedef {{ name: string, kind: string, unit: string, across: number, down: number, emission: number[], scene: number[][],
+ *   scale: number }} Light
  * @typedef {{ name: string, lights: (number[][] | null)[] }} Look
  * @typedef {{ title: string, program: string, columns: number, shrink: number, exposure: number, lumensPerWatt: number | null, lights: Light[],
  *   groups: { name: string, lights: number[] }[], looks: Look[], levels: Level[] }} Head

@@ -316,6 +316,10 @@ impl FactorSource for Nothing<'_> {
         self.0.shape()
     }
 
+    fn column_scales(&self) -> &[f32] {
+        self.0.column_scales()
+    }
+
     fn layer_count(&self, _: BlockId) -> u32 {
         0
     }

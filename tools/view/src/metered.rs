@@ -90,6 +90,10 @@ impl FactorSource for Metered<'_> {
         self.source.shape()
     }
 
+    fn column_scales(&self) -> &[f32] {
+        self.source.column_scales()
+    }
+
     fn layer_count(&self, id: BlockId) -> u32 {
         let most = if self.base_only.load(Ordering::Relaxed) { 1 } else { u32::MAX };
         self.source.layer_count(id).min(most)

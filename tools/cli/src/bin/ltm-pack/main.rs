@@ -189,6 +189,7 @@ fn pack_options(arguments: &Arguments) -> PackOptions {
     let basis = arguments.basis.clone();
     let mut options = PackOptions { compress, denoise, basis, memory_bytes: arguments.memory, ..Default::default() };
     options.container.overwrite = arguments.force;
+    options.allow_lost_lights = arguments.force;
     options
 }
 

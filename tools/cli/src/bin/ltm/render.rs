@@ -113,6 +113,7 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let (samples, promise) = (loaded.settings.samples_per_pixel, pack.promise.clone());
     if options.pack {
         pack.container.overwrite = options.force;
+        pack.allow_lost_lights = options.force;
         let (render, packed) = pipeline::render_packed(loaded, &output, &pack, console)?;
         print_report(&output, &render);
         print_packed(&output, &packed)?;
