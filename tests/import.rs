@@ -492,7 +492,10 @@ fn one_rendering_is_cleaned() {
     };
     assert_eq!(block(&noisy).noise, block(&read("noisy.exr", &grain(0), true)).noise);
     // What is cleaned is as bright as the entries, also where there is hardly any light: to the rounding of two halves.
-    let TracedBlock { block: entries, planes, .. } = block(&noisy);
+    // Planes are of columns divided by their scales.
+    let mut divided = block(&noisy);
+    divided.divide_columns(noisy.job().basis.column_scales());
+    let TracedBlock { block: entries, planes, .. } = divided;
     let [first, other] = planes.unwrap().indirect;
     for ((a, b), entry) in first.iter().zip(&other).zip(entries.entries()) {
         assert!((0.5 * (a + b) - entry).abs() <= entry / 256.0, "{a} and {b} of {entry}");

@@ -357,7 +357,10 @@ impl Packing {
         watch.end();
         let stored = stored?;
         let lossy_lights = lights.lossy_lights(&self.job.basis);
-        if let Some(lost) = lossy_lights.first().filter(|loss| loss.is_severe() && !self.allow_lost_lights) {
+        // What was replaced is no light, and who gives a rank has said what it may cost.
+        let asked = replaced.count() > 0 || self.analysis.compressor.settings().has_fixed_rank();
+        let refuses = !(self.allow_lost_lights || asked);
+        if let Some(lost) = lossy_lights.first().filter(|loss| loss.is_severe() && refuses) {
             let hint = "ask for a finer target or a higher rank; forced, it is written all the same";
             return Err(Error::input(self.path.display().to_string(), format!("{lost}: it is not written"), hint));
         }
