@@ -17,6 +17,7 @@ use super::bsdf::cosine_hemisphere;
 use super::frame::Frame;
 use super::photons::Targets;
 use super::sampler::{Sampler, Use};
+use super::world::End;
 use crate::error::{Error, Result};
 use crate::scene::{Emitter, EnvironmentEmitter, Scene};
 use area::AreaLight;
@@ -47,8 +48,8 @@ pub(super) struct Lights {
 pub(super) struct LightSample {
     /// Unit direction to the light.
     pub(super) towards: Vec3,
-    /// Distance to the light; infinite for environments and suns.
-    pub(super) distance: f32,
+    /// Where the way to it ends: off the light's own surface; beyond everything for environments and suns.
+    pub(super) end: End,
     /// Column of `T` that it belongs to.
     pub(super) column: u32,
     /// Radiance (or intensity over squared distance) over the density of this sample, choice of light included.
@@ -142,7 +143,7 @@ impl Lights {
                 let towards = frame.to_world(local);
                 let pdf = local.z * FRAC_1_PI;
                 let column = environment_column(light, towards);
-                LightSample { towards, distance: f32::INFINITY, column, weight: Vec3::splat(1.0 / pdf), pdf }
+                LightSample { towards, end: End::Beyond(towards), column, weight: Vec3::splat(1.0 / pdf), pdf }
             }
         };
         sample.column += first_column;
