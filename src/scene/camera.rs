@@ -109,7 +109,9 @@ impl Camera {
         let [direction, up] = [self.forward, self.up].map(|v| v.to_array());
         let (eye, degrees) = (origin::in_file(origin, self.eye).to_array(), self.vertical_fov_radians.to_degrees());
         let origin = origin::in_words(origin);
-        format!("{WORDS}{origin}eye = {eye:?}, direction = {direction:?}, up = {up:?}, vertical_fov_degrees = {degrees:?}")
+        format!(
+            "{WORDS}{origin}eye = {eye:?}, direction = {direction:?}, up = {up:?}, vertical_fov_degrees = {degrees:?}"
+        )
     }
 
     /// The camera whose words stand in a job's settings, of an image of this size, without a filter; none where there are

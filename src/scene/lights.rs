@@ -242,7 +242,7 @@ impl Lights<'_> {
 
     fn panel(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
         let name = entry.name.clone().unwrap_or_else(|| "panel".into());
-        let origin = self.local(entry.origin, "origin", place)?;
+        let origin = local(entry.origin, self.origin, "origin", place)?;
         let edge_u = direction(required(entry.edge_u, "edge_u", place)?, "edge_u", place)?;
         let edge_v = direction(required(entry.edge_v, "edge_v", place)?, "edge_v", place)?;
         let cosine = edge_u.normalize().dot(edge_v.normalize());
@@ -304,16 +304,6 @@ impl Lights<'_> {
         Ok(())
     }
 
-    /// A place of the file's coordinates, counted from the scene's origin.
-    fn local(&self, value: Option<[f64; 3]>, key: &str, place: &str) -> Result<Vec3> {
-        let whole = required(value, key, place)?;
-        let local = (DVec3::from(whole) - self.origin).as_vec3();
-        match local.is_finite() {
-            true => Ok(local),
-            false => Err(Error::input(place, format!("{key} {whole:?} is not finite"), "give finite numbers")),
-        }
-    }
-
     /// What the photometric file of an entry says.
     fn photometry(&self, entry: &LightEntry, place: &str) -> Result<Photometry> {
         let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
@@ -323,7 +313,8 @@ impl Lights<'_> {
     }
 
     fn point_like(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
-        let position = || self.local(entry.position, "position", place);
+        let origin = self.origin;
+        let position = || local(entry.position, origin, "position", place);
         let default_direction = [0.0, -1.0, 0.0];
         let axis = || Ok(direction(entry.direction.unwrap_or(default_direction), "direction", place)?.normalize());
         let mut emission = entry.emission.unwrap_or([1.0; 3]);
@@ -438,6 +429,16 @@ fn finite(value: f32, key: &str, place: &str) -> Result<f32> {
     match value.is_finite() {
         true => Ok(value),
         false => Err(Error::input(place, format!("{key} is not finite"), "give a finite number")),
+    }
+}
+
+/// A place of the file's coordinates, counted from the scene's origin.
+fn local(value: Option<[f64; 3]>, origin: DVec3, key: &str, place: &str) -> Result<Vec3> {
+    let whole = required(value, key, place)?;
+    let local = (DVec3::from(whole) - origin).as_vec3();
+    match local.is_finite() {
+        true => Ok(local),
+        false => Err(Error::input(place, format!("{key} {whole:?} is not finite"), "give finite numbers")),
     }
 }
 

@@ -248,7 +248,8 @@ fn stem(path: &Path) -> String {
 
 /// Makes materials and lights.
 fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
-    let Read { place, folders, name, geometry, origin, overrides, entries, camera, settings, metres_per_unit, .. } = read;
+    let Read { place, folders, name, geometry, origin, overrides, entries, camera, settings, metres_per_unit, .. } =
+        read;
     let textures = Textures::within(read.memory, folders.reach.clone());
     let mut workshop = Workshop { textures, warnings: read.warnings, overrides, folders, place };
     let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };

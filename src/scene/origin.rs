@@ -5,25 +5,33 @@
 
 use glam::{DVec3, Vec3};
 
-/// Along an axis on which the middle lies farther from zero than this, in units of half the largest side, a scene is moved. Nearer ones
-/// lose two bits at most.
+/// Along an axis on which the middle lies farther from zero than this, in units of half the largest side, a scene is moved, and then lies no
+/// farther. Three bits are lost there at most.
 const FAR: f64 = 8.0;
+
+/// Largest step of an origin, as a power of ten.
+const LARGEST_STEP: i32 = 300;
 
 /// How the origin stands in a job's settings, before the camera's words.
 const WORDS: &str = "origin = ";
 
-/// The origin of a scene that lies between two corners, axis by axis: 0 where it stands near zero. Else a multiple of a power of ten near its
-/// middle, so that what is moved by whole units of that keeps its digits.
+/// The origin of a scene that lies between two corners, axis by axis: 0 where it stands near zero. Else the roundest number near its middle, a
+/// multiple of the largest power of ten, so that a scene that was moved by a round number lies where it lay.
 pub(super) fn origin_between(low: DVec3, high: DVec3) -> DVec3 {
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low).max_element());
     if !(half.is_finite() && middle.is_finite() && half > 0.0) {
         return DVec3::ZERO;
     }
-    let step = 10f64.powf((FAR * half).log10().floor());
     let along = |middle: f64| {
-        // A step without a multiple near enough in f64 moves nothing.
-        let nearest = (middle / step).round() * step;
-        if middle.abs() > FAR * half && nearest.is_finite() { nearest } else { 0.0 }
+        let least = (FAR * half).log10().floor() as i32;
+        let multiple = |power: i32| {
+            // Whole powers are exact, and so are whole multiples of them as far as f64 goes.
+            let step = 10f64.powi(power.abs());
+            if power < 0 { (middle * step).round() / step } else { (middle / step).round() * step }
+        };
+        let near = |origin: &f64| (middle - origin).abs() <= FAR * half;
+        // The first multiple that is near may be 0.
+        (least..=LARGEST_STEP).rev().map(multiple).find(near).unwrap_or(0.0)
     };
     DVec3::from_array(middle.to_array().map(along))
 }
@@ -73,6 +81,7 @@ mod tests {
         assert_eq!(around([5.0, -7.9, 0.0], 1.0), [0.0; 3]);
         assert_eq!(around([691_000.237, 1.5, 5_335_000.137], 5.0), [691_000.0, 0.0, 5_335_000.0]);
         assert_eq!(around([-20.3, 1.5, 9.0], 1.0), [-20.0, 0.0, 9.0]);
+        assert_eq!(around([691_005.0, 691_050.3, 691_039.0], 5.0), [691_000.0, 691_050.0, 691_000.0]);
         assert_eq!(around([691_000_237.0, 0.0, 0.0], 5000.0), [691_000_000.0, 0.0, 0.0]);
         assert_eq!(around([0.5, 0.0, 0.0], 1e-3), [0.5, 0.0, 0.0]);
         assert_eq!(around([f64::INFINITY, 0.0, 0.0], 1.0), [0.0; 3]);

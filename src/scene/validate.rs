@@ -125,8 +125,7 @@ fn check_camera(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
     }
     if in_view.len() == (across * down) as usize && in_view.iter().all(|(distance, _)| *distance < 1e-3 * size) {
         let eye = in_file(scene.origin, camera.eye);
-        let problem =
-            format!("the camera at {eye} stands in a wall: all it sees is nearer than {}", 1e-3 * size);
+        let problem = format!("the camera at {eye} stands in a wall: all it sees is nearer than {}", 1e-3 * size);
         return Err(Error::input(place(scene), problem, "move the camera into the open"));
     }
     let around = seen((0..AROUND).map(on_sphere).collect());

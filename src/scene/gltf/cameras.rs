@@ -62,7 +62,14 @@ impl FileCamera {
     pub(in super::super) fn camera(&self, origin: DVec3) -> Result<Camera> {
         let width = (USUAL_HEIGHT as f32 * self.width_over_height).round().clamp(1.0, 16_384.0) as u32;
         let size = (width, USUAL_HEIGHT);
-        Camera::looking((self.eye - origin).as_vec3(), self.forward, self.up, self.vertical_fov_radians, size, PixelFilter::Box)
+        Camera::looking(
+            (self.eye - origin).as_vec3(),
+            self.forward,
+            self.up,
+            self.vertical_fov_radians,
+            size,
+            PixelFilter::Box,
+        )
     }
 }
 

@@ -97,8 +97,7 @@ fn intersect(packet: &Packet, ray: &Lanes, t_last: f32) -> (__m256, [__m256; 3],
     let (least, most) = (_mm256_min_ps(_mm256_min_ps(u, v), w), _mm256_max_ps(_mm256_max_ps(u, v), w));
     let inside = _mm256_or_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(least, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(most, zero));
     let normal = [load(&packet.normal[0]), load(&packet.normal[1]), load(&packet.normal[2])];
-    let t =
-        _mm256_div_ps(_mm256_sub_ps(load(&packet.height), dot(&normal, &ray.origin)), dot(&normal, &ray.direction));
+    let t = _mm256_div_ps(_mm256_sub_ps(load(&packet.height), dot(&normal, &ray.origin)), dot(&normal, &ray.direction));
     let between =
         _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(t, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(t, _mm256_set1_ps(t_last)));
     (t, [u, v, w], _mm256_movemask_ps(_mm256_and_ps(inside, between)) as u32)

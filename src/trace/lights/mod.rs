@@ -299,7 +299,17 @@ mod tests {
         let camera = Camera::looking(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0, (1, 1), PixelFilter::Box).unwrap();
         let (textures, emitters, metres_per_unit) = (Vec::new(), vec![emitter], 1.0);
         let name = "test".into();
-        Arc::new(Scene { name, origin: glam::DVec3::ZERO, mesh, materials, textures, camera, emitters, basis, metres_per_unit })
+        Arc::new(Scene {
+            name,
+            origin: glam::DVec3::ZERO,
+            mesh,
+            materials,
+            textures,
+            camera,
+            emitters,
+            basis,
+            metres_per_unit,
+        })
     }
 
     fn area(triangles: &[[Vec3; 3]], layout: AreaLayout, two_sided: bool) -> Arc<Scene> {

@@ -9,6 +9,9 @@ use ltm::scene::{LoadedScene, Paint, Scene as Loaded, Surface};
 use super::files::{Scene, quad, rendered};
 use super::mean;
 
+/// Places across a pixel that are looked at.
+const AROUND: u32 = 16;
+
 /// What the grey floor of these scenes reflects.
 const GREY: f64 = 0.5;
 
@@ -36,8 +39,8 @@ pub(super) fn irradiance(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 
     0.5 * edges.map(of).sum::<f64>()
 }
 
-/// The picture of a scene whose lamps light its grey surfaces straight and nothing hides them, at the middles of the pixels; black where the
-/// camera sees a lamp's back. Lamps must lie wholly above the surfaces.
+/// The picture of a scene whose lamps light its grey surfaces straight and nothing hides them, in the mean over places of each pixel; black where
+/// the camera sees a lamp's back. Lamps must lie wholly above the surfaces.
 pub(super) fn expected(scene: &Loaded) -> LinearImage {
     let corners = |t: &ltm::scene::Triangle| scene.mesh.corners(t).map(|corner| corner.as_dvec3());
     let (camera, triangles) = (&scene.camera, &scene.mesh.triangles);
@@ -46,22 +49,28 @@ pub(super) fn expected(scene: &Loaded) -> LinearImage {
         .filter_map(|t| Some((corners(t), scene.basis.lights()[t.emitter? as usize].emission[0])))
         .collect();
     let eye = camera.eye.as_dvec3();
-    let pixel = |at: u32| {
-        let middle = Vec2::new((at % camera.width) as f32 + 0.5, (at / camera.width) as f32 + 0.5);
-        let direction = camera.direction(middle).as_dvec3();
+    let seen = |at: Vec2| {
+        let direction = camera.direction(at).as_dvec3();
         let hits = triangles.iter().filter_map(|t| Some((meets(eye, direction, corners(t))?, t)));
-        let Some((distance, seen)) = hits.min_by(|a, b| a.0.total_cmp(&b.0)) else { return [0.0; 3] };
+        let Some((distance, seen)) = hits.min_by(|a, b| a.0.total_cmp(&b.0)) else { return 0.0 };
         let [a, b, c] = corners(seen);
         let normal = (b - a).cross(c - a).normalize();
         let normal = normal * -normal.dot(direction).signum();
         let Surface::Lambert { reflectance: Paint::Constant(reflectance) } =
             scene.materials[seen.material.0 as usize].surface
         else {
-            return [0.0; 3];
+            return 0.0;
         };
         let point = eye + direction * distance;
-        let lit = |(lamp, emission): &([DVec3; 3], f32)| irradiance(point, normal, lamp).max(0.0) * f64::from(*emission);
-        [(lamps.iter().map(lit).sum::<f64>() * f64::from(reflectance.x) / PI) as f32; 3]
+        let lit =
+            |(lamp, emission): &([DVec3; 3], f32)| irradiance(point, normal, lamp).max(0.0) * f64::from(*emission);
+        lamps.iter().map(lit).sum::<f64>() * f64::from(reflectance.x) / PI
+    };
+    let pixel = |at: u32| {
+        let corner = Vec2::new((at % camera.width) as f32, (at / camera.width) as f32);
+        let places = (0..AROUND * AROUND).map(|k| Vec2::new((k % AROUND) as f32, (k / AROUND) as f32) + 0.5);
+        let sum: f64 = places.map(|place| seen(corner + place / AROUND as f32)).sum();
+        [(sum / f64::from(AROUND * AROUND)) as f32; 3]
     };
     let pixels = (0..camera.width * camera.height).map(pixel).collect();
     LinearImage { width: camera.width, height: camera.height, pixels }
@@ -125,11 +134,16 @@ fn under(lamp: &Lamp, height: f64, cuts: u32, point: DVec3, (offset, scale): (DV
     let mut scene = Scene::new(offset);
     scene.scale = scale;
     scene.add("grey", &quad(DVec3::new(-0.5, 0.0, -0.5), DVec3::Z, DVec3::X, cuts));
-    let raised: Lamp = lamp.iter().map(|face| face.iter().map(|&corner| corner + height * DVec3::Y).collect()).collect();
+    let raised: Lamp =
+        lamp.iter().map(|face| face.iter().map(|&corner| corner + height * DVec3::Y).collect()).collect();
     scene.add("lamp", &raised);
-    let near = 0.4 * height.min(1.0);
-    let eye = point + near * DVec3::new(0.6, 1.0, 0.3);
-    (scene.load((eye, point), 0.05, 8, ""), raised)
+    (scene.load((near(point, height), point), 0.002, 8, ""), raised)
+}
+
+/// An eye below a lamp at a height that looks at a point, not so near that it would stand in a wall.
+fn near(point: DVec3, height: f64) -> DVec3 {
+    let aside = 0.01 * height.max(1.0);
+    point + DVec3::new(0.8 * aside, (0.4 * height).min(aside), 0.6 * aside)
 }
 
 /// At distances of a thousandth to a thousand times the surface's size, under the lamp and aside, on one quad and on 256.
@@ -178,9 +192,11 @@ pub(super) fn needles() {
         faces.map(|face| face.into_iter().map(|corner| corner + from).collect()).collect()
     };
     let tilt = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 1.1, -0.7);
-    for (turn, offset) in
-        [(glam::DQuat::IDENTITY, DVec3::ZERO), (tilt, DVec3::new(2.0, 3.0, -1.0)), (tilt, DVec3::new(691_000.0, 0.0, 5e6))]
-    {
+    for (turn, offset) in [
+        (glam::DQuat::IDENTITY, DVec3::ZERO),
+        (tilt, DVec3::new(2.0, 3.0, -1.0)),
+        (tilt, DVec3::new(691_000.0, 0.0, 5e6)),
+    ] {
         for height in [1e-3, 0.05, 1.0] {
             let turned = |faces: Vec<Vec<DVec3>>| -> Lamp {
                 faces.into_iter().map(|face| face.into_iter().map(|corner| turn * corner).collect()).collect()
@@ -190,13 +206,13 @@ pub(super) fn needles() {
             let mut scene = Scene::new(offset);
             scene.add("grey", &turned(floor(at(-0.5, -0.5))));
             scene.add("lamp", &turned(lamp.clone()));
-            let eye = point + 0.4 * height * DVec3::new(0.6, 1.0, 0.3);
-            let seen = scene.load((turn * eye, turn * point), 0.05, 8, "");
+            let view = (turn * near(point, height), turn * point);
+            let seen = scene.load(view, 0.002, 8, "");
             let found = share(&seen, &lamp, point, 128);
             assert!((found - 1.0).abs() < 0.02, "{offset}, height {height}: {found}");
             // The same needles between lamp and floor.
             scene.add("black", &turned(floor(at(-0.5, -0.5) + 0.7 * height * DVec3::Y)));
-            let dark = mean(&rendered(&scene.load((turn * eye, turn * point), 0.05, 8, ""), 64, 2));
+            let dark = mean(&rendered(&scene.load(view, 0.002, 8, ""), 64, 2));
             assert_eq!(dark, 0.0, "{offset}, height {height}");
         }
     }
@@ -216,8 +232,7 @@ pub(super) fn panels() {
                 faces = [0, -1, 0]\ntexels = [4, 1]\n",
                 scene.place(corner)
             );
-            let eye = point + 0.4 * height * DVec3::new(0.6, 1.0, 0.3);
-            let found = share(&scene.load((eye, point), 0.05, 8, &more), &lamp, point, 128);
+            let found = share(&scene.load((near(point, height), point), 0.002, 8, &more), &lamp, point, 128);
             assert!((found - 1.0).abs() < 0.02, "{place:?}, height {height}: {found}");
         }
     }

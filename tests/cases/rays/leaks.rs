@@ -63,7 +63,8 @@ pub(super) fn thin_slabs() {
             scene.add("grey", &square(0.0, true));
             scene.add("grey", &square(0.01, false));
             scene.add("grey", &square(0.01 + thin, true));
-            let lamp = vec![[(-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)].map(|(x, z)| DVec3::new(x, 0.5, z)).to_vec()];
+            let lamp =
+                vec![[(-0.2, -0.2), (0.2, -0.2), (0.2, 0.2), (-0.2, 0.2)].map(|(x, z)| DVec3::new(x, 0.5, z)).to_vec()];
             scene.add("lamp", &turned(turn, lamp.clone()));
             let below = DVec3::new(0.1, 0.0, 0.2);
             let view = |point: DVec3, near: f64| (turn * (point + near * DVec3::new(0.6, 1.0, 0.3)), turn * point);
