@@ -3,7 +3,6 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec2};
-use ltm::image::LinearImage;
 use ltm::scene::{LoadedScene, Paint, Scene as Loaded, Surface};
 
 use super::files::{Scene, quad, rendered};
@@ -39,9 +38,9 @@ pub(super) fn irradiance(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 
     0.5 * edges.map(of).sum::<f64>()
 }
 
-/// The picture of a scene whose lamps light its grey surfaces straight and nothing hides them, in the mean over places of each pixel; black where
-/// the camera sees a lamp's back. Lamps must lie wholly above the surfaces.
-pub(super) fn expected(scene: &Loaded) -> LinearImage {
+/// The picture of a scene whose lamps light its grey surfaces straight and nothing hides them, in the mean over places of each pixel; none
+/// where the camera sees something else in a part of it. Lamps must lie wholly above the surfaces.
+pub(super) fn expected(scene: &Loaded) -> Vec<Option<f64>> {
     let corners = |t: &ltm::scene::Triangle| scene.mesh.corners(t).map(|corner| corner.as_dvec3());
     let (camera, triangles) = (&scene.camera, &scene.mesh.triangles);
     let lamps: Vec<_> = triangles
@@ -52,28 +51,30 @@ pub(super) fn expected(scene: &Loaded) -> LinearImage {
     let seen = |at: Vec2| {
         let direction = camera.direction(at).as_dvec3();
         let hits = triangles.iter().filter_map(|t| Some((meets(eye, direction, corners(t))?, t)));
-        let Some((distance, seen)) = hits.min_by(|a, b| a.0.total_cmp(&b.0)) else { return 0.0 };
+        let (distance, seen) = hits.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let [a, b, c] = corners(seen);
         let normal = (b - a).cross(c - a).normalize();
         let normal = normal * -normal.dot(direction).signum();
         let Surface::Lambert { reflectance: Paint::Constant(reflectance) } =
             scene.materials[seen.material.0 as usize].surface
         else {
-            return 0.0;
+            return None;
         };
+        if reflectance.x == 0.0 {
+            return None;
+        }
         let point = eye + direction * distance;
         let lit =
             |(lamp, emission): &([DVec3; 3], f32)| irradiance(point, normal, lamp).max(0.0) * f64::from(*emission);
-        lamps.iter().map(lit).sum::<f64>() * f64::from(reflectance.x) / PI
+        Some(lamps.iter().map(lit).sum::<f64>() * f64::from(reflectance.x) / PI)
     };
     let pixel = |at: u32| {
         let corner = Vec2::new((at % camera.width) as f32, (at / camera.width) as f32);
         let places = (0..AROUND * AROUND).map(|k| Vec2::new((k % AROUND) as f32, (k / AROUND) as f32) + 0.5);
-        let sum: f64 = places.map(|place| seen(corner + place / AROUND as f32)).sum();
-        [(sum / f64::from(AROUND * AROUND)) as f32; 3]
+        let sum: Option<f64> = places.map(|place| seen(corner + place / AROUND as f32)).sum();
+        Some(sum? / f64::from(AROUND * AROUND))
     };
-    let pixels = (0..camera.width * camera.height).map(pixel).collect();
-    LinearImage { width: camera.width, height: camera.height, pixels }
+    (0..camera.width * camera.height).map(pixel).collect()
 }
 
 /// Distance to a triangle along a ray (Möller and Trumbore 1997).
