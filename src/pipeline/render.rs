@@ -65,7 +65,7 @@ pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
             settings.samples_per_pixel,
             settings.max_depth,
             settings.seed,
-            scene.camera.in_words()
+            scene.camera.in_words(scene.origin)
         ),
         metres_per_unit: scene.metres_per_unit,
     };

@@ -1,6 +1,6 @@
 //! Scenes that need no file: small rooms in the manner of Cornell's, one for each kind of light transport.
 
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
 use super::assembly::{Assembly, Panel};
 use super::{Camera, LoadedScene, MaterialId, Paint, PixelFilter, RenderSettings, Scene, Surface, shapes};
@@ -127,8 +127,17 @@ impl BuiltIn {
         let size = (self.width, self.height);
         let camera = Camera::looking(eye, look_at - eye, Vec3::Y, fov_degrees.to_radians(), size, PixelFilter::Box)?;
         let Assembly { mesh, materials, textures, emitters, basis } = assembly;
-        let scene =
-            Scene { name: name.into(), mesh, materials, textures, camera, emitters, basis, metres_per_unit: 1.0 };
+        let scene = Scene {
+            name: name.into(),
+            origin: DVec3::ZERO,
+            mesh,
+            materials,
+            textures,
+            camera,
+            emitters,
+            basis,
+            metres_per_unit: 1.0,
+        };
         Ok(LoadedScene::new(scene, RenderSettings::default(), Vec::new()))
     }
 

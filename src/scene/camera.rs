@@ -1,6 +1,8 @@
 //! A pinhole camera.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
+
+use super::origin;
 
 use crate::error::{Error, Result};
 
@@ -102,15 +104,19 @@ impl Camera {
         Some(Vec2::new(0.5 * self.width as f32 + x, 0.5 * self.height as f32 - y))
     }
 
-    /// The camera as a job's settings state it, in the keys of a scene file.
-    pub fn in_words(&self) -> String {
-        let [eye, direction, up] = [self.eye, self.forward, self.up].map(|v| v.to_array());
-        let degrees = self.vertical_fov_radians.to_degrees();
-        format!("{WORDS}eye = {eye:?}, direction = {direction:?}, up = {up:?}, vertical_fov_degrees = {degrees:?}")
+    /// The camera of a scene with this origin as a job's settings state it, in the keys and coordinates of its file.
+    pub fn in_words(&self, origin: DVec3) -> String {
+        let [direction, up] = [self.forward, self.up].map(|v| v.to_array());
+        let (eye, degrees) = (origin::in_file(origin, self.eye).to_array(), self.vertical_fov_radians.to_degrees());
+        let origin = origin::in_words(origin);
+        format!(
+            "{WORDS}{origin}eye = {eye:?}, direction = {direction:?}, up = {up:?}, vertical_fov_degrees = {degrees:?}"
+        )
     }
 
     /// The camera whose words stand in a job's settings, of an image of this size, without a filter; none where there are
-    /// none, or where the matrix is a part of what was rendered.
+    /// none, or where the matrix is a part of what was rendered. Its eye is counted from the origin that they state, as the lights'
+    /// places are ([`stated_origin`](super::stated_origin)).
     pub fn of_words(settings: &str, size: (u32, u32)) -> Option<Self> {
         let words = settings.split_once(WORDS)?.1;
         if words.contains(';') {
@@ -119,12 +125,13 @@ impl Camera {
         let after = |key: &str| words.split_once(key)?.1.strip_prefix(" = ");
         let vector = |key: &str| {
             let inside = after(key)?.strip_prefix('[')?.split_once(']')?.0;
-            let mut numbers = inside.split(',').map(|number| number.trim().parse::<f32>());
-            let vector = Vec3::new(numbers.next()?.ok()?, numbers.next()?.ok()?, numbers.next()?.ok()?);
+            let mut numbers = inside.split(',').map(|number| number.trim().parse::<f64>());
+            let vector = DVec3::new(numbers.next()?.ok()?, numbers.next()?.ok()?, numbers.next()?.ok()?);
             numbers.next().is_none().then_some(vector)
         };
         let degrees: f32 = after("vertical_fov_degrees")?.trim().parse().ok()?;
-        let (eye, direction, up) = (vector("eye")?, vector("direction")?, vector("up")?);
+        let (eye, direction, up) = (vector("eye")?, vector("direction")?.as_vec3(), vector("up")?.as_vec3());
+        let eye = (eye - origin::stated_origin(words)).as_vec3();
         Self::looking(eye, direction, up, degrees.to_radians(), size, PixelFilter::Box).ok()
     }
 }
@@ -154,12 +161,15 @@ mod tests {
     #[test]
     fn a_camera_survives_its_words_and_nothing_else_is_one() {
         let camera = camera();
-        let words = format!("64 samples per pixel, depth 8, seed 1; {}", camera.in_words());
+        let words = format!("64 samples per pixel, depth 8, seed 1; {}", camera.in_words(DVec3::ZERO));
         let found = Camera::of_words(&words, (640, 480)).unwrap();
         assert_eq!(found.eye, camera.eye);
         // Two normalisations and two changes of unit round.
         assert!((found.forward - camera.forward).length() < 1e-6 && (found.up - camera.up).length() < 1e-6);
         assert!((found.vertical_fov_radians - camera.vertical_fov_radians).abs() < 1e-6);
+        let origin = DVec3::new(691_000.0, 0.0, -5_335_000.0);
+        let moved = Camera::of_words(&camera.in_words(origin), (640, 480)).unwrap();
+        assert_eq!((moved.eye, moved.forward), (camera.eye, found.forward));
         for other in ["", "64 samples per pixel, depth 8, seed 1", "camera: eye = [1, 2], direction = [0, 0, 1]"] {
             assert_eq!(Camera::of_words(other, (640, 480)), None, "{other}");
         }

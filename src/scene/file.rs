@@ -32,8 +32,8 @@ pub(super) struct SceneFile {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraEntry {
-    pub(super) eye: [f32; 3],
-    pub(super) look_at: Option<[f32; 3]>,
+    pub(super) eye: [f64; 3],
+    pub(super) look_at: Option<[f64; 3]>,
     pub(super) direction: Option<[f32; 3]>,
     pub(super) up: Option<[f32; 3]>,
     pub(super) vertical_fov_degrees: Option<f32>,
@@ -105,11 +105,11 @@ pub(super) struct LightEntry {
     pub(super) texels: Option<[u32; 2]>,
     pub(super) side: Option<SideEntry>,
     pub(super) replaces: Option<String>,
-    pub(super) origin: Option<[f32; 3]>,
+    pub(super) origin: Option<[f64; 3]>,
     pub(super) edge_u: Option<[f32; 3]>,
     pub(super) edge_v: Option<[f32; 3]>,
     pub(super) faces: Option<[f32; 3]>,
-    pub(super) position: Option<[f32; 3]>,
+    pub(super) position: Option<[f64; 3]>,
     pub(super) direction: Option<[f32; 3]>,
     pub(super) inner_degrees: Option<f32>,
     pub(super) outer_degrees: Option<f32>,

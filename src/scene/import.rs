@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::folders::Folders;
 use super::gltf::{FileExtras, GltfMaterial, is_gltf, read as read_gltf};
@@ -12,6 +12,7 @@ use super::memory::Memory;
 use super::mtl::{self, MtlMaterial};
 use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
+use super::origin::origin_between;
 use super::textures::find_as_elsewhere;
 use super::{MaterialId, Mesh, Triangle, Vertex};
 use crate::error::{Error, Result};
@@ -29,6 +30,8 @@ const MOST_GUESSES: usize = 10_000;
 #[derive(Debug, Default)]
 pub(super) struct Geometry {
     pub(super) mesh: Mesh,
+    /// What f32 leaves of each vertex's position.
+    residuals: Vec<Vec3>,
     /// What [`MaterialId`]s mean.
     pub(super) materials: Vec<SourceMaterial>,
     /// Object names.
@@ -110,7 +113,35 @@ impl Geometry {
         let Mesh { vertices, triangles } = &self.mesh;
         (vertices.capacity() * size_of::<Vertex>()
             + triangles.capacity() * size_of::<Triangle>()
+            + self.residuals.capacity() * size_of::<Vec3>()
             + self.object_of.capacity() * 4) as u64
+    }
+
+    /// Chooses the scene's origin, and moves all geometry that has been read so that it lies there. Triangles that have no area left once
+    /// their corners are rounded are left out.
+    pub(super) fn settle(&mut self, place: &str, warnings: &mut Vec<String>) -> DVec3 {
+        let (low, high) = self.mesh.bounds();
+        let origin = origin_between(low.as_dvec3(), high.as_dvec3());
+        let residuals = std::mem::take(&mut self.residuals);
+        if origin != DVec3::ZERO {
+            for (vertex, residual) in self.mesh.vertices.iter_mut().zip(residuals) {
+                let whole = vertex.position.as_dvec3() + residual.as_dvec3();
+                vertex.position = (whole - origin).as_vec3();
+            }
+        }
+        let vertices = std::mem::take(&mut self.mesh.vertices);
+        let before = self.mesh.triangles.len();
+        self.retain(|triangle| {
+            let [a, b, c] = triangle.vertices.map(|vertex| vertices[vertex as usize].position);
+            let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+            (b - a).cross(c - a).length() > THINNEST * longest
+        });
+        self.mesh.vertices = vertices;
+        let left_out = before - self.mesh.triangles.len();
+        if left_out > 0 {
+            warnings.push(format!("{place}: {left_out} triangles too small for where they stand were left out"));
+        }
+        origin
     }
 
     /// Leaves out the triangles for which `keep` says no.
@@ -179,19 +210,20 @@ impl Geometry {
     ) {
         let first = self.mesh.vertices.len() as u32;
         self.mesh.vertices.extend(part.vertices());
+        self.residuals.extend(part.positions.iter().map(|p| (p - p.as_vec3().as_dvec3()).as_vec3()));
         let object = self.objects.position(object);
         for indices in &part.triangles {
             let [a, b, c] = indices.map(|i| part.positions[i as usize]);
             let normal = (b - a).cross(c - a);
             let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-            if normal.length().partial_cmp(&(THINNEST * longest)) != Some(std::cmp::Ordering::Greater) {
+            if normal.length().partial_cmp(&(f64::from(THINNEST) * longest)) != Some(std::cmp::Ordering::Greater) {
                 *degenerate += 1;
                 continue;
             }
             let mut vertices = indices.map(|i| i + first);
             // Glass and lamps ask which side is the front; normals are stated on purpose, winding often by accident.
             let stated: Vec3 = vertices.iter().map(|&v| self.mesh.vertices[v as usize].normal).sum();
-            if stated.dot(normal) < 0.0 {
+            if stated.as_dvec3().dot(normal) < 0.0 {
                 vertices.swap(1, 2);
                 *turned += 1;
             }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::Path;
 
-use glam::{Mat3, Quat, Vec3};
+use glam::{DVec3, Mat3, Quat, Vec3};
 
 use super::assembly::{Assembly, Panel};
 use super::file::{LightEntry, LightEntryKind, Luminaire, MappingEntry, SideEntry};
@@ -35,6 +35,8 @@ pub(super) struct Lights<'a> {
     /// Index into `objects` for every triangle.
     pub(super) object_of: &'a [u32],
     pub(super) folders: &'a Folders,
+    /// From which the scene's places are counted.
+    pub(super) origin: DVec3,
     /// Weights that differ from their light's emission: first column, weights.
     pub(super) weights: Vec<(u32, Vec<[f32; 3]>)>,
     /// What is left for environment maps and photometric files while they are read.
@@ -240,7 +242,7 @@ impl Lights<'_> {
 
     fn panel(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
         let name = entry.name.clone().unwrap_or_else(|| "panel".into());
-        let origin = point(required(entry.origin, "origin", place)?, "origin", place)?;
+        let origin = local(entry.origin, self.origin, "origin", place)?;
         let edge_u = direction(required(entry.edge_u, "edge_u", place)?, "edge_u", place)?;
         let edge_v = direction(required(entry.edge_v, "edge_v", place)?, "edge_v", place)?;
         let cosine = edge_u.normalize().dot(edge_v.normalize());
@@ -311,7 +313,8 @@ impl Lights<'_> {
     }
 
     fn point_like(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
-        let position = || point(required(entry.position, "position", place)?, "position", place);
+        let origin = self.origin;
+        let position = || local(entry.position, origin, "position", place);
         let default_direction = [0.0, -1.0, 0.0];
         let axis = || Ok(direction(entry.direction.unwrap_or(default_direction), "direction", place)?.normalize());
         let mut emission = entry.emission.unwrap_or([1.0; 3]);
@@ -426,6 +429,16 @@ fn finite(value: f32, key: &str, place: &str) -> Result<f32> {
     match value.is_finite() {
         true => Ok(value),
         false => Err(Error::input(place, format!("{key} is not finite"), "give a finite number")),
+    }
+}
+
+/// A place of the file's coordinates, counted from the scene's origin.
+fn local(value: Option<[f64; 3]>, origin: DVec3, key: &str, place: &str) -> Result<Vec3> {
+    let whole = required(value, key, place)?;
+    let local = (DVec3::from(whole) - origin).as_vec3();
+    match local.is_finite() {
+        true => Ok(local),
+        false => Err(Error::input(place, format!("{key} {whole:?} is not finite"), "give finite numbers")),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::assembly::Assembly;
 use super::file::{self, CameraEntry, FilterEntry, LightEntry, LightEntryKind, MaterialEntry, RenderEntry, SceneFile};
@@ -107,6 +107,8 @@ struct Read<'a> {
     folders: &'a Folders,
     name: String,
     geometry: Geometry,
+    /// The scene's, from which the geometry and the camera are counted.
+    origin: DVec3,
     overrides: &'a [MaterialEntry],
     entries: &'a [LightEntry],
     camera: Camera,
@@ -131,7 +133,6 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<U
         file::parse(path, &text)?;
     let folders = Folders::of(path, options.allow_outside);
     let settings = settings(&render, &place)?;
-    let camera = self::camera(&camera, &place)?;
     let metres_per_unit = metres_per_unit.unwrap_or(0.0);
     if !(metres_per_unit >= 0.0 && metres_per_unit.is_finite()) {
         return Err(Error::input(place, "metres_per_unit is not a length", "give a number above 0, or leave it out"));
@@ -146,6 +147,8 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<U
             warnings.push(format!("{name}: {count} lamps of the file are not used; state them as [[light]] entries"));
         }
     }
+    let origin = geometry.settle(&place, &mut warnings);
+    let camera = self::camera(&camera, origin, &place)?;
     for (index, entry) in entries.iter().enumerate() {
         replace(entry, &mut geometry, &light_place(&place, index, entry))?;
     }
@@ -155,6 +158,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<U
             folders: &folders,
             name: name.unwrap_or_else(|| stem(path)),
             geometry,
+            origin,
             overrides: &overrides,
             entries: &entries,
             camera,
@@ -178,13 +182,15 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<U
         return Err(Error::input(place, "has no triangles", "give a file with meshes of triangles"));
     }
     let cameras = extras.cameras.iter().map(|camera| camera.name.clone()).collect();
-    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, &place, &mut warnings)?;
+    let origin = geometry.settle(&place, &mut warnings);
+    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), (&geometry, origin), &place, &mut warnings)?;
     let made = build(
         Read {
             place: &place,
             folders: &folders,
             name: stem(path),
             geometry,
+            origin,
             overrides: &[],
             entries: &extras.lamps,
             camera,
@@ -203,7 +209,7 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<U
 fn choose_camera(
     cameras: &[FileCamera],
     name: Option<&str>,
-    geometry: &Geometry,
+    (geometry, origin): (&Geometry, DVec3),
     place: &str,
     warnings: &mut Vec<String>,
 ) -> Result<Camera> {
@@ -230,7 +236,7 @@ fn choose_camera(
         let count = cameras.len();
         warnings.push(format!("{place}: camera '{}' of {count} is used ({}); --camera chooses", chosen.name, list()));
     }
-    chosen.camera().map_err(|error| match error {
+    chosen.camera(origin).map_err(|error| match error {
         Error::Input { problem, hint, .. } => Error::input(format!("{place}, camera '{}'", chosen.name), problem, hint),
         other => other,
     })
@@ -242,7 +248,8 @@ fn stem(path: &Path) -> String {
 
 /// Makes materials and lights.
 fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
-    let Read { place, folders, name, geometry, overrides, entries, camera, settings, metres_per_unit, .. } = read;
+    let Read { place, folders, name, geometry, origin, overrides, entries, camera, settings, metres_per_unit, .. } =
+        read;
     let textures = Textures::within(read.memory, folders.reach.clone());
     let mut workshop = Workshop { textures, warnings: read.warnings, overrides, folders, place };
     let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };
@@ -272,6 +279,7 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
         objects: geometry.objects.as_slice(),
         object_of: &geometry.object_of,
         folders,
+        origin,
         weights: Vec::new(),
         memory,
     };
@@ -291,7 +299,7 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     for (first, weights) in weights {
         basis.set_scene_weights(first, weights)?;
     }
-    let scene = Scene { name, mesh, materials, textures, camera, emitters, basis, metres_per_unit };
+    let scene = Scene { name, origin, mesh, materials, textures, camera, emitters, basis, metres_per_unit };
     Ok(Unchecked { scene, settings, cameras: Vec::new(), warnings })
 }
 
@@ -353,11 +361,11 @@ fn settings(entry: &RenderEntry, place: &str) -> Result<RenderSettings> {
     })
 }
 
-fn camera(entry: &CameraEntry, place: &str) -> Result<Camera> {
+fn camera(entry: &CameraEntry, origin: DVec3, place: &str) -> Result<Camera> {
     let place = format!("{place}, [camera]");
-    let eye = Vec3::from(entry.eye);
+    let eye = DVec3::from(entry.eye);
     let direction = match (entry.look_at, entry.direction) {
-        (Some(at), None) => Vec3::from(at) - eye,
+        (Some(at), None) => (DVec3::from(at) - eye).as_vec3(),
         (None, Some(direction)) => direction.into(),
         (None, None) => return Err(Error::input(place, "says not where it looks", "give look_at or direction")),
         (Some(_), Some(_)) => {
@@ -379,7 +387,7 @@ fn camera(entry: &CameraEntry, place: &str) -> Result<Camera> {
     };
     let up = entry.up.map_or(Vec3::Y, Vec3::from);
     let fov = entry.vertical_fov_degrees.unwrap_or(45.0).to_radians();
-    Camera::looking(eye, direction, up, fov, size, filter).map_err(|error| match error {
+    Camera::looking((eye - origin).as_vec3(), direction, up, fov, size, filter).map_err(|error| match error {
         Error::Input { problem, hint, .. } => Error::input(place, problem, hint),
         other => other,
     })

@@ -73,7 +73,7 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
         hash.update(bytes);
     };
     part(b"ltm scene 1");
-    let Scene { name: _, mesh, materials, textures, camera, emitters, basis: _, metres_per_unit: _ } = scene;
+    let Scene { name: _, origin: _, mesh, materials, textures, camera, emitters, basis: _, metres_per_unit: _ } = scene;
     part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.position).collect::<Vec<_>>()));
     part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.normal).collect::<Vec<_>>()));
     part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.uv).collect::<Vec<_>>()));

@@ -23,6 +23,7 @@ mod mesh;
 mod mtl;
 mod names;
 mod obj;
+mod origin;
 mod photometry;
 mod rectangle;
 mod shapes;
@@ -38,8 +39,11 @@ pub use loaded::{LoadedScene, RenderSettings, content_hash};
 pub use material::{Material, Paint, Surface, Texture, TextureId};
 pub(crate) use mesh::bounds;
 pub use mesh::{MaterialId, Mesh, Triangle, Vertex};
+pub use origin::{in_file, stated_origin};
 pub use survey::{Survey, survey};
 pub use validate::validate;
+
+use glam::DVec3;
 
 use crate::light::LightBasis;
 
@@ -48,6 +52,8 @@ use crate::light::LightBasis;
 pub struct Scene {
     /// Name, for people.
     pub name: String,
+    /// Where the zero of everything here lies in the file's coordinates: zero, but for scenes that stand far away for their size.
+    pub origin: DVec3,
     /// All geometry, in world space.
     pub mesh: Mesh,
     /// Materials, indexed by [`MaterialId`].
@@ -58,7 +64,7 @@ pub struct Scene {
     pub camera: Camera,
     /// One emitter for each light of the basis, in the same order.
     pub emitters: Vec<Emitter>,
-    /// Which column is which light.
+    /// Which column is which light. Places count from the origin.
     pub basis: LightBasis,
     /// Metres per scene unit, 0 where unknown.
     pub metres_per_unit: f32,

@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use std::io::{BufRead, Read};
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::Vertex;
 use super::memory::Memory;
@@ -27,7 +27,7 @@ pub(super) struct ObjPart {
     pub(super) object: usize,
     /// Index into [`ObjFile::materials`].
     pub(super) material: usize,
-    pub(super) positions: Vec<Vec3>,
+    pub(super) positions: Vec<DVec3>,
     /// One a vertex, or none at all.
     pub(super) normals: Vec<Vec3>,
     /// One a vertex, or none at all.
@@ -36,10 +36,10 @@ pub(super) struct ObjPart {
 }
 
 impl ObjPart {
-    /// Its vertices, with zeros where it has no normals or texture coordinates.
+    /// Its vertices, with zeros where it has no normals or texture coordinates, and positions in f32.
     pub(super) fn vertices(&self) -> impl Iterator<Item = Vertex> + '_ {
-        self.positions.iter().enumerate().map(|(at, &position)| Vertex {
-            position,
+        self.positions.iter().enumerate().map(|(at, position)| Vertex {
+            position: position.as_vec3(),
             normal: self.normals.get(at).copied().unwrap_or_default(),
             uv: self.uvs.get(at).copied().unwrap_or_default(),
         })
@@ -55,7 +55,7 @@ pub(super) struct ObjFile {
     pub(super) materials: NameList,
     /// Names of its objects, the empty one for faces without.
     pub(super) objects: NameList,
-    positions: Vec<Vec3>,
+    positions: Vec<DVec3>,
     uvs: Vec<Vec2>,
     normals: Vec<Vec3>,
     /// Corners of all faces: places in the three streams, 0 where a group has no such stream.
@@ -120,7 +120,7 @@ fn at_line(path: &Path, line: usize, problem: String) -> Error {
 impl ObjFile {
     /// Bytes that it holds.
     pub(super) fn bytes(&self) -> u64 {
-        let streams = (self.positions.capacity() + self.normals.capacity() + self.corners.capacity()) * 12;
+        let streams = (2 * self.positions.capacity() + self.normals.capacity() + self.corners.capacity()) * 12;
         let faces = self.arities.capacity() * 4 + self.groups.capacity() * size_of::<Group>();
         let names: usize = self.libraries.iter().map(|name| name.len() + size_of::<String>()).sum();
         (streams + self.uvs.capacity() * 8 + faces + names) as u64 + self.materials.bytes() + self.objects.bytes()
@@ -218,9 +218,9 @@ impl Parser {
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let rest = rest.trim();
         match key {
-            "v" => self.file.positions.push(Vec3::from_array(numbers("v", rest)?)),
-            "vn" => self.file.normals.push(Vec3::from_array(numbers("vn", rest)?)),
-            "vt" => self.file.uvs.push(Vec2::from_array(numbers("vt", rest)?)),
+            "v" => self.file.positions.push(DVec3::from_array(numbers("v", rest)?)),
+            "vn" => self.file.normals.push(DVec3::from_array(numbers("vn", rest)?).as_vec3()),
+            "vt" => self.file.uvs.push(DVec2::from_array(numbers("vt", rest)?).as_vec2()),
             "f" => self.face(rest)?,
             "o" | "g" => {
                 self.object = self.file.objects.position(rest);
@@ -294,9 +294,9 @@ impl Parser {
 }
 
 /// The first `N` numbers of a statement. A texture coordinate of one number lies on the line v = 0.
-fn numbers<const N: usize>(key: &str, rest: &str) -> Result<[f32; N], String> {
+fn numbers<const N: usize>(key: &str, rest: &str) -> Result<[f64; N], String> {
     let mut words = rest.split_whitespace();
-    let mut numbers = [0.0f32; N];
+    let mut numbers = [0.0f64; N];
     for (i, number) in numbers.iter_mut().enumerate() {
         let Some(word) = words.next() else {
             if key == "vt" && i == 1 {
@@ -305,7 +305,7 @@ fn numbers<const N: usize>(key: &str, rest: &str) -> Result<[f32; N], String> {
             return Err(format!("the statement '{key}' has fewer than {N} numbers"));
         };
         *number = word.parse().map_err(|_| format!("number {} of the statement '{key}' is none", i + 1))?;
-        if !number.is_finite() {
+        if !(*number as f32).is_finite() {
             return Err(format!("number {} of the statement '{key}' is not finite", i + 1));
         }
     }
@@ -336,7 +336,7 @@ mod tests {
         let part = &parts[0];
         assert_eq!(file.objects.as_slice()[part.object], "quad");
         assert_eq!((part.triangles.len(), part.positions.len()), (3, 4));
-        assert_eq!(part.positions[part.triangles[1][2] as usize], Vec3::Y);
+        assert_eq!(part.positions[part.triangles[1][2] as usize], DVec3::Y);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Emitter, Scene};
+use super::{Emitter, Scene, in_file};
 use crate::error::{Error, Result};
 
 /// Rays across and down the image that look for something to see.
@@ -114,8 +114,9 @@ fn check_camera(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
     let (low, high) = scene.mesh.bounds();
     let size = (high - low).length();
     if in_view.is_empty() {
+        let [eye, low, high] = [camera.eye, low, high].map(|place| in_file(scene.origin, place));
         let environment = scene.emitters.iter().any(|e| matches!(e, Emitter::Environment(_)));
-        let problem = format!("the camera at {} sees nothing of the geometry, which spans {low} to {high}", camera.eye);
+        let problem = format!("the camera at {eye} sees nothing of the geometry, which spans {low} to {high}");
         if !environment {
             return Err(Error::input(place(scene), problem, "move the camera or turn it"));
         }
@@ -123,8 +124,8 @@ fn check_camera(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
         return Ok(());
     }
     if in_view.len() == (across * down) as usize && in_view.iter().all(|(distance, _)| *distance < 1e-3 * size) {
-        let problem =
-            format!("the camera at {} stands in a wall: all it sees is nearer than {}", camera.eye, 1e-3 * size);
+        let eye = in_file(scene.origin, camera.eye);
+        let problem = format!("the camera at {eye} stands in a wall: all it sees is nearer than {}", 1e-3 * size);
         return Err(Error::input(place(scene), problem, "move the camera into the open"));
     }
     let around = seen((0..AROUND).map(on_sphere).collect());

@@ -413,14 +413,7 @@ impl Vertex {
         if value == Vec3::ZERO {
             return;
         }
-        let start = self.point.start(light.towards);
-        // The end stays clear of the light itself by the same relative measure as the start.
-        let reach = if light.distance.is_finite() {
-            light.distance * (1.0 - 1e-4) - start.distance(self.point.position)
-        } else {
-            light.distance
-        };
-        let kept = world.transmittance(start, light.towards, reach, &mut record.cost.rays);
+        let kept = world.transmittance(self.point.start(light.towards), light.end, &mut record.cost.rays);
         if kept != Vec3::ZERO {
             let weight = power_heuristic(count as f32 * light.pdf, pdf);
             let weight = if light.pdf > 0.0 { weight } else { 1.0 };

@@ -29,4 +29,4 @@ pub use tracer::{BlockStats, TraceSettings, Tracer};
 
 /// Version of what the tracer makes of a scene, which every matrix names: to be raised with every change of an entry, so that
 /// blocks of two versions are never mixed in one matrix.
-pub const TRACER_VERSION: u32 = 12;
+pub const TRACER_VERSION: u32 = 13;

@@ -17,9 +17,24 @@ pub(super) const MAX_PASSES: u32 = 256;
 /// A surface is not there where the map that cuts it out is below this.
 pub(super) const CUT_OUT: f32 = 0.5;
 
-/// How far new rays start off a surface, in units of the size of its coordinates: some hundred roundings of f32, which
-/// covers the errors of the hit point (a few) and of the intersection with its neighbours.
-pub(super) const OFFSET: f32 = 1.0e-5;
+/// Half the distance between 1 and the next f32: how far a number is rounded at most, in units of itself.
+const ROUNDING: f32 = 0.5 * f32::EPSILON;
+
+/// How far rays start off a surface, in units of what its normal times its largest coordinates is, axis by axis. A point of a triangle
+/// is rounded off its plane by seven roundings of those at most, what is put beside it by one, and its distance to the planes of the
+/// triangle and of those around it, as the tree works it out, by six (the way of Pharr, Jakob and Humphreys, *Physically Based Rendering*, 4th
+/// edition, §6.8): fourteen, twice over. Along an axis on which a triangle lies at 0 nothing is rounded, and nothing is added.
+const OFF_SURFACE: f32 = 32.0 * ROUNDING;
+
+/// The same at the light's end of a ray, of the coordinates of both ends: the tree knows that end by its distance from the start.
+pub(super) const OFF_LIGHT: f32 = 16.0 * ROUNDING;
+
+/// How far points are kept from the edges of their triangle, in units of its largest coordinate: more than a point is rounded, so that
+/// none lies beyond the wall that meets its floor there. A point that near is moved.
+const OFF_EDGES: f32 = 64.0 * ROUNDING;
+
+/// Most that a corner's weight is raised for that, on triangles that are hardly wider than their roundings.
+const MOST_RAISED: f32 = 1.0 / 64.0;
 
 /// A scene with its tree and lights.
 #[derive(Debug)]
@@ -87,35 +102,38 @@ impl World {
         None
     }
 
-    /// What light keeps on the way from `origin` along the unit vector `direction` to `distance`: one where nothing
-    /// stands, the transmittance of thin sheets, zero behind anything else.
+    /// What light keeps on the way from `origin` to `end`: one where nothing stands, the transmittance of thin sheets, zero
+    /// behind anything else.
     #[inline(always)]
-    pub(super) fn transmittance(&self, origin: Vec3, direction: Vec3, distance: f32, rays: &mut u64) -> Vec3 {
+    pub(super) fn transmittance(&self, origin: Vec3, end: End, rays: &mut u64) -> Vec3 {
         *rays += 1;
-        match self.bvh.occlusion(&Ray { origin, direction, t_max: distance }) {
+        match self.bvh.occlusion(&end.ray_from(origin)) {
             Occlusion::Clear => Vec3::ONE,
             Occlusion::Opaque => Vec3::ZERO,
-            Occlusion::Perhaps => self.walk_transmittance(origin, direction, distance, rays),
+            Occlusion::Perhaps => self.walk_transmittance(origin, end, rays),
         }
     }
 
     #[cold]
-    fn walk_transmittance(&self, mut origin: Vec3, direction: Vec3, mut distance: f32, rays: &mut u64) -> Vec3 {
-        let mut kept = Vec3::ONE;
+    fn walk_transmittance(&self, origin: Vec3, end: End, rays: &mut u64) -> Vec3 {
+        let (mut ray, mut kept) = (end.ray_from(origin), Vec3::ONE);
         for _ in 0..MAX_PASSES {
             *rays += 1;
-            let Some(hit) = self.bvh.closest(&Ray { origin, direction, t_max: distance }) else { return kept };
+            let Some(hit) = self.bvh.closest(&ray) else { return kept };
             let point = self.surface_point(hit.triangle, hit.u, hit.v);
             if !self.is_cut_out(&point) {
-                let cosine = point.shading_normal.dot(direction).abs();
+                let cosine = point.shading_normal.dot(ray.direction.normalize_or_zero()).abs();
                 kept *= self.bsdf(&point, true).straight_transmittance(cosine);
                 if kept == Vec3::ZERO {
                     return kept;
                 }
             }
-            let next = point.start(direction);
-            distance -= (next - origin).dot(direction);
-            origin = next;
+            let next = end.ray_from(point.start(ray.direction));
+            if next.direction.dot(ray.direction) <= 0.0 {
+                // The last surface stood at the end.
+                return kept;
+            }
+            ray = next;
         }
         Vec3::ZERO
     }
@@ -149,18 +167,54 @@ impl World {
         let [p, q, r] = mesh.vertices_of(triangle);
         let [a, b, c] = [p.position, q.position, r.position];
         let (edge1, edge2) = (b - a, c - a);
-        let position = a + edge1 * u + edge2 * v;
-        let normal = edge1.cross(edge2).normalize_or(Vec3::Z);
+        let across = edge1.cross(edge2);
+        let double_area = across.length();
+        let largest = a.abs().max(b.abs()).max(c.abs());
+        let longest = edge1.length_squared().max(edge2.length_squared()).max((c - b).length_squared());
+        let least = (OFF_EDGES * largest.max_element()) * longest.sqrt() / double_area;
+        let (mut u, mut v) = (u, v);
+        if u.min(v).min(1.0 - u - v) < least {
+            (u, v) = off_edges(u, v, least);
+        }
         let w = 1.0 - u - v;
+        let position = a + edge1 * u + edge2 * v;
+        let normal = if double_area > 0.0 { across / double_area } else { Vec3::Z };
         let shading = p.normal * w + q.normal * u + r.normal * v;
-        let size = position.abs().max_element().max(edge1.abs().max_element()).max(edge2.abs().max_element());
         SurfacePoint {
             position,
             normal,
             shading_normal: shading.try_normalize().unwrap_or(normal),
             uv: p.uv * w + q.uv * u + r.uv * v,
             triangle: index,
-            offset: OFFSET * size,
+            offset: OFF_SURFACE * normal.abs().dot(largest),
+        }
+    }
+}
+
+/// Weights of the second and third corner, of which none, and not that of the first, is much below `least`.
+#[cold]
+fn off_edges(u: f32, v: f32, least: f32) -> (f32, f32) {
+    let raised = |weight: f32| weight.max(least.min(MOST_RAISED));
+    let (u, v, w) = (raised(u), raised(v), raised(1.0 - u - v));
+    let sum = u + v + w;
+    (u / sum, v / sum)
+}
+
+/// Where the way from a surface to a light ends.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum End {
+    /// At a point, off the light's own surface.
+    At(Vec3),
+    /// Beyond everything, along this unit vector.
+    Beyond(Vec3),
+}
+
+impl End {
+    #[inline(always)]
+    fn ray_from(self, origin: Vec3) -> Ray {
+        match self {
+            Self::At(end) => Ray { origin, direction: end - origin, t_max: 1.0 },
+            Self::Beyond(direction) => Ray { origin, direction, t_max: f32::INFINITY },
         }
     }
 }

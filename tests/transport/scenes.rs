@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use ltm::light::{Light, LightBasis, LightKind, LightUnit};
 use ltm::matrix::{MatrixShape, TracedBlock};
 use ltm::scene::{
@@ -42,6 +42,7 @@ impl Builder {
     pub(crate) fn new(camera: Camera) -> Self {
         let scene = Scene {
             name: "test".into(),
+            origin: DVec3::ZERO,
             mesh: Mesh::default(),
             materials: Vec::new(),
             textures: Vec::new(),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::{DMat3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 use gltf::Document;
 
 use super::super::{Camera, Mesh, PixelFilter};
@@ -20,7 +20,7 @@ pub(in super::super) struct FileCamera {
     pub(in super::super) name: String,
     /// Its own name, which may differ.
     pub(in super::super) own_name: Option<String>,
-    eye: Vec3,
+    eye: DVec3,
     forward: Vec3,
     up: Vec3,
     vertical_fov_radians: f32,
@@ -47,7 +47,7 @@ pub(super) fn of(
         cameras.push(FileCamera {
             name: placed.name.clone(),
             own_name: camera.name().map(plain),
-            eye: placed.world.w_axis.truncate().as_vec3(),
+            eye: placed.world.w_axis.truncate(),
             forward: (-axes.z_axis).normalize_or_zero().as_vec3(),
             up: axes.y_axis.normalize_or_zero().as_vec3(),
             vertical_fov_radians: perspective.yfov,
@@ -58,11 +58,18 @@ pub(super) fn of(
 }
 
 impl FileCamera {
-    /// The camera, 480 pixels high. Errors: those of [`Camera::looking`].
-    pub(in super::super) fn camera(&self) -> Result<Camera> {
+    /// The camera, 480 pixels high, counted from the scene's origin. Errors: those of [`Camera::looking`].
+    pub(in super::super) fn camera(&self, origin: DVec3) -> Result<Camera> {
         let width = (USUAL_HEIGHT as f32 * self.width_over_height).round().clamp(1.0, 16_384.0) as u32;
         let size = (width, USUAL_HEIGHT);
-        Camera::looking(self.eye, self.forward, self.up, self.vertical_fov_radians, size, PixelFilter::Box)
+        Camera::looking(
+            (self.eye - origin).as_vec3(),
+            self.forward,
+            self.up,
+            self.vertical_fov_radians,
+            size,
+            PixelFilter::Box,
+        )
     }
 }
 

@@ -71,8 +71,14 @@ mod tests {
         let colours = [Vec3::X, Vec3::Y, Vec3::new(0.2, 0.4, 0.6), Vec3::ONE];
         let triangles = vec![[0, 1, 2], [2, 1, 3], [3, 1, 0]];
         let (normals, uvs) = (vec![Vec3::Z; 4], Vec::new());
-        let mut part =
-            ObjPart { object: 0, material: 0, positions: corners.into(), normals, uvs, triangles: triangles.clone() };
+        let mut part = ObjPart {
+            object: 0,
+            material: 0,
+            positions: corners.map(|c| c.as_dvec3()).into(),
+            normals,
+            uvs,
+            triangles: triangles.clone(),
+        };
         let texture = paint(&mut part, &colours, "a".into());
         for (old, new) in triangles.iter().zip(&part.triangles) {
             for weights in [Vec3::X, Vec3::Y, Vec3::Z, Vec3::splat(1.0 / 3.0), Vec3::new(0.1, 0.2, 0.7)] {
@@ -80,7 +86,7 @@ mod tests {
                 let uv: Vec2 = (0..3).map(|i| part.uvs[new[i] as usize] * weights[i]).sum();
                 let [r, g, b, _] = texture.sample(uv);
                 assert!((Vec3::new(r, g, b) - mean(&|i| colours[old[i] as usize])).length() < 1e-4);
-                let place = mean(&|i| part.positions[new[i] as usize]);
+                let place = mean(&|i| part.positions[new[i] as usize].as_vec3());
                 assert!((place - mean(&|i| corners[old[i] as usize])).length() < 1e-6);
             }
         }

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use glam::DMat4;
 use gltf::Document;
 use gltf::json::mesh::Semantic;
 use gltf::json::validation::Checked;
 
 use super::super::memory::Memory;
-use super::plain;
+use super::{exact, plain};
 use crate::error::{Error, Result};
 use crate::files::read_input;
 
@@ -34,6 +35,8 @@ const KNOWN: [&str; 11] = [
 /// A file's tree, and the binary chunk of a GLB.
 pub(super) struct Opened {
     pub(super) document: Document,
+    /// Of each node, relative to the one above.
+    pub(super) transforms: Vec<DMat4>,
     pub(super) binary: Option<Vec<u8>>,
 }
 
@@ -48,7 +51,8 @@ pub(super) fn open(path: &Path, memory: &mut Memory, warnings: &mut Vec<String>)
     };
     memory.take((text.len() as u64).saturating_mul(TREE_BYTES), path)?;
     memory.take(binary.as_ref().map_or(0, |b| b.len() as u64), path)?;
-    Ok(Opened { document: tree(path, &text, warnings)?, binary })
+    let document = tree(path, &text, warnings)?;
+    Ok(Opened { transforms: exact::transforms(&document, &text), document, binary })
 }
 
 fn refuse(path: &Path, problem: impl Into<String>) -> Error {

@@ -65,7 +65,7 @@ pub(super) fn of(
             kind: LightEntryKind::Ies,
             name: Some(name),
             emission: Some(emission),
-            position: Some(placed.world.w_axis.truncate().as_vec3().to_array()),
+            position: Some(placed.world.w_axis.truncate().to_array()),
             luminaire: Some(Luminaire { photometry, world_from_luminaire }),
             ..LightEntry::default()
         });

@@ -26,7 +26,7 @@ pub(super) fn of(path: &Path, nodes: &[Placed<'_>], warnings: &mut Vec<String>) 
             return Err(refuse("its colour or intensity is negative or not finite".into()));
         }
         ranged += usize::from(light.range().is_some());
-        let position = placed.world.w_axis.truncate().as_vec3().to_array();
+        let position = placed.world.w_axis.truncate().to_array();
         let axis = (-DMat3::from_mat4(placed.world).z_axis).normalize_or_zero().as_vec3();
         let name = if placed.node.mesh().is_some() { format!("{} lamp", placed.name) } else { placed.name.clone() };
         let common = LightEntry { name: Some(name), emission: Some(emission), ..LightEntry::default() };

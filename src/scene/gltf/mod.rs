@@ -9,6 +9,7 @@ mod buffers;
 mod cameras;
 mod colours;
 mod document;
+mod exact;
 mod ies;
 mod lamps;
 mod materials;
@@ -54,7 +55,7 @@ pub(super) fn read(
 ) -> Result<FileExtras> {
     let mut file = document::open(path, memory, warnings)?;
     let buffers = buffers::load(path, &file.document, file.binary.take(), folders, memory)?;
-    let nodes = nodes::walk(path, &file.document)?;
+    let nodes = nodes::walk(path, &file.document, &file.transforms)?;
     let materials = materials::describe(path, &file.document, &buffers, warnings)?;
     let first_material = geometry.materials.len();
     geometry.materials.extend(materials);

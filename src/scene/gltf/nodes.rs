@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use glam::{DMat4, DQuat, DVec3};
-use gltf::scene::Transform;
+use glam::DMat4;
 use gltf::{Document, Node};
 
 use super::super::names::UniqueNames;
@@ -18,9 +17,9 @@ pub(super) struct Placed<'a> {
     pub(super) world: DMat4,
 }
 
-/// The nodes of the scene that the file shows first, parents before their children. Errors: a node that is reached twice, as in
+/// The nodes of the scene that the file shows first, parents before their children, by their transforms. Errors: a node that is reached twice, as in
 /// a cycle, and transforms that are not finite.
-pub(super) fn walk<'a>(path: &Path, document: &'a Document) -> Result<Vec<Placed<'a>>> {
+pub(super) fn walk<'a>(path: &Path, document: &'a Document, transforms: &[DMat4]) -> Result<Vec<Placed<'a>>> {
     let refuse = |problem: String| Error::input(path.display().to_string(), problem, "export the file again");
     let scene = document.default_scene().or_else(|| document.scenes().next());
     let scene = scene.ok_or_else(|| refuse("has no scene".into()))?;
@@ -34,7 +33,7 @@ pub(super) fn walk<'a>(path: &Path, document: &'a Document) -> Result<Vec<Placed
         if std::mem::replace(&mut reached[index], true) {
             return Err(refuse(format!("node {index} is reached twice: nodes must form a tree, without cycles")));
         }
-        let world = above * matrix(&node);
+        let world = above * transforms.get(index).copied().unwrap_or_default();
         if !world.is_finite() || world.to_cols_array().iter().any(|v| v.abs() > f64::from(f32::MAX)) {
             return Err(refuse(format!("the transform of node {index} is not finite")));
         }
@@ -51,15 +50,4 @@ pub(super) fn walk<'a>(path: &Path, document: &'a Document) -> Result<Vec<Placed
         placed.push(Placed { node, name, world });
     }
     Ok(placed)
-}
-
-fn matrix(node: &Node<'_>) -> DMat4 {
-    match node.transform() {
-        Transform::Matrix { matrix } => DMat4::from_cols_array_2d(&matrix.map(|column| column.map(f64::from))),
-        Transform::Decomposed { translation, rotation, scale } => DMat4::from_scale_rotation_translation(
-            DVec3::from_array(scale.map(f64::from)),
-            DQuat::from_array(rotation.map(f64::from)).normalize(),
-            DVec3::from_array(translation.map(f64::from)),
-        ),
-    }
 }

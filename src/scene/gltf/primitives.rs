@@ -172,9 +172,9 @@ fn part(
             Vec::new()
         }
     };
-    let positions: Vec<Vec3> =
-        positions.into_iter().map(|p| world.transform_point3(Vec3::from(p).as_dvec3()).as_vec3()).collect();
-    if let Some(at) = positions.iter().position(|p| !p.is_finite()) {
+    let positions: Vec<DVec3> =
+        positions.into_iter().map(|p| world.transform_point3(Vec3::from(p).as_dvec3())).collect();
+    if let Some(at) = positions.iter().position(|p| !p.as_vec3().is_finite()) {
         return Err(buffers.refuse(format!("position {at} of a mesh is not finite in the world")));
     }
     Ok(Some(ObjPart { object: 0, material: 0, positions, normals, uvs, triangles }))

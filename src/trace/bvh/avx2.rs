@@ -6,7 +6,7 @@ use std::mem::MaybeUninit;
 
 use glam::Vec3;
 
-use super::scalar::{Prepared, WIDEN, nothing_before};
+use super::scalar::{Prepared, WIDEN, nothing_before, weights};
 use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, STACK, WideNode, WideTree};
 use super::{Hit, Occlusion, Ray};
 
@@ -17,6 +17,8 @@ struct Lanes {
     inverse: [__m256; 3],
     near: [usize; 3],
     far: [usize; 3],
+    axes: [usize; 3],
+    shear: [__m256; 2],
 }
 
 impl Lanes {
@@ -31,6 +33,8 @@ impl Lanes {
             inverse: splat(prepared.inverse),
             near: prepared.near,
             far: [prepared.far(0), prepared.far(1), prepared.far(2)],
+            axes: prepared.axes,
+            shear: [_mm256_set1_ps(prepared.shear[0]), _mm256_set1_ps(prepared.shear[1])],
         }
     }
 }
@@ -62,43 +66,41 @@ fn enter(node: &WideNode, ray: &Lanes, reach: f32) -> (__m256, u32) {
 
 #[inline]
 #[target_feature(enable = "avx2")]
-fn cross(a: &[__m256; 3], b: &[__m256; 3]) -> [__m256; 3] {
-    let part = |i: usize, j: usize| _mm256_sub_ps(_mm256_mul_ps(a[i], b[j]), _mm256_mul_ps(a[j], b[i]));
-    [part(1, 2), part(2, 0), part(0, 1)]
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
 fn dot(a: &[__m256; 3], b: &[__m256; 3]) -> __m256 {
     let xy = _mm256_add_ps(_mm256_mul_ps(a[0], b[0]), _mm256_mul_ps(a[1], b[1]));
     _mm256_add_ps(xy, _mm256_mul_ps(a[2], b[2]))
 }
 
-/// Distances, barycentric weights and a mask of the lanes hit at `t_last` at most.
+/// Distances, the corners' shares and a mask of the lanes hit at `t_last` at most.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn intersect(packet: &Packet, ray: &Lanes, t_last: f32) -> (__m256, __m256, __m256, u32) {
-    let of = |field: &[[f32; LANES]; 3]| [load(&field[0]), load(&field[1]), load(&field[2])];
-    let (corner, edge1, edge2) = (of(&packet.corner), of(&packet.edge1), of(&packet.edge2));
-    let (zero, one) = (_mm256_setzero_ps(), _mm256_set1_ps(1.0));
-    let p = cross(&ray.direction, &edge2);
-    let inverse = _mm256_div_ps(one, dot(&edge1, &p));
-    let s = [
-        _mm256_sub_ps(ray.origin[0], corner[0]),
-        _mm256_sub_ps(ray.origin[1], corner[1]),
-        _mm256_sub_ps(ray.origin[2], corner[2]),
-    ];
-    let u = _mm256_mul_ps(dot(&s, &p), inverse);
-    let q = cross(&s, &edge1);
-    let v = _mm256_mul_ps(dot(&ray.direction, &q), inverse);
-    let t = _mm256_mul_ps(dot(&edge2, &q), inverse);
-    let inside = _mm256_and_ps(
-        _mm256_and_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(u, zero), _mm256_cmp_ps::<_CMP_GE_OQ>(v, zero)),
-        _mm256_cmp_ps::<_CMP_LE_OQ>(_mm256_add_ps(u, v), one),
-    );
+fn intersect(packet: &Packet, ray: &Lanes, t_last: f32) -> (__m256, [__m256; 3], u32) {
+    let [x, y, z] = ray.axes;
+    let seen = |corner: &[[f32; LANES]; 3]| {
+        let from_origin = |axis: usize| {
+            // SAFETY: `axes` holds indices below 3 by construction.
+            let corner = unsafe { corner.get_unchecked(axis) };
+            // SAFETY: as above.
+            _mm256_sub_ps(load(corner), unsafe { *ray.origin.get_unchecked(axis) })
+        };
+        let along = from_origin(z);
+        [
+            _mm256_sub_ps(from_origin(x), _mm256_mul_ps(ray.shear[0], along)),
+            _mm256_sub_ps(from_origin(y), _mm256_mul_ps(ray.shear[1], along)),
+        ]
+    };
+    let [a, b, c] = [seen(&packet.corners[0]), seen(&packet.corners[1]), seen(&packet.corners[2])];
+    let left_of =
+        |p: &[__m256; 2], q: &[__m256; 2]| _mm256_sub_ps(_mm256_mul_ps(p[0], q[1]), _mm256_mul_ps(p[1], q[0]));
+    let (u, v, w) = (left_of(&c, &b), left_of(&a, &c), left_of(&b, &a));
+    let zero = _mm256_setzero_ps();
+    let (least, most) = (_mm256_min_ps(_mm256_min_ps(u, v), w), _mm256_max_ps(_mm256_max_ps(u, v), w));
+    let inside = _mm256_or_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(least, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(most, zero));
+    let normal = [load(&packet.normal[0]), load(&packet.normal[1]), load(&packet.normal[2])];
+    let t = _mm256_div_ps(_mm256_sub_ps(load(&packet.height), dot(&normal, &ray.origin)), dot(&normal, &ray.direction));
     let between =
         _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(t, zero), _mm256_cmp_ps::<_CMP_LE_OQ>(t, _mm256_set1_ps(t_last)));
-    (t, u, v, _mm256_movemask_ps(_mm256_and_ps(inside, between)) as u32)
+    (t, [u, v, w], _mm256_movemask_ps(_mm256_and_ps(inside, between)) as u32)
 }
 
 #[inline]
@@ -205,15 +207,16 @@ fn closest_lanes(tree: &WideTree, x: f32, y: f32, z: f32, dx: f32, dy: f32, dz: 
             }
         } else {
             let packet = &tree.packets[(code & !LEAF) as usize];
-            let (t, u, v, mut mask) = intersect(packet, &lanes, best.t);
+            let (t, [u, v, w], mut mask) = intersect(packet, &lanes, best.t);
             if mask != 0 {
-                let (t, u, v) = (store(t), store(u), store(v));
+                let (t, u, v, w) = (store(t), store(u), store(v), store(w));
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
                     let triangle = packet.triangles[lane] & !SEE_THROUGH;
-                    if t[lane] < best.t || t[lane] == best.t && triangle < best.triangle {
-                        best = Hit { t: t[lane], triangle, u: u[lane], v: v[lane] };
+                    let is_nearer = t[lane] < best.t || t[lane] == best.t && triangle < best.triangle;
+                    if is_nearer && let Some((u, v)) = weights([u[lane], v[lane], w[lane]]) {
+                        best = Hit { t: t[lane], triangle, u, v };
                         reach = best.t * WIDEN;
                     }
                 }
@@ -254,7 +257,12 @@ fn occlusion_lanes(tree: &WideTree, x: f32, y: f32, z: f32, dx: f32, dy: f32, dz
             }
         } else {
             let packet = &tree.packets[(code & !LEAF) as usize];
-            let mut mask = intersect(packet, &lanes, t_last).3;
+            let (_, [u, v, w], mut mask) = intersect(packet, &lanes, t_last);
+            if mask != 0 {
+                // Those that are seen as a line are no hits.
+                let sum = _mm256_add_ps(_mm256_add_ps(u, v), w);
+                mask &= _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_NEQ_UQ>(sum, _mm256_setzero_ps())) as u32;
+            }
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize;
                 mask &= mask - 1;

@@ -10,6 +10,10 @@ pub(super) struct Prepared {
     pub(super) inverse: [f32; 3],
     /// Which of a node's bounds is nearer, by axis; the farther one is three on or back.
     pub(super) near: [usize; 3],
+    /// Axes across the one along which the direction is longest, and that one.
+    pub(super) axes: [usize; 3],
+    /// What the direction goes across for each step along that axis.
+    pub(super) shear: [f32; 2],
 }
 
 /// Far distances are widened by this much, more than the rounding of the two operations before, so that a ray along a
@@ -23,7 +27,14 @@ impl Prepared {
         let direction = ray.direction.to_array();
         let inverse = direction.map(|d| 1.0 / d);
         let near = std::array::from_fn(|axis| if direction[axis].is_sign_negative() { 3 + axis } else { axis });
-        Self { origin: ray.origin.to_array(), direction, inverse, near }
+        let [x, y, z] = direction.map(f32::abs);
+        let axes = match () {
+            () if x >= y && x >= z => [1, 2, 0],
+            () if y >= z => [2, 0, 1],
+            () => [0, 1, 2],
+        };
+        let shear = [0, 1].map(|across| direction[axes[across]] * inverse[axes[2]]);
+        Self { origin: ray.origin.to_array(), direction, inverse, near, axes, shear }
     }
 
     #[inline(always)]
@@ -59,21 +70,37 @@ fn enter(node: &WideNode, ray: &Prepared, reach: f32) -> ([f32; LANES], u32) {
     (distances, mask)
 }
 
-/// Möller and Trumbore's test on one lane: distance, at most `t_last`, and barycentric weights.
-fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_last: f32) -> Option<(f32, f32, f32)> {
-    let of = |field: &[[f32; LANES]; 3]| -> [f32; 3] { std::array::from_fn(|axis| field[axis][lane]) };
-    let (corner, edge1, edge2) = (of(&packet.corner), of(&packet.edge1), of(&packet.edge2));
-    let cross =
-        |a: [f32; 3], b: [f32; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+/// Whether the ray meets a lane's triangle, at a distance of at most `t_last`: that distance, and the shares of its corners, which
+/// divided by their sum are their weights.
+///
+/// The edges are tested as Woop, Benthin and Wald do (2013, *Watertight ray/triangle intersection*): corners come to where they are seen along
+/// the ray, by the same operations in every triangle that has them, and the sign of what is left of an edge is never wrong there but 0
+/// at times, which counts as inside for both of its triangles. The distance is that to the triangle's plane, whose error depends on the
+/// coordinates of the ray's origin alone: not on the triangle's size or shape, nor on the slant.
+fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_last: f32) -> Option<(f32, [f32; 3])> {
+    let [x, y, z] = ray.axes;
+    let seen = |corner: &[[f32; LANES]; 3]| {
+        let along = corner[z][lane] - ray.origin[z];
+        [
+            (corner[x][lane] - ray.origin[x]) - ray.shear[0] * along,
+            (corner[y][lane] - ray.origin[y]) - ray.shear[1] * along,
+        ]
+    };
+    let [a, b, c] = packet.corners.each_ref().map(seen);
+    let left_of = |p: [f32; 2], q: [f32; 2]| p[0] * q[1] - p[1] * q[0];
+    let shares = [left_of(c, b), left_of(a, c), left_of(b, a)];
+    let [u, v, w] = shares;
+    let inside = min(min(u, v), w) >= 0.0 || max(max(u, v), w) <= 0.0;
+    let normal: [f32; 3] = std::array::from_fn(|axis| packet.normal[axis][lane]);
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let p = cross(ray.direction, edge2);
-    let inverse = 1.0 / dot(edge1, p);
-    let s = std::array::from_fn(|axis| ray.origin[axis] - corner[axis]);
-    let u = dot(s, p) * inverse;
-    let q = cross(s, edge1);
-    let v = dot(ray.direction, q) * inverse;
-    let t = dot(edge2, q) * inverse;
-    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t <= t_last).then_some((t, u, v))
+    let t = (packet.height[lane] - dot(normal, ray.origin)) / dot(normal, ray.direction);
+    (inside && t > 0.0 && t <= t_last).then_some((t, shares))
+}
+
+/// The weights of the second and third corner by the shares of all; none where a triangle is seen as a line.
+pub(super) fn weights([u, v, w]: [f32; 3]) -> Option<(f32, f32)> {
+    let sum = u + v + w;
+    (sum != 0.0).then(|| (v / sum, w / sum))
 }
 
 /// Entries of a stack that need no allocation. Zeroing the deepest stack there can be would cost as much as the walk.
@@ -124,7 +151,9 @@ pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
         if code & LEAF != 0 {
             let packet = &tree.packets[(code & !LEAF) as usize];
             for lane in 0..LANES {
-                if let Some((t, u, v)) = intersect(packet, lane, &prepared, best.t) {
+                if let Some((t, shares)) = intersect(packet, lane, &prepared, best.t)
+                    && let Some((u, v)) = weights(shares)
+                {
                     let triangle = packet.triangles[lane] & !SEE_THROUGH;
                     if t < best.t || triangle < best.triangle {
                         best = Hit { t, triangle, u, v };
@@ -165,7 +194,7 @@ pub(super) fn occlusion(tree: &WideTree, ray: &Ray) -> Occlusion {
         if code & LEAF != 0 {
             let packet = &tree.packets[(code & !LEAF) as usize];
             for lane in 0..LANES {
-                if intersect(packet, lane, &prepared, t_last).is_some() {
+                if intersect(packet, lane, &prepared, t_last).is_some_and(|(_, shares)| weights(shares).is_some()) {
                     if packet.triangles[lane] & SEE_THROUGH == 0 {
                         return Occlusion::Opaque;
                     }

@@ -186,7 +186,7 @@ mod tests {
         let shrunk = fault(|tree| tree.nodes[0].bounds[3][1] -= 0.5);
         assert_eq!(shrunk, TreeFault::NotContained { node: 0, child: 1 });
         let (copied, member) = (tree.packets[0], tree.packets[0].triangles[0] & !SEE_THROUGH);
-        assert_eq!(fault(|tree| tree.packets[0].edge1[2][0] += 0.5), TreeFault::WrongTriangle(member));
+        assert_eq!(fault(|tree| tree.packets[0].corners[1][2][0] += 0.5), TreeFault::WrongTriangle(member));
         assert_eq!(fault(|tree| tree.packets[0].triangles[0] ^= SEE_THROUGH), TreeFault::WrongTriangle(member));
         assert_eq!(fault(|tree| tree.packets[0].triangles[0] = u32::MAX), TreeFault::NotOnce(member));
         let other = fault(|tree| tree.packets[1] = copied);

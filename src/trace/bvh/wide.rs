@@ -1,7 +1,9 @@
 //! The wide tree: eight children a node, eight triangles a leaf, both laid out lane by lane.
 
+use glam::{DVec3, Vec3};
+
 use super::BvhTriangle;
-use super::binary::{BinaryTree, DEEPEST};
+use super::binary::{BinaryTree, Bounds, DEEPEST};
 use super::collapse::Collapse;
 use super::reinsert::reinserted;
 
@@ -25,13 +27,22 @@ pub(super) struct WideNode {
     pub(super) children: [u32; LANES],
 }
 
-/// Eight triangles as corner and two edges by axis. Unused lanes have no extent, so no ray hits them.
+/// Boxes are this much larger than what they hold, in units of their largest coordinate: where a ray passes a triangle's edge is known to
+/// some roundings of its corners' coordinates, and a ray that the triangle's test lets in must have entered its box.
+const PADDING: f32 = 4.0e-7;
+
+/// Least double area of a triangle over the square of its longest edge: below it is a line, whose plane is rounding.
+const THINNEST: f64 = 1e-8;
+
+/// Eight triangles as corners and planes by axis. Unused lanes have no plane, so no ray hits them.
 #[repr(C, align(32))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Packet {
-    pub(super) corner: [[f32; LANES]; 3],
-    pub(super) edge1: [[f32; LANES]; 3],
-    pub(super) edge2: [[f32; LANES]; 3],
+    pub(super) corners: [[[f32; LANES]; 3]; 3],
+    /// Unit normal of the plane: made in f64, so that needles have as true a one as others. Zero where there is none.
+    pub(super) normal: [[f32; LANES]; 3],
+    /// What the normal times each point of the plane is.
+    pub(super) height: [f32; LANES],
     pub(super) triangles: [u32; LANES],
 }
 
@@ -80,10 +91,10 @@ impl WideTree {
             } else {
                 self.add_node(binary, collapse, triangles, part.node)
             };
-            let wide = &mut self.nodes[index];
+            let (wide, bounds) = (&mut self.nodes[index], padded(child.bounds));
             for axis in 0..3 {
-                wide.bounds[axis][lane] = child.bounds.min[axis];
-                wide.bounds[3 + axis][lane] = child.bounds.max[axis];
+                wide.bounds[axis][lane] = bounds.min[axis];
+                wide.bounds[3 + axis][lane] = bounds.max[axis];
             }
             wide.children[lane] = code;
         }
@@ -91,26 +102,43 @@ impl WideTree {
     }
 }
 
+/// A box with its padding. What lies inside another box does so with both padded.
+fn padded(bounds: Bounds) -> Bounds {
+    let most = PADDING * bounds.min.abs().max(bounds.max.abs()).max_element();
+    Bounds { min: bounds.min - most, max: bounds.max + most }
+}
+
+/// The plane of a triangle: unit normal, and its product with each point there; zero for a triangle that is a line.
+fn plane(corners: [Vec3; 3]) -> (Vec3, f32) {
+    let [a, b, c] = corners.map(|corner| corner.as_dvec3());
+    let normal = (b - a).cross(c - a);
+    let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    let normal = if normal.length() > THINNEST * longest { normal.normalize_or_zero() } else { DVec3::ZERO };
+    (normal.as_vec3(), normal.dot(a) as f32)
+}
+
 impl Packet {
     pub(super) fn new(members: &[u32], triangles: &[BvhTriangle]) -> Self {
-        let none = [[0.0; LANES]; 3];
-        let mut packet = Self { corner: none, edge1: none, edge2: none, triangles: [u32::MAX; LANES] };
+        let (none, nothing) = ([0.0; LANES], [[0.0; LANES]; 3]);
+        let mut packet = Self { corners: [nothing; 3], normal: nothing, height: none, triangles: [u32::MAX; LANES] };
         for (lane, &member) in members.iter().enumerate() {
             let triangle = &triangles[member as usize];
-            let [a, b, c] = triangle.corners;
+            let (normal, height) = plane(triangle.corners);
             for axis in 0..3 {
-                packet.corner[axis][lane] = a[axis];
-                packet.edge1[axis][lane] = b[axis] - a[axis];
-                packet.edge2[axis][lane] = c[axis] - a[axis];
+                for (of_corner, corner) in packet.corners.iter_mut().zip(triangle.corners) {
+                    of_corner[axis][lane] = corner[axis];
+                }
+                packet.normal[axis][lane] = normal[axis];
             }
+            packet.height[lane] = height;
             packet.triangles[lane] = member | if triangle.see_through { SEE_THROUGH } else { 0 };
         }
         packet
     }
 
-    /// A triangle as it lies in a lane: corner, edges, index and mark.
-    pub(super) fn lane(&self, lane: usize) -> ([[f32; 3]; 3], u32) {
+    /// A triangle as it lies in a lane: corners, plane, index and mark.
+    pub(super) fn lane(&self, lane: usize) -> ([[f32; 3]; 3], [f32; 3], f32, u32) {
         let of = |field: &[[f32; LANES]; 3]| std::array::from_fn(|axis| field[axis][lane]);
-        ([of(&self.corner), of(&self.edge1), of(&self.edge2)], self.triangles[lane])
+        (self.corners.each_ref().map(of), of(&self.normal), self.height[lane], self.triangles[lane])
     }
 }

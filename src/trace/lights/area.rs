@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::super::photons::Targets;
-use super::super::world::{CUT_OUT, OFFSET};
+use super::super::world::{CUT_OUT, End, OFF_LIGHT};
 use super::{Emitted, EmitterHit, Found, LightSample};
 use crate::error::{Error, Result};
 use crate::scene::{AreaEmitter, AreaLayout, Paint, Scene, TextureId};
@@ -25,6 +25,9 @@ pub(super) struct AreaLight {
     /// Share of the area up to and with each triangle, ending at 1.
     cumulative: Vec<f32>,
     area: f32,
+    /// How far points of a rectangle lie below its triangles at most, on the sides that it emits to: what was exported as a rectangle
+    /// is one to some digits.
+    lift: f32,
 }
 
 /// A triangle as a sample wants it: in one place, where the mesh has it in many.
@@ -35,6 +38,7 @@ struct Shape {
     normal: Vec3,
     uvs: [Vec2; 3],
     cutout: Option<TextureId>,
+    lift: f32,
 }
 
 /// A point of a light.
@@ -42,10 +46,27 @@ struct LightPoint {
     position: Vec3,
     /// Of the front.
     normal: Vec3,
+    /// How far it may lie below the surface.
+    lift: f32,
     uv: Vec2,
     /// What may have cut a hole there, and its place in that.
     cutout: Option<(TextureId, Vec2)>,
     column: u32,
+}
+
+impl LightPoint {
+    /// The same off the surface, on the side that `away` points to, for a ray whose other end has coordinates up to these.
+    #[inline(always)]
+    fn off_surface(&self, away: Vec3, other: Vec3) -> Vec3 {
+        let rounded = OFF_LIGHT * self.normal.abs().dot(self.position.abs() + other);
+        self.position + self.normal * (self.lift + rounded).copysign(self.normal.dot(away))
+    }
+}
+
+/// How far points of a triangle or parallelogram are rounded off its plane.
+fn rounded(normal: Vec3, corners: [Vec3; 3]) -> f32 {
+    let [a, b, c] = corners.map(Vec3::abs);
+    OFF_LIGHT * normal.abs().dot(a.max(b).max(c))
 }
 
 impl Shape {
@@ -55,7 +76,7 @@ impl Shape {
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let uvs = scene.mesh.vertices_of(triangle).map(|vertex| vertex.uv);
         let cutout = scene.materials[triangle.material.0 as usize].cutout;
-        Self { corner: a, edges: [b - a, c - a], normal, uvs, cutout }
+        Self { corner: a, edges: [b - a, c - a], normal, uvs, cutout, lift: rounded(normal, [a, b, c]) }
     }
 }
 
@@ -103,6 +124,7 @@ impl AreaLight {
             cumulative: cumulative.collect(),
             triangles: emitter.triangles.clone(),
             area,
+            lift: lift(scene, emitter),
         })
     }
 
@@ -145,6 +167,7 @@ impl AreaLight {
                 LightPoint {
                     position: origin + edge_u * pair.x + edge_v * pair.y,
                     normal,
+                    lift: self.lift,
                     uv: self.uvs[0] + pair * self.uvs[1],
                     cutout: self.cutout.map(|id| (id, self.hole_uvs[0] + pair * self.hole_uvs[1])),
                     column: texel(pair.y, down) * across + texel(pair.x, across),
@@ -152,12 +175,13 @@ impl AreaLight {
             }
             AreaLayout::Whole => {
                 let (index, x) = self.choose(pair.x);
-                let Shape { corner, edges, normal, uvs, cutout } = &self.shapes[index];
+                let Shape { corner, edges, normal, uvs, cutout, lift } = &self.shapes[index];
                 let (u, v) = uniform_triangle(Vec2::new(x, pair.y));
                 let uv = uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v;
                 LightPoint {
                     position: *corner + edges[0] * u + edges[1] * v,
                     normal: *normal,
+                    lift: *lift,
                     uv,
                     cutout: cutout.map(|id| (id, uv)),
                     column: 0,
@@ -179,7 +203,8 @@ impl AreaLight {
             return None;
         }
         let pdf = distance2 / (cosine * self.area);
-        Some(LightSample { towards, distance, column: at.column, weight: self.colour(scene, at.uv) / pdf, pdf })
+        let end = End::At(at.off_surface(-towards, position.abs()));
+        Some(LightSample { towards, end, column: at.column, weight: self.colour(scene, at.uv) / pdf, pdf })
     }
 
     /// The side that it emits to, where that is one.
@@ -197,9 +222,7 @@ impl AreaLight {
         let (direction, density) = targets.sample_direction(point, self.side(normal), way)?;
         let cosine = self.cosine(normal, direction);
         let density = density / self.area;
-        // Off the light, as rays start off other surfaces.
-        let size = point.abs().max_element().max(self.area.sqrt());
-        let origin = point + normal * (OFFSET * size).copysign(normal.dot(direction));
+        let origin = at.off_surface(direction, point.abs());
         let power = self.colour(scene, uv) * (cosine / density);
         (cosine > 0.0).then_some(Emitted { origin, direction, column, power, density: density / cosine })
     }
@@ -249,6 +272,15 @@ impl AreaLight {
         let share = self.cumulative[index] - before;
         (index, ((x - before) / share.max(f32::MIN_POSITIVE)).clamp(0.0, 0.999_999_9))
     }
+}
+
+/// How far the triangles of a rectangle of texels stand out before it, and how far its points are rounded; 0 for other lights.
+fn lift(scene: &Scene, emitter: &AreaEmitter) -> f32 {
+    let AreaLayout::Texels { origin, edge_u, edge_v, normal, .. } = emitter.layout else { return 0.0 };
+    let corners = emitter.triangles.iter().flat_map(|&t| scene.mesh.corners(&scene.mesh.triangles[t as usize]));
+    let out = corners.map(|corner| (corner - origin).as_dvec3().dot(normal.as_dvec3()) as f32);
+    let out = out.fold(0.0f32, |most, out| most.max(if emitter.two_sided { out.abs() } else { out }));
+    out + rounded(normal, [origin, origin + edge_u, origin + edge_v])
 }
 
 /// Uniform barycentric weights of the second and third corner, keeping strata together (Heitz 2019, *A low-distortion

@@ -17,6 +17,7 @@ use super::bsdf::cosine_hemisphere;
 use super::frame::Frame;
 use super::photons::Targets;
 use super::sampler::{Sampler, Use};
+use super::world::End;
 use crate::error::{Error, Result};
 use crate::scene::{Emitter, EnvironmentEmitter, Scene};
 use area::AreaLight;
@@ -47,8 +48,8 @@ pub(super) struct Lights {
 pub(super) struct LightSample {
     /// Unit direction to the light.
     pub(super) towards: Vec3,
-    /// Distance to the light; infinite for environments and suns.
-    pub(super) distance: f32,
+    /// Where the way to it ends: off the light's own surface; beyond everything for environments and suns.
+    pub(super) end: End,
     /// Column of `T` that it belongs to.
     pub(super) column: u32,
     /// Radiance (or intensity over squared distance) over the density of this sample, choice of light included.
@@ -142,7 +143,7 @@ impl Lights {
                 let towards = frame.to_world(local);
                 let pdf = local.z * FRAC_1_PI;
                 let column = environment_column(light, towards);
-                LightSample { towards, distance: f32::INFINITY, column, weight: Vec3::splat(1.0 / pdf), pdf }
+                LightSample { towards, end: End::Beyond(towards), column, weight: Vec3::splat(1.0 / pdf), pdf }
             }
         };
         sample.column += first_column;
@@ -298,7 +299,17 @@ mod tests {
         let camera = Camera::looking(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0, (1, 1), PixelFilter::Box).unwrap();
         let (textures, emitters, metres_per_unit) = (Vec::new(), vec![emitter], 1.0);
         let name = "test".into();
-        Arc::new(Scene { name, mesh, materials, textures, camera, emitters, basis, metres_per_unit })
+        Arc::new(Scene {
+            name,
+            origin: glam::DVec3::ZERO,
+            mesh,
+            materials,
+            textures,
+            camera,
+            emitters,
+            basis,
+            metres_per_unit,
+        })
     }
 
     fn area(triangles: &[[Vec3; 3]], layout: AreaLayout, two_sided: bool) -> Arc<Scene> {

@@ -7,6 +7,7 @@ use glam::{Vec2, Vec3};
 use super::super::bsdf::concentric_disc;
 use super::super::frame::Frame;
 use super::super::photons::Targets;
+use super::super::world::{End, OFF_LIGHT};
 use super::{Emitted, EmitterHit, Found, LightSample};
 use crate::scene::{IesProfile, PointEmitter};
 
@@ -42,14 +43,15 @@ impl PointLight {
             | PointEmitter::Spot { position: light, .. }
             | PointEmitter::Ies { position: light, .. } => from_point(light, position, |away| self.intensity(away)),
             PointEmitter::Sun { towards, angular_radius_radians } => {
-                let distance = f32::INFINITY;
                 if angular_radius_radians <= 0.0 {
-                    return Some(LightSample { towards, distance, column: 0, weight: Vec3::ONE, pdf: 0.0 });
+                    let end = End::Beyond(towards);
+                    return Some(LightSample { towards, end, column: 0, weight: Vec3::ONE, pdf: 0.0 });
                 }
                 let direction = cap_direction(towards, cap_height(angular_radius_radians), pair);
                 let found = self.found_inside(angular_radius_radians);
                 let weight = found.radiance / found.pdf;
-                Some(LightSample { towards: direction, distance, column: 0, weight, pdf: found.pdf })
+                let end = End::Beyond(direction);
+                Some(LightSample { towards: direction, end, column: 0, weight, pdf: found.pdf })
             }
         }
     }
@@ -134,11 +136,14 @@ fn cap_height(radius: f32) -> f32 {
 fn from_point(light: Vec3, position: Vec3, intensity: impl Fn(Vec3) -> f32) -> Option<LightSample> {
     let offset = light - position;
     let distance2 = offset.length_squared();
-    let towards = offset / distance2.sqrt();
+    let distance = distance2.sqrt();
+    let towards = offset / distance;
     let intensity = intensity(-towards);
+    // A light that stands in a surface is seen from before it: nobody says of which side it is but by its rounded place.
+    let short = 2.0 * OFF_LIGHT * (light.abs() + position.abs()).max_element();
     (intensity > 0.0 && distance2 > 0.0).then(|| LightSample {
         towards,
-        distance: distance2.sqrt(),
+        end: End::At(light - towards * short.min(distance)),
         column: 0,
         weight: Vec3::splat(intensity / distance2),
         pdf: 0.0,

@@ -12,7 +12,7 @@ use ltm::pipeline::{
     Features, PASSES, RelightOptions, check_matrix_path, open_container, passes_need_bytes, relight_passes,
 };
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
-use ltm::scene::Camera;
+use ltm::scene::{Camera, in_file, stated_origin};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use numpy::prelude::*;
@@ -302,9 +302,12 @@ impl Native {
         known.set_item("settings", &provenance.settings)?;
         known.set_item("metres_per_unit", provenance.metres_per_unit)?;
         let size = (job.shape.width(), job.shape.height());
+        // From which the lights' places are counted.
+        let origin = stated_origin(&provenance.settings);
+        known.set_item("origin", origin.to_array())?;
         let camera = Camera::of_words(&provenance.settings, size).map(|camera| {
             let stated = PyDict::new(py);
-            stated.set_item("eye", camera.eye.to_array())?;
+            stated.set_item("eye", in_file(origin, camera.eye).to_array())?;
             stated.set_item("direction", camera.forward.to_array())?;
             stated.set_item("up", camera.up.to_array())?;
             stated.set_item("vertical_fov_degrees", camera.vertical_fov_radians.to_degrees())?;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use ltm::Result;
-use ltm::scene::{LoadOptions, Survey, survey};
+use ltm::scene::{LoadOptions, Survey, in_file, survey};
 use ltm_cli::say;
 use serde_json::json;
 
@@ -22,7 +22,7 @@ pub(super) fn run(path: &Path, as_json: bool, allow_outside: bool, memory_bytes:
 fn print(path: &Path, found: &Survey) {
     let (camera, basis) = (&found.scene.camera, &found.scene.basis);
     let degrees = camera.vertical_fov_radians.to_degrees();
-    let [x, y, z] = camera.eye.to_array();
+    let [x, y, z] = in_file(found.scene.origin, camera.eye).to_array();
     say!("{}", path.display());
     say!("image        {} × {} pixels", camera.width, camera.height);
     say!("camera       at {x:.2} {y:.2} {z:.2}, {degrees:.1}° from the lower to the upper edge");
@@ -56,7 +56,7 @@ fn print_as_json(path: &Path, found: &Survey) {
     print_json(json!({
         "file": path.display().to_string(), "kind": "scene",
         "camera": {
-            "eye": camera.eye.to_array(), "forward": camera.forward.to_array(), "up": camera.up.to_array(),
+            "eye": in_file(found.scene.origin, camera.eye).to_array(), "forward": camera.forward.to_array(), "up": camera.up.to_array(),
             "vertical_fov_degrees": camera.vertical_fov_radians.to_degrees(),
             "width": camera.width, "height": camera.height,
         },
