@@ -51,7 +51,6 @@
 //! | crate | rooms |
 //! |---|---|
 //! | `wgpu`, `pollster` | `relight/gpu` |
-//! | `gltf` | `scene/gltf` |
 //! | `faer` | `clean`, `compress` |
 //! | `rand`, `rand_pcg` | `compress`, `light`, `pipeline`, `relight` |
 //! | `glam` | `light`, `scene`, `trace` |
