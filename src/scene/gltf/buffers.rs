@@ -63,6 +63,10 @@ fn read(
     let mut bytes = match buffer.text("uri")? {
         None => match binary {
             Some(bytes) => bytes,
+            None if buffer.extension("EXT_meshopt_compression")?.is_some() => {
+                let problem = "is there compressed only (EXT_meshopt_compression), which is not read".into();
+                return Ok(Err(Absent { problem, hint: "export it again without compression".into() }));
+            }
             None => return absent("has no data".into()),
         },
         Some(text) => match uri(text) {
