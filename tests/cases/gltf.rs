@@ -39,7 +39,9 @@ pub(super) const CASES: &[Case] = &[
     case("a texture of KTX2, DDS or AVIF beside one of PNG or JPEG", Warned, fallback),
     case("a texture of KTX2, DDS or AVIF alone", Refused, other_images),
     case("an image under its exporter's own path, which lies beside the file", Warned, image_elsewhere),
-    case("meshes compressed by Draco or meshopt", Refused, compressed),
+    case("meshes compressed by Draco (`KHR_draco_mesh_compression`)", Read, draco),
+    case("buffers compressed by meshopt (`EXT_meshopt_compression`), with their filters", Read, meshopt),
+    case("compressed meshes that are damaged", Refused, damaged_compression),
     case("specular colour and glossiness (`KHR_materials_pbrSpecularGlossiness`)", Converted, glossy),
     case("normals and texture coordinates that are no numbers", Warned, no_numbers),
     case("skins and morph targets", Warned, skins),
@@ -492,36 +494,88 @@ fn image_elsewhere() {
     }
 }
 
-fn compressed() {
-    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
-        let required = changed(|json| {
-            push(json, "extensionsUsed", json!(name));
-            push(json, "extensionsRequired", json!(name));
-        });
-        refused(&required, &[name, "export it without"]);
-    }
-    // Not required, and nothing else there.
-    let draco = changed(|json| {
+/// The floor by Google's encoder (DracoPy 2.2): positions (id 1) of 14 bits and colours (id 0) of 255, 128 and 0, at levels 1 and 7.
+const DRACO: [&str; 2] = [
+    "445241434f02020101000000040200020000011fff011101ff000002020204010000090300010102000101000903013017011003001c8201ff00010000\
+     00000000ff000000000101000303012001200300208428280100000000ff3f0000000020c100000000000020c10000a0410e",
+    "445241434f02020101000000040201020000011fff0111ff011102000000ff00000102020401000101000903000102010101000903013017011003001c\
+     8201ff0001000000000000ff0000000101010003030130011003002882280800000000ff3f0000000020c100000000000020c10000a0410e",
+];
+
+/// The plain file with its floor as Draco has it, and nothing else of it.
+fn with_draco(stream: &[u8]) -> Value {
+    changed(|json| {
         json["accessors"] = json!([{ "componentType": 5126, "count": 4, "type": "VEC3" },
-            { "componentType": 5123, "count": 6, "type": "SCALAR" }]);
-        json["meshes"][0]["primitives"][0]["extensions"] =
-            json!({ "KHR_draco_mesh_compression": { "bufferView": 0, "attributes": { "POSITION": 0 } } });
-    });
-    refused(&draco, &["KHR_draco_mesh_compression", "without compression"]);
-    let meshopt = changed(|json| {
-        json["buffers"][0] =
-            json!({ "byteLength": 60, "extensions": { "EXT_meshopt_compression": { "fallback": true } } });
-    });
-    refused(&meshopt, &["EXT_meshopt_compression", "without compression"]);
-    // What is compressed is also there as it was.
-    as_plain_but_says(
-        &changed(|json| {
-            json["bufferViews"][0]["extensions"] = json!({ "EXT_meshopt_compression": { "buffer": 1 } });
-            push(json, "buffers", json!({ "byteLength": 1000 }));
-            push(json, "extensionsUsed", json!("EXT_meshopt_compression"));
-        }),
-        "EXT_meshopt_compression",
-    );
+            { "componentType": 5123, "count": 6, "type": "SCALAR" },
+            { "componentType": 5121, "normalized": true, "count": 4, "type": "VEC4" }]);
+        let view = view(json, stream);
+        let primitive = &mut json["meshes"][0]["primitives"][0];
+        primitive["attributes"]["COLOR_0"] = json!(2);
+        let ids = json!({ "POSITION": 1, "COLOR_0": 0 });
+        primitive["extensions"] = json!({ "KHR_draco_mesh_compression": { "bufferView": view, "attributes": ids } });
+        push(json, "extensionsUsed", json!("KHR_draco_mesh_compression"));
+        push(json, "extensionsRequired", json!("KHR_draco_mesh_compression"));
+    })
+}
+
+fn draco() {
+    for stream in DRACO {
+        let loaded = read(&with_draco(&bytes_of(stream)));
+        assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+        assert_eq!(loaded.scene.mesh.triangles.len(), 2);
+        near(middle(loaded.scene), PLAIN * Vec3::new(1.0, 128.0 / 255.0, 0.0));
+    }
+}
+
+/// The floor's positions, as floats and as whole numbers for the exponential filter, and its indices, by meshoptimizer's encoders.
+const MESHOPT: [&str; 3] = [
+    "a0000000010c000000ff000000000000000133000000ffff0000000000000000000000000000000000000000000020c100000000000020c1",
+    "a0010c000000280108000000010800000000000000000133000000282701210000000121000000000000000000000000000000000000000000000000f6ff\
+     ff0000000000f6ffff00",
+    "e1f000007687566778a9866589689801690000",
+];
+
+/// The plain file with its floor as meshopt has it: a stream of its positions with this filter, and that of its indices.
+fn with_meshopt(name: &str, positions: &[u8], filter: &str) -> Value {
+    changed(|json| {
+        let compressed = |json: &mut Value, bytes: &[u8], count: usize, stride: usize, mode: &str, filter: &str| {
+            let buffer = push(json, "buffers", json!({ "byteLength": bytes.len(), "uri": data_uri(bytes) }));
+            let stated = json!({ "buffer": buffer, "byteLength": bytes.len(), "byteStride": stride, "count": count,
+                "mode": mode, "filter": filter });
+            // What stands for it where the extension is not read.
+            json!({ "buffer": 0, "byteLength": count * stride, "extensions": { name: stated } })
+        };
+        json["buffers"] = json!([{ "byteLength": 1000, "extensions": { name: { "fallback": true } } }]);
+        json["bufferViews"][0] = compressed(json, positions, 4, 12, "ATTRIBUTES", filter);
+        json["bufferViews"][1] = compressed(json, &bytes_of(MESHOPT[2]), 6, 4, "TRIANGLES", "NONE");
+        json["accessors"][1]["componentType"] = json!(5125);
+        push(json, "extensionsUsed", json!(name));
+        push(json, "extensionsRequired", json!(name));
+    })
+}
+
+fn meshopt() {
+    for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
+        as_plain(&with_meshopt(name, &bytes_of(MESHOPT[0]), "NONE"));
+        as_plain(&with_meshopt(name, &bytes_of(MESHOPT[1]), "EXPONENTIAL"));
+    }
+}
+
+fn damaged_compression() {
+    let stream = bytes_of(DRACO[0]);
+    refused(&with_draco(&stream[..80]), &["what Draco compresses is damaged", "without compression"]);
+    refused(&with_draco(b"no stream"), &["what Draco compresses is damaged"]);
+    let mut other = with_draco(&stream);
+    other["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"]["attributes"]["POSITION"] =
+        json!(7);
+    refused(&other, &["attributes.POSITION: is no attribute of what is decoded"]);
+    let positions = bytes_of(MESHOPT[0]);
+    let name = "EXT_meshopt_compression";
+    refused(&with_meshopt(name, &positions[..20], "NONE"), &["buffer view 0", "damaged", "without compression"]);
+    refused(&with_meshopt(name, &positions, "NEW"), &["buffer view 0", "does not say how it is compressed"]);
+    let mut absurd = with_meshopt(name, &positions, "NONE");
+    absurd["bufferViews"][0]["extensions"][name]["count"] = json!(1u64 << 40);
+    refused(&absurd, &["buffer view 0", "damaged"]);
 }
 
 /// By hand, with the reflectance at normal incidence that `specularFactor` is.

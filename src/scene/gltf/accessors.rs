@@ -62,13 +62,25 @@ pub(super) struct Accessor<'a> {
     pub(super) width: usize,
     kind: Kind,
     is_fraction: bool,
-    /// Whether the file has bytes for it.
-    pub(super) has_data: bool,
+    /// What a decoder made of it, instead of what its view has.
+    decoded: Option<Vec<f32>>,
 }
 
 impl<'a> Accessor<'a> {
     fn size(&self) -> usize {
         self.width * self.kind.bytes()
+    }
+
+    /// The same with elements that a decoder made.
+    pub(super) fn with(mut self, numbers: Vec<f32>) -> Self {
+        self.count = numbers.len() / self.width;
+        self.decoded = Some(numbers);
+        self
+    }
+
+    /// How many elements the file has bytes for, of which there are `most`.
+    pub(super) fn paid(&self, most: usize) -> usize {
+        if self.decoded.is_some() { self.count } else { self.count.min(most) }
     }
 }
 
@@ -88,8 +100,7 @@ impl<'a> Buffers<'a> {
         let kind = Kind::of(&item)?;
         let count = item.whole("count")?.ok_or_else(|| item.refuse("count", "is missing"))?;
         let is_fraction = item.flag("normalized")?.unwrap_or(false);
-        let has_data = item.has("bufferView") || item.has("sparse");
-        Ok(Accessor { item, index, count, width, kind, is_fraction, has_data })
+        Ok(Accessor { item, index, count, width, kind, is_fraction, decoded: None })
     }
 
     /// The elements of `count × size` bytes that `item` states by its view and its offset there.
@@ -97,9 +108,7 @@ impl<'a> Buffers<'a> {
         let view = item.index("bufferView", "bufferViews")?.ok_or_else(|| item.refuse("bufferView", "is missing"))?;
         let offset = item.whole("byteOffset")?.unwrap_or(0);
         let whole = self.view(view)?;
-        // Zero is how older exporters say that elements follow each other.
-        let stride = self.tree.item("bufferViews", view)?.whole("byteStride")?.filter(|stride| *stride != 0);
-        let stride = stride.unwrap_or(size);
+        let stride = self.stride(view)?.unwrap_or(size);
         let needed = (count.saturating_sub(1)).checked_mul(stride).and_then(|n| n.checked_add(size));
         let end = needed.and_then(|needed| needed.checked_add(offset));
         match end {
@@ -151,6 +160,10 @@ impl<'a> Buffers<'a> {
         if accessor.width != N {
             return Err(self.refuse(format!("accessor {} has no vectors of {N} numbers for {what}", accessor.index)));
         }
+        if let Some(numbers) = &accessor.decoded {
+            let number = |v: f32| if accessor.is_fraction { fraction(v, accessor.kind) } else { v };
+            return Ok(numbers.as_chunks::<N>().0.iter().map(|vector| vector.map(number)).collect());
+        }
         let (kind, width) = (accessor.kind, accessor.kind.bytes());
         let vector =
             |e: &[u8]| std::array::from_fn(|i| number(&e[i * width..(i + 1) * width], kind, accessor.is_fraction));
@@ -187,17 +200,28 @@ fn unsigned(bytes: &[u8]) -> usize {
     bytes.iter().rev().fold(0, |value, &byte| value << 8 | usize::from(byte))
 }
 
-fn number(bytes: &[u8], kind: Kind, fraction: bool) -> f32 {
+fn number(bytes: &[u8], kind: Kind, is_fraction: bool) -> f32 {
     let unsigned = unsigned(bytes) as u32;
-    let (value, largest) = match kind {
-        Kind::I8 => (f32::from(unsigned as u8 as i8), 127.0),
-        Kind::U8 => (unsigned as f32, 255.0),
-        Kind::I16 => (f32::from(unsigned as u16 as i16), 32_767.0),
-        Kind::U16 => (unsigned as f32, 65_535.0),
-        Kind::U32 => (unsigned as f32, 4_294_967_295.0),
-        Kind::F32 => return f32::from_bits(unsigned),
+    let value = match kind {
+        Kind::I8 => f32::from(unsigned as u8 as i8),
+        Kind::I16 => f32::from(unsigned as u16 as i16),
+        Kind::U8 | Kind::U16 | Kind::U32 => unsigned as f32,
+        Kind::F32 => f32::from_bits(unsigned),
     };
-    if fraction { (value / largest).max(-1.0) } else { value }
+    if is_fraction { fraction(value, kind) } else { value }
+}
+
+/// A number as a fraction of the range of its kind.
+fn fraction(value: f32, kind: Kind) -> f32 {
+    let largest = match kind {
+        Kind::I8 => 127.0,
+        Kind::U8 => 255.0,
+        Kind::I16 => 32_767.0,
+        Kind::U16 => 65_535.0,
+        Kind::U32 => 4_294_967_295.0,
+        Kind::F32 => return value,
+    };
+    (value / largest).max(-1.0)
 }
 
 #[cfg(test)]

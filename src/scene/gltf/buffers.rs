@@ -1,12 +1,13 @@
 //! Buffers and what URIs name: the binary chunk, data URIs, files beside the glTF file.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::super::folders::Folders;
 use super::super::memory::Memory;
 use super::document::MOST_BYTES;
 use super::tree::{Item, Tree};
-use super::{base64, plain};
+use super::{base64, compressed, plain};
 use crate::error::{Error, Result};
 use crate::files::read_input;
 
@@ -15,7 +16,12 @@ pub(super) struct Buffers<'a> {
     pub(super) tree: &'a Tree,
     /// Of each buffer its bytes, or why there are none, which counts once they are asked for.
     data: Vec<std::result::Result<Vec<u8>, Absent>>,
+    /// What of the views is compressed, decoded, or why it cannot be.
+    decoded: HashMap<usize, std::result::Result<Vec<u8>, String>>,
 }
+
+/// Extensions that compress buffer views.
+const COMPRESSED: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
 /// Why a buffer cannot be used, and what to do about it.
 struct Absent {
@@ -45,7 +51,24 @@ pub(super) fn load<'a>(
         let binary = if index == 0 { binary.take() } else { None };
         data.push(read(path, &buffer, binary, folders, memory)?);
     }
-    Ok(Buffers { tree, data })
+    let mut buffers = Buffers { tree, data, decoded: HashMap::new() };
+    for index in 0..tree.count("bufferViews") {
+        // A view that nothing uses may be as it likes.
+        let Some(stated) = tree.item("bufferViews", index).ok().and_then(|view| compression(&view)) else { continue };
+        let decoded = match buffers.decode(&stated, path, memory) {
+            Err(error @ Error::Resources { .. }) => return Err(error),
+            Err(Error::Input { problem, .. }) => Err(problem),
+            Err(other) => Err(other.to_string()),
+            Ok(bytes) => Ok(bytes),
+        };
+        buffers.decoded.insert(index, decoded);
+    }
+    Ok(buffers)
+}
+
+/// How a view is compressed, if it is.
+fn compression<'a>(view: &Item<'a>) -> Option<Item<'a>> {
+    COMPRESSED.iter().find_map(|name| view.extension(name).ok().flatten())
 }
 
 /// The bytes of a buffer, as long as it says.
@@ -63,10 +86,6 @@ fn read(
     let mut bytes = match buffer.text("uri")? {
         None => match binary {
             Some(bytes) => bytes,
-            None if buffer.extension("EXT_meshopt_compression")?.is_some() => {
-                let problem = "is there compressed only (EXT_meshopt_compression), which is not read".into();
-                return Ok(Err(Absent { problem, hint: "export it again without compression".into() }));
-            }
             None => return absent("has no data".into()),
         },
         Some(text) => match uri(text) {
@@ -139,25 +158,60 @@ impl<'a> Buffers<'a> {
 
     /// Bytes of all buffers.
     pub(super) fn len(&self) -> usize {
-        self.data.iter().flatten().map(Vec::len).sum()
+        self.data.iter().flatten().chain(self.decoded.values().flatten()).map(Vec::len).sum()
     }
 
-    /// The bytes of a view. Errors: it is not there, has no data, or goes past their end.
+    /// The bytes of a view. Errors: it is not there, has no data, goes past their end, or cannot be decoded.
     pub(super) fn view(&self, index: usize) -> Result<&[u8]> {
+        match self.decoded.get(&index) {
+            Some(Ok(bytes)) => Ok(bytes),
+            Some(Err(problem)) => {
+                let problem = format!("buffer view {index}: {problem}");
+                Err(Error::input(self.tree.place(), problem, "export the file again without compression"))
+            }
+            None => {
+                let view = self.tree.item("bufferViews", index)?;
+                self.part(&view, &format!("buffer view {index}"))
+            }
+        }
+    }
+
+    /// How far apart the elements of a view begin, if it says so.
+    pub(super) fn stride(&self, index: usize) -> Result<Option<usize>> {
         let view = self.tree.item("bufferViews", index)?;
-        let buffer = view.index("buffer", "buffers")?.ok_or_else(|| view.refuse("buffer", "is missing"))?;
+        let compressed = compression(&view).map(|stated| stated.whole("byteStride")).transpose()?.flatten();
+        // Zero is how older exporters say that elements follow each other.
+        Ok(view.whole("byteStride")?.filter(|stride| *stride != 0).or(compressed))
+    }
+
+    /// The bytes of the buffer that `stated` names, from its offset on.
+    fn part(&self, stated: &Item<'_>, what: &str) -> Result<&[u8]> {
+        let buffer = stated.index("buffer", "buffers")?.ok_or_else(|| stated.refuse("buffer", "is missing"))?;
         let whole = match &self.data[buffer] {
             Ok(bytes) => bytes,
             Err(Absent { problem, hint }) => {
                 return Err(Error::input(self.tree.place(), format!("buffer {buffer} {problem}"), hint));
             }
         };
-        let offset = view.whole("byteOffset")?.unwrap_or(0);
-        let length = view.whole("byteLength")?.ok_or_else(|| view.refuse("byteLength", "is missing"))?;
+        let offset = stated.whole("byteOffset")?.unwrap_or(0);
+        let length = stated.whole("byteLength")?.ok_or_else(|| stated.refuse("byteLength", "is missing"))?;
         offset.checked_add(length).and_then(|end| whole.get(offset..end)).ok_or_else(|| {
             let bytes = whole.len();
-            self.refuse(format!("buffer view {index} goes past the end of buffer {buffer}, which has {bytes} bytes"))
+            self.refuse(format!("{what} goes past the end of buffer {buffer}, which has {bytes} bytes"))
         })
+    }
+
+    /// The bytes of a compressed view.
+    fn decode(&self, stated: &Item<'_>, path: &Path, memory: &mut Memory) -> Result<Vec<u8>> {
+        let whole = |key: &str| stated.whole(key)?.ok_or_else(|| stated.refuse(key, "is missing"));
+        let (count, stride) = (whole("count")?, whole("byteStride")?);
+        let bytes = self.part(stated, "what is compressed")?;
+        memory.check((count as u64).saturating_mul(stride as u64), path)?;
+        let (mode, filter) = (stated.text("mode")?.unwrap_or(""), stated.text("filter")?.unwrap_or("NONE"));
+        let decoded = compressed::meshopt(bytes, mode, filter, count, stride)
+            .map_err(|problem| Error::input(self.tree.place(), problem, ""))?;
+        memory.take(decoded.len() as u64, path)?;
+        Ok(decoded)
     }
 }
 

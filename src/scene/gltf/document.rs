@@ -18,7 +18,9 @@ const READ: &[&str] = &[
     "EXT_lights_ies",
     "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
@@ -28,6 +30,7 @@ const READ: &[&str] = &[
     "KHR_materials_transmission",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_node_visibility",
     "KHR_texture_transform",
 ];
@@ -153,7 +156,7 @@ fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Tree> {
         return Err(refuse(path, "is glTF of another version than 2"));
     }
     if let Some(list) = unknown(&root, "extensionsRequired") {
-        let hint = "export it without (no Draco or meshopt compression, textures as PNG, JPEG or WebP)";
+        let hint = "export it without (textures as PNG, JPEG or WebP)";
         let problem = format!("requires extensions that are not read: {list}");
         return Err(Error::input(path.display().to_string(), problem, hint));
     }

@@ -8,6 +8,7 @@ mod base64;
 mod buffers;
 mod cameras;
 mod colours;
+mod compressed;
 mod document;
 mod ies;
 mod lamps;

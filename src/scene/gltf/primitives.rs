@@ -13,8 +13,10 @@ use super::super::{MaterialId, Texture};
 use super::accessors::Accessor;
 use super::buffers::Buffers;
 use super::colours;
+use super::compressed::Draco;
 use super::materials::{self, ImageSource, Mapping};
 use super::nodes::Placed;
+use super::plain;
 use super::tree::Item;
 use crate::error::{Error, Result};
 
@@ -66,7 +68,7 @@ pub(super) fn add(
             if stated.as_ref().is_some_and(materials::is_absent) {
                 continue;
             }
-            let Some(source) = Source::of(primitive, stated, buffers, &mut left_out)? else { continue };
+            let Some(source) = Source::of(primitive, stated, buffers, memory, &mut left_out)? else { continue };
             let own = material.map_or(without, |index| first_material + index);
             for (name, world) in shown {
                 // What the accessors say; that the buffers have so much is looked at before it is taken.
@@ -132,13 +134,33 @@ fn with_colours(material: &SourceMaterial, texture: Texture) -> SourceMaterial {
     SourceMaterial { name: material.name.clone(), description }
 }
 
+/// Which vertices make triangles.
+enum Indices<'a> {
+    /// All, one after the other.
+    None,
+    Stated(Accessor<'a>),
+    Decoded(Vec<u32>),
+}
+
+/// What is decoded of a primitive that Draco compresses, with the ids of its attributes there.
+fn draco<'a>(primitive: &Item<'a>, buffers: &Buffers<'_>, memory: &Memory) -> Result<Option<(Draco, Item<'a>)>> {
+    let Some(stated) = primitive.extension("KHR_draco_mesh_compression")? else { return Ok(None) };
+    let view = stated.index("bufferView", "bufferViews")?.ok_or_else(|| stated.refuse("bufferView", "is missing"))?;
+    let ids = stated.object("attributes")?.ok_or_else(|| stated.refuse("attributes", "is missing"))?;
+    let decoded = Draco::decode(buffers.view(view)?, memory.left()).map_err(|reason| {
+        let problem = format!("buffer view {view}: what Draco compresses is damaged ({})", plain(&reason));
+        Error::input(buffers.tree.place(), problem, "export the file again without compression")
+    })?;
+    Ok(Some((decoded, ids)))
+}
+
 /// A primitive of triangles, and what its buffers say of it.
 struct Source<'a> {
     buffers: &'a Buffers<'a>,
     mode: Mode,
     mapping: Mapping,
     positions: Accessor<'a>,
-    indices: Option<Accessor<'a>>,
+    indices: Indices<'a>,
     normals: Option<Accessor<'a>>,
     uvs: Option<Accessor<'a>>,
     colours: Option<Accessor<'a>>,
@@ -150,6 +172,7 @@ impl<'a> Source<'a> {
         primitive: Item<'a>,
         material: Option<Item<'a>>,
         buffers: &'a Buffers<'a>,
+        memory: &Memory,
         left_out: &mut LeftOut,
     ) -> Result<Option<Self>> {
         let mode = match primitive.whole("mode")?.unwrap_or(4) {
@@ -164,14 +187,28 @@ impl<'a> Source<'a> {
         };
         let mapping = Mapping::of(material.as_ref(), buffers.tree)?;
         let attributes = primitive.object("attributes")?.ok_or_else(|| primitive.refuse("attributes", "is missing"))?;
-        let accessor = |key: &str| attributes.index(key, "accessors")?.map(|index| buffers.accessor(index)).transpose();
+        let draco = draco(&primitive, buffers, memory)?;
+        let accessor = |key: &str| {
+            let Some(index) = attributes.index(key, "accessors")? else { return Ok(None) };
+            let accessor = buffers.accessor(index)?;
+            let Some((decoded, ids)) = &draco else { return Ok(Some(accessor)) };
+            // What is not compressed with the rest is where it always is.
+            let Some(id) = ids.whole(key)? else { return Ok(Some(accessor)) };
+            let numbers = decoded.numbers(id, accessor.width);
+            let numbers = numbers.ok_or_else(|| ids.refuse(key, "is no attribute of what is decoded"))?;
+            Ok(Some(accessor.with(numbers)))
+        };
         // A mesh without positions is allowed, and shows nothing.
         let Some(positions) = accessor("POSITION")? else { return Ok(None) };
-        if !positions.has_data && primitive.extension("KHR_draco_mesh_compression")?.is_some() {
-            let problem = "its meshes are compressed (KHR_draco_mesh_compression), which is not read";
-            return Err(Error::input(buffers.tree.place(), problem, "export it again without compression"));
-        }
-        let indices = primitive.index("indices", "accessors")?.map(|index| buffers.accessor(index)).transpose()?;
+        let indices = match &draco {
+            Some((decoded, _)) => Indices::Decoded(decoded.indices()),
+            None => match primitive.index("indices", "accessors")? {
+                Some(index) => Indices::Stated(buffers.accessor(index)?),
+                None => Indices::None,
+            },
+        };
+        // What is decoded is triangles.
+        let mode = if draco.is_some() { Mode::Triangles } else { mode };
         left_out.morphs += usize::from(primitive.has("targets"));
         // A scene file may give a texture to a material that has none; then these count, if they are sound.
         let uvs = match accessor(&format!("TEXCOORD_{}", mapping.set)) {
@@ -193,8 +230,12 @@ impl<'a> Source<'a> {
     /// Memory of what is made of it at most, as far as the buffers have bytes for it.
     fn bytes(&self) -> u64 {
         let most = self.buffers.len();
-        let indices = self.indices.as_ref().map_or(0, |indices| indices.count.min(most));
-        self.positions.count.min(most) as u64 * 100 + indices as u64 * 40
+        let indices = match &self.indices {
+            Indices::None => 0,
+            Indices::Stated(accessor) => accessor.paid(most),
+            Indices::Decoded(indices) => indices.len(),
+        };
+        self.positions.paid(most) as u64 * 100 + indices as u64 * 40
     }
 
     /// Its triangles in the world, and the colours of its vertices.
@@ -203,8 +244,10 @@ impl<'a> Source<'a> {
         let positions: Vec<[f32; 3]> = buffers.finite(&self.positions, "position")?;
         let count = positions.len();
         let indices = match &self.indices {
-            Some(accessor) => buffers.indices(accessor, count)?,
-            None => (0..count as u32).collect(),
+            Indices::None => (0..count as u32).collect(),
+            Indices::Stated(accessor) => buffers.indices(accessor, count)?,
+            Indices::Decoded(indices) if indices.iter().all(|&index| (index as usize) < count) => indices.clone(),
+            Indices::Decoded(_) => return Err(buffers.refuse("what Draco compresses is damaged".into())),
         };
         let mut triangles = triangles(self.mode, &indices);
         // Which side is the front is said by the winding as it is seen in the world.
