@@ -24,8 +24,7 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     let includes_tilt = tilt.eq_ignore_ascii_case("INCLUDE");
     let words: Vec<&str> = lines.flat_map(str::split_ascii_whitespace).collect();
     let separated: Vec<&str> = words.iter().flat_map(|word| word.split(',')).filter(|word| !word.is_empty()).collect();
-    let read =
-        |words: &mut dyn Iterator<Item = &str>| Table::read(words, includes_tilt).map_err(|problem| refuse(problem));
+    let read = |words: &mut dyn Iterator<Item = &str>| Table::read(words, includes_tilt).map_err(&refuse);
     let mut table = read(&mut separated.iter().copied());
     // A comma may be a decimal one, where no number has a point: then it stands between digits, once in a word, and read as a
     // separator it makes too many numbers.

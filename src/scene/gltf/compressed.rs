@@ -15,7 +15,8 @@ pub(super) struct Draco(Mesh);
 impl Draco {
     /// Decodes a stream to at most `memory` bytes. Errors: why that cannot be done.
     pub(super) fn decode(bytes: &[u8], memory: u64) -> Result<Self, String> {
-        let most = memory.min(bytes.len().saturating_mul(MOST_RATIO) as u64);
+        // Decoding takes some times what it makes.
+        let most = (memory / 4).min(bytes.len().saturating_mul(MOST_RATIO) as u64);
         // A point or a face has twelve bytes or more.
         let limits = DecodeLimits::default().with_max_decoded_bytes(most);
         let limits = limits.with_max_points(most / 12).with_max_faces(most / 12);
