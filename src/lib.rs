@@ -51,7 +51,7 @@
 //! | crate | rooms |
 //! |---|---|
 //! | `wgpu`, `pollster` | `relight/gpu` |
-//! | `gltf` | `scene/gltf` |
+//! | `draco_core`, `meshoptimizer_rs` | `scene/gltf` |
 //! | `faer` | `clean`, `compress` |
 //! | `rand`, `rand_pcg` | `compress`, `light`, `pipeline`, `relight` |
 //! | `glam` | `light`, `scene`, `trace` |

@@ -1,4 +1,4 @@
-//! Reading images: EXR and HDR as they are, PNG, JPEG, TGA and BMP decoded from sRGB.
+//! Reading images: EXR and HDR as they are, PNG, JPEG, WebP, TGA and BMP decoded from sRGB.
 
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
@@ -118,7 +118,7 @@ fn facts_of(path: &Path, (width, height): (u64, u64), decoder_bytes: u64) -> Res
     Err(Error::input(path.display().to_string(), problem, hint))
 }
 
-/// As [`image_facts`] of a PNG or JPEG file that is in memory; `name` is for messages.
+/// As [`image_facts`] of a PNG, JPEG or WebP file that is in memory; `name` is for messages.
 ///
 /// # Errors
 /// Those of [`image_facts`].
@@ -129,7 +129,7 @@ pub fn embedded_facts(name: &Path, bytes: &[u8]) -> Result<ImageFacts> {
     facts_of(name, size, size.0 * size.1 * 16)
 }
 
-/// As [`read_rgba`] of a PNG or JPEG file that is in memory; `name` is for messages.
+/// As [`read_rgba`] of a PNG, JPEG or WebP file that is in memory; `name` is for messages.
 ///
 /// # Errors
 /// Those of [`read_rgba`].
@@ -146,9 +146,20 @@ fn embedded_reader<'a>(name: &Path, bytes: &'a [u8]) -> Result<image::ImageReade
     let format = match bytes {
         [0x89, b'P', b'N', b'G', ..] => image::ImageFormat::Png,
         [0xff, 0xd8, ..] => image::ImageFormat::Jpeg,
-        _ => return Err(refuse(name, "it is neither PNG nor JPEG")),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P', ..] => image::ImageFormat::WebP,
+        _ => return Err(refuse(name, kind_by_name(bytes).unwrap_or("it is neither PNG, JPEG nor WebP"))),
     };
     Ok(image::ImageReader::with_format(Cursor::new(bytes), format))
+}
+
+/// What an image that is not read is, where its first bytes say so.
+fn kind_by_name(bytes: &[u8]) -> Option<&'static str> {
+    match bytes {
+        [0xab, b'K', b'T', b'X', ..] => Some("it is KTX"),
+        [b'D', b'D', b'S', b' ', ..] => Some("it is DDS"),
+        [_, _, _, _, b'f', b't', b'y', b'p', b'a', b'v', b'i', b'f', ..] => Some("it is AVIF"),
+        _ => None,
+    }
 }
 
 /// Whether a layer of an OpenEXR file is one that [`read_exr`] takes.
@@ -206,7 +217,12 @@ fn other_reader(path: &Path) -> Result<image::ImageReader<BufReader<File>>> {
     // Where the content tells nothing, the name counts.
     match reader.format().is_some_and(|format| format.reading_enabled()) {
         true => Ok(reader),
-        false => Err(refuse(path, "it is of no format that is known")),
+        false => {
+            let mut bytes = [0; 12];
+            // A file too short for its first bytes is of no format.
+            let _ = File::open(path).and_then(|mut file| file.read_exact(&mut bytes));
+            Err(refuse(path, kind_by_name(&bytes).unwrap_or("it is of no format that is known")))
+        }
     }
 }
 
@@ -218,7 +234,7 @@ fn limits() -> image::Limits {
 
 fn refuse(path: &Path, reason: &str) -> Error {
     let reason = reason.lines().next().unwrap_or_default();
-    let hint = "give an EXR, HDR, PNG, JPEG, TGA or BMP image (EXR without DWA compression)";
+    let hint = "give an EXR, HDR, PNG, JPEG, WebP, TGA or BMP image (EXR without DWA compression)";
     Error::input(path.display().to_string(), format!("the image cannot be read ({reason})"), hint)
 }
 

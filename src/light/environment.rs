@@ -171,7 +171,9 @@ impl LightKind {
         match self {
             Self::LatLong { across, down } => Some(EnvironmentMapping::LatLong { across, down }),
             Self::Octahedral { side } => Some(EnvironmentMapping::Octahedral { side }),
-            _ => None,
+            Self::Lamp | Self::AreaTexels { .. } | Self::Point | Self::Spot | Self::Sun | Self::Ies | Self::Image => {
+                None
+            }
         }
     }
 }

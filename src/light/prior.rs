@@ -199,7 +199,7 @@ fn normal(random: &mut Pcg64Mcg) -> f32 {
 }
 
 fn sites(basis: &LightBasis) -> Vec<Site> {
-    let directed = |kind| matches!(kind, LightKind::Sun);
+    let directed = |kind| kind == LightKind::Sun;
     let single = |places: &[[f32; 3]]| places.len() == 1;
     let mut sites = Vec::with_capacity(basis.column_count());
     // Lamps share a group each for places and for directions, scaled by their common extent.
@@ -236,7 +236,9 @@ fn sites(basis: &LightBasis) -> Vec<Site> {
                     let norm = place.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-30);
                     place.map(|v| 0.5 * v / norm)
                 }
-                _ => [0, 1, 2].map(|k| (place[k] - low[k]) / extent),
+                LightKind::Lamp | LightKind::Point | LightKind::Spot | LightKind::Ies | LightKind::Image => {
+                    [0, 1, 2].map(|k| (place[k] - low[k]) / extent)
+                }
             };
             sites.push(Site { group, place });
         }

@@ -248,11 +248,11 @@ impl ImportedMatrix {
                         rows.read((lights, channel, y), 0, &mut rest)?;
                         squared_sum += squares(&rest);
                     }
-                    for light in 0..lights {
+                    for (light, size) in sizes[..lights].iter_mut().enumerate() {
                         rows.read((light, channel, y), 0, &mut row)?;
                         content.update(bytemuck::cast_slice(&row));
                         if rendering == 0 {
-                            sizes[light] += column_scales::sizes(&row);
+                            *size += column_scales::sizes(&row);
                         }
                         rest.iter_mut().zip(&row).for_each(|(rest, v)| *rest -= v);
                     }

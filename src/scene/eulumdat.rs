@@ -1,9 +1,8 @@
 //! EULUMDAT files (`.ldt`).
 
 use std::path::Path;
-use std::str::FromStr;
 
-use super::photometry::{MAX_ANGLES, Photometry, Web};
+use super::photometry::{MAX_ANGLES, Photometry, Web, lines};
 use crate::error::{Error, Result};
 
 /// Most sets of lamps that the format has.
@@ -17,40 +16,43 @@ const SET_LINES: usize = 6;
 /// Errors: too few lines, words where numbers should be, angles out of order, a web without light.
 pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     let refuse = |problem: String| Error::input(path.display().to_string(), problem, "give an EULUMDAT file (.ldt)");
-    let lines: Vec<&str> = text.lines().map(str::trim).collect();
+    let lines: Vec<&str> = lines(text).map(str::trim).collect();
     // Lines are counted from 1, as the format's description does.
-    fn number<T: FromStr>(lines: &[&str], line: usize) -> std::result::Result<T, String> {
-        let text = lines.get(line - 1).ok_or_else(|| format!("ends before line {line}"))?;
-        text.replace(',', ".").parse().map_err(|_| format!("line {line} has no number where one should be"))
-    }
+    let text = |line: usize| lines.get(line - 1).copied().ok_or_else(|| refuse(format!("ends before line {line}")));
     let float = |line: usize| -> Result<f32> {
-        let value: f32 = number(&lines, line).map_err(refuse)?;
+        let value =
+            number(text(line)?).ok_or_else(|| refuse(format!("line {line} has no number where one should be")))?;
         if value.is_finite() { Ok(value) } else { Err(refuse(format!("line {line} is not finite"))) }
     };
     let count = |line: usize, most: usize| -> Result<usize> {
-        let value: usize = number(&lines, line).map_err(refuse)?;
-        if (1..=most).contains(&value) {
-            Ok(value)
+        let value = float(line)?;
+        if value.fract() == 0.0 && (1.0..=most as f32).contains(&value) {
+            Ok(value as usize)
         } else {
-            Err(refuse(format!("line {line}: {value} is not from 1 to {most}")))
+            Err(refuse(format!("line {line} is no whole number from 1 to {most}")))
         }
     };
-    let symmetry: u32 = number(&lines, 3).map_err(refuse)?;
+    let symmetry = float(3)?;
+    let symmetry = [0, 1, 2, 3, 4].into_iter().find(|known| *known as f32 == symmetry);
+    let symmetry = symmetry.ok_or_else(|| refuse("line 3: there is no such symmetry".into()))?;
     let (planes, angles) = (count(4, MAX_ANGLES)?, count(6, MAX_ANGLES)?);
-    let factor = float(24)?;
+    // Where it is left out or 0, nothing is to be converted.
+    let factor = if text(24)?.is_empty() { 1.0 } else { float(24)? };
+    let factor = if factor == 0.0 { 1.0 } else { factor };
     let sets = count(26, MOST_SETS)?;
     let lumens = float(29)?;
     let first_plane = 27 + SET_LINES * sets + 10;
     let list = |from: usize, count: usize| (from..from + count).map(float).collect::<Result<Vec<f32>>>();
     let plane_angles = list(first_plane, planes)?;
     let vertical = list(first_plane + planes, angles)?;
-    let stored = match (symmetry, planes % 4) {
+    // Some write the plane of 0° once more, as that of 360°.
+    let circle = planes - usize::from(planes > 1 && (plane_angles[planes - 1] - plane_angles[0] - 360.0).abs() < 0.1);
+    let stored = match (symmetry, circle % 4) {
         (0, _) => planes,
         (1, _) => 1,
-        (2 | 3, 0 | 2) => planes / 2 + 1,
-        (4, 0) => planes / 4 + 1,
-        (2..=4, _) => return Err(refuse(format!("{planes} planes cannot have symmetry {symmetry}"))),
-        _ => return Err(refuse(format!("line 3: there is no symmetry {symmetry}"))),
+        (2 | 3, 0 | 2) => circle / 2 + 1,
+        (4, 0) => circle / 4 + 1,
+        _ => return Err(refuse(format!("{planes} planes cannot have symmetry {symmetry}"))),
     };
     let first_value = first_plane + planes + angles;
     let row = |i: usize| -> Result<Vec<f32>> {
@@ -62,21 +64,30 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     if !increasing(&plane_angles) || !increasing(&vertical) || lowest < 0.0 || highest > 180.0 {
         return Err(refuse("has angles that do not increase, or do not lie in 0 to 180 degrees".into()));
     }
-    let web = Web { vertical, horizontal: horizontals(symmetry, &plane_angles, stored), rows };
+    let web = Web { vertical, horizontal: horizontals(symmetry, &plane_angles[..circle.max(stored)], stored), rows };
     let spread = |web: &Web, wanted: [f32; 2]| {
         let ends = [web.horizontal[0], web.horizontal[web.horizontal.len() - 1]];
         ends.iter().zip(wanted).all(|(end, wanted)| (end - wanted).abs() < 0.1)
     };
     let whole = match symmetry {
-        0 if web.horizontal[0].abs() < 0.1 && web.horizontal.last().is_some_and(|a| *a < 360.5) => Some(web.closed()),
+        0 if web.horizontal[0].abs() < 0.1 && web.horizontal.last().is_some_and(|a| *a < 360.5) => {
+            Some(web.whole_circle())
+        }
         1 => Some(web),
-        2 if spread(&web, [0.0, 180.0]) => Some(web.continued()),
-        3 if spread(&web, [270.0, 450.0]) => web.continued().turned(),
-        4 if spread(&web, [0.0, 90.0]) => Some(web.continued().continued()),
+        2 if spread(&web, [0.0, 180.0]) => Some(web.continued().whole_circle()),
+        3 if spread(&web, [270.0, 450.0]) => Some(web.continued().whole_circle()),
+        4 if spread(&web, [0.0, 90.0]) => Some(web.continued().continued().whole_circle()),
         _ => None,
     };
     let whole = whole.ok_or_else(|| refuse(format!("its planes do not cover what symmetry {symmetry} wants")))?;
     Photometry::of_web(whole, factor * lumens.abs() / 1000.0).ok_or_else(|| refuse("has no light in it".into()))
+}
+
+/// The number at the beginning of a line, with a decimal point or comma; a unit may follow.
+fn number(text: &str) -> Option<f32> {
+    let word = text.split_whitespace().next()?.replace(',', ".");
+    let end = word.find(|c: char| !(c.is_ascii_digit() || "+-.eE".contains(c))).unwrap_or(word.len());
+    word.parse().ok().or_else(|| word[..end].parse().ok())
 }
 
 /// The angles of the planes that are stored, of all: from 0°, but with symmetry 3 from 270° on, through 0° (360°) to 90° (450°).

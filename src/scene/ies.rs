@@ -1,8 +1,8 @@
-//! IES LM-63 files of 1986, 1991, 1995 and 2002, of photometric types A, B and C.
+//! IES LM-63 files of 1986, 1991, 1995, 2002 and 2019, of photometric types A, B and C.
 
 use std::path::Path;
 
-use super::photometry::{MAX_ANGLES, Photometry, Web, mirrored};
+use super::photometry::{MAX_ANGLES, Photometry, Web, lines, mirrored};
 use crate::error::{Error, Result};
 
 /// Reads an IES file's text; `path` is for messages.
@@ -11,46 +11,34 @@ use crate::error::{Error, Result};
 /// angles out of order or out of range, a web without light.
 pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     let refuse = |problem: &str| Error::input(path.display().to_string(), problem, "give an IES LM-63 file");
-    let mut lines = text.lines();
-    let tilt = lines.find_map(|line| line.trim().strip_prefix("TILT=")).ok_or_else(|| refuse("has no TILT line"))?;
-    let mut numbers = lines.flat_map(|line| line.split([' ', '\t', ',', '\r'])).filter(|word| !word.is_empty());
-    let mut next = || -> Result<f32> {
-        let word = numbers.next().ok_or_else(|| refuse("ends before its numbers do"))?;
-        word.parse().ok().filter(|v: &f32| v.is_finite()).ok_or_else(|| refuse("has a word where a number should be"))
-    };
-    match tilt.trim() {
-        "NONE" => {}
-        "INCLUDE" => {
-            // How the lamp dims when the luminaire is tilted; ours hang as they were measured.
-            let _geometry = next()?;
-            let pairs = count(next()?).ok_or_else(|| refuse("has an impossible number of tilt angles"))?;
-            for _ in 0..2 * pairs {
-                next()?;
-            }
+    let mut lines = lines(text);
+    let mut head = None;
+    let tilt = loop {
+        let line = lines.next().ok_or_else(|| refuse("has no TILT line"))?.trim();
+        if let Some(tilt) = tilt_of(line) {
+            break tilt;
         }
-        _ => return Err(refuse("keeps its tilt factors in another file")),
-    }
-    let (_lamps, _lumens, multiplier) = (next()?, next()?, next()?);
-    let verticals = count(next()?).ok_or_else(|| refuse("has an impossible number of vertical angles"))?;
-    let horizontals = count(next()?).ok_or_else(|| refuse("has an impossible number of horizontal angles"))?;
-    let kind = Kind::of(next()?).ok_or_else(|| refuse("is of no photometric type that there is (1, 2 or 3)"))?;
-    let (_units, _width, _length, _height) = (next()?, next()?, next()?, next()?);
-    let (ballast, lamp_factor, _watts) = (next()?, next()?, next()?);
-    let factor = multiplier * ballast * lamp_factor;
-    let mut angles = |count: usize| -> Result<Vec<f32>> {
-        let angles = (0..count).map(|_| next()).collect::<Result<Vec<_>>>()?;
-        let increasing = angles.windows(2).all(|w| w[0] < w[1]);
-        if increasing { Ok(angles) } else { Err(refuse("has angles that do not increase")) }
+        head = head.or((!line.is_empty()).then_some(line));
     };
-    let vertical = angles(verticals)?;
-    let horizontal = angles(horizontals)?;
-    let rows = (0..horizontals)
-        .map(|_| (0..verticals).map(|_| next().map(|v| v.max(0.0))).collect::<Result<Vec<_>>>())
-        .collect::<Result<Vec<_>>>()?;
-    let web = Web { vertical, horizontal, rows };
+    let edition = Edition::of(head.unwrap_or_default());
+    let includes_tilt = tilt.eq_ignore_ascii_case("INCLUDE");
+    let words: Vec<&str> = lines.flat_map(str::split_ascii_whitespace).collect();
+    let separated: Vec<&str> = words.iter().flat_map(|word| word.split(',')).filter(|word| !word.is_empty()).collect();
+    let read = |words: &mut dyn Iterator<Item = &str>| Table::read(words, includes_tilt).map_err(&refuse);
+    let mut table = read(&mut separated.iter().copied());
+    // A comma may be a decimal one, where no number has a point: then it stands between digits, once in a word, and read as a
+    // separator it makes too many numbers.
+    if has_decimal_commas(&words) && !table.as_ref().is_ok_and(|table| table.is_all) {
+        let decimal: Vec<String> = words.iter().map(|word| word.replace(',', ".")).collect();
+        table = read(&mut decimal.iter().map(String::as_str)).or(table);
+    }
+    let Table { multiplier, kind, ballast, second, web, .. } = table?;
+    let kind = Kind::of(kind).ok_or_else(|| refuse("is of no photometric type that there is (1, 2 or 3)"))?;
+    let factor = multiplier * ballast * if edition == Edition::Early { second } else { 1.0 };
+    let web = web.without_repeated_angles().ok_or_else(|| refuse("has angles that do not increase"))?;
     let found = match kind {
         Kind::C => {
-            if web.vertical[0] < 0.0 || web.vertical[verticals - 1] > 180.0 {
+            if web.vertical[0] < -0.1 || web.vertical[web.vertical.len() - 1] > 180.1 {
                 return Err(refuse("has vertical angles outside 0 to 180 degrees"));
             }
             let web = unfold(web).ok_or_else(|| {
@@ -64,7 +52,101 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
             Photometry::of_other_axes(&web, directions, factor)
         }
     };
-    found.ok_or_else(|| refuse("has no light in it"))
+    let mut found = found.ok_or_else(|| refuse("has no light in it"))?;
+    if edition == Edition::Of2002 && second != 1.0 {
+        let said = "the number after the ballast factor has no meaning in LM-63-2002, and is not multiplied";
+        found.remarks.push(format!("{}: {said}: {second}", path.display()));
+    }
+    Ok(found)
+}
+
+/// What a `TILT=` line says: `NONE`, `INCLUDE` or a file's name. How a lamp dims when its luminaire is tilted is not used: ours
+/// shine as they were measured.
+fn tilt_of(line: &str) -> Option<&str> {
+    let (key, tilt) = line.split_once('=')?;
+    key.trim().eq_ignore_ascii_case("TILT").then(|| tilt.trim())
+}
+
+/// What the number after the ballast factor means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Edition {
+    /// To 1995: the factor of ballast and lamp together.
+    Early,
+    /// "Future use".
+    Of2002,
+    /// From 2019: how the file was made, such as 1.1 for an accredited laboratory.
+    Of2019,
+}
+
+impl Edition {
+    /// That which the first line states: `IESNA:LM-63-2002`, `IES:LM-63-2019`; files of 1986 have no such line, those of 1991 another.
+    fn of(head: &str) -> Self {
+        let head = head.replace(' ', "").to_ascii_uppercase();
+        let digits = head.split_once("LM-63-").map_or("", |(_, after)| after);
+        let end = digits.find(|c: char| !c.is_ascii_digit()).unwrap_or(digits.len());
+        let year = match digits[..end].parse().unwrap_or(0) {
+            short @ 1..=85 => 2000 + short,
+            year => year,
+        };
+        match year {
+            2019.. => Self::Of2019,
+            2002.. => Self::Of2002,
+            _ => Self::Early,
+        }
+    }
+}
+
+/// Whether all commas of numbers can only be decimal ones, or separators without spaces.
+fn has_decimal_commas(words: &[&str]) -> bool {
+    let is_number = |part: &str| !part.is_empty() && part.bytes().all(|byte| byte.is_ascii_digit());
+    let decimal = |word: &str| {
+        let (whole, fraction) = word.split_once(',').unwrap_or(("", ""));
+        is_number(whole.trim_start_matches(['-', '+'])) && is_number(fraction)
+    };
+    let mut with_comma = words.iter().filter(|word| word.contains(',')).peekable();
+    with_comma.peek().is_some() && with_comma.all(|word| decimal(word)) && !words.iter().any(|word| word.contains('.'))
+}
+
+/// The numbers of a file, as they stand there.
+struct Table {
+    multiplier: f32,
+    kind: f32,
+    ballast: f32,
+    /// What stands after the ballast factor.
+    second: f32,
+    web: Web,
+    /// Whether no number is left over.
+    is_all: bool,
+}
+
+impl Table {
+    fn read(words: &mut dyn Iterator<Item = &str>, includes_tilt: bool) -> std::result::Result<Self, &'static str> {
+        let mut next = || -> std::result::Result<f32, &'static str> {
+            let word = words.next().ok_or("ends before its numbers do")?;
+            word.parse().ok().filter(|v: &f32| v.is_finite()).ok_or("has a word where a number should be")
+        };
+        if includes_tilt {
+            let _geometry = next()?;
+            let pairs = count(next()?).ok_or("has an impossible number of tilt angles")?;
+            for _ in 0..2 * pairs {
+                next()?;
+            }
+        }
+        let (_lamps, _lumens, multiplier) = (next()?, next()?, next()?);
+        let verticals = count(next()?).ok_or("has an impossible number of vertical angles")?;
+        let horizontals = count(next()?).ok_or("has an impossible number of horizontal angles")?;
+        let kind = next()?;
+        let (_units, _width, _length, _height) = (next()?, next()?, next()?, next()?);
+        let (ballast, second, _watts) = (next()?, next()?, next()?);
+        let mut list = |count: usize| (0..count).map(|_| next()).collect::<std::result::Result<Vec<_>, _>>();
+        let (vertical, horizontal) = (list(verticals)?, list(horizontals)?);
+        let mut rows = Vec::new();
+        for _ in 0..horizontals {
+            rows.push(list(verticals)?.into_iter().map(|v| v.max(0.0)).collect());
+        }
+        let web = Web { vertical, horizontal, rows };
+        Ok(Self { multiplier, kind, ballast, second, web, is_all: words.next().is_none() })
+    }
 }
 
 /// How the planes of a web lie. In luminaire axes the nadir is −z and the plane of 0° holds +x.
@@ -121,17 +203,20 @@ fn count(value: f32) -> Option<usize> {
     (value.fract() == 0.0 && (1.0..=MAX_ANGLES as f32).contains(&value)).then_some(value as usize)
 }
 
-/// Unfolds the symmetries that type C lets a file leave out.
+/// Unfolds the symmetries that type C lets a file leave out. A half or a quarter of the circle may lie anywhere on it; what is no
+/// half or quarter is the whole one, which may be open where it ends as its planes follow each other.
 fn unfold(web: Web) -> Option<Web> {
     let angles = &web.horizontal;
     let (first, last) = (*angles.first()?, *angles.last()?);
     let near = |value: f32, wanted: f32| (value - wanted).abs() < 0.1;
+    let is_quarter = near((first + 45.0).rem_euclid(90.0), 45.0);
+    let widest = angles.windows(2).map(|w| w[1] - w[0]).fold(0.0, f32::max);
+    let (span, gap) = (last - first, 360.0 - (last - first));
     match () {
         () if angles.len() == 1 => Some(Web { horizontal: vec![0.0], ..web }),
-        () if near(first, 0.0) && near(last, 90.0) => Some(web.continued().continued()),
-        () if near(first, 0.0) && near(last, 180.0) => Some(web.continued()),
-        () if near(first, 90.0) && near(last, 270.0) => web.continued().turned(),
-        () if near(first, 0.0) && last > 270.0 && last < 360.5 => Some(web.closed()),
+        () if is_quarter && near(span, 90.0) => Some(web.continued().continued().whole_circle()),
+        () if is_quarter && near(span, 180.0) => Some(web.continued().whole_circle()),
+        () if gap > -0.5 && (gap < 90.1 || gap < 1.01 * widest) => Some(web.whole_circle()),
         () => None,
     }
 }
@@ -253,5 +338,32 @@ mod tests {
             assert_eq!(short, long);
         }
         assert!(read("TILT=NONE\n1 1 1 2 2 2 1 0 0 0 1 1 1\n0 120\n0 90\n4 3\n2 1\n").is_err());
+    }
+
+    #[test]
+    fn editions_are_told_by_their_first_line() {
+        for (head, edition) in [
+            ("IESNA:LM-63-2019", Edition::Of2019),
+            ("IES:LM-63-2019", Edition::Of2019),
+            ("ies: lm-63-19", Edition::Of2019),
+            ("IESNA:LM-63-2002", Edition::Of2002),
+            ("IESNA:LM-63-02 ", Edition::Of2002),
+            ("IESNA:LM-63-1995", Edition::Early),
+            ("IESNA91", Edition::Early),
+            ("", Edition::Early),
+        ] {
+            assert_eq!(Edition::of(head), edition, "{head}");
+        }
+    }
+
+    /// By hand: a comma is a decimal one where as a separator it would make too many numbers.
+    #[test]
+    fn commas_are_what_makes_the_numbers_come_out() {
+        let decimal = read("TILT=NONE\n1 1000 1,5 2 1 1 2 0,1 0 0\n1,0 1,0 10\n0,0 90\n0\n200,5 0\n").unwrap();
+        assert_eq!(decimal.peak_candela, 1.5 * 200.5);
+        let separated = read("TILT=NONE\n1,1000,2,2,1,1,2,0,0,0\n1,1,10\n0,90\n0\n200,50\n").unwrap();
+        assert_eq!((separated.peak_candela, separated.profile.intensity.len()), (400.0, 2));
+        let with_points = read("TILT=NONE\n1 1000 2.0 2 1 1 2 0 0 0\n1 1 10\n0,90\n0\n200,50\n").unwrap();
+        assert_eq!(with_points.peak_candela, 400.0);
     }
 }

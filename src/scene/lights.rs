@@ -41,6 +41,7 @@ pub(super) struct Lights<'a> {
     pub(super) weights: Vec<(u32, Vec<[f32; 3]>)>,
     /// What is left for environment maps and photometric files while they are read.
     pub(super) memory: Memory,
+    pub(super) warnings: Vec<String>,
 }
 
 /// Triangles that become one light.
@@ -61,7 +62,10 @@ impl Lights<'_> {
             LightEntryKind::Surface => self.surfaces(entry, place),
             LightEntryKind::Panel => self.panel(entry, place),
             LightEntryKind::Environment => self.environment(entry, place),
-            _ => self.point_like(entry, place),
+            LightEntryKind::Point => self.point(entry, place),
+            LightEntryKind::Spot => self.spot(entry, place),
+            LightEntryKind::Sun => self.sun(entry, place),
+            LightEntryKind::Ies => self.luminaire(entry, place),
         }
     }
 
@@ -305,62 +309,83 @@ impl Lights<'_> {
     }
 
     /// What the photometric file of an entry says.
-    fn photometry(&self, entry: &LightEntry, place: &str) -> Result<Photometry> {
+    fn photometry(&mut self, entry: &LightEntry, place: &str) -> Result<Photometry> {
         let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
         let path = self.folders.find(file, place)?;
-        let text = read_input(&path, "read the photometric file", MOST_PHOTOMETRY_BYTES)?;
-        photometry::parse(&path, &String::from_utf8_lossy(&text))
+        let bytes = read_input(&path, "read the photometric file", MOST_PHOTOMETRY_BYTES)?;
+        let photometry = photometry::parse(&path, &bytes)?;
+        self.warnings.extend(
+            photometry.remarks.iter().filter(|remark| !self.warnings.contains(remark)).cloned().collect::<Vec<_>>(),
+        );
+        Ok(photometry)
     }
 
-    fn point_like(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
-        let origin = self.origin;
-        let position = || local(entry.position, origin, "position", place);
-        let default_direction = [0.0, -1.0, 0.0];
-        let axis = || Ok(direction(entry.direction.unwrap_or(default_direction), "direction", place)?.normalize());
-        let mut emission = entry.emission.unwrap_or([1.0; 3]);
-        let (name, emitter) = match entry.kind {
-            LightEntryKind::Point => ("point", PointEmitter::Point { position: position()? }),
-            LightEntryKind::Spot => {
-                let outer = finite(entry.outer_degrees.unwrap_or(30.0), "outer_degrees", place)?;
-                let inner = finite(entry.inner_degrees.unwrap_or(0.8 * outer), "inner_degrees", place)?;
-                if !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= 180.0) {
-                    let problem = format!("inner_degrees {inner} and outer_degrees {outer} are no cones");
-                    return Err(Error::input(place, problem, "they must obey 0 ≤ inner ≤ outer ≤ 180"));
-                }
-                let (inner_radians, outer_radians) = (inner.to_radians(), outer.to_radians());
-                let direction = axis()?;
-                ("spot", PointEmitter::Spot { position: position()?, direction, inner_radians, outer_radians })
-            }
-            LightEntryKind::Ies => {
-                let Luminaire { photometry, world_from_luminaire } = match &entry.luminaire {
-                    Some(luminaire) => luminaire.clone(),
-                    None => {
-                        let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
-                        let photometry = self.photometry(entry, place)?;
-                        Luminaire { photometry, world_from_luminaire: hung(axis()?, turn) }
-                    }
-                };
-                // Read, kept with the emitter, and in the tracer's own form.
-                self.memory.take(3 * size_of_val(&*photometry.profile.intensity) as u64, Path::new(place))?;
-                if entry.emission.is_none() {
-                    emission = [photometry.peak_candela / LUMENS_PER_WATT; 3];
-                }
-                let profile = photometry.profile;
-                ("ies", PointEmitter::Ies { position: position()?, world_from_luminaire, profile })
-            }
-            _ => {
-                let towards = direction(required(entry.towards, "towards", place)?, "towards", place)?.normalize();
-                let degrees = entry.angular_radius_degrees.unwrap_or(SUN_RADIUS_DEGREES);
-                if !(0.0..=90.0).contains(&degrees) {
-                    let problem = format!("angular_radius_degrees {degrees}");
-                    return Err(Error::input(place, problem, "give 0 to 90; the sun has 0.2665"));
-                }
-                ("sun", PointEmitter::Sun { towards, angular_radius_radians: degrees.to_radians() })
+    fn point(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        let emitter = PointEmitter::Point { position: self.position(entry, place)? };
+        self.point_like("point", emitter, [1.0; 3], entry, place)
+    }
+
+    fn spot(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        let outer = finite(entry.outer_degrees.unwrap_or(30.0), "outer_degrees", place)?;
+        let inner = finite(entry.inner_degrees.unwrap_or(0.8 * outer), "inner_degrees", place)?;
+        if !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= 180.0) {
+            let problem = format!("inner_degrees {inner} and outer_degrees {outer} are no cones");
+            return Err(Error::input(place, problem, "they must obey 0 ≤ inner ≤ outer ≤ 180"));
+        }
+        let (inner_radians, outer_radians) = (inner.to_radians(), outer.to_radians());
+        let (direction, position) = (axis(entry, place)?, self.position(entry, place)?);
+        let emitter = PointEmitter::Spot { position, direction, inner_radians, outer_radians };
+        self.point_like("spot", emitter, [1.0; 3], entry, place)
+    }
+
+    fn sun(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        let towards = direction(required(entry.towards, "towards", place)?, "towards", place)?.normalize();
+        let degrees = entry.angular_radius_degrees.unwrap_or(SUN_RADIUS_DEGREES);
+        if !(0.0..=90.0).contains(&degrees) {
+            let problem = format!("angular_radius_degrees {degrees}");
+            return Err(Error::input(place, problem, "give 0 to 90; the sun has 0.2665"));
+        }
+        let emitter = PointEmitter::Sun { towards, angular_radius_radians: degrees.to_radians() };
+        self.point_like("sun", emitter, [1.0; 3], entry, place)
+    }
+
+    fn luminaire(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
+        let Luminaire { photometry, world_from_luminaire } = match &entry.luminaire {
+            Some(luminaire) => luminaire.clone(),
+            None => {
+                let turn = finite(entry.turn_degrees.unwrap_or(0.0), "turn_degrees", place)?.to_radians();
+                let photometry = self.photometry(entry, place)?;
+                Luminaire { photometry, world_from_luminaire: hung(axis(entry, place)?, turn) }
             }
         };
-        self.admit_columns(1, place)?;
-        self.assembly.point(&entry.name.clone().unwrap_or_else(|| name.into()), emitter, emission)
+        // Read, kept with the emitter, and in the tracer's own form.
+        self.memory.take(3 * size_of_val(&*photometry.profile.intensity) as u64, Path::new(place))?;
+        let own = [photometry.peak_candela / LUMENS_PER_WATT; 3];
+        let (position, profile) = (self.position(entry, place)?, photometry.profile);
+        self.point_like("ies", PointEmitter::Ies { position, world_from_luminaire, profile }, own, entry, place)
     }
+
+    fn position(&self, entry: &LightEntry, place: &str) -> Result<Vec3> {
+        local(entry.position, self.origin, "position", place)
+    }
+
+    /// Adds a light of one column, of the entry's emission or its `own`, under the entry's name or that of its kind.
+    fn point_like(
+        &mut self,
+        kind: &str,
+        emitter: PointEmitter,
+        own: [f32; 3],
+        entry: &LightEntry,
+        place: &str,
+    ) -> Result<()> {
+        self.admit_columns(1, place)?;
+        self.assembly.point(entry.name.as_deref().unwrap_or(kind), emitter, entry.emission.unwrap_or(own))
+    }
+}
+
+/// Where a light points, down if it does not say.
+fn axis(entry: &LightEntry, place: &str) -> Result<Vec3> {
+    Ok(direction(entry.direction.unwrap_or([0.0, -1.0, 0.0]), "direction", place)?.normalize())
 }
 
 /// Axes of a luminaire whose nadir points along `down`, turned about it: x lies as near to the world's +x as that
@@ -374,7 +399,7 @@ fn hung(down: Vec3, turn_radians: f32) -> Mat3 {
 
 /// The light of an emitter in one piece: its centre and area.
 fn lamp(name: &str, triangles: &[[Corner; 3]], radiance: [f32; 3], place: &str) -> Result<Light> {
-    let (mut area, mut moment) = (0.0f64, glam::DVec3::ZERO);
+    let (mut area, mut moment) = (0.0f64, DVec3::ZERO);
     for [a, b, c] in triangles {
         let part = 0.5 * f64::from((b.position - a.position).cross(c.position - a.position).length());
         area += part;

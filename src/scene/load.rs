@@ -282,6 +282,7 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
         origin,
         weights: Vec::new(),
         memory,
+        warnings: Vec::new(),
     };
     if read.by_instance {
         let both = |m: &SourceMaterial| matches!(&m.description, Description::Gltf(g) if g.two_sided);
@@ -294,6 +295,7 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
         lights.add(&LightEntry::default(), place)?;
     }
     let weights = std::mem::take(&mut lights.weights);
+    warnings.append(&mut lights.warnings);
     warn_of_unused(&assembly, emissions.iter().map(Option::is_some), &mut warnings);
     let Assembly { mesh, materials, textures, emitters, mut basis } = assembly;
     for (first, weights) in weights {

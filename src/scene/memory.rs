@@ -17,6 +17,11 @@ impl Memory {
         Self { limit_bytes, taken_bytes: 0 }
     }
 
+    /// Bytes that are not taken.
+    pub(super) fn left(&self) -> u64 {
+        self.limit_bytes.saturating_sub(self.taken_bytes)
+    }
+
     /// Holds `bytes` more, which reading `path` takes for now, to the bound.
     ///
     /// # Errors

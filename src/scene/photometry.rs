@@ -19,14 +19,49 @@ pub(super) struct Photometry {
     pub(super) profile: IesProfile,
     /// The largest intensity, with all of the file's factors.
     pub(super) peak_candela: f32,
+    /// What was not heeded or looks wrong, one line each with the file's name.
+    pub(super) remarks: Vec<String>,
 }
 
-/// Reads a photometric file's text, EULUMDAT where the name ends in `.ldt`, else IES.
-pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
+/// Reads a photometric file, EULUMDAT where the name ends in `.ldt`, else IES.
+pub(super) fn parse(path: &Path, bytes: &[u8]) -> Result<Photometry> {
+    let text = text(bytes);
     match path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ldt")) {
-        true => eulumdat::parse(path, text),
-        false => ies::parse(path, text),
+        true => eulumdat::parse(path, &text),
+        false => ies::parse(path, &text),
     }
+}
+
+/// The text of a file: UTF-16 where its mark or its zeros say so, else ASCII with whatever else in names and remarks. The end mark of
+/// old systems and zeros are spaces.
+fn text(bytes: &[u8]) -> String {
+    let zeros = |from: usize| bytes.iter().skip(from).step_by(2).take(64).filter(|byte| **byte == 0).count();
+    let units = |bytes: &[u8], unit: fn([u8; 2]) -> u16| {
+        String::from_utf16_lossy(&bytes.as_chunks::<2>().0.iter().map(|pair| unit(*pair)).collect::<Vec<_>>())
+    };
+    let text = match bytes {
+        [0xff, 0xfe, rest @ ..] => units(rest, u16::from_le_bytes),
+        [0xfe, 0xff, rest @ ..] => units(rest, u16::from_be_bytes),
+        _ if zeros(1) > 16 && zeros(0) == 0 => units(bytes, u16::from_le_bytes),
+        _ if zeros(0) > 16 && zeros(1) == 0 => units(bytes, u16::from_be_bytes),
+        _ => String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)).into_owned(),
+    };
+    text.replace(['\0', '\u{1a}'], " ")
+}
+
+/// The lines of a text, whichever system ends them.
+pub(super) fn lines(text: &str) -> impl Iterator<Item = &str> {
+    let mut rest = Some(text);
+    std::iter::from_fn(move || {
+        let text = rest?;
+        let Some(end) = text.find(['\r', '\n']) else {
+            rest = None;
+            return (!text.is_empty()).then_some(text);
+        };
+        let after = if text[end..].starts_with("\r\n") { end + 2 } else { end + 1 };
+        rest = Some(&text[after..]);
+        Some(&text[..end])
+    })
 }
 
 /// Intensities over two kinds of angles, in degrees, as a file has them.
@@ -58,25 +93,50 @@ impl Web {
         self
     }
 
-    /// A circle that begins anywhere, from 0 to 360°. None where no plane was measured at 0°: it would not close.
-    pub(super) fn turned(self) -> Option<Self> {
-        let begin = self.horizontal.iter().position(|&a| a >= 359.9)?;
-        if self.horizontal[begin] > 360.1 {
-            return None;
+    /// A circle that begins anywhere, closed or not, from 0 to 360°; the plane at 0° is made of its neighbours where none was
+    /// measured there.
+    pub(super) fn whole_circle(self) -> Self {
+        let Self { vertical, horizontal, rows } = self;
+        let mut planes: Vec<(f32, Vec<f32>)> = horizontal
+            .iter()
+            .map(|angle| angle.rem_euclid(360.0))
+            .map(|a| if a > 359.95 { 0.0 } else { a })
+            .zip(rows)
+            .collect();
+        planes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        planes.dedup_by(|later, earlier| later.0 - earlier.0 < 0.05);
+        let (first, last) = (&planes[0], &planes[planes.len() - 1]);
+        if first.0 < 0.05 {
+            planes[0].0 = 0.0;
+        } else {
+            let before = 360.0 - last.0;
+            let share = before / (before + first.0);
+            let row = last.1.iter().zip(&first.1).map(|(l, f)| l * (1.0 - share) + f * share).collect();
+            planes.insert(0, (0.0, row));
         }
-        let order = (begin..self.horizontal.len()).map(|i| (i, 360.0)).chain((1..=begin).map(|i| (i, 0.0)));
-        let (horizontal, rows) =
-            order.map(|(i, less)| ((self.horizontal[i] - less).max(0.0), self.rows[i].clone())).unzip();
-        Some(Self { vertical: self.vertical, horizontal, rows })
+        planes.push((360.0, planes[0].1.clone()));
+        let (horizontal, rows) = planes.into_iter().unzip();
+        Self { vertical, horizontal, rows }
     }
 
-    /// A circle from 0°, with its first plane once more at 360°.
-    pub(super) fn closed(mut self) -> Self {
-        if self.horizontal.last().is_none_or(|last| (last - 360.0).abs() >= 0.1) {
-            self.horizontal.push(360.0);
-            self.rows.push(self.rows[0].clone());
+    /// Without the angles that stand there twice, of which the first counts. None where angles decrease.
+    pub(super) fn without_repeated_angles(mut self) -> Option<Self> {
+        let increase = |angles: &[f32]| angles.windows(2).all(|w| w[0] <= w[1]);
+        if !increase(&self.vertical) || !increase(&self.horizontal) {
+            return None;
         }
-        self
+        let kept =
+            |angles: &[f32]| -> Vec<bool> { (0..angles.len()).map(|i| i == 0 || angles[i] > angles[i - 1]).collect() };
+        fn keep<T>(list: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            list.retain(|_| *kept.next().unwrap_or(&false));
+        }
+        let (vertical, horizontal) = (kept(&self.vertical), kept(&self.horizontal));
+        self.rows.iter_mut().for_each(|row| keep(row, &vertical));
+        keep(&mut self.rows, &horizontal);
+        keep(&mut self.vertical, &vertical);
+        keep(&mut self.horizontal, &horizontal);
+        Some(self)
     }
 
     /// The intensity between the measured ones; 0 beyond them.
@@ -117,7 +177,7 @@ impl Photometry {
             horizontal_radians: horizontal.into_iter().map(f32::to_radians).collect(),
             intensity: rows.into_iter().flatten().map(|v| v / peak).collect(),
         };
-        (peak_candela > 0.0 && peak_candela.is_finite()).then_some(Self { profile, peak_candela })
+        (peak_candela > 0.0 && peak_candela.is_finite()).then_some(Self { profile, peak_candela, remarks: Vec::new() })
     }
 
     /// Of a web with other axes, sampled over the sphere in steps as fine as its own; `angles` gives the web's horizontal and
@@ -146,5 +206,46 @@ impl Photometry {
         found.profile.intensity.iter_mut().for_each(|v| *v *= sampled);
         found.peak_candela = measured * factor;
         found.peak_candela.is_finite().then_some(found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_of_every_coding_are_read() {
+        let wide = |mark: bool, swap: bool| -> Vec<u8> {
+            let text = format!(
+                "{}{}",
+                if mark { "\u{feff}" } else { "" },
+                "TILT=NONE, a line of some length without a mark\r\n1"
+            );
+            text.encode_utf16().flat_map(|unit| if swap { unit.to_be_bytes() } else { unit.to_le_bytes() }).collect()
+        };
+        let whole = "TILT=NONE, a line of some length without a mark\r\n1";
+        for bytes in [wide(true, false), wide(true, true), wide(false, false), wide(false, true), whole.into()] {
+            assert_eq!(text(&bytes), whole);
+        }
+        assert_eq!(text(b"\xef\xbb\xbfa\x1a"), "a ");
+        assert_eq!(lines("a\rb\r\nc\n\nd").collect::<Vec<_>>(), ["a", "b", "c", "", "d"]);
+        assert_eq!(lines("a\r\n").collect::<Vec<_>>(), ["a"]);
+    }
+
+    #[test]
+    fn circles_that_begin_anywhere_begin_at_0() {
+        let circle = |horizontal: &[f32], rows: &[f32]| {
+            let web = Web {
+                vertical: vec![0.0],
+                horizontal: horizontal.into(),
+                rows: rows.iter().map(|v| vec![*v]).collect(),
+            };
+            let web = web.whole_circle();
+            (web.horizontal, web.rows.concat())
+        };
+        let (angles, values) = circle(&[-90.0, 0.0, 90.0, 180.0, 270.0], &[1.0, 2.0, 3.0, 4.0, 1.0]);
+        assert_eq!((angles, values), (vec![0.0, 90.0, 180.0, 270.0, 360.0], vec![2.0, 3.0, 4.0, 1.0, 2.0]));
+        let (angles, values) = circle(&[30.0, 150.0, 300.0], &[1.0, 2.0, 4.0]);
+        assert_eq!((angles, values), (vec![0.0, 30.0, 150.0, 300.0, 360.0], vec![2.0, 1.0, 2.0, 4.0, 2.0]));
     }
 }

@@ -57,13 +57,13 @@ fn bad_frames() {
     assert!(error.contains("no JSON (line 1") && !error.contains("users"), "{error}");
     let folder = Folder::new().with("room.gltf", "{\"asset\": \"secret\"}");
     let error = load(&folder.path("room.gltf")).unwrap_err().to_string();
-    assert!(error.contains("no glTF 2.0 (line 1") && !error.contains("secret"), "{error}");
+    assert!(error.contains("no glTF 2.0") && !error.contains("secret"), "{error}");
     refused(glb(&b"[".repeat(100_000), b""), &["room.glb"]);
 }
 
 fn bad_trees() {
     refused(changed(|f| f.json["asset"]["version"] = json!("1.0")), &["another version"]);
-    for name in ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu"] {
+    for name in ["KHR_texture_basisu", "EXT_texture_avif", "KHR_techniques_webgl"] {
         let file = changed(|f| {
             f.uses(name);
             f.push("extensionsRequired", json!(name));
@@ -76,7 +76,7 @@ fn bad_trees() {
     let (from, to) = (b"\"POSITION\":0", b"\"POSITION\":9");
     let at = file.windows(from.len()).position(|part| part == from).unwrap();
     file[at..at + to.len()].copy_from_slice(to);
-    refused(file, &["breaks the rules", "an accessor that is not there"]);
+    refused(file, &["breaks the rules", "accessors[9] is not there"]);
     refused(changed(|f| f.json["accessors"][0]["componentType"] = json!(1)), &["accessors[0].componentType"]);
 }
 
@@ -188,8 +188,8 @@ fn bad_images() {
     refused(with(json!({ "uri": "../wood.png" })), &["'ground'", "not in the folder"]);
     refused(with(json!({ "name": "empty" })), &["'ground'", "image 0 has no data"]);
     // What it is is seen from its bytes: a MIME type may be missing.
-    refused(with(json!({ "bufferView": 0 })), &["image 0", "neither PNG nor JPEG"]);
-    refused(with(json!({ "bufferView": 0, "mimeType": "image/png" })), &["image 0", "neither PNG nor JPEG"]);
+    refused(with(json!({ "bufferView": 0 })), &["image 0", "neither PNG, JPEG nor WebP"]);
+    refused(with(json!({ "bufferView": 0, "mimeType": "image/png" })), &["image 0", "neither PNG, JPEG nor WebP"]);
     // A PNG that claims 65,535 × 65,535 pixels in its header.
     let huge = changed(|f| {
         let mut bytes = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\xff\xff\0\0\xff\xff\x08\x06\0\0\0".to_vec();

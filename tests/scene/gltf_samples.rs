@@ -14,16 +14,15 @@ pub(super) const TESTS: &[(&str, fn())] = &[("sample_files_are_rendered_or_refus
 /// What is refused: the end of a file's path, and what the one line says.
 const REFUSED: &[(&str, &str)] = &[
     // glTF 1.
-    ("glTF/BoxTextured-glTF/BoxTextured.gltf", "no glTF 2.0"),
+    ("glTF/BoxTextured-glTF/BoxTextured.gltf", "another version than 2"),
     ("glTF/BoxTextured-glTF-Binary/BoxTextured.glb", "version 1"),
-    ("glTF/BoxTextured-glTF-Embedded/BoxTextured.gltf", "no glTF 2.0"),
-    ("glTF/BoxTextured-glTF-MaterialsCommon/BoxTextured.gltf", "no glTF 2.0"),
-    ("glTF/CesiumMilkTruck/CesiumMilkTruck.gltf", "no glTF 2.0"),
-    ("glTF/IncorrectVertexArrays/Cube_v1.gltf", "no glTF 2.0"),
-    ("glTF/TwoBoxes/TwoBoxes.gltf", "no glTF 2.0"),
+    ("glTF/BoxTextured-glTF-Embedded/BoxTextured.gltf", "another version than 2"),
+    ("glTF/BoxTextured-glTF-MaterialsCommon/BoxTextured.gltf", "another version than 2"),
+    ("glTF/CesiumMilkTruck/CesiumMilkTruck.gltf", "another version than 2"),
+    ("glTF/IncorrectVertexArrays/Cube_v1.gltf", "another version than 2"),
+    ("glTF/TwoBoxes/TwoBoxes.gltf", "another version than 2"),
     // Required extensions that are not read.
     ("glTF2/BoxTextured-glTF-techniqueWebGL/BoxTextured.gltf", "KHR_technique_webgl"),
-    ("glTF2/draco/2CylinderEngine.gltf", "KHR_draco_mesh_compression"),
     // Points and lines.
     ("Mesh_PrimitiveMode/Mesh_PrimitiveMode_00.gltf", "no triangles"),
     ("Mesh_PrimitiveMode/Mesh_PrimitiveMode_01.gltf", "no triangles"),
@@ -34,22 +33,19 @@ const REFUSED: &[(&str, &str)] = &[
     ("Mesh_PrimitiveMode/Mesh_PrimitiveMode_09.gltf", "no triangles"),
     ("Mesh_PrimitiveMode/Mesh_PrimitiveMode_10.gltf", "no triangles"),
     // Made to be wrong.
-    ("glTF2/BoxWithInfinites-glTF-Binary/BoxWithInfinites.glb", "breaks the rules"),
-    ("glTF2/IncorrectVertexArrays/Cube.gltf", "breaks the rules"),
+    ("glTF2/BoxWithInfinites-glTF-Binary/BoxWithInfinites.glb", "position 0 is not finite"),
     ("glTF2/IndexOutOfRange/AllIndicesOutOfRange.gltf", "asks for vertex 65535 of 24"),
     ("glTF2/IndexOutOfRange/IndexOutOfRange.gltf", "asks for vertex 255 of 24"),
     ("glTF2/MissingBin/BoxTextured.gltf", "missing"),
     ("glTF2/RecursiveNodes/RecursiveNodes.gltf", "reached twice"),
-    ("glTF2/SchemaFailures/sceneWrongType.gltf", "no glTF 2.0"),
-    ("glTF2/TestNoRootNode/NoScene.gltf", "breaks the rules"),
+    ("glTF2/SchemaFailures/sceneWrongType.gltf", "scene: is no index"),
+    ("glTF2/TestNoRootNode/NoScene.gltf", "scenes[0] is not there"),
     // A scene without nodes shows nothing.
-    ("glTF2/TestNoRootNode/SceneWithoutNodes.gltf", "no glTF 2.0"),
-    ("glTF2/wrongTypes/badArray.gltf", "no glTF 2.0"),
-    ("glTF2/wrongTypes/badExtension.gltf", "no glTF 2.0"),
-    ("glTF2/wrongTypes/badNumber.gltf", "no glTF 2.0"),
-    ("glTF2/wrongTypes/badObject.gltf", "no glTF 2.0"),
-    ("glTF2/wrongTypes/badString.gltf", "no glTF 2.0"),
-    ("glTF2/wrongTypes/badUint.gltf", "no glTF 2.0"),
+    ("glTF2/TestNoRootNode/SceneWithoutNodes.gltf", "no triangles"),
+    ("glTF2/wrongTypes/badArray.gltf", "meshes[0].primitives: is no list"),
+    ("glTF2/wrongTypes/badExtension.gltf", "KHR_texture_transform: is no object"),
+    ("glTF2/wrongTypes/badObject.gltf", "pbrMetallicRoughness: is no object"),
+    ("glTF2/wrongTypes/badUint.gltf", "baseColorTexture.index: is no index"),
 ];
 
 /// All glTF files below a folder.

@@ -188,7 +188,7 @@ fn bad_lights() {
     refused(with_light(&mixed, json!({})), "one size");
     let mut broken = images.clone();
     broken[3] = b"DDS ".to_vec();
-    refused(with_light(&broken, json!({})), "neither PNG nor JPEG");
+    refused(with_light(&broken, json!({})), "it is DDS");
     let large = vec![picture(Vec3::X, Vec3::Y, 2049, false, |_| Vec3::ONE); 6];
     refused(with_light(&large, json!({})), "at most 2048");
     let mut nowhere = with(json!({}));

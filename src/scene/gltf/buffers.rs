@@ -1,22 +1,32 @@
 //! Buffers and what URIs name: the binary chunk, data URIs, files beside the glTF file.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-
-use gltf::Document;
-use gltf::buffer::{Source, View};
 
 use super::super::folders::Folders;
 use super::super::memory::Memory;
 use super::document::MOST_BYTES;
-use super::{base64, plain};
+use super::tree::{Item, Tree};
+use super::{base64, compressed, plain};
 use crate::error::{Error, Result};
 use crate::files::read_input;
 
 /// The bytes of all buffers of a file.
-pub(super) struct Buffers {
-    /// The file, for messages.
-    pub(super) place: String,
-    data: Vec<Vec<u8>>,
+pub(super) struct Buffers<'a> {
+    pub(super) tree: &'a Tree,
+    /// Of each buffer its bytes, or why there are none, which counts once they are asked for.
+    data: Vec<std::result::Result<Vec<u8>, Absent>>,
+    /// What of the views is compressed, decoded, or why it cannot be.
+    decoded: HashMap<usize, std::result::Result<Vec<u8>, String>>,
+}
+
+/// Extensions that compress buffer views.
+const COMPRESSED: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
+
+/// Why a buffer cannot be used, and what to do about it.
+struct Absent {
+    problem: String,
+    hint: String,
 }
 
 /// What a URI means.
@@ -27,56 +37,96 @@ pub(super) enum Uri {
     File(String),
 }
 
-/// Reads all buffers.
-pub(super) fn load(
+/// Reads all buffers. Errors: what does not fit the memory, and files that the system does not let be read.
+pub(super) fn load<'a>(
     path: &Path,
-    document: &Document,
+    tree: &'a Tree,
     mut binary: Option<Vec<u8>>,
     folders: &Folders,
     memory: &mut Memory,
-) -> Result<Buffers> {
-    let place = path.display().to_string();
+) -> Result<Buffers<'a>> {
     let mut data = Vec::new();
-    for (index, buffer) in document.buffers().enumerate() {
-        let refuse = |problem: String| {
-            Error::input(place.as_str(), format!("buffer {index} {problem}"), "export the file again with all its data")
-        };
-        let mut bytes = match buffer.source() {
-            Source::Bin if index == 0 => binary.take().ok_or_else(|| refuse("has no data".into()))?,
-            Source::Bin => return Err(refuse("has no data".into())),
-            Source::Uri(text) => match uri(text).map_err(|problem| refuse(problem.into()))? {
-                Uri::Data(bytes) => {
-                    memory.take(bytes.len() as u64, path)?;
-                    bytes
-                }
-                Uri::File(name) => {
-                    let file: PathBuf = path.parent().unwrap_or(Path::new("")).join(&name);
-                    let length = std::fs::metadata(&file)
-                        .map_err(|_| refuse(format!("is the file \"{}\", which is missing", plain(&name))))?
-                        .len();
-                    folders.reach.admit(&file, &place)?;
-                    memory.take(length, &file)?;
-                    read_input(&file, "read the buffer", MOST_BYTES)?
-                }
-            },
-        };
-        if bytes.len() < buffer.length() {
-            let (stated, found) = (buffer.length(), bytes.len());
-            return Err(refuse(format!("is truncated: it should have {stated} bytes, and has {found}")));
-        }
-        bytes.truncate(buffer.length());
-        data.push(bytes);
+    for index in 0..tree.count("buffers") {
+        let buffer = tree.item("buffers", index)?;
+        let binary = if index == 0 { binary.take() } else { None };
+        data.push(read(path, &buffer, binary, folders, memory)?);
     }
-    Ok(Buffers { place, data })
+    let mut buffers = Buffers { tree, data, decoded: HashMap::new() };
+    for index in 0..tree.count("bufferViews") {
+        // A view that nothing uses may be as it likes.
+        let Some(stated) = tree.item("bufferViews", index).ok().and_then(|view| compression(&view)) else { continue };
+        let decoded = match buffers.decode(&stated, path, memory) {
+            Err(error @ Error::Resources { .. }) => return Err(error),
+            Err(Error::Input { problem, .. }) => Err(problem),
+            Err(other) => Err(other.to_string()),
+            Ok(bytes) => Ok(bytes),
+        };
+        buffers.decoded.insert(index, decoded);
+    }
+    Ok(buffers)
 }
 
-/// What a URI means. Errors: what is neither a data URI in base 64 nor the name of a file in the same folder or below.
+/// How a view is compressed, if it is.
+fn compression<'a>(view: &Item<'a>) -> Option<Item<'a>> {
+    COMPRESSED.iter().find_map(|name| view.extension(name).ok().flatten())
+}
+
+/// The bytes of a buffer, as long as it says.
+fn read(
+    path: &Path,
+    buffer: &Item<'_>,
+    binary: Option<Vec<u8>>,
+    folders: &Folders,
+    memory: &mut Memory,
+) -> Result<std::result::Result<Vec<u8>, Absent>> {
+    let absent = |problem: String| {
+        let hint = "export the file again with all its data";
+        Ok(Err(Absent { problem, hint: hint.into() }))
+    };
+    let mut bytes = match buffer.text("uri")? {
+        None => match binary {
+            Some(bytes) => bytes,
+            None => return absent("has no data".into()),
+        },
+        Some(text) => match uri(text) {
+            Err(problem) => return absent(problem.into()),
+            Ok(Uri::Data(bytes)) => {
+                memory.take(bytes.len() as u64, path)?;
+                bytes
+            }
+            Ok(Uri::File(name)) => {
+                let file: PathBuf = path.parent().unwrap_or(Path::new("")).join(&name);
+                let Ok(found) = std::fs::metadata(&file) else {
+                    return absent(format!("is the file \"{}\", which is missing", plain(&name)));
+                };
+                if let Err(Error::Input { problem, hint, .. }) = folders.reach.admit(&file, "") {
+                    return Ok(Err(Absent { problem, hint }));
+                }
+                memory.take(found.len(), &file)?;
+                read_input(&file, "read the buffer", MOST_BYTES)?
+            }
+        },
+    };
+    let length = buffer.whole("byteLength")?.unwrap_or(bytes.len());
+    if bytes.len() < length {
+        return absent(format!("is truncated: it should have {length} bytes, and has {}", bytes.len()));
+    }
+    bytes.truncate(length);
+    Ok(Ok(bytes))
+}
+
+/// What a URI means. Errors: what is neither a data URI nor the name of a file in the same folder or below.
 pub(super) fn uri(text: &str) -> Result<Uri, &'static str> {
     if let Some(data) = text.strip_prefix("data:") {
-        let (_, encoded) = data.split_once(";base64,").ok_or("is a data URI without base 64")?;
-        return base64::decode(encoded).map(Uri::Data).ok_or("is a data URI whose base 64 is damaged");
+        let (kind, encoded) = data.split_once(',').ok_or("is a data URI without data")?;
+        let bytes = match kind.ends_with(";base64") {
+            true => base64::decode(encoded).ok_or("is a data URI whose base 64 is damaged")?,
+            false => unescaped(encoded).ok_or("is a data URI with damaged escapes")?,
+        };
+        return Ok(Uri::Data(bytes));
     }
-    let name = unescaped(text).ok_or("has a URI with damaged escapes")?.replace('\\', "/");
+    let name = unescaped(text).and_then(|bytes| String::from_utf8(bytes).ok());
+    let name = name.ok_or("has a URI with damaged escapes")?.replace('\\', "/");
     let leaves = name.starts_with('/') || name.split('/').any(|part| part == "..");
     if leaves || name.contains(':') || name.contains('\0') || name.is_empty() {
         return Err("names a file that is not in the folder of the glTF file");
@@ -84,8 +134,8 @@ pub(super) fn uri(text: &str) -> Result<Uri, &'static str> {
     Ok(Uri::File(name))
 }
 
-/// A text with its `%20`s as the characters that they mean.
-fn unescaped(text: &str) -> Option<String> {
+/// The bytes of a text with its `%20`s as the characters that they mean.
+fn unescaped(text: &str) -> Option<Vec<u8>> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();
     while let Some((&byte, after)) = rest.split_first() {
@@ -98,30 +148,70 @@ fn unescaped(text: &str) -> Option<String> {
             bytes.push(byte);
         }
     }
-    String::from_utf8(bytes).ok()
+    Some(bytes)
 }
 
-impl Buffers {
+impl<'a> Buffers<'a> {
     pub(super) fn refuse(&self, what: String) -> Error {
-        Error::input(self.place.as_str(), what, "export the file again")
+        Error::input(self.tree.place(), what, "export the file again")
     }
 
     /// Bytes of all buffers.
     pub(super) fn len(&self) -> usize {
-        self.data.iter().map(Vec::len).sum()
+        self.data.iter().flatten().chain(self.decoded.values().flatten()).map(Vec::len).sum()
     }
 
-    /// The bytes of a view.
-    pub(super) fn view(&self, view: &View<'_>) -> Result<&[u8]> {
-        let whole = &self.data[view.buffer().index()];
-        let end = view.offset().checked_add(view.length());
-        end.and_then(|end| whole.get(view.offset()..end)).ok_or_else(|| {
-            let (index, buffer) = (view.index(), view.buffer().index());
-            self.refuse(format!(
-                "buffer view {index} goes past the end of buffer {buffer}, which has {} bytes",
-                whole.len()
-            ))
+    /// The bytes of a view. Errors: it is not there, has no data, goes past their end, or cannot be decoded.
+    pub(super) fn view(&self, index: usize) -> Result<&[u8]> {
+        match self.decoded.get(&index) {
+            Some(Ok(bytes)) => Ok(bytes),
+            Some(Err(problem)) => {
+                let problem = format!("buffer view {index}: {problem}");
+                Err(Error::input(self.tree.place(), problem, "export the file again without compression"))
+            }
+            None => {
+                let view = self.tree.item("bufferViews", index)?;
+                self.part(&view, &format!("buffer view {index}"))
+            }
+        }
+    }
+
+    /// How far apart the elements of a view begin, if it says so.
+    pub(super) fn stride(&self, index: usize) -> Result<Option<usize>> {
+        let view = self.tree.item("bufferViews", index)?;
+        let compressed = compression(&view).map(|stated| stated.whole("byteStride")).transpose()?.flatten();
+        // Zero is how older exporters say that elements follow each other.
+        Ok(view.whole("byteStride")?.filter(|stride| *stride != 0).or(compressed))
+    }
+
+    /// The bytes of the buffer that `stated` names, from its offset on.
+    fn part(&self, stated: &Item<'_>, what: &str) -> Result<&[u8]> {
+        let buffer = stated.index("buffer", "buffers")?.ok_or_else(|| stated.refuse("buffer", "is missing"))?;
+        let whole = match &self.data[buffer] {
+            Ok(bytes) => bytes,
+            Err(Absent { problem, hint }) => {
+                return Err(Error::input(self.tree.place(), format!("buffer {buffer} {problem}"), hint));
+            }
+        };
+        let offset = stated.whole("byteOffset")?.unwrap_or(0);
+        let length = stated.whole("byteLength")?.ok_or_else(|| stated.refuse("byteLength", "is missing"))?;
+        offset.checked_add(length).and_then(|end| whole.get(offset..end)).ok_or_else(|| {
+            let bytes = whole.len();
+            self.refuse(format!("{what} goes past the end of buffer {buffer}, which has {bytes} bytes"))
         })
+    }
+
+    /// The bytes of a compressed view.
+    fn decode(&self, stated: &Item<'_>, path: &Path, memory: &mut Memory) -> Result<Vec<u8>> {
+        let whole = |key: &str| stated.whole(key)?.ok_or_else(|| stated.refuse(key, "is missing"));
+        let (count, stride) = (whole("count")?, whole("byteStride")?);
+        let bytes = self.part(stated, "what is compressed")?;
+        memory.check((count as u64).saturating_mul(stride as u64), path)?;
+        let (mode, filter) = (stated.text("mode")?.unwrap_or(""), stated.text("filter")?.unwrap_or("NONE"));
+        let decoded = compressed::meshopt(bytes, mode, filter, count, stride)
+            .map_err(|problem| Error::input(self.tree.place(), problem, ""))?;
+        memory.take(decoded.len() as u64, path)?;
+        Ok(decoded)
     }
 }
 
@@ -141,6 +231,7 @@ mod tests {
             assert_eq!(file(outside), None, "{outside}");
         }
         assert!(matches!(uri("data:application/octet-stream;base64,Zm9v"), Ok(Uri::Data(bytes)) if bytes == b"foo"));
-        assert!(uri("data:text/plain,foo").is_err());
+        assert!(matches!(uri("data:text/plain,foo%0A"), Ok(Uri::Data(bytes)) if bytes == b"foo\n"));
+        assert!(uri("data:text/plain").is_err() && uri("data:,%").is_err());
     }
 }

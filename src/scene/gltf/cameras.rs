@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use glam::{DMat3, DVec3, Vec3};
-use gltf::Document;
 
 use super::super::{Camera, Mesh, PixelFilter};
 use super::nodes::Placed;
 use super::plain;
+use super::tree::Tree;
 use crate::error::Result;
 
 /// Pixels along the height of an image whose size nobody states.
@@ -27,19 +27,25 @@ pub(in super::super) struct FileCamera {
     width_over_height: f32,
 }
 
-/// The perspective cameras of the nodes.
+/// The perspective cameras of the nodes. A camera is what it has, whatever type it states.
 pub(super) fn of(
     path: &Path,
-    document: &Document,
+    tree: &Tree,
     nodes: &[Placed<'_>],
     warnings: &mut Vec<String>,
-) -> Vec<FileCamera> {
+) -> Result<Vec<FileCamera>> {
     let mut cameras = Vec::new();
     for placed in nodes {
-        let Some(camera) = placed.node.camera() else { continue };
-        // As it is written: the crate's own way to it panics where the type says one and the other is given.
-        let Some(perspective) = &document.as_json().cameras[camera.index()].perspective else {
-            let problem = "is orthographic, which is not traced; it is left out";
+        let Some(index) = placed.node.index("camera", "cameras")? else { continue };
+        let camera = tree.item("cameras", index)?;
+        let perspective = camera.object("perspective").ok().flatten();
+        let lens =
+            perspective.and_then(|p| Some((p.number("yfov").ok().flatten()?, p.number("aspectRatio").ok().flatten())));
+        let Some((vertical_fov_radians, aspect)) = lens else {
+            let problem = match camera.has("orthographic") {
+                true => "is orthographic, which is not traced; it is left out",
+                false => "states no field of view; it is left out",
+            };
             warnings.push(format!("{}: the camera '{}' {problem}", path.display(), placed.name));
             continue;
         };
@@ -50,11 +56,11 @@ pub(super) fn of(
             eye: placed.world.w_axis.truncate(),
             forward: (-axes.z_axis).normalize_or_zero().as_vec3(),
             up: axes.y_axis.normalize_or_zero().as_vec3(),
-            vertical_fov_radians: perspective.yfov,
-            width_over_height: perspective.aspect_ratio.unwrap_or(4.0 / 3.0),
+            vertical_fov_radians,
+            width_over_height: aspect.filter(|a| *a > 0.0 && a.is_finite()).unwrap_or(4.0 / 3.0),
         });
     }
-    cameras
+    Ok(cameras)
 }
 
 impl FileCamera {

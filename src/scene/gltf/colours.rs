@@ -4,21 +4,20 @@
 //! goes on with it, as vertex colours are.
 
 use glam::{Vec2, Vec3};
-use gltf::{Primitive, Semantic};
 
 use super::super::Texture;
 use super::super::obj::ObjPart;
+use super::accessors::Accessor;
 use super::buffers::Buffers;
 use crate::error::Result;
 
-/// The colours of a primitive's vertices, linear, from 0 to 1; none where it has none, or white ones.
-pub(super) fn of(primitive: &Primitive<'_>, buffers: &Buffers, count: usize) -> Result<Option<Vec<Vec3>>> {
-    let Some(accessor) = primitive.get(&Semantic::Colors(0)) else { return Ok(None) };
-    let colours: Vec<Vec3> = if accessor.dimensions().multiplicity() == 4 {
-        let colours: Vec<[f32; 4]> = buffers.vectors(&accessor, "colour")?;
+/// The colours of `count` vertices, linear, from 0 to 1; none where all are white.
+pub(super) fn of(accessor: &Accessor<'_>, buffers: &Buffers<'_>, count: usize) -> Result<Option<Vec<Vec3>>> {
+    let colours: Vec<Vec3> = if accessor.width == 4 {
+        let colours: Vec<[f32; 4]> = buffers.finite(accessor, "colour")?;
         colours.into_iter().map(|[r, g, b, _]| Vec3::new(r, g, b)).collect()
     } else {
-        let colours: Vec<[f32; 3]> = buffers.vectors(&accessor, "colour")?;
+        let colours: Vec<[f32; 3]> = buffers.finite(accessor, "colour")?;
         colours.into_iter().map(Vec3::from).collect()
     };
     if colours.len() != count {

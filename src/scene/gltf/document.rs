@@ -2,41 +2,65 @@
 
 use std::path::Path;
 
-use glam::DMat4;
-use gltf::Document;
-use gltf::json::mesh::Semantic;
-use gltf::json::validation::Checked;
+use serde_json::Value;
 
 use super::super::memory::Memory;
-use super::{exact, plain};
+use super::plain;
+use super::tree::Tree;
 use crate::error::{Error, Result};
 use crate::files::read_input;
 
 /// Bytes of a file at most: what the lengths of GLB can say.
 pub(super) const MOST_BYTES: u64 = 4 << 30;
-/// Memory of the tree for each byte of its text.
-const TREE_BYTES: u64 = 24;
 
-/// Extensions whose meaning is read, or that change nothing here.
-const KNOWN: [&str; 11] = [
+/// Extensions whose meaning is read.
+const READ: &[&str] = &[
     "EXT_lights_ies",
     "EXT_lights_image_based",
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
     "KHR_texture_transform",
+];
+
+/// Extensions that change nothing in a picture of what the file shows first, by the beginnings of their names.
+const WITHOUT_EFFECT: &[&str] = &[
+    "CESIUM_primitive_outline",
+    "EXT_feature_metadata",
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_mesh_manifold",
+    "EXT_structural_metadata",
+    "FB_ngon_encoding",
+    "GODOT_single_root",
+    "KHR_animation_pointer",
+    "KHR_audio",
+    "KHR_interactivity",
+    "KHR_materials_variants",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
+    "KHR_physics",
+    "KHR_xmp",
+    "MSFT_lod",
+    "MSFT_packing_",
+    "OMI_",
 ];
 
 /// A file's tree, and the binary chunk of a GLB.
 pub(super) struct Opened {
-    pub(super) document: Document,
-    /// Of each node, relative to the one above.
-    pub(super) transforms: Vec<DMat4>,
+    pub(super) tree: Tree,
     pub(super) binary: Option<Vec<u8>>,
 }
 
@@ -49,17 +73,16 @@ pub(super) fn open(path: &Path, memory: &mut Memory, warnings: &mut Vec<String>)
         true => split(path, &mut bytes)?,
         false => (bytes, None),
     };
-    memory.take((text.len() as u64).saturating_mul(TREE_BYTES), path)?;
+    memory.take(tree_bytes(&text), path)?;
     memory.take(binary.as_ref().map_or(0, |b| b.len() as u64), path)?;
-    let document = tree(path, &text, warnings)?;
-    Ok(Opened { transforms: exact::transforms(&document, &text), document, binary })
+    Ok(Opened { tree: tree(path, &text, warnings)?, binary })
 }
 
 fn refuse(path: &Path, problem: impl Into<String>) -> Error {
     Error::input(path.display().to_string(), problem.into(), "export the file again as glTF 2.0")
 }
 
-/// The JSON and the binary chunk of a GLB.
+/// The JSON and the binary chunk of a GLB. Chunks of other kinds are passed over, as the format wants it.
 fn split(path: &Path, bytes: &mut Vec<u8>) -> Result<(Vec<u8>, Option<Vec<u8>>)> {
     let number = |bytes: &[u8], at: usize| {
         let four = bytes.get(at..at + 4).and_then(|four| four.try_into().ok());
@@ -74,63 +97,81 @@ fn split(path: &Path, bytes: &mut Vec<u8>) -> Result<(Vec<u8>, Option<Vec<u8>>)>
         return Err(refuse(path, problem));
     }
     bytes.truncate(length);
-    let chunk = |bytes: &[u8], at: usize, kind: &[u8; 4]| -> Result<std::ops::Range<usize>> {
-        let size = number(bytes, at)? as usize;
-        if bytes.get(at + 4..at + 8) != Some(kind) {
-            let kind = String::from_utf8_lossy(kind).trim_end_matches('\0').to_owned();
-            return Err(refuse(path, format!("has another chunk where that of {kind} should be")));
-        }
+    let chunk = |bytes: &[u8], at: usize| -> Result<([u8; 4], std::ops::Range<usize>)> {
+        let (size, kind) = (number(bytes, at)? as usize, number(bytes, at + 4)?.to_le_bytes());
         match at + 8 + size <= bytes.len() {
-            true => Ok(at + 8..at + 8 + size),
+            true => Ok((kind, at + 8..at + 8 + size)),
             false => Err(refuse(path, format!("is truncated: a chunk of {size} bytes goes past its end"))),
         }
     };
-    let json = chunk(bytes, 12, b"JSON")?;
-    let after = json.end.next_multiple_of(4);
-    let binary = if after + 8 <= bytes.len() { Some(chunk(bytes, after, b"BIN\0")?) } else { None };
-    let binary = binary.map(|range| bytes[range].to_vec());
+    let (kind, json) = chunk(bytes, 12)?;
+    if kind != *b"JSON" {
+        return Err(refuse(path, "has another chunk where that of JSON should be"));
+    }
+    let (mut at, mut binary) = (json.end.next_multiple_of(4), None);
+    while binary.is_none() && at + 8 <= bytes.len() {
+        let (kind, range) = chunk(bytes, at)?;
+        at = range.end.next_multiple_of(4);
+        binary = (kind == *b"BIN\0").then(|| bytes[range].to_vec());
+    }
     bytes.truncate(json.end);
     bytes.drain(..json.start);
     Ok((std::mem::take(bytes), binary))
 }
 
-/// The tree of a JSON text, whose indices are all in range. No error quotes the text.
-fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Document> {
-    let parsed = gltf::json::deserialize::from_slice::<gltf::json::Root>(text);
-    let mut root = parsed.map_err(|error| {
-        let what = if error.is_data() { "is no glTF 2.0" } else { "is no JSON" };
-        refuse(path, format!("{what} (line {}, column {})", error.line(), error.column()))
-    })?;
-    if !root.asset.version.starts_with("2.") {
+/// Memory of the tree of a JSON text at most: a node of a map holds eleven members.
+fn tree_bytes(text: &[u8]) -> u64 {
+    let (mut bytes, mut in_text, mut escaped) = (text.len() as u64, false, false);
+    for &byte in text {
+        match byte {
+            _ if escaped => escaped = false,
+            b'\\' => escaped = in_text,
+            b'"' => {
+                in_text = !in_text;
+                bytes += 16;
+            }
+            b'{' if !in_text => bytes += 720,
+            b'[' | b',' if !in_text => bytes += 64,
+            _ => {}
+        }
+    }
+    bytes
+}
+
+/// The tree of a JSON text. No error quotes the text.
+fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Tree> {
+    // A mark of the byte order, and the zeros that fill up a chunk, are no JSON.
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    let end = text.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    let root: Value = serde_json::from_slice(&text[..end])
+        .map_err(|error| refuse(path, format!("is no JSON (line {}, column {})", error.line(), error.column())))?;
+    let version = match root.get("asset").and_then(|asset| asset.get("version")) {
+        Some(Value::String(version)) => version.clone(),
+        Some(Value::Number(version)) => version.to_string(),
+        // The lists of glTF 1 are objects.
+        _ if root.get("meshes").is_some_and(Value::is_object) => "1".into(),
+        _ => return Err(refuse(path, "is no glTF 2.0: its asset states no version")),
+    };
+    if version != "2" && !version.starts_with("2.") {
         return Err(refuse(path, "is glTF of another version than 2"));
     }
-    let unknown = |names: &[String]| {
-        let unknown: Vec<String> = names.iter().filter(|n| !KNOWN.contains(&n.as_str())).map(|n| plain(n)).collect();
-        let more = unknown.len().saturating_sub(8);
-        let list = unknown.iter().take(8).map(String::as_str).collect::<Vec<_>>().join(", ");
-        (!unknown.is_empty()).then(|| if more > 0 { format!("{list} and {more} more") } else { list })
-    };
-    if let Some(list) = unknown(&root.extensions_required) {
-        let hint = "export it without (no Draco or meshopt compression, textures as PNG or JPEG)";
+    if let Some(list) = unknown(&root, "extensionsRequired") {
+        let hint = "export it without (textures as PNG, JPEG or WebP)";
         let problem = format!("requires extensions that are not read: {list}");
         return Err(Error::input(path.display().to_string(), problem, hint));
     }
-    if let Some(list) = unknown(&root.extensions_used) {
+    if let Some(list) = unknown(&root, "extensionsUsed") {
         warnings.push(format!("{}: extensions that are not read are left out: {list}", path.display()));
     }
-    // The crate looks these up before it checks them.
-    let position = Checked::Valid(Semantic::Positions);
-    let positions = root.meshes.iter().flat_map(|mesh| &mesh.primitives).filter_map(|p| p.attributes.get(&position));
-    if positions.into_iter().any(|index| index.value() >= root.accessors.len()) {
-        return Err(refuse(path, "breaks the rules of glTF (positions of a mesh name an accessor that is not there)"));
-    }
-    // Checked above, by a list that has more in it than the crate's.
-    root.extensions_required.clear();
-    Document::from_json(root).map_err(|error| match error {
-        gltf::Error::Validation(faults) => {
-            let first = faults.first().map_or(String::new(), |(at, fault)| format!("{at}: {fault}"));
-            refuse(path, format!("breaks the rules of glTF ({})", plain(&first)))
-        }
-        _ => refuse(path, "breaks the rules of glTF"),
-    })
+    Ok(Tree::new(root, path.display().to_string()))
+}
+
+/// The extensions of a list that are not read and may have an effect.
+fn unknown(root: &Value, key: &str) -> Option<String> {
+    let names = root.get(key).and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str);
+    let is_known = |name: &str| READ.contains(&name) || WITHOUT_EFFECT.iter().any(|begin| name.starts_with(begin));
+    let unknown: Vec<String> = names.filter(|name| !is_known(name)).map(plain).collect();
+    let more = unknown.len().saturating_sub(8);
+    let list = unknown.iter().take(8).map(String::as_str).collect::<Vec<_>>().join(", ");
+    (!unknown.is_empty()).then(|| if more > 0 { format!("{list} and {more} more") } else { list })
 }

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DMat4, Mat3};
-use gltf::Document;
 
 use super::super::file::{LightEntry, LightEntryKind, Luminaire};
 use super::super::folders::Folders;
@@ -11,6 +10,7 @@ use super::super::photometry::{self, MOST_PHOTOMETRY_BYTES};
 use super::buffers::{Buffers, Uri, uri};
 use super::nodes::Placed;
 use super::plain;
+use super::tree::Tree;
 use crate::error::{Error, Result};
 use crate::files::read_input;
 use crate::image::LUMENS_PER_WATT;
@@ -21,45 +21,48 @@ const NAME: &str = "EXT_lights_ies";
 /// Errors: a profile that is missing or no IES file; a multiplier or colour that is negative or not finite.
 pub(super) fn of(
     path: &Path,
-    document: &Document,
+    tree: &Tree,
     nodes: &[Placed<'_>],
-    buffers: &Buffers,
+    buffers: &Buffers<'_>,
     folders: &Folders,
+    warnings: &mut Vec<String>,
 ) -> Result<Vec<LightEntry>> {
     let mut luminaires = Vec::new();
     for placed in nodes {
-        let Some(stated) = placed.node.extension_value(NAME) else { continue };
+        let Some(stated) = placed.node.extension(NAME)? else { continue };
         let refuse = |problem: &str| {
             let place = format!("{}, luminaire '{}'", path.display(), placed.name);
             Error::input(place, problem, "mend the luminaire and export the file again")
         };
-        let index = stated["light"].as_u64().ok_or_else(|| refuse("names no light profile"))?;
-        let profile = document.extension_value(NAME).and_then(|all| all["lights"].get(usize::try_from(index).ok()?));
-        let profile = profile.ok_or_else(|| refuse("names a light profile that is not there"))?;
-        let bytes = if let Some(text) = profile["uri"].as_str() {
+        let index = stated.whole("light").ok().flatten().ok_or_else(|| refuse("names no light profile"))?;
+        let profiles = match tree.root().extension(NAME)? {
+            Some(all) => all.objects("lights")?,
+            None => Vec::new(),
+        };
+        let profile = profiles.get(index).ok_or_else(|| refuse("names a light profile that is not there"))?;
+        let bytes = if let Some(text) = profile.text("uri")? {
             from_uri(path, text, folders, &refuse)?
         } else {
-            let view =
-                profile["bufferView"].as_u64().and_then(|view| document.views().nth(usize::try_from(view).ok()?));
-            let view = view.ok_or_else(|| refuse("has a light profile without data"))?;
-            let bytes = buffers.view(&view)?;
+            let view = profile.index("bufferView", "bufferViews").ok().flatten();
+            let bytes = buffers.view(view.ok_or_else(|| refuse("has a light profile without data"))?)?;
             match bytes.len() as u64 <= MOST_PHOTOMETRY_BYTES {
                 true => bytes.to_vec(),
                 false => return Err(refuse("has a light profile that is too large")),
             }
         };
         let place = PathBuf::from(format!("{}, light profile {index}", path.display()));
-        let photometry = photometry::parse(&place, &String::from_utf8_lossy(&bytes))?;
-        let multiplier = stated.get("multiplier").map_or(Some(1.0), |v| v.as_f64());
-        let colour = [0, 1, 2].map(|i| stated.get("color").map_or(Some(1.0), |v| v[i].as_f64()));
-        let factors = colour.map(|c| c.zip(multiplier).map_or(f64::NAN, |(c, m)| c * m) as f32);
+        let photometry = photometry::parse(&place, &bytes)?;
+        warnings.extend(photometry.remarks.iter().cloned());
+        let multiplier = stated.number("multiplier")?.unwrap_or(1.0);
+        let colour = stated.numbers("color").unwrap_or(Some([f32::NAN; 3])).unwrap_or([1.0; 3]);
+        let factors = colour.map(|c: f32| c * multiplier);
         let emission = factors.map(|factor| factor * photometry.peak_candela / LUMENS_PER_WATT);
         if !emission.iter().all(|v| *v >= 0.0 && v.is_finite()) {
             return Err(refuse("its multiplier or colour is negative or not finite"));
         }
         let world_from_luminaire =
             axes(placed.world).ok_or_else(|| refuse("its node has no size, so that it points nowhere"))?;
-        let is_named = placed.node.mesh().is_some() || placed.node.light().is_some();
+        let is_named = placed.mesh.is_some() || placed.light.is_some();
         let name = if is_named { format!("{} luminaire", placed.name) } else { placed.name.clone() };
         luminaires.push(LightEntry {
             kind: LightEntryKind::Ies,

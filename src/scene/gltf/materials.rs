@@ -4,15 +4,25 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{Mat2, Vec2, Vec3};
-use gltf::material::AlphaMode;
-use gltf::texture::{Info, WrappingMode};
-use gltf::{Document, Material, texture};
 
 use super::super::Texture;
 use super::super::import::{Description, SourceMaterial};
 use super::buffers::{Buffers, Uri, uri};
 use super::plain;
+use super::tree::{Item, Tree};
 use crate::error::{Error, Result};
+
+/// Extensions that give a texture images of kinds that are not read.
+const NOT_READ: [(&str, &str); 3] =
+    [("KHR_texture_basisu", "KTX2"), ("MSFT_texture_dds", "DDS"), ("EXT_texture_avif", "AVIF")];
+/// How a sampler says that a texture is clamped or mirrored.
+const NOT_REPEATED: [usize; 2] = [33_071, 33_648];
+/// Reflectance at normal incidence of index 1.5, which the factors of glTF refer to.
+const USUAL_REFLECTANCE: f32 = 0.04;
+/// Reflectance at normal incidence above which only metals are.
+const LEAST_METAL: f32 = 0.25;
+/// Roughness where a texture states it that is not read.
+const MAPPED_ROUGHNESS: f32 = 0.5;
 
 /// Where an image's bytes are.
 #[derive(Clone, Debug)]
@@ -63,138 +73,242 @@ pub(in super::super) struct GltfMaterial {
 }
 
 /// All materials of a file, and one more for meshes without.
-pub(super) fn describe(
-    path: &Path,
-    document: &Document,
-    buffers: &Buffers,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<SourceMaterial>> {
-    let mut images = Images { path, document, buffers, known: vec![None; document.images().len()] };
+pub(super) fn describe(path: &Path, buffers: &Buffers<'_>, warnings: &mut Vec<String>) -> Result<Vec<SourceMaterial>> {
+    let tree = buffers.tree;
+    let mut images = Images { path, buffers, known: vec![None; tree.count("images")], warnings: Vec::new() };
     let mut described = Vec::new();
     let mut unused: Vec<(&str, Vec<String>)> = Vec::new();
-    for (index, material) in document.materials().enumerate() {
-        let name = material.name().filter(|name| !name.is_empty());
-        let name = name.map_or_else(|| format!("material {index}"), plain);
+    for index in 0..tree.count("materials") {
+        let item = tree.item("materials", index)?;
+        let name = item.name().map_or_else(|| format!("material {index}"), plain);
         let place = format!("{}, material '{name}'", path.display());
-        for what in not_used(&material) {
+        let stated = Stated::of(&item)?;
+        for what in stated.not_used(tree)? {
             match unused.iter_mut().find(|(known, _)| *known == what) {
                 Some((_, names)) => names.push(name.clone()),
                 None => unused.push((what, vec![name.clone()])),
             }
         }
-        let description = images.material(&material, &place)?;
+        let description = images.material(&stated, &place)?;
         described.push(SourceMaterial { name, description: Description::Gltf(Box::new(description)) });
     }
+    warnings.append(&mut images.warnings);
     for (what, names) in unused {
         let more = names.len() - 1;
         let others = if more > 0 { format!(" and {more} more") } else { String::new() };
         warnings.push(format!("{}: {what} (material '{}'{others})", path.display(), names[0]));
     }
     // The format says what a mesh without a material has: all of the defaults.
-    let default = GltfMaterial {
-        base: Vec3::ONE,
-        base_image: None,
-        alpha: Alpha::Opaque,
-        metallic: 1.0,
-        roughness: 1.0,
-        metallic_roughness_image: None,
-        ior: 1.5,
-        specular: Vec3::ONE,
-        clear_coat: [0.0; 2],
-        transmission: 0.0,
-        is_body: false,
-        emission: Vec3::ZERO,
-        emission_image: None,
-        two_sided: false,
-    };
+    let default = images.material(&Stated::default(), "")?;
     described.push(SourceMaterial { name: "unnamed".into(), description: Description::Gltf(Box::new(default)) });
     Ok(described)
 }
 
-/// What of a material is left out or simplified, in words.
-fn not_used(material: &Material<'_>) -> Vec<&'static str> {
-    let pbr = material.pbr_metallic_roughness();
-    let mut lines = Vec::new();
-    let mut say = |applies: bool, what: &'static str| {
-        if applies {
-            lines.push(what);
-        }
-    };
-    say(material.normal_texture().is_some(), "normal maps are not used");
-    let metallic = pbr.metallic_factor();
-    let mapped = pbr.metallic_roughness_texture().is_some();
-    say(mapped, "of metallic-roughness textures the average is used");
-    say(!mapped && metallic > 0.05 && metallic < 0.95, "what is half metal is taken as the nearer of metal and none");
-    say(
-        material.alpha_mode() == AlphaMode::Blend,
-        "alpha blending is not traced: a texture's alpha cuts out at one half, an even alpha below one half makes a sheet",
-    );
-    let glass = material.transmission().is_some_and(|t| t.transmission_factor() >= 0.5);
-    say(glass && pbr.roughness_factor() > 0.1, "rough glass is taken as smooth");
-    say(glass && pbr.base_color_texture().is_some(), "textures on glass are not used");
-    say(
-        material
-            .transmission()
-            .is_some_and(|t| t.transmission_texture().is_some() || (0.01..0.5).contains(&t.transmission_factor())),
-        "transmission is taken as whole from one half on, and its textures are not used",
-    );
-    let attenuates = material.volume().is_some_and(|v| v.attenuation_distance().is_finite());
-    say(attenuates, "bodies that absorb are taken as clear");
-    let specular_maps =
-        material.specular().is_some_and(|s| s.specular_texture().is_some() || s.specular_color_texture().is_some());
-    say(specular_maps, "textures of the specular extension are not used");
-    let coat = clear_coat(material)[0] > 0.0;
-    say(coat && (mapped || metallic >= 0.5), "the clear coat of metals is not used");
-    let coat_maps = ["clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"];
-    let maps_coat = |coat: &gltf::json::Value| coat_maps.iter().any(|key| coat.get(*key).is_some());
-    let mapped_coat = material.extension_value("KHR_materials_clearcoat").is_some_and(maps_coat);
-    say(mapped_coat, "textures of clear coats are not used");
-    let (base, emissive) = (pbr.base_color_texture(), material.emissive_texture());
-    let differ = matches!((base, emissive), (Some(b), Some(e)) if placement(&b) != placement(&e));
-    say(differ, "the emissive texture is laid as the base colour texture is");
-    lines
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum AlphaMode {
+    Opaque,
+    Mask,
+    Blend,
 }
 
-/// Strength and roughness of `KHR_materials_clearcoat`, which the crate leaves as it is written.
-fn clear_coat(material: &Material<'_>) -> [f32; 2] {
-    let number = |key: &str| {
-        let found = material.extension_value("KHR_materials_clearcoat").and_then(|coat| coat.get(key));
-        found.and_then(|value| value.as_f64()).unwrap_or(0.0) as f32
-    };
-    ["clearcoatFactor", "clearcoatRoughnessFactor"].map(number)
+/// A material as it is stated, with the format's values for what is not.
+struct Stated<'a> {
+    base: [f32; 4],
+    base_texture: Option<Item<'a>>,
+    metallic: f32,
+    roughness: f32,
+    metallic_roughness_texture: Option<Item<'a>>,
+    has_normal_map: bool,
+    emission: Vec3,
+    emission_texture: Option<Item<'a>>,
+    alpha_mode: AlphaMode,
+    cutoff: f32,
+    two_sided: bool,
+    ior: f32,
+    specular: Vec3,
+    has_specular_maps: bool,
+    /// Whether a texture says what reflects and how rough it is, in the way of specular and glossiness.
+    has_glossiness_map: bool,
+    clear_coat: [f32; 2],
+    has_coat_maps: bool,
+    transmission: f32,
+    has_transmission_map: bool,
+    thickness: f32,
+    absorbs: bool,
+}
+
+impl Default for Stated<'_> {
+    fn default() -> Self {
+        Self {
+            base: [1.0; 4],
+            base_texture: None,
+            metallic: 1.0,
+            roughness: 1.0,
+            metallic_roughness_texture: None,
+            has_normal_map: false,
+            emission: Vec3::ZERO,
+            emission_texture: None,
+            alpha_mode: AlphaMode::Opaque,
+            cutoff: 0.5,
+            two_sided: false,
+            ior: 1.5,
+            specular: Vec3::ONE,
+            has_specular_maps: false,
+            has_glossiness_map: false,
+            clear_coat: [0.0; 2],
+            has_coat_maps: false,
+            transmission: 0.0,
+            has_transmission_map: false,
+            thickness: 0.0,
+            absorbs: false,
+        }
+    }
+}
+
+impl<'a> Stated<'a> {
+    fn of(item: &Item<'a>) -> Result<Self> {
+        let mut stated = Self::default();
+        let pbr = item.object("pbrMetallicRoughness")?.filter(|pbr| pbr.keys().next().is_some());
+        if let Some(pbr) = &pbr {
+            stated.base = pbr.numbers("baseColorFactor")?.unwrap_or(stated.base);
+            stated.base_texture = pbr.object("baseColorTexture")?;
+            stated.metallic = pbr.number("metallicFactor")?.unwrap_or(stated.metallic);
+            stated.roughness = pbr.number("roughnessFactor")?.unwrap_or(stated.roughness);
+            stated.metallic_roughness_texture = pbr.object("metallicRoughnessTexture")?;
+        }
+        if let Some(glossy) = item.extension("KHR_materials_pbrSpecularGlossiness")?.filter(|_| pbr.is_none()) {
+            stated.take_glossy(&glossy)?;
+        }
+        stated.has_normal_map = item.has("normalTexture");
+        let strength = match item.extension("KHR_materials_emissive_strength")? {
+            Some(stated) => stated.number("emissiveStrength")?.unwrap_or(1.0),
+            None => 1.0,
+        };
+        stated.emission = Vec3::from(item.numbers("emissiveFactor")?.unwrap_or([0.0; 3])) * strength;
+        stated.emission_texture = item.object("emissiveTexture")?;
+        stated.alpha_mode = match item.text("alphaMode")? {
+            None | Some("OPAQUE") => AlphaMode::Opaque,
+            Some("MASK") => AlphaMode::Mask,
+            Some("BLEND") => AlphaMode::Blend,
+            Some(_) => return Err(item.refuse("alphaMode", "is none that there is")),
+        };
+        stated.cutoff = item.number("alphaCutoff")?.unwrap_or(stated.cutoff);
+        stated.two_sided = item.flag("doubleSided")?.unwrap_or(false);
+        if let Some(ior) = item.extension("KHR_materials_ior")? {
+            stated.ior = ior.number("ior")?.unwrap_or(stated.ior);
+        }
+        if let Some(specular) = item.extension("KHR_materials_specular")? {
+            let colour = Vec3::from(specular.numbers("specularColorFactor")?.unwrap_or([1.0; 3]));
+            stated.specular = colour * specular.number("specularFactor")?.unwrap_or(1.0);
+            stated.has_specular_maps = specular.has("specularTexture") || specular.has("specularColorTexture");
+        }
+        if let Some(coat) = item.extension("KHR_materials_clearcoat")? {
+            let number = |key: &str| Ok(coat.number(key)?.unwrap_or(0.0));
+            stated.clear_coat = [number("clearcoatFactor")?, number("clearcoatRoughnessFactor")?];
+            let maps = ["clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"];
+            stated.has_coat_maps = maps.iter().any(|key| coat.has(key));
+        }
+        if let Some(transmission) = item.extension("KHR_materials_transmission")? {
+            stated.transmission = transmission.number("transmissionFactor")?.unwrap_or(0.0);
+            stated.has_transmission_map = transmission.has("transmissionTexture");
+        }
+        if let Some(volume) = item.extension("KHR_materials_volume")? {
+            stated.thickness = volume.number("thicknessFactor")?.unwrap_or(0.0);
+            stated.absorbs = volume.number("attenuationDistance")?.is_some_and(f32::is_finite);
+        }
+        Ok(stated)
+    }
+
+    /// A material of specular colour and glossiness: metal where it reflects more in its specular colour than diffusely, as
+    /// nothing but metal does.
+    fn take_glossy(&mut self, glossy: &Item<'a>) -> Result<()> {
+        self.base = glossy.numbers("diffuseFactor")?.unwrap_or(self.base);
+        self.base_texture = glossy.object("diffuseTexture")?;
+        self.metallic = 0.0;
+        self.has_glossiness_map = glossy.has("specularGlossinessTexture");
+        if self.has_glossiness_map {
+            self.roughness = MAPPED_ROUGHNESS;
+            return Ok(());
+        }
+        self.roughness = 1.0 - glossy.number("glossinessFactor")?.unwrap_or(1.0);
+        let specular = Vec3::from(glossy.numbers("specularFactor")?.unwrap_or([1.0; 3]));
+        let [r, g, b, alpha] = self.base;
+        let reflected = specular.max_element();
+        if reflected > LEAST_METAL && reflected > Vec3::new(r, g, b).max_element() * (1.0 - reflected) {
+            self.base = specular.extend(alpha).to_array();
+            (self.base_texture, self.metallic) = (None, 1.0);
+        } else {
+            self.specular = specular / USUAL_REFLECTANCE;
+        }
+        Ok(())
+    }
+
+    /// What is left out or simplified, in words.
+    fn not_used(&self, tree: &Tree) -> Result<Vec<&'static str>> {
+        let (base, emissive) = (&self.base_texture, &self.emission_texture);
+        let mapped = self.metallic_roughness_texture.is_some();
+        let glass = self.transmission >= 0.5;
+        let coat = self.clear_coat[0] > 0.0;
+        let differ = match (base, emissive) {
+            (Some(b), Some(e)) => placement(b)? != placement(e)?,
+            _ => false,
+        };
+        let mut without_image = false;
+        for texture in [base, emissive, &self.metallic_roughness_texture].into_iter().flatten() {
+            without_image |= image_of(texture, tree)?.is_none();
+        }
+        let lines = [
+            (self.has_normal_map, "normal maps are not used"),
+            (mapped, "of metallic-roughness textures the average is used"),
+            (
+                !mapped && self.metallic > 0.05 && self.metallic < 0.95,
+                "what is half metal is taken as the nearer of metal and none",
+            ),
+            (
+                self.alpha_mode == AlphaMode::Blend,
+                "alpha blending is not traced: a texture's alpha cuts out at one half, an even alpha below one half makes a sheet",
+            ),
+            (glass && self.roughness > 0.1, "rough glass is taken as smooth"),
+            (glass && base.is_some(), "textures on glass are not used"),
+            (
+                self.has_transmission_map || (0.01..0.5).contains(&self.transmission),
+                "transmission is taken as whole from one half on, and its textures are not used",
+            ),
+            (self.absorbs, "bodies that absorb are taken as clear"),
+            (self.has_specular_maps, "textures of the specular extension are not used"),
+            (
+                self.has_glossiness_map,
+                "textures of specular colour and glossiness are not used: taken as satin lacquer",
+            ),
+            (coat && (mapped || self.metallic >= 0.5), "the clear coat of metals is not used"),
+            (self.has_coat_maps, "textures of clear coats are not used"),
+            (differ, "the emissive texture is laid as the base colour texture is"),
+            (without_image, "textures without an image are left out"),
+        ];
+        Ok(lines.into_iter().filter(|(applies, _)| *applies).map(|(_, what)| what).collect())
+    }
 }
 
 /// Whether nothing of a material is there: masked, and its even alpha is below the cut-off.
-pub(super) fn is_absent(material: &Material<'_>) -> bool {
-    let pbr = material.pbr_metallic_roughness();
-    let cutoff = material.alpha_cutoff().unwrap_or(0.5);
-    material.alpha_mode() == AlphaMode::Mask
-        && pbr.base_color_texture().is_none()
-        && pbr.base_color_factor()[3] < cutoff
+pub(super) fn is_absent(material: &Item<'_>) -> bool {
+    Stated::of(material).is_ok_and(|stated| {
+        stated.alpha_mode == AlphaMode::Mask && stated.base_texture.is_none() && stated.base[3] < stated.cutoff
+    })
 }
 
 struct Images<'a> {
     path: &'a Path,
-    document: &'a Document,
-    buffers: &'a Buffers,
+    buffers: &'a Buffers<'a>,
     known: Vec<SourceImage>,
+    warnings: Vec<String>,
 }
 
 impl Images<'_> {
-    fn material(&mut self, material: &Material<'_>, place: &str) -> Result<GltfMaterial> {
-        let pbr = material.pbr_metallic_roughness();
-        let [r, g, b, alpha] = pbr.base_color_factor();
-        let [metallic, roughness] = [pbr.metallic_factor(), pbr.roughness_factor()];
-        let ior = material.ior().unwrap_or(1.5);
-        let specular = material.specular();
-        let strength = specular.as_ref().map_or(1.0, |s| s.specular_factor());
-        let tint = specular.as_ref().map_or(Vec3::ONE, |s| Vec3::from(s.specular_color_factor()));
-        let transmission = material.transmission().map_or(0.0, |t| t.transmission_factor());
-        let emission = Vec3::from(material.emissive_factor()) * material.emissive_strength().unwrap_or(1.0);
-        let clear_coat = clear_coat(material);
-        let fractions = [r, g, b, alpha, metallic, roughness, strength, tint.x, tint.y, tint.z, transmission];
-        let fractions = fractions.into_iter().chain(clear_coat);
-        let numbers = fractions.chain(emission.to_array()).chain([material.alpha_cutoff().unwrap_or(0.5)]);
+    fn material(&mut self, stated: &Stated<'_>, place: &str) -> Result<GltfMaterial> {
+        let &Stated { base: [r, g, b, alpha], metallic, roughness, ior, specular, transmission, emission, .. } = stated;
+        let &Stated { clear_coat, cutoff, .. } = stated;
+        let fractions = [r, g, b, alpha, metallic, roughness, transmission, cutoff].into_iter().chain(clear_coat);
+        let numbers = fractions.chain(specular.to_array()).chain(emission.to_array());
         if !numbers.into_iter().all(|v| v >= 0.0 && v.is_finite()) {
             return Err(Error::input(place, "has a factor that is negative or not finite", "mend the material"));
         }
@@ -202,74 +316,94 @@ impl Images<'_> {
         if !(ior == 0.0 || (0.1..=10.0).contains(&ior)) {
             return Err(Error::input(place, format!("ior {ior}"), "give a number from 0.1 to 10, 1.5 for glass"));
         }
-        let image = pbr.base_color_texture();
-        let alpha = match material.alpha_mode() {
-            AlphaMode::Opaque => Alpha::Opaque,
-            AlphaMode::Mask => match material.alpha_cutoff().unwrap_or(0.5) {
-                cutoff if cutoff > 0.0 && image.is_some() => Alpha::Cut(0.5 * alpha / cutoff),
-                _ => Alpha::Opaque,
-            },
-            AlphaMode::Blend if image.is_some() => Alpha::Cut(alpha),
+        let base_image = self.image(stated.base_texture.as_ref(), place)?;
+        let alpha = match stated.alpha_mode {
+            AlphaMode::Mask if cutoff > 0.0 && base_image.is_some() => Alpha::Cut(0.5 * alpha / cutoff),
+            AlphaMode::Opaque | AlphaMode::Mask => Alpha::Opaque,
+            AlphaMode::Blend if base_image.is_some() => Alpha::Cut(alpha),
             AlphaMode::Blend if alpha < 0.5 => Alpha::Sheet(alpha),
             AlphaMode::Blend => Alpha::Opaque,
         };
-        let mut of = |texture: Option<texture::Texture<'_>>| match texture {
-            Some(texture) => self.image(&texture, place).map(Some),
-            None => Ok(None),
-        };
         Ok(GltfMaterial {
             base: Vec3::new(r, g, b),
-            base_image: of(image.map(|info| info.texture()))?,
+            base_image,
             alpha,
             metallic,
             roughness,
-            metallic_roughness_image: of(pbr.metallic_roughness_texture().map(|info| info.texture()))?,
+            metallic_roughness_image: self.image(stated.metallic_roughness_texture.as_ref(), place)?,
             ior: if ior == 0.0 { 10.0 } else { ior },
-            specular: tint * strength,
+            specular,
             clear_coat,
             transmission,
-            is_body: material.volume().is_some_and(|v| v.thickness_factor() > 0.0),
+            is_body: stated.thickness > 0.0,
             emission,
-            emission_image: of(material.emissive_texture().map(|info| info.texture()))?,
-            two_sided: material.double_sided(),
+            emission_image: self.image(stated.emission_texture.as_ref(), place)?,
+            two_sided: stated.two_sided,
         })
     }
 
-    fn image(&mut self, texture: &texture::Texture<'_>, place: &str) -> Result<ImageSource> {
-        let image = texture.source();
-        if let Some(known) = &self.known[image.index()] {
-            return Ok(known.clone());
+    fn image(&mut self, texture: Option<&Item<'_>>, place: &str) -> Result<SourceImage> {
+        let Some(index) = texture.map(|info| image_of(info, self.buffers.tree)).transpose()?.flatten() else {
+            return Ok(None);
+        };
+        if self.known[index].is_none() {
+            let source = image_source(self.path, self.buffers, index, place, &mut self.warnings)?;
+            self.known[index] = Some(source);
         }
-        let source = image_source(self.path, self.document, self.buffers, image.index(), place)?;
-        self.known[image.index()] = Some(source.clone());
-        Ok(source)
+        Ok(self.known[index].clone())
     }
+}
+
+/// The image of a texture that a material names; none where it has none. Errors: images of a kind that is not read.
+fn image_of(info: &Item<'_>, tree: &Tree) -> Result<Option<usize>> {
+    let index = info.index("index", "textures")?.ok_or_else(|| info.refuse("index", "is missing"))?;
+    let texture = tree.item("textures", index)?;
+    if let Some(webp) = texture.extension("EXT_texture_webp")? {
+        return webp.index("source", "images");
+    }
+    let image = texture.index("source", "images")?;
+    for (extension, kind) in NOT_READ {
+        if image.is_none() && texture.extension(extension)?.is_some() {
+            let problem = format!("texture {index} is {kind} ({extension}), which is not read");
+            return Err(Error::input(tree.place(), problem, "export it with textures as PNG, JPEG or WebP"));
+        }
+    }
+    Ok(image)
 }
 
 /// Where the bytes of an image are. Errors: nowhere, or where they may not be; `place` names who wants them.
 pub(super) fn image_source(
     path: &Path,
-    document: &Document,
-    buffers: &Buffers,
+    buffers: &Buffers<'_>,
     index: usize,
     place: &str,
+    warnings: &mut Vec<String>,
 ) -> Result<ImageSource> {
     // Told apart from the others of the file, for messages and for what is read once.
     let name = format!("{}, image {index}", path.display());
     let embedded = |bytes: &[u8]| ImageSource::Embedded(name.clone().into(), bytes.into());
-    // As it is written: the crate's own way to it panics where an image has neither, or a view without a MIME type.
-    let written = &document.as_json().images[index];
-    let view = written.buffer_view.and_then(|view| document.views().nth(view.value()));
+    let image = buffers.tree.item("images", index)?;
     let refuse = |problem: String| Error::input(place, problem, "export the file again with its images");
-    match (view, &written.uri) {
-        (Some(view), _) => Ok(embedded(buffers.view(&view)?)),
+    let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+    match (image.index("bufferView", "bufferViews")?, image.text("uri")?) {
+        (Some(view), _) => Ok(embedded(buffers.view(view)?)),
         (None, None) => Err(refuse(format!("image {index} has no data"))),
         (None, Some(text)) => match uri(text) {
             Ok(Uri::Data(bytes)) => Ok(embedded(&bytes)),
-            Ok(Uri::File(file)) => {
-                Ok(ImageSource::File(path.parent().unwrap_or(Path::new("")).to_owned(), plain(&file)))
+            Ok(Uri::File(file)) => Ok(ImageSource::File(folder, plain(&file))),
+            // The exporter's own folders are not here; the images may have come along.
+            Err(problem) => {
+                let last = plain(text.rsplit(['/', '\\']).next().unwrap_or_default());
+                match uri(&last) {
+                    Ok(Uri::File(file)) if folder.join(&file).is_file() => {
+                        let found = folder.join(&file);
+                        let found = found.display();
+                        warnings.push(format!("{}: image {index} {problem}; {found} is taken", path.display()));
+                        Ok(ImageSource::File(folder, file))
+                    }
+                    _ => Err(refuse(format!("image {index} {problem}"))),
+                }
             }
-            Err(problem) => Err(refuse(format!("image {index} {problem}"))),
         },
     }
 }
@@ -277,7 +411,7 @@ pub(super) fn image_source(
 /// How texture coordinates become ours.
 pub(super) struct Mapping {
     /// Which texture coordinates are used.
-    pub(super) set: u32,
+    pub(super) set: usize,
     /// Whether there is a texture.
     pub(super) is_used: bool,
     /// Whether the texture repeats both ways, as all do here.
@@ -287,32 +421,34 @@ pub(super) struct Mapping {
 }
 
 /// Set, offset, rotation and scale of a texture.
-fn placement(info: &Info<'_>) -> (u32, [f32; 2], f32, [f32; 2]) {
-    let transform = info.texture_transform();
-    let set = transform.as_ref().and_then(|t| t.tex_coord()).unwrap_or(info.tex_coord());
-    let (offset, rotation, scale) =
-        transform.map_or(([0.0; 2], 0.0, [1.0; 2]), |t| (t.offset(), t.rotation(), t.scale()));
-    (set, offset, rotation, scale)
+fn placement(info: &Item<'_>) -> Result<(usize, [f32; 2], f32, [f32; 2])> {
+    let set = info.whole("texCoord")?.unwrap_or(0);
+    let Some(stated) = info.extension("KHR_texture_transform")? else { return Ok((set, [0.0; 2], 0.0, [1.0; 2])) };
+    let offset = stated.numbers("offset")?.unwrap_or([0.0; 2]);
+    let scale = stated.numbers("scale")?.unwrap_or([1.0; 2]);
+    Ok((stated.whole("texCoord")?.unwrap_or(set), offset, stated.number("rotation")?.unwrap_or(0.0), scale))
 }
 
 impl Mapping {
     /// That of a material's base colour or, without, of what it emits.
-    pub(super) fn of(material: &Material<'_>) -> Self {
-        let info = material.pbr_metallic_roughness().base_color_texture().or(material.emissive_texture());
-        let Some(info) = info else {
-            return Self { set: 0, is_used: false, repeats: true, matrix: Mat2::IDENTITY, offset: Vec2::ZERO };
+    pub(super) fn of(material: Option<&Item<'_>>, tree: &Tree) -> Result<Self> {
+        let stated = material.map(Stated::of).transpose()?.unwrap_or_default();
+        let Some(info) = stated.base_texture.or(stated.emission_texture) else {
+            return Ok(Self { set: 0, is_used: false, repeats: true, matrix: Mat2::IDENTITY, offset: Vec2::ZERO });
         };
-        let (set, offset, rotation, scale) = placement(&info);
-        let sampler = info.texture().sampler();
+        let (set, offset, rotation, scale) = placement(&info)?;
+        let index = info.index("index", "textures")?.ok_or_else(|| info.refuse("index", "is missing"))?;
+        let mut repeats = true;
+        if let Some(sampler) = tree.item("textures", index)?.index("sampler", "samplers")? {
+            let sampler = tree.item("samplers", sampler)?;
+            for key in ["wrapS", "wrapT"] {
+                repeats &= !sampler.whole(key)?.is_some_and(|wrap| NOT_REPEATED.contains(&wrap));
+            }
+        }
         let (sin, cos) = rotation.sin_cos();
         let turn = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));
-        Self {
-            set,
-            is_used: true,
-            repeats: sampler.wrap_s() == WrappingMode::Repeat && sampler.wrap_t() == WrappingMode::Repeat,
-            matrix: turn * Mat2::from_diagonal(Vec2::from(scale)),
-            offset: offset.into(),
-        }
+        let matrix = turn * Mat2::from_diagonal(Vec2::from(scale));
+        Ok(Self { set, is_used: true, repeats, matrix, offset: offset.into() })
     }
 
     /// Coordinates of the texture, whose v points up here and down in the file.

@@ -1,21 +1,22 @@
 //! glTF 2.0: `.gltf` and `.glb` files to triangles, materials, cameras and lamps.
 //!
-//! The crate gives the tree of the JSON, checked; what the tree names is read here, within bounds: no accessor is taken at
-//! its word, and nothing is made that is larger than the file's own bytes and the memory allow.
+//! What is used of a file is looked at where it is used, within bounds: no accessor is taken at its word, and nothing is made that
+//! is larger than the file's own bytes and the memory allow. What is not used, such as animations, is not looked at at all.
 
 mod accessors;
 mod base64;
 mod buffers;
 mod cameras;
 mod colours;
+mod compressed;
 mod document;
-mod exact;
 mod ies;
 mod lamps;
 mod materials;
 mod nodes;
 mod primitives;
 mod skies;
+mod tree;
 
 use std::path::Path;
 
@@ -54,18 +55,18 @@ pub(super) fn read(
     warnings: &mut Vec<String>,
 ) -> Result<FileExtras> {
     let mut file = document::open(path, memory, warnings)?;
-    let buffers = buffers::load(path, &file.document, file.binary.take(), folders, memory)?;
-    let nodes = nodes::walk(path, &file.document, &file.transforms)?;
-    let materials = materials::describe(path, &file.document, &buffers, warnings)?;
+    let buffers = buffers::load(path, &file.tree, file.binary.take(), folders, memory)?;
+    let nodes = nodes::walk(path, &buffers, memory, warnings)?;
+    let materials = materials::describe(path, &buffers, warnings)?;
     let first_material = geometry.materials.len();
     geometry.materials.extend(materials);
     primitives::add(path, &nodes, &buffers, first_material, geometry, memory, warnings)?;
     let mut lamps = lamps::of(path, &nodes, warnings)?;
-    lamps.extend(ies::of(path, &file.document, &nodes, &buffers, folders)?);
-    let sky = skies::of(path, &file.document, &buffers, folders, memory, warnings)?;
+    lamps.extend(ies::of(path, &file.tree, &nodes, &buffers, folders, warnings)?);
+    let sky = skies::of(path, &file.tree, &buffers, folders, memory, warnings)?;
     // A node may have its name.
     lamps.extend(sky.map(|sky| named_apart(sky, &nodes)));
-    Ok(FileExtras { cameras: cameras::of(path, &file.document, &nodes, warnings), lamps })
+    Ok(FileExtras { cameras: cameras::of(path, &file.tree, &nodes, warnings)?, lamps })
 }
 
 /// A light that no node carries, under a name that no node has.

@@ -4,8 +4,6 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use glam::Quat;
-use gltf::Document;
-use serde_json::Value;
 
 use super::super::cube_map::CubeMap;
 use super::super::file::{LightEntry, LightEntryKind};
@@ -14,7 +12,9 @@ use super::super::memory::Memory;
 use super::buffers::Buffers;
 use super::lamps::EXPORTERS_LUMENS_PER_WATT;
 use super::materials::{ImageSource, image_source};
+use super::nodes;
 use super::plain;
+use super::tree::{Item, Tree};
 use crate::error::{Error, Result};
 use crate::image::{ImageFacts, RgbaImage, embedded_facts, image_facts, read_embedded, read_rgba};
 
@@ -31,43 +31,46 @@ const MEANS_DIFFER: f64 = 0.1;
 /// missing, not square or of different sizes, numbers that are negative or not finite.
 pub(super) fn of(
     path: &Path,
-    document: &Document,
-    buffers: &Buffers,
+    tree: &Tree,
+    buffers: &Buffers<'_>,
     folders: &Folders,
     memory: &mut Memory,
     warnings: &mut Vec<String>,
 ) -> Result<Option<LightEntry>> {
-    let scene = document.default_scene().or_else(|| document.scenes().next());
-    let Some(stated) = scene.as_ref().and_then(|scene| scene.extension_value(NAME)) else { return Ok(None) };
+    let scene = match nodes::shown(tree)? {
+        Some(scene) => scene.extension(NAME)?,
+        None => None,
+    };
+    let Some(stated) = scene else { return Ok(None) };
     let refuse = |problem: &str| {
         let place = format!("{}, image-based light", path.display());
         Error::input(place, problem, "mend the light and export the file again")
     };
-    let light = document.extension_value(NAME).zip(stated["light"].as_u64());
-    let light = light.and_then(|(all, index)| all["lights"].get(usize::try_from(index).ok()?));
+    let lights = match tree.root().extension(NAME)? {
+        Some(all) => all.objects("lights")?,
+        None => Vec::new(),
+    };
+    let light = stated.whole("light").ok().flatten().and_then(|index| lights.get(index));
     let light = light.ok_or_else(|| refuse("the scene names a light that is not there"))?;
-    let intensity = light.get("intensity").map_or(Some(1.0), Value::as_f64).unwrap_or(f64::NAN) as f32;
+    let intensity = light.number("intensity").unwrap_or(Some(f32::NAN)).unwrap_or(1.0);
     if !(intensity >= 0.0 && intensity.is_finite()) {
         return Err(refuse("its intensity is negative or not finite"));
     }
-    let rotation = [0, 1, 2, 3].map(|i| {
-        let stated = light.get("rotation").map_or(Some([0.0, 0.0, 0.0, 1.0][i]), |v| v[i].as_f64());
-        stated.map_or(f32::NAN, |v| v as f32)
-    });
+    let rotation = light.numbers("rotation").unwrap_or(Some([f32::NAN; 4])).unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let length = Quat::from_array(rotation).length();
     if !(0.5..2.0).contains(&length) {
         return Err(refuse("its rotation is no unit quaternion"));
     }
     let rotation = Quat::from_array(rotation).normalize();
-    let images = light["specularImages"][0].as_array().filter(|images| images.len() == 6);
+    let images = light.value("specularImages").and_then(|all| all[0].as_array()).filter(|images| images.len() == 6);
     let images = images.ok_or_else(|| refuse("has not the six images of a cube"))?;
     let (mut side, mut faces) = (0, [(); 6].map(|()| Vec::new()));
     for (face, image) in faces.iter_mut().zip(images) {
         let index = image.as_u64().and_then(|index| usize::try_from(index).ok());
-        let index = index.filter(|&index| index < document.images().len());
+        let index = index.filter(|&index| index < tree.count("images"));
         let index = index.ok_or_else(|| refuse("names an image that is not there"))?;
         let place = format!("{}, image-based light", path.display());
-        let image = read(&image_source(path, document, buffers, index, &place)?, &place, folders, memory)?;
+        let image = read(&image_source(path, buffers, index, &place, warnings)?, &place, folders, memory)?;
         if image.width != image.height || (side != 0 && side != image.width) {
             return Err(refuse("its six images are not squares of one size"));
         }
@@ -76,7 +79,7 @@ pub(super) fn of(
         memory.take((face.len() * size_of::<[f32; 3]>()) as u64, path)?;
     }
     let cube = CubeMap { side: side as usize, faces, rotation };
-    let name = light["name"].as_str().filter(|name| !name.is_empty()).map_or_else(|| "environment".into(), plain);
+    let name = light.name().map_or_else(|| "environment".into(), plain);
     warnings.extend(compare_means(path, &name, &cube, light));
     Ok(Some(LightEntry {
         kind: LightEntryKind::Environment,
@@ -123,10 +126,10 @@ fn radiance([r, g, b, a]: [f32; 4]) -> [f32; 3] {
 /// A line where the mean of the images is not that of the irradiance: coefficient 0 is `π ∫ L Y₀₀ dω`, so that the mean
 /// radiance is `Y₀₀ / π` of it, with `Y₀₀ = 1 / √(4π)` (Ramamoorthi, Hanrahan, *An efficient representation for irradiance
 /// environment maps*, 2001).
-fn compare_means(path: &Path, name: &str, cube: &CubeMap, light: &Value) -> Option<String> {
-    let first = &light["irradianceCoefficients"][0];
+fn compare_means(path: &Path, name: &str, cube: &CubeMap, light: &Item<'_>) -> Option<String> {
+    let coefficients = light.value("irradianceCoefficients");
     let mean = |values: [f64; 3]| values.iter().sum::<f64>() / 3.0;
-    let stated = [0, 1, 2].map(|i| first[i].as_f64().unwrap_or(f64::NAN));
+    let stated = [0, 1, 2].map(|i| coefficients.and_then(|all| all[0][i].as_f64()).unwrap_or(f64::NAN));
     let (images, stated) = (mean(cube.mean()), mean(stated) / (4.0 * PI).sqrt() / PI);
     let differs = (images - stated).abs() > MEANS_DIFFER * images.max(stated);
     (differs || !stated.is_finite()).then(|| {

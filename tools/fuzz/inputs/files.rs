@@ -25,12 +25,13 @@ pub(crate) struct Target {
 }
 
 /// All kinds but our own files.
-pub(crate) static TARGETS: [Target; 11] = [
+pub(crate) static TARGETS: [Target; 12] = [
     Target { name: "scene", seeds: || vec![SCENE.into()], look: |bytes, folder| scene(bytes, folder, "scene.toml") },
     Target { name: "obj", seeds: || vec![OBJ.into()], look: |bytes, folder| scene(bytes, folder, "room.obj") },
     Target { name: "mtl", seeds: || vec![MTL.into()], look: |bytes, folder| scene(bytes, folder, "room.mtl") },
     Target { name: "gltf", seeds: gltf_seeds, look: read_gltf },
     Target { name: "ies", seeds: || vec![IES.into()], look: |bytes, folder| scene(bytes, folder, "lamp.ies") },
+    Target { name: "ldt", seeds: || vec![ldt().into()], look: |bytes, folder| scene(bytes, folder, "lamp.ldt") },
     Target { name: "look", seeds: || vec![LOOK.into()], look: read_look },
     Target { name: "exr", seeds: exr_seeds, look: |bytes, folder| image_and_lights(bytes, folder, "input.exr") },
     Target { name: "hdr", seeds: hdr_seeds, look: |bytes, folder| image_and_lights(bytes, folder, "one {light}.hdr") },
@@ -100,6 +101,11 @@ kind = "ies"
 position = [0, 2, 1]
 file = "lamp.ies"
 [[light]]
+kind = "ies"
+name = "other"
+position = [1, 2, 1]
+file = "lamp.ldt"
+[[light]]
 kind = "sun"
 towards = [0.3, 1, 0.2]
 [[material]]
@@ -113,6 +119,13 @@ const MTL: &str = "newmtl ground\nKd 0.5 0.4 0.3\nKs 0.1 0.1 0.1\nNs 40\nillum 2
 Ni 1.5\nd 1\nTr 0\nPr 0.3\nPm 0.1\nTf 1 1 1\n";
 const IES: &str = "IESNA:LM-63-2002\n[TEST] x\nTILT=NONE\n1 1000 1.0 3 3 1 2 -.12 0 0 1.0 1.0 75\n0 45 90\n0 45 90\n100 50 25\n\
 90 40 20\n80 30 10\n";
+/// A EULUMDAT file of four planes.
+fn ldt() -> String {
+    let head = "maker 1 0 4 90 2 90 report lamp 1 lamp.ldt today 100 100 50 90 90 0 0 0 0 100 100 1.0 0 1 1 LED 2000 830 80 20";
+    let angles = "0.5 0.5 0.5 0.5 0.5 0.5 0.5 0.5 0.5 0.5 0 90 180 270 0 90";
+    format!("{head} {angles} 100 10 90 9 80 8 70 7").replace(' ', "\r\n")
+}
+
 const LOOK: &str = r##"base = "scene"
 [groups]
 both = ["panel", "l*"]
@@ -146,11 +159,13 @@ look = "night"
 
 /// Loads a scene of which one file is the input.
 fn scene(bytes: &[u8], folder: &Path, name: &str) -> bool {
-    let whole: [(&str, &[u8]); 6] = [
+    let ldt = ldt();
+    let whole: [(&str, &[u8]); 7] = [
         ("scene.toml", SCENE.as_bytes()),
         ("room.obj", OBJ.as_bytes()),
         ("room.mtl", MTL.as_bytes()),
         ("lamp.ies", IES.as_bytes()),
+        ("lamp.ldt", ldt.as_bytes()),
         ("wood.png", &png()),
         ("map.hdr", &hdr_seeds()[0]),
     ];
@@ -231,21 +246,76 @@ fn gltf_seeds() -> Vec<Vec<u8>> {
     let json = json.replace("WEB", &web.to_string()).replace("LENGTH", &IES.len().to_string());
     // The same with the image beside the file.
     let beside = json.replace(r#""bufferView":4,"mimeType":"image/png""#, r#""uri":"wood.png""#);
-    [json, beside]
-        .map(|json| {
-            let mut json = json.into_bytes();
-            json.resize(json.len().next_multiple_of(4), b' ');
-            let mut file = b"glTF\x02\0\0\0".to_vec();
-            file.extend((28 + json.len() as u32 + bytes.len() as u32).to_le_bytes());
-            for (kind, chunk) in [(b"JSON", &json), (b"BIN\0", &bytes)] {
-                file.extend((chunk.len() as u32).to_le_bytes());
-                file.extend(kind);
-                file.extend(chunk);
-            }
-            file
-        })
-        .into()
+    vec![glb(json, &bytes), glb(beside, &bytes), compressed_gltf()]
 }
+
+/// A GLB of a text and a buffer.
+fn glb(json: String, bytes: &[u8]) -> Vec<u8> {
+    let mut json = json.into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut file = b"glTF\x02\0\0\0".to_vec();
+    file.extend((28 + json.len() as u32 + bytes.len() as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", json.as_slice()), (b"BIN\0", bytes)] {
+        file.extend((chunk.len() as u32).to_le_bytes());
+        file.extend(kind);
+        file.extend(chunk);
+    }
+    file
+}
+
+/// A square that Draco compresses, one that meshopt does, instances of both, and a WebP texture. The streams are of Google's and
+/// meshoptimizer's encoders.
+fn compressed_gltf() -> Vec<u8> {
+    let hex = |text: &str| -> Vec<u8> {
+        (0..text.len() / 2)
+            .map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).expect("it is hexadecimal"))
+            .collect()
+    };
+    let parts = [
+        hex(
+            "445241434f02020101000000040201020000011fff0111ff011102000000ff00000102020401000101000903000102010101000903013017011003\
+             001c8201ff0001000000000000ff0000000101010003030130011003002882280800000000ff3f0000000020c100000000000020c10000a0410e",
+        ),
+        hex(
+            "a0000000010c000000ff000000000000000133000000ffff0000000000000000000000000000000000000000000020c100000000000020c1",
+        ),
+        hex("e1f000007687566778a9866589689801690000"),
+        [[0.0f32, 0.0, 0.0], [0.0, 3.0, 0.0]].as_flattened().iter().flat_map(|v| v.to_le_bytes()).collect(),
+        hex("5249464622000000574542505650384c160000002f014000000f10f3bffff31f0e140208808226a2ff31"),
+    ];
+    let (mut bytes, mut views) = (Vec::new(), String::new());
+    for (index, part) in parts.iter().enumerate() {
+        let (offset, length) = (bytes.len(), part.len());
+        let compressed = |mode: &str, count: usize, stride: usize| {
+            let stated = format!(r#""byteStride":{stride},"count":{count},"mode":"{mode}""#);
+            format!(
+                r#""byteLength":{},"extensions":{{"EXT_meshopt_compression":{{"buffer":0,"byteOffset":{offset},"byteLength":{length},{stated}}}}}"#,
+                count * stride
+            )
+        };
+        let view = match index {
+            1 => compressed("ATTRIBUTES", 4, 12),
+            2 => compressed("TRIANGLES", 6, 4),
+            _ => format!(r#""byteOffset":{offset},"byteLength":{length}"#),
+        };
+        views += &format!(r#"{}{{"buffer":0,{view}}}"#, if index > 0 { "," } else { "" });
+        bytes.extend(part);
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+    }
+    glb(COMPRESSED.replace("VIEWS", &views).replace("ALL", &bytes.len().to_string()), &bytes)
+}
+
+const COMPRESSED: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0,1]}],
+"nodes":[{"mesh":0,"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":3}}}},
+{"mesh":1,"translation":[0,1,0],"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":3}}}}],
+"materials":[{"extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseTexture":{"index":0},"specularFactor":[0.1,0.1,0.1]}}},
+{"emissiveFactor":[1,1,1]}],"textures":[{"extensions":{"EXT_texture_webp":{"source":0}}}],"images":[{"bufferView":4}],
+"meshes":[{"primitives":[{"attributes":{"POSITION":0,"COLOR_0":1},"material":0,"extensions":{"KHR_draco_mesh_compression":
+{"bufferView":0,"attributes":{"POSITION":1,"COLOR_0":0}}}}]},{"primitives":[{"attributes":{"POSITION":2},"indices":4,"material":1}]}],
+"accessors":[{"componentType":5126,"type":"VEC3","count":4},{"componentType":5121,"normalized":true,"type":"VEC4","count":4},
+{"bufferView":1,"componentType":5126,"type":"VEC3","count":4},{"bufferView":3,"componentType":5126,"type":"VEC3","count":2},
+{"bufferView":2,"componentType":5125,"type":"SCALAR","count":6}],
+"bufferViews":[VIEWS],"buffers":[{"byteLength":ALL}]}"#;
 
 /// An error is one line; what it quotes may be ugly, but not long.
 fn one_line(error: &ltm::Error) {
