@@ -20,7 +20,7 @@ use crate::matrix::{
 
 /// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
 /// so that blocks of two versions are never mixed.
-const IMPORT_VERSION: u32 = 2;
+const IMPORT_VERSION: u32 = 3;
 
 /// Name of the light that holds what the image under all lights has beyond the sum of the lights.
 const REST: &str = "Rest";
@@ -169,10 +169,11 @@ impl ImportedMatrix {
             let given = ["albedo", "normal", "depth"].iter().any(|word| layer.contains(word)) && !is_light;
             ["denois", "noisy"].iter().any(|word| layer.contains(word)) && !given
         };
-        if set.matches.iter().any(denoised) {
+        imported.add_up(set, source)?;
+        let adds_up = imported.sum_difference.is_some_and(|difference| difference <= SUM_TOLERANCE);
+        if !adds_up && set.matches.iter().any(denoised) {
             imported.warnings.push("the file has denoising passes: denoised light groups no longer add up".into());
         }
-        imported.add_up(set, source)?;
         let columns = imported.job.shape.columns();
         if let Some(known) = &mut imported.known {
             known.probes = probe_lightings(&imported.job.basis);

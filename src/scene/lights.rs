@@ -39,6 +39,8 @@ pub(super) struct Lights<'a> {
     pub(super) weights: Vec<(u32, Vec<[f32; 3]>)>,
     /// What is left for environment maps and photometric files while they are read.
     pub(super) memory: Memory,
+    /// What was done to the values of maps, one line each, for people.
+    pub(super) notes: Vec<String>,
 }
 
 /// Triangles that become one light.
@@ -293,7 +295,9 @@ impl Lights<'_> {
         }
         if let Some(map) = &entry.map {
             let path = self.folders.find(map, place)?;
-            self.memory.check(image_facts(&path)?.needs_bytes, &path)?;
+            let facts = image_facts(&path)?;
+            self.memory.check(facts.needs_bytes, &path)?;
+            self.notes.extend(facts.notes.iter().map(|note| format!("{}: {note}", path.display())));
             let image = read_image(&path)?;
             let weights =
                 mapping.resample((image.width, image.height), &image.pixels, 0.0).into_iter().map(scale).collect();

@@ -274,6 +274,7 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
         folders,
         weights: Vec::new(),
         memory,
+        notes: Vec::new(),
     };
     if read.by_instance {
         let both = |m: &SourceMaterial| matches!(&m.description, Description::Gltf(g) if g.two_sided);
@@ -286,6 +287,7 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
         lights.add(&LightEntry::default(), place)?;
     }
     let weights = std::mem::take(&mut lights.weights);
+    warnings.append(&mut lights.notes);
     warn_of_unused(&assembly, emissions.iter().map(Option::is_some), &mut warnings);
     let Assembly { mesh, materials, textures, emitters, mut basis } = assembly;
     for (first, weights) in weights {
