@@ -51,7 +51,9 @@ pub fn read_image(path: &Path) -> Result<LinearImage> {
 /// A file that cannot be opened, is no image of a known format, is damaged, has no pixels, or is larger than 16,384 pixels
 /// along a side (a portable float map, than 65,536).
 pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
-    Opened::open(path)?.read(path, None)
+    let opened = Opened::open(path)?;
+    opened.note_of_frame()?;
+    opened.read(path, None)
 }
 
 /// What an image file says of itself.
@@ -94,11 +96,7 @@ impl Opened {
     /// Those of [`read_rgba`].
     pub(super) fn open(path: &Path) -> Result<Self> {
         Ok(match format_of(path)? {
-            Format::Exr => {
-                let picture = Picture::open(path)?;
-                picture.note_of_frame()?;
-                Self::Exr(Box::new(picture))
-            }
+            Format::Exr => Self::Exr(Box::new(Picture::open(path)?)),
             Format::Hdr => Self::Hdr(radiance::facts(path, &mut radiance_file(path)?)?),
             Format::FloatMap => Self::FloatMap(float_map::facts(path)?),
             Format::Other => {

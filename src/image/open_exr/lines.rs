@@ -1,6 +1,6 @@
 //! The values of channels, line by line, in the order of the file.
 
-use std::io::BufReader;
+use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use exr::block::UncompressedBlock;
@@ -12,10 +12,11 @@ use exr::prelude::f16;
 use rayon::prelude::*;
 
 use super::channels::Place;
-use super::failed;
-use super::subsampled::{decompress, is_subsampled, samples_in_row};
+use super::subsampled::{FullySampled, decompress, is_subsampled, samples_in_row};
+use super::{failed, read_meta};
 use crate::error::{Error, Result};
 use crate::files::open_input;
+use crate::image::read::refuse;
 
 /// A piece of a row of one channel.
 pub(in crate::image) struct Line<'a> {
@@ -48,7 +49,22 @@ pub(in crate::image) fn read_lines(
     wanted: &dyn Fn(Place) -> bool,
     take: &mut dyn FnMut(Line<'_>) -> Result<()>,
 ) -> Result<()> {
-    let file = BufReader::new(open_input(path, "open")?);
+    let sampled = read_meta(path)?;
+    if sampled.headers.iter().any(is_subsampled) {
+        let file = FullySampled::new(open_input(path, "open")?).map_err(Error::io(path, "read"))?;
+        return read_from(BufReader::new(file), &sampled, (path, counts), wanted, take);
+    }
+    read_from(BufReader::new(open_input(path, "open")?), &sampled, (path, counts), wanted, take)
+}
+
+/// See [`read_lines`]; `sampled` has the samplings of the channels, and which parts and channels there are.
+fn read_from(
+    file: impl Read + Seek,
+    sampled: &MetaData,
+    (path, counts): (&Path, &[usize]),
+    wanted: &dyn Fn(Place) -> bool,
+    take: &mut dyn FnMut(Line<'_>) -> Result<()>,
+) -> Result<()> {
     let reader = exr::block::read(file, false).map_err(|e| failed(path, e))?;
     if reader.headers().iter().map(|h| h.channels.list.len()).ne(counts.iter().copied()) {
         return Err(Error::input(path.display().to_string(), "changed while it was read", "run the command again"));
@@ -58,7 +74,17 @@ pub(in crate::image) fn read_lines(
     let mut chunks = reader
         .filter_chunks(false, |_, tile, block| parts[block.layer] && (tile.level_index.0, tile.level_index.1) == (0, 0))
         .map_err(|e| failed(path, e))?;
-    let meta = chunks.meta_data().clone();
+    let mut meta = chunks.meta_data().clone();
+    for (header, other) in meta.headers.iter_mut().zip(&sampled.headers) {
+        let size = (header.layer_size.0, header.layer_size.1);
+        for (channel, other) in header.channels.list.iter_mut().zip(&other.channels.list) {
+            channel.sampling = other.sampling;
+            let (across, down) = (channel.sampling.0.max(1), channel.sampling.1.max(1));
+            if !size.0.is_multiple_of(across) || !size.1.is_multiple_of(down) {
+                return Err(refuse(path, "its samples of chroma do not fill its data window"));
+            }
+        }
+    }
     let subsampled: Vec<bool> = meta.headers.iter().map(is_subsampled).collect();
     let unpacked = |chunk: exr::error::Result<Chunk>| -> exr::error::Result<Block> {
         let chunk = chunk?;

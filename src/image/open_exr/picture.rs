@@ -9,7 +9,7 @@ use super::chroma::{Plane, colour, luminance_weights};
 use super::colours::{refused, space_of};
 use super::windows_of;
 use super::{Channel, Colours, Layer, Line, Place, Window, channels, chunk_bytes, layers, read_lines, read_meta};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::image::RgbaImage;
 use crate::image::primaries::{Matrix, converted};
 use crate::image::read::{RETURNED_BYTES, refuse};
@@ -62,7 +62,9 @@ impl Picture {
         let space = space_of(header).map_err(|problem| refused(path, problem))?;
         notes.extend(space.note);
         let of_chroma = match colours {
-            Colours::Chroma(places) => [places[1], places[2]].map(|place| (sampling(place).0, sampling(place).1)),
+            Colours::Chroma(places) => {
+                [places[1], places[2]].map(|place| (sampling(place).0.max(1), sampling(place).1.max(1)))
+            }
             _ => [(1, 1); 2],
         };
         if of_chroma != [(1, 1); 2] {
@@ -96,7 +98,11 @@ impl Picture {
         }
         if !data.meets(display) {
             let problem = format!("its pixels ({data}) lie outside its display window ({display})");
-            return Err(refuse(&self.path, &problem));
+            return Err(Error::input(
+                self.path.display().to_string(),
+                problem,
+                "write it with the frame that it shows",
+            ));
         }
         let what = if display.holds(data) { "the rest is black" } else { "what lies beyond is left out" };
         Ok(Some(format!("its data window of {data} lies in a display window of {display}: {what}")))
@@ -166,7 +172,8 @@ impl Picture {
             let index = places.iter().position(|place| *place == line.place).expect("only these are wanted");
             let (plane, (across, down)) = (&mut planes[index], sampling[index]);
             let at = line.y / down * plane.width + line.x / across;
-            plane.values[at..at + line.values.len()].copy_from_slice(line.values);
+            let changed = || refuse(&self.path, "it changed while it was read");
+            plane.values.get_mut(at..at + line.values.len()).ok_or_else(changed)?.copy_from_slice(line.values);
             Ok(())
         })?;
         let [luma, red, blue] = [0, 1, 2].map(|i: usize| {

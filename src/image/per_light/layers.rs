@@ -65,7 +65,7 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
     }
     images.extend(sum);
     let (matrices, notes) = matrices(path, &meta)?;
-    warnings.extend(notes);
+    warnings.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
     let mut targets = HashMap::new();
     let mut parts_of_images = Vec::new();
     for (image, layer) in images.iter().enumerate() {
