@@ -102,8 +102,8 @@ mod tests {
     fn numbers_in_names_count_by_their_value() {
         let ordered = [
             "",
-            "1.png",
             "01.png",
+            "1.png",
             "2.png",
             "10.png",
             "99999999999999999999998.png",

@@ -61,13 +61,13 @@ impl Primaries {
     ///
     /// # Errors
     /// As text for the caller to place: numbers that span no colour space.
-    pub(super) fn to_rec_709(&self) -> Result<Option<Matrix>, String> {
+    pub(super) fn to_rec_709(self) -> Result<Option<Matrix>, String> {
         if self.is_near(&REC_709) {
             return Ok(None);
         }
         let refused = || format!("its {} are no colour space", self.name());
         let (ours, our_white) = to_xyz(&REC_709).ok_or_else(refused)?;
-        let (theirs, white) = to_xyz(self).ok_or_else(refused)?;
+        let (theirs, white) = to_xyz(&self).ok_or_else(refused)?;
         let cones = [white, our_white].map(|white| times(&BRADFORD, white));
         let scale = [0, 1, 2].map(|i: usize| cones[1][i] / cones[0][i]);
         let scaled = [0, 1, 2].map(|i: usize| BRADFORD[i].map(|v| v * scale[i]));

@@ -262,7 +262,8 @@ fn limits() -> image::Limits {
 
 pub(super) fn refuse(path: &Path, reason: &str) -> Error {
     let reason = reason.lines().next().unwrap_or_default();
-    let hint = "give an EXR, HDR, PFM, PNG, JPEG, TGA or BMP image";
+    let hint =
+        "give an EXR (of no, RLE, ZIP, PIZ, PXR24, B44 or DWA compression), HDR, PFM, PNG, JPEG, TGA or BMP image";
     Error::input(path.display().to_string(), format!("the image cannot be read ({reason})"), hint)
 }
 

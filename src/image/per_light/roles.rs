@@ -26,16 +26,19 @@ const COPIES: [&str; 4] = ["denoise", "denoised", "variance", "mse"];
 
 /// Names of passes that would be lights with a number behind.
 const SHORT_PASSES: [&str; 5] = ["n", "p", "z", "st", "lightmix"];
-/// Words that name what is no light's. A layer all of whose words are among them is such a pass; `diffuser panel` is a light, and `env`,
-/// which Mitsuba's emitters are called.
-const PASS_WORDS: &str = " adaptive albedo alpha ambient ao asset atmosphere background bump caustic caustics catcher coat col color colour component composite coverage \
-     count crypto cryptoasset cryptomaterial cryptoobject debug denoise denoised denoiser denoising depth diff diffuse dir \
-     direct dir dist distance effect effects emission emissive emit env environment extra facing filter fog freestyle geometry gi global \
-     gloss glossiness glossy id illumination image incidence intensity ind index indirect level lighting lightmix lightpath local luminance mask mat \
-     material matte mist mix motion motionvector motionvectors noise noisy normal normals ob object objectid occlusion opacity pass \
-     passes position pref raw raycount refl reflect reflection refr refract refraction render result roughness sample samples scatter \
-     scattering self shading shadow shadowing shadows sheen single specular spec sss subsurface texture time tint total trans translucency \
-     transmission transparency uv variance vector vectors velocity volume volumetric weight weighted wire wirecolor world zdepth ";
+/// Names of passes that are as likely lights: Mitsuba's surroundings, a world.
+const LIGHTS_AND_PASSES: [&str; 2] = ["env", "world"];
+/// Words that name what is no light's, in the singular. A layer all of whose words are among them is such a pass; `diffuser panel` is a light.
+const PASS_WORDS: &str = " adaptive albedo alpha ambient ao asset atmosphere background bump catcher caustic clean coat col color colour \
+     combined component composite count coverage crypto cryptoasset cryptomaterial cryptomatte cryptoobject debug denoise \
+     denoised denoiser denoising depth diff diffuse dir direct dist distance effect emission emissive emit env environment \
+     extra facing filter fog freestyle geometry gi global gloss glossiness glossy id illuminance illumination image \
+     incidence ind index indirect info intensity level lighting lightmix lightpath lobe local luminance mask mat material \
+     matte mist mix motion motionvector mse mtl noise noisy normal ob object objectid occlusion opacity option pass passes \
+     position pref rate raw raycount re refl reflect reflection refr refract refraction render result roughness sample \
+     sampler sampling scatter scattering select self shading shadow shadowing sheen single space spec specular sss stddev \
+     subsurface texture time tint toon total trans translucency transmission transparency uv var variance vector velocity \
+     volume volumetric vray weight weighted wire wirecolor world zdepth ";
 
 /// A layer with colours.
 #[derive(Clone, Copy, Debug)]
@@ -154,17 +157,29 @@ fn is_copy(stem: &str, stems: &BTreeSet<String>) -> bool {
     })
 }
 
-/// Whether a layer is a pass that is no light's: of V-Ray's by their first letters, else by its words.
+/// Whether a layer is a pass that is no light's, by its words.
 fn is_pass(stem: &str) -> bool {
     let own = last(stem);
-    if own == "env" {
+    if LIGHTS_AND_PASSES.contains(&own.to_lowercase().as_str()) {
         return false;
     }
-    let begins = |prefix: &str| own.strip_prefix(prefix).is_some_and(|rest| rest.starts_with(char::is_uppercase));
-    let of_renderer = ["VRay", "CShading_", "CGeometry_", "CMasking_", "CTexmap_"].iter().any(|prefix| begins(prefix));
-    of_renderer
+    let begins = |prefix: &&str| own.strip_prefix(*prefix).is_some_and(|rest| rest.starts_with(char::is_uppercase));
+    let own = own.strip_prefix("VRay").filter(|rest| rest.starts_with(char::is_uppercase)).unwrap_or(own);
+    ["CShading_", "CGeometry_", "CMasking_", "CTexmap_"].iter().any(begins)
         || SHORT_PASSES.contains(&plain(own).as_str())
-        || words(own).iter().all(|word| PASS_WORDS.contains(&format!(" {word} ")))
+        || words(own).iter().all(|word| is_made_of_passes(word))
+}
+
+/// Whether a word is one that names passes, in the singular or plural, or several of them one after the other: `directdiffuse`.
+fn is_made_of_passes(word: &str) -> bool {
+    let is_known = |word: &str| PASS_WORDS.contains(&format!(" {word} "));
+    let singular = word.strip_suffix('s').unwrap_or(word);
+    if is_known(word) || is_known(singular) {
+        return true;
+    }
+    // Short ones would make words of any letters.
+    let cuts = word.char_indices().map(|(at, _)| at).filter(|at| *at >= 4 && at + 4 <= word.len());
+    cuts.into_iter().any(|at| is_known(&word[..at]) && is_made_of_passes(&word[at..]))
 }
 
 /// The words of a name in lower case: cut at signs, before capitals, and without numbers.
@@ -286,8 +301,20 @@ mod tests {
 
     #[test]
     fn a_light_may_have_the_name_of_a_pass_in_its_own() {
-        let names =
-            ["Kaori", "P1", "UV strip", "chaos_key", "diffuser panel", "emitter", "env_dome", "shadowbox", "照明", "7"];
+        let names = [
+            "Kaori",
+            "P1",
+            "VRayLight001",
+            "world",
+            "UV strip",
+            "chaos_key",
+            "diffuser panel",
+            "emitter",
+            "env_dome",
+            "shadowbox",
+            "照明",
+            "7",
+        ];
         let mut wanted = names.map(str::to_owned);
         wanted.sort();
         assert_eq!(lights(&names, None), wanted);
@@ -313,6 +340,12 @@ mod tests {
             "MotionVectors",
             "uv",
             "transmission_albedo",
+            "albedo_var",
+            "Reflections",
+            "directdiffuse",
+            "VRayMtlSelect",
+            "VRaySSS2",
+            "ObjectSpacePositions",
         ] {
             assert_eq!(lights(&["", "a lamp", pass], None), ["a lamp"], "{pass}");
         }

@@ -16,7 +16,8 @@ pub(super) fn names(folder: &Path) {
     let wanted = std::fs::read_to_string(folder.join("names.txt")).unwrap();
     let mut wanted: Vec<&str> = wanted.lines().collect();
     let mut found: Vec<&str> = found.iter().map(String::as_str).collect();
-    (wanted.sort(), found.sort());
+    wanted.sort();
+    found.sort();
     assert_eq!(found, wanted);
     assert!(difference.unwrap() < 1e-6 && warnings.is_empty(), "{warnings}");
     assert_eq!(names_of(&folder.join("plain_names.exr")).len(), 8);

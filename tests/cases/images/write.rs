@@ -7,11 +7,14 @@ use ltm::image::{LayerPattern, LightSet, RgbaImage, image_facts, read_rgba};
 use ltm::pipeline::{ImageNoise, ImportedMatrix, PackOptions};
 use tempfile::TempDir;
 
+/// The value at a pixel of the data window.
+pub(super) type Value<'a> = dyn Fn(usize, usize) -> f32 + 'a;
+
 /// A channel of 32-bit floats: name, pixels for one sample across and down, value at a pixel of the data window.
 pub(super) struct Channel<'a> {
     pub(super) name: &'a [u8],
     pub(super) sampling: [usize; 2],
-    pub(super) value: &'a dyn Fn(usize, usize) -> f32,
+    pub(super) value: &'a Value<'a>,
 }
 
 /// An uncompressed OpenEXR file of one part.
@@ -42,10 +45,8 @@ impl Exr {
     }
 
     /// Channels with a sample for each pixel.
-    pub(super) fn write(&self, path: &Path, channels: &[(&str, &dyn Fn(usize, usize) -> f32)]) {
-        let channel = |&(name, value): &(&'_ str, _)| (name.as_bytes().to_vec(), value);
-        let owned: Vec<(Vec<u8>, &dyn Fn(usize, usize) -> f32)> = channels.iter().map(channel).collect();
-        let channels = owned.iter().map(|(name, value)| Channel { name, sampling: [1, 1], value: *value });
+    pub(super) fn write(&self, path: &Path, channels: &[(&str, &Value<'_>)]) {
+        let channels = channels.iter().map(|&(name, value)| Channel { name: name.as_bytes(), sampling: [1, 1], value });
         self.write_channels(path, channels.collect());
     }
 
@@ -103,14 +104,14 @@ impl Exr {
 
 /// A layer's red, green and blue as the three values at every pixel.
 pub(super) fn constant(layers: &[(&str, [f32; 3])], exr: &Exr, path: &Path) {
-    let mut channels: Vec<(String, Box<dyn Fn(usize, usize) -> f32>)> = Vec::new();
+    let mut channels: Vec<(String, Box<Value<'static>>)> = Vec::new();
     for &(layer, colour) in layers {
         let dot = if layer.is_empty() { "" } else { "." };
         for (name, value) in ["R", "G", "B"].into_iter().zip(colour) {
             channels.push((format!("{layer}{dot}{name}"), Box::new(move |_, _| value)));
         }
     }
-    let channels: Vec<(&str, &dyn Fn(usize, usize) -> f32)> =
+    let channels: Vec<(&str, &Value<'_>)> =
         channels.iter().map(|(name, value)| (name.as_str(), value.as_ref())).collect();
     exr.write(path, &channels);
 }

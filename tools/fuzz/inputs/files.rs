@@ -399,7 +399,8 @@ fn exr_with_chroma() -> Vec<u8> {
     let lines: Vec<Vec<u8>> = (0..4i32)
         .map(|y| {
             let bytes = if y % 2 == 0 { 16 } else { 8 };
-            [words(&[2 + y, bytes]), (0..bytes / 2).flat_map(|i| (0x3400 + 16 * i as u16).to_le_bytes()).collect()].concat()
+            [words(&[2 + y, bytes]), (0..bytes / 2).flat_map(|i| (0x3400 + 16 * i as u16).to_le_bytes()).collect()]
+                .concat()
         })
         .collect();
     let mut at = file.len() + 8 * lines.len();
@@ -416,7 +417,8 @@ fn hdr_seeds() -> Vec<Vec<u8>> {
     image::codecs::hdr::HdrEncoder::new(&mut wide).encode(&pixels.repeat(4), 24, 4).expect("into memory");
     let mut flat = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
     flat.extend([128, 64, 0, 129, 128, 128, 128, 132]);
-    let head = "#?RADIANCE\r\nEXPOSURE=2\r\nCOLORCORR= 2 1 0.5\nPRIMARIES= 0.7 0.3 0.2 0.8 0.1 0.05 0.33 0.33\n\n+X 2 +Y 3\n";
+    let head =
+        "#?RADIANCE\r\nEXPOSURE=2\r\nCOLORCORR= 2 1 0.5\nPRIMARIES= 0.7 0.3 0.2 0.8 0.1 0.05 0.33 0.33\n\n+X 2 +Y 3\n";
     let runs = [[128u8, 64, 0, 129], [1, 1, 1, 2], [9, 9, 9, 140], [1, 1, 1, 1], [9, 9, 9, 128]];
     let old = [head.as_bytes(), runs.as_flattened()].concat();
     let xyz = [b"FORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n".as_slice(), &[162, 150, 81, 130]].concat();
