@@ -28,7 +28,7 @@ mod space;
 pub use continuation::ContinuationFile;
 pub use input::{open_input, read_input, read_input_text};
 pub use lock::{open_locked, tell_missing_locks};
-pub use names::{check_output, folder_of, sync_folder, with_suffix};
+pub use names::{check_output, folder_of, natural_order, sync_folder, with_suffix};
 pub use ranged::Ranged;
 pub use reach::{LIBRARY_VARIABLE, Reach, library_folder};
 pub use replace::{Replacement, publish, replace, write_file};

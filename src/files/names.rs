@@ -1,5 +1,6 @@
 //! Names beside other names, and what may stand in the way of an output.
 
+use std::cmp::Ordering;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
@@ -15,6 +16,35 @@ pub fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
     name.into()
+}
+
+/// The order in which people count files and layers: numbers by their value, `frame_2` before `frame_10`; names that are equal so
+/// far, as `2` and `02`, by their letters.
+pub fn natural_order(a: &str, b: &str) -> Ordering {
+    let (mut left, mut right) = (a, b);
+    loop {
+        let (Some(x), Some(y)) = (left.chars().next(), right.chars().next()) else {
+            return left.len().cmp(&right.len()).then_with(|| a.cmp(b));
+        };
+        let order = if x.is_ascii_digit() && y.is_ascii_digit() {
+            let [(first, after), (second, behind)] = [left, right].map(number);
+            (left, right) = (after, behind);
+            first.len().cmp(&second.len()).then_with(|| first.cmp(second))
+        } else {
+            (left, right) = (&left[x.len_utf8()..], &right[y.len_utf8()..]);
+            x.cmp(&y)
+        };
+        if order.is_ne() {
+            return order;
+        }
+    }
+}
+
+/// The number that a text begins with, without zeros before it, and what follows.
+fn number(text: &str) -> (&str, &str) {
+    let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
+    let (digits, rest) = text.split_at(end);
+    (digits.trim_start_matches('0'), rest)
 }
 
 /// Refuses an output that could not be given its name in the end, before any work is done for it.
@@ -66,6 +96,37 @@ mod tests {
         assert_eq!(folder_of(Path::new("a.ltm")), Path::new("."));
         assert_eq!(folder_of(Path::new("b/a.ltm")), Path::new("b"));
         assert_eq!(with_suffix(Path::new("b/a.ltm"), ".part"), Path::new("b/a.ltm.part"));
+    }
+
+    #[test]
+    fn numbers_in_names_count_by_their_value() {
+        let ordered = [
+            "",
+            "01.png",
+            "1.png",
+            "2.png",
+            "10.png",
+            "99999999999999999999998.png",
+            "99999999999999999999999.png",
+            "a",
+            "a2b3",
+            "a2b12",
+            "a10b1",
+            "frame",
+            "frame_0",
+            "frame_00",
+            "frame_1",
+            "frame_2.pfm",
+            "frame_10.pfm",
+            "ä1",
+            "ä2",
+            "ä10",
+        ];
+        for (i, a) in ordered.iter().enumerate() {
+            for (j, b) in ordered.iter().enumerate() {
+                assert_eq!(natural_order(a, b), i.cmp(&j), "{a} {b}");
+            }
+        }
     }
 
     #[test]

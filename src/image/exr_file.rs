@@ -68,6 +68,8 @@ pub type FetchRow<'a> = dyn FnMut(usize, usize, usize, &mut [f32]) -> Result<()>
 /// Gives row `y` of a channel: `(channel, y, row)`.
 pub type FetchChannel<'a> = dyn FnMut(usize, usize, &mut [f32]) -> Result<()> + 'a;
 
+/// Bytes of the longest name of a channel.
+const LONGEST_NAME: usize = 255;
 /// Chunks of more bytes than this are cut down to one line.
 const LARGE_CHUNK_BYTES: usize = 32 << 20;
 
@@ -117,9 +119,11 @@ fn encode_channels(
         return Err(Error::input(path.display().to_string(), "its layers have no names of their own", ""));
     }
     let described = channels.iter().map(|&(name, _)| {
-        let text = Text::new_or_none(name).filter(|_| name.is_ascii());
-        let hint = "name it with letters, digits and signs of ASCII";
-        let text = text.ok_or_else(|| Error::input(format!("layer '{name}'"), "OpenEXR cannot name it so", hint))?;
+        // Names are UTF-8, which ends with its first zero.
+        let fits = (1..=LONGEST_NAME).contains(&name.len()) && !name.contains('\0');
+        let problem = format!("OpenEXR cannot name it so: a name has 1 to {LONGEST_NAME} bytes");
+        let refused = || Error::input(format!("layer '{}'", name.escape_debug()), problem, "shorten its name");
+        let text = fits.then(|| Text::from_slice_unchecked(name.as_bytes())).ok_or_else(refused)?;
         Ok(ChannelDescription::named(text, SampleType::F32))
     });
     let header = Header::new("".into(), (size.width, size.height), described.collect::<Result<_>>()?);

@@ -1,11 +1,15 @@
 //! Linear images: reading and writing EXR, HDR and PNG, tone mapping, error measures.
 
 mod exr_file;
+mod float_map;
 mod kelvin;
 mod linear;
 mod measure;
 mod npy;
+mod open_exr;
 mod per_light;
+mod primaries;
+mod radiance;
 mod read;
 mod tone;
 mod tone_tables;

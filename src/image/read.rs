@@ -1,13 +1,13 @@
-//! Reading images: EXR and HDR as they are, PNG, JPEG, WebP, TGA and BMP decoded from sRGB.
+//! Reading images: EXR, HDR and PFM as they are, PNG, JPEG, WebP, TGA and BMP decoded from sRGB.
 
 use std::fs::File;
 use std::io::{BufReader, Cursor, Read};
 use std::path::Path;
 
 use image::ImageDecoder;
-use image::codecs::hdr::HdrDecoder;
 
-use super::LinearImage;
+use super::open_exr::{Picture, Window};
+use super::{LinearImage, float_map, radiance};
 use crate::error::{Error, Result};
 use crate::files::open_input;
 
@@ -15,10 +15,12 @@ use crate::files::open_input;
 const MAX_SIDE: u32 = 16_384;
 
 /// Bytes of a pixel as RGBA, and as RGB where alpha is dropped.
-const RETURNED_BYTES: u64 = 16 + 12;
+pub(super) const RETURNED_BYTES: u64 = 16 + 12;
 
 /// First four bytes of an OpenEXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+/// Bytes of the start of a file by which its format is told.
+const LONGEST_MAGIC: u64 = 32;
 
 /// `width × height` linear Rec. 709 RGBA pixels, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -42,28 +44,20 @@ pub fn read_image(path: &Path) -> Result<LinearImage> {
     Ok(LinearImage { width, height, pixels: pixels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect() })
 }
 
-/// Reads an image with its alpha. The format is told from the content, not from the name.
+/// Reads an image with its alpha. The format is told from the content, not from the name. An OpenEXR file's picture is its display
+/// window, black and clear where it has no pixels.
 ///
 /// # Errors
 /// A file that cannot be opened, is no image of a known format, is damaged, has no pixels, or is larger than 16,384 pixels
-/// along a side.
+/// along a side (a portable float map, than 65,536).
 pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
-    let facts = image_facts(path)?;
-    match format_of(path)? {
-        Format::Exr => read_exr(path, &facts),
-        Format::Hdr => read_with(path, hdr_decoder(path)?, true),
-        Format::Other => {
-            let mut reader = other_reader(path)?;
-            reader.limits(limits());
-            let mut decoder = reader.into_decoder().map_err(|e| refuse(path, &e.to_string()))?;
-            decoder.set_limits(limits()).map_err(|e| refuse(path, &e.to_string()))?;
-            read_with(path, decoder, false)
-        }
-    }
+    let opened = Opened::open(path)?;
+    opened.note_of_frame()?;
+    opened.read(path, None)
 }
 
 /// What an image file says of itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImageFacts {
     /// Width in pixels.
     pub width: u32,
@@ -71,6 +65,9 @@ pub struct ImageFacts {
     pub height: u32,
     /// Bytes of memory that [`read_image`] and [`read_rgba`] take at most, with what they return.
     pub needs_bytes: u64,
+    /// What is done to its values or chosen among them that could surprise, one line each, for people: "its EXPOSURE of 2 is
+    /// divided out".
+    pub notes: Vec<String>,
 }
 
 /// Size of an image and what reading it takes, without decoding it.
@@ -78,44 +75,115 @@ pub struct ImageFacts {
 /// # Errors
 /// Those of [`read_rgba`].
 pub fn image_facts(path: &Path) -> Result<ImageFacts> {
-    let ((width, height), decoder_bytes) = match format_of(path)? {
-        Format::Exr => {
-            let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| refuse(path, &e.to_string()))?;
-            let header = meta.headers.iter().find(|header| has_colours(header));
-            let header = header.ok_or_else(|| refuse(path, "it has no layer of red, green and blue"))?;
-            let chunk_bytes = meta.headers.iter().map(|header| header.max_block_byte_size() as u64).max().unwrap_or(0);
-            // The library takes a thread for each core, and two chunks more.
-            let threads = std::thread::available_parallelism().map_or(1, usize::from) as u64 + 2;
-            let size = header.layer_size;
-            ((size.x() as u64, size.y() as u64), chunk_bytes.saturating_mul(5 * threads))
-        }
-        Format::Hdr => {
-            let (width, height) = hdr_decoder(path)?.dimensions();
-            let size = (u64::from(width), u64::from(height));
-            (size, size.0 * size.1 * 16)
-        }
-        Format::Other => {
-            let size = other_reader(path)?.into_dimensions();
-            let (width, height) = size.map_err(|e| refuse(path, &e.to_string()))?;
-            let size = (u64::from(width), u64::from(height));
-            (size, size.0 * size.1 * 16)
-        }
-    };
-    facts_of(path, (width, height), decoder_bytes)
+    let opened = Opened::open(path)?;
+    let (mut facts, note) = (opened.facts(path, None)?, opened.note_of_frame()?);
+    facts.notes.extend(note);
+    Ok(facts)
 }
 
-/// The facts of an image of this size. Errors: no pixels, or too many.
-fn facts_of(path: &Path, (width, height): (u64, u64), decoder_bytes: u64) -> Result<ImageFacts> {
+/// An image whose head was read.
+pub(super) enum Opened {
+    Exr(Box<Picture>),
+    Hdr(ImageFacts),
+    FloatMap(ImageFacts),
+    Other(ImageFacts),
+}
+
+impl Opened {
+    /// Looks at a file.
+    ///
+    /// # Errors
+    /// Those of [`read_rgba`].
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        Ok(match format_of(path)? {
+            Format::Exr => Self::Exr(Box::new(Picture::open(path)?)),
+            Format::Hdr => Self::Hdr(radiance::facts(path, &mut radiance_file(path)?)?),
+            Format::FloatMap => Self::FloatMap(float_map::facts(path)?),
+            Format::Other => {
+                let size = other_reader(path)?.into_dimensions();
+                let (width, height) = size.map_err(|e| refuse(path, &e.to_string()))?;
+                Self::Other(decoded_facts(path, (width, height))?)
+            }
+        })
+    }
+
+    /// Where its pixels lie, and the picture's frame.
+    pub(super) fn windows(&self) -> (Window, Window) {
+        match self {
+            Self::Exr(picture) => (picture.data, picture.display),
+            Self::Hdr(facts) | Self::FloatMap(facts) | Self::Other(facts) => {
+                let whole = Window::of_size(facts.width, facts.height);
+                (whole, whole)
+            }
+        }
+    }
+
+    /// The facts of a frame of it, by itself the whole picture.
+    ///
+    /// # Errors
+    /// No pixels, or too many.
+    pub(super) fn facts(&self, path: &Path, frame: Option<&Window>) -> Result<ImageFacts> {
+        match self {
+            Self::Exr(picture) => {
+                let frame = frame.unwrap_or(&picture.display);
+                check_size(path, (frame.width, frame.height))?;
+                let (width, height) = (frame.width as u32, frame.height as u32);
+                let needs_bytes = picture.needs_bytes(frame);
+                Ok(ImageFacts { width, height, needs_bytes, notes: picture.notes.clone() })
+            }
+            Self::Hdr(facts) | Self::FloatMap(facts) | Self::Other(facts) => Ok(facts.clone()),
+        }
+    }
+
+    fn note_of_frame(&self) -> Result<Option<String>> {
+        if let Self::Exr(picture) = self { picture.note_of_frame() } else { Ok(None) }
+    }
+
+    /// Whether its values are eight or sixteen bits that are decoded from sRGB.
+    pub(super) fn is_encoded(&self) -> bool {
+        matches!(self, Self::Other(_))
+    }
+
+    /// Reads the pixels of a frame, by itself the whole picture.
+    ///
+    /// # Errors
+    /// Those of [`read_rgba`].
+    pub(super) fn read(&self, path: &Path, frame: Option<&Window>) -> Result<RgbaImage> {
+        match self {
+            Self::Exr(picture) => {
+                let frame = frame.unwrap_or(&picture.display);
+                check_size(path, (frame.width, frame.height))?;
+                picture.read(frame)
+            }
+            Self::Hdr(_) => radiance::read(path, &mut radiance_file(path)?),
+            Self::FloatMap(_) => float_map::read(path),
+            Self::Other(_) => {
+                let mut reader = other_reader(path)?;
+                reader.limits(limits());
+                let mut decoder = reader.into_decoder().map_err(|e| refuse(path, &e.to_string()))?;
+                decoder.set_limits(limits()).map_err(|e| refuse(path, &e.to_string()))?;
+                read_with(path, decoder)
+            }
+        }
+    }
+}
+
+/// Errors: no pixels, or too many.
+pub(super) fn check_size(path: &Path, (width, height): (u64, u64)) -> Result<()> {
     let problem = match (width, height) {
         (0, _) | (_, 0) => "the image has no pixels".to_owned(),
         _ if width.max(height) > u64::from(MAX_SIDE) => format!("the image has {width} × {height} pixels"),
-        _ => {
-            let needs_bytes = (width * height * RETURNED_BYTES).saturating_add(decoder_bytes);
-            return Ok(ImageFacts { width: width as u32, height: height as u32, needs_bytes });
-        }
+        _ => return Ok(()),
     };
     let hint = format!("give one of 1 to {MAX_SIDE} a side");
     Err(Error::input(path.display().to_string(), problem, hint))
+}
+
+/// The facts of an image of this size that a decoder gives in four floats a pixel.
+fn decoded_facts(path: &Path, (width, height): (u32, u32)) -> Result<ImageFacts> {
+    check_size(path, (width.into(), height.into()))?;
+    let needs_bytes = u64::from(width) * u64::from(height) * (RETURNED_BYTES + 16);
+    Ok(ImageFacts { width, height, needs_bytes, notes: Vec::new() })
 }
 
 /// As [`image_facts`] of a PNG, JPEG or WebP file that is in memory; `name` is for messages.
@@ -124,9 +192,7 @@ fn facts_of(path: &Path, (width, height): (u64, u64), decoder_bytes: u64) -> Res
 /// Those of [`image_facts`].
 pub fn embedded_facts(name: &Path, bytes: &[u8]) -> Result<ImageFacts> {
     let size = embedded_reader(name, bytes)?.into_dimensions();
-    let (width, height) = size.map_err(|e| refuse(name, &e.to_string()))?;
-    let size = (u64::from(width), u64::from(height));
-    facts_of(name, size, size.0 * size.1 * 16)
+    decoded_facts(name, size.map_err(|e| refuse(name, &e.to_string()))?)
 }
 
 /// As [`read_rgba`] of a PNG, JPEG or WebP file that is in memory; `name` is for messages.
@@ -139,7 +205,7 @@ pub fn read_embedded(name: &Path, bytes: &[u8]) -> Result<RgbaImage> {
     reader.limits(limits());
     let mut decoder = reader.into_decoder().map_err(|e| refuse(name, &e.to_string()))?;
     decoder.set_limits(limits()).map_err(|e| refuse(name, &e.to_string()))?;
-    read_with(name, decoder, false)
+    read_with(name, decoder)
 }
 
 fn embedded_reader<'a>(name: &Path, bytes: &'a [u8]) -> Result<image::ImageReader<Cursor<&'a [u8]>>> {
@@ -162,53 +228,31 @@ fn kind_by_name(bytes: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Whether a layer of an OpenEXR file is one that [`read_exr`] takes.
-fn has_colours(header: &exr::meta::header::Header) -> bool {
-    let has = |colour: &str| header.channels.list.iter().any(|channel| channel.name.eq(colour));
-    !header.deep && ["R", "G", "B"].into_iter().all(has)
-}
-
-/// Where an image's pixels lie in the frame that its camera saw: the offset of its top left corner, and the frame's size. OpenEXR
-/// files may hold a part of the frame only, their data window.
-///
-/// # Errors
-/// Those of [`image_facts`].
-pub(super) fn place_in_frame(path: &Path) -> Result<([i64; 2], (u32, u32))> {
-    let ImageFacts { width, height, .. } = image_facts(path)?;
-    let size = (width, height);
-    let Format::Exr = format_of(path)? else { return Ok(([0, 0], size)) };
-    let meta = exr::meta::MetaData::read_from_file(path, false).map_err(|e| refuse(path, &e.to_string()))?;
-    let header = meta.headers.first().ok_or_else(|| refuse(path, "it has no layers"))?;
-    let (corner, frame) = (header.own_attributes.layer_position, header.shared_attributes.display_window);
-    let offset = [(corner.0, frame.position.0), (corner.1, frame.position.1)];
-    Ok((offset.map(|(at, from)| i64::from(at) - i64::from(from)), (frame.size.0 as u32, frame.size.1 as u32)))
-}
-
+/// What a file is, by its content.
 enum Format {
     Exr,
     Hdr,
+    FloatMap,
     Other,
 }
 
 fn format_of(path: &Path) -> Result<Format> {
-    let mut magic = [0; 4];
+    let mut start = Vec::new();
     let mut file = open_input(path, "open the image")?;
-    // A file too short for its magic is left to the decoders to refuse.
-    let _ = file.read_exact(&mut magic);
-    if file.metadata().is_ok_and(|found| found.len() == 0) {
+    Read::by_ref(&mut file).take(LONGEST_MAGIC).read_to_end(&mut start).map_err(Error::io(path, "read the image"))?;
+    if start.is_empty() {
         return Err(refuse(path, "it is empty"));
     }
-    Ok(match magic {
-        EXR_MAGIC => Format::Exr,
-        [b'#', b'?', ..] => Format::Hdr,
+    Ok(match start.as_slice() {
+        start if start.starts_with(&EXR_MAGIC) => Format::Exr,
+        start if radiance::is_radiance(start) => Format::Hdr,
+        start if float_map::is_float_map(start) => Format::FloatMap,
         _ => Format::Other,
     })
 }
 
-/// Takes `#?RGBE` for Radiance as well as `#?RADIANCE`, which is all that a strict decoder knows.
-fn hdr_decoder(path: &Path) -> Result<HdrDecoder<BufReader<File>>> {
-    let file = File::open(path).map_err(Error::io(path, "open the image"))?;
-    HdrDecoder::new_nonstrict(BufReader::new(file)).map_err(|e| refuse(path, &e.to_string()))
+fn radiance_file(path: &Path) -> Result<BufReader<File>> {
+    Ok(BufReader::new(open_input(path, "open the image")?))
 }
 
 fn other_reader(path: &Path) -> Result<image::ImageReader<BufReader<File>>> {
@@ -232,40 +276,15 @@ fn limits() -> image::Limits {
     limits
 }
 
-fn refuse(path: &Path, reason: &str) -> Error {
+pub(super) fn refuse(path: &Path, reason: &str) -> Error {
     let reason = reason.lines().next().unwrap_or_default();
-    let hint = "give an EXR, HDR, PNG, JPEG, WebP, TGA or BMP image (EXR without DWA compression)";
+    let hint = "give an EXR (of no, RLE, ZIP, PIZ, PXR24, B44 or DWA compression), HDR, PFM, PNG, JPEG, WebP, TGA or BMP image";
     Error::input(path.display().to_string(), format!("the image cannot be read ({reason})"), hint)
 }
 
-/// Reads the first layer with colours, whose size `facts` are. Every pixel is set, or the file is refused, so that memory
-/// is touched no faster than chunks are decoded.
-fn read_exr(path: &Path, facts: &ImageFacts) -> Result<RgbaImage> {
-    let (width, height) = (facts.width as usize, facts.height as usize);
-    let result = exr::prelude::read_first_rgba_layer_from_file(
-        path,
-        move |size, _| {
-            let fits = (size.x(), size.y()) == (width, height);
-            if fits { vec![[0.0; 4]; width * height] } else { Vec::new() }
-        },
-        move |pixels, position, (r, g, b, a): (f32, f32, f32, f32)| {
-            if let Some(pixel) = pixels.get_mut(position.y() * width + position.x()) {
-                *pixel = [r, g, b, a];
-            }
-        },
-    );
-    let channels = result.map_err(|e| refuse(path, &e.to_string()))?.layer_data.channel_data;
-    let has_alpha = channels.channels.3.is_some();
-    if channels.pixels.len() != width * height {
-        return Err(refuse(path, "its layers of red, green and blue differ in size"));
-    }
-    Ok(RgbaImage { width: facts.width, height: facts.height, pixels: channels.pixels, has_alpha })
-}
-
-fn read_with(path: &Path, decoder: impl ImageDecoder, linear: bool) -> Result<RgbaImage> {
+fn read_with(path: &Path, decoder: impl ImageDecoder) -> Result<RgbaImage> {
     let decoded = image::DynamicImage::from_decoder(decoder).map_err(|e| refuse(path, &e.to_string()))?;
     let has_alpha = decoded.color().has_alpha();
-    let decode = |v: f32| if linear { v } else { decode_srgb(v) };
     let image = decoded.into_rgba32f();
     let (width, height) = (image.width(), image.height());
     let values = image.into_raw();
@@ -274,7 +293,7 @@ fn read_with(path: &Path, decoder: impl ImageDecoder, linear: bool) -> Result<Rg
         // Where the room was not given out in whole pixels.
         Err((_, values)) => values.as_chunks::<4>().0.to_vec(),
     };
-    pixels.iter_mut().flat_map(|pixel| &mut pixel[..3]).for_each(|value| *value = decode(*value));
+    pixels.iter_mut().flat_map(|pixel| &mut pixel[..3]).for_each(|value| *value = decode_srgb(*value));
     Ok(RgbaImage { width, height, pixels, has_alpha })
 }
 

@@ -21,6 +21,15 @@ pub fn fits(pattern: &str, name: &str) -> bool {
     pattern[p..].iter().all(|&letter| letter == '*')
 }
 
+/// Which of `names` a pattern means: the one that is spelled so, else those that fit it. A name may hold a `*` of its own.
+pub fn meant<'a>(pattern: &str, names: impl Iterator<Item = &'a str>) -> Vec<usize> {
+    let names: Vec<&str> = names.collect();
+    match names.iter().position(|name| *name == pattern) {
+        Some(exact) => vec![exact],
+        None => (0..names.len()).filter(|&index| fits(pattern, names[index])).collect(),
+    }
+}
+
 /// Levenshtein's distance: insertions, deletions and replacements.
 pub fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
@@ -74,6 +83,15 @@ mod tests {
         for (pattern, name) in [("", "a"), ("lum_?", "lum_07"), ("*a", "ab"), ("a*b", "a"), ("a", "A")] {
             assert!(!fits(pattern, name), "{pattern} {name}");
         }
+    }
+
+    #[test]
+    fn a_name_comes_before_its_reading_as_a_glob() {
+        let names = ["Lamp*", "Lamp*1", "Lamp 2"];
+        assert_eq!(meant("Lamp*", names.into_iter()), [0]);
+        assert_eq!(meant("Lamp?1", names.into_iter()), [1]);
+        assert_eq!(meant("L*", names.into_iter()), [0, 1, 2]);
+        assert!(meant("x", names.into_iter()).is_empty());
     }
 
     #[test]

@@ -62,6 +62,7 @@ pub struct Look {
     /// Time and index of a named look.
     keys: Vec<(f32, usize)>,
     groups: Vec<(String, Vec<u32>)>,
+    notes: Vec<String>,
 }
 
 /// Reads a look file (JSON if its name ends so, else TOML) for a light basis. Images are found beside the file; those
@@ -113,6 +114,11 @@ impl Look {
                 Err(Error::input(&self.place, problem, suggest(name, self.names())))
             }
         }
+    }
+
+    /// What was done to the values of its images that could surprise, one line each, for people.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// The groups of the file in the order of their names, each with the columns of its lights; a light of several

@@ -1,5 +1,6 @@
 //! From what a look file says to weights on columns.
 
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::f32::consts::PI;
 use std::path::Path;
@@ -20,7 +21,7 @@ pub(super) fn resolve(
     file: &LookFile,
     basis: &LightBasis,
 ) -> Result<Look> {
-    let resolver = Resolver { place, folder, reach, file, basis };
+    let resolver = Resolver { place, folder, reach, file, basis, notes: RefCell::default() };
     let bytes = (file.look.len() as u64 + 2).saturating_mul(basis.column_count() as u64 * 12);
     if bytes > MAX_LIGHTING_BYTES {
         return Err(Error::Resources {
@@ -42,6 +43,7 @@ pub(super) fn resolve(
         named: Vec::new(),
         keys: Vec::new(),
         groups: resolver.groups()?,
+        notes: Vec::new(),
     };
     for named in &file.look {
         let mut weights = base.clone();
@@ -51,6 +53,7 @@ pub(super) fn resolve(
         }
         look.named.push((named.name.clone(), Lighting::new(weights)?));
     }
+    look.notes = resolver.notes.take();
     for key in &file.key {
         let rising = look.keys.last().is_none_or(|(last, _)| *last < key.time_secs);
         if !key.time_secs.is_finite() || !rising {
@@ -72,6 +75,8 @@ struct Resolver<'a> {
     reach: &'a Reach,
     file: &'a LookFile,
     basis: &'a LightBasis,
+    /// On the images that were read, each once.
+    notes: RefCell<Vec<String>>,
 }
 
 impl Resolver<'_> {
@@ -235,7 +240,8 @@ impl Resolver<'_> {
             return Err(Error::input(self.place, problem, "put it beside the look file"));
         }
         self.reach.admit(&path, self.place)?;
-        let needed = image_facts(&path)?.needs_bytes;
+        let facts = image_facts(&path)?;
+        let needed = facts.needs_bytes;
         if needed > MAX_IMAGE_BYTES {
             return Err(Error::Resources {
                 what: format!("reading {}", path.display()),
@@ -243,6 +249,12 @@ impl Resolver<'_> {
                 available: format!("a look's image may take {MAX_IMAGE_BYTES}"),
                 hint: "scale it down".into(),
             });
+        }
+        for note in facts.notes {
+            let note = format!("{}: {note}", path.display());
+            if !self.notes.borrow().contains(&note) {
+                self.notes.borrow_mut().push(note);
+            }
         }
         let image = read_image(&path)?;
         if image.pixels.is_empty() || !image.values().iter().all(|v| v.is_finite()) {

@@ -21,7 +21,7 @@ use crate::matrix::{
 
 /// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
 /// so that blocks of two versions are never mixed.
-const IMPORT_VERSION: u32 = 2;
+const IMPORT_VERSION: u32 = 3;
 
 /// Name of the light that holds what the image under all lights has beyond the sum of the lights.
 const REST: &str = "Rest";
@@ -173,10 +173,11 @@ impl ImportedMatrix {
             let given = ["albedo", "normal", "depth"].iter().any(|word| layer.contains(word)) && !is_light;
             ["denois", "noisy"].iter().any(|word| layer.contains(word)) && !given
         };
-        if set.matches.iter().any(denoised) {
+        imported.add_up(set, source)?;
+        let adds_up = imported.sum_difference.is_some_and(|difference| difference <= SUM_TOLERANCE);
+        if !adds_up && set.matches.iter().any(denoised) {
             imported.warnings.push("the file has denoising passes: denoised light groups no longer add up".into());
         }
-        imported.add_up(set, source)?;
         let columns = imported.job.shape.columns();
         if let Some(known) = &mut imported.known {
             known.probes = probe_lightings(&imported.job.basis);
@@ -241,6 +242,7 @@ impl ImportedMatrix {
         let mut rest = row.clone();
         let second = self.known.as_ref().and_then(|known| known.second.as_ref());
         let mut sizes = vec![0.0; lights + 1];
+        let mut sums = Sums::of(lights);
         for (rendering, rows) in std::iter::once(&self.rows).chain(second).enumerate() {
             for y in 0..set.height as usize {
                 for channel in 0..CHANNELS {
@@ -254,6 +256,7 @@ impl ImportedMatrix {
                         if rendering == 0 {
                             *size += column_scales::sizes(&row);
                         }
+                        sums.add(light, &row);
                         rest.iter_mut().zip(&row).for_each(|(rest, v)| *rest -= v);
                     }
                     if set.has_sum {
@@ -265,8 +268,15 @@ impl ImportedMatrix {
                         rows.write((lights, channel, y), 0, &rest)?;
                     }
                     rest.fill(0.0);
+                    sums.end_row();
                 }
             }
+        }
+        for light in sums.of_others() {
+            let name = &set.lights[light];
+            self.warnings.push(format!(
+                "light '{name}' is the sum of the others, which then count twice; leave it out (--layers says which layers are lights)"
+            ));
         }
         if let Some(known) = &self.known {
             known.features.add_to(&mut content)?;
@@ -540,6 +550,53 @@ impl BlockSource for ImportedMatrix {
     }
 }
 
+/// Most lights among which one is looked for that is the sum of the others.
+const MOST_SUMMED: usize = 64;
+
+/// Tells lights that are the sum of all others: such a light is half of the whole sum.
+struct Sums {
+    row: Vec<Vec<f32>>,
+    /// Of each light, its square and its product with the sum.
+    products: Vec<[f64; 2]>,
+    squared_sum: f64,
+}
+
+impl Sums {
+    /// Of so many lights. Two that are equal may be meant so; of very many it is not looked for.
+    fn of(lights: usize) -> Self {
+        let lights = if (3..=MOST_SUMMED).contains(&lights) { lights } else { 0 };
+        Self { row: vec![Vec::new(); lights], products: vec![[0.0; 2]; lights], squared_sum: 0.0 }
+    }
+
+    fn add(&mut self, light: usize, row: &[f32]) {
+        if let Some(kept) = self.row.get_mut(light) {
+            kept.clear();
+            kept.extend_from_slice(row);
+        }
+    }
+
+    fn end_row(&mut self) {
+        for x in 0..self.row.first().map_or(0, Vec::len) {
+            let sum: f64 = self.row.iter().map(|row| f64::from(row[x])).sum();
+            self.squared_sum += sum * sum;
+            for (row, [square, product]) in self.row.iter().zip(&mut self.products) {
+                let own = f64::from(row[x]);
+                *square += own * own;
+                *product += own * sum;
+            }
+        }
+    }
+
+    fn of_others(&self) -> impl Iterator<Item = usize> + '_ {
+        let differs = |[square, product]: [f64; 2]| 4.0 * square - 4.0 * product + self.squared_sum;
+        let most = SUM_TOLERANCE * SUM_TOLERANCE * self.squared_sum;
+        let is_sum = move |light: &usize| self.squared_sum > 0.0 && differs(self.products[*light]) < most;
+        // The only light that is not black is no sum.
+        let lit = self.products.iter().filter(|[square, _]| *square > 0.0).count();
+        (0..self.products.len()).filter(move |light| lit > 2 && is_sum(light))
+    }
+}
+
 /// What is noted of an image while it goes by.
 #[derive(Clone, Debug, Default)]
 struct Look {
@@ -575,7 +632,7 @@ impl Look {
         }
         if self.negative > 0 {
             let count = self.negative;
-            warnings.push(format!("light '{light}' has {count} values below zero, as denoising leaves them"));
+            warnings.push(format!("light '{light}' has {count} values below zero, as denoising leaves them, and colours outside of Rec. 709"));
         }
         warnings
     }

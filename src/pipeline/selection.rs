@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::unpack_source::UnpackSource;
 use crate::error::{Error, Result};
-use crate::light::names::fits;
+use crate::light::names::meant;
 use crate::light::{Job, Light, LightBasis};
 use crate::matrix::{BlockId, CHANNELS, ColumnIndex, MatrixShape, PixelRect};
 
@@ -32,8 +32,8 @@ impl Selection {
     /// Errors: blocks or pixels outside the image, a pattern that fits no light.
     pub(super) fn of(&self, job: &Job) -> Result<Selected> {
         let shape = job.shape;
-        let all = PixelRect { x: 0, y: 0, width: shape.width(), height: shape.height() };
-        let rect = self.crop.unwrap_or(all);
+        let whole = PixelRect { x: 0, y: 0, width: shape.width(), height: shape.height() };
+        let rect = self.crop.unwrap_or(whole);
         let inside = |at: u32, size: u32, limit: u32| size > 0 && at.checked_add(size).is_some_and(|end| end <= limit);
         if !inside(rect.x, rect.width, shape.width()) || !inside(rect.y, rect.height, shape.height()) {
             let problem = format!("the image has {} × {} pixels", shape.width(), shape.height());
@@ -50,16 +50,19 @@ impl Selection {
             ));
         }
         let blocks = range.map(BlockId).filter(|&id| overlap(shape.rect(id), rect).is_some()).collect();
+        let mut wanted = vec![self.lights.is_empty(); job.basis.lights().len()];
         for pattern in &self.lights {
-            if !job.basis.lights().iter().any(|light| fits(pattern, &light.name)) {
+            let found = meant(pattern, job.basis.lights().iter().map(|light| light.name.as_str()));
+            found.iter().for_each(|&light| wanted[light] = true);
+            if found.is_empty() {
                 let names: Vec<_> = job.basis.lights().iter().take(12).map(|light| light.name.as_str()).collect();
                 let hint = format!("the lights are {}", names.join(", "));
                 return Err(Error::input(format!("light '{pattern}'"), "no light matches", hint));
             }
         }
-        let wanted = |light: &&Light| self.lights.is_empty() || self.lights.iter().any(|p| fits(p, &light.name));
-        let lights: Vec<Light> = job.basis.lights().iter().filter(wanted).cloned().collect();
-        let is_whole = rect == all && lights.len() == job.basis.lights().len();
+        let all = job.basis.lights().iter().zip(wanted);
+        let lights: Vec<Light> = all.filter(|(_, wanted)| *wanted).map(|(light, _)| light.clone()).collect();
+        let is_whole = rect == whole && lights.len() == job.basis.lights().len();
         Ok(Selected { rect, blocks, lights, is_whole })
     }
 }

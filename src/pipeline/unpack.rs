@@ -245,15 +245,21 @@ fn relight_images(
     Ok(rows)
 }
 
-/// Names that every program can read as layers and files: letters, digits, spaces, and a few signs; each once. Blender keeps
-/// 63 bytes of a pass's name, of which `Combined_` and a number take some.
+/// Names that programs can read as layers and files: letters and digits of any script, spaces, and a few signs; each once. Blender
+/// keeps 63 bytes of a pass's name, of which `Combined_` and a number take some.
 pub(super) fn safe_names<'a>(lights: impl Iterator<Item = &'a str>) -> Vec<String> {
+    const MOST_BYTES: usize = 48;
     let mut taken = HashSet::new();
     let mut free_from: HashMap<String, usize> = HashMap::new();
-    let safe = |c: char| if c.is_ascii_alphanumeric() || " _-+#()[]".contains(c) { c } else { '_' };
+    // Beyond ASCII all but what is not seen.
+    let is_seen = |c: char| !c.is_control() && !c.is_whitespace() && !matches!(c, '\u{2000}'..='\u{206f}' | '\u{feff}');
+    let is_safe =
+        |c: char| if c.is_ascii() { c.is_ascii_alphanumeric() || " _-+#()[]".contains(c) } else { is_seen(c) };
+    let safe = |c: char| if is_safe(c) { c } else { '_' };
     lights
         .map(|light| {
-            let plain: String = light.chars().map(safe).take(48).collect();
+            let safe: String = light.chars().map(safe).collect();
+            let plain = safe[..safe.floor_char_boundary(MOST_BYTES)].to_owned();
             if taken.insert(plain.clone()) {
                 return plain;
             }

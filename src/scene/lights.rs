@@ -299,7 +299,9 @@ impl Lights<'_> {
         }
         if let Some(map) = &entry.map {
             let path = self.folders.find(map, place)?;
-            self.memory.check(image_facts(&path)?.needs_bytes, &path)?;
+            let facts = image_facts(&path)?;
+            self.memory.check(facts.needs_bytes, &path)?;
+            self.warnings.extend(facts.notes.iter().map(|note| format!("{}: {note}", path.display())));
             let image = read_image(&path)?;
             let weights =
                 mapping.resample((image.width, image.height), &image.pixels, 0.0).into_iter().map(scale).collect();

@@ -205,6 +205,7 @@ impl Textures {
         read: impl FnOnce() -> Result<RgbaImage>,
     ) -> Result<TextureId> {
         let (width, height) = (facts.width, facts.height);
+        warnings.extend(facts.notes.iter().map(|note| format!("{}: {note}", path.display())));
         let bytes = u64::from(width) * u64::from(height) * size_of::<[f32; 4]>() as u64;
         self.admit(path, bytes)?;
         if bytes > LARGE_BYTES {

@@ -52,8 +52,12 @@ def apply_groups(context, file):
         # As the export calls it.
         things["World"] = scene.world
     # Of the look's wildcards, brackets are none.
+    def fits(name, pattern):
+        # A name comes before its reading as wildcards.
+        return name == pattern if pattern in things else fnmatchcase(name, pattern.replace("[", "[[]"))
+
     members = {
-        group: [name for name in things if any(fnmatchcase(name, pattern.replace("[", "[[]")) for pattern in patterns)]
+        group: [name for name in things if any(fits(name, pattern) for pattern in patterns)]
         for group, patterns in stated.items()
     }
     remarks = [f"no object of the group '{group}' is in this scene" for group, found in members.items() if not found]

@@ -123,8 +123,13 @@ fn opened(path: &Path) -> Result<BufReader<File>> {
     Ok(BufReader::with_capacity(1 << 16, open_input(path, "open")?))
 }
 
+const SAVE: &str = "save it as float32 [lights, height, width, 3]";
+
+/// What is wrong, and what to do.
+type Problem = (String, &'static str);
+
 fn refuse(path: &Path, problem: impl Into<String>) -> Error {
-    Error::input(path.display().to_string(), problem, "save it as float32 [lights, height, width, 3]")
+    Error::input(path.display().to_string(), problem, SAVE)
 }
 
 /// A member of an NPZ file and the bytes that it can hold at most; none where there is no such member.
@@ -147,44 +152,73 @@ type Work<'a> = dyn FnMut(Layout, &mut dyn Read) -> Result<(), String> + 'a;
 
 /// Calls `work` once, unless the array is refused.
 fn with_array(path: &Path, work: &mut Work<'_>) -> Result<()> {
-    let mut work_on = |reader: &mut dyn Read, most_bytes: u64| {
-        let header = NpyHeader::read(reader)?;
-        let layout = layout(&header)?;
-        let values = header.values().ok_or("its array is too large")?;
+    let refused = |(problem, hint): Problem| Error::input(path.display().to_string(), problem, hint);
+    let mut work_on = |reader: &mut dyn Read, most_bytes: u64, names: Option<u64>| {
+        let header = NpyHeader::read(reader).map_err(|problem| (problem, SAVE))?;
+        let layout = layout(&header, names)?;
+        let values = header.values().ok_or(("its array is too large".to_owned(), SAVE))?;
         let needed = values.saturating_mul(layout.kind.bytes() as u64).saturating_add(header.bytes);
         if needed > most_bytes {
-            return Err(format!("its array is cut short: {needed} bytes are claimed, at most {most_bytes} are there"));
+            let problem = format!("its array is cut short: {needed} bytes are claimed, at most {most_bytes} are there");
+            return Err((problem, SAVE));
         }
-        work(layout, reader)
+        work(layout, reader).map_err(|problem| (problem, SAVE))
     };
     if is_archive(path) {
         let mut archive = archive(path)?;
+        let named = member(&mut archive, "lights").map_err(|problem| refuse(path, problem))?;
+        let named = named.and_then(|(mut reader, _)| NpyHeader::read(&mut *reader).ok()?.values());
+        let images = member(&mut archive, "images").map_err(|problem| refuse(path, problem))?.is_some();
+        if !images {
+            return Err(without_images(path, &archive));
+        }
         let images = member(&mut archive, "images").map_err(|problem| refuse(path, problem))?;
-        let (mut reader, most_bytes) = images.ok_or_else(|| refuse(path, "it has no array 'images'"))?;
-        return work_on(&mut *reader, most_bytes).map_err(|problem| refuse(path, problem));
+        let (mut reader, most_bytes) = images.expect("it was just there");
+        return work_on(&mut *reader, most_bytes, named).map_err(refused);
     }
     let mut file = opened(path)?;
     let bytes = file.get_ref().metadata().map_err(Error::io(path, "ask for the length"))?.len();
-    work_on(&mut file, bytes).map_err(|problem| refuse(path, problem))
+    work_on(&mut file, bytes, None).map_err(refused)
 }
 
-fn layout(header: &NpyHeader) -> Result<Layout, String> {
+/// An archive of other arrays.
+fn without_images(path: &Path, archive: &ZipArchive<BufReader<File>>) -> Error {
+    let names: Vec<String> =
+        archive.file_names().take(6).flatten().map(|n| n.trim_end_matches(".npy").escape_debug().to_string()).collect();
+    let problem = format!("it has no array 'images' but {}", names.join(", "));
+    let hint = "save it with numpy.savez(path, images=numpy.stack([...]), lights=[their names])";
+    Error::input(path.display().to_string(), problem, hint)
+}
+
+/// What an array holds, `names` being how many lights are named beside it.
+fn layout(header: &NpyHeader, names: Option<u64>) -> Result<Layout, Problem> {
+    let shape = header.shape.as_slice();
     let of_shape = || {
-        let shape: Vec<_> = header.shape.iter().map(ToString::to_string).collect();
+        let shape: Vec<_> = shape.iter().map(ToString::to_string).collect();
         format!("its array has the shape [{}]", shape.join(", "))
     };
-    let &[lights, height, width, 3] = header.shape.as_slice() else {
-        return Err(of_shape());
+    let &[lights, height, width, 3] = shape else {
+        return Err((of_shape(), how_to_turn(shape)));
     };
+    // As `ltm.open` shows a matrix of three columns, of which each line would be a light.
+    if width == 3 && height > 3 && names != Some(lights) {
+        let problem = format!(
+            "{}: {lights} lights of {width} × {height} pixels, or {lights} × {height} rows of 3 lights",
+            of_shape()
+        );
+        let hint = "save numpy.moveaxis(a, -1, 0) if the lights come last, as in ltm.open; if they come first, save an .npz with \
+                    images and lights, their names";
+        return Err((problem, hint));
+    }
     let sides = 1..=MAX_SIDE;
     if !sides.contains(&height) || !sides.contains(&width) || lights == 0 {
-        return Err(of_shape());
+        return Err((of_shape(), SAVE));
     }
     if lights > MAX_LIGHTS as u64 {
-        return Err(format!("{}; it may hold {MAX_LIGHTS} lights at most", of_shape()));
+        return Err((format!("{}; it may hold {MAX_LIGHTS} lights at most", of_shape()), SAVE));
     }
     if header.fortran_order {
-        return Err("its array is in Fortran order; save numpy.ascontiguousarray of it".into());
+        return Err(("its array is in Fortran order".into(), "save numpy.ascontiguousarray of it"));
     }
     let kind = match header.descr.as_str() {
         "<f2" => Kind::F16,
@@ -192,10 +226,27 @@ fn layout(header: &NpyHeader) -> Result<Layout, String> {
         "<f8" => Kind::F64,
         other => {
             let other = other.escape_debug();
-            return Err(format!("its array is of type {other}, neither little-endian float16, float32 nor float64"));
+            let problem = format!("its array is of type {other}, neither little-endian float16, float32 nor float64");
+            return Err((problem, "save it as linear light in float32: a.astype('<f4')"));
         }
     };
     Ok(Layout { lights: lights as usize, height: height as usize, width: width as usize, kind })
+}
+
+/// What brings an array of another shape into order.
+fn how_to_turn(shape: &[u64]) -> &'static str {
+    match *shape {
+        [_, _, 3, _] => "save numpy.moveaxis(a, -1, 0): lights come first, not last as in ltm.open",
+        [_, 3, _, _] => "save a.transpose(0, 2, 3, 1): colours come last",
+        [_, _, _, 4] => "save a[..., :3]: images have three colours and no alpha",
+        [_, _, _, 1] => "save numpy.repeat(a, 3, -1): images have three colours",
+        [_, _, _, _, 3] => {
+            "save a.reshape(-1, *a.shape[-3:]): lights are one dimension; --texels ACROSSxDOWN makes them a grid again"
+        }
+        [_, _, 3] => "save a[None] if it is the image of one light",
+        [_, _, _] => "save numpy.repeat(a[..., None], 3, -1): images have three colours",
+        _ => SAVE,
+    }
 }
 
 /// The array `lights` of an archive: as many texts of one length as there are images.
@@ -206,20 +257,32 @@ fn names_in_archive(path: &Path, count: usize) -> Result<Option<Vec<String>>> {
     read_names(&mut *reader, count).map(Some).map_err(refused)
 }
 
-/// Reads an array of texts of one length (`<U…`: 32-bit code points, padded with zeros).
+/// Reads an array of texts of one length: `<U…`, 32-bit code points, or `|S…`, bytes of UTF-8; both are padded with zeros.
 fn read_names(reader: &mut dyn Read, count: usize) -> Result<Vec<String>, String> {
     let NpyHeader { descr, shape, .. } = NpyHeader::read(reader)?;
-    let length = descr.strip_prefix("<U").and_then(|n| n.parse::<usize>().ok()).filter(|n| (1..=MAX_NAME).contains(n));
-    let length = length.ok_or_else(|| format!("its names are of the type {}", descr.escape_debug()))?;
+    let length =
+        |prefix: &str| descr.strip_prefix(prefix)?.parse::<usize>().ok().filter(|n| (1..=MAX_NAME).contains(n));
+    let (points, bytes) = (length("<U"), length("|S"));
+    let bytes_each = points.map(|n| 4 * n).or(bytes);
+    let bytes_each = bytes_each.ok_or_else(|| format!("its names are of the type {}", descr.escape_debug()))?;
     if shape != [count as u64] {
         return Err(format!("it holds {count} images, but its names have the shape {shape:?}"));
     }
     let mut names = Vec::new();
-    let mut bytes = vec![0; 4 * length];
-    for _ in 0..count {
-        reader.read_exact(&mut bytes).map_err(|e| format!("its names are cut short ({e})"))?;
-        let points = bytes.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word));
-        names.push(points.take_while(|&p| p != 0).filter_map(char::from_u32).collect());
+    let mut stored = vec![0; bytes_each];
+    for index in 0..count {
+        reader.read_exact(&mut stored).map_err(|e| format!("its names are cut short ({e})"))?;
+        let name: String = if points.is_some() {
+            let points = stored.as_chunks::<4>().0.iter().map(|word| u32::from_le_bytes(*word));
+            points.take_while(|&p| p != 0).filter_map(char::from_u32).collect()
+        } else {
+            let end = stored.iter().position(|&byte| byte == 0).unwrap_or(stored.len());
+            String::from_utf8_lossy(&stored[..end]).into_owned()
+        };
+        if name.is_empty() {
+            return Err(format!("the name of light {index} is empty"));
+        }
+        names.push(name);
     }
     Ok(names)
 }

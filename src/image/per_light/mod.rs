@@ -7,6 +7,7 @@ mod array;
 mod features;
 mod files;
 mod layers;
+mod roles;
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -14,6 +15,7 @@ use std::path::Path;
 pub use features::FeaturePasses;
 
 use crate::error::{Error, Result};
+use crate::image::open_exr::Window;
 
 /// Longest side of an image, in pixels.
 const MAX_SIDE: u64 = 65_536;
@@ -105,7 +107,7 @@ pub struct LightSet {
 
 #[derive(Clone, Debug)]
 enum Source {
-    Files { paths: Vec<std::path::PathBuf>, needs_bytes: u64 },
+    Files(files::Files),
     Layers(layers::Layers),
     Array(array::Array),
 }
@@ -155,7 +157,7 @@ impl LightSet {
         match &self.source {
             // Compressed, decompressed, and on the way between: twice, for planes of bytes and for their differences.
             Source::Layers(layers) => layers.chunk_bytes().saturating_mul(5),
-            Source::Files { .. } | Source::Array(_) => 0,
+            Source::Files(_) | Source::Array(_) => 0,
         }
     }
 
@@ -164,7 +166,7 @@ impl LightSet {
         let names: usize = self.matches.iter().map(|m| 2 * (m.layer.len() + size_of::<LayerMatch>())).sum();
         let reading = match &self.source {
             // One image at a time.
-            Source::Files { needs_bytes, .. } => *needs_bytes,
+            Source::Files(files) => files.needs_bytes(),
             Source::Layers(layers) => layers.chunk_bytes(),
             Source::Array(_) => u64::from(self.width) * 64 + ARRAY_BUFFERS,
         };
@@ -177,19 +179,45 @@ impl LightSet {
     /// A file that cannot be read or has changed; those of `take`.
     pub fn read(&self, take: &mut TakeRow<'_>) -> Result<()> {
         match &self.source {
-            Source::Files { paths, .. } => files::read(paths, (self.width, self.height), take),
+            Source::Files(files) => files.read(take),
             Source::Layers(layers) => layers.read(take),
             Source::Array(array) => array.read((self.width as usize, self.height as usize), take),
         }
     }
 }
 
+/// The size of a frame. Errors: one beyond what a picture can have.
+fn size_of_frame(path: &Path, frame: &Window) -> Result<(u32, u32)> {
+    let size = u32::try_from(frame.width).ok().zip(u32::try_from(frame.height).ok());
+    size.filter(|size| u64::from(size.0.max(size.1)) <= MAX_SIDE).ok_or_else(|| {
+        let hint = format!("give images of {MAX_SIDE} pixels a side at most");
+        Error::input(path.display().to_string(), format!("its images would have {frame}"), hint)
+    })
+}
+
+/// Hands over black for the pixels of a frame that an image does not have.
+fn hand_over_black(image: usize, data: &Window, frame: &Window, take: &mut TakeRow<'_>) -> Result<()> {
+    if data == frame {
+        return Ok(());
+    }
+    let black = vec![0.0; frame.width as usize];
+    for (x, y, length) in data.outside(frame) {
+        (0..3).try_for_each(|channel| take(LightRow { image, channel, x, y, values: &black[..length] }))?;
+    }
+    Ok(())
+}
+
 /// Hands a row of RGB pixels over as three rows of one channel.
-fn take_pixels(take: &mut TakeRow<'_>, image: usize, y: usize, row: &[[f32; 3]], buffer: &mut Vec<f32>) -> Result<()> {
+fn take_pixels(
+    take: &mut TakeRow<'_>,
+    (image, x, y): (usize, usize, usize),
+    row: &[[f32; 3]],
+    buffer: &mut Vec<f32>,
+) -> Result<()> {
     for channel in 0..3 {
         buffer.clear();
         buffer.extend(row.iter().map(|pixel| pixel[channel]));
-        take(LightRow { image, channel, x: 0, y, values: buffer })?;
+        take(LightRow { image, channel, x, y, values: buffer })?;
     }
     Ok(())
 }

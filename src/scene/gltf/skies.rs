@@ -70,7 +70,8 @@ pub(super) fn of(
         let index = index.filter(|&index| index < tree.count("images"));
         let index = index.ok_or_else(|| refuse("names an image that is not there"))?;
         let place = format!("{}, image-based light", path.display());
-        let image = read(&image_source(path, buffers, index, &place, warnings)?, &place, folders, memory)?;
+        let source = image_source(path, buffers, index, &place, warnings)?;
+        let image = read(&source, &place, folders, memory, warnings)?;
         if image.width != image.height || (side != 0 && side != image.width) {
             return Err(refuse("its six images are not squares of one size"));
         }
@@ -90,10 +91,16 @@ pub(super) fn of(
     }))
 }
 
-fn read(source: &ImageSource, place: &str, folders: &Folders, memory: &Memory) -> Result<RgbaImage> {
+fn read(
+    source: &ImageSource,
+    place: &str,
+    folders: &Folders,
+    memory: &Memory,
+    warnings: &mut Vec<String>,
+) -> Result<RgbaImage> {
     match source {
         ImageSource::Embedded(name, bytes) => {
-            admit(embedded_facts(name, bytes)?, name, place, memory)?;
+            admit(&embedded_facts(name, bytes)?, name, place, memory)?;
             read_embedded(name, bytes)
         }
         ImageSource::File(folder, name) => {
@@ -103,14 +110,16 @@ fn read(source: &ImageSource, place: &str, folders: &Folders, memory: &Memory) -
                 return Err(Error::input(place, problem, "put it there, or export the file again with its images"));
             }
             folders.reach.admit(&file, place)?;
-            admit(image_facts(&file)?, &file, place, memory)?;
+            let facts = image_facts(&file)?;
+            admit(&facts, &file, place, memory)?;
+            warnings.extend(facts.notes.iter().map(|note| format!("{}: {note}", file.display())));
             read_rgba(&file)
         }
         ImageSource::Colours(_) => Err(Error::input(place, "has colours for an image", "export the file again")),
     }
 }
 
-fn admit(facts: ImageFacts, file: &Path, place: &str, memory: &Memory) -> Result<()> {
+fn admit(facts: &ImageFacts, file: &Path, place: &str, memory: &Memory) -> Result<()> {
     if facts.width.max(facts.height) > MOST_SIDE {
         let problem = format!("an image has {} × {} pixels", facts.width, facts.height);
         return Err(Error::input(place, problem, format!("give squares of at most {MOST_SIDE} a side")));

@@ -438,7 +438,47 @@ fn exr_seeds() -> Vec<Vec<u8>> {
     vec![
         written(|path| write_exr(path, &image(1)).expect("it can be written")),
         written(|path| write_exr_rows(path, false, &layers, SIZE, &mut fetch).expect("it can be written")),
+        exr_with_chroma(),
     ]
+}
+
+/// Luminance and chroma of every second pixel in a part of the frame, in other primaries; as the format's text says it.
+fn exr_with_chroma() -> Vec<u8> {
+    let attribute = |name: &str, kind: &str, value: &[u8]| {
+        [name.as_bytes(), &[0], kind.as_bytes(), &[0], &(value.len() as u32).to_le_bytes(), value].concat()
+    };
+    let words = |values: &[i32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let channel = |name: &str, step: i32| [name.as_bytes(), &[0], &words(&[1, 0, step, step])].concat();
+    let list = [channel("BY", 2), channel("RY", 2), channel("Y", 1), vec![0]].concat();
+    let acescg = [0.713f32, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767].map(f32::to_le_bytes);
+    let head = [
+        vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0],
+        attribute("channels", "chlist", &list),
+        attribute("chromaticities", "chromaticities", acescg.as_flattened()),
+        attribute("compression", "compression", &[0]),
+        attribute("dataWindow", "box2i", &words(&[2, 2, 5, 5])),
+        attribute("displayWindow", "box2i", &words(&[0, 0, 7, 5])),
+        attribute("lineOrder", "lineOrder", &[0]),
+        attribute("pixelAspectRatio", "float", &1.0f32.to_le_bytes()),
+        attribute("screenWindowCenter", "v2f", &[0; 8]),
+        attribute("screenWindowWidth", "float", &1.0f32.to_le_bytes()),
+        vec![0],
+    ];
+    let mut file = head.concat();
+    // Four lines of four luminances in 16 bits, with two of each chroma in every second.
+    let lines: Vec<Vec<u8>> = (0..4i32)
+        .map(|y| {
+            let bytes = if y % 2 == 0 { 16 } else { 8 };
+            [words(&[2 + y, bytes]), (0..bytes / 2).flat_map(|i| (0x3400 + 16 * i as u16).to_le_bytes()).collect()]
+                .concat()
+        })
+        .collect();
+    let mut at = file.len() + 8 * lines.len();
+    for line in &lines {
+        file.extend((at as u64).to_le_bytes());
+        at += line.len();
+    }
+    [file, lines.concat()].concat()
 }
 
 fn hdr_seeds() -> Vec<Vec<u8>> {
@@ -447,7 +487,12 @@ fn hdr_seeds() -> Vec<Vec<u8>> {
     image::codecs::hdr::HdrEncoder::new(&mut wide).encode(&pixels.repeat(4), 24, 4).expect("into memory");
     let mut flat = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".to_vec();
     flat.extend([128, 64, 0, 129, 128, 128, 128, 132]);
-    vec![wide, flat]
+    let head =
+        "#?RADIANCE\r\nEXPOSURE=2\r\nCOLORCORR= 2 1 0.5\nPRIMARIES= 0.7 0.3 0.2 0.8 0.1 0.05 0.33 0.33\n\n+X 2 +Y 3\n";
+    let runs = [[128u8, 64, 0, 129], [1, 1, 1, 2], [9, 9, 9, 140], [1, 1, 1, 1], [9, 9, 9, 128]];
+    let old = [head.as_bytes(), runs.as_flattened()].concat();
+    let xyz = [b"FORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n".as_slice(), &[162, 150, 81, 130]].concat();
+    vec![wide, flat, old, xyz]
 }
 
 fn pfm_seeds() -> Vec<Vec<u8>> {

@@ -134,14 +134,22 @@ def _choices(
     }
 
 
-def _images(images: Any, size: tuple[int, int] | None, folder: str) -> tuple[NDArray[np.float32], Any]:
-    """Images as one array in C order, those of an iterator in a file beside the output."""
+def _images(
+    images: Any, size: tuple[int, int] | None, folder: str, are_named: bool
+) -> tuple[NDArray[np.float32], Any]:
+    """Images as one array in C order, those of an iterator in a file beside the output. Named lights are counted by whoever asks."""
     if isinstance(images, (np.ndarray, Sequence)) or hasattr(images, "__array__"):
         if size is not None:
             raise ValueError("size: is for blocks from an iterator; an array has its own")
         array = real_array(images, "images")
         if array.ndim != 4 or array.shape[3] != 3 or 0 in array.shape:
-            raise ValueError(f"images: have the shape {array.shape}, not (lights, height, width, 3)")
+            turn = "; numpy.moveaxis(a, -1, 0) turns what ltm.open gives" if array.ndim == 4 and array.shape[2] == 3 else ""
+            raise ValueError(f"images: have the shape {array.shape}, not (lights, height, width, 3){turn}")
+        if array.shape[2] == 3 and array.shape[1] > 3 and not are_named:
+            raise ValueError(
+                f"images: have the shape {array.shape}: as many lights of images 3 pixels wide, or 3 lights in the order of ltm.open; "
+                "give lights=[their names], or numpy.moveaxis(a, -1, 0)"
+            )
         return np.ascontiguousarray(array), None
     if not isinstance(images, Iterable):
         raise TypeError(
@@ -240,7 +248,7 @@ def pack(
         if lights is not None or size is not None:
             raise ValueError(f"{'size' if lights is None else 'lights'}: a stored matrix has its own")
         return PackReport(**_ltm.pack_store(images, path, choices, _progress(progress)))
-    array, spill = _images(images, size, os.path.dirname(path))
+    array, spill = _images(images, size, os.path.dirname(path), lights is not None)
     try:
         tuples = light_tuples(lights, array.shape[0])
         return PackReport(**_ltm.pack_array(array, path, tuples, source, block_side, choices, _progress(progress)))
@@ -262,7 +270,7 @@ def write(
 ) -> None:
     """Writes a matrix as it is (``.ltm``); ``images``, ``lights`` and ``size`` as for :func:`pack`. Raises as :func:`pack`."""
     path = _output(path, overwrite)
-    array, spill = _images(images, size, os.path.dirname(path))
+    array, spill = _images(images, size, os.path.dirname(path), lights is not None)
     try:
         tuples = light_tuples(lights, array.shape[0])
         _ltm.write_array(array, path, tuples, source, block_side, overwrite, _progress(progress))

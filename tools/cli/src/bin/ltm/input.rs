@@ -17,10 +17,12 @@ pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
 
 /// Reads a look file, whose images may lie anywhere where that is allowed.
 pub(crate) fn load_look(path: &Path, basis: &LightBasis, allow_outside: bool) -> Result<Look> {
-    match allow_outside {
+    let look = match allow_outside {
         true => look::load_reaching_outside(path, basis),
         false => look::load(path, basis),
-    }
+    }?;
+    look.notes().iter().for_each(|note| eprintln!("warning: {note}"));
+    Ok(look)
 }
 
 /// What of a scene is rendered, and what may be read for it.

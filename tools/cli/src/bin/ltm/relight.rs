@@ -7,8 +7,8 @@ use clap::{Args, ValueEnum};
 use ltm::files::check_output;
 use ltm::host::{Watch, parse_bytes};
 use ltm::image::LinearImage;
-use ltm::light::names::{fits, suggest};
-use ltm::light::{Job, Light, Lighting};
+use ltm::light::names::{meant, suggest};
+use ltm::light::{Job, Lighting};
 use ltm::look::Look;
 use ltm::pipeline::{
     Device, PASSES, RelightOptions, Relighter, open_container, relight_matrix, relight_passes, relit_layers_need_bytes,
@@ -349,12 +349,13 @@ impl<'a> Task<'a> {
 fn chosen(job: &Job, patterns: &[String]) -> Result<Vec<u32>> {
     let mut columns = Vec::new();
     for pattern in patterns {
-        let matching: Vec<&Light> = job.basis.lights().iter().filter(|light| fits(pattern, &light.name)).collect();
+        let lights = job.basis.lights();
+        let matching = meant(pattern, lights.iter().map(|light| light.name.as_str()));
         if matching.is_empty() {
             let names = job.basis.lights().iter().map(|light| light.name.as_str());
             return Err(Error::input(format!("light '{pattern}'"), "no light matches", suggest(pattern, names)));
         }
-        columns.extend(matching.into_iter().flat_map(Light::columns));
+        columns.extend(matching.into_iter().flat_map(|light| lights[light].columns()));
     }
     Ok(columns)
 }
