@@ -86,6 +86,7 @@ fn the_display_window_of_an_openexr_file_is_the_picture() {
     let mut windowed = layer(None, (WIDTH, HEIGHT), encoding(Compression::ZIP16, Blocks::ScanLines));
     windowed.attributes.layer_position = Vec2(-3, 7);
     let mut image = Image::from_layer(windowed);
+    image.attributes.display_window.position = Vec2(0, 0);
     image.attributes.display_window.size = Vec2(64, 48);
     image.write().to_file(&path).unwrap();
     let read = read_image(&path).unwrap();
@@ -107,7 +108,7 @@ fn a_part_without_colours_before_the_image_does_not_give_it_its_size() {
     let plain = encoding(Compression::Uncompressed, Blocks::ScanLines);
     let small = Layer::new((2, 2), attributes("depth"), plain, depth);
     let image =
-        Image::empty(exr::prelude::ImageAttributes::new(exr::prelude::IntegerBounds::from_dimensions((64, 48))))
+        Image::empty(exr::prelude::ImageAttributes::new(exr::prelude::IntegerBounds::from_dimensions((WIDTH, HEIGHT))))
             .with_layer(small)
             .with_layer(layer(Some("colour"), (WIDTH, HEIGHT), plain));
     image.write().to_file(&path).unwrap();

@@ -137,18 +137,19 @@ def _choices(
 def _images(
     images: Any, size: tuple[int, int] | None, folder: str, are_named: bool
 ) -> tuple[NDArray[np.float32], Any]:
-    """Images as one array in C order, those of an iterator in a file beside the output. Named lights are counted by whoever asks."""
+    """Images as one array in C order, those of an iterator in a file beside the output; ``are_named``: the lights are."""
     if isinstance(images, (np.ndarray, Sequence)) or hasattr(images, "__array__"):
         if size is not None:
             raise ValueError("size: is for blocks from an iterator; an array has its own")
         array = real_array(images, "images")
         if array.ndim != 4 or array.shape[3] != 3 or 0 in array.shape:
-            turn = "; numpy.moveaxis(a, -1, 0) turns what ltm.open gives" if array.ndim == 4 and array.shape[2] == 3 else ""
+            is_last = array.ndim == 4 and array.shape[2] == 3
+            turn = "; numpy.moveaxis(a, -1, 0) turns what ltm.open gives" if is_last else ""
             raise ValueError(f"images: have the shape {array.shape}, not (lights, height, width, 3){turn}")
         if array.shape[2] == 3 and array.shape[1] > 3 and not are_named:
             raise ValueError(
-                f"images: have the shape {array.shape}: as many lights of images 3 pixels wide, or 3 lights in the order of ltm.open; "
-                "give lights=[their names], or numpy.moveaxis(a, -1, 0)"
+                f"images: have the shape {array.shape}: as many lights of images 3 pixels wide, or 3 lights in the "
+                "order of ltm.open; give lights=[their names], or numpy.moveaxis(a, -1, 0)"
             )
         return np.ascontiguousarray(array), None
     if not isinstance(images, Iterable):
