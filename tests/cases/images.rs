@@ -68,7 +68,7 @@ pub(super) const CASES: &[Case] = &[
     case(NUMPY, "an archive without `images`", Refused, files::other_archives),
     case(FILES, "`frame_2` and `frame_10`, layers of such names", Read, files::numbers),
     case(FILES, "`._1.exr`, `.DS_Store`, folders", Read, files::hidden),
-    case(FILES, "TIFF, WebP, a camera's raw", Refused, files::unread),
+    case(FILES, "TIFF, a camera's raw", Refused, files::unread),
     case(FILES, "PNG, JPEG, TGA, BMP", Converted, files::encoded),
     case(FILES, "a portable float map with a scale", Warned, files::scaled),
     case(FILES, "files of different sizes", Refused, files::sizes),

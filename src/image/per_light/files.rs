@@ -12,12 +12,11 @@ use crate::image::open_exr::{Window, common_frame, note_of_frame};
 use crate::image::read::Opened;
 
 /// Extensions of the image files that a pattern may find.
-const EXTENSIONS: [&str; 10] = ["exr", "hdr", "rgbe", "xyze", "pfm", "png", "jpg", "jpeg", "tga", "bmp"];
+const EXTENSIONS: [&str; 11] = ["exr", "hdr", "rgbe", "xyze", "pfm", "png", "jpg", "jpeg", "webp", "tga", "bmp"];
 /// Extensions of images that are not read, and what they are called.
-const UNREAD: [(&str, &str); 14] = [
+const UNREAD: [(&str, &str); 13] = [
     ("tif", "TIFF"),
     ("tiff", "TIFF"),
-    ("webp", "WebP"),
     ("gif", "GIF"),
     ("dpx", "DPX"),
     ("cin", "Cineon"),
