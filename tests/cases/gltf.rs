@@ -30,6 +30,7 @@ pub(super) const CASES: &[Case] = &[
     ),
     case("animations, however they are written, and `KHR_animation_pointer`", Read, animations),
     case("a mark of the byte order, zeros that fill a chunk, chunks of other kinds", Read, frames),
+    case("names in Latin-1 instead of UTF-8", Read, latin_names),
     case("positions without bounds, or with wrong ones", Read, bounds),
     case("members that are `null`, and whole numbers with a fraction of zero", Read, nulls),
     case("buffers, views and accessors that are missing or broken, where nothing uses them", Read, unused_buffers),
@@ -107,6 +108,14 @@ fn frames() {
         same(glb(&[(b"JSON", &text), (b"BIN\0", &binary), (b"META", b"1234")]));
         same(glb(&[(b"JSON", &text), (b"META", b"1234"), (b"BIN\0", &binary)]));
         same([glb(&[(b"JSON", &text), (b"BIN\0", &binary)]), b"more".to_vec()].concat());
+    }
+}
+
+fn latin_names() {
+    let text = changed(|json| json["nodes"][1]["name"] = json!("Küche")).to_string();
+    for bytes in [text.clone().into_bytes(), text.chars().map(|c| c as u8).collect()] {
+        let loaded = opened(bytes).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(loaded.scene.basis.lights()[0].name, "Küche");
     }
 }
 

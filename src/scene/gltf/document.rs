@@ -1,5 +1,6 @@
 //! The frame of GLB and the JSON in it.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use serde_json::Value;
@@ -121,7 +122,7 @@ fn split(path: &Path, bytes: &mut Vec<u8>) -> Result<(Vec<u8>, Option<Vec<u8>>)>
 
 /// Memory of the tree of a JSON text at most: a node of a map holds eleven members.
 fn tree_bytes(text: &[u8]) -> u64 {
-    let (mut bytes, mut in_text, mut escaped) = (text.len() as u64, false, false);
+    let (mut bytes, mut in_text, mut escaped) = (3 * text.len() as u64, false, false);
     for &byte in text {
         match byte {
             _ if escaped => escaped = false,
@@ -143,7 +144,12 @@ fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Tree> {
     // A mark of the byte order, and the zeros that fill up a chunk, are no JSON.
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
     let end = text.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
-    let root: Value = serde_json::from_slice(&text[..end])
+    let text = match std::str::from_utf8(&text[..end]) {
+        Ok(text) => Cow::Borrowed(text),
+        // Names of exporters that know no UTF-8 are Latin-1.
+        Err(_) => text[..end].iter().map(|&byte| char::from(byte)).collect(),
+    };
+    let root: Value = serde_json::from_str(&text)
         .map_err(|error| refuse(path, format!("is no JSON (line {}, column {})", error.line(), error.column())))?;
     let version = match root.get("asset").and_then(|asset| asset.get("version")) {
         Some(Value::String(version)) => version.clone(),
