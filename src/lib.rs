@@ -52,6 +52,7 @@
 //! |---|---|
 //! | `wgpu`, `pollster` | `relight/gpu` |
 //! | `gltf` | `scene/gltf` |
+//! | `earcut` | `scene` |
 //! | `faer` | `clean`, `compress` |
 //! | `rand`, `rand_pcg` | `compress`, `light`, `pipeline`, `relight` |
 //! | `glam` | `light`, `scene`, `trace` |

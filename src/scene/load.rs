@@ -10,7 +10,7 @@ use super::folders::Folders;
 use super::gltf::{FileCamera, is_gltf, seeing_all};
 use super::import::{Description, Geometry, SourceMaterial};
 use super::lights::Lights;
-use super::looks::Workshop;
+use super::looks::{Decided, Workshop};
 use super::memory::Memory;
 use super::textures::Textures;
 use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
@@ -244,7 +244,7 @@ fn stem(path: &Path) -> String {
 fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     let Read { place, folders, name, geometry, overrides, entries, camera, settings, metres_per_unit, .. } = read;
     let textures = Textures::within(read.memory, folders.reach.clone());
-    let mut workshop = Workshop { textures, warnings: read.warnings, overrides, folders, place };
+    let mut workshop = Workshop { textures, warnings: read.warnings, overrides, folders, place, decided: Decided::default() };
     let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };
     let mut emissions = Vec::new();
     for source in &geometry.materials {
@@ -262,7 +262,8 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
             return Err(Error::input(place, "no material has such a name", hint));
         }
     }
-    let Workshop { textures, mut warnings, .. } = workshop;
+    let Workshop { textures, mut warnings, decided, .. } = workshop;
+    decided.report(&mut warnings);
     let memory = textures.memory;
     assembly.textures = textures.list;
 

@@ -1,13 +1,23 @@
 //! MTL files: material descriptions as they are written, with the PBR extension.
 //!
-//! Errors name the line and the statement, and quote nothing else: the file may be any file that a scene from elsewhere
-//! names.
+//! What is not as it should be is left out and counted. Counts name the line and the statement, and quote nothing else: the file
+//! may be any file that a scene from elsewhere names.
+
+mod dialect;
+mod look;
+mod maps;
+mod shape;
 
 use std::path::Path;
 
 use glam::Vec3;
 
+use super::lines::{LineError, Lines, text_of, without_comment};
 use crate::error::{Error, Result};
+pub(super) use dialect::Writer;
+pub(super) use look::{MtlLook, Through, look_of};
+pub(super) use maps::Map;
+pub(super) use shape::{Shape, shape_of};
 
 /// One `newmtl` of an MTL file; what is not stated is `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -20,120 +30,174 @@ pub(super) struct MtlMaterial {
     pub(super) shininess: Option<f32>,
     pub(super) ior: Option<f32>,
     pub(super) dissolve: Option<f32>,
+    /// `Tr`.
+    pub(super) transparency: Option<f32>,
     pub(super) illumination: Option<u32>,
     pub(super) roughness: Option<f32>,
     pub(super) metallic: Option<f32>,
-    pub(super) diffuse_map: Option<String>,
-    pub(super) emission_map: Option<String>,
-    pub(super) dissolve_map: Option<String>,
-    /// Whether options scale, move or clamp one of the maps, which is not done here.
-    pub(super) has_placed_maps: bool,
+    pub(super) diffuse_map: Option<Map>,
+    pub(super) emission_map: Option<Map>,
+    pub(super) dissolve_map: Option<Map>,
+    /// Who wrote it.
+    pub(super) writer: Writer,
 }
 
-/// Reads the text of an MTL file. Statements that say nothing about light transport here are skipped.
+/// What is left out of a file: how often, and the first line with its statement.
+#[derive(Default)]
+struct LeftOut {
+    before_first: (usize, usize),
+    values: (usize, usize, &'static str),
+}
+
+/// Statements that are read. Their names are written in any case.
+const KEYS: [&str; 15] = [
+    "Kd", "Ks", "Ke", "Tf", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "map_Kd", "map_Ke", "map_d", "map_opacity",
+];
+
+/// Reads an MTL file. Statements that say nothing about light transport here are skipped.
 ///
 /// # Errors
-/// A number that is none, with its line; a property before the first `newmtl`.
-pub(super) fn parse(path: &Path, text: &str) -> Result<Vec<MtlMaterial>> {
+/// What is no text.
+pub(super) fn parse(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Vec<MtlMaterial>> {
     let mut materials: Vec<MtlMaterial> = Vec::new();
-    for (number, line) in text.lines().enumerate() {
-        let line = line.split('#').next().unwrap_or_default().trim();
-        let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
-        let rest = rest.trim();
-        if key.is_empty() {
-            continue;
-        }
-        if key == "newmtl" {
-            materials.push(MtlMaterial { name: rest.to_owned(), ..Default::default() });
-            continue;
-        }
-        let refuse = |problem: String| {
-            let place = format!("{}, line {}", path.display(), number + 1);
-            Error::input(place, problem, "mend the material file")
-        };
-        let Some(material) = materials.last_mut() else {
-            return Err(refuse("a statement stands before the first newmtl".into()));
-        };
-        let number = || number_of(rest).ok_or_else(|| refuse(format!("'{key}' should give one number")));
-        let colour = || {
-            let colour = colour_of(rest).ok_or_else(|| refuse(format!("'{key}' should give one or three numbers")))?;
-            if colour.min_element() < 0.0 { Err(refuse(format!("'{key}' is negative"))) } else { Ok(colour) }
-        };
-        match key {
-            "Kd" => material.diffuse = Some(colour()?),
-            "Ks" => material.specular = Some(colour()?),
-            "Ke" => material.emission = Some(colour()?),
-            "Tf" => material.transmission = Some(colour()?),
-            "Ns" => material.shininess = Some(number()?),
-            "Ni" => material.ior = Some(number()?),
-            "d" => material.dissolve = Some(number()?),
-            "Tr" => material.dissolve = material.dissolve.or(Some(1.0 - number()?)),
-            "illum" => material.illumination = Some(number()?.max(0.0) as u32),
-            "Pr" => material.roughness = Some(number()?),
-            "Pm" => material.metallic = Some(number()?),
-            "map_Kd" | "map_Ke" | "map_d" => {
-                material.has_placed_maps |= places_map(rest);
-                let map = match key {
-                    "map_Kd" => &mut material.diffuse_map,
-                    "map_Ke" => &mut material.emission_map,
-                    _ => &mut material.dissolve_map,
-                };
-                *map = map_of(rest);
+    let mut left_out = LeftOut::default();
+    let (mut reader, mut line, mut head) = (text, Vec::new(), String::new());
+    let mut lines = Lines::of(&mut reader);
+    loop {
+        match lines.next(&mut line) {
+            Ok(false) => break,
+            Ok(true) => {}
+            Err(LineError::Io(error)) => return Err(Error::io(path, "read the materials")(error)),
+            Err(LineError::Unreadable(problem)) => {
+                let place = format!("{}, line {}", path.display(), lines.count);
+                return Err(Error::input(place, problem, "mend the material file"));
             }
-            _ => {}
+        }
+        let text = text_of(&line);
+        let text = text.trim();
+        if text.starts_with('#') {
+            if materials.is_empty() && head.len() < 4096 {
+                head.push_str(text);
+                head.push('\n');
+            }
+            continue;
+        }
+        let (key, rest) = text.split_once(char::is_whitespace).unwrap_or((text, ""));
+        if key.eq_ignore_ascii_case("newmtl") {
+            materials.push(MtlMaterial { name: rest.trim().to_owned(), ..Default::default() });
+            continue;
+        }
+        let Some(key) = KEYS.into_iter().find(|known| known.eq_ignore_ascii_case(key)) else { continue };
+        let Some(material) = materials.last_mut() else {
+            if left_out.before_first.0 == 0 {
+                left_out.before_first.1 = lines.count;
+            }
+            left_out.before_first.0 += 1;
+            continue;
+        };
+        if !material.state(key, rest.trim()) {
+            if left_out.values.0 == 0 {
+                (left_out.values.1, left_out.values.2) = (lines.count, key);
+            }
+            left_out.values.0 += 1;
         }
     }
+    left_out.report(path, warnings);
+    dialect::read_as_written(path, &head, &mut materials, warnings);
     Ok(materials)
+}
+
+impl LeftOut {
+    fn report(&self, path: &Path, warnings: &mut Vec<String>) {
+        let place = path.display();
+        let (count, line) = self.before_first;
+        if count > 0 {
+            warnings.push(format!(
+                "{place}: {count} statements before the first newmtl were left out (the first: line {line})"
+            ));
+        }
+        let (count, line, key) = self.values;
+        if count > 0 {
+            warnings.push(format!(
+                "{place}: {count} values are none that their statements take and were left out (the first: line {line}, '{key}')"
+            ));
+        }
+    }
+}
+
+impl MtlMaterial {
+    /// Reads what follows a key. False where that is no value of it.
+    fn state(&mut self, key: &str, rest: &str) -> bool {
+        let values = without_comment(rest);
+        let number = || number_of(values);
+        let colour = || colour_of(values);
+        let mut is_read = true;
+        let mut keep = |slot: &mut Option<f32>, value: Option<f32>| {
+            is_read = value.is_some();
+            *slot = value.or(*slot);
+        };
+        match key {
+            "Ns" => keep(&mut self.shininess, number()),
+            "Ni" => keep(&mut self.ior, number()),
+            "d" => keep(&mut self.dissolve, number()),
+            "Tr" => keep(&mut self.transparency, number()),
+            "Pr" => keep(&mut self.roughness, number()),
+            "Pm" => keep(&mut self.metallic, number()),
+            "illum" => {
+                let value = number().filter(|value| *value >= 0.0);
+                is_read = value.is_some();
+                self.illumination = value.map(|value| value as u32).or(self.illumination);
+            }
+            "Kd" | "Ks" | "Ke" | "Tf" => {
+                let slot = match key {
+                    "Kd" => &mut self.diffuse,
+                    "Ks" => &mut self.specular,
+                    "Ke" => &mut self.emission,
+                    _ => &mut self.transmission,
+                };
+                let value = colour();
+                is_read = value.is_some();
+                *slot = value.or(*slot);
+            }
+            _ => {
+                let slot = match key {
+                    "map_Kd" => &mut self.diffuse_map,
+                    "map_Ke" => &mut self.emission_map,
+                    _ => &mut self.dissolve_map,
+                };
+                let map = Map::parse(rest);
+                is_read = map.is_some();
+                *slot = map.or_else(|| slot.take());
+            }
+        }
+        is_read
+    }
 }
 
 fn number_of(text: &str) -> Option<f32> {
     // `d -halo 0.5` and `Tr 0  0` have more words than the number.
     let word = text.split_whitespace().find(|word| *word != "-halo")?;
-    word.parse().ok().filter(|v: &f32| v.is_finite())
+    parsed(word)
 }
 
+/// A finite number, with a point or a comma before its decimals.
+fn parsed(word: &str) -> Option<f32> {
+    let number = word.parse().ok().or_else(|| {
+        let (whole, decimals) = word.split_once(',')?;
+        format!("{whole}.{decimals}").parse().ok()
+    });
+    number.filter(|v: &f32| v.is_finite())
+}
+
+/// One or three numbers of at least 0.
 fn colour_of(text: &str) -> Option<Vec3> {
-    let numbers: Vec<f32> = text.split_whitespace().map(|w| w.parse().ok()).collect::<Option<_>>()?;
+    let numbers: Vec<f32> = text.split_whitespace().take(4).map(parsed).collect::<Option<_>>()?;
     let colour = match numbers[..] {
         [v] => Vec3::splat(v),
         [r, g, b, ..] => Vec3::new(r, g, b),
         _ => return None,
     };
-    colour.is_finite().then_some(colour)
-}
-
-/// Whether a map's options scale, move or clamp it.
-fn places_map(text: &str) -> bool {
-    let words: Vec<&str> = text.split_whitespace().collect();
-    words.iter().enumerate().any(|(at, option)| {
-        let mut numbers = words[at + 1..].iter().map_while(|word| word.parse::<f32>().ok());
-        match *option {
-            "-s" => numbers.any(|scale| scale != 1.0),
-            "-o" | "-t" => numbers.any(|offset| offset != 0.0),
-            "-clamp" => words.get(at + 1) == Some(&"on"),
-            _ => false,
-        }
-    })
-}
-
-/// The file name behind a map's options (`-s 2 2 1 -bm 0.5 wood.png`); names may contain spaces.
-fn map_of(text: &str) -> Option<String> {
-    let mut rest = text;
-    while rest.starts_with('-') {
-        let (option, after) = rest.split_once(char::is_whitespace)?;
-        rest = after.trim_start();
-        let takes_word = matches!(option, "-blendu" | "-blendv" | "-cc" | "-clamp" | "-imfchan" | "-type");
-        while let Some((word, after)) = rest.split_once(char::is_whitespace) {
-            if !takes_word && word.parse::<f32>().is_err() {
-                break;
-            }
-            rest = after.trim_start();
-            if takes_word {
-                break;
-            }
-        }
-    }
-    (!rest.is_empty()).then(|| rest.to_owned())
+    (colour.min_element() >= 0.0).then_some(colour)
 }
 
 #[cfg(test)]
@@ -141,38 +205,41 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Vec<MtlMaterial> {
-        parse(Path::new("a.mtl"), text).unwrap()
+        parse(Path::new("a.mtl"), text.as_bytes(), &mut Vec::new()).unwrap()
     }
 
     #[test]
     fn statements_are_read_whatever_their_spacing() {
         let text =
-            "# head\r\nnewmtl red wall\r\n\tKd\t0.5 0.25 0 # Red\r\n  Ns 40\r\n Tr 0.25 0\r\n illum 7\n Pr 0.5\nKe 2\n";
+            "# head\r\nnewmtl red wall\r\n\tKd\t0.5 0.25 0 # Red\r\n  Ns 40\r\n Tr 0.25 0\r\n ILLUM 7\n Pr 0.5\nke 2\n";
         let material = read(text).remove(0);
         assert_eq!(material.name, "red wall");
         assert_eq!(material.diffuse, Some(Vec3::new(0.5, 0.25, 0.0)));
         assert_eq!(material.emission, Some(Vec3::splat(2.0)));
-        assert_eq!((material.shininess, material.dissolve), (Some(40.0), Some(0.75)));
+        assert_eq!((material.shininess, material.transparency), (Some(40.0), Some(0.25)));
         assert_eq!((material.illumination, material.roughness, material.metallic), (Some(7), Some(0.5), None));
     }
 
     #[test]
-    fn maps_are_found_behind_their_options() {
-        assert_eq!(map_of("wood.png").as_deref(), Some("wood.png"));
-        let placed = |options: &str| read(&format!("newmtl a\nmap_Kd {options} wood.png\n"))[0].has_placed_maps;
-        assert!(placed("-s 4 4 1") && placed("-s 1 4 1") && placed("-o 0.5 0") && placed("-clamp on"));
-        assert!(!placed("") && !placed("-s 1 1 1 -o 0 0 0 -clamp off -bm 0.5"));
-        assert_eq!(map_of("-s 2 2 1 -clamp on tex\\my wood.png").as_deref(), Some("tex\\my wood.png"));
-        assert_eq!(map_of("-bm 0.5 4.png").as_deref(), Some("4.png"));
-        assert_eq!(map_of(""), None);
+    fn names_keep_their_number_signs() {
+        let names: Vec<String> = read("newmtl Material #25\nnewmtl Material #26\n").into_iter().map(|m| m.name).collect();
+        assert_eq!(names, ["Material #25", "Material #26"]);
     }
 
     #[test]
-    fn bad_numbers_are_errors_with_their_line() {
-        for text in ["newmtl a\nKd 1 x 1", "newmtl a\nKd 1 2", "newmtl a\nNs", "newmtl a\nKd nan 0 0", "\nKd 1 1 1"] {
-            let error = parse(Path::new("a.mtl"), text).unwrap_err().to_string();
-            assert!(error.contains("a.mtl, line 2"), "{error}");
+    fn bad_values_are_left_out_with_their_line() {
+        let bad = ["Kd 1 x 1", "Kd 1 2", "Ns", "Kd nan 0 0", "Kd -1 0 0", "map_Kd", "d", "illum x", "Kd xyz 1 1 1"];
+        for text in bad {
+            let mut lines = Vec::new();
+            let text = format!("newmtl a\n{text}\nKs 0.5 0.5 0.5\n");
+            let material = parse(Path::new("a.mtl"), text.as_bytes(), &mut lines).unwrap().remove(0);
+            assert!(lines.len() == 1 && lines[0].contains("a.mtl") && lines[0].contains("line 2"), "{text}: {lines:?}");
+            let rest = MtlMaterial { name: "a".into(), specular: Some(Vec3::splat(0.5)), ..Default::default() };
+            assert_eq!(material, rest);
         }
-        assert!(parse(Path::new("a.mtl"), "newmtl a\nKd -1 0 0").unwrap_err().to_string().contains("negative"));
+        let mut lines = Vec::new();
+        let found = parse(Path::new("a.mtl"), b"\nKd 1 1 1\nNs 20\nnewmtl a\nKd 1 1 1\n", &mut lines).unwrap();
+        assert_eq!((found.len(), found[0].diffuse, found[0].shininess), (1, Some(Vec3::ONE), None));
+        assert!(lines.len() == 1 && lines[0].contains("2 statements") && lines[0].contains("line 2"), "{lines:?}");
     }
 }

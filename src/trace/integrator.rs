@@ -125,6 +125,18 @@ impl Aside {
             passes: self.passes + u32::from(way.straight),
         })
     }
+
+    /// Straight on behind the surface that it has come to, as if that were not there.
+    #[inline(always)]
+    fn past(self, at: &Vertex) -> Self {
+        Self { ray: (at.point.start(self.ray.1), self.ray.1), passes: self.passes + 1, ..self }
+    }
+
+    /// The same with the share of what the surface lets through.
+    #[inline(always)]
+    fn through(self, at: &Vertex) -> Self {
+        Self { share: self.share * (1.0 - at.opacity), ..self.past(at) }
+    }
 }
 
 /// How likely a path goes on whose end is left to chance. Radiance inside glass is larger by the square of its index, which says nothing
@@ -152,6 +164,8 @@ pub(super) struct Vertex {
     frame: Frame,
     /// Direction to the viewer in the frame.
     pub(super) wo: Vec3,
+    /// How likely a ray meets the surface; otherwise it passes straight through.
+    pub(super) opacity: f32,
 }
 
 impl Record<'_, '_> {
@@ -209,16 +223,37 @@ impl Paths<'_> {
             let Some(at) = self.arrive((origin, direction), &last, (layer, throughput * seen), record) else { return };
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
+            let mut choice = sampler.pair(Use::Choice, vertex + passes);
             if layer == Layer::Emission {
                 travelled += at.point.position.distance(origin);
-                if at.bsdf.is_spread() || at_end || matches!(at.bsdf, Bsdf::Black) {
-                    at.show(self.world, &mut record.features, throughput, travelled);
+            }
+            if at.opacity < 1.0 {
+                let meets = choice.x < at.opacity;
+                if layer == Layer::Emission && at.shows_no_emitter() {
+                    // What shines through is seen whole, as by boundaries.
+                    if meets {
+                        let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
+                        self.look_aside(here.through(&at), &mut forks, sampler, record);
+                    } else {
+                        seen *= 1.0 - at.opacity;
+                    }
                 }
+                if !meets {
+                    passes += 1;
+                    if passes >= MAX_PASSES {
+                        return;
+                    }
+                    origin = at.point.start(direction);
+                    continue;
+                }
+                choice.x /= at.opacity;
+            }
+            if layer == Layer::Emission && (at.shows_no_emitter() || at_end) {
+                at.show(self.world, &mut record.features, throughput, travelled);
             }
             if at_end && !at.bsdf.lets_pass() {
                 return;
             }
-            let choice = sampler.pair(Use::Choice, vertex + passes);
 
             let (mut light_samples, mut radius) = (0, None);
             if at.bsdf.is_spread() {
@@ -331,10 +366,21 @@ impl Paths<'_> {
             let (ray, light) = (aside.ray, (Layer::Emission, aside.throughput * aside.share));
             let Some(at) = self.arrive(ray, &Last::only(ray.0, ray.1), light, record) else { return };
             let at_end = aside.vertex + 1 >= self.max_depth;
+            let mut choice = sampler.pair(Use::Choice, ASIDE + aside.vertex + aside.passes);
+            if at.opacity < 1.0 {
+                if at.shows_no_emitter() {
+                    aside = aside.through(&at);
+                    continue;
+                }
+                if choice.x >= at.opacity {
+                    aside = aside.past(&at);
+                    continue;
+                }
+                choice.x /= at.opacity;
+            }
             if at.bsdf.is_spread() || at_end && !at.bsdf.lets_pass() {
                 return;
             }
-            let choice = sampler.pair(Use::Choice, ASIDE + aside.vertex + aside.passes);
             let Some(next) = at.bsdf.sample(at.wo, Vec2::ZERO, choice.x) else { return };
             let mut kept = 1.0;
             if *forks > 0
@@ -379,7 +425,14 @@ impl Vertex {
         let front = point.normal.dot(direction) < 0.0;
         let bsdf = world.bsdf(&point, front);
         let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
-        Self { point, bsdf, normal, frame, wo: frame.to_local(-direction) }
+        let opacity = world.material(&point).opacity;
+        Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity }
+    }
+
+    /// Whether no ray that the surface itself sends on shows an emitter as it is.
+    #[inline(always)]
+    fn shows_no_emitter(&self) -> bool {
+        self.bsdf.is_spread() || matches!(self.bsdf, Bsdf::Black)
     }
 
     /// What a camera path shows that has come to this surface.
