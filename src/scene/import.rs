@@ -8,8 +8,8 @@ use glam::Vec3;
 
 use super::folders::Folders;
 use super::gltf::{FileExtras, GltfMaterial, is_gltf, read as read_gltf};
-use super::memory::Memory;
 use super::lines::unquoted;
+use super::memory::Memory;
 use super::mtl::{self, Map, MtlMaterial, Shape};
 use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
@@ -179,7 +179,9 @@ impl Geometry {
 
     /// Lays the texture coordinates of a part as the first map of its material says.
     fn lay_map(&self, part: &mut ObjPart, first_material: usize) {
-        let Description::Mtl(material, ..) = &self.materials[first_material + part.material].description else { return };
+        let Description::Mtl(material, ..) = &self.materials[first_material + part.material].description else {
+            return;
+        };
         let maps = [&material.diffuse_map, &material.dissolve_map, &material.emission_map];
         if let Some(Map { scale, offset, .. }) = maps.into_iter().flatten().next().filter(|map| !map.is_plain()) {
             part.uvs.iter_mut().for_each(|uv| *uv = *uv * *scale + *offset);
@@ -263,10 +265,10 @@ fn library_names(statement: &str) -> [Vec<String>; 3] {
     let mut ended: Vec<String> = Vec::new();
     let mut rest = statement;
     while let Some(end) = rest.to_ascii_lowercase().find(".mtl ") {
-        ended.push(rest[..end + 4].to_owned());
+        ended.push(unquoted(&rest[..end + 4]).to_owned());
         rest = rest[end + 4..].trim_start();
     }
-    ended.push(rest.to_owned());
+    ended.push(unquoted(rest).to_owned());
     [vec![unquoted(statement).to_owned()], ended, quoted]
 }
 
@@ -281,34 +283,39 @@ fn find_libraries(
     let place = path.display().to_string();
     let mut missing: Vec<String> = Vec::new();
     let mut files: Vec<PathBuf> = Vec::new();
-    let mut find = |name: &str| -> Result<Option<PathBuf>> {
+    // The file, and whether it is not that of the very name.
+    let find = |name: &str| -> Result<Option<(PathBuf, bool)>> {
         if let Some(found) = beside.look_up(name, &place)? {
-            return Ok(Some(found));
+            return Ok(Some((found, false)));
         }
-        let Some(found) = find_as_elsewhere(beside.own(), name).or_else(|| find_moved(beside.own(), name)) else {
-            return Ok(None);
-        };
-        beside.reach.admit(&found, &place)?;
-        warnings.push(format!("{place}: the material file \"{name}\" is read from {}", found.display()));
-        Ok(Some(found))
+        let found = find_as_elsewhere(beside.own(), name).or_else(|| find_moved(beside.own(), name));
+        found.map(|found| beside.reach.admit(&found, &place).map(|()| (found, true))).transpose()
     };
     for statement in statements {
-        let readings = library_names(statement);
-        let mut found: Vec<PathBuf> = Vec::new();
-        for names in &readings {
-            for name in names.iter().filter(|name| !name.is_empty()) {
-                found.extend(find(name)?);
+        // The reading that finds most, the first of several.
+        let mut best: Vec<(String, Option<(PathBuf, bool)>)> = Vec::new();
+        let count =
+            |names: &[(String, Option<(PathBuf, bool)>)]| names.iter().filter(|(_, found)| found.is_some()).count();
+        for names in library_names(statement) {
+            let mut found = Vec::new();
+            for name in names.into_iter().filter(|name| !name.is_empty()) {
+                let file = find(&name)?;
+                found.push((name, file));
             }
-            if !found.is_empty() {
-                let absent = names.iter().filter(|name| beside.look_up(name, &place).is_ok_and(|found| found.is_none()));
-                missing.extend(absent.filter(|_| names.len() > found.len()).cloned());
-                break;
+            if best.is_empty() || count(&found) > count(&best) {
+                best = found;
             }
         }
-        if found.is_empty() {
-            missing.push(readings[0][0].clone());
+        for (name, found) in best {
+            match found {
+                None => missing.push(name),
+                Some((file, false)) => files.push(file),
+                Some((file, true)) => {
+                    warnings.push(format!("{place}: the material file \"{name}\" is read from {}", file.display()));
+                    files.push(file);
+                }
+            }
         }
-        files.extend(found);
     }
     let of_its_own = || find_as_elsewhere(beside.own(), &path.with_extension("mtl").file_name()?.to_string_lossy());
     let list = missing.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
@@ -316,7 +323,10 @@ fn find_libraries(
         (0, _) => {}
         (_, true) if let Some(found) = of_its_own() => {
             beside.reach.admit(&found, &place)?;
-            warnings.push(format!("{place}: the material file {list} is missing; {} is read in its place", found.display()));
+            warnings.push(format!(
+                "{place}: the material file {list} is missing; {} is read in its place",
+                found.display()
+            ));
             files.push(found);
         }
         (1, true) => warnings.push(format!("{place}: the material file {list} is missing; its materials are grey")),

@@ -188,7 +188,9 @@ impl Workshop<'_> {
         if let Some(ior) = source.ior.filter(|ior| !IORS.contains(ior) && (is_bent || ior > IORS.end())) {
             self.warnings.push(format!("{asked_by}: 'Ni' {ior} is no index of refraction; taken as {USUAL_IOR}"));
         }
-        if through != Through::Stated && !self.says(&source.name, |entry| entry.kind.is_some() || entry.opacity.is_some()) {
+        if through != Through::Stated
+            && !self.says(&source.name, |entry| entry.kind.is_some() || entry.opacity.is_some())
+        {
             self.decided.note(through.words(), &source.name);
         }
         let pattern = emission_map.map(|id| Paint::Textured(id, Vec3::ONE));
@@ -209,7 +211,10 @@ impl Workshop<'_> {
         let (factor, rule) = if source.writer == Writer::Blender {
             (Vec3::ONE, "map_Kd stands alone: Blender does not mean Kd beside it (colour_times_map = true multiplies)")
         } else if WRITTEN_GREYS.into_iter().any(is_written) {
-            (Vec3::ONE, "map_Kd stands alone: Kd is a grey that exporters write beside any (colour_times_map = true multiplies)")
+            (
+                Vec3::ONE,
+                "map_Kd stands alone: Kd is a grey that exporters write beside any (colour_times_map = true multiplies)",
+            )
         } else {
             (diffuse, "map_Kd times Kd, as the format says (colour_times_map = false shows the map alone)")
         };
@@ -233,7 +238,10 @@ impl Workshop<'_> {
         }
         let first = maps().next();
         if maps().any(|map| first.is_some_and(|first| (map.scale, map.offset) != (first.scale, first.offset))) {
-            self.decided.note("its maps are scaled or moved differently (-s, -o); all lie as the first of map_Kd, map_d, map_Ke", name);
+            self.decided.note(
+                "its maps are scaled or moved differently (-s, -o); all lie as the first of map_Kd, map_d, map_Ke",
+                name,
+            );
         }
     }
 
@@ -248,7 +256,8 @@ impl Workshop<'_> {
                 if !(0.0..=1.0).contains(&share) {
                     return Err(Error::input(place, format!("opacity {share}"), "give a number from 0 to 1"));
                 }
-                if entry.kind.is_none() && matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric) {
+                if entry.kind.is_none() && matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric)
+                {
                     look.kind = opaque;
                 }
                 opacity = share;

@@ -50,9 +50,8 @@ struct LeftOut {
 }
 
 /// Statements that are read. Their names are written in any case.
-const KEYS: [&str; 15] = [
-    "Kd", "Ks", "Ke", "Tf", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "map_Kd", "map_Ke", "map_d", "map_opacity",
-];
+const KEYS: [&str; 15] =
+    ["Kd", "Ks", "Ke", "Tf", "Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "map_Kd", "map_Ke", "map_d", "map_opacity"];
 
 /// Reads an MTL file. Statements that say nothing about light transport here are skipped.
 ///
@@ -222,7 +221,8 @@ mod tests {
 
     #[test]
     fn names_keep_their_number_signs() {
-        let names: Vec<String> = read("newmtl Material #25\nnewmtl Material #26\n").into_iter().map(|m| m.name).collect();
+        let names: Vec<String> =
+            read("newmtl Material #25\nnewmtl Material #26\n").into_iter().map(|m| m.name).collect();
         assert_eq!(names, ["Material #25", "Material #26"]);
     }
 

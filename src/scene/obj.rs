@@ -58,10 +58,11 @@ enum Fault {
     Crossing,
     Line,
     FreeForm,
+    Colour,
 }
 
 /// What is said of each, behind how many there are.
-const FAULTS: [&str; 9] = [
+const FAULTS: [&str; 10] = [
     "vertices are not three finite numbers: faces at them were left out",
     "normals are not three finite numbers, or none of the file: the faces' own stand for them",
     "texture coordinates are no finite numbers, or none of the file: 0 stands for them",
@@ -71,6 +72,7 @@ const FAULTS: [&str; 9] = [
     "polygons cross themselves; they may be filled otherwise than they were drawn",
     "points and lines were left out",
     "curves and free-form surfaces are not read; export them as polygons",
+    "vertices have colours, which are not used",
 ];
 
 /// How often each fault was found, and on which line first; 0 where that is not known.
@@ -333,6 +335,9 @@ impl Parser {
             "v" => {
                 // One that is no vertex keeps its place, since faces count.
                 let found = self.numbers(rest, 3, Fault::Vertex);
+                if rest.split_whitespace().nth(5).is_some() {
+                    self.note(Fault::Colour);
+                }
                 self.file.positions.push(found.map_or(Vec3::NAN, Vec3::from_array));
             }
             "vn" => {
@@ -557,7 +562,9 @@ mod tests {
         }
         let (lines, triangles) = told(&format!("{good}f 1/1 2/1 3/1\nf 1//9 2//9 3//9\n"));
         assert!(triangles == 3 && lines.len() == 2, "{lines:?}");
-        for (text, part) in [("v 0 0 0\n", "no faces"), ("", "no faces"), ("f 1 2\n", "three corners"), ("l 1 2\n", "lines")] {
+        for (text, part) in
+            [("v 0 0 0\n", "no faces"), ("", "no faces"), ("f 1 2\n", "three corners"), ("l 1 2\n", "lines")]
+        {
             let error = parsed(text).unwrap_err().to_string();
             assert!(error.contains("a.obj") && error.contains(part), "{text:?}: {error}");
         }

@@ -49,10 +49,12 @@ pub(super) fn cut(corners: &[DVec3]) -> Cut {
 fn flattened(corners: &[DVec3]) -> Vec<DVec2> {
     let next = corners.iter().cycle().skip(1);
     let origin = corners[0];
-    let normal = corners.iter().zip(next).fold(DVec3::ZERO, |sum, (a, b)| {
-        sum + (*a - origin).cross(*b - origin)
-    });
-    let size = normal.abs();
+    let normal = corners.iter().zip(next).fold(DVec3::ZERO, |sum, (a, b)| sum + (*a - origin).cross(*b - origin));
+    let low = corners.iter().fold(DVec3::INFINITY, |low, corner| low.min(*corner));
+    let extent = corners.iter().fold(DVec3::NEG_INFINITY, |high, corner| high.max(*corner)) - low;
+    // Without area, as of a bow whose halves cancel: along the axis in which it is thinnest.
+    let is_flat = normal.length() > 1e-9 * extent.length_squared();
+    let size = if is_flat { normal.abs() } else { -extent };
     corners
         .iter()
         .map(|corner| {

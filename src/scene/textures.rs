@@ -104,7 +104,11 @@ impl Textures {
         }
         if let Some((written, found)) = self.moved.first() {
             let (count, written, found) = (self.moved.len(), written.display(), found.display());
-            let are = if count == 1 { "texture is not where it is said to be" } else { "textures are not where they are said to be" };
+            let are = if count == 1 {
+                "texture is not where it is said to be"
+            } else {
+                "textures are not where they are said to be"
+            };
             warnings.push(format!("{count} {are}: {written} is read from {found}"));
         }
         if self.missing.is_empty() {
@@ -292,7 +296,10 @@ pub(super) fn find_moved(folder: &Path, name: &str) -> Option<PathBuf> {
     }
     let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let last = parts.last()?;
-    let within = std::fs::read_dir(here).ok()?.take(MOST_LOOKED_AT).filter_map(|entry| Some(folder.join(entry.ok()?.file_name())));
+    let within = std::fs::read_dir(here)
+        .ok()?
+        .take(MOST_LOOKED_AT)
+        .filter_map(|entry| Some(folder.join(entry.ok()?.file_name())));
     within.filter(|path| path.is_dir()).filter_map(|inner| find_as_elsewhere(&inner, last)).min()
 }
 

@@ -232,7 +232,8 @@ impl Paths<'_> {
                 if layer == Layer::Emission && at.shows_no_emitter() {
                     // What shines through is seen whole, as by boundaries.
                     if meets {
-                        let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
+                        let here =
+                            Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
                         self.look_aside(here.through(&at), &mut forks, sampler, record);
                     } else {
                         seen *= 1.0 - at.opacity;

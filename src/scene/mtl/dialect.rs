@@ -121,7 +121,9 @@ mod tests {
 
     #[test]
     fn blender_signs_its_files() {
-        for head in ["# Blender MTL File: 'a.blend'", "# Blender3D MTL File: a.blend", "# Blender 4.2.0 MTL File: 'a.blend'"] {
+        for head in
+            ["# Blender MTL File: 'a.blend'", "# Blender3D MTL File: a.blend", "# Blender 4.2.0 MTL File: 'a.blend'"]
+        {
             assert_eq!(read(&format!("{head}\n\nnewmtl a\n")).0[0].writer, Writer::Blender);
         }
         assert_eq!(read("newmtl a\n# Blender\nKd 1 1 1\n").0[0].writer, Writer::Unknown);

@@ -4,9 +4,9 @@ use glam::Vec3;
 
 use super::super::file::SurfaceEntry;
 use super::super::looks::{IORS, USUAL_IOR, normal_reflectance};
+use super::MtlMaterial;
 use super::dialect::Writer;
 use super::shape::Shape;
-use super::MtlMaterial;
 
 /// An index of refraction this near to 1 bends no light: the 1.000 of exporters that know none, and their 1.021.
 const NO_REFRACTION: f32 = 1e-3;
@@ -25,8 +25,8 @@ const GLOSSY: (f32, f32) = (0.1, 10.0);
 
 /// Stems of words for glass and water, in languages of the files at hand.
 const GLASS: [&str; 14] = [
-    "glas", "verre", "vitre", "vetro", "vidr", "cristal", "crystal", "kristal", "acryl", "plexi", "szklo", "steklo", "water",
-    "wasser",
+    "glas", "verre", "vitre", "vetro", "vidr", "cristal", "crystal", "kristal", "acryl", "plexi", "szklo", "steklo",
+    "water", "wasser",
 ];
 /// Whole words for the same.
 const GLASS_WORDS: [&str; 7] = ["pane", "panes", "window", "lens", "agua", "acqua", "eau"];
@@ -91,7 +91,8 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: Shape) -> (MtlLook,
             _ => (look, 1.0, Through::Stated),
         }
     };
-    let filtered = source.is_glass() && source.writer != Writer::Maya && source.transmission.is_some_and(|tf| tf != Vec3::ONE);
+    let filtered =
+        source.is_glass() && source.writer != Writer::Maya && source.transmission.is_some_and(|tf| tf != Vec3::ONE);
     let Some(opacity) = opacity.filter(|opacity| !filtered && opacity.min_element() < OPAQUE) else { return stated() };
     let share = opacity.element_sum() / 3.0;
     let evidence = Evidence::of(source, shape);

@@ -197,7 +197,9 @@ mod tests {
         for edge in profile.windows(2) {
             for i in 0..around {
                 let [a, b, c, d] = [point(edge[0], i), point(edge[1], i), point(edge[1], i + 1), point(edge[0], i + 1)];
-                found.extend([[a, b, c], [a, c, d]].into_iter().filter(|[a, b, c]| (*b - *a).cross(*c - *a) != Vec3::ZERO));
+                found.extend(
+                    [[a, b, c], [a, c, d]].into_iter().filter(|[a, b, c]| (*b - *a).cross(*c - *a) != Vec3::ZERO),
+                );
             }
         }
         assert_eq!(shape_of(&found), Shape::Vessel);
