@@ -99,11 +99,13 @@ impl Geometry {
             }
         }
         memory.take(self.bytes() - before, path)?;
-        faults.report(path, warnings);
-        if self.mesh.triangles.len() == first_triangle {
-            let hint = "see the lines above it, and export the file again";
-            warnings.push(format!("{}: nothing of its faces is left; {hint}", path.display()));
+        if self.mesh.triangles.len() == first_triangle && degenerate == 0 {
+            let mut lines = Vec::new();
+            faults.report(path, &mut lines);
+            let problem = "nothing is left of the faces of the OBJ file";
+            return Err(Error::input(path.display().to_string(), problem, lines.join("; ")));
         }
+        faults.report(path, warnings);
         self.look_at_shapes(first_material, first_triangle);
         if degenerate > 0 {
             warnings.push(format!("{}: {degenerate} triangles without area were left out", path.display()));

@@ -40,7 +40,12 @@ impl Map {
         let mut map = Self { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, is_clamped: false };
         let mut rest = text.trim();
         while rest.starts_with('-') {
-            let (option, after) = rest.split_once(char::is_whitespace)?;
+            let Some((option, after)) = rest.split_once(char::is_whitespace) else {
+                if followers(rest).is_some() {
+                    return None;
+                }
+                break;
+            };
             match map.take_option(option, after) {
                 Some(after) => rest = after,
                 // What begins with a dash and is no option is the name.

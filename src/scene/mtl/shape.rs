@@ -4,6 +4,8 @@ use std::collections::HashMap;
 
 use glam::{DMat3, DVec3, Vec3};
 
+use super::super::bounds;
+
 /// Open edges, and edges whose two sides wind against each other, that a closed surface may have, as a share of all: exporters
 /// leave out what has no area.
 const MENDED: f64 = 0.02;
@@ -12,6 +14,9 @@ const FLAT: f64 = 0.05;
 /// Thickness of walls, twice their volume over their area, over the width, up to which a body is hollow: a ball has a third, a
 /// drinking glass a fiftieth.
 const WALL: f64 = 0.05;
+
+/// Corners nearer to each other than this, in widths of the whole, are at the same place.
+const NEAR: f32 = 1e-5;
 
 /// What most of a material's surface belongs to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -62,11 +67,13 @@ struct Component {
 
 /// The shape that most of the triangles' area belongs to; corners at the same place are one.
 pub(in super::super) fn shape_of(triangles: &[[Vec3; 3]]) -> Shape {
-    let mut places: HashMap<[u32; 3], u32> = HashMap::new();
+    let mut places: HashMap<[i64; 3], u32> = HashMap::new();
     let mut points: Vec<DVec3> = Vec::new();
+    let (low, high) = bounds(triangles.iter().flatten().copied());
+    let rounding = 4.0 * f32::EPSILON * low.abs().max(high.abs()).max_element();
+    let grain = f64::from(rounding.max(NEAR * (high - low).length())).max(f64::MIN_POSITIVE);
     let mut corner = |point: Vec3| {
-        // Adding 0 makes one of the two zeros.
-        let key = (point + Vec3::ZERO).to_array().map(f32::to_bits);
+        let key = (point.as_dvec3() / grain).round().to_array().map(|at| at as i64);
         *places.entry(key).or_insert_with(|| {
             points.push(point.as_dvec3());
             points.len() as u32 - 1
@@ -204,7 +211,7 @@ mod tests {
         }
         assert_eq!(shape_of(&found), Shape::Vessel);
         // Panes of a window in one material: the larger ones count.
-        let mut window = triangles(&rectangle(Vec3::ZERO, Vec3::X * 9.0, Vec3::Y * 9.0));
+        let mut window = triangles(&rectangle(Vec3::X * 20.0, Vec3::X * 9.0, Vec3::Y * 9.0));
         window.extend(found);
         assert_eq!(shape_of(&window), Shape::Pane);
     }
