@@ -5,6 +5,11 @@ use glam::{DVec2, DVec3};
 /// Largest share of a polygon's area by which its triangles may differ: rounding of f32 corners, and no more.
 const AREA_SLACK: f64 = 1e-3;
 
+/// Height over width up to which a polygon is flat.
+const FLAT: f64 = 0.01;
+/// Corners of a polygon above which it is not looked at: cutting it would take minutes.
+const MOST_CORNERS: usize = 1 << 16;
+
 /// A polygon's triangles.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Cut {
@@ -15,14 +20,17 @@ pub(super) struct Cut {
 }
 
 /// Cuts a polygon of at least three corners: a convex one into the fan about its first corner, others by their ears, as they
-/// look along their normal (Newell's).
+/// look along their normal (Newell's). A polygon that is not flat and seems to cross itself is folded, not crossed: a fan again.
 pub(super) fn cut(corners: &[DVec3]) -> Cut {
     let count = corners.len();
     if count == 3 {
         return Cut { triangles: vec![[0, 1, 2]], crosses: false };
     }
-    let flat = flattened(corners);
+    let (flat, is_flat) = flattened(corners);
     let fan = || (1..count - 1).map(|i| [0, i, i + 1]).collect();
+    if count > MOST_CORNERS {
+        return Cut { triangles: fan(), crosses: true };
+    }
     if is_convex(&flat) {
         return Cut { triangles: fan(), crosses: false };
     }
@@ -42,32 +50,37 @@ pub(super) fn cut(corners: &[DVec3]) -> Cut {
         }
         filled += doubled.abs();
     }
-    Cut { triangles, crosses: (filled - area.abs()).abs() > AREA_SLACK * filled.max(area.abs()) }
+    let crosses = (filled - area.abs()).abs() > AREA_SLACK * filled.max(area.abs());
+    if crosses && !is_flat {
+        return Cut { triangles: fan(), crosses: false };
+    }
+    Cut { triangles, crosses }
 }
 
-/// The corners seen along the polygon's normal: the two axes in which it is widest, the first two where it has no area.
-fn flattened(corners: &[DVec3]) -> Vec<DVec2> {
+/// The corners seen along the polygon's normal: the two axes in which it is widest. And whether it is flat.
+fn flattened(corners: &[DVec3]) -> (Vec<DVec2>, bool) {
     let next = corners.iter().cycle().skip(1);
     let origin = corners[0];
     let normal = corners.iter().zip(next).fold(DVec3::ZERO, |sum, (a, b)| sum + (*a - origin).cross(*b - origin));
     let low = corners.iter().fold(DVec3::INFINITY, |low, corner| low.min(*corner));
     let extent = corners.iter().fold(DVec3::NEG_INFINITY, |high, corner| high.max(*corner)) - low;
     // Without area, as of a bow whose halves cancel: along the axis in which it is thinnest.
-    let is_flat = normal.length() > 1e-9 * extent.length_squared();
-    let size = if is_flat { normal.abs() } else { -extent };
-    corners
-        .iter()
-        .map(|corner| {
-            let DVec3 { x, y, z } = *corner - origin;
-            if size.x >= size.y && size.x >= size.z {
-                DVec2::new(y, z)
-            } else if size.y >= size.z {
-                DVec2::new(z, x)
-            } else {
-                DVec2::new(x, y)
-            }
-        })
-        .collect()
+    let has_area = normal.length() > 1e-9 * extent.length_squared();
+    let size = if has_area { normal.abs() } else { -extent };
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    let along = if has_area { normal.normalize_or_zero() } else { DVec3::AXES[axis] };
+    let is_flat = corners.iter().all(|corner| (*corner - origin).dot(along).abs() <= FLAT * extent.length());
+    let seen = |corner: &DVec3| {
+        let DVec3 { x, y, z } = *corner - origin;
+        [DVec2::new(y, z), DVec2::new(z, x), DVec2::new(x, y)][axis]
+    };
+    (corners.iter().map(seen).collect(), is_flat)
 }
 
 /// Twice the area, positive where the corners run counter-clockwise.
@@ -154,6 +167,9 @@ mod tests {
         let bow = [DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
         assert!(cut(&bow).crosses);
         assert!(cut(&[DVec3::ONE; 4]).triangles.len() <= 2);
+        // Folded along a diagonal, as of leaves: seen from above its edges cross.
+        let leaf = [DVec3::ZERO, DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.4, 0.1, 1.0), DVec3::new(0.6, 0.6, 1.0)];
+        assert!(!cut(&leaf).crosses);
         // Bridged: a square of side 4 with a hole of side 2, of area 12.
         let ring = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0], [1, 1], [1, 3], [3, 3], [3, 1], [1, 1]];
         let ring: Vec<DVec3> = ring.iter().map(|&[x, y]| DVec3::new(f64::from(x), f64::from(y), 0.0)).collect();

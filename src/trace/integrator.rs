@@ -227,27 +227,15 @@ impl Paths<'_> {
             if layer == Layer::Emission {
                 travelled += at.point.position.distance(origin);
             }
-            if at.opacity < 1.0 {
-                let meets = choice.x < at.opacity;
-                if layer == Layer::Emission && at.shows_no_emitter() {
-                    // What shines through is seen whole, as by boundaries.
-                    if meets {
-                        let here =
-                            Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
-                        self.look_aside(here.through(&at), &mut forks, sampler, record);
-                    } else {
-                        seen *= 1.0 - at.opacity;
-                    }
+            let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
+            let shown = (layer == Layer::Emission).then_some(here);
+            if at.opacity < 1.0 && !self.meets(&at, (&mut choice.x, &mut seen), shown, &mut forks, sampler, record) {
+                passes += 1;
+                origin = at.point.start(direction);
+                if passes >= MAX_PASSES {
+                    return;
                 }
-                if !meets {
-                    passes += 1;
-                    if passes >= MAX_PASSES {
-                        return;
-                    }
-                    origin = at.point.start(direction);
-                    continue;
-                }
-                choice.x /= at.opacity;
+                continue;
             }
             if layer == Layer::Emission && (at.shows_no_emitter() || at_end) {
                 at.show(self.world, &mut record.features, throughput, travelled);
@@ -273,7 +261,6 @@ impl Paths<'_> {
             } else if layer == Layer::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
-                let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
                 if let Some(aside) = here.onward(&at, (&way, chance), self.max_depth) {
                     self.look_aside(aside, &mut forks, sampler, record);
                 }
@@ -357,6 +344,30 @@ impl Paths<'_> {
             }
         }
         Some(Vertex::new(world, point, direction))
+    }
+
+    /// Whether a path meets a surface that lets some pass, by a uniform number, which is uniform again where it does. What emits
+    /// behind it is seen whole, as by boundaries: with its share by `seen`, or by a ray aside.
+    #[cold]
+    fn meets(
+        &self,
+        at: &Vertex,
+        (choice, seen): (&mut f32, &mut f32),
+        shown: Option<Aside>,
+        forks: &mut u32,
+        sampler: &Sampler,
+        record: &mut Record<'_, '_>,
+    ) -> bool {
+        let meets = *choice < at.opacity;
+        if let Some(here) = shown.filter(|_| at.shows_no_emitter()) {
+            if meets {
+                self.look_aside(here.through(at), forks, sampler, record);
+            } else {
+                *seen *= 1.0 - at.opacity;
+            }
+        }
+        *choice /= at.opacity;
+        meets
     }
 
     /// Follows a ray aside as far as mirrors and boundaries lead, and only for the emitters that are seen there: one that is

@@ -251,9 +251,12 @@ fn seen_by_all(name: &str) -> String {
     )
 }
 
-/// What the notes of these files say of them: how many triangles, in what area, and a part of the line, if there is one.
+/// Triangles and their area; none of a file that is refused.
+type Made = Option<(usize, f32)>;
+
+/// What the notes of these files say of them: what they make, and a part of the line, if there is one.
 fn files_of_tinyobjloader(folder: &Path) {
-    let right: [(&str, Option<(usize, f32)>, &str); 7] = [
+    let right: [(&str, Made, &str); 7] = [
         ("colorspace-issue-184.obj", None, "diffuse.jpg"),
         ("invalid-face-definition.obj", None, "no faces of three corners"),
         // The first face has vertex 0; of the square's other half is left.

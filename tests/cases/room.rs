@@ -134,10 +134,10 @@ pub(super) fn seen(scene: Scene) -> [f64; 3] {
         let mut traced = TracedBlock::default();
         tracer.trace_block(id, &mut traced);
         let view = traced.block.view();
-        for column in 0..view.columns() {
+        for (column, weight) in weights.iter().enumerate() {
             for row in 0..view.rows() {
                 let channel = row / (view.rows() / 3);
-                sums[channel] += f64::from(view.at(row, column) * weights[column][channel]);
+                sums[channel] += f64::from(view.at(row, column) * weight[channel]);
             }
         }
     }
