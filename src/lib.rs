@@ -52,6 +52,7 @@
 //! |---|---|
 //! | `wgpu`, `pollster` | `relight/gpu` |
 //! | `draco_core`, `meshoptimizer_rs` | `scene/gltf` |
+//! | `earcut` | `scene` |
 //! | `faer` | `clean`, `compress` |
 //! | `rand`, `rand_pcg` | `compress`, `light`, `pipeline`, `relight` |
 //! | `glam` | `light`, `scene`, `trace` |

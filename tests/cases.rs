@@ -6,12 +6,16 @@
 mod gltf;
 #[path = "cases/images.rs"]
 mod images;
+#[path = "cases/mtl.rs"]
+mod mtl;
 #[path = "cases/obj.rs"]
 mod obj;
 #[path = "cases/photometry.rs"]
 mod photometry;
 #[path = "cases/rays.rs"]
 mod rays;
+#[path = "cases/room.rs"]
+mod room;
 #[path = "cases/units.rs"]
 mod units;
 
@@ -63,7 +67,7 @@ struct Collection {
 }
 
 fn cases() -> impl Iterator<Item = &'static Case> {
-    [gltf::CASES, images::CASES, obj::CASES, photometry::CASES].into_iter().flatten()
+    [gltf::CASES, images::CASES, mtl::CASES, obj::CASES, photometry::CASES].into_iter().flatten()
 }
 
 /// Each row of the table has a test that says the same, and each test a row.
@@ -105,6 +109,7 @@ fn main() -> ExitCode {
     for collections in [
         gltf::COLLECTIONS,
         images::COLLECTIONS,
+        mtl::COLLECTIONS,
         obj::COLLECTIONS,
         photometry::COLLECTIONS,
         rays::COLLECTIONS,

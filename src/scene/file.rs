@@ -144,11 +144,13 @@ pub(super) struct MaterialEntry {
     pub(super) kind: Option<SurfaceEntry>,
     pub(super) reflectance: Option<[f32; 3]>,
     pub(super) reflectance_map: Option<String>,
+    pub(super) colour_times_map: Option<bool>,
     pub(super) specular: Option<[f32; 3]>,
     pub(super) roughness: Option<f32>,
     pub(super) ior: Option<f32>,
     pub(super) transmittance: Option<[f32; 3]>,
     pub(super) cutout_map: Option<String>,
+    pub(super) opacity: Option<f32>,
     pub(super) emission: Option<[f32; 3]>,
 }
 

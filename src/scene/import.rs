@@ -1,6 +1,6 @@
 //! Geometry files into one mesh, with the material description and the object name of every triangle.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -8,12 +8,13 @@ use glam::{DVec3, Vec3};
 
 use super::folders::Folders;
 use super::gltf::{FileExtras, GltfMaterial, is_gltf, read as read_gltf};
+use super::lines::unquoted;
 use super::memory::Memory;
-use super::mtl::{self, MtlMaterial};
+use super::mtl::{self, Map, MtlMaterial, Shape};
 use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
 use super::origin::origin_between;
-use super::textures::find_as_elsewhere;
+use super::textures::{find_as_elsewhere, find_moved};
 use super::{MaterialId, Mesh, Triangle, Vertex};
 use crate::error::{Error, Result};
 use crate::files::{open_input, read_input};
@@ -50,8 +51,8 @@ pub(super) struct SourceMaterial {
 /// What a file says of a material.
 #[derive(Debug)]
 pub(super) enum Description {
-    /// An MTL file, with the folder of its textures.
-    Mtl(Box<MtlMaterial>, PathBuf),
+    /// An MTL file, with the folder of its textures and the shape of what has it.
+    Mtl(Box<MtlMaterial>, PathBuf, Shape),
     /// A glTF file.
     Gltf(Box<GltfMaterial>),
 }
@@ -86,9 +87,11 @@ impl Geometry {
         let file = obj::parse(path, &mut reader, memory)?;
         let first_material = self.materials.len();
         self.describe(path, &file, folders, memory, warnings)?;
-        let (mut degenerate, mut turned) = (0, 0);
-        let before = self.bytes();
-        for part in file.parts() {
+        let (mut degenerate, mut turned, mut faults) = (0, 0, file.faults.clone());
+        let (before, first_triangle) = (self.bytes(), self.mesh.triangles.len());
+        for (mut part, more) in file.parts() {
+            faults.add(&more);
+            self.lay_map(&mut part, first_material);
             let material = MaterialId((first_material + part.material) as u32);
             let object = &file.objects.as_slice()[part.object];
             self.add(&part, object, material, &mut degenerate, &mut turned);
@@ -99,6 +102,14 @@ impl Geometry {
             }
         }
         memory.take(self.bytes() - before, path)?;
+        if self.mesh.triangles.len() == first_triangle && degenerate == 0 {
+            let mut lines = Vec::new();
+            faults.report(path, &mut lines);
+            let problem = "nothing is left of the faces of the OBJ file";
+            return Err(Error::input(path.display().to_string(), problem, lines.join("; ")));
+        }
+        faults.report(path, warnings);
+        self.look_at_shapes(first_material, first_triangle);
         if degenerate > 0 {
             warnings.push(format!("{}: {degenerate} triangles without area were left out", path.display()));
         }
@@ -163,13 +174,12 @@ impl Geometry {
     ) -> Result<()> {
         let beside = folders.beside(path);
         let mut library: Vec<(MtlMaterial, PathBuf)> = Vec::new();
-        for name in &file.libraries {
-            let Some(mtl_path) = find_library(name, &beside, path, warnings)? else { continue };
+        for mtl_path in find_libraries(&file.libraries, &beside, path, warnings)? {
             // The text, and the materials that it describes: fewer bytes than 32 for each of it.
             let text = read_input(&mtl_path, "read the materials", MOST_MATERIAL_BYTES)?;
             memory.take((text.len() as u64).saturating_mul(32), &mtl_path)?;
             let folder = mtl_path.parent().unwrap_or(Path::new("")).to_owned();
-            let described = mtl::parse(&mtl_path, &String::from_utf8_lossy(&text))?;
+            let described = mtl::parse(&mtl_path, &text, warnings)?;
             library.extend(described.into_iter().map(|material| (material, folder.clone())));
         }
         // The first of several of one name counts.
@@ -179,7 +189,7 @@ impl Geometry {
         }
         let mut guesses = MOST_GUESSES;
         for name in file.materials.as_slice() {
-            let found = described.get(name.as_str()).map(|&index| &library[index]);
+            let found = spellings(name).find_map(|name| described.get(name)).map(|&index| &library[index]);
             let (mut description, folder) = found.cloned().unwrap_or_else(|| {
                 if !library.is_empty() {
                     let known = library.iter().map(|(material, _)| material.name.as_str()).take(guesses);
@@ -194,9 +204,41 @@ impl Geometry {
                 description.name = "unnamed".into();
             }
             let name = description.name.clone();
-            self.materials.push(SourceMaterial { name, description: Description::Mtl(Box::new(description), folder) });
+            let description = Description::Mtl(Box::new(description), folder, Shape::default());
+            self.materials.push(SourceMaterial { name, description });
         }
         Ok(())
+    }
+
+    /// Lays the texture coordinates of a part as the first map of its material says.
+    fn lay_map(&self, part: &mut ObjPart, first_material: usize) {
+        let Description::Mtl(material, ..) = &self.materials[first_material + part.material].description else {
+            return;
+        };
+        let maps = [&material.diffuse_map, &material.dissolve_map, &material.emission_map];
+        if let Some(Map { scale, offset, .. }) = maps.into_iter().flatten().next().filter(|map| !map.is_plain()) {
+            part.uvs.iter_mut().for_each(|uv| *uv = *uv * *scale + *offset);
+        }
+    }
+
+    /// Notes the shape of what has each material that something shows through.
+    fn look_at_shapes(&mut self, first_material: usize, first_triangle: usize) {
+        let triangles = &self.mesh.triangles[first_triangle..];
+        let mut corners: Vec<Option<Vec<[Vec3; 3]>>> = Vec::new();
+        for material in &self.materials[first_material..] {
+            let Description::Mtl(material, ..) = &material.description else { continue };
+            corners.push(material.is_see_through().then(Vec::new));
+        }
+        for triangle in triangles {
+            if let Some(Some(found)) = corners.get_mut(triangle.material.0 as usize - first_material) {
+                found.push(self.mesh.corners(triangle));
+            }
+        }
+        for (material, found) in self.materials[first_material..].iter_mut().zip(corners) {
+            if let (Description::Mtl(_, _, shape), Some(found)) = (&mut material.description, found) {
+                *shape = mtl::shape_of(&found);
+            }
+        }
     }
 
     /// Adds the triangles of a part, and counts those that are left out or turned.
@@ -233,20 +275,116 @@ impl Geometry {
     }
 }
 
-/// The material file that an OBJ file names; the same in other upper and lower case or with backslashes is taken with a warning,
-/// its absence is one.
-fn find_library(name: &str, beside: &Folders, path: &Path, warnings: &mut Vec<String>) -> Result<Option<PathBuf>> {
-    let place = path.display().to_string();
-    if let Some(found) = beside.look_up(name, &place)? {
-        return Ok(Some(found));
-    }
-    let found = find_as_elsewhere(beside.own(), name);
-    match &found {
-        Some(found) => {
-            beside.reach.admit(found, &place)?;
-            warnings.push(format!("{place}: the material file \"{name}\" is read from {}", found.display()));
+/// A material's name as it stands, without the comment that may follow it, and without quotation marks.
+fn spellings(name: &str) -> impl Iterator<Item = &str> {
+    let bare = name.split(" #").next().unwrap_or_default().trim_end();
+    [name, bare, unquoted(name)].into_iter()
+}
+
+/// The names that a statement `mtllib` may mean, in the order in which they are looked for: all of it as one name, what stands
+/// in quotation marks or has its blanks escaped, what ends in `.mtl`, and each word.
+fn library_names(statement: &str) -> [Vec<String>; 3] {
+    let statement = statement.trim();
+    let mut quoted = vec![String::new()];
+    let (mut in_quotes, mut letters) = (false, statement.chars().peekable());
+    while let Some(letter) = letters.next() {
+        match letter {
+            '"' => in_quotes = !in_quotes,
+            '\\' if letters.peek() == Some(&' ') => quoted.last_mut().expect("one").extend(letters.next()),
+            letter if letter.is_whitespace() && !in_quotes => quoted.push(String::new()),
+            letter => quoted.last_mut().expect("one").push(letter),
         }
-        None => warnings.push(format!("{place}: the material file \"{name}\" is missing; its materials are grey")),
     }
-    Ok(found)
+    quoted.retain(|name| !name.is_empty());
+    let mut ended: Vec<String> = Vec::new();
+    let mut rest = statement;
+    while let Some(end) = rest.to_ascii_lowercase().find(".mtl ") {
+        ended.push(unquoted(&rest[..end + 4]).to_owned());
+        rest = rest[end + 4..].trim_start();
+    }
+    ended.push(unquoted(rest).to_owned());
+    [vec![unquoted(statement).to_owned()], ended, quoted]
+}
+
+/// The material files that an OBJ file names. Others than those of the very names are taken with a warning: of other upper and
+/// lower case, with backslashes, moved beside the OBJ file, or of its own name. The absence of all is one.
+fn find_libraries(
+    statements: &[String],
+    beside: &Folders,
+    path: &Path,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<PathBuf>> {
+    let place = path.display().to_string();
+    let mut missing: Vec<String> = Vec::new();
+    let mut files: Vec<PathBuf> = Vec::new();
+    // The file, and whether it is not that of the very name.
+    let find = |name: &str| -> Result<Option<(PathBuf, bool)>> {
+        if let Some(found) = beside.look_up(name, &place)? {
+            return Ok(Some((found, false)));
+        }
+        let found = find_as_elsewhere(beside.own(), name).or_else(|| find_moved(beside.own(), name));
+        found.map(|found| beside.reach.admit(&found, &place).map(|()| (found, true))).transpose()
+    };
+    for statement in statements {
+        // The reading that finds most, the first of several.
+        let mut best: Vec<(String, Option<(PathBuf, bool)>)> = Vec::new();
+        let count =
+            |names: &[(String, Option<(PathBuf, bool)>)]| names.iter().filter(|(_, found)| found.is_some()).count();
+        for names in library_names(statement) {
+            let mut found = Vec::new();
+            for name in names.into_iter().filter(|name| !name.is_empty()) {
+                let file = find(&name)?;
+                found.push((name, file));
+            }
+            if best.is_empty() || count(&found) > count(&best) {
+                best = found;
+            }
+        }
+        for (name, found) in best {
+            match found {
+                None => missing.push(name),
+                Some((file, false)) => files.push(file),
+                Some((file, true)) => {
+                    warnings.push(format!("{place}: the material file \"{name}\" is read from {}", file.display()));
+                    files.push(file);
+                }
+            }
+        }
+    }
+    let of_its_own = || find_as_elsewhere(beside.own(), &path.with_extension("mtl").file_name()?.to_string_lossy());
+    let list = missing.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    match (missing.len(), files.is_empty()) {
+        (0, _) => {}
+        (_, true) if let Some(found) = of_its_own() => {
+            beside.reach.admit(&found, &place)?;
+            warnings.push(format!(
+                "{place}: the material file {list} is missing; {} is read in its place",
+                found.display()
+            ));
+            files.push(found);
+        }
+        (1, true) => warnings.push(format!("{place}: the material file {list} is missing; its materials are grey")),
+        (_, true) => warnings.push(format!("{place}: the material files {list} are missing; their materials are grey")),
+        (_, false) => warnings.push(format!("{place}: of several material files these are missing: {list}")),
+    }
+    let mut seen = HashSet::new();
+    files.retain(|file| seen.insert(file.clone()));
+    Ok(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn material_files_are_named_in_many_ways() {
+        let [whole, ended, words] = library_names("a.mtl my room.MTL c.mtl");
+        assert_eq!(whole, ["a.mtl my room.MTL c.mtl"]);
+        assert_eq!(ended, ["a.mtl", "my room.MTL", "c.mtl"]);
+        assert_eq!(words, ["a.mtl", "my", "room.MTL", "c.mtl"]);
+        assert_eq!(library_names(r#""my room.mtl""#)[0], ["my room.mtl"]);
+        assert_eq!(library_names(r"a\ b.mtl  c.mtl")[2], ["a b.mtl", "c.mtl"]);
+        assert_eq!(library_names(r#""a b.mtl" c.mtl"#)[2], ["a b.mtl", "c.mtl"]);
+        assert_eq!(library_names(r".\plain.mtl")[0], [r".\plain.mtl"]);
+    }
 }

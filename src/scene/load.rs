@@ -10,7 +10,7 @@ use super::folders::Folders;
 use super::gltf::{FileCamera, is_gltf, seeing_all};
 use super::import::{Description, Geometry, SourceMaterial};
 use super::lights::Lights;
-use super::looks::Workshop;
+use super::looks::{Decided, Workshop};
 use super::memory::Memory;
 use super::textures::Textures;
 use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
@@ -55,7 +55,7 @@ pub struct LoadOptions {
 /// Those of [`load`]; [`Error::Resources`] where the memory is too small.
 pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
     let Unchecked { scene, settings, mut warnings, .. } = put_together(path, &options)?;
-    warnings.extend(check_whole(path, &scene)?);
+    warnings.extend(check_whole(path, &scene).map_err(|error| with_missing(error, &warnings))?);
     // Tracing and compressing hold whole blocks, one for each worker.
     let block_bytes = u64::from(settings.block_side).pow(2) * 3 * 4 * scene.basis.column_count() as u64;
     if block_bytes > LARGE_BLOCK_BYTES {
@@ -66,6 +66,15 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
         ));
     }
     Ok(LoadedScene::new(scene, settings, warnings))
+}
+
+/// The error with the line of what is missing, which may be why: the lamps of an OBJ file are in its material file.
+fn with_missing(error: Error, warnings: &[String]) -> Error {
+    let missing = warnings.iter().find(|line| line.contains("the material file") && line.contains("missing"));
+    match (error, missing) {
+        (Error::Input { place, problem, hint }, Some(line)) => Error::input(place, problem, format!("{hint}; {line}")),
+        (error, _) => error,
+    }
 }
 
 /// As [`validate()`]; of a glTF file without light it says what its users do.
@@ -251,7 +260,8 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
     let Read { place, folders, name, geometry, origin, overrides, entries, camera, settings, metres_per_unit, .. } =
         read;
     let textures = Textures::within(read.memory, folders.reach.clone());
-    let mut workshop = Workshop { textures, warnings: read.warnings, overrides, folders, place };
+    let mut workshop =
+        Workshop { textures, warnings: read.warnings, overrides, folders, place, decided: Decided::default() };
     let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };
     let mut emissions = Vec::new();
     for source in &geometry.materials {
@@ -269,7 +279,8 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
             return Err(Error::input(place, "no material has such a name", hint));
         }
     }
-    let Workshop { textures, mut warnings, .. } = workshop;
+    let Workshop { textures, mut warnings, decided, .. } = workshop;
+    decided.report(&mut warnings);
     let memory = textures.memory;
     assembly.textures = textures.list;
 

@@ -85,6 +85,10 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     part(bytemuck::cast_slice(&triangles));
     for material in materials {
         part(format!("{:?} {:?}", material.surface, material.cutout).as_bytes());
+        // Only where it says something, so that scenes without keep the identity that they had.
+        if material.opacity < 1.0 {
+            part(format!("opacity {:?}", material.opacity).as_bytes());
+        }
     }
     for texture in textures {
         part(format!("{} × {}", texture.width, texture.height).as_bytes());

@@ -2,6 +2,7 @@
 //!
 //! `formats/scene.md` states the mapping in a table.
 
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -11,25 +12,28 @@ use super::file::{MaterialEntry, SurfaceEntry};
 use super::folders::Folders;
 use super::gltf::{Alpha, GltfMaterial};
 use super::import::{Description, SourceMaterial};
-use super::mtl::MtlMaterial;
+use super::mtl::{self, Map, MtlLook, MtlMaterial, Shape, Through, Writer};
 use super::textures::{Textures, Use};
 use super::{Material, Paint, Surface, TextureId};
 use crate::error::{Error, Result};
 use crate::light::names::fits;
 
 /// Index of refraction of surfaces that state none: ordinary glass and lacquer.
-const USUAL_IOR: f32 = 1.5;
+pub(super) const USUAL_IOR: f32 = 1.5;
 /// Indices of refraction that are taken.
-const IORS: RangeInclusive<f32> = 0.1..=10.0;
+pub(super) const IORS: RangeInclusive<f32> = 0.1..=10.0;
+
+/// Names that a line about many materials shows.
+const NAMES_SHOWN: usize = 4;
+
+/// Grey values of `Kd` that programs write whatever is mapped: Blender's 0.8 at intensity 1, 0.8, 0.64, 0.512, and 3ds Max' 150 of 255.
+const WRITTEN_GREYS: [f32; 5] = [0.8, 0.64, 0.512, 0.4096, 0.588];
 
 /// What a clear coat of glTF reflects at normal incidence: that of index 1.5.
 const CLEAR_COAT: f32 = 0.04;
 
 /// Index of refraction this near to 1 means a sheet without thickness.
 const NO_REFRACTION: f32 = 1e-3;
-
-/// Phong exponent from which a reflection counts as perfect.
-const MIRROR_SHININESS: f32 = 1000.0;
 
 /// Smallest GGX α that is told from a perfect mirror.
 const SMALLEST_ALPHA: f32 = 1e-3;
@@ -58,6 +62,11 @@ struct Look {
 struct Draft {
     look: Look,
     cutout: Option<TextureId>,
+    opacity: f32,
+    /// What it would be if it were opaque.
+    opaque: SurfaceEntry,
+    /// The colour that its file gives beside a map, whether it multiplies that or not.
+    beside_map: Vec3,
     radiance: Vec3,
     pattern: Option<Paint>,
 }
@@ -70,13 +79,39 @@ pub(super) struct Workshop<'a> {
     pub(super) folders: &'a Folders,
     /// Name of the scene file, for messages.
     pub(super) place: &'a str,
+    /// Materials of which a rule said more than their files do, for one line each.
+    pub(super) decided: Decided,
+}
+
+/// Names of materials by the rule that decided about them.
+#[derive(Debug, Default)]
+pub(super) struct Decided(BTreeMap<&'static str, Vec<String>>);
+
+impl Decided {
+    fn note(&mut self, rule: &'static str, name: &str) {
+        let names = self.0.entry(rule).or_default();
+        if names.iter().all(|known| known != name) {
+            names.push(name.to_owned());
+        }
+    }
+
+    /// One line for each rule.
+    pub(super) fn report(&self, warnings: &mut Vec<String>) {
+        for (rule, names) in &self.0 {
+            let (shown, more) = names.split_at(names.len().min(NAMES_SHOWN));
+            let list = shown.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
+            let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+            let materials = if names.len() == 1 { "material" } else { "materials" };
+            warnings.push(format!("{materials} {list}{more}: {rule}"));
+        }
+    }
 }
 
 impl Workshop<'_> {
     /// The material that a description and the scene file's overrides make.
     pub(super) fn make(&mut self, source: &SourceMaterial) -> Result<(Material, Option<Emission>)> {
         let draft = match &source.description {
-            Description::Mtl(mtl, folder) => self.of_mtl(mtl, folder)?,
+            Description::Mtl(mtl, folder, shape) => self.of_mtl(mtl, folder, *shape)?,
             Description::Gltf(gltf) => self.of_gltf(gltf, &source.name)?,
         };
         self.finish(draft, &source.name)
@@ -126,14 +161,15 @@ impl Workshop<'_> {
         }
         let cutout = matches!(source.alpha, Alpha::Cut(_)).then_some(base_map).flatten();
         let pattern = emission_map.map(|id| Paint::Textured(id, Vec3::ONE));
-        Ok(Draft { look, cutout, radiance: source.emission, pattern })
+        let (opaque, beside_map) = (SurfaceEntry::Coated, source.base);
+        Ok(Draft { look, cutout, opacity: 1.0, opaque, beside_map, radiance: source.emission, pattern })
     }
 
-    /// What an MTL description means here. `folder` holds its textures.
-    fn of_mtl(&mut self, source: &MtlMaterial, folder: &Path) -> Result<Draft> {
+    /// What an MTL description means here, on surfaces of a shape. `folder` holds its textures.
+    fn of_mtl(&mut self, source: &MtlMaterial, folder: &Path, shape: Shape) -> Result<Draft> {
         let asked_by = format!("material '{}'", source.name);
-        let mut map = |name: &Option<String>, usage: Use| match name {
-            Some(name) => self.textures.named((folder, name), usage, &asked_by, &mut self.warnings),
+        let mut map = |map: &Option<Map>, usage: Use| match map {
+            Some(map) => self.textures.named((folder, &map.file), usage, &asked_by, &mut self.warnings),
             None => Ok(None),
         };
         let diffuse_map = map(&source.diffuse_map, Use::Reflectance)?;
@@ -141,42 +177,96 @@ impl Workshop<'_> {
         let emission_map = map(&source.emission_map, Use::Emission)?;
         let diffuse = source.diffuse.unwrap_or(Vec3::splat(if source.emission.is_some() { 0.0 } else { 0.5 }));
         let base = match diffuse_map {
-            // Exporters write a black Kd, or none, beside a map that is meant to be seen.
-            Some(id) if diffuse == Vec3::ZERO || source.diffuse.is_none() => Paint::Textured(id, Vec3::ONE),
-            Some(id) => Paint::Textured(id, diffuse),
+            Some(id) => Paint::Textured(id, self.beside_map(source)),
             // The map is missing: black would not be what is meant.
             None if source.diffuse_map.is_some() && diffuse == Vec3::ZERO => Paint::Constant(Vec3::splat(0.5)),
             None => Paint::Constant(diffuse),
         };
-        if source.has_placed_maps {
-            self.warnings.push(format!(
-                "{asked_by}: its maps are scaled, moved or clamped by -s, -o or -clamp, which is not read"
-            ));
-        }
-        let look = look_of(source, base);
-        let transparent = matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric);
-        if let Some(ior) = source.ior.filter(|ior| !IORS.contains(ior) && (transparent || ior > IORS.end())) {
+        self.note_maps(source);
+        let (look, opacity, through) = mtl::look_of(source, shape);
+        let is_bent = matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric);
+        if let Some(ior) = source.ior.filter(|ior| !IORS.contains(ior) && (is_bent || ior > IORS.end())) {
             self.warnings.push(format!("{asked_by}: 'Ni' {ior} is no index of refraction; taken as {USUAL_IOR}"));
         }
-        if source.dissolve.is_some_and(|d| d < 0.999) && !transparent {
-            let advice = "a cut-out needs map_d, glass needs illum 4, 6, 7 or 9 or an override";
-            self.warnings.push(format!("{asked_by}: 'd' below 1 is ignored; {advice}"));
+        if through != Through::Stated
+            && !self.says(&source.name, |entry| entry.kind.is_some() || entry.opacity.is_some())
+        {
+            self.decided.note(through.words(), &source.name);
         }
         let pattern = emission_map.map(|id| Paint::Textured(id, Vec3::ONE));
         let mut radiance = source.emission.unwrap_or(Vec3::ZERO);
         if pattern.is_some() && radiance == Vec3::ZERO {
             radiance = Vec3::ONE;
         }
-        Ok(Draft { look, cutout, radiance, pattern })
+        let opaque = if is_bent { SurfaceEntry::Coated } else { look.kind };
+        let look = Look::of_mtl(&look, base);
+        Ok(Draft { look, cutout, opacity, opaque, beside_map: diffuse, radiance, pattern })
+    }
+
+    /// The colour that multiplies `map_Kd`: `Kd`, but for what programs write there without meaning it.
+    fn beside_map(&mut self, source: &MtlMaterial) -> Vec3 {
+        // Exporters write a black Kd, or none, beside a map that is meant to be seen.
+        let Some(diffuse) = source.diffuse.filter(|kd| *kd != Vec3::ZERO && *kd != Vec3::ONE) else { return Vec3::ONE };
+        let is_written = |grey: f32| diffuse.abs_diff_eq(Vec3::splat(grey), 1e-3);
+        let (factor, rule) = if source.writer == Writer::Blender {
+            (Vec3::ONE, "map_Kd stands alone: Blender does not mean Kd beside it (colour_times_map = true multiplies)")
+        } else if WRITTEN_GREYS.into_iter().any(is_written) {
+            (
+                Vec3::ONE,
+                "map_Kd stands alone: Kd is a grey that exporters write beside any (colour_times_map = true multiplies)",
+            )
+        } else {
+            (diffuse, "map_Kd times Kd, as the format says (colour_times_map = false shows the map alone)")
+        };
+        if !self.says(&source.name, |entry| entry.colour_times_map.is_some()) {
+            self.decided.note(rule, &source.name);
+        }
+        factor
+    }
+
+    /// Whether the scene file says something of a material.
+    fn says(&self, name: &str, what: impl Fn(&MaterialEntry) -> bool) -> bool {
+        self.overrides.iter().any(|entry| fits(&entry.pattern, name) && what(entry))
+    }
+
+    /// Says what of a material's maps is not as it is stated.
+    fn note_maps(&mut self, source: &MtlMaterial) {
+        let MtlMaterial { diffuse_map, emission_map, dissolve_map, name, .. } = source;
+        let maps = || [diffuse_map, dissolve_map, emission_map].into_iter().flatten();
+        if maps().any(|map| map.is_clamped) {
+            self.decided.note("a map is to end at its edges (-clamp); it is repeated", name);
+        }
+        let first = maps().next();
+        if maps().any(|map| first.is_some_and(|first| (map.scale, map.offset) != (first.scale, first.offset))) {
+            self.decided.note(
+                "its maps are scaled or moved differently (-s, -o); all lie as the first of map_Kd, map_d, map_Ke",
+                name,
+            );
+        }
     }
 
     /// Applies the scene file's overrides.
     fn finish(&mut self, draft: Draft, name: &str) -> Result<(Material, Option<Emission>)> {
-        let Draft { mut look, mut cutout, mut radiance, pattern } = draft;
+        let Draft { mut look, mut cutout, mut opacity, opaque, beside_map, mut radiance, pattern } = draft;
         let asked_by = format!("material '{name}'");
         for entry in self.overrides.iter().filter(|entry| fits(&entry.pattern, name)) {
             let place = format!("{}, material \"{}\"", self.place, entry.pattern);
             look.change(entry, &place)?;
+            if let Some(share) = entry.opacity {
+                if !(0.0..=1.0).contains(&share) {
+                    return Err(Error::input(place, format!("opacity {share}"), "give a number from 0 to 1"));
+                }
+                if entry.kind.is_none() && matches!(look.kind, SurfaceEntry::Dielectric | SurfaceEntry::ThinDielectric)
+                {
+                    look.kind = opaque;
+                }
+                opacity = share;
+            } else if entry.kind.is_some() {
+                opacity = 1.0;
+            }
+            if let (Some(times), Paint::Textured(id, _)) = (entry.colour_times_map, look.reflectance) {
+                look.reflectance = Paint::Textured(id, if times { beside_map } else { Vec3::ONE });
+            }
             let mut map = |name: &Option<String>, usage: Use| {
                 let Some(name) = name else { return Ok(None) };
                 match self.folders.look_up(name, &place)? {
@@ -196,78 +286,20 @@ impl Workshop<'_> {
             self.warnings.push(format!("{asked_by}: reflects or transmits more than it receives; clamped to 1"));
         }
         let emission = (radiance != Vec3::ZERO).then_some(Emission { radiance, pattern });
-        Ok((Material { name: name.to_owned(), surface: look.surface(), cutout }, emission))
+        Ok((Material { name: name.to_owned(), surface: look.surface(), cutout, opacity }, emission))
     }
 }
 
 /// Reflectance at normal incidence of a boundary with this index of refraction (Fresnel).
-fn normal_reflectance(ior: f32) -> f32 {
+pub(super) fn normal_reflectance(ior: f32) -> f32 {
     ((ior - 1.0) / (ior + 1.0)).powi(2)
 }
 
-/// GGX α of the lobe that a Blinn–Phong exponent means: `α = √(2 / (n + 2))` (Walter et al. 2007, §5.2).
-fn alpha_of_shininess(exponent: f32) -> f32 {
-    (2.0 / (exponent.max(0.0) + 2.0)).sqrt()
-}
-
-/// The mapping of MTL fields.
-fn look_of(source: &MtlMaterial, base: Paint) -> Look {
-    let specular = source.specular.unwrap_or(Vec3::ZERO);
-    let diffuse = source.diffuse.unwrap_or(Vec3::ZERO);
-    let ior = source.ior.filter(|ior| IORS.contains(ior)).unwrap_or(USUAL_IOR);
-    let coat_ior = if ior > 1.0 + NO_REFRACTION { ior } else { USUAL_IOR };
-    let illumination = source.illumination.unwrap_or(2);
-    let mut look = Look {
-        kind: SurfaceEntry::Lambert,
-        reflectance: base,
-        specular: Vec3::splat(normal_reflectance(coat_ior)),
-        alpha: source.shininess.map_or(0.25, alpha_of_shininess),
-        ior,
-        transmittance: source.transmission.unwrap_or(Vec3::ONE),
-    };
-    match illumination {
-        4 | 6 | 7 | 9 if (ior - 1.0).abs() > NO_REFRACTION => look.kind = SurfaceEntry::Dielectric,
-        4 | 6 | 7 | 9 => {
-            look.kind = SurfaceEntry::ThinDielectric;
-            look.be_sheet(specular);
-        }
-        _ if source.roughness.is_some() || source.metallic.is_some() => {
-            look.alpha = source.roughness.unwrap_or(0.5).clamp(0.0, 1.0).powi(2);
-            let metal = source.metallic.unwrap_or(0.0) >= 0.5;
-            look.kind = if metal { SurfaceEntry::RoughConductor } else { SurfaceEntry::Coated };
-        }
-        3 | 5 | 8 if specular.max_element() > 0.0 && specular.max_element() >= diffuse.max_element() => {
-            look.reflectance = Paint::Constant(specular);
-            let perfect = source.shininess.is_none_or(|n| n >= MIRROR_SHININESS);
-            look.kind = if perfect { SurfaceEntry::Mirror } else { SurfaceEntry::RoughConductor };
-        }
-        3 | 5 | 8 if specular.max_element() > 0.0 => {
-            look.kind = SurfaceEntry::Coated;
-            look.specular = specular;
-        }
-        // A Phong highlight is a look, not a reflectance: Ks scales what a lacquer of index Ni reflects, so that the
-        // `Ks 1 1 1` of many exporters becomes lacquer and not chrome.
-        2 if specular.max_element() > 0.0 && source.shininess.is_none_or(|n| n > 1.0) => {
-            look.kind = SurfaceEntry::Coated;
-            look.specular = specular.min(Vec3::ONE) * normal_reflectance(coat_ior);
-        }
-        _ => {}
-    }
-    look
-}
-
 impl Look {
-    /// Makes the sheet reflect `Ks` and pass `Tf` at normal incidence, where the two leave room for each other:
-    /// a sheet of two faces reflects `R = 2F / (1 + F)`.
-    fn be_sheet(&mut self, specular: Vec3) {
-        let reflected = specular.max_element();
-        if reflected + self.transmittance.max_element() > 1.001 || reflected >= 0.9 {
-            self.ior = if reflected > 0.0 { USUAL_IOR } else { 1.0 };
-            return;
-        }
-        let face = (reflected / (2.0 - reflected)).sqrt();
-        self.ior = (1.0 + face) / (1.0 - face);
-        self.transmittance /= 1.0 - reflected;
+    /// What an MTL material looks like, over this base.
+    fn of_mtl(look: &MtlLook, base: Paint) -> Self {
+        let &MtlLook { kind, reflectance, specular, alpha, ior, transmittance } = look;
+        Self { kind, reflectance: reflectance.map_or(base, Paint::Constant), specular, alpha, ior, transmittance }
     }
 
     fn change(&mut self, entry: &MaterialEntry, place: &str) -> Result<()> {
@@ -345,7 +377,8 @@ mod tests {
     use super::*;
 
     fn surface(source: MtlMaterial) -> Surface {
-        look_of(&source, Paint::Constant(source.diffuse.unwrap_or_default())).surface()
+        let (look, _, _) = mtl::look_of(&source, Shape::Sheet);
+        Look::of_mtl(&look, Paint::Constant(source.diffuse.unwrap_or_default())).surface()
     }
 
     fn grey(v: f32) -> Option<Vec3> {
@@ -394,8 +427,9 @@ mod tests {
             }
             other => panic!("{other:?}"),
         }
-        let air = MtlMaterial { ior: Some(1.0), ..glass };
-        assert_eq!(surface(air), Surface::ThinDielectric { ior: 1.0, transmittance: Vec3::ONE });
+        // Nobody would see it.
+        let air = MtlMaterial { ior: Some(1.0), diffuse: grey(0.3), ..glass };
+        assert_eq!(surface(air), Surface::Lambert { reflectance: Paint::Constant(Vec3::splat(0.3)) });
     }
 
     #[test]

@@ -84,6 +84,8 @@ pub struct Material {
     pub surface: Surface,
     /// Cut-out: where the texture's alpha (its fourth channel) is below one half, the surface is not there.
     pub cutout: Option<TextureId>,
+    /// Share of what falls on the surface that meets it; the rest passes straight through as if it were not there. From 0 to 1.
+    pub opacity: f32,
 }
 
 impl Texture {

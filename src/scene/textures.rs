@@ -16,6 +16,9 @@ const BUDGET_BYTES: u64 = 2 << 30;
 /// Memory of one texture above which a warning is given, in bytes.
 const LARGE_BYTES: u64 = 256 << 20;
 
+/// Entries of a folder that are looked at for the files of one that was moved.
+const MOST_LOOKED_AT: usize = 10_000;
+
 /// What a texture is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Use {
@@ -41,18 +44,20 @@ pub(super) struct Textures {
     missing: Vec<(PathBuf, String)>,
     /// Files whose names materials write in another way, with other upper and lower case or backslashes: as written, as found.
     respelled: Vec<(PathBuf, PathBuf)>,
+    /// Files that lie elsewhere than materials write: as written, as found.
+    moved: Vec<(PathBuf, PathBuf)>,
 }
 
 impl Textures {
     /// None yet; they and what reading them takes stay within `memory`, and their files within `reach`.
     pub(super) fn within(memory: Memory, reach: Reach) -> Self {
-        let (known, missing, respelled) = (HashMap::new(), Vec::new(), Vec::new());
-        Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, respelled }
+        let (known, missing, respelled, moved) = (HashMap::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, respelled, moved }
     }
 
     /// The texture that a material names in a folder: `name` as it is written, else the file whose name differs in upper
-    /// and lower case or has `/` for `\` only, as on the machines of other systems. None where there is no such file, which
-    /// [`report`](Self::report) will say.
+    /// and lower case or has `/` for `\` only, as on the machines of other systems, else the file of its last name in the folder,
+    /// as of whoever moved files together. None where there is no such file, which [`report`](Self::report) will say.
     ///
     /// # Errors
     /// A file that is no image or may not be opened, or more textures than fit.
@@ -64,12 +69,16 @@ impl Textures {
         warnings: &mut Vec<String>,
     ) -> Result<Option<TextureId>> {
         let written = folder.join(name);
-        let Some(found) = find_as_elsewhere(folder, name) else {
+        let found = find_as_elsewhere(folder, name);
+        let is_moved = found.is_none();
+        let Some(found) = found.or_else(|| find_moved(folder, name)) else {
             self.miss(written, asked_by);
             return Ok(None);
         };
         self.reach.admit(&found, asked_by)?;
-        if found != written && self.respelled.iter().all(|(known, _)| *known != written) {
+        if is_moved && self.moved.iter().all(|(known, _)| *known != written) {
+            self.moved.push((written, found.clone()));
+        } else if !is_moved && found != written && self.respelled.iter().all(|(known, _)| *known != written) {
             self.respelled.push((written, found.clone()));
         }
         self.get(&found, usage, warnings).map(Some)
@@ -92,6 +101,15 @@ impl Textures {
             warnings.push(format!(
                 "{count} texture {names} from the file's in upper and lower case or in \\ for /: {first}{written}, is {found}"
             ));
+        }
+        if let Some((written, found)) = self.moved.first() {
+            let (count, written, found) = (self.moved.len(), written.display(), found.display());
+            let are = if count == 1 {
+                "texture is not where it is said to be"
+            } else {
+                "textures are not where they are said to be"
+            };
+            warnings.push(format!("{count} {are}: {written} is read from {found}"));
         }
         if self.missing.is_empty() {
             return Ok(());
@@ -266,6 +284,24 @@ pub(super) fn find_as_elsewhere(folder: &Path, name: &str) -> Option<PathBuf> {
         path = entries.filter(alike).min()?;
     }
     path.is_file().then_some(path)
+}
+
+/// The file that someone moved to a folder or to one within it: by as many of the last parts of its name as are found, at least its
+/// last one.
+pub(super) fn find_moved(folder: &Path, name: &str) -> Option<PathBuf> {
+    let name = name.replace('\\', "/");
+    let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | "." | "..")).collect();
+    let ends = || (0..parts.len()).map(|first| parts[first..].join("/"));
+    if let Some(found) = ends().find_map(|end| find_as_elsewhere(folder, &end)) {
+        return Some(found);
+    }
+    let here = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let last = parts.last()?;
+    let within = std::fs::read_dir(here)
+        .ok()?
+        .take(MOST_LOOKED_AT)
+        .filter_map(|entry| Some(folder.join(entry.ok()?.file_name())));
+    within.filter(|path| path.is_dir()).filter_map(|inner| find_as_elsewhere(&inner, last)).min()
 }
 
 fn gib(bytes: u64) -> String {

@@ -125,6 +125,18 @@ impl Aside {
             passes: self.passes + u32::from(way.straight),
         })
     }
+
+    /// Straight on behind the surface that it has come to, as if that were not there.
+    #[inline(always)]
+    fn past(self, at: &Vertex) -> Self {
+        Self { ray: (at.point.start(self.ray.1), self.ray.1), passes: self.passes + 1, ..self }
+    }
+
+    /// The same with the share of what the surface lets through.
+    #[inline(always)]
+    fn through(self, at: &Vertex) -> Self {
+        Self { share: self.share * (1.0 - at.opacity), ..self.past(at) }
+    }
 }
 
 /// How likely a path goes on whose end is left to chance. Radiance inside glass is larger by the square of its index, which says nothing
@@ -152,6 +164,8 @@ pub(super) struct Vertex {
     frame: Frame,
     /// Direction to the viewer in the frame.
     pub(super) wo: Vec3,
+    /// How likely a ray meets the surface; otherwise it passes straight through.
+    pub(super) opacity: f32,
 }
 
 impl Record<'_, '_> {
@@ -209,16 +223,26 @@ impl Paths<'_> {
             let Some(at) = self.arrive((origin, direction), &last, (layer, throughput * seen), record) else { return };
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
+            let mut choice = sampler.pair(Use::Choice, vertex + passes);
             if layer == Layer::Emission {
                 travelled += at.point.position.distance(origin);
-                if at.bsdf.is_spread() || at_end || matches!(at.bsdf, Bsdf::Black) {
-                    at.show(self.world, &mut record.features, throughput, travelled);
+            }
+            let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
+            let shown = (layer == Layer::Emission).then_some(here);
+            if at.opacity < 1.0 && !self.meets(&at, (&mut choice.x, &mut seen), shown, &mut forks, sampler, record) {
+                passes += 1;
+                origin = at.point.start(direction);
+                if passes >= MAX_PASSES {
+                    return;
                 }
+                continue;
+            }
+            if layer == Layer::Emission && (at.shows_no_emitter() || at_end) {
+                at.show(self.world, &mut record.features, throughput, travelled);
             }
             if at_end && !at.bsdf.lets_pass() {
                 return;
             }
-            let choice = sampler.pair(Use::Choice, vertex + passes);
 
             let (mut light_samples, mut radius) = (0, None);
             if at.bsdf.is_spread() {
@@ -237,7 +261,6 @@ impl Paths<'_> {
             } else if layer == Layer::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
-                let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
                 if let Some(aside) = here.onward(&at, (&way, chance), self.max_depth) {
                     self.look_aside(aside, &mut forks, sampler, record);
                 }
@@ -323,6 +346,30 @@ impl Paths<'_> {
         Some(Vertex::new(world, point, direction))
     }
 
+    /// Whether a path meets a surface that lets some pass, by a uniform number, which is uniform again where it does. What emits
+    /// behind it is seen whole, as by boundaries: with its share by `seen`, or by a ray aside.
+    #[cold]
+    fn meets(
+        &self,
+        at: &Vertex,
+        (choice, seen): (&mut f32, &mut f32),
+        shown: Option<Aside>,
+        forks: &mut u32,
+        sampler: &Sampler,
+        record: &mut Record<'_, '_>,
+    ) -> bool {
+        let meets = *choice < at.opacity;
+        if let Some(here) = shown.filter(|_| at.shows_no_emitter()) {
+            if meets {
+                self.look_aside(here.through(at), forks, sampler, record);
+            } else {
+                *seen *= 1.0 - at.opacity;
+            }
+        }
+        *choice /= at.opacity;
+        meets
+    }
+
     /// Follows a ray aside as far as mirrors and boundaries lead, and only for the emitters that are seen there: one that is
     /// mirrored in glass, which few samples mirror, would be dotted else, and no filter touches what is seen of emitters. It looks
     /// both ways too where each is likely enough, from at most `forks` more boundaries.
@@ -331,10 +378,21 @@ impl Paths<'_> {
             let (ray, light) = (aside.ray, (Layer::Emission, aside.throughput * aside.share));
             let Some(at) = self.arrive(ray, &Last::only(ray.0, ray.1), light, record) else { return };
             let at_end = aside.vertex + 1 >= self.max_depth;
+            let mut choice = sampler.pair(Use::Choice, ASIDE + aside.vertex + aside.passes);
+            if at.opacity < 1.0 {
+                if at.shows_no_emitter() {
+                    aside = aside.through(&at);
+                    continue;
+                }
+                if choice.x >= at.opacity {
+                    aside = aside.past(&at);
+                    continue;
+                }
+                choice.x /= at.opacity;
+            }
             if at.bsdf.is_spread() || at_end && !at.bsdf.lets_pass() {
                 return;
             }
-            let choice = sampler.pair(Use::Choice, ASIDE + aside.vertex + aside.passes);
             let Some(next) = at.bsdf.sample(at.wo, Vec2::ZERO, choice.x) else { return };
             let mut kept = 1.0;
             if *forks > 0
@@ -379,7 +437,14 @@ impl Vertex {
         let front = point.normal.dot(direction) < 0.0;
         let bsdf = world.bsdf(&point, front);
         let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
-        Self { point, bsdf, normal, frame, wo: frame.to_local(-direction) }
+        let opacity = world.material(&point).opacity;
+        Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity }
+    }
+
+    /// Whether no ray that the surface itself sends on shows an emitter as it is.
+    #[inline(always)]
+    fn shows_no_emitter(&self) -> bool {
+        self.bsdf.is_spread() || matches!(self.bsdf, Bsdf::Black)
     }
 
     /// What a camera path shows that has come to this surface.

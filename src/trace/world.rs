@@ -123,7 +123,8 @@ impl World {
             let point = self.surface_point(hit.triangle, hit.u, hit.v);
             if !self.is_cut_out(&point) {
                 let cosine = point.shading_normal.dot(ray.direction.normalize_or_zero()).abs();
-                kept *= self.bsdf(&point, true).straight_transmittance(cosine);
+                let opacity = self.material(&point).opacity;
+                kept *= (1.0 - opacity) + opacity * self.bsdf(&point, true).straight_transmittance(cosine);
                 if kept == Vec3::ZERO {
                     return kept;
                 }
@@ -228,5 +229,5 @@ impl SurfacePoint {
 }
 
 fn is_see_through(material: &Material) -> bool {
-    material.cutout.is_some() || matches!(material.surface, Surface::ThinDielectric { .. })
+    material.cutout.is_some() || material.opacity < 1.0 || matches!(material.surface, Surface::ThinDielectric { .. })
 }

@@ -299,12 +299,15 @@ fn material_files_say_odd_things() {
     write_exr(&folder.path("white.exr"), &white).unwrap();
     let Surface::Lambert { reflectance: Paint::Textured(_, factor) } = surface_of(&folder, "ground") else { panic!() };
     assert_eq!(factor, Vec3::ONE);
-    assert!(folder.load().unwrap().warnings.iter().any(|w| w.contains("not read")));
+    let folder = room("").with("room.mtl", "newmtl ground\nmap_Kd -clamp on white.exr\nnewmtl lamp\nKe 3 2 1\n");
+    write_exr(&folder.path("white.exr"), &white).unwrap();
+    assert!(folder.load().unwrap().warnings.iter().any(|w| w.contains("-clamp")));
 }
 
 fn missing_materials_are_grey() {
     let more = "[[light]]\nkind = \"point\"\nposition = [0, 2, 0]\n";
     let folder = room(more).with("room.obj", super::ROOM_OBJ.replace("room.mtl", "none.mtl"));
+    std::fs::rename(folder.path("room.mtl"), folder.path("other.mtl")).unwrap();
     let loaded = folder.load().unwrap();
     assert!(loaded.warnings.iter().any(|w| w.contains("none.mtl")), "{:?}", loaded.warnings);
     assert_eq!(surface_of(&folder, "ground"), Surface::Lambert { reflectance: Paint::Constant(Vec3::splat(0.5)) });

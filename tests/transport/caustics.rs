@@ -29,7 +29,7 @@ fn level(builder: &mut Builder, y: f32, half: f32, up: bool, surface: Surface) {
 }
 
 /// Images of every column, block by block: columns × rows.
-fn columns(blocks: &[TracedBlock]) -> Vec<Vec<f32>> {
+pub(crate) fn columns(blocks: &[TracedBlock]) -> Vec<Vec<f32>> {
     let mut columns = vec![Vec::new(); blocks[0].block.columns()];
     for block in blocks {
         let view = block.block.view();

@@ -2,8 +2,12 @@
 
 use glam::Vec3;
 use ltm::light::{EnvironmentMapping, LightKind};
-use ltm::scene::{AreaLayout, Emitter, EnvironmentEmitter, MaterialId, Paint, Scene, Surface, Texture, TextureId};
+use ltm::scene::{
+    AreaLayout, Emitter, EnvironmentEmitter, MaterialId, Paint, PointEmitter, Scene, Surface, Texture, TextureId,
+};
+use ltm::trace::TraceSettings;
 
+use crate::caustics::columns;
 use crate::scenes::{Builder, all_on, camera, lambert, mean, settings, trace};
 
 /// A texture of 2 × 1 texels, left and right.
@@ -192,5 +196,64 @@ fn a_pattern_lies_by_the_texture_coordinates_of_its_surface() {
     for (at, value) in image(scene, 16, 1).into_iter().enumerate() {
         let wanted = if at < 64 { 3.0 } else { 0.0 };
         assert!((value - wanted).abs() < 0.02, "{at}: {value}");
+    }
+}
+
+/// A surface of an opacity is what a mixture of it and of nothing is: by camera paths, shadow rays and photons alike.
+#[test]
+fn what_is_partly_there_lets_its_share_through() {
+    // Black and half there, beside a sheet that reflects nothing and passes a half: the same light, by other code.
+    let with = |surface: Surface, opacity: f32| {
+        let mut builder = Builder::new(camera(Vec3::new(0.0, 0.8, 2.2), Vec3::new(0.0, 0.3, 0.0), 50.0, 8));
+        builder.quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, lambert(0.6));
+        builder.quad(Vec3::new(-2.0, 0.0, -1.0), Vec3::X * 4.0, Vec3::Y * 2.0, lambert(0.5));
+        let mirror = Surface::Mirror { reflectance: Paint::Constant(Vec3::ONE) };
+        builder.sphere(Vec3::new(0.5, 0.4, 0.2), 0.3, 24, mirror);
+        builder.panel("panel", Vec3::new(-0.5, 1.5, -0.5), Vec3::X, Vec3::Z, (2, 1));
+        sky(&mut builder);
+        let towards = Vec3::new(0.3, 0.9, 0.4).normalize();
+        let sun = PointEmitter::Sun { towards, angular_radius_radians: 0.0 };
+        builder.bodiless("sun", LightKind::Sun, Emitter::Point(sun));
+        // Over the floor, between the ball and the floor, and before the panel.
+        for (origin, u, v) in [
+            (Vec3::new(-1.5, 1.0, -0.9), Vec3::X * 3.0, Vec3::Z * 2.0),
+            (Vec3::new(-0.8, 0.05, -0.5), Vec3::Z * 1.5, Vec3::X * 0.9),
+        ] {
+            builder.quad(origin, u, v, surface);
+        }
+        let mut scene = builder.build();
+        scene.materials.iter_mut().filter(|m| m.surface == surface).for_each(|m| m.opacity = opacity);
+        let mut means: Vec<Vec<f64>> = Vec::new();
+        for seed in 0..12 {
+            let blocks: Vec<_> = trace(scene.clone(), TraceSettings { seed, ..settings(32, 5) });
+            let blocks: Vec<_> = blocks.into_iter().map(|(block, _)| block).collect();
+            means.push(columns(&blocks).iter().map(|column| mean(column)).collect());
+        }
+        means
+    };
+    let sheet = with(Surface::ThinDielectric { ior: 1.0, transmittance: Vec3::splat(0.5) }, 1.0);
+    let half = with(lambert(0.0), 0.5);
+    let statistic = |means: &[Vec<f64>], at: usize| {
+        let n = means.len() as f64;
+        let mean = means.iter().map(|m| m[at]).sum::<f64>() / n;
+        (mean, means.iter().map(|m| (m[at] - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)))
+    };
+    for column in 0..sheet[0].len() {
+        let ((a, of_a), (b, of_b)) = (statistic(&sheet, column), statistic(&half, column));
+        // Five deviations of twelve renders each, and a thousandth for where rays start again.
+        assert!((a - b).abs() <= 5.0 * (of_a + of_b).sqrt() + 1e-3 * a, "column {column}: {a} {b}");
+    }
+}
+
+#[test]
+fn what_shines_through_has_no_grain() {
+    // A black surface of opacity a quarter before a glowing panel, in every pixel and whatever the samples.
+    let mut builder = Builder::new(camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 20.0, 8));
+    builder.panel("panel", Vec3::new(-1.0, -1.0, 0.0), Vec3::X * 2.0, Vec3::Y * 2.0, (1, 1));
+    builder.quad(Vec3::new(-1.0, -1.0, 0.5), Vec3::X * 2.0, Vec3::Y * 2.0, lambert(0.0));
+    let mut scene = builder.build();
+    scene.materials.last_mut().unwrap().opacity = 0.25;
+    for value in image(scene, 2, 2) {
+        assert!((value - 0.75).abs() < 1e-5, "{value}");
     }
 }

@@ -129,7 +129,7 @@ fn with_colours(material: &SourceMaterial, texture: Texture) -> SourceMaterial {
             found.base_image = Some(ImageSource::Colours(Arc::new(texture)));
             Description::Gltf(found)
         }
-        Description::Mtl(found, folder) => Description::Mtl(found.clone(), folder.clone()),
+        Description::Mtl(found, folder, shape) => Description::Mtl(found.clone(), folder.clone(), *shape),
     };
     SourceMaterial { name: material.name.clone(), description }
 }

@@ -295,7 +295,7 @@ mod tests {
             extents: vec![0.0; columns],
         };
         basis.push(light).unwrap();
-        let materials = vec![Material { name: "black".into(), surface: Surface::Black, cutout: None }];
+        let materials = vec![Material { name: "black".into(), surface: Surface::Black, cutout: None, opacity: 1.0 }];
         let camera = Camera::looking(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0, (1, 1), PixelFilter::Box).unwrap();
         let (textures, emitters, metres_per_unit) = (Vec::new(), vec![emitter], 1.0);
         let name = "test".into();

@@ -26,6 +26,13 @@ pub(super) fn follow(
     while segments < max_depth && passes < MAX_PASSES {
         let point = world.intersect(origin, direction, rays)?;
         let at = Vertex::new(world, point, direction);
+        let mut choice = sampler.pair(Use::Choice, segments + passes);
+        if choice.x >= at.opacity {
+            passes += 1;
+            origin = at.point.start(direction);
+            continue;
+        }
+        choice.x /= at.opacity;
         if at.bsdf.is_spread() {
             let folded = (fold(direction), fold(at.normal));
             let rests = segments > 1 && power.is_finite();
@@ -39,7 +46,6 @@ pub(super) fn follow(
                 segments,
             });
         }
-        let choice = sampler.pair(Use::Choice, segments + passes);
         let next = at.bsdf.sample(at.wo, Vec2::splat(0.5), choice.x)?;
         // What is carried is flux, which the index of a medium does not change.
         power *= next.weight * next.compression;

@@ -1,0 +1,255 @@
+//! What a material of an MTL file looks like: its surface, and what shows through it. `formats/scene.md` states the mapping.
+
+use glam::Vec3;
+
+use super::super::file::SurfaceEntry;
+use super::super::looks::{IORS, USUAL_IOR, normal_reflectance};
+use super::MtlMaterial;
+use super::dialect::Writer;
+use super::shape::Shape;
+
+/// An index of refraction this near to 1 bends no light: the 1.000 of exporters that know none, and their 1.021.
+const NO_REFRACTION: f32 = 1e-3;
+/// The least index that a body of glass is given by its file on purpose.
+const LEAST_GLASS_IOR: f32 = 1.1;
+/// Phong exponent from which a reflection counts as perfect.
+const MIRROR_SHININESS: f32 = 1000.0;
+/// Opacity from which nothing shows through.
+const OPAQUE: f32 = 0.999;
+/// Opacity up to which a pane is of glass: what hides more than it shows is not.
+const MOST_OF_GLASS: f32 = 0.5;
+/// Opacity below which nobody sees a surface that reflects nothing.
+const UNSEEN: f32 = 0.01;
+/// `Ks` and `Ns` from which a transparent surface is as smooth as glass.
+const GLOSSY: (f32, f32) = (0.1, 10.0);
+
+/// Stems of words for glass and water, in languages of the files at hand.
+const GLASS: [&str; 14] = [
+    "glas", "verre", "vitre", "vetro", "vidr", "cristal", "crystal", "kristal", "acryl", "plexi", "szklo", "steklo",
+    "water", "wasser",
+];
+/// Whole words for the same.
+const GLASS_WORDS: [&str; 7] = ["pane", "panes", "window", "lens", "agua", "acqua", "eau"];
+/// Stems of words for what light passes by holes and fibres.
+const CLOTH: [&str; 23] = [
+    "curtain", "cloth", "fabric", "textile", "lace", "voile", "tulle", "veil", "gauze", "leaf", "leaves", "foliage",
+    "plant", "petal", "flower", "grass", "hair", "lash", "feather", "smoke", "fire", "flame", "shadow",
+];
+/// Stems of words for hollow bodies around a lamp.
+const LAMP: [&str; 9] = ["bulb", "lamp", "light", "lantern", "shade", "globe", "bombilla", "ampoule", "luz"];
+
+/// A surface's properties, of which its kind uses some.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in super::super) struct MtlLook {
+    pub(in super::super) kind: SurfaceEntry,
+    /// In place of the diffuse colour and its map.
+    pub(in super::super) reflectance: Option<Vec3>,
+    pub(in super::super) specular: Vec3,
+    pub(in super::super) alpha: f32,
+    pub(in super::super) ior: f32,
+    pub(in super::super) transmittance: Vec3,
+}
+
+/// Which rule said what shows through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(in super::super) enum Through {
+    /// Nothing was to be decided.
+    Stated,
+    /// It would not be seen: opaque.
+    Unseen,
+    /// A pane or a sheet of glass.
+    Pane,
+    /// A body of glass.
+    Body,
+    /// A share that passes straight through.
+    Share,
+}
+
+impl Through {
+    /// What the rule makes, in words behind the names of materials.
+    pub(in super::super) fn words(self) -> &'static str {
+        match self {
+            Self::Stated => "",
+            Self::Unseen => "nobody would see it by its d, Tr or illum: drawn opaque",
+            Self::Pane => "shows through (d, Tr): thin glass, by its shape, gloss or name",
+            Self::Body => "shows through (d, Tr): a body of glass, by its closed shape and Ni",
+            Self::Share => "shows through (d, Tr): that share of the light passes straight",
+        }
+    }
+}
+
+/// The look of a material on surfaces of this shape, how opaque it is, and which rule made it so.
+pub(in super::super) fn look_of(source: &MtlMaterial, shape: Shape) -> (MtlLook, f32, Through) {
+    let opacity = source.opacity();
+    let opaque = |rule| (plain_look(source, opaque_illumination(source)), 1.0, rule);
+    let stated = || {
+        let look = plain_look(source, source.illumination);
+        let is_sheet = look.kind == SurfaceEntry::ThinDielectric;
+        match source.writer {
+            Writer::Maya => opaque(Through::Stated),
+            _ if is_sheet && look.ior == 1.0 && look.transmittance == Vec3::ONE => opaque(Through::Unseen),
+            _ => (look, 1.0, Through::Stated),
+        }
+    };
+    let filtered =
+        source.is_glass() && source.writer != Writer::Maya && source.transmission.is_some_and(|tf| tf != Vec3::ONE);
+    let Some(opacity) = opacity.filter(|opacity| !filtered && opacity.min_element() < OPAQUE) else { return stated() };
+    let share = opacity.element_sum() / 3.0;
+    let evidence = Evidence::of(source, shape);
+    if share < UNSEEN && !evidence.is_named_glass && source.dissolve_map.is_none() {
+        return opaque(Through::Unseen);
+    }
+    if share > MOST_OF_GLASS || !evidence.is_glass() {
+        let (look, _, _) = opaque(Through::Share);
+        return (look, share, Through::Share);
+    }
+    let ior = source.ior.filter(|ior| (LEAST_GLASS_IOR..=*IORS.end()).contains(ior));
+    let passed = match source.writer {
+        Writer::Maya => Vec3::ONE - opacity,
+        _ => Vec3::ONE - opacity * (Vec3::ONE - source.diffuse.unwrap_or(Vec3::ONE).min(Vec3::ONE)),
+    };
+    let mut look = plain_look(source, opaque_illumination(source));
+    look.reflectance = None;
+    if let Some(ior) = ior.filter(|_| shape.is_solid() && !evidence.is_lamp) {
+        look.kind = SurfaceEntry::Dielectric;
+        (look.ior, look.transmittance) = (ior, passed.map(f32::sqrt));
+        return (look, 1.0, Through::Body);
+    }
+    look.kind = SurfaceEntry::ThinDielectric;
+    (look.ior, look.transmittance) = (ior.unwrap_or(USUAL_IOR), passed);
+    if shape.has_two_faces() {
+        // Each face reflects once, where a sheet stands for two.
+        (look.ior, look.transmittance) = (ior_of_sheet(normal_reflectance(look.ior)), passed.map(f32::sqrt));
+    }
+    (look, 1.0, Through::Pane)
+}
+
+/// What says that something transparent is of glass.
+struct Evidence {
+    is_named_glass: bool,
+    is_named_cloth: bool,
+    is_lamp: bool,
+    is_textured: bool,
+    is_matte: bool,
+    is_glossy: bool,
+    is_flat: bool,
+}
+
+impl Evidence {
+    fn of(source: &MtlMaterial, shape: Shape) -> Self {
+        let name = source.name.to_lowercase();
+        let has = |stems: &[&str]| stems.iter().any(|stem| name.contains(stem));
+        let words = words(&source.name);
+        let gloss = source.specular.unwrap_or(Vec3::ZERO).max_element();
+        let is_matte = matches!(source.illumination, Some(0 | 1));
+        let is_named = has(&GLASS) || words.iter().any(|word| GLASS_WORDS.contains(&word.as_str()));
+        Self {
+            is_named_glass: is_named || source.is_glass(),
+            is_named_cloth: has(&CLOTH) && !is_named,
+            is_lamp: has(&LAMP),
+            is_textured: source.diffuse_map.is_some(),
+            is_matte,
+            is_glossy: !is_matte && gloss >= GLOSSY.0 && source.shininess.is_none_or(|ns| ns >= GLOSSY.1),
+            is_flat: shape.is_flat(),
+        }
+    }
+
+    fn is_glass(&self) -> bool {
+        let looks_so = self.is_glossy || self.is_flat && !self.is_matte;
+        !self.is_named_cloth && !self.is_textured && (self.is_named_glass || looks_so)
+    }
+}
+
+/// The words of a name like `cabinetPane_2`, in lower case.
+fn words(name: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut was_lower = false;
+    for letter in name.chars() {
+        if !letter.is_alphabetic() || (letter.is_uppercase() && was_lower) {
+            words.push(String::new());
+        }
+        was_lower = letter.is_lowercase();
+        if letter.is_alphabetic() {
+            words.last_mut().expect("one at least").extend(letter.to_lowercase());
+        }
+    }
+    words
+}
+
+/// `illum` without glass.
+fn opaque_illumination(source: &MtlMaterial) -> Option<u32> {
+    match source.illumination {
+        Some(4 | 9) => Some(2),
+        Some(6 | 7) => Some(3),
+        other => other,
+    }
+}
+
+/// Index of a thin sheet of two faces that reflects this at normal incidence, `R = 2F / (1 + F)`.
+fn ior_of_sheet(reflected: f32) -> f32 {
+    let face = (reflected / (2.0 - reflected)).sqrt();
+    (1.0 + face) / (1.0 - face)
+}
+
+/// GGX α of the lobe that a Blinn–Phong exponent means: `α = √(2 / (n + 2))` (Walter et al. 2007, §5.2).
+fn alpha_of_shininess(exponent: f32) -> f32 {
+    (2.0 / (exponent.max(0.0) + 2.0)).sqrt()
+}
+
+/// The mapping of the fields but `d` and `Tr`.
+fn plain_look(source: &MtlMaterial, illumination: Option<u32>) -> MtlLook {
+    let specular = source.specular.unwrap_or(Vec3::ZERO);
+    let diffuse = source.diffuse.unwrap_or(Vec3::ZERO);
+    let ior = source.ior.filter(|ior| IORS.contains(ior)).unwrap_or(USUAL_IOR);
+    let coat_ior = if ior > 1.0 + NO_REFRACTION { ior } else { USUAL_IOR };
+    let mut look = MtlLook {
+        kind: SurfaceEntry::Lambert,
+        reflectance: None,
+        specular: Vec3::splat(normal_reflectance(coat_ior)),
+        alpha: source.shininess.map_or(0.25, alpha_of_shininess),
+        ior,
+        transmittance: source.transmission.unwrap_or(Vec3::ONE),
+    };
+    match illumination.unwrap_or(2) {
+        4 | 6 | 7 | 9 if (ior - 1.0).abs() > NO_REFRACTION => look.kind = SurfaceEntry::Dielectric,
+        4 | 6 | 7 | 9 => {
+            look.kind = SurfaceEntry::ThinDielectric;
+            look.be_sheet(specular);
+        }
+        _ if source.roughness.is_some() || source.metallic.is_some() => {
+            look.alpha = source.roughness.unwrap_or(0.5).clamp(0.0, 1.0).powi(2);
+            let metal = source.metallic.unwrap_or(0.0) >= 0.5;
+            look.kind = if metal { SurfaceEntry::RoughConductor } else { SurfaceEntry::Coated };
+        }
+        3 | 5 | 8 if specular.max_element() > 0.0 && specular.max_element() >= diffuse.max_element() => {
+            look.reflectance = Some(specular);
+            let perfect = source.shininess.is_none_or(|n| n >= MIRROR_SHININESS);
+            look.kind = if perfect { SurfaceEntry::Mirror } else { SurfaceEntry::RoughConductor };
+        }
+        3 | 5 | 8 if specular.max_element() > 0.0 => {
+            look.kind = SurfaceEntry::Coated;
+            look.specular = specular;
+        }
+        // A Phong highlight is a look, not a reflectance: Ks scales what a lacquer of index Ni reflects, so that the
+        // `Ks 1 1 1` of many exporters becomes lacquer and not chrome.
+        2 if specular.max_element() > 0.0 && source.shininess.is_none_or(|n| n > 1.0) => {
+            look.kind = SurfaceEntry::Coated;
+            look.specular = specular.min(Vec3::ONE) * normal_reflectance(coat_ior);
+        }
+        _ => {}
+    }
+    look
+}
+
+impl MtlLook {
+    /// Makes the sheet reflect `Ks` and pass `Tf` at normal incidence, where the two leave room for each other.
+    fn be_sheet(&mut self, specular: Vec3) {
+        let reflected = specular.max_element();
+        if reflected + self.transmittance.max_element() > 1.001 || reflected >= 0.9 {
+            self.ior = if reflected > 0.0 { USUAL_IOR } else { 1.0 };
+            return;
+        }
+        self.ior = ior_of_sheet(reflected);
+        self.transmittance /= 1.0 - reflected;
+    }
+}
