@@ -1,8 +1,7 @@
 //! A scene that is ready to trace, with the settings that it asks for and its identity.
 
-use sha2::{Digest, Sha256};
-
 use super::Scene;
+use super::content::content_hash;
 use crate::light::Lighting;
 
 /// A scene that has been read and checked.
@@ -59,41 +58,4 @@ impl LoadedScene {
         self.content = content_hash(&self.scene, self.settings.max_depth);
         self
     }
-}
-
-/// SHA-256 over everything that decides the entries of `T` apart from the samples: geometry, materials, textures,
-/// camera, emitters, path depth. Names do not count.
-///
-/// Small records are hashed by their `Debug` text: it holds every field, also ones that are added later, and prints
-/// floats so that different values differ.
-pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
-    let mut hash = Sha256::new();
-    let mut part = |bytes: &[u8]| {
-        hash.update((bytes.len() as u64).to_le_bytes());
-        hash.update(bytes);
-    };
-    part(b"ltm scene 1");
-    let Scene { name: _, origin: _, mesh, materials, textures, camera, emitters, basis: _, metres_per_unit: _ } = scene;
-    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.position).collect::<Vec<_>>()));
-    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.normal).collect::<Vec<_>>()));
-    part(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.uv).collect::<Vec<_>>()));
-    let triangles: Vec<[u32; 5]> = mesh
-        .triangles
-        .iter()
-        .map(|t| [t.vertices[0], t.vertices[1], t.vertices[2], t.material.0, t.emitter.map_or(u32::MAX, |e| e)])
-        .collect();
-    part(bytemuck::cast_slice(&triangles));
-    for material in materials {
-        part(format!("{:?} {:?}", material.surface, material.cutout).as_bytes());
-        // Only where it says something, so that scenes without keep the identity that they had.
-        if material.opacity < 1.0 {
-            part(format!("opacity {:?}", material.opacity).as_bytes());
-        }
-    }
-    for texture in textures {
-        part(format!("{} × {}", texture.width, texture.height).as_bytes());
-        part(bytemuck::cast_slice(&texture.texels));
-    }
-    part(format!("{camera:?} {emitters:?} depth {max_depth}").as_bytes());
-    hash.finalize().into()
 }

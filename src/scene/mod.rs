@@ -5,6 +5,7 @@
 mod assembly;
 mod built_in;
 mod camera;
+mod content;
 mod cube_map;
 mod emitter;
 mod eulumdat;
@@ -35,9 +36,10 @@ mod validate;
 
 pub use built_in::{BUILT_IN_NAMES, BuiltIn, built_in, built_in_named};
 pub use camera::{Camera, PixelFilter};
+pub use content::content_hash;
 pub use emitter::{AreaEmitter, AreaLayout, Emitter, EnvironmentEmitter, IesProfile, PointEmitter};
 pub use load::{LoadOptions, load, load_with};
-pub use loaded::{LoadedScene, RenderSettings, content_hash};
+pub use loaded::{LoadedScene, RenderSettings};
 pub use material::{Material, Paint, Surface, Texture, TextureId};
 pub(crate) use mesh::bounds;
 pub use mesh::{MaterialId, Mesh, Triangle, Vertex};

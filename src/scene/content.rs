@@ -1,0 +1,203 @@
+//! What decides the entries of `T`, as bytes that never change with names in the code: a scene's identity.
+
+use glam::{Mat3, Vec3};
+use sha2::{Digest, Sha256};
+
+use super::emitter::{AreaEmitter, AreaLayout, EnvironmentEmitter, IesProfile};
+use super::{Camera, Emitter, Material, Paint, PixelFilter, PointEmitter, Scene, Surface, TextureId};
+use crate::light::EnvironmentMapping;
+
+/// Version of these bytes: to be raised with every change of them.
+const VERSION: &[u8] = b"ltm scene 2";
+
+/// SHA-256 over everything that decides the entries of `T` apart from the samples: geometry, materials, textures,
+/// camera, emitters, path depth. Names do not count.
+///
+/// Every variant has a number and every field its bytes. Structs are taken apart by name, so that a field that is added must be
+/// named here.
+pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
+    let mut parts = Parts(Sha256::new());
+    parts.bytes(VERSION);
+    let Scene { name: _, origin: _, mesh, materials, textures, camera, emitters, basis: _, metres_per_unit: _ } = scene;
+    parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.position).collect::<Vec<_>>()));
+    parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.normal).collect::<Vec<_>>()));
+    parts.bytes(bytemuck::cast_slice(&mesh.vertices.iter().map(|v| v.uv).collect::<Vec<_>>()));
+    let triangles: Vec<[u32; 5]> = mesh
+        .triangles
+        .iter()
+        .map(|t| [t.vertices[0], t.vertices[1], t.vertices[2], t.material.0, t.emitter.map_or(u32::MAX, |e| e)])
+        .collect();
+    parts.bytes(bytemuck::cast_slice(&triangles));
+    parts.whole(materials.len() as u64);
+    materials.iter().for_each(|material| parts.material(material));
+    parts.whole(textures.len() as u64);
+    for texture in textures {
+        parts.whole(texture.width.into());
+        parts.whole(texture.height.into());
+        parts.bytes(bytemuck::cast_slice(&texture.texels));
+    }
+    parts.camera(camera);
+    parts.whole(emitters.len() as u64);
+    emitters.iter().for_each(|emitter| parts.emitter(emitter));
+    parts.whole(max_depth.into());
+    parts.0.finalize().into()
+}
+
+/// What has been hashed so far.
+struct Parts(Sha256);
+
+impl Parts {
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.whole(bytes.len() as u64);
+        self.0.update(bytes);
+    }
+
+    fn whole(&mut self, number: u64) {
+        self.0.update(number.to_le_bytes());
+    }
+
+    /// Its bits: 0 and −0 differ, which costs a hash and loses nothing.
+    fn number(&mut self, number: f32) {
+        self.0.update(number.to_bits().to_le_bytes());
+    }
+
+    fn vector(&mut self, vector: Vec3) {
+        vector.to_array().into_iter().for_each(|v| self.number(v));
+    }
+
+    fn matrix(&mut self, matrix: &Mat3) {
+        matrix.to_cols_array().into_iter().for_each(|v| self.number(v));
+    }
+
+    fn texture(&mut self, texture: Option<TextureId>) {
+        self.whole(texture.map_or(u64::MAX, |id| id.0.into()));
+    }
+
+    fn paint(&mut self, paint: &Paint) {
+        let (texture, factor) = match *paint {
+            Paint::Constant(colour) => (None, colour),
+            Paint::Textured(texture, factor) => (Some(texture), factor),
+        };
+        self.texture(texture);
+        self.vector(factor);
+    }
+
+    fn material(&mut self, Material { name: _, surface, cutout, opacity }: &Material) {
+        match surface {
+            Surface::Lambert { reflectance } => {
+                self.whole(0);
+                self.paint(reflectance);
+            }
+            Surface::Mirror { reflectance } => {
+                self.whole(1);
+                self.paint(reflectance);
+            }
+            Surface::RoughConductor { specular, alpha } => {
+                self.whole(2);
+                self.paint(specular);
+                self.number(*alpha);
+            }
+            Surface::Dielectric { ior, transmittance } => {
+                self.whole(3);
+                self.number(*ior);
+                self.vector(*transmittance);
+            }
+            Surface::ThinDielectric { ior, transmittance } => {
+                self.whole(4);
+                self.number(*ior);
+                self.vector(*transmittance);
+            }
+            Surface::Coated { reflectance, specular, alpha } => {
+                self.whole(5);
+                self.paint(reflectance);
+                self.vector(*specular);
+                self.number(*alpha);
+            }
+            Surface::Black => self.whole(6),
+        }
+        self.texture(*cutout);
+        self.number(*opacity);
+    }
+
+    fn camera(&mut self, camera: &Camera) {
+        let Camera { eye, forward, right, up, vertical_fov_radians, width, height, filter } = camera;
+        [eye, forward, right, up].into_iter().for_each(|vector| self.vector(*vector));
+        self.number(*vertical_fov_radians);
+        self.whole((*width).into());
+        self.whole((*height).into());
+        let (kind, size) = match filter {
+            PixelFilter::Box => (0, 0.0),
+            PixelFilter::Tent { radius } => (1, *radius),
+            PixelFilter::Gaussian { deviation } => (2, *deviation),
+        };
+        self.whole(kind);
+        self.number(size);
+    }
+
+    fn emitter(&mut self, emitter: &Emitter) {
+        match emitter {
+            Emitter::Area(AreaEmitter { triangles, layout, two_sided, pattern }) => {
+                self.whole(0);
+                self.bytes(bytemuck::cast_slice(triangles));
+                self.layout(layout);
+                self.whole((*two_sided).into());
+                self.whole(pattern.is_some().into());
+                pattern.iter().for_each(|pattern| self.paint(pattern));
+            }
+            Emitter::Point(point) => {
+                self.whole(1);
+                self.point(point);
+            }
+            Emitter::Environment(EnvironmentEmitter { mapping, world_from_environment }) => {
+                self.whole(2);
+                let (kind, across, down) = match *mapping {
+                    EnvironmentMapping::LatLong { across, down } => (0, across, down),
+                    EnvironmentMapping::Octahedral { side } => (1, side, side),
+                };
+                [kind, across, down].into_iter().for_each(|number| self.whole(number.into()));
+                self.matrix(world_from_environment);
+            }
+        }
+    }
+
+    fn layout(&mut self, layout: &AreaLayout) {
+        match layout {
+            AreaLayout::Whole => self.whole(0),
+            AreaLayout::Texels { origin, edge_u, edge_v, normal, across, down } => {
+                self.whole(1);
+                [origin, edge_u, edge_v, normal].into_iter().for_each(|vector| self.vector(*vector));
+                [across, down].into_iter().for_each(|number| self.whole((*number).into()));
+            }
+        }
+    }
+
+    fn point(&mut self, point: &PointEmitter) {
+        match point {
+            PointEmitter::Point { position } => {
+                self.whole(0);
+                self.vector(*position);
+            }
+            PointEmitter::Spot { position, direction, inner_radians, outer_radians } => {
+                self.whole(1);
+                self.vector(*position);
+                self.vector(*direction);
+                self.number(*inner_radians);
+                self.number(*outer_radians);
+            }
+            PointEmitter::Sun { towards, angular_radius_radians } => {
+                self.whole(2);
+                self.vector(*towards);
+                self.number(*angular_radius_radians);
+            }
+            PointEmitter::Ies { position, world_from_luminaire, profile } => {
+                self.whole(3);
+                self.vector(*position);
+                self.matrix(world_from_luminaire);
+                let IesProfile { vertical_radians, horizontal_radians, intensity } = profile;
+                for angles in [vertical_radians, horizontal_radians, intensity] {
+                    self.bytes(bytemuck::cast_slice(angles));
+                }
+            }
+        }
+    }
+}
