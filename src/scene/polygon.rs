@@ -26,7 +26,7 @@ pub(super) fn cut(corners: &[DVec3]) -> Cut {
     if count == 3 {
         return Cut { triangles: vec![[0, 1, 2]], crosses: false };
     }
-    let (flat, is_flat) = flattened(corners);
+    let (flat, height, length) = flattened(corners);
     let fan = || (1..count - 1).map(|i| [0, i, i + 1]).collect();
     if count > MOST_CORNERS {
         return Cut { triangles: fan(), crosses: true };
@@ -51,14 +51,16 @@ pub(super) fn cut(corners: &[DVec3]) -> Cut {
         filled += doubled.abs();
     }
     let crosses = (filled - area.abs()).abs() > AREA_SLACK * filled.max(area.abs());
-    if crosses && !is_flat {
+    // Beside its width: a long strip that is twisted is not flat.
+    if crosses && height > FLAT * filled / length {
         return Cut { triangles: fan(), crosses: false };
     }
     Cut { triangles, crosses }
 }
 
-/// The corners seen along the polygon's normal: the two axes in which it is widest. And whether it is flat.
-fn flattened(corners: &[DVec3]) -> (Vec<DVec2>, bool) {
+/// The corners seen along the polygon's normal: the two axes in which it is widest. And how far they stand off the plane of the first
+/// one, and the length of the whole.
+fn flattened(corners: &[DVec3]) -> (Vec<DVec2>, f64, f64) {
     let next = corners.iter().cycle().skip(1);
     let origin = corners[0];
     let normal = corners.iter().zip(next).fold(DVec3::ZERO, |sum, (a, b)| sum + (*a - origin).cross(*b - origin));
@@ -75,12 +77,12 @@ fn flattened(corners: &[DVec3]) -> (Vec<DVec2>, bool) {
         2
     };
     let along = if has_area { normal.normalize_or_zero() } else { DVec3::AXES[axis] };
-    let is_flat = corners.iter().all(|corner| (*corner - origin).dot(along).abs() <= FLAT * extent.length());
+    let height = corners.iter().map(|corner| (*corner - origin).dot(along).abs()).fold(0.0, f64::max);
     let seen = |corner: &DVec3| {
         let DVec3 { x, y, z } = *corner - origin;
         [DVec2::new(y, z), DVec2::new(z, x), DVec2::new(x, y)][axis]
     };
-    (corners.iter().map(seen).collect(), is_flat)
+    (corners.iter().map(seen).collect(), height, extent.length())
 }
 
 /// Twice the area, positive where the corners run counter-clockwise.
@@ -160,6 +162,23 @@ mod tests {
     fn convex_polygons_are_fans_about_their_first_corner() {
         let corners: Vec<DVec3> = (0..5).map(|i| DVec3::new(f64::from(i).cos(), f64::from(i).sin(), 0.0)).collect();
         assert_eq!(cut(&corners).triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
+    }
+
+    #[test]
+    fn any_corners_make_triangles_of_them() {
+        let mut state = 1u64;
+        let mut below = |end: u64| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) % end
+        };
+        for _ in 0..3000 {
+            let (count, grid) = (3 + below(20), 1 + below(6));
+            let corners: Vec<DVec3> =
+                (0..count).map(|_| DVec3::from([0; 3].map(|_| below(grid) as f64 * 1e3))).collect();
+            let found = cut(&corners);
+            assert!(found.triangles.iter().flatten().all(|&at| at < corners.len()));
+            assert!(found.triangles.len() <= corners.len());
+        }
     }
 
     #[test]

@@ -24,17 +24,34 @@ const UNSEEN: f32 = 0.01;
 const GLOSSY: (f32, f32) = (0.1, 10.0);
 
 /// Stems of words for glass and water, in languages of the files at hand.
-const GLASS: [&str; 14] = [
-    "glas", "verre", "vitre", "vetro", "vidr", "cristal", "crystal", "kristal", "acryl", "plexi", "szklo", "steklo",
-    "water", "wasser",
+const GLASS: [&str; 17] = [
+    "glas",
+    "verre",
+    "vitre",
+    "vetro",
+    "vidr",
+    "cristal",
+    "crystal",
+    "kristal",
+    "szklo",
+    "steklo",
+    "acryl",
+    "plexi",
+    "pyrex",
+    "windscreen",
+    "windshield",
+    "water",
+    "wasser",
 ];
 /// Whole words for the same.
 const GLASS_WORDS: [&str; 7] = ["pane", "panes", "window", "lens", "agua", "acqua", "eau"];
 /// Stems of words for what light passes by holes and fibres.
-const CLOTH: [&str; 23] = [
-    "curtain", "cloth", "fabric", "textile", "lace", "voile", "tulle", "veil", "gauze", "leaf", "leaves", "foliage",
-    "plant", "petal", "flower", "grass", "hair", "lash", "feather", "smoke", "fire", "flame", "shadow",
+const CLOTH: [&str; 22] = [
+    "screen", "curtain", "cloth", "fabric", "textile", "voile", "tulle", "veil", "gauze", "leaf", "leaves", "foliage",
+    "plant", "petal", "flower", "grass", "eyelash", "feather", "smoke", "fire", "flame", "shadow",
 ];
+/// Whole words for the same, which others have within them.
+const CLOTH_WORDS: [&str; 5] = ["hair", "lace", "lash", "net", "fur"];
 /// Stems of words for hollow bodies around a lamp.
 const LAMP: [&str; 9] = ["bulb", "lamp", "light", "lantern", "shade", "globe", "bombilla", "ampoule", "luz"];
 
@@ -142,10 +159,11 @@ impl Evidence {
         let words = words(&source.name);
         let gloss = source.specular.unwrap_or(Vec3::ZERO).max_element();
         let is_matte = matches!(source.illumination, Some(0 | 1));
-        let is_named = has(&GLASS) || words.iter().any(|word| GLASS_WORDS.contains(&word.as_str()));
+        let has_word = |known: &[&str]| words.iter().any(|word| known.contains(&word.as_str()));
+        let is_named = has(&GLASS) || has_word(&GLASS_WORDS);
         Self {
             is_named_glass: is_named || source.is_glass(),
-            is_named_cloth: has(&CLOTH) && !is_named,
+            is_named_cloth: (has(&CLOTH) || has_word(&CLOTH_WORDS)) && !is_named,
             is_lamp: has(&LAMP),
             is_textured: source.diffuse_map.is_some(),
             is_matte,
@@ -251,5 +269,38 @@ impl MtlLook {
         }
         self.ior = ior_of_sheet(reflected);
         self.transmittance /= 1.0 - reflected;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_glass_from_cloth() {
+        let named = |name: &str| {
+            let source = MtlMaterial {
+                name: name.into(),
+                dissolve: Some(0.3),
+                specular: Some(Vec3::splat(0.5)),
+                ..Default::default()
+            };
+            look_of(&source, Shape::Sheet).2
+        };
+        for glass in [
+            "cabinetPane",
+            "FlakonSmokeGlassMat",
+            "vidre_taula",
+            "chair plastic",
+            "Material.003",
+            "flash",
+            "glass curtain",
+        ] {
+            assert_eq!(named(glass), Through::Pane, "{glass}");
+        }
+        for cloth in ["Curtain_01", "tree leaves", "longHair", "SYNTH_screen", "eyelashes", "mosquito net"] {
+            assert_eq!(named(cloth), Through::Share, "{cloth}");
+        }
+        assert_eq!(words("cabinetPane_2 A"), ["cabinet", "pane", "", "", "a"]);
     }
 }

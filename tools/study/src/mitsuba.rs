@@ -96,9 +96,9 @@ fn write_scene(loaded: &LoadedScene, folder: &Path) -> Result<()> {
         let file = format!("{name}.ply");
         let path = folder.join(&file);
         write_file(&path, true, &ply(&scene.mesh, &triangles, !flat))?;
-        let surface = scene.materials[material as usize].surface;
+        let material = &scene.materials[material as usize];
         let radiance = emitter.map(|light| radiance(loaded, light as usize)).transpose()?;
-        parts.insert(name, json!({ "file": file, "flat": flat, "bsdf": bsdf(surface)?, "radiance": radiance }));
+        parts.insert(name, json!({ "file": file, "flat": flat, "bsdf": masked(bsdf(material.surface)?, material.opacity), "radiance": radiance }));
     }
     let camera = &scene.camera;
     let described = json!({
@@ -127,6 +127,11 @@ fn radiance(loaded: &LoadedScene, light: usize) -> Result<[f32; 3]> {
         Some((first, rest)) if rest.iter().all(|w| w == first) => Ok(*first),
         _ => refuse(),
     }
+}
+
+/// The twin of a surface that lets some of the light pass.
+fn masked(bsdf: Value, opacity: f32) -> Value {
+    if opacity < 1.0 { json!({ "type": "mask", "opacity": opacity, "bsdf": bsdf }) } else { bsdf }
 }
 
 /// The twin of a surface, as the dictionary of a plugin.

@@ -36,7 +36,9 @@ fn print(path: &Path, found: &Survey) {
     say!("columns      {}", basis.column_count());
     say!("materials    {}", found.scene.materials.len());
     for (material, triangles) in found.materials().take(MOST_LISTED) {
-        say!("  {:<24} {}, {triangles} triangles", material.name, material.surface.name());
+        let (name, surface) = (&material.name, material.surface.name());
+        let opacity = if material.opacity < 1.0 { format!(", opacity {:.3}", material.opacity) } else { String::new() };
+        say!("  {name:<24} {surface}{opacity}, {triangles} triangles");
     }
     print_more(found.scene.materials.len());
     if !found.warnings.is_empty() {
@@ -51,7 +53,7 @@ fn print(path: &Path, found: &Survey) {
 fn print_as_json(path: &Path, found: &Survey) {
     let camera = &found.scene.camera;
     let materials = found.materials().map(|(material, triangles)| {
-        json!({ "name": material.name, "surface": material.surface.name(), "triangles": triangles })
+        json!({ "name": material.name, "surface": material.surface.name(), "opacity": material.opacity, "triangles": triangles })
     });
     print_json(json!({
         "file": path.display().to_string(), "kind": "scene",
