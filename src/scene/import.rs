@@ -109,7 +109,7 @@ impl Geometry {
             return Err(Error::input(path.display().to_string(), problem, lines.join("; ")));
         }
         faults.report(path, warnings);
-        self.look_at_shapes(first_material, first_triangle);
+        self.look_at_shapes(first_material, first_triangle, memory, path)?;
         if degenerate > 0 {
             warnings.push(format!("{}: {degenerate} triangles without area were left out", path.display()));
         }
@@ -222,7 +222,13 @@ impl Geometry {
     }
 
     /// Notes the shape of what has each material that something shows through.
-    fn look_at_shapes(&mut self, first_material: usize, first_triangle: usize) {
+    fn look_at_shapes(
+        &mut self,
+        first_material: usize,
+        first_triangle: usize,
+        memory: &Memory,
+        path: &Path,
+    ) -> Result<()> {
         let triangles = &self.mesh.triangles[first_triangle..];
         let mut corners: Vec<Option<Vec<[Vec3; 3]>>> = Vec::new();
         for material in &self.materials[first_material..] {
@@ -234,11 +240,14 @@ impl Geometry {
                 found.push(self.mesh.corners(triangle));
             }
         }
+        let count: usize = corners.iter().flatten().map(Vec::len).sum();
+        memory.check((count * mtl::SHAPE_BYTES) as u64, path)?;
         for (material, found) in self.materials[first_material..].iter_mut().zip(corners) {
             if let (Description::Mtl(_, _, shape), Some(found)) = (&mut material.description, found) {
                 *shape = mtl::shape_of(&found);
             }
         }
+        Ok(())
     }
 
     /// Adds the triangles of a part, and counts those that are left out or turned.

@@ -20,7 +20,7 @@ pub(super) struct Cut {
 }
 
 /// Cuts a polygon of at least three corners: a convex one into the fan about its first corner, others by their ears, as they
-/// look along their normal (Newell's). A polygon that is not flat and seems to cross itself is folded, not crossed: a fan again.
+/// look along their normal (Newell's). A quad that is not flat and seems to cross itself is folded, not crossed: a fan again.
 pub(super) fn cut(corners: &[DVec3]) -> Cut {
     let count = corners.len();
     if count == 3 {
@@ -52,10 +52,11 @@ pub(super) fn cut(corners: &[DVec3]) -> Cut {
     }
     let crosses = (filled - area.abs()).abs() > AREA_SLACK * filled.max(area.abs());
     // Beside its width: a long strip that is twisted is not flat.
-    if crosses && height > FLAT * filled / length {
-        return Cut { triangles: fan(), crosses: false };
+    let is_folded = crosses && height > FLAT * filled / length;
+    if is_folded && count == 4 {
+        triangles = fan();
     }
-    Cut { triangles, crosses }
+    Cut { triangles, crosses: crosses && !is_folded }
 }
 
 /// The corners seen along the polygon's normal: the two axes in which it is widest. And how far they stand off the plane of the first

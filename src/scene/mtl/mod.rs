@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 pub(super) use dialect::Writer;
 pub(super) use look::{MtlLook, Through, look_of};
 pub(super) use maps::Map;
-pub(super) use shape::{Shape, shape_of};
+pub(super) use shape::{SHAPE_BYTES, Shape, shape_of};
 
 /// One `newmtl` of an MTL file; what is not stated is `None`.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -18,6 +18,9 @@ const WALL: f64 = 0.05;
 /// Corners nearer to each other than this, in widths of the whole, are at the same place.
 const NEAR: f32 = 1e-5;
 
+/// Bytes for each triangle that is looked at: its corners, their places, its edges in a table with room to grow.
+pub(in super::super) const SHAPE_BYTES: usize = 400;
+
 /// What most of a material's surface belongs to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(in super::super) enum Shape {
