@@ -251,7 +251,9 @@ impl Pilot<'_> {
     }
 
     fn images(&self, tracer: &Tracer, windows: &[Vec<BlockId>], cleans: bool) -> Result<WindowImages> {
-        let blocks = Blocks { source: tracer, job: self.job, windows };
+        let mut job = self.job.clone();
+        job.basis.set_column_scales(tracer.column_scales().to_vec())?;
+        let blocks = Blocks { source: tracer, job: &job, windows };
         blocks.images(cleans, self.threads, ("a pilot", self.watch))
     }
 
@@ -523,19 +525,25 @@ mod tests {
         assert!(!samples_path(&path).exists());
     }
 
-    /// The image of every block of a packed scene.
+    /// The image of every block of a packed scene, of columns divided by their scales.
     fn images_of(path: &Path) -> Images {
         let container = crate::container::ContainerReader::open(path).unwrap();
         let (job, probes) = (container.job(), crate::light::probe_lightings(&container.job().basis));
-        let image = |id| (id, ProbedBlock::of_factors(&container.read_block(id).unwrap(), &probes));
+        let inverse: Vec<f32> = job.basis.column_scales().iter().map(|scale| scale.recip()).collect();
+        let image = |id| {
+            let mut block = container.read_block(id).unwrap();
+            block.scale_columns(&inverse);
+            (id, ProbedBlock::of_factors(&block, &probes))
+        };
         job.shape.blocks().map(image).collect()
     }
 
     /// Those of a matrix of many samples.
     fn converged() -> Images {
-        let job = job_of(&scene()).unwrap();
+        let mut job = job_of(&scene()).unwrap();
         let settings = TraceSettings { samples_per_pixel: 1024, seed: 4711, ..settings_of(&scene()) };
-        let tracer = Tracer::new(scene().scene, job.shape, settings).unwrap();
+        let tracer = Tracer::new(scene().scene, job.shape, settings).unwrap().with_column_scales();
+        job.basis.set_column_scales(tracer.column_scales().to_vec()).unwrap();
         let windows = [job.shape.blocks().collect()];
         let blocks = Blocks { source: &tracer, job: &job, windows: &windows };
         let threads = Threads::new(rayon::current_num_threads()).unwrap();

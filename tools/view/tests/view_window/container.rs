@@ -19,7 +19,7 @@ pub(crate) fn write(path: &Path, scene: LoadedScene, samples_per_pixel: u32) {
         source: scene.scene.name.clone(),
         samples_per_pixel,
         metres_per_unit: scene.scene.metres_per_unit,
-        settings: camera.in_words(ltm::glam::DVec3::ZERO),
+        settings: camera.in_words(glam::DVec3::ZERO),
         ..Default::default()
     };
     let job = Job { shape, basis: scene.scene.basis.clone(), provenance };
