@@ -153,7 +153,8 @@ pub(super) fn lamps_light_a_surface() {
         for (step, place) in PLACES.into_iter().enumerate() {
             for power in 0..7 {
                 // Every height has both floors, at places in turn, and so has every place.
-                let (height, cuts) = (1e-3 * 10f64.powi(power), if (step + power as usize) % 2 == 0 { 1 } else { 16 });
+                let (height, cuts) =
+                    (1e-3 * 10f64.powi(power), if (step + power as usize).is_multiple_of(2) { 1 } else { 16 });
                 for point in [DVec3::new(0.003, 0.0, 0.004), DVec3::new(0.31, 0.0, 0.17)] {
                     let (scene, raised) = under(&lamp, height, cuts, point, (DVec3::from(place), 1.0));
                     let found = share(&scene, &raised, point, 128);
