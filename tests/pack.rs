@@ -1,6 +1,9 @@
 //! Packing: stored and fused give the same bytes, a stopped pack goes on, memory and disk are kept, and the stated error
 //! is the real one.
 
+#[path = "pack/divided.rs"]
+mod divided;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -19,6 +22,8 @@ use ltm::store::StoreReader;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use tempfile::TempDir;
+
+use divided::divided;
 
 /// A small room with blocks at both edges that are not full.
 fn room(name: &str) -> LoadedScene {
@@ -388,22 +393,6 @@ fn other_settings_do_not_take_up_what_was_analysed_for_these() {
     options.container.overwrite = true;
     let (render, _) = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).unwrap();
     assert_eq!(render.blocks_kept, 0);
-}
-
-/// A block of a matrix and of its container, columns divided by their scales: what errors are stated of.
-fn divided(
-    matrix: &StoreReader,
-    container: &ContainerReader,
-    id: BlockId,
-) -> (TracedBlock, ltm::matrix::FactoredBlock) {
-    let scales = container.job().basis.column_scales();
-    assert_eq!(scales, matrix.job().basis.column_scales());
-    let mut block = TracedBlock::default();
-    matrix.read_block(id, &mut block).unwrap();
-    block.divide_columns(scales);
-    let mut packed = container.read_block(id).unwrap();
-    packed.scale_columns(&scales.iter().map(|scale| scale.recip()).collect::<Vec<_>>());
-    (block, packed)
 }
 
 /// `Σ (packed − stored)²` over a block, entry by entry.

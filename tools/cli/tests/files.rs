@@ -358,7 +358,7 @@ fn options_that_would_be_passed_over_are_refused() {
     end_with(
         at,
         "ltm-pack",
-        &["room.ltm", "-o", "o.ltc", "--target", "1B"],
+        &["room.ltm", "-o", "o.ltc", "--target", "1B", "--force"],
         0,
         &["\nthe file has", "more than the target", "nothing is left"],
     );
