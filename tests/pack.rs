@@ -23,8 +23,6 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use tempfile::TempDir;
 
-use divided::divided;
-
 /// A small room with blocks at both edges that are not full.
 fn room(name: &str) -> LoadedScene {
     let mut loaded = BuiltIn { width: 72, height: 40, texels: 8 }.named(name).unwrap();
@@ -422,7 +420,7 @@ fn the_stated_errors_are_those_of_the_stored_entries() {
         let container = ContainerReader::open(&path).unwrap();
         let (mut errors, mut norms) = (0.0, 0.0);
         for id in matrix.job().shape.blocks() {
-            let (block, packed) = divided(&matrix, &container, id);
+            let (block, packed) = divided::divided(&matrix, &container, id);
             let error = squared_error(&block, &packed);
             let stated = container.block_report(id);
             let norm: f64 = block.block.entries().iter().map(|&v| f64::from(v).powi(2)).sum();
@@ -474,7 +472,7 @@ fn exactly(matrix: &StoreReader, container: &ContainerReader, lightings: &[Vec<f
     let n = matrix.job().shape.columns();
     let mut exact = Exact { columns: vec![[0.0; 3]; n], images: vec![[0.0; 2]; lightings.len()] };
     for id in matrix.job().shape.blocks() {
-        let (block, packed) = divided(matrix, container, id);
+        let (block, packed) = divided::divided(matrix, container, id);
         let packed = packed.expand();
         let rows = block.block.rows();
         let noise = block.noise.as_ref().expect("the tracer keeps it");
