@@ -97,8 +97,13 @@ impl LightErrorSums {
     pub fn lossy_lights(&self, basis: &LightBasis) -> Vec<LightLoss> {
         let sums = self.lock();
         let loss = |light: &Light| {
-            let of = |which: usize| light.columns().map(|column| sums.columns[column as usize][which] as f64).sum();
-            LightLoss::notable(&light.name, [of(0), if sums.noise_known { of(2) } else { 0.0 }, of(1)])
+            let of = |which: usize| -> f64 {
+                light.columns().map(|column| sums.columns[column as usize][which] as f64).sum()
+            };
+            // Images of texels add up, their errors hardly: of a light as a whole their squares count once for all.
+            let share = 1.0 / light.places.len() as f64;
+            let noise = if sums.noise_known { of(2) } else { 0.0 };
+            LightLoss::notable(&light.name, [share * of(0), share * noise, of(1)])
         };
         let mut losses: Vec<LightLoss> = basis.lights().iter().filter_map(loss).collect();
         losses.sort_by(|a, b| b.error.total_cmp(&a.error));

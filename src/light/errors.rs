@@ -87,7 +87,7 @@ pub fn exposed_error_line(error: &ExposedError) -> String {
 pub struct LightLoss {
     /// Name of the light.
     pub light: String,
-    /// Relative L2 over the whole picture, all columns of the light at random.
+    /// Relative L2 over the whole picture, all columns of the light on.
     pub error: f64,
 }
 
