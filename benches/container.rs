@@ -250,7 +250,7 @@ fn clip_decibels(image: &LinearImage, truth: &LinearImage) -> Option<f64> {
 /// a kind.
 fn first_image(matrix: &StoreReader, folder: &Path, title: &str, figures: &mut Figures) {
     let (job, path) = (matrix.job(), folder.join("packed.ltc"));
-    let mut options = PackOptions { denoise: true, ..PackOptions::default() };
+    let mut options = PackOptions { allow_lost_lights: true, denoise: true, ..PackOptions::default() };
     options.container.overwrite = true;
     ltm::pipeline::pack(matrix, job, &path, &options, &Quiet).expect("there is room");
     let packed = ContainerReader::open(&path).expect("the file is sound");

@@ -51,7 +51,7 @@ fn main() {
         render.store.overwrite = true;
         let rendered = peak(|| pipeline::render(loaded, &matrix_path, &render, &Quiet).expect("rendering")).1;
         let matrix = StoreReader::open(&matrix_path).expect("the matrix");
-        let mut options = PackOptions { denoise: true, ..PackOptions::default() };
+        let mut options = PackOptions { allow_lost_lights: true, denoise: true, ..PackOptions::default() };
         options.container.overwrite = true;
         let (report, packed) =
             peak(|| pipeline::pack(&matrix, matrix.job(), &container_path, &options, &Quiet).expect("packing"));

@@ -195,6 +195,7 @@ fn jobs(folder: &Path, job: &Job, path: &Path, stored: u64) {
     let packed = folder.join("packed.ltc");
     let pack = |source: &dyn BlockSource| {
         let options = PackOptions {
+            allow_lost_lights: true,
             container: ContainerOptions { overwrite: true, ..Default::default() },
             ..PackOptions::default()
         };

@@ -208,7 +208,14 @@ fn preview_of(
         CompressSettings { target: Target::PsnrDb(PREVIEW_DB), noise_factor: None, ..CompressSettings::default() };
     let mut writing = ContainerOptions::default();
     writing.codec.layered = false;
-    let options = PackOptions { compress, container: writing, denoise: false, memory_bytes, ..Default::default() };
+    let options = PackOptions {
+        compress,
+        allow_lost_lights: true,
+        container: writing,
+        denoise: false,
+        memory_bytes,
+        ..Default::default()
+    };
     let packed = pack(&small, &Job { shape, ..job.clone() }, path, &options, &Preview(watch));
     packed.map_err(|error| if watch.interrupted() { interrupted() } else { error })?;
     ContainerReader::open(path)

@@ -50,6 +50,7 @@ impl PackChoices {
             options.compress.noise_factor = None;
         }
         options.container.overwrite = self.overwrite;
+        options.allow_lost_lights = self.overwrite;
         Ok(options)
     }
 }

@@ -278,7 +278,15 @@ fn measure(
             (PAPER_SLOPE, &of_paper, false),
         ] {
             let compress = CompressSettings { target, ..settings.clone() };
-            keep(way, packed(bench, matrix, PackOptions { compress, denoise, ..Default::default() }, lightings)?);
+            keep(
+                way,
+                packed(
+                    bench,
+                    matrix,
+                    PackOptions { allow_lost_lights: true, compress, denoise, ..Default::default() },
+                    lightings,
+                )?,
+            );
         }
     }
     for &rank in plan.ranks {
@@ -312,7 +320,7 @@ fn tucker_of(there: &[&'static (&'static str, Python)]) -> Option<&'static (&'st
 fn cleaned(bench: &Bench<'_>, matrix: &StoreReader) -> Result<StoreReader> {
     let (rank, decibels) = HARDLY_COMPRESSED;
     let compress = CompressSettings { target: Target::PsnrDb(decibels), rank, ..CompressSettings::default() };
-    let mut options = PackOptions { compress, denoise: true, ..PackOptions::default() };
+    let mut options = PackOptions { allow_lost_lights: true, compress, denoise: true, ..PackOptions::default() };
     options.container.overwrite = true;
     let (packed, path, silent) = (bench.cached("cleaned.ltc"), bench.cached("cleaned.ltm"), bench.silent());
     pack(matrix, matrix.job(), &packed, &options, &silent)?;

@@ -191,7 +191,7 @@ fn measure(
         let target = Target::Bytes((shape.raw_bytes() as f64 / ratio) as u64);
         let rank = if [FROM_IMAGES_64, TOLD_64].contains(&lights) { 64 } else { CompressSettings::default().rank };
         let compress = CompressSettings { target, prior, rank, ..CompressSettings::default() };
-        let mut options = PackOptions { compress, ..PackOptions::default() };
+        let mut options = PackOptions { allow_lost_lights: true, compress, ..PackOptions::default() };
         options.container.overwrite = true;
         let packed = pipeline::pack(&matrix, &job, &path, &options, &silent)?;
         let relighter = CpuRelighter::load(&ContainerReader::open(&path)?)?;

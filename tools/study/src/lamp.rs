@@ -178,7 +178,12 @@ fn alone(job: &Job, name: &str) -> Result<Lighting> {
 fn rivals(bench: &Bench<'_>, matrix: &StoreReader, lamps: &[Lamp]) -> Result<Vec<Rival>> {
     let job = matrix.job();
     let lightings: Vec<Lighting> = lamps.iter().map(|lamp| alone(job, lamp.name)).collect::<Result<_>>()?;
-    let ours = packed(bench, matrix, PackOptions { denoise: true, ..PackOptions::default() }, &lightings)?;
+    let ours = packed(
+        bench,
+        matrix,
+        PackOptions { allow_lost_lights: true, denoise: true, ..PackOptions::default() },
+        &lightings,
+    )?;
     let mut rivals = vec![Rival { method: "ours", images: ours.images }];
     let raw = relight_raw(matrix, &lightings)?;
     let denoised = lamps.iter().zip(&raw).filter_map(|(lamp, raw)| Some((lamp.surfaces.as_ref()?, raw)));

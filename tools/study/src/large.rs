@@ -119,7 +119,7 @@ fn stages(bench: &Bench<'_>, wanted: Wanted, memory_bytes: u64) -> Result<(Matri
     let memory_bytes = Some(memory_bytes);
     let mut render_options = RenderOptions { memory_bytes, ..Default::default() };
     render_options.store.overwrite = true;
-    let mut pack_options = PackOptions { memory_bytes, denoise: true, ..Default::default() };
+    let mut pack_options = PackOptions { allow_lost_lights: true, memory_bytes, denoise: true, ..Default::default() };
     pack_options.container.overwrite = true;
     let unpack_options = UnpackOptions { memory_bytes, overwrite: true, ..Default::default() };
     let mut stages = Vec::new();

@@ -212,8 +212,12 @@ fn rivals(
     let lightings = &judged.lightings;
     let ours = |method, denoise, target| -> Result<Rival> {
         let compress = CompressSettings { target, ..CompressSettings::default() };
-        let Packed { rank, bytes, images, .. } =
-            packed(bench, matrix, PackOptions { denoise, compress, ..PackOptions::default() }, lightings)?;
+        let Packed { rank, bytes, images, .. } = packed(
+            bench,
+            matrix,
+            PackOptions { allow_lost_lights: true, denoise, compress, ..PackOptions::default() },
+            lightings,
+        )?;
         Ok(Rival { method, rank, bytes: Some(bytes), images })
     };
     let mut rivals = vec![ours(OURS, true, Target::Automatic)?];

@@ -47,7 +47,12 @@ pub(super) fn product(
     settings: &CompressSettings,
     lightings: &[Lighting],
 ) -> Result<Packed> {
-    packed(bench, matrix, PackOptions { compress: settings.clone(), ..Default::default() }, lightings)
+    packed(
+        bench,
+        matrix,
+        PackOptions { allow_lost_lights: true, compress: settings.clone(), ..Default::default() },
+        lightings,
+    )
 }
 
 /// `ltm-pack` with all its options, and relighting on the CPU.

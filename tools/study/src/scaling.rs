@@ -253,7 +253,8 @@ fn measure(
     render_options.store.overwrite = true;
     let rendered = pipeline::render(loaded, &matrix_path, &render_options, &bench.silent())?;
     let matrix = StoreReader::open(&matrix_path)?;
-    let mut options = PackOptions { compress: settings.clone(), denoise, ..Default::default() };
+    let mut options =
+        PackOptions { allow_lost_lights: true, compress: settings.clone(), denoise, ..Default::default() };
     options.container.overwrite = true;
     let packed = pipeline::pack(&matrix, matrix.job(), &container_path, &options, &bench.silent())?;
     let shape = matrix.shape();

@@ -252,7 +252,7 @@ fn ours(bench: &Bench<'_>, wanted: Wanted, lightings: &[Lighting], references: &
     pipeline::render(loaded, &matrix_path, &render_options, &bench.silent())?;
     let rendering = clock.stop();
     let matrix = StoreReader::open(&matrix_path)?;
-    let mut pack_options = PackOptions { denoise: true, ..Default::default() };
+    let mut pack_options = PackOptions { allow_lost_lights: true, denoise: true, ..Default::default() };
     pack_options.container.overwrite = true;
     let clock = Clock::start();
     let packed = pipeline::pack(&matrix, matrix.job(), &container_path, &pack_options, &bench.silent())?;

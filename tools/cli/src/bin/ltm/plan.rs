@@ -235,6 +235,7 @@ impl Planned {
         let (compress, denoise) = (line.compression.settings(), line.compression.denoise());
         let mut options = PackOptions { compress, denoise, memory_bytes, ..Default::default() };
         options.container.overwrite = overwrite;
+        options.allow_lost_lights = overwrite;
         let job = FarmJob::new(loaded, &options)?;
         if !self.fingerprint.is_empty() && job.fingerprint() != self.fingerprint {
             let problem = format!("is not of what {} is now, or of another version of the program", scene.display());
