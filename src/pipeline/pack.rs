@@ -67,7 +67,7 @@ pub struct PackOptions {
     pub basis: Option<PathBuf>,
     /// What the container is held to, which is measured and kept where images are cleaned; the blocks are the same.
     pub promise: Option<Arc<Promise>>,
-    /// Whether to write a container, too, in which a light alone is hardly what it is: see [`LightLoss::is_severe`].
+    /// Whether to write a container, too, in which a light alone is hardly what it is: see [`LightLoss::is_severe`](crate::light::LightLoss::is_severe).
     pub allow_lost_lights: bool,
     /// Anonymous memory to stay within; none: what the system has.
     pub memory_bytes: Option<u64>,

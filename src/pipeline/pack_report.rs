@@ -18,7 +18,7 @@ pub struct PackReport {
     pub mean_rank: f64,
     /// Entries kept outside the low-rank part.
     pub sparse_entries: u64,
-    /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`].
+    /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`](crate::compress::Residual).
     pub relative_l2: f64,
     /// What cleaning did, where images were cleaned: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
     pub cleaning: Option<CleaningErrors>,
