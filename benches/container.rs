@@ -63,6 +63,7 @@ fn factors(matrix: &StoreReader, decibels: f64) -> Vec<FactoredBlock> {
         .blocks()
         .map(|id| {
             matrix.read_block(id, &mut traced).expect("the block is there");
+            traced.divide_columns(job.basis.column_scales());
             compressor.analyse(id, traced.block.view(), traced.noise.as_ref())
         })
         .collect();

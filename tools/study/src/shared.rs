@@ -77,6 +77,8 @@ struct Subject {
     shape: MatrixShape,
     lights: LightLayout,
     prior: LightingPrior,
+    /// What columns of the blocks are divided by.
+    scales: Vec<f32>,
     judged: Judged,
 }
 
@@ -129,6 +131,7 @@ the analysis of blocks. Images against those of the raw matrix, mean over the li
             shape: matrix.shape(),
             lights: LightLayout::of(basis),
             prior: LightingPrior::of_basis(basis),
+            scales: basis.column_scales().to_vec(),
             judged: Judged::of(&matrix)?,
         };
         let mut outcomes: Vec<Vec<Outcome>> = vec![Vec::new(); GROUPINGS.len()];
@@ -196,6 +199,7 @@ fn analysed(bench: &Bench<'_>, matrix: &StoreReader) -> Result<(Compressor, Vec<
     let candidates = blocks.par_iter().map_init(TracedBlock::default, |traced, &id| {
         bench.stop_if_interrupted()?;
         matrix.read_block(id, traced)?;
+        traced.divide_columns(matrix.job().basis.column_scales());
         Ok(compressor.analyse(id, traced.block.view(), traced.noise.as_ref()))
     });
     let candidates = candidates.collect::<Result<Vec<_>>>()?;
@@ -271,6 +275,7 @@ impl Subject {
             }
         }
         let seconds = begun.elapsed().as_secs_f64();
+        stored.iter_mut().for_each(|block| block.scale_columns(&self.scales));
         let lightings = &self.judged.lightings;
         let relit: Vec<_> = stored.par_iter().map(|block| relit_factors(block, lightings)).collect();
         let images = assemble(self.shape, lightings.len(), &relit);
@@ -474,8 +479,13 @@ mod tests {
             block(2, [[1.0, 0.0], [0.3, 0.6]], [5, 9]),
         ];
         let judged = Judged { names: Vec::new(), lightings: Vec::new(), references: Vec::new() };
-        let subject =
-            Subject { shape, lights: LightLayout::of(&basis), prior: LightingPrior::of_basis(&basis), judged };
+        let subject = Subject {
+            shape,
+            lights: LightLayout::of(&basis),
+            prior: LightingPrior::of_basis(&basis),
+            scales: Vec::new(),
+            judged,
+        };
         (subject, blocks)
     }
 
