@@ -66,12 +66,14 @@ chooses by itself, and with `--denoise off`. lin: peak = the reference's largest
     );
     let flat = CompressSettings { prior: PriorChoice::Flat, ..CompressSettings::default() };
     let fixed = |method| CompressSettings { rank: 8, ..CompressSettings::of_method(method) };
+    let options =
+        |compress, denoise| PackOptions { allow_lost_lights: true, compress, denoise, ..PackOptions::default() };
     let methods = [
-        ("ours", CompressSettings::default(), true),
-        ("ours (not cleaned)", CompressSettings::default(), false),
-        ("ours (not cleaned, flat prior)", flat, false),
-        ("block SVD (rank 8)", fixed(Method::BlockSvd), false),
-        ("Algorithm 4 (rank 8)", fixed(Method::Algorithm4), false),
+        ("ours", options(CompressSettings::default(), true)),
+        ("ours (not cleaned)", options(CompressSettings::default(), false)),
+        ("ours (not cleaned, flat prior)", options(flat, false)),
+        ("block SVD (rank 8)", options(fixed(Method::BlockSvd), false)),
+        ("Algorithm 4 (rank 8)", options(fixed(Method::Algorithm4), false)),
     ];
     let mut panels = Vec::new();
     let steps = plan.scenes.len() * plan.samples.len() * (methods.len() + 1);
@@ -90,14 +92,8 @@ chooses by itself, and with `--denoise off`. lin: peak = the reference's largest
             let shape = matrix.shape();
             let raw = Summary::of(&relight_raw(&matrix, &lightings)?, &references);
             let mut results = vec![(RAW, None, shape.raw_bytes(), raw)];
-            for (name, compress, denoise) in &methods {
-                let options = PackOptions {
-                    allow_lost_lights: true,
-                    compress: compress.clone(),
-                    denoise: *denoise,
-                    ..Default::default()
-                };
-                let packed = packed(bench, &matrix, options, &lightings)?;
+            for (name, options) in &methods {
+                let packed = packed(bench, &matrix, options.clone(), &lightings)?;
                 results.push((name, packed.rank, packed.bytes, Summary::of(&packed.images, &references)));
                 bench.watch.advance(1, packed.bytes, "B");
             }
