@@ -7,10 +7,10 @@ mod figures;
 
 use figures::Figures;
 use ltm::container::ContainerReader;
-use ltm::host::{Quiet, human_bytes};
 use ltm::light::Lighting;
 use ltm::pipeline::{self, PackOptions, RenderOptions};
 use ltm::relight::{CpuRelighter, relight_streaming};
+use ltm::resources::{Quiet, human_bytes};
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;
 use peak_alloc::PeakAlloc;

@@ -21,10 +21,10 @@ use std::time::Instant;
 
 use figures::Figures;
 use ltm::container::ContainerOptions;
-use ltm::host::Quiet;
 use ltm::light::{Job, Light, LightBasis, LightKind, Lighting, Provenance};
 use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
 use ltm::pipeline::{PackOptions, RenderOptions};
+use ltm::resources::Quiet;
 use ltm::store::{FileStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify};
 use ltm::trace::{TraceSettings, Tracer};
 

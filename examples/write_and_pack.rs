@@ -5,10 +5,10 @@
 
 use std::path::Path;
 
-use ltm::host::Quiet;
 use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{Block, BlockSink, ColumnIndex, MatrixShape, TracedBlock};
 use ltm::pipeline::{self, PackOptions};
+use ltm::resources::Quiet;
 use ltm::store::{StoreOptions, StoreReader, StoreWriter};
 
 const LAMPS: u32 = 8;

@@ -28,20 +28,25 @@
 //!
 //! | module | may import |
 //! |---|---|
-//! | `error`, `encoding`, `vectors` | nothing |
+//! | `error`, `encoding`, `simd` | nothing |
 //! | `files`, `matrix` | `error` |
 //! | `image` | `error`, `files`, `matrix` |
 //! | `light` | `error`, `encoding`, `matrix` |
 //! | `look` | `error`, `files`, `light`, `image` |
 //! | `scene` | `error`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
-//! | `clean`, `compress` | `error`, `matrix`, `light`, `vectors` |
+//! | `compress` | `error`, `matrix`, `light`, `simd` |
 //! | `store` | `error`, `files`, `matrix`, `light` |
 //! | `container` | `error`, `encoding`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `share` | `error`, `matrix`, `light` |
-//! | `host`, `depot` | `error`, `files` |
-//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `share`, `host`, `depot` |
+//! | `resources`, `blob_store` | `error`, `files` |
+//! | `block_records` | `error`, `files`, `resources` |
+//! | `denoise` | `error`, `files`, `matrix`, `image`, `light`, `compress`, `resources`, `block_records`, `simd` |
+//! | `error_estimate` | `error`, `matrix`, `image`, `light`, `store`, `resources`, `denoise` |
+//! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `denoise`, `compress`, `container`, `relight`, `share`, `resources`, `blob_store`, `block_records`, `error_estimate` |
+//! | `sample_budget` | `error`, `matrix`, `light`, `scene`, `trace`, `store`, `denoise`, `resources`, `error_estimate`, `pipeline` |
+//! | `farm` | `error`, `files`, `matrix`, `light`, `scene`, `trace`, `compress`, `denoise`, `resources`, `blob_store`, `block_records`, `pipeline` |
 //!
 //! # Which crate is used where
 //!
@@ -53,7 +58,7 @@
 //! | `wgpu`, `pollster` | `relight/gpu` |
 //! | `draco_core`, `meshoptimizer_rs` | `scene/gltf` |
 //! | `earcut` | `scene` |
-//! | `faer` | `clean`, `compress` |
+//! | `faer` | `denoise`, `compress` |
 //! | `rand`, `rand_pcg` | `compress`, `light`, `pipeline`, `relight` |
 //! | `glam` | `light`, `scene`, `trace` |
 //! | `obvhs` | `trace` |
@@ -69,29 +74,32 @@
 //! | `rustix` | `files`, `store` |
 //! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share`, `store` |
 //! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
-//! | `bytemuck` | `clean`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
-//! | `pulp` | `clean`, `container`, `relight`, `store`, `trace`, `vectors` |
-//! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
+//! | `bytemuck` | `denoise`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
+//! | `pulp` | `denoise`, `container`, `relight`, `store`, `trace`, `simd` |
+//! | `rayon` | `denoise`, `compress`, `container`, `resources`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline`, `trace` |
-//! | `object_store`, `reqwest`, `rustls`, `tokio` | `depot` |
-//! | `thiserror` | `depot`, `error`, `trace` |
-//! | `std::fs` | `container`, `depot`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store`, `trace` |
-//! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
-//! | `std::thread` | `host`, `image`, `pipeline`, `store` |
+//! | `object_store`, `reqwest`, `rustls`, `tokio` | `blob_store` |
+//! | `thiserror` | `blob_store`, `error`, `trace` |
+//! | `std::fs` | `container`, `blob_store`, `files`, `resources`, `image`, `look`, `pipeline`, `scene`, `store`, `trace` |
+//! | `std::os` | `container`, `files`, `resources`, `pipeline`, `store` |
+//! | `std::thread` | `resources`, `image`, `pipeline`, `store` |
 //! | `std::env` | `files` |
-//! | `std::process` | `depot` |
+//! | `std::process` | `blob_store` |
 //! | `std::net` | none |
 
 #![warn(clippy::missing_errors_doc, clippy::missing_panics_doc, clippy::return_self_not_must_use)]
 
-pub mod clean;
+pub mod blob_store;
+mod block_records;
 pub mod compress;
 pub mod container;
-pub mod depot;
+pub mod denoise;
 mod encoding;
 pub mod error;
+pub mod error_estimate;
+#[cfg(feature = "scene")]
+pub mod farm;
 pub mod files;
-pub mod host;
 pub mod image;
 pub mod light;
 #[cfg(feature = "scene")]
@@ -99,13 +107,16 @@ pub mod look;
 pub mod matrix;
 pub mod pipeline;
 pub mod relight;
+pub mod resources;
+#[cfg(feature = "scene")]
+pub mod sample_budget;
 #[cfg(feature = "scene")]
 pub mod scene;
 pub mod share;
+mod simd;
 pub mod store;
 #[cfg(feature = "scene")]
 pub mod trace;
-mod vectors;
 
 pub use error::{Error, Result};
 

@@ -82,10 +82,10 @@ fn pack(path: &Path, job: &Job, ids: impl Iterator<Item = BlockId>, partial: boo
 }
 
 /// With bands of right sides so much finer.
-fn pack_finer(path: &Path, job: &Job, ids: impl Iterator<Item = BlockId>, partial: bool, fineness: &[i8]) {
+fn pack_finer(path: &Path, job: &Job, ids: impl Iterator<Item = BlockId>, partial: bool, band_steps: &[i8]) {
     let writer = ContainerWriter::create(path, job, ContainerOptions { partial, ..Default::default() }).unwrap();
     for id in ids {
-        let factors = FactoredBlock { right_fineness: fineness.into(), ..block(job, id) };
+        let factors = FactoredBlock { right_band_steps: band_steps.into(), ..block(job, id) };
         writer.write_block(id, &factors, &report(id)).unwrap();
     }
     writer.finish().unwrap();
@@ -208,7 +208,7 @@ fn every_truncation_and_every_flipped_byte_is_noticed() {
 fn chunks_that_lie_are_errors_and_earn_no_memory() {
     let layout = BlockLayout::of(&small_job(), BlockId(0));
     let even = block(&small_job(), BlockId(0));
-    let finer = FactoredBlock { right_fineness: FINENESS.into(), ..even.clone() };
+    let finer = FactoredBlock { right_band_steps: FINENESS.into(), ..even.clone() };
     for factors in [even, finer] {
         let bytes = encode_layer(&layout, &factors, LayerPart::default(), &CodecSettings::default()).unwrap();
         for length in 0..bytes.len() {

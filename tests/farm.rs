@@ -6,10 +6,11 @@ use std::ops::Range;
 use std::path::Path;
 
 use ltm::Error;
+use ltm::blob_store::Depot;
 use ltm::compress::{CompressSettings, Method, Target};
-use ltm::depot::Depot;
-use ltm::host::Quiet;
-use ltm::pipeline::{self, FarmJob, PackOptions, Shards};
+use ltm::farm::{FarmJob, RefusedShard, Shards};
+use ltm::pipeline::{self, PackOptions};
+use ltm::resources::Quiet;
 use ltm::scene::{BuiltIn, LoadedScene};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -152,7 +153,7 @@ fn what_cannot_be_merged_is_refused_by_name_and_its_blocks_are_missing() {
     let job = job("mixed", &packed);
     let found = shards(&job, &depot, folder.path());
     let problem = |name: &str| {
-        let of = |refused: &&pipeline::RefusedShard| refused.name == name;
+        let of = |refused: &&RefusedShard| refused.name == name;
         found.refused.iter().find(of).unwrap_or_else(|| panic!("{name} is not refused")).problem.clone()
     };
     assert!(problem(&flipped).contains("changed"), "{}", problem(&flipped));

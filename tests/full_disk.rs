@@ -13,11 +13,11 @@ use std::process::{Command, ExitCode};
 use blocks::{block, job_of, options};
 use libtest_mimic::{Arguments, Failed, Trial};
 use ltm::Error;
-use ltm::host::Quiet;
 use ltm::image::{self, ImageSize, LinearImage, ToneMapping};
 use ltm::light::Job;
 use ltm::matrix::{BlockId, BlockSink, BlockSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions};
+use ltm::resources::Quiet;
 use ltm::scene::BuiltIn;
 use ltm::store::{StoreOptions, StoreReader, StoreWriter, partial_path};
 

@@ -216,8 +216,8 @@ fn no_changed_chunk_makes_its_decoder_panic() {
     };
     let bands =
         layout.lights.planes().iter().map(|plane| if plane.is_image { 10 } else { plane.across }).sum::<usize>();
-    let right_fineness: Vec<i8> = (0..bands).map(|band| 9 - band as i8 % 12).collect();
-    let finer = FactoredBlock { right_fineness: right_fineness.into(), ..block.clone() };
+    let right_band_steps: Vec<i8> = (0..bands).map(|band| 9 - band as i8 % 12).collect();
+    let finer = FactoredBlock { right_band_steps: right_band_steps.into(), ..block.clone() };
     let sound = [block, finer].map(|block| {
         let sound = encode_layer(layout, &block, LayerPart::default(), &CodecSettings::default()).unwrap();
         assert!(ltc::look(&sound));

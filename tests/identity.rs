@@ -3,9 +3,9 @@
 //! A matrix and an interrupted pack are continued, filled in and merged by that number. Where one of these tests fails, raise
 //! the number that it names and write the new pair here.
 
-use ltm::clean::{CLEANER_VERSION, Cleaning, Pool, Reach, Region, Rows, Tally};
 use ltm::compress::{COMPRESSOR_VERSION, CompressSettings, Compressor, Target};
 use ltm::container::{ContainerOptions, ContainerWriter};
+use ltm::denoise::{Denoiser, DENOISER_VERSION, Pool, Reach, Region, Rows, Tally};
 use ltm::light::Job;
 use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry, TracedBlock};
 use ltm::pipeline::job_of;
@@ -123,7 +123,7 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
     let (guides, pool) = (tally.guides(), Pool::default());
     let all = Region { x: 0..SIZE.0, y: 0..SIZE.1 };
-    let mut cleaning = Cleaning::new((SIZE, SIZE.1), all, 10, &guides, (Reach::of_image(1, 1), &pool));
+    let mut cleaning = Denoiser::new((SIZE, SIZE.1), all, 10, &guides, (Reach::of_image(1, 1), &pool));
     let wanted = cleaning.wants().unwrap();
     for strip in cleaning.strips(&wanted, &[0]) {
         strip.direct.copy_from_slice(direct_light.values());
@@ -134,10 +134,10 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     let images = cleaning.clean(&wanted).images;
     let at = [(0, 2, 2), (0, 9, 11), (1, 10, 3), (2, 15, 23), (3, 4, 7), (3, 4, 8), (4, 5, 1), (5, 0, 16)];
     let found = at.map(|(plane, y, x)| images.row(plane, y)[x]);
-    let is_same = CLEANER_VERSION == CLEANED.0 && found.iter().zip(CLEANED.1).all(|(a, b)| (a - b).abs() < 2e-4);
+    let is_same = DENOISER_VERSION == CLEANED.0 && found.iter().zip(CLEANED.1).all(|(a, b)| (a - b).abs() < 2e-4);
     assert!(
         is_same,
-        "{CLEANER_VERSION}, {found:?}: what images are cleaned to has changed: raise CLEANER_VERSION in src/clean/mod.rs, \
+        "{DENOISER_VERSION}, {found:?}: what images are cleaned to has changed: raise DENOISER_VERSION in src/clean/mod.rs, \
          and write the new pair into CLEANED"
     );
 }
@@ -151,7 +151,7 @@ fn what_factors_are_encoded_to_changes_only_with_the_compressors_version() {
     for id in job.shape.blocks() {
         let even = factors(job.shape.rect(id).rows(), job.shape.columns(), id.0);
         // The ten zones of the panel.
-        let finer = FactoredBlock { right_fineness: [9, 6, 3, 1, 0, 0, 0, 0, 0, 0].into(), ..even.clone() };
+        let finer = FactoredBlock { right_band_steps: [9, 6, 3, 1, 0, 0, 0, 0, 0, 0].into(), ..even.clone() };
         for block in [even, finer] {
             writer.encode(id, &block).unwrap().layers().iter().for_each(|layer| hash.update(layer));
         }

@@ -8,7 +8,6 @@ use std::sync::Mutex;
 use libtest_mimic::{Arguments, Trial};
 use ltm::compress::Target;
 use ltm::container::ContainerReader;
-use ltm::host::{Quiet, Watch, parse_bytes};
 use ltm::image::{
     FeaturePasses, ImageSize, LayerPattern, LayerRole, LightSet, LinearImage, compare, write_exr, write_exr_channels,
     write_exr_rows, write_npy,
@@ -17,6 +16,7 @@ use ltm::light::{Job, LightBasis, LightKind, Lighting};
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
 use ltm::pipeline::{self, ImageNoise, ImportedMatrix, PackOptions, SecondImages};
 use ltm::relight::{relight_raw, relight_streaming};
+use ltm::resources::{Quiet, Watch, parse_bytes};
 use ltm::{Error, Result};
 
 fn main() -> ExitCode {

@@ -1,4 +1,4 @@
-//! Shared pages: the bytes of the data, and what is refused. The page itself is tested in a browser, by `tools/share`.
+//! Shared pages: the bytes of the data, and what is refused. The page itself is tested in a browser, by `page`.
 
 use std::fs;
 use std::io::Read;
@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use flate2::read::DeflateDecoder;
 use ltm::Error;
 use ltm::container::ContainerReader;
-use ltm::host::Quiet;
 use ltm::light::Lighting;
 use ltm::matrix::FactorSource;
 use ltm::pipeline::{self, DATA_NAME, PAGE_NAME, PackOptions, ShareOptions};
+use ltm::resources::Quiet;
 use ltm::scene::BuiltIn;
 use ltm::share::SharedLook;
 use serde_json::Value;

@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use ltm::host::Quiet;
 use ltm::image::read_image;
 use ltm::light::{Job, Light, LightBasis, LightKind};
 use ltm::matrix::{BlockId, BlockSink, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 use ltm::pipeline::{self, Selection, UnpackOptions};
+use ltm::resources::Quiet;
 use ltm::store::{Precision, StoreOptions, StoreReader, StoreWriter};
 
 const WIDTH: u32 = 21;

@@ -64,10 +64,10 @@ fi
 step "the shared page: its types, and tests in a browser"
 if node -e 'process.exit(process.versions.node.split(".")[0] < 20 ? 1 : 0)' 2>/dev/null && command -v npm >/dev/null; then
     ltm=$(realpath "$target/$built/ltm")
-    if (cd tools/share && npm ci --silent --no-audit --no-fund); then
-        (cd tools/share && npm run --silent types)
+    if (cd page && npm ci --silent --no-audit --no-fund); then
+        (cd page && npm run --silent types)
         if [ -x "${CHROMIUM:-/usr/bin/chromium}" ]; then
-            (cd tools/share && LTM="$ltm" npm test --silent)
+            (cd page && LTM="$ltm" npm test --silent)
         else
             echo "no chromium: the shared page is not tested in a browser"
         fi

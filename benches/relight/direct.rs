@@ -7,10 +7,10 @@ use std::os::unix::fs::FileExt;
 use std::path::Path;
 use std::sync::Mutex;
 
-use ltm::host::budget_bytes;
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
 use ltm::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, MatrixShape, TracedBlock};
+use ltm::resources::budget_bytes;
 use rayon::prelude::*;
 
 /// Columns that are added to the rows in one pass over them.

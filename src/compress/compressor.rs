@@ -5,15 +5,17 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-use super::alike::{Alike, Smoothed, joined};
 use super::candidate::{Candidate, CandidateSummary, gain_bins, histogram};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
+use super::nlm::{Alike, Smoothed, joined};
 use super::noise::NoiseModel;
+use super::outliers::{stand_out, without};
 use super::paper::{GlobalCur, SEED, decompose, global, select};
 use super::range::{Range, SKETCH_ROWS, Weights, exact_range, find_range, range_of};
-use super::remainder::{stand_out, without};
 use super::sanitise::{Survey, sanitise, survey};
-use super::{BlockSums, CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, cut, likeness};
+use super::{
+    BlockSums, CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, column_similarity, cut,
+};
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
 use crate::matrix::{
@@ -84,13 +86,13 @@ impl Compressor {
         if !self.asks_images(basis) {
             return Ok(());
         }
-        let blocks = likeness::looked_at(self.shape);
+        let blocks = column_similarity::looked_at(self.shape);
         let coarse = blocks.par_iter().map_init(TracedBlock::default, |traced, &id| {
             source.read_block(id, traced)?;
-            Ok(likeness::coarse(traced.block.view(), self.shape.rect(id), blocks.len()))
+            Ok(column_similarity::coarse(traced.block.view(), self.shape.rect(id), blocks.len()))
         });
         let cells = coarse.collect::<Result<Vec<_>>>()?.concat();
-        let prior = LightingPrior::of_places(&likeness::places(&cells, self.shape.columns()));
+        let prior = LightingPrior::of_places(&column_similarity::places(&cells, self.shape.columns()));
         let made = Self::with_prior(basis, self.shape, self.settings.clone(), prior);
         *self = Self { global: self.global.take(), ..made };
         Ok(())
@@ -98,13 +100,13 @@ impl Compressor {
 
     /// Blocks that [`ask_images`](Self::ask_images) reads.
     pub fn blocks_asked(&self, basis: &LightBasis) -> u64 {
-        if self.asks_images(basis) { likeness::looked_at(self.shape).len() as u64 } else { 0 }
+        if self.asks_images(basis) { column_similarity::looked_at(self.shape).len() as u64 } else { 0 }
     }
 
     /// Whether the prior of a basis wants to know which lights are alike.
     pub fn asks_images(&self, basis: &LightBasis) -> bool {
         let by_lighting = self.settings.prior == PriorChoice::Lighting && !self.settings.has_fixed_rank();
-        by_lighting && basis.is_unplaced() && likeness::can_tell(self.shape.columns())
+        by_lighting && basis.is_unplaced() && column_similarity::can_tell(self.shape.columns())
     }
 
     fn with_prior(basis: &LightBasis, shape: MatrixShape, settings: CompressSettings, prior: LightingPrior) -> Self {
@@ -155,7 +157,7 @@ impl Compressor {
 
     /// Bytes that [`ask_images`](Self::ask_images) holds at most beside the blocks at hand.
     pub fn asking_needs_bytes(&self, basis: &LightBasis) -> u64 {
-        if self.asks_images(basis) { likeness::needs_bytes(self.shape.columns()) } else { 0 }
+        if self.asks_images(basis) { column_similarity::needs_bytes(self.shape.columns()) } else { 0 }
     }
 
     /// Energy under the prior of some rows of `R`, row-major.
@@ -194,7 +196,7 @@ impl Compressor {
         // the prior's factor and the sketch's lightings.
         let factors = 4 * m * n + dense + 56 * (m + n) * q + 4 * n * (2 * SKETCH_ROWS as u64 + Self::COLUMN_VALUES);
         // The images under the probes, their comparison, and the candidates of one component.
-        factors + 4 * m * (3 * super::alike::WINDOW_PIXELS + 64)
+        factors + 4 * m * (3 * super::nlm::WINDOW_PIXELS + 64)
     }
 
     /// Bytes of an encoded candidate's factors at most.

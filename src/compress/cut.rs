@@ -7,7 +7,7 @@
 //! - a uniform quantiser of step `Δ` makes an error of `Δ²/12` an entry and one bit more quarters it, so
 //!   `−dD/dR = 2 ln 2 · g Δ²/12 = λ` gives its step, `g` being how much an entry's error weighs: the component's gain for
 //!   an entry of `L` (its row of `R` is what the error is multiplied by), the mean of diag `K` for an entry of `R` (whoever stores
-//!   it may store finer what weighs more, see [`FactoredBlock::right_fineness`], which is not counted on here: what comes is a little
+//!   it may store finer what weighs more, see [`FactoredBlock::right_band_steps`], which is not counted on here: what comes is a little
 //!   nearer than what is expected);
 //! - a sparse entry is kept if what it saves is above `λ` times its bits.
 

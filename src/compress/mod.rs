@@ -26,27 +26,27 @@
 //!
 //! One block is worked on by one thread, without parallelism inside: the bytes do not depend on the number of threads.
 
-mod alike;
 mod candidate;
+mod cluster_residual;
+mod column_similarity;
 mod compressor;
-mod contrasts;
 mod cut;
 mod dense;
 mod identity;
 mod light_sums;
-mod likeness;
+mod nlm;
 mod noise;
+mod outliers;
 mod paper;
 mod range;
-mod remainder;
 mod residual;
 mod sanitise;
 mod settings;
 mod size;
 
 pub use candidate::{Candidate, CandidateSummary};
+pub use cluster_residual::Contrasts;
 pub use compressor::Compressor;
-pub use contrasts::Contrasts;
 pub use cut::{Cut, component_bits};
 pub use light_sums::{ColumnErrors, LightErrorSums};
 pub use paper::{Selection, cur};

@@ -13,7 +13,7 @@ use super::dense::{
 };
 use crate::light::LightingPrior;
 use crate::matrix::SparseEntry;
-use crate::vectors::on_widest;
+use crate::simd::on_widest;
 
 /// Factors of a block over an orthonormal `left`, in falling order of gain after the exact all-on component.
 pub(super) struct Range {

@@ -19,7 +19,7 @@ use faer::{Accum, Mat, MatMut, MatRef, Par};
 
 use super::{BlockSums, ColumnErrors};
 use crate::matrix::{BlockNoise, BlockReport, FactoredBlock, SparseEntry, TracedBlock};
-use crate::vectors::on_widest;
+use crate::simd::on_widest;
 
 /// Columns that are multiplied out at a time: with 3,072 rows they fit a second-level cache.
 const STRIP: usize = 64;

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use crate::matrix::{BlockView, ColumnIndex};
-use crate::vectors::on_widest;
+use crate::simd::on_widest;
 
 /// Largest magnitude that is computed with: the squares of 3.4e8 such entries still sum up within an f32. Sums over more, and
 /// all sums of squares over a block, are taken in f64.

@@ -72,7 +72,7 @@ pub(super) fn join_layers<'a, E: From<String>>(
             layer.left_step.truncate(rank);
             layer.right_step.truncate(rank);
             layer.sparse.append(&mut whole.sparse);
-            layer.right_fineness = whole.right_fineness;
+            layer.right_band_steps = whole.right_band_steps;
             whole = layer;
             continue;
         }
@@ -116,6 +116,6 @@ fn base_of(block: &FactoredBlock) -> FactoredBlock {
         left_step: vec![block.left_step[0] * left],
         right_step: vec![block.right_step[0] * right],
         sparse: block.sparse.clone(),
-        right_fineness: block.right_fineness.clone(),
+        right_band_steps: block.right_band_steps.clone(),
     }
 }

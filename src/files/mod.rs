@@ -16,20 +16,20 @@
 //!
 //! New files have the permissions that the umask leaves, and never more than the file that they replace.
 
+mod access;
 mod continuation;
 mod input;
 mod lock;
 mod names;
 mod ranged;
-mod reach;
 mod replace;
 mod space;
 
+pub use access::{LIBRARY_VARIABLE, Reach, library_folder};
 pub use continuation::ContinuationFile;
 pub use input::{open_input, read_input, read_input_text};
 pub use lock::{open_locked, tell_missing_locks};
 pub use names::{check_output, folder_of, natural_order, sync_folder, with_suffix};
 pub use ranged::Ranged;
-pub use reach::{LIBRARY_VARIABLE, Reach, library_folder};
 pub use replace::{Replacement, publish, replace, write_file};
 pub use space::{check_free_space, free_bytes};

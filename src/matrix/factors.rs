@@ -35,8 +35,8 @@ pub struct FactoredBlock {
     /// As `left_step`, for `right`.
     pub right_step: Vec<f32>,
     /// How much finer than `right_step` each band of a right side is stored, in half octaves, as
-    /// [`fineness`](crate::container::codec::fineness) weighs them; empty: all bands alike.
-    pub right_fineness: Arc<[i8]>,
+    /// [`band_steps`](crate::container::codec::band_steps) weighs them; empty: all bands alike.
+    pub right_band_steps: Arc<[i8]>,
     /// `S`, sorted by column, then row, without duplicates.
     pub sparse: Vec<SparseEntry>,
 }

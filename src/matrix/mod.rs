@@ -14,8 +14,8 @@ mod index;
 mod noise;
 mod planes;
 mod report;
-mod seam;
 mod shape;
+mod source;
 
 pub use block::{Block, BlockView, TracedBlock};
 pub use factors::{FactoredBlock, SparseEntry};
@@ -23,5 +23,5 @@ pub use index::{BlockId, ColumnIndex};
 pub use noise::BlockNoise;
 pub use planes::{BlockPlanes, FEATURE_PLANES, Feature, SeenEmission, decode_unsigned, encode_unsigned};
 pub use report::BlockReport;
-pub use seam::{BlockSink, BlockSource, FactorSource, LentBlock};
 pub use shape::{CHANNELS, MatrixShape, PixelRect};
+pub use source::{BlockSink, BlockSource, FactorSource, LentBlock};

@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::host::Watch;
 use crate::light::LightBasis;
 use crate::matrix::{BlockId, BlockSource, TracedBlock};
+use crate::resources::Watch;
 
 /// Blocks whose sums are held at once.
 const AT_ONCE: usize = 64;

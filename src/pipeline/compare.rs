@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::host::Watch;
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, PixelRect, TracedBlock};
+use crate::resources::Watch;
 
 /// How far a block is from its source.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::host::{PeakMemory, Watch, human_bytes};
+use crate::resources::{PeakMemory, Watch, human_bytes};
 
 use super::{PackOptions, PackReport, RelightOptions, RenderOptions};
 use crate::container::ContainerReader;

@@ -1,84 +1,45 @@
 //! Joins the stages: the only module that knows them all.
 //!
 //! Each job is a function from paths and settings to a report; what a person sees while it runs is the business of the
-//! [`Watch`](crate::host::Watch) that the caller passes in.
+//! [`Watch`](crate::resources::Watch) that the caller passes in.
 
-mod analysis;
-mod basis;
-mod clean;
 mod column_scales;
 mod compare;
 #[cfg(feature = "scene")]
 pub mod demo;
-#[cfg_attr(not(feature = "scene"), expect(dead_code, reason = "only renders of scenes are asked for an error"))]
-mod exposed;
-#[cfg(feature = "scene")]
-mod farm;
 mod features;
-#[cfg(feature = "scene")]
-mod fused;
-mod gather;
-#[cfg(feature = "gpu")]
-mod gpu;
-mod grain;
 mod import;
-mod imported_features;
-#[cfg(not(feature = "gpu"))]
-mod no_gpu;
 mod open;
 mod pack;
-mod pack_report;
-mod passes;
-#[cfg(feature = "scene")]
-mod preview;
-mod records;
 mod relight;
 #[cfg(feature = "scene")]
 mod render;
-#[cfg(feature = "scene")]
-mod repair;
-mod rows;
-mod selection;
-#[cfg_attr(not(feature = "scene"), expect(dead_code, reason = "only jobs of scenes are cut into shards"))]
-mod shard;
+mod row_spill;
 mod share;
-mod spill;
-#[cfg(feature = "scene")]
-mod stop;
-mod strip;
 mod unpack;
-mod unpack_source;
 mod verify;
-#[cfg(feature = "scene")]
-mod worker;
 
-pub use basis::write_basis;
 pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
-pub use exposed::Promise;
-#[cfg(feature = "scene")]
-pub use farm::{BuildReport, FarmJob, Probe, ProbedBlock, RefusedShard, Shards};
-pub use features::{FEATURE_CHANNELS, Features, write_features};
-#[cfg(feature = "scene")]
-pub use fused::render_packed;
+pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};
-pub use pack::{PackOptions, pack};
-pub use pack_report::{PackReport, ReplacedEntries, Shortfall};
-pub use passes::{PASSES, passes_need_bytes, relight_passes};
 #[cfg(feature = "scene")]
-pub use preview::{PreviewReport, preview};
+pub(crate) use pack::{Analysis, Packing, compressor_of, need_of};
+pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, check_container_output, pack};
 pub use relight::{
-    Device, RelightOptions, Relighter, relight, relight_matrix, relit_layers_need_bytes, write_relit_layers,
+    Device, PASSES, RelightOptions, Relighter, passes_need_bytes, relight, relight_matrix, relight_passes,
+    relit_layers_need_bytes, write_relit_layers,
+};
+#[cfg(all(test, feature = "scene"))]
+pub(crate) use render::samples_path;
+#[cfg(feature = "scene")]
+pub use render::{
+    PreviewReport, RenderOptions, RenderReport, job_of, load_scene, preview, render, render_packed, repair,
 };
 #[cfg(feature = "scene")]
-pub use render::{RenderOptions, RenderReport, job_of, load_scene, render};
-#[cfg(feature = "scene")]
-pub use repair::repair;
-pub use selection::Selection;
+pub(crate) use render::{note_samples, samples_of_unfinished, settings_of, tracer_of, tracing_need};
 pub use share::{DATA_NAME, PAGE_NAME, ShareOptions, ShareReport, share};
-pub use spill::check_container_output;
-#[cfg(feature = "scene")]
-pub use stop::{Chosen, RenderTo, StopRule, choose_samples, expected_error, parse_error, parse_seconds};
-pub use unpack::{UnpackOptions, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store};
-pub use unpack_source::{UnpackSource, Weights};
+pub use unpack::{
+    Selection, UnpackOptions, UnpackSource, Weights, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store,
+};
 pub use verify::{Verified, admit_merge, verify, verify_container};

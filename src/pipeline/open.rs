@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use crate::blob_store::{is_object, open_object};
 use crate::container::ContainerReader;
-use crate::depot::{is_object, open_object};
 use crate::error::{Error, Result};
 
 /// Opens a container: a file, or an object of a store (`s3://BUCKET/NAME`), of which only what is wanted is fetched.

@@ -8,11 +8,11 @@ use crate::compress::{CompressSettings, Target};
 use crate::container::{ContainerOptions, ContainerReader};
 use crate::error::{Error, Result};
 use crate::files::{check_output, replace, write_file};
-use crate::host::{Need, PROGRAM_BYTES, Watch};
 use crate::image::{LUMENS_PER_WATT, exposure_for};
 use crate::light::{Job, LightUnit, Lighting};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, MatrixShape, TracedBlock};
 use crate::relight::relight_streaming;
+use crate::resources::{Need, PROGRAM_BYTES, Watch};
 use crate::share::{Level, SharedBytes, SharedLook, SharedPicture, page, page_with_data, write_data};
 
 use super::{PackOptions, pack};

@@ -8,9 +8,9 @@ use super::open::open_container;
 use super::relight::decoding_bytes;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
-use crate::host::{Need, PROGRAM_BYTES, Threads};
-use crate::host::{PeakMemory, Watch, human_bytes};
 use crate::matrix::FactorSource;
+use crate::resources::{Need, PROGRAM_BYTES, Threads};
+use crate::resources::{PeakMemory, Watch, human_bytes};
 use crate::store::{self, StoreReader};
 
 /// What checking a matrix or a container found and took. Displayed as one line, without what is wrong.

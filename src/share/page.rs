@@ -7,23 +7,23 @@ use super::deflate;
 
 /// The modules in an order in which each stands behind those that it uses while the script is read.
 const MODULES: [(&str, &str); 14] = [
-    ("checksum.js", include_str!("page/checksum.js")),
-    ("colour.js", include_str!("page/colour.js")),
-    ("coder.js", include_str!("page/coder.js")),
-    ("codec.js", include_str!("page/codec.js")),
-    ("blocks.js", include_str!("page/blocks.js")),
-    ("worker.js", include_str!("page/worker.js")),
-    ("stream.js", include_str!("page/stream.js")),
-    ("mix.js", include_str!("page/mix.js")),
-    ("webgl.js", include_str!("page/webgl.js")),
-    ("webgpu.js", include_str!("page/webgpu.js")),
-    ("engine.js", include_str!("page/engine.js")),
-    ("mixer.js", include_str!("page/mixer.js")),
-    ("stage.js", include_str!("page/stage.js")),
-    ("main.js", include_str!("page/main.js")),
+    ("checksum.js", include_str!("../../page/src/checksum.js")),
+    ("colour.js", include_str!("../../page/src/colour.js")),
+    ("coder.js", include_str!("../../page/src/coder.js")),
+    ("codec.js", include_str!("../../page/src/codec.js")),
+    ("blocks.js", include_str!("../../page/src/blocks.js")),
+    ("worker.js", include_str!("../../page/src/worker.js")),
+    ("stream.js", include_str!("../../page/src/stream.js")),
+    ("mix.js", include_str!("../../page/src/mix.js")),
+    ("webgl.js", include_str!("../../page/src/webgl.js")),
+    ("webgpu.js", include_str!("../../page/src/webgpu.js")),
+    ("engine.js", include_str!("../../page/src/engine.js")),
+    ("mixer.js", include_str!("../../page/src/mixer.js")),
+    ("stage.js", include_str!("../../page/src/stage.js")),
+    ("main.js", include_str!("../../page/src/main.js")),
 ];
-const STYLE: &str = include_str!("page/page.css");
-const FRAME: &str = include_str!("page/page.html");
+const STYLE: &str = include_str!("../../page/src/page.css");
+const FRAME: &str = include_str!("../../page/src/page.html");
 
 /// The kernels that the page shares with the GPU relighter, by the name that the page knows them by.
 const KERNELS: [(&str, &[&str]); 4] = [
@@ -36,7 +36,7 @@ const LAYOUT: &str = include_str!("../../shaders/layout.wgsl");
 const FACTORS: &str = include_str!("../../shaders/factors.wgsl");
 
 /// Unpacks the script, a third of its size, and runs it: a browser that knows the data's compression knows the script's.
-const LOADER: &str = include_str!("page/loader.js");
+const LOADER: &str = include_str!("../../page/src/loader.js");
 
 /// The page that fetches its data from a file of this name beside it.
 pub fn page(title: &str, data_name: &str) -> String {

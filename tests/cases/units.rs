@@ -5,12 +5,12 @@ use std::path::Path;
 use ltm::compress::{CompressSettings, Method, Target};
 use ltm::container::ContainerReader;
 use ltm::error::Error;
-use ltm::host::Quiet;
 use ltm::image::LinearImage;
 use ltm::light::{Job, Light, LightBasis, LightKind, Lighting, Provenance};
 use ltm::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 use ltm::pipeline::{self, PackOptions, RenderOptions};
 use ltm::relight::{CpuRelighter, relight_raw};
+use ltm::resources::Quiet;
 use ltm::store::StoreReader;
 
 use super::Collection;

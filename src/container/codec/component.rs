@@ -61,10 +61,10 @@ impl Component {
         let image = |c: usize| &planes[c * layout.pixels()..][..layout.pixels()];
         let left = std::array::from_fn(|c| plan(image(c), shape(TILES[tile]), Steps::even(left_step), lambda));
         let mut rest = right;
-        let right_plans = right_images(&layout.lights, &block.right_fineness).map(|(shape, fineness)| {
+        let right_plans = right_images(&layout.lights, &block.right_band_steps).map(|(shape, band_steps)| {
             let plane;
             (plane, rest) = rest.split_at(shape.values());
-            plan(plane, shape, Steps { index: right_step, fineness }, lambda)
+            plan(plane, shape, Steps { index: right_step, band_steps }, lambda)
         });
         let right = right_plans.collect();
         Self { head: Head { tile: tile as u32, left_step, right_step, rotation: rotation.0 }, left, right }
@@ -94,11 +94,11 @@ fn allowed_step(steps: &[f32], k: usize, values: &[f32]) -> f32 {
 /// Steps of a right side are at least this, so that the values of its finest bands stay inside what is stored.
 fn least_right_step(layout: &BlockLayout, block: &FactoredBlock, values: &[f32]) -> f32 {
     let (mut rest, mut least) = (values, 0.0f32);
-    for (shape, fineness) in right_images(&layout.lights, &block.right_fineness) {
+    for (shape, band_steps) in right_images(&layout.lights, &block.right_band_steps) {
         let plane;
         (plane, rest) = rest.split_at(shape.values());
         let largest = plane.iter().fold(0.0f32, |m, v| m.max(v.abs()));
-        let finest = fineness.iter().fold(0, |finest, &f| finest.max(f));
+        let finest = band_steps.iter().fold(0, |finest, &f| finest.max(f));
         // As in `allowed_step`; half a step of the index more, for rounding.
         let coefficient = largest * if shape.tile == 0 { 1.0 } else { shape.tile as f32 };
         least = least.max(1.05 * coefficient * (f32::from(finest) / 2.0).exp2() / MAX_MAGNITUDE as f32);
@@ -123,9 +123,9 @@ pub(super) fn right_bands(lights: &LightLayout) -> usize {
 /// The images of a component of the right factor, each with how much finer its bands are.
 pub(super) fn right_images<'a>(
     lights: &LightLayout,
-    fineness: &'a [i8],
+    band_steps: &'a [i8],
 ) -> impl Iterator<Item = (PlaneShape, &'a [i8])> {
-    let mut rest = fineness;
+    let mut rest = band_steps;
     right_shapes(lights).map(move |shape| {
         let here;
         (here, rest) = rest.split_at(shape.bands().min(rest.len()));

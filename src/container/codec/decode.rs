@@ -9,7 +9,7 @@ use super::low_bits::LowBits;
 use super::planes::{PlaneShape, Scratch, read};
 use super::rans::RansDecoder;
 use super::rotation::ROTATION_BITS;
-use super::side::{ClassContexts, Head, Heads, PlaneKind, TILE_BITS, code_fineness, code_step};
+use super::side::{ClassContexts, Head, Heads, PlaneKind, TILE_BITS, code_band_steps, code_step};
 use super::sparse;
 use super::step::{Steps, step_of};
 use crate::container::layout::BlockLayout;
@@ -97,16 +97,16 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
     };
     let (mut heads, mut contexts) = (Heads::default(), ClassContexts::default());
     if chunk.coding == CODING_BANDS {
-        block.right_fineness = match base.filter(|_| chunk.shared > 0) {
-            Some(base) => Arc::clone(&base.right_fineness),
+        block.right_band_steps = match base.filter(|_| chunk.shared > 0) {
+            Some(base) => Arc::clone(&base.right_band_steps),
             None => {
-                let mut fineness = vec![0; right_bands(&layout.lights)];
-                code_fineness(&mut side, &mut fineness);
-                fineness.into()
+                let mut band_steps = vec![0; right_bands(&layout.lights)];
+                code_band_steps(&mut side, &mut band_steps);
+                band_steps.into()
             }
         };
     }
-    let fineness = Arc::clone(&block.right_fineness);
+    let band_steps = Arc::clone(&block.right_band_steps);
     let mut scratch = Scratch::default();
     let mut corrections: Vec<(usize, Vec<f32>)> = Vec::new();
     if let Some(decoder) = &mut decoder {
@@ -145,11 +145,11 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
                 right.copy_from_slice(base.right_component(k));
             }
             let mut rest = &mut *right;
-            for (shape, fineness) in right_images(&layout.lights, &fineness).filter(|_| copied.is_none()) {
+            for (shape, band_steps) in right_images(&layout.lights, &band_steps).filter(|_| copied.is_none()) {
                 let plane;
                 (plane, rest) = rest.split_at_mut(shape.values());
                 let classes = contexts.read(&mut side, PlaneKind::Right)?;
-                read(decoder, &classes, shape, Steps { index: head.right_step, fineness }, &mut scratch, plane);
+                read(decoder, &classes, shape, Steps { index: head.right_step, band_steps }, &mut scratch, plane);
             }
             if let Some(base) = base.filter(|_| copied.is_none()) {
                 corrections.push((k, right.to_vec()));

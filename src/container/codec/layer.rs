@@ -5,7 +5,7 @@ use super::chunk::{CODING_APART, CODING_BANDS, Chunk, LEAST_COMPONENT_BYTES};
 use super::component::{Component, right_bands};
 use super::planes::push;
 use super::rans::RansEncoder;
-use super::side::{ClassContexts, Heads, code_fineness, code_step};
+use super::side::{ClassContexts, Heads, code_band_steps, code_step};
 use super::sparse;
 use super::step::{index_of, step_of};
 use crate::container::layout::BlockLayout;
@@ -48,7 +48,7 @@ pub struct LayerPart {
 /// Encodes all components and sparse entries of `block` as one layer.
 ///
 /// # Errors
-/// As text for the caller to place: a value that is not finite, more shared components than there are, fineness of other bands than
+/// As text for the caller to place: a value that is not finite, more shared components than there are, band_steps of other bands than
 /// the layout has.
 pub fn encode_layer(
     layout: &BlockLayout,
@@ -61,8 +61,8 @@ pub fn encode_layer(
         return Err(format!("{} components cannot be shared", part.shared));
     }
     let bands = right_bands(&layout.lights);
-    if ![0, bands].contains(&block.right_fineness.len()) {
-        return Err(format!("it says how finely {} bands are stored and has {bands}", block.right_fineness.len()));
+    if ![0, bands].contains(&block.right_band_steps.len()) {
+        return Err(format!("it says how finely {} bands are stored and has {bands}", block.right_band_steps.len()));
     }
     let sparse_finite = block.sparse.iter().all(|e| e.value.is_finite());
     if !block.left.iter().chain(&block.right).all(|v| v.is_finite()) || !sparse_finite {
@@ -71,10 +71,10 @@ pub fn encode_layer(
     let mut side = BitEncoder::new();
     let mut values = RansEncoder::default();
     let (mut heads, mut contexts) = (Heads::default(), ClassContexts::default());
-    let is_even = rank == 0 || block.right_fineness.is_empty();
+    let is_even = rank == 0 || block.right_band_steps.is_empty();
     let coding = if is_even { CODING_APART } else { CODING_BANDS };
     if !is_even && part.shared == 0 {
-        code_fineness(&mut side, &mut block.right_fineness.to_vec());
+        code_band_steps(&mut side, &mut block.right_band_steps.to_vec());
     }
     let mut before = None;
     for k in 0..rank {

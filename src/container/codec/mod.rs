@@ -1,11 +1,11 @@
 //! From factors to bytes and back: functions on slices that know no file.
 
 mod adaptive;
+mod band_steps;
 mod chunk;
 mod classes;
 mod component;
 mod decode;
-mod fineness;
 mod layer;
 mod low_bits;
 mod planes;
@@ -16,7 +16,7 @@ mod sparse;
 mod step;
 mod transform;
 
+pub use band_steps::band_steps;
 pub(crate) use decode::claims;
 pub use decode::{correcting_components, decode_layer, shared_components};
-pub use fineness::fineness;
 pub use layer::{CodecSettings, LayerPart, encode_layer, sparse_step};

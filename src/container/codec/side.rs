@@ -63,10 +63,10 @@ pub(super) fn code_step(coder: &mut impl BitCoder, step: i32) -> i32 {
 }
 
 /// Codes how much finer bands are, each as its difference from the one before.
-pub(super) fn code_fineness(coder: &mut impl BitCoder, fineness: &mut [i8]) {
+pub(super) fn code_band_steps(coder: &mut impl BitCoder, band_steps: &mut [i8]) {
     let mut contexts = SignedContexts::default();
     let mut before = 0;
-    for finer in fineness {
+    for finer in band_steps {
         let difference = coder.signed(&mut contexts, i32::from(*finer) - before);
         before = before.saturating_add(difference).clamp(i32::from(i8::MIN), i32::from(i8::MAX));
         *finer = before as i8;

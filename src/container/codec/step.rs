@@ -28,24 +28,24 @@ pub(super) struct Steps<'a> {
     /// Index of the step of a band that is no finer: the component's.
     pub(super) index: i32,
     /// How much finer each band is, in half octaves; empty: all alike.
-    pub(super) fineness: &'a [i8],
+    pub(super) band_steps: &'a [i8],
 }
 
 impl Steps<'_> {
     /// One step for all bands.
     pub(super) fn even(index: i32) -> Self {
-        Self { index, fineness: &[] }
+        Self { index, band_steps: &[] }
     }
 
     /// Whether all bands have the same.
     pub(super) fn are_even(self) -> bool {
-        self.fineness.is_empty()
+        self.band_steps.is_empty()
     }
 
     /// The step of a band.
     #[inline(always)]
     pub(super) fn of(self, band: usize) -> f32 {
-        step_of(self.index - 4 * self.fineness.get(band).map_or(0, |&finer| i32::from(finer)))
+        step_of(self.index - 4 * self.band_steps.get(band).map_or(0, |&finer| i32::from(finer)))
     }
 }
 

@@ -4,9 +4,9 @@ use std::io::Write;
 use std::path::Path;
 
 use ltm::container::ContainerReader;
-use ltm::host::Quiet;
 use ltm::image::LightSet;
 use ltm::pipeline::{self, ImageNoise, ImportedMatrix, PackOptions, Selection, UnpackOptions};
+use ltm::resources::Quiet;
 
 use super::write::{Exr, constant, file, lights, refused};
 

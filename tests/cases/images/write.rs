@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use ltm::host::Quiet;
 use ltm::image::{LayerPattern, LightSet, RgbaImage, image_facts, read_rgba};
 use ltm::pipeline::{ImageNoise, ImportedMatrix, PackOptions};
+use ltm::resources::Quiet;
 use tempfile::TempDir;
 
 /// The value at a pixel of the data window.

@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use figures::Figures;
-use ltm::host::Quiet;
 use ltm::pipeline::{self, RenderOptions};
+use ltm::resources::Quiet;
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;
 

@@ -2,9 +2,9 @@
 
 use clap::{Args, ValueEnum};
 use ltm::compress::{CompressSettings, Method, PriorChoice, Scope, Target};
-use ltm::host::parse_bytes;
 use ltm::light::{LightBasis, cleaning_errors_line, light_errors_lines};
 use ltm::pipeline::PackReport;
+use ltm::resources::parse_bytes;
 
 use crate::say;
 

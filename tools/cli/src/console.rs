@@ -10,7 +10,7 @@ use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use ltm::host::{PeakMemory, Watch};
+use ltm::resources::{PeakMemory, Watch};
 
 /// Time between two lines of progress.
 const LINES_APART: Duration = Duration::from_millis(100);

@@ -5,9 +5,9 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use ltm::host::Quiet;
 use ltm::matrix::{BlockId, BlockSource};
 use ltm::pipeline::{self, PackOptions, RenderOptions};
+use ltm::resources::Quiet;
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
 

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use assert_cmd::Command;
-use ltm::host::Quiet;
 use ltm::pipeline::{self, RenderOptions};
+use ltm::resources::Quiet;
 use ltm::scene::BuiltIn;
 
 /// The first number of MiB after `word`.

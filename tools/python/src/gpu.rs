@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use ltm::container::ContainerReader;
-use ltm::host::budget_bytes;
+use ltm::resources::budget_bytes;
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
 use ltm::matrix::{CHANNELS, FactorSource, PixelRect};

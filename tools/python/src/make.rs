@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use ltm::compress::Target;
-use ltm::host::{Watch, parse_bytes};
+use ltm::resources::{Watch, parse_bytes};
 use ltm::light::{Job, Provenance};
 use ltm::matrix::{BlockId, BlockSink, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport};

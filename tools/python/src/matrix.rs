@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use ltm::container::ContainerReader;
-use ltm::depot::is_object;
-use ltm::host::{budget_bytes, hold_to_memory};
+use ltm::blob_store::is_object;
+use ltm::resources::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FEATURE_PLANES, FactorSource, MatrixShape, PixelRect};
 use ltm::pipeline::{

@@ -9,7 +9,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use ltm::Result;
-use ltm::host::Watch;
+use ltm::resources::Watch;
 use pyo3::prelude::*;
 
 use crate::errors::{exception, panic_exception};

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use super::{StudyOptions, machine};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
-use ltm::host::Watch;
 use ltm::pipeline::{self, RenderOptions, job_of};
+use ltm::resources::Watch;
 use ltm::scene::{self, BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
 

@@ -9,8 +9,8 @@ use serde_json::json;
 
 use super::bench::Bench;
 use super::dct::grids;
-use super::exchange::read_f32;
 use super::python::Python;
+use super::raw_image::read_f32;
 use super::rivals::Packed;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;

@@ -1,11 +1,11 @@
 //! Equal error: how many samples, and how much time, the raw matrix takes to be as near to the truth as what is packed.
 
 use super::bench::{Bench, CONFERENCE, CONFERENCE_LAMPS, Wanted};
-use super::judged::{HALF_NARROW_NOTE, Judged};
 use super::measured::Summary;
 use super::oidn::{self, Surfaces};
+use super::reference::{HALF_NARROW_NOTE, Judged};
 use super::table::{Cell, Table};
-use super::took::{Clock, Took};
+use super::timing::{Clock, Took};
 use super::{StudyReport, curve};
 use ltm::container::ContainerReader;
 use ltm::error::Result;

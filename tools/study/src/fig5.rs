@@ -47,7 +47,7 @@ kernel Nyström. Errors against the raw matrix, for this one lighting."
     bench.watch.begin("fig5", 3 * scenes.len() as u64, "files");
     for &scene in scenes {
         let matrix = bench.matrix(Wanted { scene, size, texels, samples, seed: 0, block_side: 32 })?;
-        let lightings = evaluation_lightings(&matrix.job().basis, super::judged::LIGHTINGS_SEED);
+        let lightings = evaluation_lightings(&matrix.job().basis, super::reference::LIGHTINGS_SEED);
         let shown: Vec<_> = lightings.into_iter().filter(|l| l.0 == SHOWN).map(|l| l.1).collect();
         let reference = &relight_raw(&matrix, &shown)?[0];
         let nonlinear = kernel(bench, &matrix, rank, &shown)?;

@@ -46,7 +46,7 @@ pub(super) fn run(bench: &Bench<'_>) -> Result<StudyReport> {
     bench.watch.begin("fig7", scenes.len() as u64, "files");
     for (index, &scene) in scenes.iter().enumerate() {
         let matrix = bench.matrix(Wanted { scene, size, texels, samples, seed: 0, block_side: 32 })?;
-        let lightings = evaluation_lightings(&matrix.job().basis, super::judged::LIGHTINGS_SEED);
+        let lightings = evaluation_lightings(&matrix.job().basis, super::reference::LIGHTINGS_SEED);
         let shown: Vec<_> = lightings.into_iter().filter(|l| SHOWN.contains(&l.0)).collect();
         let (names, weights): (Vec<_>, Vec<_>) = shown.into_iter().unzip();
         let references = relight_raw(&matrix, &weights)?;

@@ -3,8 +3,8 @@
 use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
 use super::dct;
-use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::Summary;
+use super::reference::{Judged, LIGHTINGS_NOTE};
 use super::rivals::{BlockSvd, Packed, Ranks, kernel, product};
 use super::table::{Cell, Table};
 use super::{StudyReport, curve, zfp};

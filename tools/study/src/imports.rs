@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use super::StudyReport;
 use super::bench::{Bench, Wanted, file_bytes};
-use super::judged::Judged;
 use super::measured::{Measured, Summary};
 use super::mitsuba::{self, MITSUBA};
+use super::reference::Judged;
 use super::table::{Cell, Table};
 use ltm::compress::{CompressSettings, PriorChoice, Target};
 use ltm::container::ContainerReader;

@@ -5,8 +5,8 @@ use super::bench::{Bench, CLASSROOM, CONFERENCE_CORNER, CONFERENCE_LAMPS, CONFER
 use super::mosaic::Picture;
 use super::oidn::{self, Surfaces};
 use super::rivals::packed;
-use super::seen::Seen;
 use super::table::Table;
+use super::visual_metrics::Seen;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
 use ltm::light::{Job, Lighting};

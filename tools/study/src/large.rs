@@ -9,9 +9,9 @@ use super::bench::{Bench, CONFERENCE, Wanted, file_bytes};
 use super::table::{Cell, Table};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
-use ltm::host::{PeakMemory, human_bytes};
 use ltm::matrix::MatrixShape;
 use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, UnpackOptions};
+use ltm::resources::{PeakMemory, human_bytes};
 use ltm::store::StoreReader;
 
 struct Plan {

@@ -12,15 +12,14 @@ pub mod curve;
 mod dct;
 mod equal;
 mod example;
-mod exchange;
 mod factors;
 mod fig5;
 mod fig6;
 mod fig7;
 mod fig9;
+mod flip;
 mod imports;
 mod interval;
-mod judged;
 mod kernel_nystrom;
 mod lamp;
 mod large;
@@ -30,18 +29,19 @@ mod mitsuba;
 mod mosaic;
 mod noise;
 mod oidn;
-mod perceived;
 mod picture;
 mod python;
 mod rank;
+mod raw_image;
+mod reference;
 mod rivals;
 mod scaling;
-mod seen;
 mod shared;
 mod speed;
 mod svd;
 mod table;
-mod took;
+mod timing;
+mod visual_metrics;
 mod zfp;
 
 use std::fmt;
@@ -54,7 +54,7 @@ pub use measured::{Measured, Summary};
 use bench::Bench;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
-use ltm::host::Watch;
+use ltm::resources::Watch;
 
 /// The studies by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::perceived::Flip;
+use super::flip::Flip;
 use ltm::image::{LinearImage, ToneMapping, compare, encode_srgb};
 
 /// PSNR that stands for a perfect match, so that means stay finite.

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value, json};
 
-use super::exchange::read_f32;
 use super::python::Python;
+use super::raw_image::read_f32;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::image::LinearImage;

@@ -6,8 +6,8 @@ use image::codecs::jpeg::JpegEncoder;
 use plotters::prelude::*;
 
 use super::chart::use_font;
+use super::flip::Flip;
 use super::measured::{displayed, exposure_of};
-use super::perceived::Flip;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
 

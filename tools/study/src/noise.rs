@@ -3,8 +3,8 @@
 use super::StudyReport;
 use super::bench::{Bench, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
-use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::Summary;
+use super::reference::{Judged, LIGHTINGS_NOTE};
 use super::rivals::packed;
 use super::table::Table;
 use ltm::compress::{CompressSettings, Method, PriorChoice};

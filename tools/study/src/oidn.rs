@@ -8,8 +8,8 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::exchange::{read_f32, write_f32};
 use super::python::Python;
+use super::raw_image::{read_f32, write_f32};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::image::LinearImage;

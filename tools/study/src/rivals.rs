@@ -13,7 +13,7 @@ use super::bench::{Bench, file_bytes};
 use super::factors::{assemble, relit_block, relit_factors};
 use super::{kernel_nystrom, svd};
 use ltm::compress::{CompressSettings, component_bits};
-use ltm::container::codec::fineness;
+use ltm::container::codec::band_steps;
 use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter, LightLayout};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
@@ -111,7 +111,7 @@ pub(super) struct BlockSvd {
     rows: Vec<usize>,
     columns: usize,
     /// How finely the product's codec stores right sides, by the prior; empty without one.
-    fineness: Arc<[i8]>,
+    band_steps: Arc<[i8]>,
     seconds: f64,
 }
 
@@ -141,9 +141,9 @@ impl BlockSvd {
         });
         let (parts, rows): (Vec<_>, Vec<_>) = parts.collect::<Result<Vec<_>>>()?.into_iter().unzip();
         let lights = LightLayout::of(&matrix.job().basis);
-        let fineness = prior.map_or_else(Arc::default, |prior| fineness(&lights, prior).into());
+        let band_steps = prior.map_or_else(Arc::default, |prior| band_steps(&lights, prior).into());
         let columns = matrix.shape().columns();
-        Ok(Self { parts, rows, columns, fineness, seconds: begun.elapsed().as_secs_f64() })
+        Ok(Self { parts, rows, columns, band_steps, seconds: begun.elapsed().as_secs_f64() })
     }
 
     /// Rank of each block.
@@ -255,9 +255,9 @@ impl BlockSvd {
     fn cut(&self, id: BlockId, slope: f64) -> FactoredBlock {
         let index = id.index();
         let part = &self.parts[index];
-        let right_fineness = Arc::clone(&self.fineness);
+        let right_band_steps = Arc::clone(&self.band_steps);
         let (rows, columns) = (self.rows[index], self.columns);
-        let mut block = FactoredBlock { rows, columns, right_fineness, ..Default::default() };
+        let mut block = FactoredBlock { rows, columns, right_band_steps, ..Default::default() };
         for Kept { component: k, left, right, .. } in self.kept(index, slope) {
             block.left.extend((0..block.rows).map(|i| part.u[(i, k)] as f32));
             block.right.extend((0..block.columns).map(|j| (part.v[(j, k)] * part.sigma[k]) as f32));

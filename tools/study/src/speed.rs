@@ -2,11 +2,11 @@
 
 use super::bench::{Bench, CONFERENCE_LAMPS, Wanted};
 use super::chart::{Axis, Chart, Line, Panel};
-use super::judged::{Judged, LIGHTINGS_NOTE};
 use super::measured::{Measured, Summary};
 use super::oidn::{self, Surfaces};
+use super::reference::{Judged, LIGHTINGS_NOTE};
 use super::table::{Cell, Table};
-use super::took::{Clock, Took};
+use super::timing::{Clock, Took};
 use super::{StudyReport, machine, mitsuba};
 use ltm::container::ContainerReader;
 use ltm::error::Result;

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use ltm::host::Quiet;
+use ltm::resources::Quiet;
 use ltm_study::{self, Study, StudyOptions};
 use tables::{Row, read_table};
 

@@ -4,8 +4,7 @@
 //! their own.
 
 pub mod animation;
-mod desk;
-mod device_desk;
+mod device_renderer;
 pub mod difference;
 pub mod display;
 pub mod export;
@@ -16,12 +15,13 @@ pub mod looks;
 pub mod meter;
 mod metered;
 pub mod mixer;
-mod paged_desk;
+mod paged_renderer;
 pub mod pattern;
 pub mod pdf;
 pub mod photometry;
 pub mod reach;
 pub mod recent;
+mod renderer;
 pub mod rows;
 pub mod seen;
 pub mod sheet;

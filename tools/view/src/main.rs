@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::{Parser, ValueEnum};
-use ltm::host::parse_bytes;
+use ltm::resources::parse_bytes;
 use ltm::{Error, Result};
 use ltm_cli::console::{EXIT_CODES, finish, use_threads};
 use ltm_view::{RelightOn, WindowOptions};

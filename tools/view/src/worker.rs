@@ -7,7 +7,6 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use super::desk::Desk;
 use super::difference::Difference;
 use super::display::{Display, Shown};
 use super::file_watch::{FileChange, FileWatch};
@@ -15,6 +14,7 @@ use super::looks::Saved;
 pub use super::metered::Meter;
 use super::metered::Metered;
 use super::reach::Reach;
+use super::renderer::Desk;
 use super::surfaces::Surfaces;
 use super::unsaved::LeftBehind;
 use ltm::container::ContainerReader;

@@ -9,11 +9,11 @@ use eframe::egui_wgpu::RenderState;
 
 use super::chooser::{Answer, Chooser, Purpose};
 use super::document::{Document, Opening};
-use super::errands::UnderWay;
+use super::event_throttle::Waiting;
+use super::file_jobs::UnderWay;
 use super::keys::{Action, act, help, pressed};
 use super::layout::{Tab, show_document};
 use super::native_dialog::{NativeDialog, Outcome};
-use super::one_at_a_time::Waiting;
 use super::question::{Next, Question, Reply};
 use super::theme::{self, ALARM, SURROUND, TEXT, WEAK};
 use super::top_bar::{Choice, recent_files};

@@ -11,7 +11,7 @@ use super::theme::{ALARM, WEAK};
 use crate::animation;
 use crate::export::{with_ending, with_one_of};
 use crate::rows::natural;
-use ltm::host::human_bytes;
+use ltm::resources::human_bytes;
 
 /// What a file is chosen for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

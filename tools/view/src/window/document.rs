@@ -8,8 +8,8 @@ use eframe::egui_wgpu::RenderState;
 
 use super::autosave::Autosave;
 use super::comparison::Comparison;
-use super::errands::{Errands, UnderWay};
 use super::features_view::FeaturesView;
+use super::file_jobs::{Errands, UnderWay};
 use super::light_list::LightList;
 use super::light_meter::{Known, LightMeter};
 use super::pattern_editor::Easel;

@@ -6,8 +6,8 @@ use eframe::egui::{self, RichText, Ui};
 
 use super::document::Document;
 use super::theme::{ACCENT, ALARM, TEXT, WEAK};
-use ltm::host::human_bytes;
 use ltm::light::cleaning_errors_line;
+use ltm::resources::human_bytes;
 
 /// Stated error from which on it is pointed out.
 const FAR: f64 = 0.15;

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use eframe::egui::{Key, Modifiers, vec2};
-use ltm::host::Quiet;
 use ltm::matrix::Feature;
 use ltm::pipeline::{Features, PackOptions, RenderOptions, pack, render};
+use ltm::resources::Quiet;
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;
 use ltm_view::WindowOptions;

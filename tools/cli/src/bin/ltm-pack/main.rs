@@ -7,11 +7,11 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser};
 use ltm::container::ContainerReader;
-use ltm::host::{human_bytes, parse_bytes};
 use ltm::image::{FeaturePasses, LayerPattern, LightSet};
 use ltm::light::{Job, LightKind};
 use ltm::matrix::{BlockSource, MatrixShape};
 use ltm::pipeline::{self, ImageNoise, ImportedMatrix, PackOptions, SecondImages};
+use ltm::resources::{human_bytes, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::compression::{Compression, say_errors};

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use ltm::host::{PeakMemory, human_bytes, parse_bytes};
 use ltm::matrix::PixelRect;
 use ltm::pipeline::{self, Selection, UnpackOptions, UnpackSource};
+use ltm::resources::{PeakMemory, human_bytes, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::console::{self, Console, EXIT_CODES};

@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use ltm::depot::Depot;
+use ltm::blob_store::Depot;
+use ltm::farm::{FarmJob, Shards};
 use ltm::files::check_output;
-use ltm::host::{Watch, parse_bytes};
-use ltm::pipeline::{FarmJob, Shards};
+use ltm::resources::{Watch, parse_bytes};
 use ltm::{Error, Result};
 
 use crate::maintain::Merge;

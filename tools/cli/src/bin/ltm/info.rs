@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ltm::container::ContainerReader;
-use ltm::host::{hold_to_memory, human_bytes, parse_bytes};
+use ltm::error_estimate::expected_error;
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::{Job, Light, LightBasis};
 use ltm::light::{cleaning_errors_line, column_name, expected_error_line, exposed_error_line, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
-use ltm::pipeline::{self, open_container};
+use ltm::pipeline::open_container;
+use ltm::resources::{hold_to_memory, human_bytes, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::console::Console;
@@ -84,7 +85,7 @@ pub(crate) fn run(options: &Info, console: &Console) -> Result<()> {
             let matrix = StoreReader::open(path)?;
             let tally = matrix.tally()?;
             // Of damaged blocks `ltm verify` tells; what else is known is said without them.
-            let error = pipeline::expected_error(&matrix, options.memory, console);
+            let error = expected_error(&matrix, options.memory, console);
             let error = match error {
                 Err(Error::Damaged { .. }) => None,
                 other => other?,

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use ltm::container::ContainerReader;
 use ltm::files::check_output;
-use ltm::host::{Watch, human_bytes, parse_bytes};
 use ltm::matrix::BlockId;
 use ltm::pipeline;
+use ltm::resources::{Watch, human_bytes, parse_bytes};
 use ltm::{Error, Result};
 
 use crate::farm::{self, Listing};

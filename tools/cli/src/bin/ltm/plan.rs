@@ -4,9 +4,11 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser};
+use ltm::farm::{FarmJob, Probe};
 use ltm::files::{read_input_text, write_file};
-use ltm::host::{human_bytes, parse_bytes};
-use ltm::pipeline::{self, FarmJob, PackOptions, Probe, parse_seconds};
+use ltm::pipeline::{self, PackOptions};
+use ltm::resources::{human_bytes, parse_bytes};
+use ltm::sample_budget::parse_seconds;
 use ltm::scene::LoadOptions;
 use ltm::{Error, Result};
 use serde_json::{Value, json};
@@ -206,7 +208,7 @@ impl Planned {
         overwrite: bool,
         console: &Console,
     ) -> Result<FarmJob> {
-        use ltm::host::Watch;
+        use ltm::resources::Watch;
         let place = || self.path.display().to_string();
         let refuse = |what: &str| Error::input(place(), format!("has no usable {what}"), "make it again with ltm plan");
         let named = PathBuf::from(self.value["scene"].as_str().ok_or_else(|| refuse("scene"))?);

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use ltm::files::check_output;
-use ltm::host::{Watch, parse_bytes};
 use ltm::image::LinearImage;
 use ltm::light::names::{meant, suggest};
 use ltm::light::{Job, Lighting};
@@ -14,6 +13,7 @@ use ltm::pipeline::{
     Device, PASSES, RelightOptions, Relighter, open_container, relight_matrix, relight_passes, relit_layers_need_bytes,
     write_relit_layers,
 };
+use ltm::resources::{Watch, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 

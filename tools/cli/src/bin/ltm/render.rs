@@ -6,11 +6,11 @@ use std::sync::Arc;
 use clap::{Args, ValueEnum};
 use ltm::Result;
 use ltm::container::ContainerReader;
-use ltm::host::{Watch, human_bytes, parse_bytes};
+use ltm::error_estimate::{ErrorMonitor, expected_error};
 use ltm::light::{ExposedError, expected_error_line, exposed_error_line};
-use ltm::pipeline::{
-    self, PackOptions, PackReport, Promise, RenderOptions, RenderReport, RenderTo, StopRule, parse_error, parse_seconds,
-};
+use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport};
+use ltm::resources::{Watch, human_bytes, parse_bytes};
+use ltm::sample_budget::{RenderTo, StopRule, choose_samples, parse_error, parse_seconds};
 use ltm::store::{Precision, StoreReader};
 
 use crate::input::{Overrides, SceneFiles};
@@ -107,7 +107,7 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let has_rule = rule.error.is_some() || rule.seconds.is_some();
     if has_rule {
         let to = if options.force { RenderTo::Anew(&output) } else { RenderTo::GoOn(&output) };
-        let chosen = pipeline::choose_samples(loaded, to, rule, &pack, console)?;
+        let chosen = choose_samples(loaded, to, rule, &pack, console)?;
         (loaded, pack.promise) = (chosen.loaded, chosen.promise.map(Arc::new));
     }
     let (samples, promise) = (loaded.settings.samples_per_pixel, pack.promise.clone());
@@ -139,9 +139,7 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
         let error = promise.reached_by(&StoreReader::open(&output)?, options.memory, console)?;
         say!("{of}:");
         say_reached(&error, samples);
-    } else if has_rule
-        && let Some(error) = pipeline::expected_error(&StoreReader::open(&output)?, options.memory, console)?
-    {
+    } else if has_rule && let Some(error) = expected_error(&StoreReader::open(&output)?, options.memory, console)? {
         say!("{}", expected_error_line(error));
     }
     match report.blocks_missing {
@@ -154,7 +152,7 @@ pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
 /// What a render has reached of the error that was asked for, and what to do where it missed that by far.
 fn say_reached(error: &ExposedError, samples: u32) {
     say!("{}", exposed_error_line(error));
-    if let Some(instead) = Promise::samples_instead(error, samples) {
+    if let Some(instead) = ErrorMonitor::samples_instead(error, samples) {
         say!("that misses it by far: render again with --samples {instead} --force, or ask for less");
     }
 }

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use ltm::host::{human_bytes, parse_bytes};
 use ltm::light::{LightBasis, Lighting};
 use ltm::look::Look;
 use ltm::pipeline::{self, ShareOptions};
+use ltm::resources::{human_bytes, parse_bytes};
 use ltm::share::SharedLook;
 use ltm::{Error, Result};
 

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use ltm::host::parse_bytes;
 use ltm::pipeline;
+use ltm::resources::parse_bytes;
 use ltm::{Error, Result};
 
 use crate::input::{Kind, kind_of};

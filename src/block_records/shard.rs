@@ -1,0 +1,383 @@
+//! Shards: what a machine of a farm makes of a range of blocks, as one file that never changes.
+//!
+//! A shard holds, for each block of its range, what the merge needs in place of the block: the planes of a matrix that is cleaned
+//! ([`gather`](super::gather)), else the analysed candidate ([`analysis`](super::analysis)). `formats/farm.md` has the bytes. Its
+//! name says what it is for and what is in it: `PLAN-FIRST-END-SHA256.shard`.
+
+use std::fs::File;
+use std::io::{Read, Write};
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use crate::error::{Error, Result};
+use crate::files::{ContinuationFile, Ranged};
+
+/// First bytes of a shard; the last is the version of the format.
+const MARK: [u8; 8] = *b"LTMshrd1";
+/// Written in the machine's byte order, in which all that follows is.
+const BYTE_ORDER: u32 = 0x0102_0304;
+const HEAD_BYTES: usize = 128;
+const PLACE_BYTES: usize = 16;
+/// Ends the name of each.
+pub(crate) const EXTENSION: &str = ".shard";
+/// Bytes that are read at a time while the content is hashed.
+const STEP_BYTES: usize = 1 << 18;
+
+/// What stands at the beginning of a shard.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ShardHead {
+    /// Of the job.
+    pub(crate) job: [u8; 32],
+    /// Of the job, the settings and the versions of all that takes part.
+    pub(crate) fingerprint: [u8; 32],
+    pub(crate) blocks: Range<u32>,
+    /// Rays traced, and contributions that were not finite.
+    pub(crate) rays: u64,
+    pub(crate) non_finite: u64,
+}
+
+/// Where the record of a block stands in its shard.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    offset: u64,
+    bytes: u64,
+    checksum: u32,
+}
+
+/// Begins the names of shards of a plan.
+pub(crate) fn plan_prefix(fingerprint: &str) -> String {
+    fingerprint.chars().take(16).collect::<String>() + "-"
+}
+
+/// Begins the names of shards of a range of a plan.
+pub(crate) fn range_prefix(fingerprint: &str, blocks: &Range<u32>) -> String {
+    format!("{}{:08}-{:08}-", plan_prefix(fingerprint), blocks.start, blocks.end)
+}
+
+impl ShardHead {
+    /// Name of the shard that [`write`](Self::write) writes.
+    ///
+    /// # Errors
+    /// Those of reading the records.
+    pub(crate) fn name(&self, records: &ContinuationFile) -> Result<String> {
+        let mut hash = Hasher(Sha256::new());
+        self.write(records, "its name", &mut hash)?;
+        Ok(range_prefix(&hex(&self.fingerprint), &self.blocks) + &hex(&hash.0.finalize()) + EXTENSION)
+    }
+
+    /// Writes the shard, called `name` in messages: the head, where each record stands, and the records in the order of the blocks.
+    ///
+    /// # Errors
+    /// Those of reading the records and of writing.
+    pub(crate) fn write(&self, records: &ContinuationFile, name: &str, out: &mut dyn Write) -> Result<()> {
+        let mut index = Vec::with_capacity(PLACE_BYTES * self.blocks.len());
+        let mut file_bytes = (HEAD_BYTES + PLACE_BYTES * self.blocks.len()) as u64;
+        for key in self.blocks.clone() {
+            let (bytes, checksum) = records.length_and_checksum(key)?;
+            index.extend(bytes.to_ne_bytes());
+            index.extend(checksum.to_ne_bytes());
+            index.extend([0; 4]);
+            file_bytes += bytes;
+        }
+        let failed = |error| Error::io(name, "write")(error);
+        out.write_all(&self.encode(file_bytes, &index)).and_then(|()| out.write_all(&index)).map_err(failed)?;
+        self.blocks.clone().try_for_each(|key| out.write_all(&records.read(key)?).map_err(failed))
+    }
+
+    fn encode(&self, file_bytes: u64, index: &[u8]) -> [u8; HEAD_BYTES] {
+        let mut head = [0; HEAD_BYTES];
+        let numbers = [self.rays, self.non_finite, file_bytes];
+        let range = [self.blocks.start, self.blocks.end];
+        let parts: [&[u8]; 7] = [
+            &MARK,
+            &BYTE_ORDER.to_ne_bytes(),
+            &0u32.to_ne_bytes(),
+            &self.job,
+            &self.fingerprint,
+            bytemuck::bytes_of(&range),
+            bytemuck::bytes_of(&numbers),
+        ];
+        let bytes = parts.concat();
+        head[..bytes.len()].copy_from_slice(&bytes);
+        let mut check = Sha256::new();
+        check.update(&head[..bytes.len()]);
+        check.update(index);
+        head[bytes.len()..HEAD_BYTES].copy_from_slice(&check.finalize()[..HEAD_BYTES - bytes.len()]);
+        head
+    }
+
+    /// Of a shard that is not looked at any further; as text what is wrong.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(crate) fn of(file: &dyn Ranged, place: &Path) -> Result<Result<Self, String>> {
+        Ok(Reading::head(file, place)?.map(|(head, _)| head))
+    }
+
+    /// Head and places; as text what is wrong.
+    fn read(file: &mut dyn Read, file_bytes: u64) -> Result<(Self, Vec<Place>), String> {
+        let short = |_| "it is cut short".to_owned();
+        let mut head = [0; HEAD_BYTES];
+        file.read_exact(&mut head).map_err(short)?;
+        if head[..7] != MARK[..7] {
+            return Err("it is no shard".to_owned());
+        }
+        let word = |at: usize| u32::from_ne_bytes(head[at..at + 4].try_into().expect("4 bytes"));
+        let long = |at: usize| u64::from_ne_bytes(head[at..at + 8].try_into().expect("8 bytes"));
+        if head[7] != MARK[7] {
+            return Err(format!("it is of version {} of the format, not of {}", head[7] as char, MARK[7] as char));
+        }
+        if word(8) != BYTE_ORDER {
+            return Err("it was built on a machine of another byte order".to_owned());
+        }
+        let hash = |at: usize| head[at..at + 32].try_into().expect("32 bytes");
+        let head_of =
+            |blocks| Self { job: hash(16), fingerprint: hash(48), blocks, rays: long(88), non_finite: long(96) };
+        let (first, end) = (word(80), word(84));
+        // Before memory is taken for the places.
+        let index_bytes = u64::from(end.saturating_sub(first)) * PLACE_BYTES as u64;
+        if first >= end || long(104) != file_bytes || index_bytes > file_bytes {
+            return Err("its head does not fit its length".to_owned());
+        }
+        let this = head_of(first..end);
+        let mut index = vec![0; index_bytes as usize];
+        file.read_exact(&mut index).map_err(short)?;
+        if this.encode(file_bytes, &index) != head {
+            return Err("the checksum of its head does not hold".to_owned());
+        }
+        let mut offset = HEAD_BYTES as u64 + index_bytes;
+        let mut places = Vec::with_capacity(this.blocks.len());
+        for place in index.chunks_exact(PLACE_BYTES) {
+            let bytes = u64::from_ne_bytes(place[..8].try_into().expect("8 bytes"));
+            let checksum = u32::from_ne_bytes(place[8..12].try_into().expect("4 bytes"));
+            places.push(Place { offset, bytes, checksum });
+            offset = offset.checked_add(bytes).ok_or("its places do not fit its length")?;
+        }
+        if offset != file_bytes {
+            return Err("its places do not fit its length".to_owned());
+        }
+        Ok((this, places))
+    }
+}
+
+/// Hashes what is written to it.
+struct Hasher(Sha256);
+
+impl Write for Hasher {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.update(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Bytes as hexadecimal digits.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Reads what is ranged from its beginning on.
+struct Reading<'a> {
+    file: &'a dyn Ranged,
+    offset: u64,
+    length: u64,
+    /// What tells a shard that cannot be read from one that is cut short.
+    failed: Option<std::io::Error>,
+}
+
+impl<'a> Reading<'a> {
+    /// Head and places of a shard; as text what is wrong.
+    fn head(file: &'a dyn Ranged, place: &Path) -> Result<Result<(ShardHead, Vec<Place>), String>> {
+        let length = file.bytes().map_err(Error::io(place, "look at"))?;
+        let mut reading = Self { file, offset: 0, length, failed: None };
+        let head = ShardHead::read(&mut reading, length);
+        reading.failed.map_or(Ok(head), |error| Err(Error::io(place, "read")(error)))
+    }
+}
+
+impl Read for Reading<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let step = (self.length - self.offset).min(buffer.len() as u64) as usize;
+        if let Err(error) = self.file.fill(&mut buffer[..step], self.offset) {
+            self.failed = Some(error);
+            return Err(std::io::ErrorKind::Other.into());
+        }
+        self.offset += step as u64;
+        Ok(step)
+    }
+}
+
+/// A shard whose content is that of its name.
+pub(crate) struct Shard {
+    path: PathBuf,
+    pub(crate) head: ShardHead,
+    places: Vec<Place>,
+}
+
+impl Shard {
+    /// Reads a shard of this machine whole and holds it to its name; as text what is wrong.
+    ///
+    /// # Errors
+    /// The system refuses to read.
+    pub(crate) fn open(path: &Path, name: &str) -> Result<Result<Self, String>> {
+        let file = File::open(path).map_err(Error::io(path, "open"))?;
+        let parts = Self::verify(&file, path, name)?;
+        Ok(parts.map(|(head, places)| Self { path: path.to_owned(), head, places }))
+    }
+
+    /// Reads a shard whole, wherever it lies, and holds it to its name; as text what is wrong. `place` is what messages call it.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub(crate) fn verify(
+        file: &dyn Ranged,
+        place: &Path,
+        name: &str,
+    ) -> Result<Result<(ShardHead, Vec<Place>), String>> {
+        let failed = || Error::io(place, "read");
+        let length = file.bytes().map_err(failed())?;
+        let (head, places) = match Reading::head(file, place)? {
+            Ok(parts) => parts,
+            Err(problem) => return Ok(Err(problem)),
+        };
+        let mut hash = Sha256::new();
+        let (mut buffer, mut offset) = (vec![0; STEP_BYTES], 0);
+        while offset < length {
+            let step = (length - offset).min(STEP_BYTES as u64) as usize;
+            file.fill(&mut buffer[..step], offset).map_err(failed())?;
+            hash.update(&buffer[..step]);
+            offset += step as u64;
+        }
+        let expected = range_prefix(&hex(&head.fingerprint), &head.blocks) + &hex(&hash.finalize()) + EXTENSION;
+        if expected != name {
+            return Ok(Err("its content is not that of its name: it was changed, or renamed".to_owned()));
+        }
+        Ok(Ok((head, places)))
+    }
+}
+
+/// Blocks of a matrix, each in the first of some shards that has it.
+pub(crate) struct ShardSet {
+    /// Its depot, for messages.
+    address: String,
+    paths: Vec<PathBuf>,
+    /// For each block the shard and the place in it.
+    places: Vec<Option<(u32, Place)>>,
+}
+
+impl ShardSet {
+    /// Of no shard yet.
+    pub(crate) fn new(address: &str, blocks: u32) -> Self {
+        Self { address: address.to_owned(), paths: Vec::new(), places: vec![None; blocks as usize] }
+    }
+
+    /// Adds a shard of the same matrix. Where it has another record of a block than a shard before it: that block, and that shard.
+    pub(crate) fn add(&mut self, shard: Shard) -> Option<(u32, &Path)> {
+        let number = self.paths.len() as u32;
+        self.paths.push(shard.path);
+        let mut differs = None;
+        for (key, place) in shard.head.blocks.clone().zip(shard.places) {
+            match self.places.get_mut(key as usize) {
+                Some(Some((other, known))) if (known.bytes, known.checksum) != (place.bytes, place.checksum) => {
+                    differs = differs.or(Some((key, *other)));
+                }
+                Some(empty @ None) => *empty = Some((number, place)),
+                _ => {}
+            }
+        }
+        differs.map(|(key, other)| (key, &*self.paths[other as usize]))
+    }
+
+    /// Where the shards are, for messages.
+    pub(crate) fn address(&self) -> &str {
+        &self.address
+    }
+
+    pub(crate) fn has(&self, key: u32) -> bool {
+        self.places[key as usize].is_some()
+    }
+
+    /// Blocks that no shard has, as ranges.
+    pub(crate) fn missing(&self) -> Vec<Range<u32>> {
+        let mut ranges: Vec<Range<u32>> = Vec::new();
+        for key in (0..self.places.len() as u32).filter(|&key| !self.has(key)) {
+            match ranges.last_mut() {
+                Some(last) if last.end == key => last.end += 1,
+                _ => ranges.push(key..key + 1),
+            }
+        }
+        ranges
+    }
+
+    /// # Errors
+    /// It is not there, cannot be read, or was changed since its shard was verified.
+    pub(crate) fn read(&self, key: u32) -> Result<Vec<u8>> {
+        let Some((shard, place)) = self.places[key as usize] else {
+            return Err(self.damaged(key, "it is not there"));
+        };
+        let path = &self.paths[shard as usize];
+        let mut bytes = vec![0; place.bytes as usize];
+        let file = File::open(path).map_err(Error::io(path, "open"))?;
+        file.read_exact_at(&mut bytes, place.offset).map_err(Error::io(path, format!("read block {key}")))?;
+        match crc32fast::hash(&bytes) == place.checksum {
+            true => Ok(bytes),
+            false => Err(self.damaged(key, "its checksum does not hold")),
+        }
+    }
+
+    /// The error for a record that is not what was built.
+    pub(crate) fn damaged(&self, key: u32, problem: &str) -> Error {
+        let path = match self.places[key as usize] {
+            Some((shard, _)) => self.paths[shard as usize].clone(),
+            None => PathBuf::from(&self.address),
+        };
+        Error::damaged(path, format!("block {key}: {problem}"), "merge again: what the shard lacks is listed then")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_head_is_as_documented() {
+        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/formats/farm.md")).unwrap();
+        let rows = text.lines().skip_while(|line| *line != "| offset | size | field | value |").skip(2);
+        let number = |cell: Option<&str>| cell.unwrap().trim().parse::<usize>().unwrap();
+        let fields: Vec<(usize, usize, String)> = rows
+            .take_while(|line| line.starts_with('|'))
+            .map(|line| {
+                let mut cells = line.split('|').skip(1);
+                (number(cells.next()), number(cells.next()), cells.next().unwrap().trim().to_owned())
+            })
+            .collect();
+        let end = fields.iter().fold(0, |end, (offset, size, field)| {
+            assert_eq!(*offset, end, "{field}");
+            offset + size
+        });
+        assert_eq!(end, HEAD_BYTES);
+        let head = ShardHead { job: [1; 32], fingerprint: [2; 32], blocks: 3..4, rays: 5 << 40, non_finite: 6 << 40 };
+        let bytes = head.encode((HEAD_BYTES + PLACE_BYTES) as u64, &[0; PLACE_BYTES]);
+        let at = |name: &str| {
+            let (offset, size, _) = fields.iter().find(|(_, _, field)| field == name).unwrap();
+            &bytes[*offset..offset + size]
+        };
+        assert_eq!((at("mark"), at("byte order")), (&MARK[..], &BYTE_ORDER.to_ne_bytes()[..]));
+        assert_eq!((at("job hash"), at("fingerprint")), (&[1; 32][..], &[2; 32][..]));
+        assert_eq!((at("first block"), at("end of the blocks")), (&3u32.to_ne_bytes()[..], &4u32.to_ne_bytes()[..]));
+        assert_eq!((at("rays"), at("not finite")), (&(5u64 << 40).to_ne_bytes()[..], &(6u64 << 40).to_ne_bytes()[..]));
+        assert_eq!(at("file bytes"), &((HEAD_BYTES + PLACE_BYTES) as u64).to_ne_bytes()[..]);
+        let file = [&bytes[..], &[0; PLACE_BYTES]].concat();
+        let (read, places) = ShardHead::read(&mut &*file, file.len() as u64).unwrap();
+        assert_eq!((read, places.len()), (head, 1));
+        for cut in 0..file.len() {
+            assert!(ShardHead::read(&mut &file[..cut], cut as u64).is_err());
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Where the analysed blocks of a pack wait for its second pass: `NAME.spill` beside the result, one byte string for each block.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::files::{ContinuationFile, with_suffix};
+use crate::resources::Watch;
+
+const MARK: [u8; 8] = *b"LTMspil2";
+/// Ends the name of a result for the files of what is gathered of blocks to clean them, and of the cleaned images.
+pub(crate) const GATHERED: &str = ".planes";
+/// See [`GATHERED`].
+pub(crate) const DENOISED: &str = ".clean";
+
+/// The file's name for a result.
+pub(crate) fn spill_path(result: &Path) -> PathBuf {
+    with_suffix(result, ".spill")
+}
+
+/// The files that packing into `path` keeps beside it until it is done, whether or not it cleans.
+pub(crate) fn files_of_pack(path: &Path) -> [PathBuf; 4] {
+    let of = |name| spill_path(&with_suffix(path, name));
+    [spill_path(path), of(GATHERED), of(DENOISED), with_suffix(path, ".part")]
+}
+
+/// Opens the file of `result`, going on with an earlier one of the same `fingerprint`.
+///
+/// # Errors
+/// Those of [`ContinuationFile::open`].
+pub(crate) fn open_spill(
+    result: &Path,
+    fingerprint: [u8; 32],
+    blocks: u32,
+    overwrite: bool,
+) -> Result<ContinuationFile> {
+    ContinuationFile::open(&spill_path(result), MARK, fingerprint, blocks, overwrite)
+}
+
+/// Removes what a pack into `path` of so many blocks left beside it when it was killed after its last step.
+pub(crate) fn remove_leftovers(path: &Path, blocks: u32) {
+    for name in ["", GATHERED, DENOISED] {
+        let left = spill_path(&with_suffix(path, name));
+        ContinuationFile::remove_leftover(&left, MARK, blocks, path);
+    }
+}
+
+/// # Errors
+/// The program that runs the job says to stop.
+pub(crate) fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
+    if watch.interrupted() {
+        let kept = spill_path(path);
+        let text = format!("{} keeps the finished blocks; the same command continues", kept.display());
+        return Err(Error::Interrupted(text));
+    }
+    Ok(())
+}

@@ -1,0 +1,236 @@
+//! What tells the columns of a cluster apart, beside the image of the cluster: where that is cleaned, it is kept as far as it stands
+//! above its noise.
+//!
+//! With the 0/1 matrix `S` (columns × clusters), its images `B = A S` and any map `R` (clusters × columns) a block is
+//! `A = B R + A (I − S R)`. Cleaning makes `B` smooth; of the rest, here, the components are taken that the samples agree on, each
+//! times `1 − noise / energy` (Wiener's filter), and what stands alone.
+
+use faer::{MatMut, MatRef};
+use half::f16;
+
+use super::Candidate;
+use super::compressor::Compressor;
+use super::dense::write_product;
+use crate::light::Clusters;
+use crate::matrix::{Block, ColumnIndex, SparseEntry};
+use crate::simd::on_widest;
+
+/// A block as the components and single entries that stand above their noise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Contrasts {
+    rows: usize,
+    columns: usize,
+    /// Rows × components, column-major, times the root of the number of rows: near 1, whatever the block.
+    left: Vec<f16>,
+    /// Components × columns, row-major.
+    right: Vec<f32>,
+    /// Of each component: the part of its left side's energy that is noise, and the noise that fell on its right side.
+    noise: Vec<[f32; 2]>,
+    sparse: Vec<SparseEntry>,
+}
+
+impl Compressor {
+    /// What of a block stands above its noise, of what was analysed of it; entries that are `seen` are not among it.
+    pub fn contrasts(&self, candidate: &Candidate, is_seen: impl Fn(&SparseEntry) -> bool) -> Contrasts {
+        let s = &candidate.summary;
+        let (rows, columns) = (s.rows as usize, s.columns as usize);
+        let mut contrasts = Contrasts { rows, columns, ..Default::default() };
+        let (factor, scale) = (self.settings().noise_factor.unwrap_or(0.0) as f32, (rows as f32).sqrt());
+        for k in (0..candidate.rank()).filter(|&k| k == 0 || s.gains[k] > factor * (s.noise[k] + s.fitted_noise[k])) {
+            contrasts.left.extend(candidate.left[k * rows..][..rows].iter().map(|v| f16::from_f32(scale * v)));
+            contrasts.right.extend_from_slice(&candidate.right[k * columns..][..columns]);
+            contrasts.noise.push([s.fitted_noise[k] / s.gains[k].max(f32::MIN_POSITIVE), s.noise[k]]);
+        }
+        contrasts.sparse = candidate.sparse.iter().filter(|entry| !is_seen(entry)).copied().collect();
+        contrasts
+    }
+
+    /// Makes `block` of the images of its clusters, rows × clusters, column-major: every column is a mixture of them by `map` (`R`,
+    /// row-major), and beside that what tells the columns apart. No entry is then below 0, and where the image of its cluster is
+    /// not, that stays.
+    ///
+    /// # Panics
+    /// If they are of another size.
+    pub fn spread(
+        &self,
+        mut images: Vec<f32>,
+        contrasts: &Contrasts,
+        (clusters, map): (&Clusters, &[f32]),
+        block: &mut Block,
+    ) {
+        let (m, n, rank) = (contrasts.rows, contrasts.columns, contrasts.noise.len());
+        assert_eq!((m, n), (block.rows(), block.columns()));
+        assert_eq!((images.len(), map.len()), (m * clusters.count(), n * clusters.count()));
+        // A single entry tells its column apart from the share that it has of its cluster: that much less is spread.
+        for entry in &contrasts.sparse {
+            images[usize::from(clusters.of_column()[entry.column.index()]) * m + entry.row as usize] -= entry.value;
+        }
+        let mut left = images;
+        left.extend(contrasts.left.iter().map(|v| v.to_f32()));
+        let mut right = map.to_vec();
+        right.extend(self.trusted(contrasts, (clusters, map)));
+        let both = clusters.count() + rank;
+        write_product(
+            MatMut::from_column_major_slice_mut(block.entries_mut(), m, n),
+            MatRef::from_column_major_slice(&left, m, both),
+            MatRef::from_row_major_slice(&right, both, n),
+        );
+        for entry in &contrasts.sparse {
+            block.entries_mut()[entry.column.index() * m + entry.row as usize] += entry.value;
+        }
+        keep_positive(clusters, block);
+    }
+
+    /// Right sides of the components beside the clusters, row-major, as far as they are no noise.
+    fn trusted(&self, contrasts: &Contrasts, (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
+        let (n, rank) = (contrasts.columns, contrasts.noise.len());
+        let beside = |row: &[f32]| beside_clusters(row, (clusters, map));
+        let mut right: Vec<f32> = contrasts.right.chunks_exact(n).flat_map(beside).collect();
+        let energies = self.energies(&right, rank);
+        let scale = 1.0 / (contrasts.rows as f32).sqrt();
+        for ((row, [own, fallen]), energy) in right.chunks_exact_mut(n).zip(&contrasts.noise).zip(energies) {
+            let noise = f64::from(*own) + f64::from(*fallen) / energy.max(f64::MIN_POSITIVE);
+            let trust = (1.0 - noise).clamp(0.0, 1.0) as f32;
+            row.iter_mut().for_each(|v| *v *= scale * trust);
+        }
+        right
+    }
+}
+
+impl Contrasts {
+    /// Bytes of those of a block at most, of its single entries one a row: as many as are likely.
+    pub fn bytes(rows: u64, columns: u64, rank: u64) -> u64 {
+        let rank = (rank + 1).min(rows).min(columns);
+        rank * (2 * rows + 4 * columns + 8) + 12 * rows + 64
+    }
+
+    /// In the machine's byte order, for a file that the same program reads back.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        for count in [self.rows, self.columns, self.noise.len(), self.sparse.len()] {
+            bytes.extend((count as u64).to_ne_bytes());
+        }
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.noise));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.right));
+        for entry in &self.sparse {
+            bytes.extend_from_slice(bytemuck::cast_slice(&[entry.column.0, entry.row, entry.value.to_bits()]));
+        }
+        self.left.iter().for_each(|v| bytes.extend(v.to_bits().to_ne_bytes()));
+        bytes
+    }
+
+    /// What [`to_bytes`](Self::to_bytes) wrote; none if it is something else.
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (head, mut rest) = bytes.split_at_checked(4 * size_of::<u64>())?;
+        let (head, _) = head.as_chunks::<8>();
+        let count = |at: usize| usize::try_from(u64::from_ne_bytes(head[at])).ok();
+        let (rows, columns, rank, sparse) = (count(0)?, count(1)?, count(2)?, count(3)?);
+        let mut take = |count: usize, size: usize| -> Option<&[u8]> {
+            let (taken, left) = rest.split_at_checked(count.checked_mul(size)?)?;
+            rest = left;
+            Some(taken)
+        };
+        let noise = take(rank, 8)?.as_chunks::<8>().0.iter().map(|b| bytemuck::pod_read_unaligned(b)).collect();
+        let right =
+            take(columns.checked_mul(rank)?, 4)?.as_chunks::<4>().0.iter().map(|b| f32::from_ne_bytes(*b)).collect();
+        let entry = |e: &[u8; 12]| {
+            let [column, row, value]: [u32; 3] = bytemuck::pod_read_unaligned(e);
+            SparseEntry { column: ColumnIndex(column), row, value: f32::from_bits(value) }
+        };
+        let sparse = take(sparse, 12)?.as_chunks::<12>().0.iter().map(entry).collect();
+        let left = take(rows.checked_mul(rank)?, 2)?;
+        let left = left.as_chunks::<2>().0.iter().map(|b| f16::from_bits(u16::from_ne_bytes(*b))).collect();
+        rest.is_empty().then_some(Self { rows, columns, left, right, noise, sparse })
+    }
+}
+
+/// `v (I − S R)` of a row `v`.
+fn beside_clusters(row: &[f32], (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
+    let mut sums = vec![0.0f32; clusters.count()];
+    row.iter().zip(clusters.of_column()).for_each(|(v, &cluster)| sums[usize::from(cluster)] += v);
+    let mut rest = row.to_vec();
+    for (sum, map) in sums.iter().zip(map.chunks_exact(row.len())) {
+        rest.iter_mut().zip(map).for_each(|(rest, share)| *rest -= sum * share);
+    }
+    rest
+}
+
+/// Takes from each cluster's columns what is below 0, pixel by pixel, and as much from those above: their sum stays, or is 0 where
+/// it was below that.
+fn keep_positive(clusters: &Clusters, block: &mut Block) {
+    let rows = block.rows();
+    // Of each cluster and row: the sum, and that of what is above 0.
+    let mut sums = vec![0.0f32; clusters.count() * rows];
+    let mut above = sums.clone();
+    let part = |cluster: u16| usize::from(cluster) * rows..(usize::from(cluster) + 1) * rows;
+    on_widest(
+        #[inline(always)]
+        || {
+            for (entries, &cluster) in block.entries().chunks_exact(rows).zip(clusters.of_column()) {
+                let both = sums[part(cluster)].iter_mut().zip(&mut above[part(cluster)]);
+                for ((sum, above), entry) in both.zip(entries) {
+                    *sum += entry;
+                    *above += entry.max(0.0);
+                }
+            }
+        },
+    );
+    // From here on what each is raised to at least, and what it is then multiplied by.
+    for (sum, above) in sums.iter_mut().zip(&mut above) {
+        (*sum, *above) = match (*above > *sum, *sum > 0.0) {
+            (false, _) => (f32::NEG_INFINITY, 1.0),
+            (true, true) => (0.0, *sum / *above),
+            (true, false) => (0.0, 0.0),
+        };
+    }
+    let (least, scale) = (sums, above);
+    on_widest(
+        #[inline(always)]
+        || {
+            for (entries, &cluster) in block.entries_mut().chunks_exact_mut(rows).zip(clusters.of_column()) {
+                let both = least[part(cluster)].iter().zip(&scale[part(cluster)]);
+                for (entry, (least, scale)) in entries.iter_mut().zip(both) {
+                    // What is no number stays so.
+                    *entry = if *entry < *least { *least } else { *entry } * scale;
+                }
+            }
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::{Light, LightBasis, LightKind};
+
+    const ROWS: usize = 6;
+
+    /// A row each of: columns of both signs, all below 0, both signs with a sum below 0, all 0, all above, none a number.
+    #[test]
+    fn nothing_stays_below_zero_and_sums_stay() {
+        let mut basis = LightBasis::new();
+        basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: 12, down: 12 })).unwrap();
+        let clusters = Clusters::of_basis(&basis);
+        let columns = clusters.of_column().len();
+        let values = |row: usize, column: usize| {
+            let is_odd = column % 2 == 1;
+            [if is_odd { -0.1 } else { 0.5 }, -0.3, if is_odd { -0.5 } else { 0.1 }, 0.0, 0.2, f32::NAN][row]
+        };
+        let entries = (0..columns).flat_map(|column| (0..ROWS).map(move |row| values(row, column))).collect();
+        let mut block = Block::from_entries(ROWS, columns, entries);
+        let sums = |block: &Block| {
+            let mut sums = vec![0.0f32; ROWS * clusters.count()];
+            for (entries, &cluster) in block.entries().chunks_exact(ROWS).zip(clusters.of_column()) {
+                sums[ROWS * usize::from(cluster)..].iter_mut().zip(entries).for_each(|(sum, v)| *sum += v);
+            }
+            sums
+        };
+        let before = sums(&block);
+        keep_positive(&clusters, &mut block);
+        let is_right = |(i, v): (usize, &f32)| if i % ROWS == 5 { v.is_nan() } else { *v >= 0.0 };
+        assert!(block.entries().iter().enumerate().all(is_right));
+        for (after, before) in sums(&block).iter().zip(before) {
+            assert!(before.is_nan() || (after - before.max(0.0)).abs() < 1e-5, "{after}, not {before}");
+        }
+    }
+}

@@ -1,0 +1,386 @@
+//! What cleaning needs of each block, taken while the block is there: the planes of its clusters, its features, the emission
+//! that it sees, means of tiles of all columns, and what tells the columns of a cluster apart. The rest of the block is never needed again.
+
+use std::collections::HashSet;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+
+use super::{Denoiser, Strip, TILE, Tally, tile_means};
+use crate::block_records::{Records, stop_if_interrupted};
+use crate::compress::{CompressSettings, Compressor, Contrasts};
+use crate::error::{Error, Result};
+use crate::light::{Clusters, Job};
+use crate::matrix::{
+    Block, BlockId, BlockPlanes, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, SeenEmission, TracedBlock,
+    decode_unsigned, encode_unsigned,
+};
+use crate::resources::{Threads, Watch};
+
+/// What was gathered of a block.
+struct Gathered {
+    planes: BlockPlanes,
+    /// Means of tiles of all columns without emission, columns × channels × tiles; empty where every column is a cluster.
+    tiles: Vec<f32>,
+    /// What tells the columns of a cluster apart; empty where every column is a cluster.
+    contrasts: Vec<u8>,
+}
+
+/// Takes it, and gives it back block by block.
+pub(crate) struct DenoiseInputs {
+    /// What its records are beside, for messages.
+    pub(crate) path: PathBuf,
+    pub(crate) shape: MatrixShape,
+    pub(crate) clusters: usize,
+    pub(crate) records: Records,
+    /// What looks for contrasts; none where every column is a cluster.
+    compressor: Option<Compressor>,
+}
+
+/// Components that contrasts have at most, and how far each must stand above its noise. Chosen on the built-in scene `environment`
+/// at 16, 64 and 256 samples: 24 components are too few at 256, a factor of 4 leaves out what an eye sees, one of 1 brings nothing
+/// more. The scenes `mixed` and `cornell-glossy` do not depend on either.
+const CONTRAST_RANK: usize = 64;
+const CONTRAST_OVER_NOISE: f64 = 2.0;
+
+impl DenoiseInputs {
+    /// For the blocks of a job; `path` is what the records are beside.
+    ///
+    /// # Errors
+    /// Those of [`Compressor::new`].
+    pub(crate) fn new(job: &Job, path: PathBuf, records: Records) -> Result<Self> {
+        let clusters = Clusters::of_basis(&job.basis).count();
+        let compressor =
+            (clusters < job.shape.columns()).then(|| Compressor::new(&job.basis, job.shape, contrast_settings()));
+        Ok(Self { path, shape: job.shape, clusters, records, compressor: compressor.transpose()? })
+    }
+
+    /// Bytes that one thread takes at most to gather a block, beside the block itself.
+    pub(crate) fn takes_bytes(job: &Job) -> u64 {
+        // Planes, tiles and contrasts as they come, and as bytes; before them what looks for contrasts.
+        let looking = match Self::contrast_bytes(job) {
+            0 => 0,
+            bytes => Compressor::needs_bytes_for(job.shape, &contrast_settings()) + 2 * bytes,
+        };
+        2 * Self::record_bytes(job) + looking
+    }
+
+    /// Bytes that one thread takes at most to make a block of what was gathered of it and of its cleaned images, beside the block
+    /// itself.
+    pub(crate) fn spreads_bytes(job: &Job) -> u64 {
+        let (rows, columns) = (job.shape.max_block_rows() as u64, job.shape.columns() as u64);
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        // The images as bytes and as floats.
+        let images = 2 * 4 * rows * clusters;
+        match Self::contrast_bytes(job) {
+            0 => Self::record_bytes(job) + images,
+            bytes => {
+                let rank = CONTRAST_RANK as u64 + 1;
+                // Both sides of the product, their energies in f64, and what keeps entries positive.
+                let sides = 4 * (rows * (2 * clusters + rank) + columns * (clusters + 2 * rank));
+                Self::record_bytes(job) + bytes + images + sides + 24 * columns * rank + 8 * rows * clusters
+            }
+        }
+    }
+
+    /// Bytes of what is gathered of a block at most, its single entries as many as are likely.
+    fn record_bytes(job: &Job) -> u64 {
+        let (planes, tiles) = Self::plane_and_tile_bytes(job);
+        planes + tiles + Self::contrast_bytes(job)
+    }
+
+    /// Bytes of the planes of a block, and of its tiles, at most.
+    pub(crate) fn plane_and_tile_bytes(job: &Job) -> (u64, u64) {
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        let side = job.shape.block_side();
+        let tiles = tile_values(job.shape, PixelRect { x: 0, y: 0, width: side, height: side }, clusters);
+        (BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters), 4 * tiles as u64)
+    }
+
+    /// Bytes that the contrasts of a block are likely to take at most.
+    pub(crate) fn contrast_bytes(job: &Job) -> u64 {
+        let columns = job.shape.columns() as u64;
+        if Clusters::of_basis(&job.basis).count() as u64 == columns {
+            return 0;
+        }
+        Contrasts::bytes(job.shape.max_block_rows() as u64, columns, CONTRAST_RANK as u64)
+    }
+
+    /// Takes from each of these blocks what filtering needs of it. `make` puts a block into its target and says how much work that was,
+    /// in `work_unit`. What is there already is read.
+    ///
+    /// # Errors
+    /// A block without planes; those of `make` and of the disk; [`Error::Interrupted`] when the watch says so.
+    pub(crate) fn gather(
+        &self,
+        blocks: &[BlockId],
+        threads: &Threads,
+        (stage, work_unit): (&str, &str),
+        watch: &dyn Watch,
+        make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
+    ) -> Result<Tally> {
+        let total = Mutex::new(Tally::new(self.clusters));
+        watch.begin(stage, blocks.len() as u64, "blocks");
+        let gather = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
+            let mut tally = Tally::new(self.clusters);
+            let work = self.take(id, block, watch, &make, Some(&mut tally))?;
+            total.lock().unwrap_or_else(|e| e.into_inner()).merge(&tally);
+            watch.advance(1, work, work_unit);
+            Ok(())
+        };
+        let done = threads.run(|| -> Result<()> { blocks.par_iter().map_init(TracedBlock::default, gather).collect() });
+        watch.end();
+        done?;
+        Ok(total.into_inner().unwrap_or_else(|e| e.into_inner()))
+    }
+
+    /// Takes from one block what filtering needs of it, unless it is there, and adds it to a tally; gives the work that it was.
+    ///
+    /// # Errors
+    /// Those of [`gather`](Self::gather).
+    pub(crate) fn take(
+        &self,
+        id: BlockId,
+        block: &mut TracedBlock,
+        watch: &dyn Watch,
+        make: &(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync),
+        tally: Option<&mut Tally>,
+    ) -> Result<u64> {
+        stop_if_interrupted(&self.path, watch)?;
+        let rect = self.shape.rect(id);
+        if self.records.has(id.0) {
+            if let Some(tally) = tally {
+                add_to(tally, &self.read(id)?.planes);
+            }
+            return Ok(0);
+        }
+        let work = make(id, block)?;
+        let planes = block.planes.take().ok_or_else(|| {
+            let hint = "pack it as it is, with --denoise off";
+            Error::input(id.to_string(), "its samples were not kept apart, so it cannot be cleaned", hint)
+        })?;
+        let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
+        let contrasts = self.contrasts_of(id, block, &planes.emission);
+        let gathered = Gathered { planes, tiles, contrasts };
+        self.records.append(id.0, &[&encode(&gathered)])?;
+        if let Some(tally) = tally {
+            add_to(tally, &gathered.planes);
+        }
+        block.planes = Some(gathered.planes);
+        Ok(work)
+    }
+
+    /// Puts what was gathered of some rows of a rectangle of the image, which are those of whole blocks as far as they lie in it, where
+    /// cleaning wants it. Their blocks are read a few at a time.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(crate) fn put(
+        &self,
+        whole: PixelRect,
+        wanted: &Range<usize>,
+        at_once: usize,
+        cleaning: &mut Denoiser<'_>,
+    ) -> Result<()> {
+        if wanted.is_empty() {
+            return Ok(());
+        }
+        let side = self.shape.block_side();
+        let blocks = |begin: u32, size: u32| begin / side..(begin + size).div_ceil(side);
+        let part = PixelRect { y: whole.y + wanted.start as u32, height: wanted.len() as u32, ..whole };
+        let rows: Vec<u32> = blocks(part.y, part.height).collect();
+        let borders: Vec<usize> = rows.iter().map(|row| (row * side).saturating_sub(whole.y) as usize).collect();
+        let columns = blocks(whole.x, whole.width);
+        let strips = rows.iter().zip(cleaning.strips(wanted, &borders));
+        let mut parts: Vec<_> = strips.map(|(row, strip)| (*row, columns.clone(), strip)).collect();
+        for few in parts.chunks_mut(at_once) {
+            few.par_iter_mut().try_for_each(|(row, columns, strip)| {
+                let mut bytes = Vec::new();
+                for column in columns {
+                    let id = BlockId(*row * self.shape.blocks_across() + column);
+                    self.records.read_into(id.0, &mut bytes)?;
+                    self.parts(id, &bytes)?.put(self.shape.rect(id), part, self.clusters, strip);
+                }
+                Ok(())
+            })?;
+        }
+        Ok(())
+    }
+
+    fn read(&self, id: BlockId) -> Result<Gathered> {
+        let bytes = self.records.read(id.0)?;
+        Ok(self.parts(id, &bytes)?.decode(self.shape.rect(id), self.clusters))
+    }
+
+    /// The parts of what was gathered of a block.
+    pub(crate) fn parts<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<Parts<'a>> {
+        let rect = self.shape.rect(id);
+        let tiles = tile_values(self.shape, rect, self.clusters as u64);
+        let parts = Parts::of(bytes, rect.pixels(), self.clusters, tiles);
+        parts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))
+    }
+
+    /// Makes a block of the images of its clusters, see [`Compressor::spread`].
+    pub(crate) fn spread(
+        &self,
+        id: BlockId,
+        (parts, images): (&Parts<'_>, Vec<f32>),
+        map: (&Clusters, &[f32]),
+        block: &mut Block,
+    ) -> Result<()> {
+        let Some(compressor) = &self.compressor else {
+            // Every column is a cluster.
+            block.entries_mut().copy_from_slice(&images);
+            return Ok(());
+        };
+        let contrasts = Contrasts::from_bytes(parts.contrasts);
+        let contrasts = contrasts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))?;
+        compressor.spread(images, &contrasts, map, block);
+        Ok(())
+    }
+
+    /// See [`Gathered::contrasts`].
+    fn contrasts_of(&self, id: BlockId, block: &mut TracedBlock, emission: &[SeenEmission]) -> Vec<u8> {
+        let Some(compressor) = &self.compressor else { return Vec::new() };
+        let (candidate, _) = compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), emission);
+        let pixels = self.shape.rect(id).pixels() as u32;
+        let seen: HashSet<(u32, u32)> = emission.iter().map(|seen| (seen.column, seen.pixel)).collect();
+        compressor.contrasts(&candidate, |entry| seen.contains(&(entry.column.0, entry.row % pixels))).to_bytes()
+    }
+
+    /// See [`Gathered::tiles`].
+    fn tiles_of(&self, entries: &[f32], rect: PixelRect, emission: &[SeenEmission]) -> Vec<f32> {
+        if tile_values(self.shape, rect, self.clusters as u64) == 0 {
+            return Vec::new();
+        }
+        let (width, height) = (rect.width as usize, rect.height as usize);
+        let mut tiles = tile_means(entries, (width, height));
+        let (across, down) = (width.div_ceil(TILE), height.div_ceil(TILE));
+        for seen in emission {
+            let (x, y) = (seen.pixel as usize % width / TILE, seen.pixel as usize / width / TILE);
+            let within = |at: usize, size: usize| TILE.min(size - at * TILE);
+            let share = 1.0 / (within(x, width) * within(y, height)) as f32;
+            for (channel, value) in seen.value.iter().enumerate() {
+                tiles[((seen.column as usize * CHANNELS + channel) * down + y) * across + x] -= share * value;
+            }
+        }
+        tiles
+    }
+}
+
+fn contrast_settings() -> CompressSettings {
+    CompressSettings { rank: CONTRAST_RANK, noise_factor: Some(CONTRAST_OVER_NOISE), ..Default::default() }
+}
+
+/// Values that a block has in [`Gathered::tiles`].
+pub(crate) fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) -> usize {
+    if clusters == shape.columns() as u64 {
+        return 0;
+    }
+    let tiles = |side: u32| (side as usize).div_ceil(TILE);
+    CHANNELS * shape.columns() * tiles(rect.width) * tiles(rect.height)
+}
+
+/// What was gathered of a block for the file: light and variances as tracing rounds them, the rest as it is.
+fn encode(Gathered { planes, tiles, contrasts }: &Gathered) -> Vec<u8> {
+    let light = || planes.direct.iter().chain(&planes.indirect).chain([&planes.feature_variance]);
+    let halves = 2 * light().map(Vec::len).sum::<usize>();
+    let emission: &[u8] = bytemuck::cast_slice(&planes.emission);
+    let rest = 4 * planes.features.len() + 4 * tiles.len() + size_of::<u64>() + emission.len() + contrasts.len();
+    let mut bytes = Vec::with_capacity(halves + rest);
+    bytes.resize(halves, 0);
+    for (bytes, value) in bytes.chunks_exact_mut(2).zip(light().flatten()) {
+        bytes.copy_from_slice(&encode_unsigned(*value).to_ne_bytes());
+    }
+    bytes.extend_from_slice(bytemuck::cast_slice(&planes.features));
+    bytes.extend_from_slice(bytemuck::cast_slice(tiles));
+    bytes.extend((emission.len() as u64).to_ne_bytes());
+    bytes.extend_from_slice(emission);
+    bytes.extend_from_slice(contrasts);
+    bytes
+}
+
+fn add_to(tally: &mut Tally, planes: &BlockPlanes) {
+    tally.add(planes.direct.each_ref().map(Vec::as_slice), planes.indirect.each_ref().map(Vec::as_slice));
+}
+
+/// What was gathered of a block, as the file has it ([`encode`]).
+pub(crate) struct Parts<'a> {
+    halves: &'a [u8],
+    features: &'a [u8],
+    pub(crate) tiles: &'a [u8],
+    emission: &'a [u8],
+    contrasts: &'a [u8],
+}
+
+impl<'a> Parts<'a> {
+    /// None if there is too little of it.
+    fn of(bytes: &'a [u8], pixels: usize, clusters: usize, tiles: usize) -> Option<Self> {
+        let light = pixels * CHANNELS * clusters;
+        let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
+        let (features, rest) = rest.split_at_checked(4 * FEATURE_PLANES * pixels)?;
+        let (tiles, rest) = rest.split_at_checked(4 * tiles)?;
+        let (length, rest) = rest.split_first_chunk::<8>()?;
+        let (emission, contrasts) = rest.split_at_checked(u64::from_ne_bytes(*length) as usize)?;
+        Some(Self { halves, features, tiles, emission, contrasts })
+    }
+
+    pub(crate) fn emission(&self) -> Vec<SeenEmission> {
+        self.emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect()
+    }
+
+    /// Puts what lies in `whole` into the rows of a window of it that the block stands in.
+    fn put(&self, rect: PixelRect, whole: PixelRect, clusters: usize, strip: &mut Strip<'_>) {
+        let light = 2 * CHANNELS * clusters;
+        let plane = 2 * rect.pixels();
+        let (direct, rest) = self.halves.split_at(light * plane);
+        let (indirect, variance) = rest.split_at(light * plane);
+        let of_half = |bytes: [u8; 2]| decode_unsigned(u16::from_ne_bytes(bytes));
+        place(direct, (rect, whole), (strip.direct, light), of_half);
+        place(indirect, (rect, whole), (strip.indirect, light), of_half);
+        place(variance, (rect, whole), (strip.feature_variance, FEATURE_PLANES), of_half);
+        place(self.features, (rect, whole), (strip.features, FEATURE_PLANES), f32::from_ne_bytes);
+    }
+
+    fn decode(&self, rect: PixelRect, clusters: usize) -> Gathered {
+        let light = rect.pixels() * CHANNELS * clusters;
+        let mut values = self.halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
+        let mut take = |count: usize| values.by_ref().take(count).collect::<Vec<f32>>();
+        let planes = BlockPlanes {
+            direct: [take(light), take(light)],
+            indirect: [take(light), take(light)],
+            feature_variance: take(FEATURE_PLANES * rect.pixels()),
+            features: floats(self.features),
+            emission: self.emission(),
+        };
+        Gathered { planes, tiles: floats(self.tiles), contrasts: self.contrasts.to_vec() }
+    }
+}
+
+/// Puts the planes of a block, one after the other, into the rows of a window that it stands in: those of all planes row by row.
+fn place<const BYTES: usize>(
+    from: &[u8],
+    (rect, whole): (PixelRect, PixelRect),
+    (strip, planes): (&mut [f32], usize),
+    value: impl Fn([u8; BYTES]) -> f32,
+) {
+    let (from, _) = from.as_chunks::<BYTES>();
+    let width = whole.width as usize;
+    let left = rect.x.max(whole.x);
+    let right = (rect.x + rect.width).min(whole.x + whole.width);
+    let first_row = rect.y.max(whole.y) - rect.y;
+    for (plane, from) in from.chunks_exact(rect.pixels()).enumerate() {
+        let rows = from.chunks_exact(rect.width as usize).skip(first_row as usize);
+        for (from, target) in rows.zip(strip.chunks_exact_mut(planes * width)) {
+            let from = &from[(left - rect.x) as usize..(right - rect.x) as usize];
+            let target = &mut target[plane * width + (left - whole.x) as usize..][..from.len()];
+            target.iter_mut().zip(from).for_each(|(target, bytes)| *target = value(*bytes));
+        }
+    }
+}
+
+pub(crate) fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
+}

@@ -1,0 +1,463 @@
+//! Blocks → cleaned blocks: what compresses afterwards sees a matrix without grain.
+//!
+//! Three steps, of which only the first has the blocks:
+//!
+//! 1. *DenoiseInputs*: of each block, wherever it comes from, the planes go to a file: light of the clusters of columns in two
+//!    halves, features, emission seen.
+//! 2. *Filtering*, window by window over the whole image, with as much of the neighbourhood as the filter reads: the
+//!    images `D` of the clusters, cleaned. They do not know of blocks. Or the images come from a file, cleaned elsewhere.
+//! 3. *Spreading*, when a block is asked for: `T̂ = D R + C + E`, with the emission `E` as it is (Nyström's approximation, with
+//!    sums of columns as landmarks). `C` is what tells the columns of a cluster apart beside that, as far as it stands above its
+//!    noise ([`Contrasts`](crate::compress::Contrasts)): sharp shadows of single texels, small spots. In `R` each column has its cluster's image, scaled to its own share of the light: a texel
+//!    that lights more than its neighbours keeps its light, and no weight is negative. Beyond that `R` is fitted to what the
+//!    samples say of each column, tile by tile over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
+//!
+//! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.
+
+use std::ops::Range;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::denoise_inputs::{DenoiseInputs, floats, tile_values};
+use super::external_images::ExternalImages;
+use super::{DenoisedRows, Denoiser, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally, tile_means};
+use crate::block_records::{DENOISED, GATHERED, Records, ShardSet, open_spill, stop_if_interrupted};
+use crate::compress::Compressor;
+use crate::error::{Error, Result};
+use crate::files::{ContinuationFile, with_suffix};
+use crate::light::{CleaningErrors, Clusters, Job, LightBasis};
+use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
+use crate::resources::{Need, Threads, Watch};
+
+/// Memory that the rows of a window may take that are held at once; a window of one block is filtered whatever it takes.
+const WINDOW_BYTES: u64 = 512 << 20;
+
+/// Blocks that are decoded side by side.
+const BLOCKS_AT_HAND: u64 = 4;
+
+/// A matrix whose images are cleaned, block by block.
+pub(crate) struct DenoisedSource {
+    shape: MatrixShape,
+    clusters: usize,
+    /// What is filtered one after the other, each from the top down, several blocks wide.
+    windows: Vec<Vec<BlockId>>,
+    /// Pixels around a window that its filter reads.
+    halo: u32,
+    /// `R`: clusters × columns, row-major; the identity until it is fitted.
+    map: Vec<f32>,
+    /// Which column is in which cluster.
+    partition: Clusters,
+    gathering: DenoiseInputs,
+    images: ContinuationFile,
+    tally: Tally,
+}
+
+impl DenoisedSource {
+    /// What packing a cleaned matrix takes, for each thread beside the block at hand: first blocks are made, which takes `making_bytes`
+    /// more, and gathered; then windows are filtered; then blocks are spread, and compressed, which takes `compressing_bytes`.
+    pub(crate) fn need(job: &Job, making_bytes: u64, compressing_bytes: u64) -> Need {
+        let windows = window_blocks(job.shape, Clusters::of_basis(&job.basis).count());
+        let stages = Self::need_of_windows(job, making_bytes, windows);
+        let disk_bytes = Self::disk_bytes(job);
+        Need {
+            per_thread_bytes: stages.per_thread_bytes.max(compressing_bytes),
+            disk_bytes,
+            most_disk_bytes: disk_bytes,
+            ..stages
+        }
+    }
+
+    /// The same of cleaning alone, with windows of so many blocks across.
+    pub(crate) fn need_of_windows(job: &Job, making_bytes: u64, blocks: u32) -> Need {
+        let clusters = Clusters::of_basis(&job.basis).count();
+        let gathering = making_bytes + DenoiseInputs::takes_bytes(job);
+        Need {
+            // The map stays, and what looks for contrasts.
+            fixed_bytes: (size_of::<f32>() * job.shape.columns()) as u64
+                * (clusters as u64 + Compressor::COLUMN_VALUES),
+            per_thread_bytes: gathering.max(DenoiseInputs::spreads_bytes(job)),
+            alone_bytes: Self::windows_need_bytes(job, blocks),
+            ..Need::default()
+        }
+    }
+
+    /// Bytes that filtering and fitting take at most, with windows of so many blocks across.
+    fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        let (planes, tiles) = DenoiseInputs::plane_and_tile_bytes(job);
+        // What the map is fitted with; planes and tiles of the blocks at hand.
+        let fit = if tiles > 0 { MapFit::needs_bytes(clusters, job.shape.columns() as u64) } else { 0 };
+        window_bytes(job.shape, blocks, clusters as usize) + BLOCKS_AT_HAND * (planes + 3 * tiles) + fit
+    }
+
+    /// Bytes of disk that it takes.
+    fn disk_bytes(job: &Job) -> u64 {
+        let clusters = Clusters::of_basis(&job.basis).count() as u64;
+        let pixels = job.shape.rows() / CHANNELS as u64;
+        let tiles: u64 =
+            job.shape.blocks().map(|id| 4 * tile_values(job.shape, job.shape.rect(id), clusters) as u64).sum();
+        let contrasts = u64::from(job.shape.block_count()) * DenoiseInputs::contrast_bytes(job);
+        BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64) + tiles + contrasts
+    }
+
+    /// Opens the files for it beside `path`, those of an interrupted run of the same fingerprint where there are any. What was
+    /// gathered elsewhere comes as `shards`.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(crate) fn begin(
+        job: &Job,
+        path: &Path,
+        fingerprint: [u8; 32],
+        overwrite: bool,
+        shards: Option<ShardSet>,
+    ) -> Result<Self> {
+        let shape = job.shape;
+        let open = |name| open_spill(&with_suffix(path, name), fingerprint, shape.block_count(), overwrite);
+        let records = match shards {
+            Some(shards) => Records::Shards(shards),
+            None => Records::File(open(GATHERED)?),
+        };
+        let clusters = Clusters::of_basis(&job.basis);
+        let windows = windows_of(shape, (window_blocks(shape, clusters.count()), shape.blocks_down()));
+        Self::over((windows, reach_in(shape).halo() as u32), job, path, (records, open(DENOISED)?))
+    }
+
+    /// For these windows of the image alone, each as if the image ended at its rim. The files are gone with the process, however
+    /// that ends.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(crate) fn of_windows(job: &Job, windows: Vec<Vec<BlockId>>) -> Result<Self> {
+        let folder =
+            tempfile::tempdir().map_err(Error::io("the system's temporary files", "create a folder for them"))?;
+        let (path, shape) = (folder.path().join("pilot"), job.shape);
+        let open = |name| open_spill(&with_suffix(&path, name), job.hash().0, shape.block_count(), false);
+        let files = (Records::File(open(GATHERED)?), open(DENOISED)?);
+        // Without their names the files live as long as they are open.
+        folder.close().map_err(Error::io(&path, "take the name of"))?;
+        Self::over((windows, 0), job, &path, files)
+    }
+
+    fn over(
+        (windows, halo): (Vec<Vec<BlockId>>, u32),
+        job: &Job,
+        path: &Path,
+        (records, images): (Records, ContinuationFile),
+    ) -> Result<Self> {
+        let (shape, partition) = (job.shape, Clusters::of_basis(&job.basis));
+        let clusters = partition.count();
+        let gathering = DenoiseInputs::new(job, with_suffix(path, GATHERED), records)?;
+        let (map, tally) = (identity(clusters, shape.columns()), Tally::new(clusters));
+        Ok(Self { shape, clusters, windows, halo, map, partition, gathering, images, tally })
+    }
+
+    /// The blocks of all windows, ascending.
+    fn blocks(&self) -> Vec<BlockId> {
+        let mut blocks = self.windows.concat();
+        blocks.sort_unstable();
+        blocks
+    }
+
+    /// Removes the files that it worked with.
+    pub(crate) fn remove(self) -> Result<()> {
+        self.gathering.records.remove()?;
+        self.images.remove()
+    }
+
+    /// Takes from each block what filtering needs of it, see [`DenoiseInputs::gather`]. Gives the number of blocks that an earlier run had
+    /// left.
+    ///
+    /// # Errors
+    /// Those of [`DenoiseInputs::gather`].
+    pub(crate) fn gather(
+        &mut self,
+        threads: &Threads,
+        stage: (&str, &str),
+        watch: &dyn Watch,
+        make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
+    ) -> Result<u64> {
+        let blocks = self.blocks();
+        let blocks_kept = blocks.iter().filter(|&&id| self.gathering.records.has(id.0)).count() as u64;
+        self.tally = self.gathering.gather(&blocks, threads, stage, watch, make)?;
+        Ok(blocks_kept)
+    }
+
+    /// Filters what was gathered, window by window.
+    ///
+    /// # Errors
+    /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
+    pub(crate) fn filter(&self, threads: &Threads, watch: &dyn Watch) -> Result<()> {
+        let guides = &self.tally.guides();
+        watch.begin("cleaning", self.blocks().len() as u64, "blocks");
+        let done = threads.run(|| -> Result<()> {
+            let pool = Pool::default();
+            for blocks in &self.windows {
+                if blocks.iter().all(|&id| self.images.has(id.0)) {
+                    watch.advance(blocks.len() as u64, 0, "px");
+                } else {
+                    self.filter_window(blocks, guides, &pool, watch)?;
+                }
+            }
+            Ok(())
+        });
+        watch.end();
+        done
+    }
+
+    /// Takes images that were cleaned elsewhere, in place of filtering.
+    ///
+    /// # Errors
+    /// Those of reading the images and of the disk.
+    pub(crate) fn take(&self, basis: &ExternalImages, watch: &dyn Watch) -> Result<()> {
+        if self.shape.blocks().all(|id| self.images.has(id.0)) {
+            return Ok(());
+        }
+        watch.begin("reading cleaned images", u64::from(self.shape.block_count()), "blocks");
+        let done = basis.read().and_then(|images| {
+            for id in self.shape.blocks().filter(|id| !self.images.has(id.0)) {
+                self.images.append(id.0, &[&images.bytes_of(self.shape.rect(id))])?;
+                watch.advance(1, 0, "px");
+            }
+            Ok(())
+        });
+        watch.end();
+        done
+    }
+
+    /// Filters the blocks of one window, from the top down.
+    fn filter_window(&self, blocks: &[BlockId], guides: &Guides, pool: &Pool, watch: &dyn Watch) -> Result<()> {
+        let rects = || blocks.iter().map(|&id| self.shape.rect(id));
+        let across = rects().map(|r| r.x).min().unwrap_or(0)..rects().map(|r| r.x + r.width).max().unwrap_or(0);
+        let down = rects().map(|r| r.y).min().unwrap_or(0)..rects().map(|r| r.y + r.height).max().unwrap_or(0);
+        let halo = self.halo;
+        let (left, top) = (across.start.saturating_sub(halo), down.start.saturating_sub(halo));
+        let (right, bottom) = ((across.end + halo).min(self.shape.width()), (down.end + halo).min(self.shape.height()));
+        let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
+        let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
+        let region = Region { x: within(across, left), y: within(down, top) };
+        let (size, block) =
+            ((whole.width as usize, whole.height as usize), self.shape.block_side().min(whole.height) as usize);
+        let mut cleaning = Denoiser::new((size, block), region, FEATURE_PLANES, guides, (reach_in(self.shape), pool));
+        while let Some(wanted) = cleaning.wants() {
+            stop_if_interrupted(&self.gathering.path, watch)?;
+            self.gathering.put(whole, &wanted, BLOCKS_AT_HAND as usize, &mut cleaning)?;
+            let cleaned = cleaning.clean(&wanted);
+            let rows = cleaned.rows();
+            let is_done = |id: &&BlockId| rows.contains(&((self.shape.rect(**id).y - top) as usize));
+            let done: Vec<&BlockId> = blocks.iter().filter(is_done).collect();
+            for few in done.chunks(BLOCKS_AT_HAND as usize) {
+                few.par_iter().try_for_each(|id| self.keep(**id, (left, top), &cleaned))?;
+            }
+            watch.advance(done.len() as u64, 0, "px");
+            cleaned.keep_in(pool);
+        }
+        Ok(())
+    }
+
+    /// Appends a block of what was cleaned, which begins at a pixel of the image, unless it is there.
+    fn keep(&self, id: BlockId, (left, top): (u32, u32), cleaned: &DenoisedRows) -> Result<()> {
+        if self.images.has(id.0) {
+            return Ok(());
+        }
+        let (rect, images) = (self.shape.rect(id), &cleaned.images);
+        let (left, top) = ((rect.x - left) as usize, (rect.y - top) as usize);
+        let part = Region { x: left..left + rect.width as usize, y: top..top + rect.height as usize };
+        let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
+        for plane in 0..images.planes() {
+            for y in part.y.clone() {
+                bytes.extend_from_slice(bytemuck::cast_slice(&images.row(plane, y)[part.x.clone()]));
+            }
+        }
+        let errors = cleaned.errors(&part);
+        self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])
+    }
+
+    /// Fits the map from clusters to columns, where a cluster has several: after the images are cleaned.
+    ///
+    /// # Errors
+    /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
+    pub(crate) fn fit(&mut self, watch: &dyn Watch) -> Result<()> {
+        if self.clusters == self.shape.columns() {
+            return Ok(());
+        }
+        watch.begin("fitting columns", self.blocks().len() as u64, "blocks");
+        let summed = self.sum_tiles(watch);
+        watch.end();
+        self.map = summed?.fit(&self.partition);
+        Ok(())
+    }
+
+    /// What [`MapFit`] needs of all tiles.
+    fn sum_tiles(&self, watch: &dyn Watch) -> Result<MapFit> {
+        let columns = self.shape.columns();
+        let mut fit = MapFit::new(self.clusters, columns);
+        // Where it is brighter than the mean errors count by their share, in the dark as they are.
+        let mean = self.mean_light()?;
+        let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
+        for id in self.blocks() {
+            stop_if_interrupted(&self.gathering.path, watch)?;
+            let images = self.image_tiles(id)?;
+            let gathered = self.gathering.records.read(id.0)?;
+            let tiles = floats(self.gathering.parts(id, &gathered)?.tiles);
+            let each = images.len() / self.clusters;
+            for row in 0..each {
+                of_images.iter_mut().enumerate().for_each(|(i, v)| *v = images[i * each + row]);
+                of_columns.iter_mut().enumerate().for_each(|(j, v)| *v = tiles[j * each + row]);
+                let light: f64 = of_images.iter().map(|&v| f64::from(v)).sum();
+                let scale = light.max(0.0) + mean;
+                if scale > 0.0 && of_columns.iter().all(|v| v.is_finite()) {
+                    fit.add(row % 2, &of_images, &of_columns, 1.0 / (scale * scale));
+                }
+            }
+            watch.advance(1, 0, "px");
+        }
+        Ok(fit)
+    }
+
+    /// Means of tiles of the cleaned images of a block, clusters × channels × tiles.
+    fn image_tiles(&self, id: BlockId) -> Result<Vec<f32>> {
+        let rect = self.shape.rect(id);
+        Ok(tile_means(&self.images_of(id)?, (rect.width as usize, rect.height as usize)))
+    }
+
+    /// Mean over tiles and channels of the cleaned image with all columns on.
+    fn mean_light(&self) -> Result<f64> {
+        let (mut sum, mut count) = (0.0, 0);
+        for id in self.blocks() {
+            let tiles = self.image_tiles(id)?;
+            sum += tiles.iter().map(|&v| f64::from(v)).sum::<f64>();
+            count += tiles.len() / self.clusters;
+        }
+        Ok(sum.max(0.0) / count.max(1) as f64)
+    }
+
+    /// Share of each light in the mean of the cleaned image with all columns on.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(crate) fn shares_of_lights(&self, basis: &LightBasis) -> Result<Vec<f64>> {
+        let mut clusters = vec![0.0f64; self.clusters];
+        for id in self.blocks() {
+            let tiles = self.image_tiles(id)?;
+            for (sum, image) in clusters.iter_mut().zip(tiles.chunks_exact(tiles.len() / self.clusters)) {
+                *sum += image.iter().map(|&v| f64::from(v)).sum::<f64>();
+            }
+        }
+        let columns = self.shape.columns();
+        let of_column = |column: u32| -> f64 {
+            let shares = self.map[column as usize..].iter().step_by(columns);
+            clusters.iter().zip(shares).map(|(light, &share)| light * f64::from(share)).sum()
+        };
+        let all = clusters.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        Ok(basis.lights().iter().map(|light| light.columns().map(of_column).sum::<f64>().max(0.0) / all).collect())
+    }
+
+    /// What cleaning did to the whole picture; none where the images come from a file.
+    ///
+    /// # Errors
+    /// Those of the disk.
+    pub(crate) fn errors(&self) -> Result<Option<CleaningErrors>> {
+        let mut sums = ErrorSums::default();
+        for id in self.shape.blocks() {
+            let Some(part) = self.image_bytes(id)?.1 else { return Ok(None) };
+            sums.add(&part);
+        }
+        let share = |squares: f64| (squares.max(0.0) / sums.light.max(f64::MIN_POSITIVE)).sqrt() as f32;
+        Ok(Some(CleaningErrors {
+            noise_before: share(sums.noise_before),
+            noise_after: share(sums.noise_after),
+            bias: share(sums.changed - sums.noise_of_change),
+        }))
+    }
+
+    /// The cleaned images of a block as their file has them, and what cleaning did to them, where it was done here.
+    fn image_bytes(&self, id: BlockId) -> Result<(Vec<u8>, Option<ErrorSums>)> {
+        let mut bytes = self.images.read(id.0)?;
+        let images = 4 * self.shape.rect(id).rows() * self.clusters;
+        let Some(rest) = bytes.get(images..).filter(|rest| rest.is_empty() || rest.len() == size_of::<ErrorSums>())
+        else {
+            return Err(self.images.damaged(id.0, "it is cut short"));
+        };
+        let errors = (!rest.is_empty()).then(|| bytemuck::pod_read_unaligned(rest));
+        bytes.truncate(images);
+        Ok((bytes, errors))
+    }
+
+    /// The cleaned images of a block, clusters × channels × pixels.
+    fn images_of(&self, id: BlockId) -> Result<Vec<f32>> {
+        Ok(self.image_bytes(id)?.0.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
+    }
+}
+
+impl BlockSource for DenoisedSource {
+    fn shape(&self) -> MatrixShape {
+        self.shape
+    }
+
+    /// The cleaned block; of its planes only the emission.
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        let rows = self.shape.rect(id).rows();
+        let columns = self.shape.columns();
+        if (target.block.rows(), target.block.columns()) != (rows, columns) {
+            target.block.reset(rows, columns);
+        }
+        let gathered = self.gathering.records.read(id.0)?;
+        let parts = self.gathering.parts(id, &gathered)?;
+        let images = self.images_of(id)?;
+        self.gathering.spread(id, (&parts, images), (&self.partition, &self.map), &mut target.block)?;
+        let emission = parts.emission();
+        let pixels = rows / CHANNELS;
+        for seen in &emission {
+            for (channel, value) in seen.value.iter().enumerate() {
+                let row = channel * pixels + seen.pixel as usize;
+                target.block.entries_mut()[seen.column as usize * rows + row] += value;
+            }
+        }
+        target.noise = None;
+        target.planes = Some(BlockPlanes { emission, ..Default::default() });
+        Ok(())
+    }
+}
+
+/// Ones where a cluster and a column have the same number.
+fn identity(clusters: usize, columns: usize) -> Vec<f32> {
+    (0..clusters * columns).map(|i| if i / columns == i % columns { 1.0 } else { 0.0 }).collect()
+}
+
+/// Most blocks across a window.
+fn window_blocks(shape: MatrixShape, clusters: usize) -> u32 {
+    let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= WINDOW_BYTES;
+    (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
+}
+
+/// The windows of an image, of so many blocks across and down at most.
+pub(crate) fn windows_of(shape: MatrixShape, (most_across, most_down): (u32, u32)) -> Vec<Vec<BlockId>> {
+    let (across, down) = (shape.blocks_across(), shape.blocks_down());
+    let window = |rows: Range<u32>, columns: Range<u32>| -> Vec<BlockId> {
+        rows.flat_map(|y| columns.clone().map(move |x| BlockId(y * across + x))).collect()
+    };
+    let in_row = |rows: Range<u32>| equal_parts(across, most_across).map(move |columns| window(rows.clone(), columns));
+    equal_parts(down, most_down).flat_map(in_row).collect()
+}
+
+/// As few parts of nearly equal length as there can be with at most `most` each.
+fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
+    let count = length.div_ceil(most.max(1));
+    let border = move |part: u32| (u64::from(part) * u64::from(length) / u64::from(count)) as u32;
+    (0..count).map(move |part| border(part)..border(part + 1))
+}
+
+/// Memory of a window of so many blocks across.
+fn window_bytes(shape: MatrixShape, blocks: u32, clusters: usize) -> u64 {
+    let (reach, side) = (reach_in(shape), shape.block_side());
+    let across = (u64::from(blocks) * u64::from(side) + 2 * reach.halo() as u64).min(u64::from(shape.width()));
+    let bytes = across * Denoiser::bytes_across(reach, clusters, FEATURE_PLANES, side as usize);
+    // And what is kept beside it of other sizes, and of blocks that are decoded.
+    bytes + bytes / 10
+}
+
+fn reach_in(shape: MatrixShape) -> Reach {
+    Reach::of_image(shape.width(), shape.height())
+}

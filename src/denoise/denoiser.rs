@@ -1,0 +1,676 @@
+//! Denoiser of an image, or of a window of it, from the top down.
+
+use std::ops::Range;
+
+use super::albedo;
+use super::constants::*;
+use super::errors::{self, ErrorSums, add_squares};
+use super::filter::{Direct, Indirect};
+use super::filter_radii::Reach;
+use super::guide_statistics::Guides;
+use super::guides::mixture_planes;
+use super::image_rows::{Pool, Region, Rows};
+use super::per_image_filter;
+use super::row_stages::{Stage, Step};
+use super::shrinkage::mixed;
+use super::surfaces::Surfaces;
+
+/// Rows that are cleaned at once, at least.
+const STEP: usize = 64;
+
+/// Rows of an image from one to another, to be filled: of each row the rows of all planes.
+pub struct Strip<'a> {
+    /// Light that falls straight from emitters on what a pixel sees: two halves of the samples, of each all clusters, of each three
+    /// channels.
+    pub direct: &'a mut [f32],
+    /// All other light but emission seen.
+    pub indirect: &'a mut [f32],
+    /// What a pixel sees, see `matrix::Feature`.
+    pub features: &'a mut [f32],
+    /// Variances of those.
+    pub feature_variance: &'a mut [f32],
+}
+
+/// What [`Denoiser`] makes of some rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DenoisedRows {
+    /// Three planes for each cluster, direct and indirect light together.
+    pub images: Rows,
+    squares: Rows,
+}
+
+impl DenoisedRows {
+    /// The rows that were cleaned.
+    pub fn rows(&self) -> Range<usize> {
+        self.images.held()
+    }
+
+    /// What cleaning did to a part of them.
+    pub fn errors(&self, region: &Region) -> ErrorSums {
+        ErrorSums::of(&self.images, &self.squares, region)
+    }
+
+    /// Gives its memory back.
+    pub fn keep_in(self, pool: &Pool) {
+        pool.keep(self.images);
+        pool.keep(self.squares);
+    }
+}
+
+/// Images of clusters that are being cleaned, from the top of the image down: [`wants`](Self::wants) says which rows come next,
+/// [`strips`](Self::strips) takes them, [`clean`](Self::clean) gives what has been cleaned.
+///
+/// Right for a region that is [`Reach::halo`] away from the image's rim, or where the image itself ends there; elsewhere there is
+/// anything.
+pub struct Denoiser<'a> {
+    region: Region,
+    /// The rows that are cleaned next.
+    next: Range<usize>,
+    /// Rows are taken up to one of this multiple.
+    block: usize,
+    read: Input,
+    direct: Direct<'a>,
+    indirect: Indirect<'a>,
+    surfaces: Surfaces,
+    pool: &'a Pool,
+}
+
+/// What is known of the image: light over the albedo, and features.
+struct Input {
+    direct: Rows,
+    indirect: Rows,
+    features: Rows,
+    feature_variance: Rows,
+    /// The row after the last that has come.
+    end: usize,
+    /// How far around what is cleaned rows are read, and which are kept.
+    light: Stage,
+    of_features: Stage,
+}
+
+impl<'a> Denoiser<'a> {
+    /// Of a region of an image of pixels across and down, whose blocks are so high, with so many clusters and planes of features.
+    pub fn new(
+        (size, block): ((usize, usize), usize),
+        region: Region,
+        features: usize,
+        guides: &'a Guides,
+        (reach, pool): (Reach, &'a Pool),
+    ) -> Self {
+        let light = reach.light(2 * 3 * guides.clusters());
+        let step = step_of(block);
+        let rows = |stage: Stage| Rows::none_yet(size, stage.planes, stage.rows(step) + block);
+        let of_features = reach.features(features);
+        let read = Input {
+            direct: rows(light),
+            indirect: rows(light),
+            features: rows(of_features),
+            feature_variance: rows(of_features),
+            end: region.y.start.saturating_sub(light.reach),
+            light,
+            of_features,
+        };
+        let of_indirect =
+            reach.indirect_stages(light.planes, mixture_planes(guides.indirect.len() / guides.clusters()));
+        Self {
+            next: region.y.start..region.y.start,
+            block,
+            read,
+            direct: Direct::new(reach, guides, &region, size, step),
+            indirect: Indirect::new(reach, guides, &region, size, step),
+            surfaces: Surfaces::begin(of_indirect.surfaces, &region, size, step),
+            region,
+            pool,
+        }
+    }
+
+    /// Bytes that it takes at most for each column of pixels, with so many clusters and planes of features and blocks so high, where the
+    /// region begins at the top.
+    pub fn bytes_across(reach: Reach, clusters: usize, features: usize, block: usize) -> u64 {
+        let (step, light) = (step_of(block), reach.light(2 * 3 * clusters));
+        let mixtures = mixture_planes(GUIDES.min(clusters));
+        let bytes = |stage: &Stage| (4 * stage.planes * stage.rows(step)) as u64;
+        let read = 2 * bytes(&light) + 2 * bytes(&reach.features(features));
+        let held: u64 = reach.direct_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>()
+            + reach.indirect_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>();
+        // Rows come by whole blocks.
+        let more = 4 * block * (2 * light.planes + 2 * features);
+        // The mixed means, the cleaned images, terms of the risk in three steps; guides of some images alone, and what each is made of;
+        // the albedo.
+        let passing = 4
+            * (step * (light.planes + light.planes / 2 + errors::PLANES + 9)
+                + per_image_filter::passing_rows(reach, step)
+                + albedo::passing_rows(step));
+        read + held + (more + passing) as u64
+    }
+
+    /// The rows that it wants next, before anything can be cleaned; none where all is cleaned. The range is empty where it has all rows
+    /// already.
+    pub fn wants(&mut self) -> Option<Range<usize>> {
+        let begin = self.next.end;
+        if begin >= self.region.y.end {
+            return None;
+        }
+        // Up to a border of blocks.
+        let borders = (begin + step_of(self.block)).next_multiple_of(self.block);
+        let borders = if borders - begin > step_of(self.block) { borders - self.block } else { borders };
+        self.next = begin..borders.clamp(begin + 1, self.region.y.end);
+        let read = &mut self.read;
+        let height = read.features.height();
+        let end = (self.next.end + read.light.reach).next_multiple_of(self.block).min(height).max(read.end);
+        let wanted = read.end..end;
+        let held = |kept: isize, rows: &Rows| {
+            if rows.held().is_empty() { wanted.start..end } else { begin.saturating_add_signed(kept)..end }
+        };
+        for rows in [&mut read.direct, &mut read.indirect] {
+            rows.hold(held(read.light.kept, rows));
+        }
+        for rows in [&mut read.features, &mut read.feature_variance] {
+            rows.hold(held(read.of_features.kept, rows));
+        }
+        read.end = end;
+        Some(wanted)
+    }
+
+    /// Rows that it wants, to be filled, cut before each of the borders but the first, which is where they begin.
+    pub fn strips(&mut self, rows: &Range<usize>, borders: &[usize]) -> Vec<Strip<'_>> {
+        let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
+        let light = direct.strips_mut(rows, borders).into_iter().zip(indirect.strips_mut(rows, borders));
+        let features = features.strips_mut(rows, borders).into_iter().zip(feature_variance.strips_mut(rows, borders));
+        light
+            .zip(features)
+            .map(|((direct, indirect), (features, feature_variance))| Strip {
+                direct,
+                indirect,
+                features,
+                feature_variance,
+            })
+            .collect()
+    }
+
+    /// Cleans the next rows, after those that it wanted, which these are, were filled.
+    pub fn clean(&mut self, came: &Range<usize>) -> DenoisedRows {
+        let step = Step { region: &self.region, y: self.next.clone() };
+        let part = step.part();
+        let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
+        let of_samples = |plane: usize, y: usize| albedo::of_samples(features, plane % 3, y);
+        for light in [&mut *direct, &mut *indirect] {
+            let rows = Region { x: 0..light.width(), y: came.clone() };
+            light.change_rows(&rows, |y, plane, out| {
+                out.iter_mut().zip(of_samples(plane, y)).for_each(|(o, a)| *o /= a)
+            });
+        }
+        self.surfaces.advance(features, feature_variance, &step, self.pool);
+        let planes = direct.planes() / 2;
+        let mut images = self.pool.rows_like(features, planes, part.y.clone());
+        let mut squares = self.pool.rows_like(features, errors::PLANES, part.y.clone());
+        images.clear(&part);
+        squares.clear(&part);
+        let seen = (&self.surfaces, self.pool);
+        self.direct.advance(direct, &step, seen);
+        self.indirect.advance(indirect, &step, seen);
+        let albedo = albedo::of_filtered((features, feature_variance), &part, seen);
+        for (light, means) in [(&*direct, self.direct.means()), (&*indirect, self.indirect.means())] {
+            let cleaned = mixed(light, means, &part, self.pool);
+            add_squares(light, &cleaned, |plane, y| of_samples(plane, y).collect(), &part, &mut squares);
+            images.change_rows(&part, |y, plane, out| {
+                let [a, b] = [plane, planes + plane].map(|plane| &cleaned.row(plane, y)[part.x.clone()]);
+                let halves = a.iter().zip(b).zip(&albedo.row(plane % 3, y)[part.x.clone()]);
+                out.iter_mut().zip(halves).for_each(|(o, ((a, b), albedo))| *o += 0.5 * (a + b) * albedo);
+            });
+            self.pool.keep(cleaned);
+        }
+        self.pool.keep(albedo);
+        DenoisedRows { images, squares }
+    }
+}
+
+#[cfg(test)]
+impl Denoiser<'_> {
+    /// Bytes of all rows that are held.
+    fn held_bytes(&self) -> usize {
+        let Input { direct, indirect, features, feature_variance, .. } = &self.read;
+        let read = [direct, indirect, features, feature_variance, self.surfaces.rows()];
+        let all = read.into_iter().chain(self.direct.all_rows()).chain(self.indirect.all_rows());
+        all.map(Rows::room_bytes).sum()
+    }
+}
+
+fn step_of(block: usize) -> usize {
+    block * (STEP / block).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::super::Tally;
+    use super::*;
+
+    const CLUSTERS: usize = 2;
+    const REACH: Reach = Reach { stride: 3, far_step: None };
+    /// That, and those of larger images.
+    const REACHES: [Reach; 3] = [REACH, Reach { stride: 4, far_step: None }, Reach { stride: 4, far_step: Some(12) }];
+
+    /// What is known of an image, all rows.
+    #[derive(Clone)]
+    struct Window {
+        direct: Rows,
+        indirect: Rows,
+        features: Rows,
+        feature_variance: Rows,
+    }
+
+    /// A floor and a wall that meet in the middle; cluster 1 lights the left third alone. Each half has noise of this size.
+    fn room((width, height): (usize, usize), noise: f32) -> (Window, Rows) {
+        let mut random = Pcg64Mcg::seed_from_u64(3);
+        let rows = |planes| Rows::zeros(width, height, planes);
+        let light = 2 * 3 * CLUSTERS;
+        let mut window =
+            Window { direct: rows(light), indirect: rows(light), features: rows(10), feature_variance: rows(10) };
+        let mut truth = rows(3 * CLUSTERS);
+        for y in 0..height {
+            for x in 0..width {
+                let floor = y > height / 2;
+                let albedo = if floor { 0.8 } else { 0.4 };
+                let features = [albedo, albedo, albedo, 0.0, f32::from(floor), f32::from(!floor), 4.0, 0.0, 0.0, 1.0];
+                features.iter().enumerate().for_each(|(plane, &v)| window.features.row_mut(plane, y)[x] = v);
+                for plane in 0..3 * CLUSTERS {
+                    let lit = plane < 3 || x < width / 3;
+                    let direct = if lit { 1.0 + plane as f32 * 0.1 } else { 0.0 } * albedo;
+                    let indirect = (0.3 + if floor { 0.2 } else { 0.0 }) * albedo;
+                    truth.row_mut(plane, y)[x] = direct + indirect;
+                    for half in 0..2 {
+                        let mut draw = || 1.0 + noise * (random.random::<f32>() - 0.5) * 12f32.sqrt();
+                        window.direct.row_mut(half * 3 * CLUSTERS + plane, y)[x] = direct * draw();
+                        window.indirect.row_mut(half * 3 * CLUSTERS + plane, y)[x] = indirect * draw();
+                    }
+                }
+            }
+        }
+        (window, truth)
+    }
+
+    fn guides(window: &Window) -> Guides {
+        let halves = |light: &Rows| {
+            let plane = |plane| (0..light.height()).flat_map(move |y| light.row(plane, y).to_vec());
+            [0, 1].map(|half| (half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS).flat_map(plane).collect::<Vec<f32>>())
+        };
+        let (direct, indirect) = (halves(&window.direct), halves(&window.indirect));
+        let mut tally = Tally::new(CLUSTERS);
+        tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
+        tally.guides()
+    }
+
+    fn mean_of_halves(halves: &Rows) -> Rows {
+        let planes = halves.planes() / 2;
+        let mut mean = Rows::zeros(halves.width(), halves.height(), planes);
+        mean.fill_rows(&halves.whole(), |y, plane, out| {
+            let pairs = halves.row(plane, y).iter().zip(halves.row(planes + plane, y));
+            out.iter_mut().zip(pairs).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
+        });
+        mean
+    }
+
+    /// In steps of blocks so high, with memory that others have used: of the image and of the squares all rows.
+    fn clean_in_steps(
+        window: &Window,
+        region: &Region,
+        guides: &Guides,
+        (block, reach): (usize, Reach),
+    ) -> DenoisedRows {
+        let size = (window.features.width(), window.features.height());
+        let pool = Pool::default();
+        for planes in [1, 3, 4, 10, 12, 16, 16] {
+            let mut used = Rows::zeros(size.0, size.1, planes);
+            used.values_mut().fill(f32::NAN);
+            pool.keep(used);
+        }
+        let mut cleaning = Denoiser::new((size, block), region.clone(), 10, guides, (reach, &pool));
+        let zeros = |planes| Rows::zeros(size.0, size.1, planes);
+        let mut all = DenoisedRows { images: zeros(3 * CLUSTERS), squares: zeros(errors::PLANES) };
+        while let Some(wanted) = cleaning.wants() {
+            let borders: Vec<usize> = wanted.clone().step_by(block).collect();
+            for (strip, &first) in cleaning.strips(&wanted, &borders).into_iter().zip(&borders) {
+                let rows = first..wanted.end.min(first + block);
+                let put = |from: &Rows, to: &mut [f32]| {
+                    let row = from.planes() * size.0;
+                    to.copy_from_slice(&from.values()[rows.start * row..rows.end * row]);
+                };
+                put(&window.direct, strip.direct);
+                put(&window.indirect, strip.indirect);
+                put(&window.features, strip.features);
+                put(&window.feature_variance, strip.feature_variance);
+            }
+            let cleaned = cleaning.clean(&wanted);
+            for y in cleaned.rows() {
+                for (from, to) in [(&cleaned.images, &mut all.images), (&cleaned.squares, &mut all.squares)] {
+                    (0..from.planes()).for_each(|plane| to.row_mut(plane, y).copy_from_slice(from.row(plane, y)));
+                }
+            }
+            cleaned.keep_in(&pool);
+        }
+        all
+    }
+
+    fn clean(window: Window, region: &Region, guides: &Guides) -> DenoisedRows {
+        clean_in_steps(&window, region, guides, (32, REACH))
+    }
+
+    fn clean_all(window: &Window) -> Rows {
+        clean(window.clone(), &window.features.whole(), &guides(window)).images
+    }
+
+    fn squared_error(a: &Rows, b: &Rows) -> f64 {
+        a.values().iter().zip(b.values()).map(|(a, b)| f64::from(a - b).powi(2)).sum()
+    }
+
+    fn raw(window: &Window) -> Rows {
+        let mut raw = mean_of_halves(&window.direct);
+        let indirect = mean_of_halves(&window.indirect);
+        raw.values_mut().iter_mut().zip(indirect.values()).for_each(|(d, i)| *d += i);
+        raw
+    }
+
+    #[test]
+    fn grain_goes_and_edges_of_surfaces_and_shadows_stay() {
+        let (window, truth) = room((48, 40), 0.5);
+        let before = squared_error(&raw(&window), &truth);
+        let after = squared_error(&clean_all(&window), &truth);
+        assert!(after < before / 15.0, "{after} of {before}");
+    }
+
+    /// What the halves say of noise and bias, against the truth.
+    #[test]
+    fn noise_and_bias_are_known_from_the_halves() {
+        let (window, truth) = room((48, 40), 0.5);
+        let region = truth.whole();
+        let cleaned = clean(window.clone(), &region, &guides(&window));
+        let sums = cleaned.errors(&region);
+        let raw_error = squared_error(&raw(&window), &truth);
+        assert!((sums.noise_before / raw_error - 1.0).abs() < 0.1, "{sums:?}, not {raw_error}");
+        let error = squared_error(&cleaned.images, &truth);
+        let bias = (sums.changed - sums.noise_of_change).max(0.0);
+        // Of the noise that was there both are a small part, and so is the error of either.
+        assert!((sums.noise_after + bias - error).abs() < 0.02 * raw_error, "{sums:?}, not {error}");
+        let halves = [0..20, 20..40].map(|y| cleaned.errors(&Region { x: 0..48, y }));
+        let mut both = halves[0];
+        both.add(&halves[1]);
+        assert!((both.light / sums.light - 1.0).abs() < 1e-9 && (both.changed / sums.changed - 1.0).abs() < 1e-9);
+    }
+
+    /// What one image has of its own and the sum of all has not: the far pass averages it farther.
+    #[test]
+    fn noise_of_single_images_is_less_with_a_far_pass() {
+        let size = (160, 130);
+        let ((mut window, truth), (exact, _)) = (room(size, 2.0), room(size, 0.0));
+        window.direct = exact.direct;
+        let guides = guides(&window);
+        let [_, near, far] = REACHES.map(|reach| {
+            let cleaned = clean_in_steps(&window, &truth.whole(), &guides, (32, reach));
+            squared_error(&cleaned.images, &truth)
+        });
+        assert!(far < 0.9 * near, "{far}, not less than {near}");
+    }
+
+    #[test]
+    fn without_noise_nothing_changes() {
+        let (window, truth) = room((48, 40), 0.0);
+        let error = squared_error(&clean_all(&window), &truth);
+        let norm = squared_error(&truth, &Rows::zeros(48, 40, 3 * CLUSTERS));
+        assert!(error < 1e-10 * norm, "{error} of {norm}");
+    }
+
+    #[test]
+    fn a_firefly_does_not_stay_where_it_is() {
+        let (mut window, _) = room((48, 40), 0.3);
+        let guides = guides(&window);
+        (0..3).for_each(|channel| window.indirect.row_mut(channel, 30)[20] += 50.0);
+        let images = clean(window.clone(), &window.features.whole(), &guides).images;
+        assert!(images.row(0, 30)[20] < 3.0, "a mean of 25.8 became {}", images.row(0, 30)[20]);
+    }
+
+    /// It looks like a detail: the grain around it must not stay for that.
+    #[test]
+    fn a_firefly_of_both_halves_keeps_no_grain_around_it() {
+        let (window, truth) = room((48, 40), 0.5);
+        let guides = guides(&window);
+        let mut struck = window.clone();
+        for plane in [0, 1, 2, 3 * CLUSTERS, 3 * CLUSTERS + 1, 3 * CLUSTERS + 2] {
+            struck.indirect.row_mut(plane, 30)[36] += 15.0;
+        }
+        // Light is even there: what neighbours differ by is grain.
+        let grain = |window: Window| -> f32 {
+            let images = clean(window, &truth.whole(), &guides).images;
+            let pairs =
+                |y: usize| images.row(0, y)[38..43].windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f32>();
+            (24..37).map(pairs).sum()
+        };
+        let (with, without) = (grain(struck), grain(window));
+        assert!(with < 3.0 * without, "{with}, without the firefly {without}");
+    }
+
+    /// Scales light, in each half of the samples of a pixel, by the first of two where it is the one in so many that chance takes, else by the
+    /// second.
+    fn in_few_samples(light: &mut Rows, seed: u64, one_in: u32, [bright, other]: [f32; 2]) {
+        let mut random = Pcg64Mcg::seed_from_u64(seed);
+        for y in 0..light.height() {
+            for x in 0..light.width() {
+                for half in 0..2 {
+                    let scale = if random.random_range(0..one_in) == 0 { bright } else { other };
+                    for plane in half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS {
+                        light.row_mut(plane, y)[x] *= scale;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Half of the indirect light comes in a few bright samples: together they keep it.
+    #[test]
+    fn fireflies_are_spread_and_not_cut() {
+        let (mut window, _) = room((48, 40), 0.3);
+        in_few_samples(&mut window.indirect, 4, 20, [10.5, 0.5]);
+        let sum = |rows: &Rows| rows.values().iter().map(|&v| f64::from(v)).sum::<f64>();
+        let before = sum(&raw(&window));
+        let kept = sum(&clean_all(&window)) / before;
+        // Their own noise is 2 % of the sum.
+        assert!((0.96..1.04).contains(&kept), "{kept} of the light");
+    }
+
+    /// All indirect light comes in one sample of some: the dark between them is no detail.
+    #[test]
+    fn light_of_few_samples_is_averaged_everywhere() {
+        let (mut window, truth) = room((96, 80), 0.0);
+        in_few_samples(&mut window.indirect, 5, 20, [20.0, 0.0]);
+        let images = clean_all(&window);
+        for (found, expected) in images.values().iter().zip(truth.values()) {
+            assert!(*found > 0.1 * expected, "{found}, not {expected}");
+        }
+    }
+
+    /// Direct light comes in one sample of some, as that of a sun among the texels of a sky: guides favour bright samples, and what they make
+    /// of them are no edges of the light.
+    #[test]
+    fn direct_light_of_few_samples_has_no_edges_of_its_own() {
+        let (mut window, truth) = room((96, 80), 0.0);
+        in_few_samples(&mut window.direct, 6, 6, [6.0, 0.0]);
+        let error = squared_error(&clean_all(&window), &truth);
+        let light = squared_error(&truth, &Rows::zeros(96, 80, 3 * CLUSTERS));
+        // 0.020; where both halves are weighed by the guides of all samples, 0.116.
+        assert!(error < 0.05 * light, "{error} of {light}");
+    }
+
+    /// Through smooth glass, some samples of a pixel see what it mirrors, and no pixel has as many of them as the next.
+    #[test]
+    fn the_albedo_of_few_samples_brings_no_grain_back_through_glass() {
+        let (mut window, truth) = room((48, 40), 0.0);
+        let mut random = Pcg64Mcg::seed_from_u64(7);
+        for y in 0..40 {
+            for x in 0..48 {
+                let grain = 1.0 + 0.1 * (random.random::<f32>() - 0.5) * 12f32.sqrt();
+                let variance = (0.1 * window.features.row(0, y)[x]).powi(2);
+                (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[x] = variance);
+                let scale = |rows: &mut Rows, planes: usize| {
+                    (0..planes).for_each(|plane| rows.row_mut(plane, y)[x] *= grain);
+                };
+                scale(&mut window.features, 3);
+                scale(&mut window.direct, 6 * CLUSTERS);
+                scale(&mut window.indirect, 6 * CLUSTERS);
+            }
+        }
+        let mut through = window.clone();
+        (0..40).for_each(|y| through.features.row_mut(8, y).fill(1.0));
+        let [found, without] = [&through, &window].map(|window| squared_error(&clean_all(window), &truth));
+        assert!(found < 0.2 * without, "{found}, without glass {without}");
+    }
+
+    /// Pixels on the edge of two surfaces, which see more of the one or of the other, may be averaged with both.
+    #[test]
+    fn the_edge_of_two_surfaces_keeps_no_grain() {
+        let (mut window, _) = room((48, 40), 0.5);
+        let edge = 20;
+        let share = |x: usize| (x * 5 % 12) as f32 / 12.0;
+        for x in 0..48 {
+            let (floor, wall) = (share(x), 1.0 - share(x));
+            let albedo = 0.8 * floor + 0.4 * wall;
+            let seen = [albedo, albedo, albedo, 0.0, floor, wall];
+            seen.iter().enumerate().for_each(|(plane, &v)| window.features.row_mut(plane, edge)[x] = v);
+        }
+        let grain = |window: &Window| -> f32 {
+            let images = clean_all(window);
+            let light = |x: usize| images.row(0, edge)[x] / window.features.row(0, edge)[x];
+            (18..47).map(|x| (light(x + 1) - light(x)).powi(2)).sum()
+        };
+        let certain = grain(&window);
+        let samples = 16.0;
+        for x in 0..48 {
+            let variance = share(x) * (1.0 - share(x)) / samples;
+            (4..6).for_each(|plane| window.feature_variance.row_mut(plane, edge)[x] = variance);
+        }
+        let known = grain(&window);
+        assert!(known < 0.5 * certain, "{known}, as one surface {certain}");
+    }
+
+    /// A lamp's housing against a ceiling: what pixels on the edge see of black says nothing of the light on what is not.
+    #[test]
+    fn what_is_black_takes_no_light_from_the_edge_beside_it() {
+        let (mut window, mut truth) = room((48, 40), 1.0);
+        let (edge, housing) = (30, 31..34);
+        let black = |x: usize, y: usize| if y == edge { (x * 5 % 12) as f32 / 11.0 } else { 1.0 };
+        for y in edge..housing.end {
+            for x in 0..48 {
+                let lit = 1.0 - black(x, y);
+                let darken = |rows: &mut Rows, planes: Range<usize>| {
+                    planes.for_each(|plane| rows.row_mut(plane, y)[x] *= lit);
+                };
+                darken(&mut window.features, 0..3);
+                darken(&mut window.direct, 0..6 * CLUSTERS);
+                darken(&mut window.indirect, 0..6 * CLUSTERS);
+                darken(&mut truth, 0..3 * CLUSTERS);
+                (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[x] = lit * (1.0 - lit) / 16.0);
+            }
+        }
+        let images = clean_all(&window);
+        let light = |rows: &Rows| rows.row(0, edge)[18..47].iter().sum::<f32>();
+        let kept = light(&images) / light(&truth);
+        assert!((0.97..1.03).contains(&kept), "{kept} of the edge's light");
+    }
+
+    /// On an edge a pixel may see a bit of each surface, and be like none of its neighbours.
+    #[test]
+    fn a_pixel_like_no_other_does_not_keep_its_grain() {
+        let (mut window, _) = room((48, 40), 0.3);
+        (3..6).for_each(|plane| window.features.row_mut(plane, 30)[20] = 0.6);
+        for light in [&mut window.direct, &mut window.indirect] {
+            (0..3).for_each(|channel| light.row_mut(channel, 30)[20] += 5.0);
+        }
+        let images = clean_all(&window);
+        let (found, beside) = (images.row(0, 30)[20], images.row(0, 30)[23]);
+        assert!((found - beside).abs() < 2.0, "{found}, and {beside} beside it");
+    }
+
+    /// A strip of mirror down the room, of which the samples know the albedo badly.
+    fn mirrored(size: (usize, usize)) -> Window {
+        let (mut window, _) = room(size, 0.5);
+        for y in 0..size.1 {
+            window.features.row_mut(8, y)[10..20].fill(1.0);
+            (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[10..20].fill(0.01));
+        }
+        window
+    }
+
+    #[test]
+    fn images_do_not_depend_on_how_many_rows_are_cleaned_at_once() {
+        let window = mirrored((40, 330));
+        let guides = guides(&window);
+        for reach in REACHES {
+            let whole = clean_in_steps(&window, &window.features.whole(), &guides, (330, reach));
+            for block in [32, 50, 128] {
+                let cleaned = clean_in_steps(&window, &window.features.whole(), &guides, (block, reach));
+                assert_eq!(cleaned, whole, "blocks of {block}, {reach:?}");
+            }
+            // A part of it, from where what is around it lies within the image.
+            let part = Region { x: 0..40, y: 150..200 };
+            let cleaned = clean_in_steps(&window, &part, &guides, (32, reach));
+            for y in part.y {
+                (0..3 * CLUSTERS)
+                    .for_each(|plane| assert_eq!(cleaned.images.row(plane, y), whole.images.row(plane, y)));
+            }
+        }
+    }
+
+    #[test]
+    fn memory_is_no_more_than_what_is_said() {
+        let (width, block) = (40, 32);
+        let (window, _) = room((width, 500), 0.5);
+        let guides = guides(&window);
+        for reach in REACHES {
+            let pool = Pool::default();
+            let settings = (reach, &pool);
+            let mut cleaning = Denoiser::new(((width, 500), block), window.features.whole(), 10, &guides, settings);
+            let said = Denoiser::bytes_across(reach, CLUSTERS, 10, block) as usize * width;
+            while let Some(wanted) = cleaning.wants() {
+                // Mirrors everywhere: what is made of their albedo is held as well.
+                cleaning.strips(&wanted, &[wanted.start]).into_iter().for_each(|strip| strip.features.fill(1.0));
+                let cleaned = cleaning.clean(&wanted);
+                cleaned.keep_in(&pool);
+                let held = cleaning.held_bytes() + pool.bytes();
+                assert!(held <= said, "{held} of {said} at {wanted:?}");
+                assert!(held > said / 3, "{said} for {held}");
+            }
+        }
+    }
+
+    #[test]
+    fn windows_and_threads_give_the_same_images() {
+        let size = (190, 24);
+        let window = mirrored(size);
+        let guides = guides(&window);
+        let whole = clean(window.clone(), &window.features.whole(), &guides).images;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        assert_eq!(pool.install(|| clean(window.clone(), &window.features.whole(), &guides).images), whole);
+        // Its right part, with as much around it as is needed.
+        let (inside, left) = (130, 130 - REACH.halo());
+        let cut = |rows: &Rows| {
+            let mut part = Rows::zeros(size.0 - left, size.1, rows.planes());
+            for plane in 0..rows.planes() {
+                (0..size.1).for_each(|y| part.row_mut(plane, y).copy_from_slice(&rows.row(plane, y)[left..]));
+            }
+            part
+        };
+        let part = Window {
+            direct: cut(&window.direct),
+            indirect: cut(&window.indirect),
+            features: cut(&window.features),
+            feature_variance: cut(&window.feature_variance),
+        };
+        let part = clean(part, &Region { x: inside - left..size.0 - left, y: 0..size.1 }, &guides).images;
+        for plane in 0..whole.planes() {
+            for y in 0..size.1 {
+                assert_eq!(part.row(plane, y)[inside - left..], whole.row(plane, y)[inside..], "row {y}");
+            }
+        }
+    }
+}

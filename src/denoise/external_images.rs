@@ -1,0 +1,115 @@
+//! Images of clusters that another denoiser has made, read from an EXR.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use crate::error::{Error, Result};
+use crate::files::open_input;
+use crate::image::{LayerPattern, LightRow, LightSet};
+use crate::light::{Clusters, Job};
+use crate::matrix::{CHANNELS, PixelRect};
+
+/// Begins the name of each layer; two or more digits follow, the number of the cluster.
+pub(crate) const BASIS_LAYER: &str = "basis.";
+
+/// Cleaned images that a file brings.
+pub(crate) struct ExternalImages {
+    path: PathBuf,
+    set: LightSet,
+    /// The cluster of each image.
+    clusters: Vec<usize>,
+    /// SHA-256 of the file.
+    pub(crate) hash: [u8; 32],
+}
+
+impl ExternalImages {
+    /// Looks at a file and checks that it has the images of this job.
+    ///
+    /// # Errors
+    /// No EXR, another size, an image that is missing or not known.
+    pub(crate) fn open(path: &Path, job: &Job) -> Result<Self> {
+        let refuse = |problem: String| {
+            let hint = "write the images with ltm-unpack --basis and keep their size and the names of their layers";
+            Error::input(path.display().to_string(), problem, hint)
+        };
+        let pattern: LayerPattern = r"^basis\.([0-9]+)$".parse().expect("the expression is valid");
+        let set = LightSet::open(path, Some(&pattern))?;
+        let (width, height) = (job.shape.width(), job.shape.height());
+        if (set.width, set.height) != (width, height) {
+            return Err(refuse(format!("it is {} × {} pixels, the matrix {width} × {height}", set.width, set.height)));
+        }
+        let count = Clusters::of_basis(&job.basis).count();
+        let clusters: Vec<usize> = set.lights.iter().map(|name| name.parse().unwrap_or(usize::MAX)).collect();
+        if let Some(missing) = (0..count).find(|cluster| !clusters.contains(cluster)) {
+            return Err(refuse(format!("layer {BASIS_LAYER}{missing:02} is missing, of {count}")));
+        }
+        if clusters.len() != count {
+            return Err(refuse(format!("it has {} layers {BASIS_LAYER}…, the matrix needs {count}", clusters.len())));
+        }
+        let hash = hash_of(path)?;
+        Ok(Self { path: path.to_owned(), set, clusters, hash })
+    }
+
+    /// Bytes that reading it takes at most.
+    pub(crate) fn needs_bytes(&self) -> u64 {
+        let images =
+            (self.clusters.len() * CHANNELS * 4) as u64 * u64::from(self.set.width) * u64::from(self.set.height);
+        images + self.set.needs_bytes()
+    }
+
+    /// The images: clusters × channels × pixels of the whole picture.
+    ///
+    /// # Errors
+    /// The file cannot be read or has changed; a value that is not finite.
+    pub(crate) fn read(&self) -> Result<BasisImages> {
+        let (width, height) = (self.set.width as usize, self.set.height as usize);
+        let mut values = vec![0.0f32; self.clusters.len() * CHANNELS * width * height];
+        self.set.read(&mut |LightRow { image, channel, x, y, values: row }| {
+            // Beyond the clusters' comes the image under all lights, where the file has one.
+            if let Some(cluster) = self.clusters.get(image) {
+                if row.iter().any(|value| !value.is_finite()) {
+                    let place = format!("{}, layer {BASIS_LAYER}{cluster:02}, row {y}", self.path.display());
+                    return Err(Error::input(place, "holds a value that is not finite", "clean the images again"));
+                }
+                values[((cluster * CHANNELS + channel) * height + y) * width + x..][..row.len()].copy_from_slice(row);
+            }
+            Ok(())
+        })?;
+        Ok(BasisImages { width, height, values })
+    }
+}
+
+/// SHA-256 of a file.
+fn hash_of(path: &Path) -> Result<[u8; 32]> {
+    let mut file = open_input(path, "open")?;
+    let (mut hash, mut buffer) = (Sha256::new(), vec![0u8; 1 << 16]);
+    loop {
+        match file.read(&mut buffer).map_err(Error::io(path, "read"))? {
+            0 => return Ok(hash.finalize().into()),
+            length => hash.update(&buffer[..length]),
+        }
+    }
+}
+
+/// See [`ExternalImages::read`].
+pub(crate) struct BasisImages {
+    width: usize,
+    height: usize,
+    values: Vec<f32>,
+}
+
+impl BasisImages {
+    /// The pixels of a rectangle as bytes, plane by plane.
+    pub(crate) fn bytes_of(&self, rect: PixelRect) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(4 * self.values.len() / (self.width * self.height) * rect.pixels());
+        for plane in self.values.chunks_exact(self.width * self.height) {
+            for y in rect.y..rect.y + rect.height {
+                let row = &plane[y as usize * self.width + rect.x as usize..][..rect.width as usize];
+                bytes.extend_from_slice(bytemuck::cast_slice(row));
+            }
+        }
+        bytes
+    }
+}

@@ -1,0 +1,270 @@
+//! The stages that direct and indirect light are filtered in.
+
+use pulp::Simd;
+
+use super::constants::*;
+use super::filter_radii::{FILTERED, FILTERED_PIXELS, RAW, Reach};
+use super::guide_statistics::Guides;
+use super::guides::{Guide, GuideCut, GuideOf, GuideReach, GuideWidths, fill_mixtures, mixture_planes, weights};
+use super::image_rows::{Pool, Region, Rows};
+use super::kernel::{Means, Neighbours, Offset, Offsets, Weigh, Weighed};
+use super::per_image_filter::Alone;
+use super::pixel_tile::{TILE_PIXELS, Tile};
+use super::row_stages::{Stage, Step, Track};
+use super::surfaces::{Surfaces, SurfacesCut};
+
+/// Means of a stage, and how far they are.
+struct Held {
+    rows: Rows,
+    track: Track,
+}
+
+impl Held {
+    fn new(stage: Stage, region: &Region, size: (usize, usize), step: usize) -> Self {
+        let (track, rows) = Track::begin(stage, region, size, step);
+        Self { rows, track }
+    }
+
+    /// What is to be filled in a step.
+    fn advance(&mut self, step: &Step<'_>) -> Region {
+        self.track.advance(&mut self.rows, step)
+    }
+}
+
+/// A guide of a stage, and how far it is.
+struct HeldGuide {
+    guide: Guide,
+    reach: GuideReach,
+    track: Track,
+}
+
+impl HeldGuide {
+    fn new(
+        stage: Stage,
+        (reach, of): (GuideReach, GuideOf),
+        region: &Region,
+        size: (usize, usize),
+        step: usize,
+    ) -> Self {
+        let (track, rows) = Track::begin(stage, region, size, step);
+        Self { guide: Guide::over(rows, reach.patch, of), reach, track }
+    }
+
+    fn advance(&mut self, halves: &Rows, step: &Step<'_>, pool: &Pool) {
+        let region = self.track.advance(self.guide.rows_mut(), step);
+        if !region.y.is_empty() {
+            self.guide.fill(halves, self.reach, &region, pool);
+        }
+    }
+}
+
+/// The stages of direct light.
+///
+/// Each half of the samples is weighed by the filtered guides of the other half, which are made of nothing else: cross-filtering (Rousselle,
+/// Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*, which keeps two buffers for it). So no weight knows the
+/// noise of what it weighs. Else weights would favour bright samples of both halves at once, as those of a sun among the texels of a sky,
+/// and these would pass for edges of the light.
+pub(super) struct Direct<'a> {
+    reach: Reach,
+    mix: &'a [f32],
+    mixtures: Held,
+    raw_guide: HeldGuide,
+    pilot: Held,
+    guide: HeldGuide,
+    wide: Held,
+    narrow: Held,
+}
+
+impl<'a> Direct<'a> {
+    pub(super) fn new(reach: Reach, guides: &'a Guides, region: &Region, size: (usize, usize), step: usize) -> Self {
+        let mix = &guides.direct;
+        let stages = reach.direct_stages(6 * guides.clusters(), mixture_planes(mix.len() / guides.clusters()));
+        let held = |stage| Held::new(stage, region, size, step);
+        Self {
+            reach,
+            mix,
+            mixtures: held(stages.mixtures),
+            raw_guide: HeldGuide::new(stages.raw_guide, (RAW, GuideOf::EachHalf), region, size, step),
+            pilot: held(stages.pilot),
+            guide: HeldGuide::new(stages.guide, (FILTERED, GuideOf::EachHalf), region, size, step),
+            wide: held(stages.wide),
+            narrow: held(stages.narrow),
+        }
+    }
+
+    /// What comes out.
+    pub(super) fn means(&self) -> &Rows {
+        &self.narrow.rows
+    }
+
+    /// All rows that are held.
+    #[cfg(test)]
+    pub(super) fn all_rows(&self) -> Vec<&Rows> {
+        let means = [&self.mixtures, &self.pilot, &self.wide, &self.narrow].map(|held| &held.rows);
+        means.into_iter().chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
+    }
+
+    /// Takes all stages as far as a step needs them.
+    pub(super) fn advance(&mut self, light: &Rows, step: &Step<'_>, (surfaces, pool): (&Surfaces, &Pool)) {
+        let region = self.mixtures.advance(step);
+        fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
+        self.raw_guide.advance(&self.mixtures.rows, step, pool);
+        let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
+        let alike = Alike { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
+        let region = self.pilot.advance(step);
+        alike.means(&self.mixtures.rows, &self.reach.direct_pilot(), 0.0).fill(&region, &mut self.pilot.rows);
+        self.guide.advance(&self.pilot.rows, step, pool);
+        let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
+        let alike = Alike { surfaces, guide: &self.guide.guide, crossed: true, widths, radius: None };
+        let both = (&mut self.wide, &mut self.narrow);
+        let offsets = [self.reach.direct(), self.reach.direct_narrow()];
+        wide_then_narrow((light, both), step, (alike, SLOPE), &offsets);
+    }
+}
+
+/// The stages of indirect light.
+pub(super) struct Indirect<'a> {
+    reach: Reach,
+    mix: &'a [f32],
+    mixtures: Held,
+    raw_guide: HeldGuide,
+    pilot_wide: Held,
+    pilot: Held,
+    guide: HeldGuide,
+    wide: Held,
+    narrow: Held,
+    /// One for each pass.
+    alone: Vec<Held>,
+}
+
+impl<'a> Indirect<'a> {
+    pub(super) fn new(reach: Reach, guides: &'a Guides, region: &Region, size: (usize, usize), step: usize) -> Self {
+        let mix = &guides.indirect;
+        let stages = reach.indirect_stages(6 * guides.clusters(), mixture_planes(mix.len() / guides.clusters()));
+        let held = |stage| Held::new(stage, region, size, step);
+        Self {
+            reach,
+            mix,
+            mixtures: held(stages.mixtures),
+            raw_guide: HeldGuide::new(stages.raw_guide, (RAW, GuideOf::All), region, size, step),
+            pilot_wide: held(stages.pilot_wide),
+            pilot: held(stages.pilot),
+            guide: HeldGuide::new(stages.guide, (FILTERED_PIXELS, GuideOf::All), region, size, step),
+            wide: held(stages.wide),
+            narrow: held(stages.narrow),
+            alone: stages.alone.into_iter().map(held).collect(),
+        }
+    }
+
+    /// What comes out.
+    pub(super) fn means(&self) -> &Rows {
+        &self.alone.last().unwrap_or(&self.narrow).rows
+    }
+
+    /// All rows that are held.
+    #[cfg(test)]
+    pub(super) fn all_rows(&self) -> Vec<&Rows> {
+        let means = [&self.mixtures, &self.pilot_wide, &self.pilot, &self.wide, &self.narrow];
+        let means = means.into_iter().chain(&self.alone).map(|held| &held.rows);
+        means.chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
+    }
+
+    /// Takes all stages as far as a step needs them.
+    pub(super) fn advance(&mut self, light: &Rows, step: &Step<'_>, seen: (&Surfaces, &Pool)) {
+        let (surfaces, pool) = seen;
+        let region = self.mixtures.advance(step);
+        fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
+        self.raw_guide.advance(&self.mixtures.rows, step, pool);
+        let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
+        let alike = Alike { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
+        let both = (&mut self.pilot_wide, &mut self.pilot);
+        let offsets = [self.reach.wide(), self.reach.narrow()];
+        wide_then_narrow((&self.mixtures.rows, both), step, (alike, PILOT_SLOPE), &offsets);
+        self.guide.advance(&self.pilot.rows, step, pool);
+        let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
+        let alike = Alike { surfaces, guide: &self.guide.guide, crossed: false, widths, radius: None };
+        wide_then_narrow((light, (&mut self.wide, &mut self.narrow)), step, (alike, SLOPE), &offsets);
+        let mut before = &self.narrow.rows;
+        for (held, pass) in self.alone.iter_mut().zip(self.reach.alone()) {
+            let region = held.advance(step);
+            if !region.y.is_empty() {
+                Alone { surfaces, pass }.filter(before, &region, &mut held.rows, pool);
+            }
+            before = &held.rows;
+        }
+    }
+}
+
+/// A wide filter, which may pass pixels over, then a narrow one that reads all.
+fn wide_then_narrow(
+    (light, (wide, narrow)): (&Rows, (&mut Held, &mut Held)),
+    step: &Step<'_>,
+    (mut alike, slope): (Alike<'_>, f32),
+    [of_wide, of_narrow]: &[Offsets; 2],
+) {
+    alike.radius = Some(of_wide.radius());
+    let region = wide.advance(step);
+    alike.means(light, of_wide, slope).fill(&region, &mut wide.rows);
+    alike.radius = Some(of_narrow.radius());
+    let region = narrow.advance(step);
+    alike.means(&wide.rows, of_narrow, slope).fill(&region, &mut narrow.rows);
+}
+
+/// Weights by the guide, by what is seen, and by the distance within a radius.
+struct Alike<'a> {
+    surfaces: &'a Surfaces,
+    guide: &'a Guide,
+    /// Whether each half of the samples is weighed by the guides of the other half, in place of its own.
+    crossed: bool,
+    widths: GuideWidths,
+    radius: Option<usize>,
+}
+
+impl Alike<'_> {
+    fn means<'a>(&'a self, images: &'a Rows, offsets: &'a Offsets, slope: f32) -> Means<'a, Self> {
+        Means { images, offsets, slope, weigher: self }
+    }
+}
+
+impl Weigh for Alike<'_> {
+    type Ready = ([GuideCut; 2], SurfacesCut);
+
+    fn weighed(&self) -> Weighed {
+        match self.guide.of() {
+            GuideOf::All => Weighed::Together,
+            GuideOf::EachHalf => Weighed::Halves,
+        }
+    }
+
+    fn make_ready(&self, tile: Tile, reach: usize, (cuts, surfaces): &mut Self::Ready) {
+        for (part, cut) in cuts.iter_mut().enumerate().take(self.guide.of().parts()) {
+            let by = if self.crossed { 1 - part } else { part };
+            self.guide.cut(by, tile, reach, cut);
+        }
+        self.surfaces.cut(tile, reach, surfaces);
+    }
+
+    #[inline(always)]
+    fn weigh<S: Simd>(
+        &self,
+        simd: S,
+        (cuts, surfaces): &mut Self::Ready,
+        Neighbours { part, offset, .. }: Neighbours,
+        out: &mut [f32; TILE_PIXELS],
+    ) {
+        let Some(cut) = cuts.get_mut(part) else { return };
+        cut.distances(simd, offset, &self.widths, out);
+        let near = self.radius.map_or(0.0, |radius| nearness(offset, radius));
+        for distance in out.iter_mut() {
+            *distance = distance.max(0.0) + near;
+        }
+        surfaces.add_distances(simd, offset, out);
+        weights(out);
+        surfaces.times_albedo(offset, out);
+    }
+}
+
+pub(super) fn nearness((across, down): Offset, radius: usize) -> f32 {
+    let width = radius.max(1) as f32 * NEARNESS;
+    (across * across + down * down) as f32 / (2.0 * width * width)
+}

@@ -1,0 +1,222 @@
+//! How far filtering reaches.
+
+use super::albedo;
+use super::constants::*;
+use super::guides::GuideReach;
+use super::kernel::Offsets;
+use super::per_image_filter::Pass;
+use super::row_stages::Stage;
+use super::shrinkage::RISK_REACH;
+use super::surfaces;
+
+/// How far the wide filter of indirect light reaches, and with it all filtering: farther in larger images, where the same surface has
+/// more pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reach {
+    /// The wide filter reads every so many pixels across and down.
+    pub(super) stride: usize,
+    /// Pixels of a step of the far pass of each image by itself, which only large images have.
+    pub(super) far_step: Option<usize>,
+}
+
+impl Reach {
+    /// That for an image of this size in pixels.
+    pub fn of_image(width: u32, height: u32) -> Self {
+        let side = (f64::from(width) * f64::from(height)).sqrt();
+        let far_step = ((side / SIDE_OF_FAR_STEP).round() as usize).min(FAR_STEP.1);
+        Self {
+            stride: ((side / SIDE_OF_STRIDE).round() as usize).clamp(INDIRECT_STRIDE.0, INDIRECT_STRIDE.1),
+            far_step: Some(far_step).filter(|&step| step >= FAR_STEP.0),
+        }
+    }
+
+    fn is_far(self) -> bool {
+        self.stride > INDIRECT_STRIDE.0
+    }
+
+    /// What the filter of direct light reads.
+    pub(super) fn direct(self) -> Offsets {
+        if self.is_far() {
+            Offsets::disc(DIRECT_WIDE * self.stride, self.stride)
+        } else {
+            Offsets::thinned(DIRECT, DIRECT_DENSE, 2)
+        }
+    }
+
+    /// What the filter after that reads, which is there where the first passes pixels over.
+    pub(super) fn direct_narrow(self) -> Offsets {
+        Offsets::disc(if self.is_far() { DIRECT_NARROW } else { 0 }, 1)
+    }
+
+    /// What the filter of the guides of direct light reads.
+    pub(super) fn direct_pilot(self) -> Offsets {
+        let radius = DIRECT_PILOT * self.stride / INDIRECT_STRIDE.0;
+        Offsets::thinned(radius, DIRECT_DENSE, if self.is_far() { 5 } else { 2 })
+    }
+
+    /// What the wide filter of indirect light reads.
+    pub(super) fn wide(self) -> Offsets {
+        Offsets::disc(INDIRECT_WIDE * self.stride, self.stride)
+    }
+
+    /// What the narrow one after it reads.
+    pub(super) fn narrow(self) -> Offsets {
+        Offsets::disc(INDIRECT_NARROW, 1)
+    }
+
+    /// How each image of indirect light is filtered by itself, one pass after the other.
+    pub(super) fn alone(self) -> Vec<Pass> {
+        let pass = |steps, step, noise| Pass { offsets: Offsets::disc(steps * step, step), noise };
+        match self.far_step {
+            None => vec![pass(ALONE.0, ALONE.1, ALONE_NOISE)],
+            Some(step) => {
+                vec![pass(ALONE_NEAR.0, ALONE_NEAR.1, ALONE_NEAR_NOISE), pass(ALONE_FAR, step, ALONE_FAR_NOISE)]
+            }
+        }
+    }
+
+    /// Pixels around a region that what comes out of it depends on.
+    pub fn halo(self) -> usize {
+        self.light(0).reach
+    }
+
+    /// What is read: light of so many planes, of either kind.
+    pub(super) fn light(self, planes: usize) -> Stage {
+        let (direct, indirect) = (self.direct_stages(planes, 0), self.indirect_stages(planes, 0));
+        let halo = direct.mixtures.reach.max(indirect.mixtures.reach);
+        let readers = [
+            (halo, 0),
+            (direct.wide.reach, self.direct().radius()),
+            (indirect.wide.reach, self.wide().radius()),
+            (0, RISK_REACH),
+        ];
+        Stage::new(planes, halo, &readers)
+    }
+
+    /// What is read of features, and of their variance: for surfaces, and the albedo of light that comes in and goes out.
+    pub(super) fn features(self, planes: usize) -> Stage {
+        let halo = self.halo();
+        Stage::new(planes, halo, &[(halo, 0), (self.indirect_stages(0, 0).surfaces.reach, 1), (0, albedo::READ)])
+    }
+
+    /// The stages of direct light of so many planes, which make so many of mixtures.
+    pub(super) fn direct_stages(self, planes: usize, mixtures: usize) -> DirectStages {
+        let [of_wide, of_narrow, of_pilot] =
+            [self.direct(), self.direct_narrow(), self.direct_pilot()].map(|offsets| offsets.radius());
+        let narrow = RISK_REACH;
+        let wide = narrow + of_narrow;
+        let guide = wide + of_wide;
+        let pilot = guide + FILTERED.read();
+        let raw_guide = pilot + of_pilot;
+        let all = raw_guide + RAW.read();
+        // Those of each half, their noise and their squares.
+        let guides = mixtures + 2;
+        DirectStages {
+            mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot, of_pilot)]),
+            raw_guide: Stage::new(guides, raw_guide, &[(pilot, of_pilot)]).with_patches(RAW.patch),
+            pilot: Stage::new(mixtures, pilot, &[(guide, FILTERED.read())]),
+            guide: Stage::new(guides, guide, &[(wide, of_wide), (narrow, of_narrow)]).with_patches(FILTERED.patch),
+            wide: Stage::new(planes, wide, &[(narrow, of_narrow)]),
+            narrow: Stage::new(planes, narrow, &[(0, RISK_REACH)]),
+        }
+    }
+
+    /// The stages of indirect light.
+    pub(super) fn indirect_stages(self, planes: usize, mixtures: usize) -> IndirectStages {
+        let (of_wide, of_narrow) = (self.wide().radius(), self.narrow().radius());
+        let passes = self.alone();
+        let (mut alone, mut pass, mut reader) = (Vec::new(), RISK_REACH, (0, RISK_REACH));
+        for read in passes.iter().rev().map(Pass::read) {
+            alone.push(Stage::new(planes, pass, &[reader]));
+            reader = (pass, read);
+            pass += read;
+        }
+        alone.reverse();
+        let narrow = pass;
+        let wide = narrow + of_narrow;
+        let guide = wide + of_wide;
+        let pilot = guide + FILTERED_PIXELS.read();
+        let pilot_wide = pilot + of_narrow;
+        let raw_guide = pilot_wide + of_wide;
+        let all = raw_guide + RAW.read();
+        let guides = mixtures / 2 + 2;
+        let direct = self.direct_stages(planes, mixtures);
+        IndirectStages {
+            mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot_wide, of_wide)]),
+            raw_guide: Stage::new(guides, raw_guide, &[(pilot_wide, of_wide), (pilot, of_narrow)])
+                .with_patches(RAW.patch),
+            pilot_wide: Stage::new(mixtures, pilot_wide, &[(pilot, of_narrow)]),
+            pilot: Stage::new(mixtures, pilot, &[(guide, FILTERED_PIXELS.read())]),
+            guide: Stage::new(guides, guide, &[(wide, of_wide), (narrow, of_narrow)])
+                .with_patches(FILTERED_PIXELS.patch),
+            wide: Stage::new(planes, wide, &[(narrow, of_narrow)]),
+            narrow: Stage::new(planes, narrow, &[reader]),
+            surfaces: {
+                let of_passes = alone.iter().zip(&passes).map(|(stage, pass)| (stage.reach, pass.offsets.radius()));
+                let mut readers: Vec<_> = of_passes.collect();
+                readers.extend([(raw_guide, 0), (direct.wide.reach, self.direct().radius()), (0, albedo::READ)]);
+                // Whoever weighs neighbours reads both pixels.
+                Stage::new(surfaces::PLANES, raw_guide, &readers)
+            },
+            alone,
+        }
+    }
+}
+
+/// Reaches of guides: of raw light; of filtered light, compared patch by patch, and pixel by pixel.
+pub(super) const RAW: GuideReach = GuideReach { noise: RAW_NOISE_REACH, patch: PATCH };
+pub(super) const FILTERED: GuideReach = GuideReach { noise: FILTERED_NOISE_REACH, patch: PATCH };
+pub(super) const FILTERED_PIXELS: GuideReach = GuideReach { noise: FILTERED_NOISE_REACH, patch: 0 };
+
+/// The stages that direct light goes through; what is mixed in the end is not held.
+pub(super) struct DirectStages {
+    pub(super) mixtures: Stage,
+    pub(super) raw_guide: Stage,
+    pub(super) pilot: Stage,
+    pub(super) guide: Stage,
+    pub(super) wide: Stage,
+    pub(super) narrow: Stage,
+}
+
+impl DirectStages {
+    pub(super) fn all(self) -> [Stage; 6] {
+        let Self { mixtures, raw_guide, pilot, guide, wide, narrow } = self;
+        [mixtures, raw_guide, pilot, guide, wide, narrow]
+    }
+}
+
+/// The stages that indirect light goes through, and what all weights need of surfaces.
+pub(super) struct IndirectStages {
+    pub(super) mixtures: Stage,
+    pub(super) raw_guide: Stage,
+    pub(super) pilot_wide: Stage,
+    pub(super) pilot: Stage,
+    pub(super) guide: Stage,
+    pub(super) wide: Stage,
+    pub(super) narrow: Stage,
+    /// One for each pass.
+    pub(super) alone: Vec<Stage>,
+    pub(super) surfaces: Stage,
+}
+
+impl IndirectStages {
+    pub(super) fn all(self) -> Vec<Stage> {
+        let Self { mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, alone, surfaces } = self;
+        [mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, surfaces].into_iter().chain(alone).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn filters_reach_farther_in_larger_images() {
+        let wide = |width, height| Reach::of_image(width, height).wide().radius();
+        assert_eq!([wide(1, 1), wide(256, 192), wide(384, 288)], [18; 3]);
+        assert_eq!([wide(480, 360), wide(1024, 768), wide(8192, 4096)], [24; 3]);
+        let far = |width, height| Reach::of_image(width, height).far_step;
+        assert_eq!([far(256, 192), far(640, 480), far(800, 600)], [None, None, Some(12)]);
+        assert_eq!([far(1024, 768), far(8192, 4096)], [Some(15); 2]);
+    }
+}

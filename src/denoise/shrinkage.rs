@@ -1,0 +1,191 @@
+//! How far a filter may be trusted: pixel by pixel and image by image.
+
+use std::ops::Range;
+
+use super::constants::{LEAST_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
+use super::image_rows::{Pool, Region, Rows, shifts};
+use crate::simd::on_widest;
+
+/// Pixels to each side of the middle of a cell, and across it.
+const CELL_REACH: usize = 1;
+const CELL: usize = 2 * CELL_REACH + 1;
+/// Pixels to each side over which shares are means.
+const SHARE_REACH: usize = 1;
+
+/// Pixels to each side that [`mixed`] reads.
+pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REACH;
+
+/// `smooth` mixed into `raw`, in a region, pixel by pixel and for each cluster, as far as the estimated risk falls (Stein 1981): of
+/// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
+/// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
+/// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. An outlier has no
+/// say in its cell ([`OUTLIER`]): a firefly that both halves happen to have looks like a detail, but a detail has more than one pixel.
+/// Where its own cell allows it a pixel takes as much as those beside it do in the mean.
+pub(super) fn mixed(raw: &Rows, smooth: &Rows, region: &Region, pool: &Pool) -> Rows {
+    let (width, planes) = (raw.width(), raw.planes() / 2);
+    let mut mixed = pool.rows_like(raw, raw.planes(), region.y.clone());
+    for first in (0..planes).step_by(3) {
+        let cells = Cells::new(raw, smooth, first, region, pool);
+        let shares = cells.shares(&region.grown(SHARE_REACH, raw), pool);
+        let even = shares.box_mean(SHARE_REACH, region, pool);
+        mixed.fill_whole_rows(&region.y, |y, row| {
+            let cell = cells.own_shares(y);
+            let [own, even, cell] = [shares.row(0, y), even.row(0, y), &cell].map(|row| &row[region.x.clone()]);
+            let shares = own.iter().zip(even).zip(cell).map(|((own, even), cell)| own.max(even.min(*cell)));
+            let shares: Vec<f32> = shares.collect();
+            for plane in (first..first + 3).flat_map(|channel| [channel, planes + channel]) {
+                let out = &mut row[plane * width..][region.x.clone()];
+                let [raw, smooth] = [raw, smooth].map(|rows| &rows.row(plane, y)[region.x.clone()]);
+                let pairs = raw.iter().zip(smooth).zip(&shares);
+                out.iter_mut().zip(pairs).for_each(|(out, ((raw, smooth), share))| *out = raw + share * (smooth - raw));
+            }
+        });
+        [cells.0, shares, even].into_iter().for_each(|done| pool.keep(done));
+    }
+    mixed
+}
+
+/// Of the cell around each pixel, in the image of one cluster: what is gained, what is changed, and the squared light.
+struct Cells(Rows);
+
+impl Cells {
+    /// Of the cluster whose first plane is this.
+    fn new(raw: &Rows, smooth: &Rows, first: usize, region: &Region, pool: &Pool) -> Self {
+        let around = region.grown(RISK_REACH, raw);
+        let mut terms = pool.rows_like(raw, 3, around.y.clone());
+        terms.fill_whole_rows(&around.y, |y, row| {
+            row.fill(0.0);
+            let (gained, rest) = row.split_at_mut(raw.width());
+            let (changed, squared) = rest.split_at_mut(raw.width());
+            let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[around.x.clone()]);
+            for channel in first..first + 3 {
+                let ([raw_a, raw_b], [a, b]) =
+                    (halves(raw, channel, (&around.x, y)), halves(smooth, channel, (&around.x, y)));
+                on_widest(
+                    #[inline(always)]
+                    || {
+                        let sums = gained.iter_mut().zip(&mut *changed).zip(&mut *squared);
+                        let values = raw_a.iter().zip(raw_b).zip(a).zip(b);
+                        for (((gained, changed), squared), (((raw_a, raw_b), a), b)) in sums.zip(values) {
+                            let (noise, left) = (0.5 * (raw_a - raw_b), 0.5 * (a - b));
+                            let light = 0.5 * (a + b);
+                            let change = 0.5 * (raw_a + raw_b) - light;
+                            *gained += noise * (noise - left);
+                            *changed += change * change;
+                            *squared += light * light;
+                        }
+                    },
+                );
+            }
+        });
+        let cells = of_cells(&terms, &region.grown(CELL * RISK_CELLS + SHARE_REACH, raw), pool);
+        pool.keep(terms);
+        Self(cells)
+    }
+
+    /// How much of the smooth image the pixels of a region take.
+    fn shares(&self, region: &Region, pool: &Pool) -> Rows {
+        let mut shares = pool.rows_like(&self.0, 1, region.y.clone());
+        shares.fill_rows(region, |y, _, out| out.copy_from_slice(&self.shares_of_row(y, region)));
+        shares
+    }
+
+    /// How much the cells of a row would take, each by itself.
+    fn own_shares(&self, y: usize) -> Vec<f32> {
+        let [gained, changed] = [0, 1].map(|term| self.0.row(term, y));
+        gained.iter().zip(changed).map(|(gained, changed)| share(*gained, *changed)).collect()
+    }
+
+    /// [`shares`](Self::shares) of a row.
+    fn shares_of_row(&self, y: usize, region: &Region) -> Vec<f32> {
+        let Self(terms) = self;
+        let own = &terms.row(2, y)[region.x.clone()];
+        let [mut gains, mut changes] = [0, 1].map(|_| vec![0.0; own.len()]);
+        let rows = (0..=2 * RISK_CELLS).filter_map(|cell| (y + CELL * cell).checked_sub(CELL * RISK_CELLS));
+        for y in rows.filter(|&y| y < terms.height()) {
+            let [gained, changed, light] = [0, 1, 2].map(|term| terms.row(term, y));
+            for (from, to) in shifts(&region.x, (CELL * RISK_CELLS, CELL), terms.width()) {
+                on_widest(
+                    #[inline(always)]
+                    || {
+                        let sums = gains[to.clone()].iter_mut().zip(&mut changes[to.clone()]).zip(&own[to.clone()]);
+                        let cells = gained[from.clone()].iter().zip(&changed[from.clone()]).zip(&light[from.clone()]);
+                        for (((gain, change), own), ((gained, changed), light)) in sums.zip(cells) {
+                            let weight = (own / (own + light + f32::MIN_POSITIVE)).powi(2);
+                            *gain += weight * gained;
+                            *change += weight * changed;
+                        }
+                    },
+                );
+            }
+        }
+        gains.iter().zip(&changes).map(|(gained, changed)| share(*gained, *changed)).collect()
+    }
+}
+
+/// Around each pixel of a region the means of the terms: of what is gained and changed without an outlier.
+fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
+    let (width, height) = (terms.width(), terms.height());
+    let mut cells = pool.rows_like(terms, terms.planes(), region.y.clone());
+    cells.fill_whole_rows(&region.y, |y, row| {
+        row.fill(0.0);
+        let (gained, rest) = row.split_at_mut(width);
+        let (changed, squared) = rest.split_at_mut(width);
+        let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[region.x.clone()]);
+        // Kept out of the sums: gain and change of the pixel whose change exceeds its gain by most.
+        let [mut most_gain, mut most_change, mut count] = [0, 1, 2].map(|_| vec![0.0f32; region.x.len()]);
+        for y in y.saturating_sub(CELL_REACH)..(y + CELL_REACH + 1).min(height) {
+            let from = [0, 1, 2].map(|term| terms.row(term, y));
+            for (there, here) in shifts(&region.x, (CELL_REACH, 1), width) {
+                let [gain, change, light] = from.map(|row| &row[there.clone()]);
+                on_widest(
+                    #[inline(always)]
+                    || {
+                        let most = most_gain[here.clone()].iter_mut().zip(&mut most_change[here.clone()]);
+                        let sums = gained[here.clone()].iter_mut().zip(&mut changed[here.clone()]);
+                        let means = squared[here.clone()].iter_mut().zip(&mut count[here.clone()]);
+                        let values = gain.iter().zip(change).zip(light);
+                        for ((most, sums), (means, ((&gain, &change), light))) in most.zip(sums).zip(means.zip(values))
+                        {
+                            let is_most = change - gain > *most.1 - *most.0;
+                            *sums.0 += if is_most { *most.0 } else { gain };
+                            *sums.1 += if is_most { *most.1 } else { change };
+                            *most.0 = if is_most { gain } else { *most.0 };
+                            *most.1 = if is_most { change } else { *most.1 };
+                            *means.0 += light;
+                            *means.1 += 1.0;
+                        }
+                    },
+                );
+            }
+        }
+        for (x, mut count) in count.into_iter().enumerate() {
+            let (gain, change) = (most_gain[x], most_change[x]);
+            squared[x] /= count;
+            if change - gain > OUTLIER * changed[x] {
+                count -= 1.0;
+            } else {
+                gained[x] += gain;
+                changed[x] += change;
+            }
+            gained[x] /= count.max(1.0);
+            changed[x] /= count.max(1.0);
+        }
+    });
+    cells
+}
+
+/// The halves of a channel: some pixels of a row.
+fn halves<'a>(rows: &'a Rows, channel: usize, (x, y): (&Range<usize>, usize)) -> [&'a [f32]; 2] {
+    [channel, rows.planes() / 2 + channel].map(|plane| &rows.row(plane, y)[x.clone()])
+}
+
+fn share(gained: f32, changed: f32) -> f32 {
+    if changed > 0.0 { trusted(gained / changed) } else { 1.0 }
+}
+
+/// The share that is taken where an estimate says `best`. The mean alone is no worse than what was there from a half on, and
+/// what is left of grain is seen more than what is lost: so that is taken whole, and below it falls off.
+fn trusted(best: f32) -> f32 {
+    ((best - LEAST_SHARE) / (WHOLE_SHARE - LEAST_SHARE)).clamp(0.0, 1.0)
+}

@@ -1,0 +1,382 @@
+//! One job on many machines: ranges of blocks built anywhere, in any order, as often as it happens, and merged into the container that
+//! one machine makes of the job by [`render_packed`](crate::pipeline::render_packed).
+//!
+//! A range becomes a shard ([`super::shard`]) in a [`Depot`]: complete or not at all, never changed, and the same from whoever builds
+//! it. The merge does what wants to know of all blocks: it cleans the whole picture, chooses the one slope, and cuts.
+
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::worker::Worker;
+use crate::blob_store::Depot;
+use crate::block_records::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
+use crate::compress::{Compressor, Scope};
+use crate::error::{Error, Result};
+use crate::files::with_suffix;
+use crate::light::Job;
+use crate::matrix::{BlockId, TracedBlock};
+use crate::pipeline::{
+    PackOptions, PackReport, Packing, check_container_output, compressor_of, job_of, need_of, settings_of, tracer_of,
+    tracing_need,
+};
+use crate::resources::{Need, Threads, Watch, hold_to_memory};
+use crate::scene::LoadedScene;
+use crate::trace::Tracer;
+
+/// Blocks that a probe builds at most.
+const PROBED_BLOCKS: u64 = 24;
+/// Wall-clock seconds after which a probe begins no other block.
+const PROBE_SECONDS: f64 = 20.0;
+
+/// A scene and how it is to be packed: what every machine of a farm must agree on.
+pub struct FarmJob {
+    loaded: LoadedScene,
+    terms: Terms,
+}
+
+/// A job and how it is packed, without the scene.
+pub(super) struct Terms {
+    pub(super) job: Job,
+    /// As [`PackOptions::for_source`] has them.
+    pub(super) options: PackOptions,
+    pub(super) fingerprint: [u8; 32],
+}
+
+/// What a probe found.
+#[derive(Clone, Debug)]
+pub struct Probe {
+    /// The blocks that were built, in order.
+    pub blocks: Vec<ProbedBlock>,
+    /// Seconds until the tracer stood, of the scene as it was loaded.
+    pub setup_seconds: f64,
+    /// Anonymous memory that building takes at most with one thread.
+    pub memory_bytes: u64,
+    /// What each thread more takes.
+    pub thread_memory_bytes: u64,
+    /// Anonymous memory that the merge takes at most with one thread.
+    pub merge_memory_bytes: u64,
+}
+
+/// A block of a [`Probe`].
+#[derive(Clone, Copy, Debug)]
+pub struct ProbedBlock {
+    /// Which.
+    pub block: BlockId,
+    /// Seconds of one thread for it.
+    pub seconds: f64,
+    /// Bytes that a shard holds of it.
+    pub bytes: u64,
+}
+
+/// What building a range did.
+#[derive(Clone, Debug)]
+pub struct BuildReport {
+    /// Name of the shard.
+    pub name: String,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Path contributions that were not finite and were dropped.
+    pub non_finite: u64,
+}
+
+/// A shard that cannot be merged, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RefusedShard {
+    /// Its name in the depot.
+    pub name: String,
+    /// What is wrong with it.
+    pub problem: String,
+}
+
+/// What a depot holds of a job.
+pub struct Shards {
+    set: ShardSet,
+    /// Shards of the job.
+    pub count: usize,
+    /// Shards that are not of the job, or damaged.
+    pub refused: Vec<RefusedShard>,
+    /// Blocks that no shard holds, as ranges in order.
+    pub missing: Vec<Range<u32>>,
+    /// Path contributions that were not finite and were dropped, over all shards.
+    pub non_finite: u64,
+}
+
+impl FarmJob {
+    /// The job of a scene, packed so.
+    ///
+    /// # Errors
+    /// A global scope and images cleaned elsewhere, which need the matrix as a whole; those of [`job_of`].
+    pub fn new(loaded: LoadedScene, options: &PackOptions) -> Result<Self> {
+        if options.compress.scope == Scope::Global {
+            let hint = "render and pack it on one machine";
+            return Err(Error::input("global scope", "the matrix is read several times, here no machine has it", hint));
+        }
+        if let Some(basis) = &options.basis {
+            let hint = "leave cleaning to the merge, or render and pack it on one machine";
+            return Err(Error::input(basis.display().to_string(), "its images exist only after all blocks", hint));
+        }
+        let job = job_of(&loaded)?;
+        // One sample a pixel has no halves.
+        let has_planes = settings_of(&loaded).samples_per_pixel > 1;
+        let options = options.for_source(has_planes);
+        let fingerprint = options.fingerprint(&job, b"f32", None);
+        Ok(Self { loaded, terms: Terms { job, options, fingerprint } })
+    }
+
+    /// The description of the matrix.
+    pub fn job(&self) -> &Job {
+        &self.terms.job
+    }
+
+    /// Whether the picture is cleaned, by the merge.
+    pub fn cleans(&self) -> bool {
+        self.terms.options.denoise
+    }
+
+    /// What tells the job with its settings, and the versions of all that takes part, from every other: 64 hexadecimal digits.
+    pub fn fingerprint(&self) -> String {
+        hex(&self.terms.fingerprint)
+    }
+
+    /// Builds some blocks, spread evenly, to learn what they cost. They are not kept.
+    ///
+    /// # Errors
+    /// Those of the tracer; [`Error::Interrupted`].
+    pub fn probe(self, watch: &dyn Watch) -> Result<Probe> {
+        let begun = Instant::now();
+        let job = &self.terms.job;
+        let compressor = self.compressor()?;
+        let merging = need_of(&compressor, job.shape, Need::default(), self.cleans().then_some(job));
+        let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
+        let (worker, need) = self.worker(compressor, None)?;
+        let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
+        let tracer = tracer_of(self.loaded, &mut self.terms.job.clone(), None, watch)?;
+        let setup_seconds = begun.elapsed().as_secs_f64();
+        let count = u64::from(job.shape.block_count());
+        let probed = PROBED_BLOCKS.min(count);
+        // The middles of equal parts.
+        let blocks: Vec<BlockId> = (0..probed).map(|i| BlockId(((2 * i + 1) * count / (2 * probed)) as u32)).collect();
+        watch.begin("probing", probed, "blocks");
+        let (begun, found) = (Instant::now(), Mutex::new(Vec::new()));
+        let build = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
+            let begins = Instant::now();
+            let late = begun.elapsed().as_secs_f64() > PROBE_SECONDS;
+            if late && !found.lock().unwrap_or_else(|e| e.into_inner()).is_empty() {
+                return Ok(());
+            }
+            worker.build(id, block, watch, &|id, block| {
+                let rays = tracer.trace_block(id, block).rays;
+                block.divide_columns(tracer.column_scales());
+                Ok(rays)
+            })?;
+            let (seconds, bytes) = (begins.elapsed().as_secs_f64(), worker.bytes_of(id)?);
+            found.lock().unwrap_or_else(|e| e.into_inner()).push(ProbedBlock { block: id, seconds, bytes });
+            watch.advance(1, 0, "rays");
+            Ok(())
+        };
+        let done = threads.run(|| blocks.par_iter().with_max_len(1).try_for_each_init(TracedBlock::default, build));
+        watch.end();
+        done?;
+        let mut blocks = found.into_inner().unwrap_or_else(|e| e.into_inner());
+        blocks.sort_by_key(|probed| probed.block);
+        Ok(Probe {
+            blocks,
+            setup_seconds,
+            memory_bytes: need.bytes(1),
+            thread_memory_bytes: need.per_thread_bytes,
+            merge_memory_bytes: merging,
+        })
+    }
+
+    /// The shard of these blocks in the depot, of the job of a fingerprint, if it is there. One look, which trusts the name, unless the
+    /// shard is to be read and held to it (`check`).
+    ///
+    /// # Errors
+    /// The depot cannot be read.
+    pub fn find(fingerprint: &str, blocks: &Range<u32>, depot: &Depot, check: bool) -> Result<Option<String>> {
+        for name in depot.names(&range_prefix(fingerprint, blocks))? {
+            let is_good = || {
+                let place = Path::new(depot.address()).join(&name);
+                Ok::<_, Error>(!check || Shard::verify(&*depot.open_file(&name)?, &place, &name)?.is_ok())
+            };
+            if name.ends_with(EXTENSION) && is_good()? {
+                return Ok(Some(name));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Builds a range of blocks into a shard in the depot. What is built waits in a file without a name, in `scratch` or the system's
+    /// folder for such files, until it is whole.
+    ///
+    /// # Errors
+    /// A range that the matrix has not; those of the tracer, the compressor and the depot; [`Error::Interrupted`], with nothing kept.
+    pub fn build(
+        self,
+        blocks: Range<u32>,
+        depot: &Depot,
+        scratch: Option<&Path>,
+        watch: &dyn Watch,
+    ) -> Result<BuildReport> {
+        let begun = Instant::now();
+        let count = self.terms.job.shape.block_count();
+        if blocks.is_empty() || blocks.end > count {
+            let problem = format!("{}..{} is not a range of its blocks, 0..{count}", blocks.start, blocks.end);
+            return Err(Error::input("the matrix", problem, "take the ranges of the plan"));
+        }
+        let (worker, mut need) = self.worker(self.compressor()?, scratch)?;
+        need.fixed_bytes += depot.held_bytes();
+        let output = Path::new(depot.address()).join(format!("{}..{}", blocks.start, blocks.end));
+        let threads =
+            need.threads_within(&format!("building {}", output.display()), self.terms.options.memory_bytes)?;
+        let threads = Threads::new(threads)?;
+        let tracer = tracer_of(self.loaded, &mut self.terms.job.clone(), scratch, watch)?;
+        let (rays, non_finite) = (AtomicU64::new(0), AtomicU64::new(0));
+        watch.begin("tracing and analysing", blocks.len() as u64, "blocks");
+        let trace = |id: BlockId, block: &mut TracedBlock| {
+            let stats = tracer.trace_block(id, block);
+            block.divide_columns(tracer.column_scales());
+            rays.fetch_add(stats.rays, Ordering::Relaxed);
+            non_finite.fetch_add(stats.non_finite, Ordering::Relaxed);
+            Ok(stats.rays)
+        };
+        let build = |block: &mut TracedBlock, key: u32| -> Result<()> {
+            let work = worker.build(BlockId(key), block, watch, &trace)?;
+            watch.advance(1, work, "rays");
+            Ok(())
+        };
+        let done = threads.run(|| blocks.clone().into_par_iter().try_for_each_init(TracedBlock::default, build));
+        watch.end();
+        done?;
+        let (rays, non_finite) = (rays.into_inner() + tracer.photon_cost().rays, non_finite.into_inner());
+        let (job, fingerprint) = (self.terms.job.hash().0, self.terms.fingerprint);
+        let name = worker.publish(&ShardHead { job, fingerprint, blocks, rays, non_finite }, depot)?;
+        Ok(BuildReport { name, seconds: begun.elapsed().as_secs_f64(), rays, non_finite })
+    }
+
+    /// Reads every shard of the depot whole, and tells those of this job from what cannot be merged. Shards that are not files of this
+    /// machine are copied into the folder `cache`, where a copy that is there already is taken.
+    ///
+    /// # Errors
+    /// The depot cannot be read; [`Error::Interrupted`].
+    pub fn shards(&self, depot: &Depot, cache: &Path, watch: &dyn Watch) -> Result<Shards> {
+        let Terms { job, fingerprint, .. } = &self.terms;
+        let names: Vec<String> =
+            depot.names("")?.into_iter().filter(|name| name.ends_with(EXTENSION) && !name.starts_with('.')).collect();
+        hold_to_memory("fetching shards", depot.held_bytes(), self.terms.options.memory_bytes)?;
+        watch.begin("checking shards", names.len() as u64, "shards");
+        let check = |name: &String| -> Result<Result<Shard, String>> {
+            if watch.interrupted() {
+                return Err(Error::Interrupted("nothing was written".to_owned()));
+            }
+            let open = || Shard::open(&depot.local(name, cache)?, name);
+            let checked = if !name.starts_with(&plan_prefix(&hex(fingerprint))) {
+                // Only the beginning is read, to say what it is of.
+                let head = ShardHead::of(&*depot.open_file(name)?, &Path::new(depot.address()).join(name))?;
+                let renamed = "its content is not that of its name: it was renamed";
+                head.and_then(|head| self.terms.accept(&head)).and(Err(renamed.to_owned()))
+            } else {
+                let checked = match open()? {
+                    // A copy may be bad where the shard is not.
+                    Err(_) if depot.remove_copies(cache, Some(name))? => open()?,
+                    checked => checked,
+                };
+                checked.and_then(|shard| self.terms.accept(&shard.head).map(|()| shard))
+            };
+            watch.advance(1, 0, "B");
+            Ok(checked)
+        };
+        let checked: Result<Vec<_>> = names.par_iter().map(check).collect();
+        watch.end();
+        let mut found = Shards {
+            set: ShardSet::new(depot.address(), job.shape.block_count()),
+            count: 0,
+            refused: Vec::new(),
+            missing: Vec::new(),
+            non_finite: 0,
+        };
+        for (name, checked) in names.into_iter().zip(checked?) {
+            match checked {
+                Err(problem) => found.refused.push(RefusedShard { name, problem }),
+                Ok(shard) => {
+                    found.count += 1;
+                    found.non_finite += shard.head.non_finite;
+                    if let Some((key, other)) = found.set.add(shard) {
+                        let other = other.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                        watch.note(&format!("{name}: block {key} is not that of {other}, which is taken"));
+                    }
+                }
+            }
+        }
+        found.missing = found.set.missing();
+        Ok(found)
+    }
+
+    /// Makes the container of shards that hold all blocks: byte for byte that of [`render_packed`](crate::pipeline::render_packed). An
+    /// interrupted merge is continued by the same call.
+    ///
+    /// # Errors
+    /// [`Error::Incomplete`] where blocks are missing; those of cleaning, packing and the container; [`Error::Interrupted`].
+    pub fn merge(self, shards: Shards, path: &Path, watch: &dyn Watch) -> Result<PackReport> {
+        let measuring = self.measuring_need();
+        let Terms { mut job, options, .. } = self.terms;
+        if !shards.missing.is_empty() {
+            let blocks: usize = shards.missing.iter().map(|range| range.len()).sum();
+            return Err(Error::Incomplete {
+                place: shards.set.address().to_owned(),
+                missing: format!("{blocks} of {} blocks are in no shard", job.shape.block_count()),
+                hint: "build the missing ranges, then merge again".to_owned(),
+            });
+        }
+        check_container_output(path, options.container.overwrite)?;
+        measuring.threads_within("merging", options.memory_bytes)?;
+        let max_depth = self.loaded.settings.max_depth;
+        job.basis.set_column_scales(Tracer::measure_column_scales(self.loaded.scene, max_depth)?)?;
+        let packing = Packing::begin(&job, b"f32", path, &options, (Need::default(), options.denoise), watch)?;
+        packing.run_shards(shards.set, watch)
+    }
+
+    /// What the merge takes while it measures the scales of columns, before it packs.
+    fn measuring_need(&self) -> Need {
+        let tracing = tracing_need(&self.loaded, &self.terms.job);
+        Need { fixed_bytes: tracing.fixed_bytes, ..Need::default() }
+    }
+
+    /// Where copies of shards wait for the merge of a container.
+    pub fn cache_path(container: &Path) -> std::path::PathBuf {
+        with_suffix(container, ".shards")
+    }
+
+    fn compressor(&self) -> Result<Compressor> {
+        compressor_of(&self.terms.job, &self.terms.options)
+    }
+
+    /// What builds, and what that takes.
+    fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, Need)> {
+        let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, &self.terms.job));
+        Ok((Worker::new(&self.terms, compressor, scratch)?, need))
+    }
+}
+
+impl Terms {
+    /// Whether a shard is of these; else what it is of.
+    fn accept(&self, head: &ShardHead) -> Result<(), String> {
+        if head.job != self.job.hash().0 {
+            return Err("it is of another job".to_owned());
+        }
+        if head.fingerprint != self.fingerprint {
+            return Err("it was built with other settings, or by another version of the program".to_owned());
+        }
+        match head.blocks.end <= self.job.shape.block_count() {
+            true => Ok(()),
+            false => Err("it has blocks that the matrix has not".to_owned()),
+        }
+    }
+}

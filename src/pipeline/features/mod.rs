@@ -1,0 +1,148 @@
+//! What the pixels of a `.ltm` show beside light: in memory, or as an EXR for denoisers and for compositing.
+
+use std::path::Path;
+
+mod basis_images;
+mod block_rows;
+
+use self::block_rows::{Strip, strip_bytes};
+use crate::error::{Error, Result};
+use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
+use crate::matrix::{BlockId, BlockPlanes, BlockSource, FEATURE_PLANES, Feature, MatrixShape};
+use crate::resources::{Need, PROGRAM_BYTES, Quiet, Watch};
+use crate::store::{self, StoreReader};
+pub use basis_images::write_basis;
+
+/// The channel of each plane of features, in their order: Blender's names of what its denoiser takes, as OIDN's users
+/// know them too; then shares of the samples.
+pub const FEATURE_CHANNELS: [&str; FEATURE_PLANES] = [
+    "Denoising Albedo.R",
+    "Denoising Albedo.G",
+    "Denoising Albedo.B",
+    "Denoising Normal.X",
+    "Denoising Normal.Y",
+    "Denoising Normal.Z",
+    "Denoising Depth.Z",
+    "Emitter Share.V",
+    "Specular Share.V",
+    "Surface Share.V",
+    "IndexMA.X",
+];
+
+/// The channels of the features' variances, in the same order: `Denoising Albedo Variance.R` beside `Denoising Albedo.R`, as
+/// Blender has called them.
+fn variance_channels() -> [String; FEATURE_PLANES] {
+    FEATURE_CHANNELS.map(|name| match name.split_once('.') {
+        Some((layer, channel)) => format!("{layer} Variance.{channel}"),
+        None => format!("{name} Variance"),
+    })
+}
+
+/// What the pixels of a whole image show beside light, or the variance of that.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Features {
+    size: (u32, u32),
+    planes: Vec<f32>,
+}
+
+impl Features {
+    /// Bytes of those of an image.
+    pub fn needs_bytes(shape: MatrixShape) -> u64 {
+        (FEATURE_PLANES * size_of::<f32>()) as u64 * u64::from(shape.width()) * u64::from(shape.height())
+    }
+
+    /// Reads those of all blocks. Blocks that the file lacks are zero.
+    ///
+    /// # Errors
+    /// The matrix knows nothing of its samples, or not even one block; a block is damaged.
+    pub fn read(matrix: &StoreReader) -> Result<Self> {
+        Self::read_planes(matrix, |planes| planes.features)
+    }
+
+    /// Reads the variances of what [`read`](Self::read) reads, as if samples were independent.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_variances(matrix: &StoreReader) -> Result<Self> {
+        Self::read_planes(matrix, |planes| planes.feature_variance)
+    }
+
+    fn read_planes(matrix: &StoreReader, take: fn(BlockPlanes) -> Vec<f32>) -> Result<Self> {
+        let shape = BlockSource::shape(matrix);
+        check_known(matrix, "the features")?;
+        let mut strip = Strip::new(shape, FEATURE_PLANES, |id| Ok(of_block(matrix, id)?.map(take)));
+        let (width, height) = (shape.width() as usize, shape.height() as usize);
+        let mut planes = vec![0.0; FEATURE_PLANES * width * height];
+        for y in 0..height {
+            for plane in 0..FEATURE_PLANES {
+                strip.copy_row(plane, y, &mut planes[(plane * height + y) * width..][..width], &Quiet)?;
+            }
+        }
+        Ok(Self { size: (shape.width(), shape.height()), planes })
+    }
+
+    /// Width and height of the image.
+    pub fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
+    /// All planes, one after the other in the order of [`Feature`]: pixels row by row.
+    pub fn planes(&self) -> &[f32] {
+        &self.planes
+    }
+
+    /// The planes of a feature: one, or three.
+    pub fn planes_of(&self, feature: Feature) -> impl Iterator<Item = &[f32]> {
+        let pixels = self.size.0 as usize * self.size.1 as usize;
+        feature.planes().map(move |plane| &self.planes[plane * pixels..][..pixels])
+    }
+}
+
+/// The planes of a block; none where the file lacks it.
+fn of_block(matrix: &StoreReader, id: BlockId) -> Result<Option<BlockPlanes>> {
+    match matrix.is_committed(id) {
+        true => Ok(matrix.read_planes(id, None)?),
+        false => Ok(None),
+    }
+}
+
+/// Refuses a matrix that does not know what its samples are, by the name of what asks. All blocks of a file know, or none.
+pub(super) fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
+    let first = BlockSource::shape(matrix).blocks().find(|&id| matrix.is_committed(id));
+    match first.map(|first| of_block(matrix, first)).transpose()?.flatten() {
+        Some(_) => Ok(()),
+        None => Err(unknown(asks.to_owned())),
+    }
+}
+
+/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances, `Denoising Albedo
+/// Variance.R` beside `Denoising Albedo.R`. Blocks that the file lacks are black. Returns how many those are.
+///
+/// # Errors
+/// The matrix knows nothing of its samples, or not even one block; a block is damaged; the memory is too small;
+/// [`Error::Interrupted`]; what writing refuses.
+pub fn write_features(matrix: &StoreReader, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<u32> {
+    let shape = BlockSource::shape(matrix);
+    let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
+    let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
+    let planes = 2 * FEATURE_PLANES;
+    let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
+    let need = Need { fixed_bytes: PROGRAM_BYTES + reading + rows, ..Need::default() };
+    need.threads_within("writing features", memory_bytes)?;
+    check_known(matrix, "--layers features")?;
+    let mut strip = Strip::new(shape, planes, |id| {
+        Ok(of_block(matrix, id)?.map(|planes| [planes.features, planes.feature_variance].concat()))
+    });
+    watch.begin("writing features", u64::from(shape.blocks_down()), "rows of blocks");
+    let names: Vec<String> = FEATURE_CHANNELS.map(str::to_owned).into_iter().chain(variance_channels()).collect();
+    let written = write_exr_channels(path, &names, size, &mut |channel, y, row| strip.copy_row(channel, y, row, watch));
+    watch.end();
+    written?;
+    Ok(shape.blocks().filter(|&id| !matrix.is_committed(id)).count() as u32)
+}
+
+/// What is asked of a matrix that was rendered without knowing what its samples are.
+pub(super) fn unknown(place: String) -> Error {
+    let hint = "render it again with this program and at least 2 samples per pixel";
+    Error::input(place, "the matrix does not know what its samples are", hint)
+}

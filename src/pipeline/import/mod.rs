@@ -1,0 +1,642 @@
+//! A matrix from images that other programs rendered, one for each light.
+
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+mod features;
+mod noise_estimate;
+
+use self::features::ImportedFeatures;
+use self::noise_estimate::{Inside, add_noise};
+use super::column_scales;
+use super::row_spill::RowSpill;
+use super::{PackOptions, pack};
+use crate::block_records::files_of_pack;
+use crate::compress::Compressor;
+use crate::error::{Error, Result};
+use crate::image::{FeaturePasses, LayerMatch, LayerRole, LightRow, LightSet};
+use crate::light::{Clusters, Job, Light, LightBasis, LightKind, LightUnit, Provenance, probe_lightings};
+use crate::matrix::{
+    Block, BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
+};
+use crate::resources::{Need, PROGRAM_BYTES, Threads, Watch};
+
+/// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
+/// so that blocks of two versions are never mixed.
+const IMPORT_VERSION: u32 = 3;
+
+/// Name of the light that holds what the image under all lights has beyond the sum of the lights.
+const REST: &str = "Rest";
+/// Relative L2 difference between the sum of lights and the image under all lights that 16-bit files show.
+const SUM_TOLERANCE: f64 = 2e-3;
+
+/// Images of lights as a matrix: each light is a column. The images wait in a temporary file, not in memory.
+#[derive(Debug)]
+pub struct ImportedMatrix {
+    job: Job,
+    /// Lights that have images of their own.
+    images: usize,
+    rows: RowSpill,
+    /// Of each column: the sum of the sizes of its values.
+    sizes: Vec<f64>,
+    known: Option<KnownNoise>,
+    /// What each layer or file was taken for.
+    pub matches: Vec<LayerMatch>,
+    /// What looks wrong or was added, one line each, for people.
+    pub warnings: Vec<String>,
+    /// Relative L2 difference between the sum of lights and the image under all lights, where there is one.
+    pub sum_difference: Option<f64>,
+}
+
+/// The same lights rendered once more, with other random numbers, and what is seen: from them the noise is known, so that images
+/// can be cleaned.
+#[derive(Clone, Copy, Debug)]
+pub struct SecondImages<'a> {
+    /// The images; their lights have the same names.
+    pub set: &'a LightSet,
+    /// The passes of features of the first and of the second rendering; one alone is taken as without noise.
+    pub features: [Option<&'a FeaturePasses>; 2],
+}
+
+/// Where the noise of images is known from.
+#[derive(Clone, Copy, Debug)]
+pub enum ImageNoise<'a> {
+    /// It is not.
+    Unknown,
+    /// From the images themselves: what a pixel differs by from those around it. With the passes of features of the rendering.
+    Estimated(Option<&'a FeaturePasses>),
+    /// From a second rendering.
+    Measured(SecondImages<'a>),
+}
+
+impl<'a> ImageNoise<'a> {
+    fn second(&self) -> Option<&SecondImages<'a>> {
+        match self {
+            Self::Measured(second) => Some(second),
+            Self::Unknown | Self::Estimated(_) => None,
+        }
+    }
+
+    /// The passes of the first and of a second rendering.
+    fn features(&self) -> [Option<&'a FeaturePasses>; 2] {
+        match self {
+            Self::Unknown => [None, None],
+            Self::Estimated(passes) => [*passes, None],
+            Self::Measured(second) => second.features,
+        }
+    }
+}
+
+/// What is known of the noise.
+#[derive(Debug)]
+struct KnownNoise {
+    /// The images of the second rendering, if there is one.
+    second: Option<RowSpill>,
+    features: ImportedFeatures,
+    /// Columns × probes, see [`probe_lightings`].
+    probes: Vec<f32>,
+    /// Whether images can be cleaned: every column is a cluster of its own.
+    cleans: bool,
+}
+
+impl ImportedMatrix {
+    /// Makes a matrix of images, in blocks of `block_side` pixels: of `set`, or of the mean of that and a second rendering from which
+    /// its `noise` is known.
+    /// `source` is their name, for the provenance; the temporary files are made beside `beside`.
+    ///
+    /// The sum of lights is held against the image under all lights, where there is one; what is missing becomes a light of
+    /// its own, called `Rest`.
+    ///
+    /// What reading takes and the disk for packing with `options` too is admitted before anything is read.
+    ///
+    /// # Errors
+    /// Values that are not finite, naming the light; sizes beyond what a matrix can have; a second rendering of other lights
+    /// or another size; a budget that does not hold one image as its decoder wants it, or in which the images could not be
+    /// packed then; a disk without room; those of the readers in `image`.
+    pub fn read(
+        set: &LightSet,
+        noise: ImageNoise<'_>,
+        source: &str,
+        beside: &Path,
+        block_side: u32,
+        options: &PackOptions,
+        watch: &dyn Watch,
+    ) -> Result<Self> {
+        let mut need = reading_need(set);
+        if let Some(second) = noise.second() {
+            check_second(set, second)?;
+            let also = reading_need(second.set);
+            need.fixed_bytes = need.fixed_bytes.max(also.fixed_bytes);
+            need.per_thread_bytes = need.per_thread_bytes.max(also.per_thread_bytes);
+            need.disk_bytes += also.disk_bytes;
+        }
+        if !matches!(noise, ImageNoise::Unknown) {
+            check_features(set, noise.features())?;
+            need.disk_bytes += ImportedFeatures::disk_bytes(set.width, set.height);
+            let features = noise.features().into_iter().flatten().map(FeaturePasses::needs_bytes_per_thread);
+            need.per_thread_bytes = features.fold(need.per_thread_bytes, u64::max);
+        }
+        let packing = packing_need(set, block_side, options, !matches!(noise, ImageNoise::Unknown))?;
+        need.most_disk_bytes = need.disk_bytes + packing.most_disk_bytes;
+        need.disk_bytes += packing.disk_bytes;
+        let [spill, _, _, part] = files_of_pack(beside);
+        let there = [spill.as_path(), part.as_path()];
+        let threads = need.admit("reading the images, then packing", beside, &there, options.memory_bytes, watch)?;
+        let shape = MatrixShape::new(set.width, set.height, set.lights.len() as u32, block_side)?;
+        let mut warnings = set.warnings.clone();
+        let mut read = |set: &LightSet, source: &str| -> Result<RowSpill> {
+            let (rows, looks) = spill_rows(set, source, beside, threads, watch)?;
+            warnings.extend(set.lights.iter().zip(&looks).flat_map(|(light, look)| look.warnings(light)));
+            Ok(rows)
+        };
+        let rows = read(set, source)?;
+        let known = match &noise {
+            ImageNoise::Unknown => None,
+            ImageNoise::Estimated(_) | ImageNoise::Measured(_) => Some(KnownNoise {
+                second: noise.second().map(|second| read(second.set, "the second rendering")).transpose()?,
+                features: ImportedFeatures::read(noise.features(), (set.width, set.height), beside, threads)?,
+                probes: Vec::new(),
+                cleans: false,
+            }),
+        };
+        let mut imported = Self {
+            job: Job { shape, basis: LightBasis::new(), provenance: Provenance::default() },
+            images: set.lights.len(),
+            rows,
+            sizes: Vec::new(),
+            known,
+            matches: set.matches.clone(),
+            warnings,
+            sum_difference: None,
+        };
+        let denoised = |m: &LayerMatch| {
+            let (layer, is_light) = (m.layer.to_lowercase(), !matches!(m.role, LayerRole::Ignored));
+            // What denoisers are given is no denoised image.
+            let given = ["albedo", "normal", "depth"].iter().any(|word| layer.contains(word)) && !is_light;
+            ["denois", "noisy"].iter().any(|word| layer.contains(word)) && !given
+        };
+        imported.add_up(set, source)?;
+        let adds_up = imported.sum_difference.is_some_and(|difference| difference <= SUM_TOLERANCE);
+        if !adds_up && set.matches.iter().any(denoised) {
+            imported.warnings.push("the file has denoising passes: denoised light groups no longer add up".into());
+        }
+        let columns = imported.job.shape.columns();
+        if let Some(known) = &mut imported.known {
+            known.probes = probe_lightings(&imported.job.basis);
+            known.cleans = can_be_cleaned(&imported.job);
+            if options.denoise && !known.cleans {
+                imported.warnings.push(format!("{columns} lights are too many to be cleaned: at most 32 are"));
+            }
+        }
+        Ok(imported)
+    }
+
+    /// Takes the images for those of the texels of one light, row by row: a painted panel, or a sky. What is missing of the image
+    /// under all lights stays a light of its own.
+    ///
+    /// # Errors
+    /// Another number of images than texels.
+    pub fn take_for_texels(&mut self, texels: LightKind) -> Result<()> {
+        let lights = self.job.basis.lights();
+        let (across, down) = texels.layout();
+        let count = u64::from(across) * u64::from(down);
+        let rest: Vec<Light> = lights.iter().skip(self.images).cloned().collect();
+        if count != self.images as u64 {
+            let problem = format!("are {across} × {down}, {count} in all, and there are {} images", self.images);
+            return Err(Error::input("the texels", problem, "give as many texels as images, across and down"));
+        }
+        let name = if texels.is_environment() { "sky" } else { "light" };
+        let name = if rest.iter().any(|light| light.name == name) { "texels" } else { name };
+        let light = Light { unit: LightUnit::Multiple, ..Light::of_texels(name, texels) };
+        let mut basis = LightBasis::new();
+        std::iter::once(light).chain(rest).try_for_each(|light| basis.push(light))?;
+        self.job.basis = basis;
+        self.set_column_scales()?;
+        if let Some(known) = &mut self.known {
+            known.probes = probe_lightings(&self.job.basis);
+            known.cleans = can_be_cleaned(&self.job);
+        }
+        Ok(())
+    }
+
+    fn set_column_scales(&mut self) -> Result<()> {
+        let scales = column_scales::of_sums(&self.sizes, self.job.shape.rows(), &self.job.basis);
+        self.job.basis.set_column_scales(scales)
+    }
+
+    /// What the matrix is.
+    pub fn job(&self) -> &Job {
+        &self.job
+    }
+
+    /// Whether images could be cleaned, were their noise known.
+    pub fn wants_noise(&self) -> bool {
+        self.known.is_none() && can_be_cleaned(&self.job)
+    }
+
+    /// Goes over all rows once more: holds the sum of lights against the image under all lights, which it replaces by
+    /// what is missing, and makes the job.
+    fn add_up(&mut self, set: &LightSet, source: &str) -> Result<()> {
+        let lights = set.lights.len();
+        let (mut content, mut squared_rest, mut squared_sum) = (Sha256::new(), 0.0, 0.0);
+        let squares = |row: &[f32]| row.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
+        let mut row = vec![0.0; set.width as usize];
+        let mut rest = row.clone();
+        let second = self.known.as_ref().and_then(|known| known.second.as_ref());
+        let mut sizes = vec![0.0; lights + 1];
+        let mut sums = Sums::of(lights);
+        for (rendering, rows) in std::iter::once(&self.rows).chain(second).enumerate() {
+            for y in 0..set.height as usize {
+                for channel in 0..CHANNELS {
+                    if set.has_sum {
+                        rows.read((lights, channel, y), 0, &mut rest)?;
+                        squared_sum += squares(&rest);
+                    }
+                    for (light, size) in sizes[..lights].iter_mut().enumerate() {
+                        rows.read((light, channel, y), 0, &mut row)?;
+                        content.update(bytemuck::cast_slice(&row));
+                        if rendering == 0 {
+                            *size += column_scales::sizes(&row);
+                        }
+                        sums.add(light, &row);
+                        rest.iter_mut().zip(&row).for_each(|(rest, v)| *rest -= v);
+                    }
+                    if set.has_sum {
+                        content.update(bytemuck::cast_slice(&rest));
+                        squared_rest += squares(&rest);
+                        if rendering == 0 {
+                            sizes[lights] += column_scales::sizes(&rest);
+                        }
+                        rows.write((lights, channel, y), 0, &rest)?;
+                    }
+                    rest.fill(0.0);
+                    sums.end_row();
+                }
+            }
+        }
+        for light in sums.of_others() {
+            let name = &set.lights[light];
+            self.warnings.push(format!(
+                "light '{name}' is the sum of the others, which then count twice; leave it out (--layers says which layers are lights)"
+            ));
+        }
+        if let Some(known) = &self.known {
+            known.features.add_to(&mut content)?;
+            if known.second.is_none() {
+                content.update("noise estimated");
+            }
+        }
+        let mut names = set.lights.clone();
+        if set.has_sum {
+            let difference = (squared_rest / squared_sum.max(f64::MIN_POSITIVE)).sqrt();
+            self.sum_difference = Some(difference);
+            if difference > SUM_TOLERANCE {
+                let (share, rest) = (100.0 * difference, name_of_rest(&names));
+                self.warnings.push(format!(
+                    "the lights lack {share:.2} % of the image under all lights; added as light '{rest}'"
+                ));
+                names.push(rest);
+            }
+        }
+        self.job.basis = basis_of(&names)?;
+        self.job.shape = MatrixShape::new(set.width, set.height, names.len() as u32, self.job.shape.block_side())?;
+        self.job.provenance = Provenance {
+            source: source.to_owned(),
+            content: content.finalize().into(),
+            program: format!("ltm import {IMPORT_VERSION}, from images"),
+            ..Provenance::default()
+        };
+        sizes.truncate(names.len());
+        self.sizes = sizes;
+        self.set_column_scales()
+    }
+
+    /// The entries of a block of one rendering.
+    fn read_entries(&self, rows: &RowSpill, rect: PixelRect, entries: &mut [f32]) -> Result<()> {
+        let (width, height) = (rect.width as usize, rect.height as usize);
+        for (light, column) in entries.chunks_exact_mut(rect.rows()).enumerate() {
+            for (row, piece) in column.chunks_exact_mut(width).enumerate() {
+                let (channel, y) = (row / height, rect.y as usize + row % height);
+                rows.read((light, channel, y), rect.x as usize, piece)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells the noise of a block. Of two renderings it becomes the mean.
+    fn add_noise(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), target: &mut TracedBlock) -> Result<()> {
+        let (rows, columns) = (rect.rows(), self.job.shape.columns());
+        let (first, other) = match &known.second {
+            Some(second) => {
+                let first = target.block.entries().to_vec();
+                let mut other = vec![0.0; first.len()];
+                self.read_entries(second, rect, &mut other)?;
+                let entries = target.block.entries_mut().iter_mut();
+                entries.zip(&other).for_each(|(entry, b)| *entry = 0.5 * (*entry + b));
+                (first, other)
+            }
+            None => {
+                let mut more = self.with_grain(known, (id, rect), target.block.entries())?;
+                // Planes hold no light below 0: noise above the light itself would brighten the mean of the two.
+                let bound =
+                    |(more, &entry): (&mut f32, &f32)| *more = more.clamp(entry.min(0.0) * 2.0, entry.max(0.0) * 2.0);
+                more.iter_mut().zip(target.block.entries()).for_each(bound);
+                let less = target.block.entries().iter().zip(&more).map(|(entry, more)| 2.0 * entry - more);
+                (less.collect(), more)
+            }
+        };
+        let divided = |entries: Vec<f32>| {
+            let mut block = Block::from_entries(rows, columns, entries);
+            block.divide_columns(self.job.basis.column_scales());
+            block.entries().to_vec()
+        };
+        let (first, other) = (divided(first), divided(other));
+        let halves: Vec<f32> = first.iter().zip(&other).map(|(a, b)| 0.5 * (a - b)).collect();
+        target.noise = Some(noise_of(&halves, rows, columns, &known.probes));
+        if known.cleans {
+            let (features, feature_variance) = known.features.of(rect)?;
+            let dark = || vec![0.0; rows * columns];
+            let mut planes = BlockPlanes {
+                direct: [dark(), dark()],
+                indirect: [first, other],
+                features,
+                feature_variance,
+                emission: Vec::new(),
+            };
+            // As a file of an interrupted pack has them.
+            planes.round();
+            target.planes = Some(planes);
+        }
+        Ok(())
+    }
+
+    /// These entries of a block, each with what may be its noise.
+    fn with_grain(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), entries: &[f32]) -> Result<Vec<f32>> {
+        let (left, top) = (rect.x.min(1), rect.y.min(1));
+        let grown = |at: u32, before: u32, size: u32, end: u32| (size + before + 1).min(end - (at - before));
+        let around = PixelRect {
+            x: rect.x - left,
+            y: rect.y - top,
+            width: grown(rect.x, left, rect.width, self.job.shape.width()),
+            height: grown(rect.y, top, rect.height, self.job.shape.height()),
+        };
+        let size = |rect: PixelRect| (rect.width as usize, rect.height as usize);
+        let inside = Inside { size: size(rect), at: (left as usize, top as usize), around: size(around) };
+        let (features, _) = known.features.of(around)?;
+        let albedo = Feature::Albedo.planes();
+        let albedo = &features[albedo.start * around.pixels()..albedo.end * around.pixels()];
+        let mut neighbours = vec![0.0; around.rows() * self.job.shape.columns()];
+        self.read_entries(&self.rows, around, &mut neighbours)?;
+        let mut entries = entries.to_vec();
+        let columns = entries.chunks_exact_mut(rect.rows()).zip(neighbours.chunks_exact(around.rows()));
+        for (column, (entries, neighbours)) in columns.enumerate() {
+            let seed = u64::from(id.0) << 32 | column as u64;
+            add_noise(entries, (neighbours, albedo), inside, seed);
+        }
+        Ok(entries)
+    }
+}
+
+/// Whether every column is a cluster of its own.
+fn can_be_cleaned(job: &Job) -> bool {
+    Clusters::of_basis(&job.basis).count() == job.shape.columns()
+}
+
+/// The noise of a mean of two, of half their difference: rows × columns, column-major.
+fn noise_of(halves: &[f32], rows: usize, columns: usize, probes: &[f32]) -> BlockNoise {
+    let mut noise = BlockNoise {
+        row_variance: vec![0.0; rows],
+        column_variance: Vec::with_capacity(columns),
+        probes: vec![0.0; rows * (probes.len() / columns)],
+    };
+    for (column, halves) in halves.chunks_exact(rows).enumerate() {
+        let share = 1.0 / columns as f32;
+        noise.row_variance.iter_mut().zip(halves).for_each(|(sum, d)| *sum += share * d * d);
+        noise.column_variance.push(halves.iter().map(|d| d * d).sum::<f32>() / rows as f32);
+        for (probe, out) in noise.probes.chunks_exact_mut(rows).enumerate() {
+            let weight = probes[probe * columns + column];
+            out.iter_mut().zip(halves).for_each(|(o, d)| *o += weight * d);
+        }
+    }
+    noise
+}
+
+/// A second rendering of other lights, of another size, with other passes.
+fn check_second(set: &LightSet, second: &SecondImages<'_>) -> Result<()> {
+    let refuse = |problem: String| {
+        let hint = "render the same scene twice, with another seed, and nothing else changed";
+        Err(Error::input("the second rendering", problem, hint))
+    };
+    let other = second.set;
+    if (other.width, other.height) != (set.width, set.height) {
+        return refuse(format!(
+            "has {} × {} pixels, the first {} × {}",
+            other.width, other.height, set.width, set.height
+        ));
+    }
+    if other.lights != set.lights || other.has_sum != set.has_sum {
+        let differs = set.lights.iter().zip(&other.lights).find(|(a, b)| a != b);
+        return refuse(match differs {
+            Some((a, b)) => format!("has light '{b}' where the first has '{a}'"),
+            None => format!("has {} images, the first {}", other.images(), set.images()),
+        });
+    }
+    Ok(())
+}
+
+/// Passes of features of another size.
+fn check_features(set: &LightSet, features: [Option<&FeaturePasses>; 2]) -> Result<()> {
+    let differs = |passes: &&FeaturePasses| (passes.width, passes.height) != (set.width, set.height);
+    let Some(passes) = features.into_iter().flatten().find(differs) else { return Ok(()) };
+    let problem =
+        format!("have {} × {} pixels, the images {} × {}", passes.width, passes.height, set.width, set.height);
+    Err(Error::input("the features", problem, "take those of the same rendering"))
+}
+
+/// Reads all images of a set into a file, and looks at them on the way.
+fn spill_rows(
+    set: &LightSet,
+    source: &str,
+    beside: &Path,
+    threads: usize,
+    watch: &dyn Watch,
+) -> Result<(RowSpill, Vec<Look>)> {
+    let (width, height) = (set.width as usize, set.height as usize);
+    let rows = RowSpill::create(beside, set.images(), width, height)?;
+    let mut looks = vec![Look::default(); set.images()];
+    watch.begin("reading images", (set.images() * height) as u64, "rows");
+    let mut take = |row: LightRow<'_>| {
+        if watch.interrupted() {
+            return Err(Error::Interrupted("nothing was written".into()));
+        }
+        if let Some(at) = row.values.iter().position(|v| !v.is_finite()) {
+            let name = set.lights.get(row.image).map_or("under all lights".to_owned(), |l| format!("of light '{l}'"));
+            let problem = format!("the image {name} is not finite at pixel {}, {}", row.x + at, row.y);
+            return Err(Error::input(source, problem, "render it again, or replace the pixel"));
+        }
+        looks[row.image].add(row.values);
+        let done = usize::from(row.channel + 1 == CHANNELS && row.x + row.values.len() == width);
+        watch.advance(done as u64, size_of_val(row.values) as u64, "B");
+        rows.write((row.image, row.channel, row.y), row.x, row.values)
+    };
+    let result = Threads::new(threads)?.run(|| set.read(&mut take));
+    watch.end();
+    result?;
+    Ok((rows, looks))
+}
+
+/// What reading images takes; they wait on disk.
+fn reading_need(set: &LightSet) -> Need {
+    let disk_bytes = RowSpill::bytes(set.images(), set.width as usize, set.height as usize);
+    let fixed_bytes = PROGRAM_BYTES.saturating_add(set.needs_bytes());
+    Need { fixed_bytes, per_thread_bytes: set.needs_bytes_per_thread(), disk_bytes, ..Need::default() }
+}
+
+/// What packing the images takes, cleaned where their noise is known and they are few enough.
+///
+/// # Errors
+/// The memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
+fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions, is_noise_known: bool) -> Result<Need> {
+    let mut names = set.lights.clone();
+    if set.has_sum {
+        names.push(name_of_rest(&names));
+    }
+    let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
+    let job = Job { shape, basis: basis_of(&names)?, provenance: Provenance::default() };
+    let options = options.for_source(is_noise_known && can_be_cleaned(&job));
+    let compressor = Compressor::new(&job.basis, shape, options.compress.clone())?;
+    let need = pack::need_of(&compressor, shape, Need::default(), options.denoise.then_some(&job));
+    need.threads_within("packing", options.memory_bytes)?;
+    Ok(need)
+}
+
+/// `Rest`, or with a number where a light is called so.
+fn name_of_rest(names: &[String]) -> String {
+    let numbered = (2..).map(|n| format!("{REST} {n}"));
+    let free = std::iter::once(REST.to_owned()).chain(numbered).find(|name| !names.contains(name));
+    free.expect("numbers do not end")
+}
+
+/// A light of one column for each image.
+fn basis_of(names: &[String]) -> Result<LightBasis> {
+    let mut basis = LightBasis::new();
+    for name in names {
+        basis.push(Light {
+            name: name.clone(),
+            kind: LightKind::Image,
+            unit: LightUnit::Multiple,
+            emission: [1.0; 3],
+            first_column: 0,
+            places: vec![[0.0; 3]],
+            extents: vec![0.0],
+        })?;
+    }
+    Ok(basis)
+}
+
+impl BlockSource for ImportedMatrix {
+    fn shape(&self) -> MatrixShape {
+        self.job.shape
+    }
+
+    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        let rect = self.job.shape.rect(id);
+        target.block.reset(rect.rows(), self.job.shape.columns());
+        target.noise = None;
+        target.planes = None;
+        self.read_entries(&self.rows, rect, target.block.entries_mut())?;
+        match &self.known {
+            Some(known) => self.add_noise(known, (id, rect), target),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Most lights among which one is looked for that is the sum of the others.
+const MOST_SUMMED: usize = 64;
+
+/// Tells lights that are the sum of all others: such a light is half of the whole sum.
+struct Sums {
+    row: Vec<Vec<f32>>,
+    /// Of each light, its square and its product with the sum.
+    products: Vec<[f64; 2]>,
+    squared_sum: f64,
+}
+
+impl Sums {
+    /// Of so many lights. Two that are equal may be meant so; of very many it is not looked for.
+    fn of(lights: usize) -> Self {
+        let lights = if (3..=MOST_SUMMED).contains(&lights) { lights } else { 0 };
+        Self { row: vec![Vec::new(); lights], products: vec![[0.0; 2]; lights], squared_sum: 0.0 }
+    }
+
+    fn add(&mut self, light: usize, row: &[f32]) {
+        if let Some(kept) = self.row.get_mut(light) {
+            kept.clear();
+            kept.extend_from_slice(row);
+        }
+    }
+
+    fn end_row(&mut self) {
+        for x in 0..self.row.first().map_or(0, Vec::len) {
+            let sum: f64 = self.row.iter().map(|row| f64::from(row[x])).sum();
+            self.squared_sum += sum * sum;
+            for (row, [square, product]) in self.row.iter().zip(&mut self.products) {
+                let own = f64::from(row[x]);
+                *square += own * own;
+                *product += own * sum;
+            }
+        }
+    }
+
+    fn of_others(&self) -> impl Iterator<Item = usize> + '_ {
+        let differs = |[square, product]: [f64; 2]| 4.0 * square - 4.0 * product + self.squared_sum;
+        let most = SUM_TOLERANCE * SUM_TOLERANCE * self.squared_sum;
+        let is_sum = move |light: &usize| self.squared_sum > 0.0 && differs(self.products[*light]) < most;
+        // The only light that is not black is no sum.
+        let lit = self.products.iter().filter(|[square, _]| *square > 0.0).count();
+        (0..self.products.len()).filter(move |light| lit > 2 && is_sum(light))
+    }
+}
+
+/// What is noted of an image while it goes by.
+#[derive(Clone, Debug, Default)]
+struct Look {
+    values: usize,
+    negative: usize,
+    largest: f32,
+    /// Values that are exactly the largest.
+    at_largest: usize,
+}
+
+impl Look {
+    fn add(&mut self, values: &[f32]) {
+        self.values += values.len();
+        for &value in values {
+            if value > self.largest {
+                (self.largest, self.at_largest) = (value, 1);
+            } else if value == self.largest {
+                self.at_largest += 1;
+            }
+            self.negative += usize::from(value < 0.0);
+        }
+    }
+
+    /// What looks wrong: many values at exactly the largest, values below zero.
+    fn warnings(&self, light: &str) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.largest > 0.0 && self.at_largest > self.values / 500 + 3 {
+            warnings.push(format!(
+                "light '{light}' looks clamped: {} values are exactly its largest, {}; render without clamping, unless it \
+                 shows a light of one colour",
+                self.at_largest, self.largest
+            ));
+        }
+        if self.negative > 0 {
+            let count = self.negative;
+            warnings.push(format!("light '{light}' has {count} values below zero, as denoising leaves them, and colours outside of Rec. 709"));
+        }
+        warnings
+    }
+}

@@ -1,0 +1,150 @@
+//! What a pack did, and how people are told.
+
+use crate::compress::{AUTOMATIC_DB, CandidateSummary, Target};
+use crate::light::{CleaningErrors, ExposedError, LightErrors, LightLoss};
+use crate::matrix::{BlockId, ColumnIndex};
+use crate::resources::human_bytes;
+
+/// What a pack did.
+#[derive(Clone, Debug)]
+pub struct PackReport {
+    /// Wall-clock seconds.
+    pub seconds: f64,
+    /// Bytes of the matrix in f32.
+    pub raw_bytes: u64,
+    /// Bytes of the container.
+    pub packed_bytes: u64,
+    /// Mean rank over blocks.
+    pub mean_rank: f64,
+    /// Entries kept outside the low-rank part.
+    pub sparse_entries: u64,
+    /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`](crate::compress::Residual).
+    pub relative_l2: f64,
+    /// What cleaning did, where images were cleaned: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
+    pub cleaning: Option<CleaningErrors>,
+    /// What exposed images have reached of what was asked for, where that was an error.
+    pub exposed: Option<ExposedError>,
+    /// What lightings of every kind lose: see [`light_errors_lines`](crate::light::light_errors_lines).
+    pub lights: LightErrors,
+    /// Lights that alone come out far from what they are, the worst first.
+    pub lossy_lights: Vec<LightLoss>,
+    /// Where the target could not be reached: how near.
+    pub short_of_target: Option<Shortfall>,
+    /// Entries that could not be computed with, and what they became.
+    pub replaced: ReplacedEntries,
+    /// Blocks found analysed by an earlier, interrupted run.
+    pub blocks_kept: u64,
+    /// Peak resident anonymous memory, where the system tells.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// Entries of a matrix that could not be computed with: the container holds others in their place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReplacedEntries {
+    /// Entries that were no number, now 0.
+    pub nan: u64,
+    /// Entries that were infinite or too large, now the largest of their block that is usable.
+    pub huge: u64,
+    /// Where the first stands: block, column, and row in the block.
+    pub first: Option<(BlockId, ColumnIndex, u32)>,
+}
+
+impl ReplacedEntries {
+    pub(crate) fn of(analysed: &[CandidateSummary], blocks: &[BlockId]) -> Self {
+        let mut all = Self::default();
+        for (summary, &id) in analysed.iter().zip(blocks) {
+            all.nan += u64::from(summary.replaced.nan);
+            all.huge += u64::from(summary.replaced.huge);
+            all.first = all.first.or(summary.replaced.first.map(|(column, row)| (id, column, row)));
+        }
+        all
+    }
+
+    /// Number of replaced entries.
+    pub fn count(self) -> u64 {
+        self.nan + self.huge
+    }
+}
+
+/// One line for people.
+impl std::fmt::Display for ReplacedEntries {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { nan, huge, first } = self;
+        write!(f, "{} entries were replaced: {nan} that are not a number by 0, {huge} ", self.count())?;
+        write!(f, "infinite or above 1e15 by the largest of their block")?;
+        match first {
+            Some((id, column, row)) => write!(f, "; the first is in {id}, {column}, row {row}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A target that was not reached: what is expected of images under the prior, against the matrix with its noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shortfall {
+    /// What was asked for.
+    pub target: Target,
+    /// PSNR in dB that is expected, see [`Target::PsnrDb`].
+    pub psnr_db: f64,
+    /// Relative L2 error that is expected.
+    pub relative_l2: f64,
+    /// Bytes of the container.
+    pub file_bytes: u64,
+    /// Whether heeding the noise may be what stopped it; else the rank did.
+    pub noise_heeded: bool,
+}
+
+/// One line for people: how near, and what goes further.
+impl std::fmt::Display for Shortfall {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (reached, asked) = match self.target {
+            Target::RelativeL2(asked) => (format!("relative L2 {:.4}", self.relative_l2), format!("{asked}")),
+            Target::PsnrDb(asked) => (format!("{:.1} dB", self.psnr_db), format!("{asked} dB")),
+            Target::Bytes(asked) => {
+                let over = self.file_bytes.saturating_sub(asked);
+                let further = match self.relative_l2 < 0.999 {
+                    true => "a smaller target leaves out more",
+                    false => "nothing is left in it that could be left out",
+                };
+                return write!(
+                    f,
+                    "the file has {}, {over} B more than the target, {}; {further}",
+                    human_bytes(self.file_bytes),
+                    human_bytes(asked)
+                );
+            }
+            Target::Slope(asked) => (format!("{:.1} dB", self.psnr_db), format!("slope {asked}")),
+            Target::Automatic if self.noise_heeded => {
+                let at = self.psnr_db;
+                return write!(
+                    f,
+                    "stopped at the noise of the samples, {at:.1} dB from the matrix; --keep-noise follows it further"
+                );
+            }
+            Target::Automatic => (format!("{:.1} dB", self.psnr_db), format!("{AUTOMATIC_DB} dB")),
+        };
+        let (stopped_by, further) = match self.noise_heeded {
+            true => ("the noise of the samples", "what is left out is mostly noise, --keep-noise follows it"),
+            false => ("the rank", "a higher --rank goes further"),
+        };
+        write!(f, "{stopped_by} stopped it at {reached} from the matrix, short of the target, {asked}; {further}")
+    }
+}
+
+/// One line on what a pack reached, for people, and one more where it is short of its target.
+impl std::fmt::Display for PackReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let ratio = self.raw_bytes as f64 / self.packed_bytes as f64;
+        write!(
+            f,
+            "{} from {}, ratio {ratio:.0}×, mean rank {:.2}, {} sparse entries, error {:.5} relative L2 of the matrix",
+            human_bytes(self.packed_bytes),
+            human_bytes(self.raw_bytes),
+            self.mean_rank,
+            self.sparse_entries,
+            self.relative_l2,
+        )?;
+        self.short_of_target.map_or(Ok(()), |shortfall| write!(f, "\n{shortfall}"))?;
+        self.lossy_lights.iter().try_for_each(|loss| write!(f, "\nwarning: {loss}"))
+    }
+}

@@ -1,0 +1,255 @@
+//! `.ltc` + lighting → image.
+
+use std::path::Path;
+
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(not(feature = "gpu"))]
+mod no_gpu;
+mod passes;
+
+#[cfg(feature = "gpu")]
+use self::gpu::OnGpu;
+#[cfg(not(feature = "gpu"))]
+use self::no_gpu::OnGpu;
+pub use self::passes::{PASSES, passes_need_bytes, relight_passes};
+use super::row_spill::RowSpill;
+use super::unpack::safe_names;
+use crate::container::ContainerReader;
+use crate::error::{Error, Result};
+use crate::image::{self, ImageSize, LinearImage};
+use crate::light::Lighting;
+use crate::matrix::{BlockSource, CHANNELS, FactorSource, MatrixShape};
+use crate::relight::{CpuRelighter, PagedRelighter, relight_raw};
+use crate::resources::{Need, PROGRAM_BYTES, Threads, Watch, budget_bytes, human_bytes};
+use crate::store::{self, StoreReader};
+
+/// Where to relight.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Device {
+    /// The GPU if there is a real one, else the CPU, saying so.
+    #[default]
+    Auto,
+    /// The CPU.
+    Cpu,
+    /// The GPU, or an error.
+    Gpu,
+}
+
+/// How to relight.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RelightOptions {
+    /// Where.
+    pub device: Device,
+    /// Anonymous memory to stay within; none: as much as all factors take, or less where the system has less.
+    pub memory_bytes: Option<u64>,
+    /// Of that memory: what the caller holds beside relighting one image.
+    pub beside_bytes: u64,
+    /// Memory of the GPU to stay within; none: as much as all factors take.
+    pub gpu_memory_bytes: Option<u64>,
+}
+
+/// A container that is ready to be relit any number of times.
+pub struct Relighter<'a> {
+    kind: Kind<'a>,
+    threads: Threads,
+}
+
+enum Kind<'a> {
+    Cpu(Box<CpuRelighter>),
+    Paged(Box<PagedRelighter<'a>>),
+    Gpu(OnGpu<'a>),
+}
+
+impl<'a> Relighter<'a> {
+    /// Makes a container ready: reads its factors to where they will be used or, where a budget is given, leaves that
+    /// to the relighting.
+    ///
+    /// # Errors
+    /// Those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
+    /// decoded; [`Error::NoGpu`] if a GPU is demanded and there is none.
+    pub fn open(container: &'a ContainerReader, options: RelightOptions, watch: &dyn Watch) -> Result<Self> {
+        let mut need = need_of(container);
+        need.fixed_bytes += options.beside_bytes;
+        let threads = need.threads_within("relighting", options.memory_bytes)?;
+        let left = |bytes: u64| bytes.saturating_sub(need.bytes(threads));
+        let too_small = |bytes: &u64| factors_bytes(container) > left(*bytes);
+        let budget = options.memory_bytes.or_else(|| Some(budget_bytes(None)).filter(too_small));
+        let paged = || PagedRelighter::new(container, budget.map_or(u64::MAX, left));
+        let kind = match gpu(container, &options, &paged, watch)? {
+            Some(gpu) => gpu,
+            None if budget.is_some() => Kind::Paged(Box::new(paged())),
+            None => Kind::Cpu(Box::new(CpuRelighter::load(container)?)),
+        };
+        Ok(Self { kind, threads: Threads::new(threads)? })
+    }
+
+    /// The image under a lighting.
+    ///
+    /// # Errors
+    /// Those of the relighters.
+    pub fn relight(&self, lighting: &Lighting) -> Result<LinearImage> {
+        self.threads.run(|| match &self.kind {
+            Kind::Cpu(cpu) => cpu.relight(lighting),
+            Kind::Paged(paged) => paged.relight(lighting),
+            Kind::Gpu(gpu) => gpu.relight(lighting),
+        })
+    }
+
+    /// One line for each block that is shown with fewer layers than it has, or as a hole; where budgets are given, of
+    /// the blocks that were looked at.
+    pub fn damage(&self) -> Vec<String> {
+        match &self.kind {
+            Kind::Cpu(cpu) => cpu.damage().to_vec(),
+            Kind::Paged(paged) => paged.damage(),
+            Kind::Gpu(gpu) => gpu.damage(),
+        }
+    }
+
+    /// What did the work, for people.
+    pub fn description(&self) -> String {
+        let cpu = match self.threads.count() {
+            1 => "CPU (1 thread)".to_owned(),
+            threads => format!("CPU ({threads} threads)"),
+        };
+        let of_pages = |paged: &PagedRelighter| {
+            let (reads, kept) = (paged.reads(), paged.resident_bytes());
+            format!("{} chunks ({}) read, {} kept", reads.chunks, human_bytes(reads.bytes), human_bytes(kept))
+        };
+        match &self.kind {
+            Kind::Cpu(_) => cpu,
+            Kind::Paged(paged) => format!("{cpu}, {}", of_pages(paged)),
+            Kind::Gpu(gpu) => match gpu.host() {
+                Some(paged) => format!("{}, {}", gpu.description(), of_pages(paged)),
+                None => gpu.description(),
+            },
+        }
+    }
+}
+
+/// The GPU if it is wanted and there is one that is faster than the CPU.
+fn gpu<'a>(
+    container: &'a ContainerReader,
+    options: &RelightOptions,
+    paged: &dyn Fn() -> PagedRelighter<'a>,
+    watch: &dyn Watch,
+) -> Result<Option<Kind<'a>>> {
+    if options.device == Device::Cpu {
+        return Ok(None);
+    }
+    match OnGpu::open(container, options, paged) {
+        // A driver that computes on the CPU is slower than our own code there.
+        Ok(gpu) if gpu.is_software() && options.device == Device::Auto => {
+            watch.note(&format!("the only adapter is a software one ({}); relighting on the CPU", gpu.adapter()));
+            Ok(None)
+        }
+        Ok(gpu) => Ok(Some(Kind::Gpu(gpu))),
+        Err(Error::NoGpu(reason)) if options.device == Device::Auto => {
+            watch.note(&format!("no GPU ({reason}); relighting on the CPU"));
+            Ok(None)
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// Memory beside the factors that are kept: images on their way to a file, and a block for each thread while it is
+/// decoded (values in f32 twice, and in compact form).
+fn need_of(container: &ContainerReader) -> Need {
+    let fixed_bytes = PROGRAM_BYTES + container.index_bytes() + image_bytes(container.job().shape);
+    Need { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..Need::default() }
+}
+
+/// Memory of all factors as they are held for relighting: 16 bits a value at most.
+fn factors_bytes(container: &ContainerReader) -> u64 {
+    let shape = container.job().shape;
+    let block = |id| {
+        let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());
+        (values * 2 + container.rank(id) * 12 + container.sparse_entries(id) * 16 + 512) as u64
+    };
+    shape.blocks().map(block).sum()
+}
+
+/// Memory of the largest block while it is decoded.
+pub(super) fn decoding_bytes(container: &ContainerReader) -> u64 {
+    let shape = container.job().shape;
+    let block = |id| {
+        let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());
+        (values * 12 + container.sparse_entries(id) * 40) as u64
+            + container.encoded_bytes(id, 0..container.layer_count(id))
+    };
+    shape.blocks().map(block).max().unwrap_or(0)
+}
+
+/// The image, and what an encoder makes of it.
+fn image_bytes(shape: MatrixShape) -> u64 {
+    3 * shape.rows() * 4
+}
+
+/// Writes one layer for each name into one OpenEXR file at `path`: the images that `relight` gives for their indices, one
+/// after the other. They wait in a temporary file beside it, so that memory holds one of them and what
+/// [`relit_layers_need_bytes`] says. Signs that other programs cannot read in names are replaced.
+///
+/// # Errors
+/// Those of `relight`; the system refuses to write.
+pub fn write_relit_layers(
+    path: &Path,
+    shape: MatrixShape,
+    names: &[String],
+    relight: &mut dyn FnMut(usize) -> Result<LinearImage>,
+) -> Result<()> {
+    let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
+    let spill = RowSpill::create(path, names.len(), size.width, size.height)?;
+    let mut row = vec![0.0; size.width];
+    for index in 0..names.len() {
+        let image = relight(index)?;
+        for (y, pixels) in image.pixels.chunks_exact(size.width).enumerate() {
+            for channel in 0..CHANNELS {
+                row.iter_mut().zip(pixels).for_each(|(value, pixel)| *value = pixel[channel]);
+                spill.write((index, channel, y), 0, &row)?;
+            }
+        }
+    }
+    let names = safe_names(names.iter().map(String::as_str));
+    image::write_exr_rows(path, true, &names, size, &mut |layer, channel, y, row| {
+        spill.read((layer, channel, y), 0, row)
+    })
+}
+
+/// Bytes of memory that [`write_relit_layers`] takes at most beside an image.
+pub fn relit_layers_need_bytes(layers: usize, shape: MatrixShape) -> u64 {
+    image::exr_rows_need_bytes(layers, ImageSize { width: shape.width() as usize, height: shape.height() as usize })
+}
+
+/// Relights a container under each lighting. Also says, as text, what did it. Damage is noted to `watch`.
+///
+/// # Errors
+/// As [`Relighter::open`] and [`Relighter::relight`].
+pub fn relight(
+    container: &ContainerReader,
+    lightings: &[Lighting],
+    options: RelightOptions,
+    watch: &dyn Watch,
+) -> Result<(Vec<LinearImage>, String)> {
+    let relighter = Relighter::open(container, options, watch)?;
+    let images = lightings.iter().map(|lighting| relighter.relight(lighting)).collect::<Result<_>>()?;
+    relighter.damage().iter().for_each(|line| watch.note(line));
+    Ok((images, relighter.description()))
+}
+
+/// The direct product with a stored matrix on the CPU, on as many threads as hold a block each within the memory given.
+///
+/// # Errors
+/// Those of reading the matrix; [`Error::Resources`] where not even one block fits.
+pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, options: RelightOptions) -> Result<LinearImage> {
+    let shape = BlockSource::shape(matrix);
+    // A block with its noise, as it is stored and as it is multiplied, and its sums.
+    let block_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
+    let per_thread_bytes = block_bytes + store::requirements(matrix.job(), &matrix.options()).memory_bytes;
+    let need = Need {
+        fixed_bytes: PROGRAM_BYTES + image_bytes(shape) + options.beside_bytes,
+        per_thread_bytes,
+        ..Need::default()
+    };
+    let threads = Threads::new(need.threads_within("relighting", options.memory_bytes)?)?;
+    threads.run(|| Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))
+}

@@ -1,0 +1,52 @@
+//! Rendering the damaged blocks of a stored matrix again.
+
+use std::path::Path;
+
+use super::{job_of, trace_into, tracer_of, tracing_need};
+use crate::error::{Error, Result};
+use crate::files::folder_of;
+use crate::matrix::BlockId;
+use crate::pipeline::verify::reading_need;
+use crate::resources::{Need, PROGRAM_BYTES, Watch};
+use crate::scene::LoadedScene;
+use crate::store::{self, StoreReader};
+
+/// Renders the damaged and missing blocks of a finished matrix again, where it stands. Returns which ones.
+///
+/// # Errors
+/// The matrix was made from another scene or with other settings; its header cannot be read; what tracing and
+/// writing refuse; [`Error::Interrupted`]: then the file lacks the blocks that are still to be repaired, and the same
+/// command goes on.
+pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Vec<BlockId>> {
+    let job = job_of(&loaded)?;
+    let reader = StoreReader::open(path)?;
+    if reader.job().hash() != job.hash() {
+        return Err(Error::input(
+            path.display().to_string(),
+            "was made from another scene or with other settings",
+            "give the scene file, --samples, --seed, --size and --camera that it was rendered with",
+        ));
+    }
+    let (tracing, reading) = (tracing_need(&loaded, &job), reading_need(&reader));
+    drop(reader);
+    // One block more waits to be committed.
+    let fixed_bytes = tracing.fixed_bytes + tracing.per_thread_bytes + reading.fixed_bytes - PROGRAM_BYTES;
+    let need = Need { fixed_bytes, ..tracing };
+    let threads = need.admit("repairing", path, &[], memory_bytes, watch)?;
+    watch.begin("checking", u64::from(job.shape.block_count()), "blocks");
+    let mended = store::mend(path, |_, _| {
+        watch.advance(1, 1, "blocks");
+        !watch.interrupted()
+    });
+    watch.end();
+    let (writer, mut broken, mut job) = mended?;
+    broken.sort();
+    if broken.is_empty() {
+        writer.finish()?;
+        return Ok(broken);
+    }
+    let tracer = tracer_of(loaded, &mut job, Some(folder_of(path)), watch)?;
+    trace_into(&writer, &tracer, &broken, threads, watch)?;
+    writer.finish()?;
+    Ok(broken)
+}

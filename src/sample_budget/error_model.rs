@@ -1,0 +1,82 @@
+//! How the error of images and the seconds of a render follow from the samples, fitted to what a pilot measured.
+
+use crate::error_estimate::worst;
+use crate::light::PROBES;
+
+/// Samples per pixel of the pilot: first few, then more.
+pub(super) const SAMPLES: (u32, u32) = (8, 32);
+/// Slowest fall that is believed: of the squared error, as a power of the samples.
+const LEAST_POWER: f64 = 0.25;
+
+/// How an error falls with the samples: its square as a power of them, and never slower than that of the samples themselves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ErrorModel {
+    /// Squared error of the worst lighting at `samples`.
+    square: f64,
+    samples: f64,
+    power: f64,
+    /// Squared noise of the worst lighting for one sample per pixel.
+    noise: f64,
+}
+
+/// Seconds that a render takes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seconds {
+    /// Of its tree, and of cleaning.
+    pub(super) fixed: f64,
+    pub(super) per_photon: f64,
+    pub(super) per_sample: f64,
+}
+
+impl ErrorModel {
+    /// Of samples as they are.
+    pub(super) fn of_noise(noise: f64, samples: u32) -> Self {
+        let samples = f64::from(samples);
+        Self { square: noise, samples, power: 1.0, noise: noise * samples }
+    }
+
+    /// Of squared errors of the probe lightings at few and at more samples, and the noise of those. What is measured at more is
+    /// not believed where it has fallen faster than noise can. The power is one for all lightings.
+    pub(super) fn fitted(few: &[f64; PROBES], more: &[f64; PROBES], noise: f64) -> Self {
+        let (of_few, of_more) = (f64::from(SAMPLES.0), f64::from(SAMPLES.1));
+        let least = of_few / of_more;
+        let believed: [f64; PROBES] = std::array::from_fn(|probe| more[probe].max(few[probe] * least));
+        let sum = |squares: &[f64; PROBES]| squares.iter().filter(|square| square.is_finite()).sum::<f64>();
+        let power = (sum(few) / sum(&believed)).ln() / (of_more / of_few).ln();
+        let power = if power.is_finite() { power.clamp(LEAST_POWER, 1.0) } else { 1.0 };
+        Self { square: worst(&believed), samples: of_more, power, noise: noise * of_more }
+    }
+
+    /// Below the fewest samples that were measured as fast as noise falls: filters fail where there is too little to compare.
+    pub(super) fn error(&self, samples: f64) -> f64 {
+        let least = f64::from(SAMPLES.0).min(self.samples);
+        let few = self.square * (self.samples / samples.max(least)).powf(self.power);
+        let cleaned = few * (least / samples).max(1.0);
+        cleaned.min(self.noise / samples).max(0.0).sqrt()
+    }
+
+    /// Pairs of samples that bring the error down to this, between so many.
+    pub(super) fn pairs(&self, error: f64, (least, most): (u32, u32)) -> u32 {
+        first(most, |pairs| pairs >= least && self.error(2.0 * f64::from(pairs)) <= error)
+    }
+}
+
+/// The first number from 1 on for which something holds that holds for all above, or `most`.
+pub(super) fn first(most: u32, holds: impl Fn(u32) -> bool) -> u32 {
+    let (mut low, mut high) = (1, most.max(1));
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if holds(middle) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    high
+}
+
+impl Seconds {
+    pub(super) fn of(&self, samples: u32, photons: u64) -> f64 {
+        self.fixed + self.per_photon * photons as f64 + self.per_sample * f64::from(samples)
+    }
+}
