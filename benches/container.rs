@@ -24,7 +24,7 @@ use ltm::light::Job;
 use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, BlockSource, FactorSource, FactoredBlock, MatrixShape, TracedBlock};
 use ltm::pipeline::{PackOptions, RenderOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::scene::{BUILT_IN_NAMES, BuiltIn};
 use ltm::store::StoreReader;
 use rivals::{Packing, Transform};
@@ -48,7 +48,7 @@ fn matrix(folder: &Path, name: &str, samples_per_pixel: u32) -> StoreReader {
         BuiltIn { width: 64, height: 64, ..BuiltIn::default() }.named(name).expect("the scene is built in");
     loaded.settings.samples_per_pixel = samples_per_pixel;
     let path = folder.join(format!("{name}.ltm"));
-    ltm::pipeline::render(loaded, &path, &RenderOptions::default(), &Quiet).expect("the scene renders");
+    ltm::pipeline::render(loaded, &path, &RenderOptions::default(), &NoProgress).expect("the scene renders");
     StoreReader::open(&path).expect("the matrix is there")
 }
 
@@ -253,7 +253,7 @@ fn first_image(matrix: &StoreReader, folder: &Path, title: &str, figures: &mut F
     let (job, path) = (matrix.job(), folder.join("packed.ltc"));
     let mut options = PackOptions { allow_lost_lights: true, denoise: true, ..PackOptions::default() };
     options.container.overwrite = true;
-    ltm::pipeline::pack(matrix, job, &path, &options, &Quiet).expect("there is room");
+    ltm::pipeline::pack(matrix, job, &path, &options, &NoProgress).expect("there is room");
     let packed = ContainerReader::open(&path).expect("the file is sound");
     let (share, bytes) = (packed.base_bytes() as f64 / packed.file_bytes() as f64, packed.file_bytes());
     eprintln!("{title}: clipped at white, from {:.1} % of the file and from all {bytes} bytes", 100.0 * share);

@@ -10,7 +10,7 @@ use ltm::container::ContainerReader;
 use ltm::light::Lighting;
 use ltm::pipeline::{self, PackOptions, RenderOptions};
 use ltm::relight::{CpuRelighter, relight_streaming};
-use ltm::resources::{Quiet, human_bytes};
+use ltm::resources::{NoProgress, human_bytes};
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;
 use peak_alloc::PeakAlloc;
@@ -49,12 +49,12 @@ fn main() {
         loaded.settings.samples_per_pixel = SAMPLES;
         let mut render = RenderOptions::default();
         render.store.overwrite = true;
-        let rendered = peak(|| pipeline::render(loaded, &matrix_path, &render, &Quiet).expect("rendering")).1;
+        let rendered = peak(|| pipeline::render(loaded, &matrix_path, &render, &NoProgress).expect("rendering")).1;
         let matrix = StoreReader::open(&matrix_path).expect("the matrix");
         let mut options = PackOptions { allow_lost_lights: true, denoise: true, ..PackOptions::default() };
         options.container.overwrite = true;
         let (report, packed) =
-            peak(|| pipeline::pack(&matrix, matrix.job(), &container_path, &options, &Quiet).expect("packing"));
+            peak(|| pipeline::pack(&matrix, matrix.job(), &container_path, &options, &NoProgress).expect("packing"));
         let container = ContainerReader::open(&container_path).expect("the container");
         let (relighter, loaded) = peak(|| CpuRelighter::load(&container).expect("the factors"));
         let lighting = Lighting::of_scene(&matrix.job().basis);

@@ -24,7 +24,7 @@ use ltm::container::ContainerOptions;
 use ltm::light::{Job, Light, LightBasis, LightKind, Lighting, Provenance};
 use ltm::matrix::{BlockId, BlockNoise, BlockSink, BlockSource, MatrixShape, TracedBlock};
 use ltm::pipeline::{PackOptions, RenderOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::store::{FileStorage, Precision, Storage, StoreOptions, StoreReader, StoreWriter, requirements, verify};
 use ltm::trace::{TraceSettings, Tracer};
 
@@ -199,7 +199,7 @@ fn jobs(folder: &Path, job: &Job, path: &Path, stored: u64) {
             container: ContainerOptions { overwrite: true, ..Default::default() },
             ..PackOptions::default()
         };
-        ltm::pipeline::pack(source, job, &packed, &options, &Quiet).unwrap();
+        ltm::pipeline::pack(source, job, &packed, &options, &NoProgress).unwrap();
     };
     let relight = |source: &dyn BlockSource, count: usize| {
         ltm::relight::relight_raw(source, &vec![lighting.clone(); count]).unwrap();
@@ -286,7 +286,7 @@ fn render(folder: &Path, samples_per_pixel: u32) {
     let into_store = || {
         let options =
             RenderOptions { store: StoreOptions { overwrite: true, ..Default::default() }, ..Default::default() };
-        ltm::pipeline::render(loaded.clone(), &path, &options, &Quiet).unwrap();
+        ltm::pipeline::render(loaded.clone(), &path, &options, &NoProgress).unwrap();
     };
     let ways: [&dyn Fn(); 2] = [&into_memory, &into_store];
     // The first of all is cold.

@@ -8,7 +8,7 @@ use std::path::Path;
 use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{Block, BlockSink, ColumnIndex, MatrixShape, TracedBlock};
 use ltm::pipeline::{self, PackOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::store::{StoreOptions, StoreReader, StoreWriter};
 
 const LAMPS: u32 = 8;
@@ -48,7 +48,7 @@ fn main() -> ltm::Result<()> {
     writer.finish()?;
 
     let matrix = StoreReader::open(&matrix)?;
-    let report = pipeline::pack(&matrix, matrix.job(), &container, &PackOptions::default(), &Quiet)?;
+    let report = pipeline::pack(&matrix, matrix.job(), &container, &PackOptions::default(), &NoProgress)?;
     eprintln!(
         "{} of {} bytes, mean rank {:.1}, relative L2 error {:.4}",
         report.packed_bytes, report.raw_bytes, report.mean_rank, report.relative_l2

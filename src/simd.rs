@@ -7,7 +7,7 @@
 /// that attribute: if the closure is long the shim stays a function of its own, for the oldest machines. `FnMut::call_mut` has no
 /// shim.
 #[inline(always)]
-pub(crate) fn on_widest<R>(work: impl FnMut() -> R) -> R {
+pub(crate) fn dispatch<R>(work: impl FnMut() -> R) -> R {
     pulp::Arch::new().dispatch(OnWidest(work))
 }
 

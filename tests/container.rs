@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, ContainerOptions, ContainerReader, ContainerWriter, merge, verify};
 use ltm::light::{
-    CleaningErrors, ExposedError, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance, StatedErrors,
+    DenoiseErrors, ExposedError, Job, Light, LightBasis, LightErrors, LightKind, LightUnit, Provenance, StatedErrors,
 };
 use ltm::matrix::BlockReport;
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape, SparseEntry};
@@ -594,7 +594,7 @@ fn the_metadata_is_written_as_the_document_says() {
         noise_worst: 5.0,
     };
     let mut writer = ContainerWriter::create(&path, &job, options).unwrap();
-    let cleaning = CleaningErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
+    let cleaning = DenoiseErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
     let exposed = ExposedError { asked: 0.75, reached: 0.5 };
     let stated = StatedErrors { lights: Some(errors), cleaning: Some(cleaning), exposed: Some(exposed) };
     writer.state_errors(stated);

@@ -12,7 +12,7 @@ use ltm::files::ContinuationFile;
 use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{Block, BlockId, BlockSource, MatrixShape, TracedBlock};
 use ltm::pipeline::{self, PackOptions, RenderOptions, UnpackOptions};
-use ltm::resources::{Quiet, Watch};
+use ltm::resources::{NoProgress, Progress};
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::{Precision, StoreOptions, StoreReader, partial_path};
 use tempfile::TempDir;
@@ -27,7 +27,7 @@ fn room() -> LoadedScene {
 fn render(folder: &TempDir, precision: Precision) -> StoreReader {
     let path = folder.path().join(format!("{precision}.ltm"));
     let store = StoreOptions { precision, ..StoreOptions::default() };
-    pipeline::render(room(), &path, &RenderOptions { store, ..RenderOptions::default() }, &Quiet).unwrap();
+    pipeline::render(room(), &path, &RenderOptions { store, ..RenderOptions::default() }, &NoProgress).unwrap();
     StoreReader::open(&path).unwrap()
 }
 
@@ -36,7 +36,7 @@ fn forced() -> PackOptions {
     PackOptions { container, ..PackOptions::default() }
 }
 
-fn pack(matrix: &StoreReader, path: &Path, options: &PackOptions, watch: &dyn Watch) -> ltm::Result<u64> {
+fn pack(matrix: &StoreReader, path: &Path, options: &PackOptions, watch: &dyn Progress) -> ltm::Result<u64> {
     pipeline::pack(matrix, matrix.job(), path, options, watch).map(|report| report.blocks_kept)
 }
 
@@ -67,7 +67,7 @@ impl StopAfter {
     }
 }
 
-impl Watch for StopAfter {
+impl Progress for StopAfter {
     fn begin(&self, stage: &str, _: u64, _: &str) {
         if self.stage == Some(stage) {
             self.steps_left.store(self.steps_there, Ordering::SeqCst);
@@ -96,7 +96,7 @@ fn files_of_someone_else_beside_the_output_are_never_touched() {
         let foreign = folder.path().join(name);
         fs::write(&foreign, own_words).unwrap();
         for options in [PackOptions::default(), forced()] {
-            let error = pack(&matrix, &path, &options, &Quiet).unwrap_err().to_string();
+            let error = pack(&matrix, &path, &options, &NoProgress).unwrap_err().to_string();
             assert!(error.contains(name) && error.contains("another program"), "{error}");
             assert_eq!(fs::read_to_string(&foreign).unwrap(), own_words);
         }
@@ -107,7 +107,7 @@ fn files_of_someone_else_beside_the_output_are_never_touched() {
     for overwrite in [false, true] {
         let store = StoreOptions { overwrite, ..StoreOptions::default() };
         let options = RenderOptions { store, ..RenderOptions::default() };
-        assert!(pipeline::render(room(), &path, &options, &Quiet).is_err());
+        assert!(pipeline::render(room(), &path, &options, &NoProgress).is_err());
         assert_eq!(fs::read_to_string(&foreign).unwrap(), own_words);
     }
 }
@@ -117,13 +117,13 @@ fn a_pack_of_one_precision_is_not_continued_with_another() {
     let folder = tempfile::tempdir().unwrap();
     let (half, full) = (render(&folder, Precision::F16), render(&folder, Precision::F32));
     let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("a.ltc"));
-    pack(&full, &whole, &PackOptions::default(), &Quiet).unwrap();
+    pack(&full, &whole, &PackOptions::default(), &NoProgress).unwrap();
     assert!(matches!(pack(&half, &path, &PackOptions::default(), &StopAfter::steps(3)), Err(Error::Interrupted(_))));
     let spill = fs::read(folder.path().join("a.ltc.spill")).unwrap();
-    let error = pack(&full, &path, &PackOptions::default(), &Quiet).unwrap_err().to_string();
+    let error = pack(&full, &path, &PackOptions::default(), &NoProgress).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
     assert_eq!(fs::read(folder.path().join("a.ltc.spill")).unwrap(), spill, "hours of work may be in it");
-    assert_eq!(pack(&full, &path, &forced(), &Quiet).unwrap(), 0);
+    assert_eq!(pack(&full, &path, &forced(), &NoProgress).unwrap(), 0);
     assert!(fs::read(&path).unwrap() == fs::read(&whole).unwrap());
 }
 
@@ -135,28 +135,28 @@ fn blocks_of_two_matrices_of_one_job_are_never_mixed() {
     // The same job with other entries: a coarse container taken apart again.
     let mut coarse = PackOptions::default();
     coarse.compress.rank = 1;
-    pack(&rendered, &at("coarse.ltc"), &coarse, &Quiet).unwrap();
+    pack(&rendered, &at("coarse.ltc"), &coarse, &NoProgress).unwrap();
     let container = ContainerReader::open(&at("coarse.ltc")).unwrap();
-    pipeline::unpack_to_store(&container, &at("other.ltm"), &UnpackOptions::default(), &Quiet).unwrap();
+    pipeline::unpack_to_store(&container, &at("other.ltm"), &UnpackOptions::default(), &NoProgress).unwrap();
     let other = StoreReader::open(&at("other.ltm")).unwrap();
     assert_eq!(rendered.job().hash(), other.job().hash());
 
     let options = PackOptions::default();
-    pack(&other, &at("whole.ltc"), &options, &Quiet).unwrap();
+    pack(&other, &at("whole.ltc"), &options, &NoProgress).unwrap();
     let stop = StopAfter { steps_there: 3, ..StopAfter::at("packing") };
     assert!(matches!(pack(&rendered, &at("a.ltc"), &options, &stop), Err(Error::Interrupted(_))));
-    let error = pack(&other, &at("a.ltc"), &options, &Quiet).unwrap_err().to_string();
+    let error = pack(&other, &at("a.ltc"), &options, &NoProgress).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
-    assert_eq!(pack(&other, &at("a.ltc"), &forced(), &Quiet).unwrap(), 0);
+    assert_eq!(pack(&other, &at("a.ltc"), &forced(), &NoProgress).unwrap(), 0);
     assert!(fs::read(at("a.ltc")).unwrap() == fs::read(at("whole.ltc")).unwrap());
 
-    let unpack = |matrix: &StoreReader, watch: &dyn Watch| {
+    let unpack = |matrix: &StoreReader, watch: &dyn Progress| {
         pipeline::unpack_to_store(matrix, &at("b.ltm"), &UnpackOptions::default(), watch)
     };
     assert!(matches!(unpack(&rendered, &StopAfter::steps(2)), Err(Error::Interrupted(_))));
-    let error = unpack(&other, &Quiet).unwrap_err().to_string();
+    let error = unpack(&other, &NoProgress).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
-    assert_eq!(unpack(&rendered, &Quiet).unwrap(), 6);
+    assert_eq!(unpack(&rendered, &NoProgress).unwrap(), 6);
 }
 
 #[test]
@@ -167,11 +167,11 @@ fn what_a_pack_left_that_was_killed_after_its_last_step_is_cleaned() {
     // Stopped in the second pass, so that every block is analysed.
     assert!(pack(&matrix, &path, &PackOptions::default(), &StopAfter::at("packing")).is_err());
     let spilled = fs::read(&spill).unwrap();
-    pack(&matrix, &path, &PackOptions::default(), &Quiet).unwrap();
+    pack(&matrix, &path, &PackOptions::default(), &NoProgress).unwrap();
     let (finished, made) = (fs::read(&path).unwrap(), fs::metadata(&path).unwrap().modified().unwrap());
     fs::write(&spill, &spilled).unwrap();
     fs::File::options().write(true).open(&spill).unwrap().set_modified(made).unwrap();
-    let error = pack(&matrix, &path, &PackOptions::default(), &Quiet).unwrap_err().to_string();
+    let error = pack(&matrix, &path, &PackOptions::default(), &NoProgress).unwrap_err().to_string();
     assert!(error.contains("exists already"), "{error}");
     assert_eq!(names(folder.path()), ["a.ltc", "f32.ltm"]);
     assert!(fs::read(&path).unwrap() == finished);
@@ -182,7 +182,7 @@ fn a_byte_that_flips_between_writing_and_assembling_is_damage() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = render(&folder, Precision::F32);
     let (packed, path) = (folder.path().join("packed.ltc"), folder.path().join("a.ltc"));
-    pack(&matrix, &packed, &PackOptions::default(), &Quiet).unwrap();
+    pack(&matrix, &packed, &PackOptions::default(), &NoProgress).unwrap();
     let packed = ContainerReader::open(&packed).unwrap();
     let writer = || ContainerWriter::create(&path, packed.job(), ContainerOptions::default()).unwrap();
     let begun = writer();
@@ -205,7 +205,7 @@ fn a_byte_that_flips_between_writing_and_assembling_is_damage() {
 #[test]
 fn a_partial_file_that_is_deleted_meanwhile_does_not_spoil_the_pack() {
     struct Deletes(PathBuf);
-    impl Watch for Deletes {
+    impl Progress for Deletes {
         fn begin(&self, stage: &str, _: u64, _: &str) {
             if stage == "packing" {
                 fs::remove_file(&self.0).unwrap();
@@ -230,24 +230,24 @@ fn an_interrupted_unpack_is_continued_by_the_same_command_only() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let matrix = render(&folder, Precision::F32);
-    pack(&matrix, &at("a.ltc"), &PackOptions::default(), &Quiet).unwrap();
+    pack(&matrix, &at("a.ltc"), &PackOptions::default(), &NoProgress).unwrap();
     let mut other = PackOptions::default();
     other.compress.rank = 3;
-    pack(&matrix, &at("b.ltc"), &other, &Quiet).unwrap();
+    pack(&matrix, &at("b.ltc"), &other, &NoProgress).unwrap();
     let open = |name: &str| ContainerReader::open(&at(name)).unwrap();
     let (path, options) = (at("a.ltm"), UnpackOptions::default());
-    let unpack = |name: &str, watch: &dyn Watch| pipeline::unpack_to_store(&open(name), &path, &options, watch);
-    assert_eq!(unpack("a.ltc", &Quiet).unwrap(), 6);
+    let unpack = |name: &str, watch: &dyn Progress| pipeline::unpack_to_store(&open(name), &path, &options, watch);
+    assert_eq!(unpack("a.ltc", &NoProgress).unwrap(), 6);
     let whole = fs::read(&path).unwrap();
     fs::remove_file(&path).unwrap();
     let before = names(folder.path());
 
     assert!(matches!(unpack("a.ltc", &StopAfter::steps(2)), Err(Error::Interrupted(_))));
     assert!(partial_path(&path).exists());
-    let error = unpack("b.ltc", &Quiet).unwrap_err().to_string();
+    let error = unpack("b.ltc", &NoProgress).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
     // A render of the same job must not go on with blocks of a container.
-    let error = pipeline::render(room(), &path, &RenderOptions::default(), &Quiet).unwrap_err().to_string();
+    let error = pipeline::render(room(), &path, &RenderOptions::default(), &NoProgress).unwrap_err().to_string();
     assert!(error.contains("another command"), "{error}");
     let watch = StopAfter::steps(100);
     assert_eq!(unpack("a.ltc", &watch).unwrap(), 6);
@@ -260,14 +260,14 @@ fn an_interrupted_unpack_is_continued_by_the_same_command_only() {
     drop(left);
     let made = fs::metadata(&path).unwrap().modified().unwrap();
     fs::File::options().write(true).open(&note).unwrap().set_modified(made).unwrap();
-    assert!(unpack("a.ltc", &Quiet).unwrap_err().to_string().contains("exists already"));
+    assert!(unpack("a.ltc", &NoProgress).unwrap_err().to_string().contains("exists already"));
     fs::remove_file(&path).unwrap();
     assert_eq!(names(folder.path()), before, "the note of the origin went with the file");
 
     // Nor an unpack with blocks of a render.
     let stopped = pipeline::render(room(), &path, &RenderOptions::default(), &StopAfter::steps(2));
     assert!(matches!(stopped, Err(Error::Interrupted(_))));
-    let error = unpack("a.ltc", &Quiet).unwrap_err().to_string();
+    let error = unpack("a.ltc", &NoProgress).unwrap_err().to_string();
     assert!(error.contains("another command"), "{error}");
 }
 
@@ -282,26 +282,26 @@ fn an_interrupted_unpack_to_a_file_for_each_light_is_continued() {
     let job = Job { shape, basis, provenance: Provenance::default() };
     let source = Entries(shape, (0..shape.max_block_rows() * 3).map(|i| (i % 97) as f32).collect());
     let container = folder.path().join("a.ltc");
-    pipeline::pack(&source, &job, &container, &PackOptions::default(), &Quiet).unwrap();
+    pipeline::pack(&source, &job, &container, &PackOptions::default(), &NoProgress).unwrap();
     let container = ContainerReader::open(&container).unwrap();
     let images = folder.path().join("images");
     fs::create_dir(&images).unwrap();
     let pattern = images.join("{light}.exr");
-    let unpack = |watch: &dyn Watch| pipeline::unpack_to_exr(&container, &pattern, &UnpackOptions::default(), watch);
+    let unpack = |watch: &dyn Progress| pipeline::unpack_to_exr(&container, &pattern, &UnpackOptions::default(), watch);
     // One block, then the images: stopped after two of three.
     assert!(matches!(unpack(&StopAfter::steps(3)), Err(Error::Interrupted(_))));
     assert_eq!(names(&images).len(), 3, "two images and what says so: {:?}", names(&images));
-    let written = unpack(&Quiet).unwrap();
+    let written = unpack(&NoProgress).unwrap();
     assert_eq!(names(&images), ["a.exr", "b.exr", "c.exr"]);
     assert!(written.iter().all(|path| path.exists()));
-    let error = unpack(&Quiet).unwrap_err().to_string();
+    let error = unpack(&NoProgress).unwrap_err().to_string();
     assert!(error.contains("exists already"), "{error}");
 }
 
 #[test]
 fn a_file_cut_short_while_it_is_written_is_noticed() {
     struct Cuts(PathBuf);
-    impl Watch for Cuts {
+    impl Progress for Cuts {
         fn begin(&self, _: &str, _: u64, _: &str) {}
         fn advance(&self, _: u64, _: u64, _: &str) {
             fs::File::options().write(true).open(&self.0).unwrap().set_len(9000).unwrap();
@@ -319,7 +319,7 @@ fn a_file_cut_short_while_it_is_written_is_noticed() {
     assert!(error.contains("another program changed its length"), "{error}");
     assert!(!path.exists());
     // The same command finds what was lost and makes it again.
-    pipeline::render(room(), &path, &RenderOptions::default(), &Quiet).unwrap();
+    pipeline::render(room(), &path, &RenderOptions::default(), &NoProgress).unwrap();
     assert!(ltm::store::verify(&path, |_, _| true).unwrap().is_complete());
 }
 
@@ -328,7 +328,7 @@ fn a_merge_of_containers_takes_good_copies_and_refuses_contradictions() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let matrix = render(&folder, Precision::F32);
-    pack(&matrix, &at("a.ltc"), &PackOptions::default(), &Quiet).unwrap();
+    pack(&matrix, &at("a.ltc"), &PackOptions::default(), &NoProgress).unwrap();
     let whole = fs::read(at("a.ltc")).unwrap();
     // Behind the header of 64 bytes stand the chunks.
     let mut broken = whole.clone();

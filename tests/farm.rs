@@ -6,11 +6,11 @@ use std::ops::Range;
 use std::path::Path;
 
 use ltm::Error;
-use ltm::blob_store::Depot;
+use ltm::blob_store::BlobStore;
 use ltm::compress::{CompressSettings, Method, Target};
 use ltm::farm::{FarmJob, RefusedShard, Shards};
 use ltm::pipeline::{self, PackOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::scene::{BuiltIn, LoadedScene};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
@@ -34,24 +34,24 @@ fn job(name: &str, options: &PackOptions) -> FarmJob {
     FarmJob::new(room(name), options).unwrap()
 }
 
-fn depot(folder: &Path) -> Depot {
-    Depot::open(folder.join("shards").to_str().unwrap()).unwrap()
+fn depot(folder: &Path) -> BlobStore {
+    BlobStore::open(folder.join("shards").to_str().unwrap()).unwrap()
 }
 
-fn build(name: &str, options: &PackOptions, range: Range<u32>, depot: &Depot) -> String {
-    job(name, options).build(range, depot, None, &Quiet).unwrap().name
+fn build(name: &str, options: &PackOptions, range: Range<u32>, depot: &BlobStore) -> String {
+    job(name, options).build(range, depot, None, &NoProgress).unwrap().name
 }
 
-fn shards(job: &FarmJob, depot: &Depot, folder: &Path) -> Shards {
-    job.shards(depot, &folder.join("cache"), &Quiet).unwrap()
+fn shards(job: &FarmJob, depot: &BlobStore, folder: &Path) -> Shards {
+    job.shards(depot, &folder.join("cache"), &NoProgress).unwrap()
 }
 
-fn merge(name: &str, options: &PackOptions, depot: &Depot, folder: &Path) -> Vec<u8> {
+fn merge(name: &str, options: &PackOptions, depot: &BlobStore, folder: &Path) -> Vec<u8> {
     let job = job(name, options);
     let shards = shards(&job, depot, folder);
     assert_eq!((&*shards.missing, &*shards.refused), (&[][..], &[][..]));
     let path = folder.join("merged.ltc");
-    job.merge(shards, &path, &Quiet).unwrap();
+    job.merge(shards, &path, &NoProgress).unwrap();
     let bytes = fs::read(&path).unwrap();
     fs::remove_file(path).unwrap();
     bytes
@@ -59,7 +59,7 @@ fn merge(name: &str, options: &PackOptions, depot: &Depot, folder: &Path) -> Vec
 
 fn single(name: &str, options: &PackOptions, folder: &Path) -> Vec<u8> {
     let path = folder.join("single.ltc");
-    pipeline::render_packed(room(name), &path, options, &Quiet).unwrap();
+    pipeline::render_packed(room(name), &path, options, &NoProgress).unwrap();
     let bytes = fs::read(&path).unwrap();
     fs::remove_file(path).unwrap();
     bytes
@@ -81,7 +81,7 @@ fn any_ranges_in_any_order_give_the_bytes_of_one_machine() {
         let folder = tempfile::tempdir().unwrap();
         let expected = single(name, &options, folder.path());
         for most in [3, BLOCKS] {
-            let depot = Depot::open(folder.path().join(most.to_string()).to_str().unwrap()).unwrap();
+            let depot = BlobStore::open(folder.path().join(most.to_string()).to_str().unwrap()).unwrap();
             let mut ranges = Vec::new();
             let mut first = 0;
             while first < BLOCKS {
@@ -166,7 +166,7 @@ fn what_cannot_be_merged_is_refused_by_name_and_its_blocks_are_missing() {
     assert_eq!((found.refused.len(), found.count), (7, 1));
     assert_eq!(found.missing, vec![5..BLOCKS]);
     let path = folder.path().join("room.ltc");
-    let error = job.merge(found, &path, &Quiet).unwrap_err();
+    let error = job.merge(found, &path, &NoProgress).unwrap_err();
     assert!(matches!(error, Error::Incomplete { .. }) && error.exit_code() == 8, "{error}");
     assert!(error.to_string().contains("10 of 15 blocks"), "{error}");
     assert!(!path.exists());
@@ -176,7 +176,7 @@ fn what_cannot_be_merged_is_refused_by_name_and_its_blocks_are_missing() {
     let job = FarmJob::new(room("mixed"), &packed).unwrap();
     let found = shards(&job, &depot, folder.path());
     assert_eq!((found.refused.len(), found.missing.len()), (7, 0));
-    job.merge(found, &path, &Quiet).unwrap();
+    job.merge(found, &path, &NoProgress).unwrap();
     assert!(fs::read(&path).unwrap() == single("mixed", &packed, folder.path()));
 }
 
@@ -211,15 +211,15 @@ fn what_no_farm_can_do_is_refused() {
     assert!(matches!(refused, Err(Error::Input { .. })));
     let folder = tempfile::tempdir().unwrap();
     for range in [3..3, 10..16, 99..100] {
-        let built = job("mixed", &options(true)).build(range, &depot(folder.path()), None, &Quiet);
+        let built = job("mixed", &options(true)).build(range, &depot(folder.path()), None, &NoProgress);
         assert!(matches!(built, Err(Error::Input { .. })));
     }
-    assert!(matches!(Depot::open("gopher://here/there"), Err(Error::Input { .. })));
+    assert!(matches!(BlobStore::open("gopher://here/there"), Err(Error::Input { .. })));
 }
 
 #[test]
 fn a_probe_says_what_blocks_cost() {
-    let probe = job("mixed", &options(true)).probe(&Quiet).unwrap();
+    let probe = job("mixed", &options(true)).probe(&NoProgress).unwrap();
     assert_eq!(probe.blocks.iter().map(|probed| probed.block.0).collect::<Vec<_>>(), (0..BLOCKS).collect::<Vec<_>>());
     let folder = tempfile::tempdir().unwrap();
     let name = build("mixed", &options(true), 0..BLOCKS, &depot(folder.path()));

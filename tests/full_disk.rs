@@ -17,7 +17,7 @@ use ltm::image::{self, ImageSize, LinearImage, ToneMapping};
 use ltm::light::Job;
 use ltm::matrix::{BlockId, BlockSink, BlockSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::scene::BuiltIn;
 use ltm::store::{StoreOptions, StoreReader, StoreWriter, partial_path};
 
@@ -150,11 +150,11 @@ fn packing(disk: &Path) {
     let mut room = BuiltIn { width: 64, height: 64, texels: 16 }.named("diffuse").unwrap();
     room.settings.samples_per_pixel = 2;
     let ballast = fill(disk, 1 << 20);
-    let error = pipeline::render_packed(room.clone(), &path, &PackOptions::default(), &Quiet).unwrap_err();
+    let error = pipeline::render_packed(room.clone(), &path, &PackOptions::default(), &NoProgress).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }) && error.to_string().contains("of disk"), "{error}");
     assert_eq!(fs::read_dir(disk).unwrap().count(), 1);
     fs::remove_file(ballast).unwrap();
-    pipeline::render_packed(room, &path, &PackOptions::default(), &Quiet).unwrap();
+    pipeline::render_packed(room, &path, &PackOptions::default(), &NoProgress).unwrap();
 }
 
 fn images(disk: &Path) {

@@ -5,7 +5,7 @@
 
 use ltm::compress::{COMPRESSOR_VERSION, CompressSettings, Compressor, Target};
 use ltm::container::{ContainerOptions, ContainerWriter};
-use ltm::denoise::{Denoiser, DENOISER_VERSION, Pool, Reach, Region, Rows, Tally};
+use ltm::denoise::{DENOISER_VERSION, Denoiser, FilterRadii, GuideStatistics, ImageRows, Pool, Region};
 use ltm::light::Job;
 use ltm::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry, TracedBlock};
 use ltm::pipeline::job_of;
@@ -92,7 +92,7 @@ fn what_is_kept_changes_only_with_the_compressors_version() {
 #[test]
 fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     const SIZE: (usize, usize) = (24, 16);
-    let rows = |planes| Rows::zeros(SIZE.0, SIZE.1, planes);
+    let rows = |planes| ImageRows::zeros(SIZE.0, SIZE.1, planes);
     let [mut direct_light, mut indirect_light] = [rows(12), rows(12)];
     let [mut seen, mut seen_variance] = [rows(10), rows(10)];
     let grain = |i: usize| 0.5 + ((i as u32).wrapping_mul(2_654_435_769) >> 20) as f32 / 4096.0;
@@ -114,8 +114,8 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
             }
         }
     }
-    let mut tally = Tally::new(2);
-    let halves = |light: &Rows| {
+    let mut tally = GuideStatistics::new(2);
+    let halves = |light: &ImageRows| {
         let plane = |plane| (0..SIZE.1).flat_map(move |y| light.row(plane, y).to_vec());
         [0..6, 6..12].map(|planes| planes.flat_map(plane).collect::<Vec<f32>>())
     };
@@ -123,7 +123,7 @@ fn what_images_are_cleaned_to_changes_only_with_the_cleaners_version() {
     tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
     let (guides, pool) = (tally.guides(), Pool::default());
     let all = Region { x: 0..SIZE.0, y: 0..SIZE.1 };
-    let mut cleaning = Denoiser::new((SIZE, SIZE.1), all, 10, &guides, (Reach::of_image(1, 1), &pool));
+    let mut cleaning = Denoiser::new((SIZE, SIZE.1), all, 10, &guides, (FilterRadii::of_image(1, 1), &pool));
     let wanted = cleaning.wants().unwrap();
     for strip in cleaning.strips(&wanted, &[0]) {
         strip.direct.copy_from_slice(direct_light.values());

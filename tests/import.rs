@@ -16,7 +16,7 @@ use ltm::light::{Job, LightBasis, LightKind, Lighting};
 use ltm::matrix::{BlockId, BlockSource, ColumnIndex, TracedBlock};
 use ltm::pipeline::{self, ImageNoise, ImportedMatrix, PackOptions, SecondImages};
 use ltm::relight::{relight_raw, relight_streaming};
-use ltm::resources::{Quiet, Watch, parse_bytes};
+use ltm::resources::{NoProgress, Progress, parse_bytes};
 use ltm::{Error, Result};
 
 fn main() -> ExitCode {
@@ -109,7 +109,7 @@ fn import(path: &Path, layers: Option<&str>) -> Result<ImportedMatrix> {
         &beside.path().join("x"),
         8,
         &PackOptions::default(),
-        &Quiet,
+        &NoProgress,
     )
 }
 
@@ -289,7 +289,7 @@ fn what_cannot_be_imported_is_refused() {
     assert!(error.contains("'key light' is not finite at pixel 1, 1"), "{error}");
     let set = LightSet::open(&path, None).unwrap();
     let options = PackOptions { memory_bytes: Some(1 << 20), ..Default::default() };
-    let error = ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &path, 8, &options, &Quiet).unwrap_err();
+    let error = ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &path, 8, &options, &NoProgress).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }), "{error}");
 }
 
@@ -315,7 +315,7 @@ impl Notes {
     }
 }
 
-impl Watch for Notes {
+impl Progress for Notes {
     fn begin(&self, stage: &str, _: u64, _: &str) {
         self.add(stage);
     }
@@ -372,8 +372,9 @@ fn a_target_in_bytes_is_that_of_the_file() {
         let mut options = PackOptions::default();
         options.compress.target = Target::Bytes(wanted);
         let output = folder.path().join(format!("{wanted}.ltc"));
-        let matrix = ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &output, 32, &options, &Quiet).unwrap();
-        let report = pipeline::pack(&matrix, matrix.job(), &output, &options, &Quiet).unwrap();
+        let matrix =
+            ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &output, 32, &options, &NoProgress).unwrap();
+        let report = pipeline::pack(&matrix, matrix.job(), &output, &options, &NoProgress).unwrap();
         assert_eq!(report.packed_bytes, std::fs::metadata(&output).unwrap().len());
         // All six blocks are encoded for each guess. Steps are powers of 2^(1/8), so that not every size can be had.
         let share = report.packed_bytes as f64 / wanted as f64;
@@ -437,7 +438,7 @@ fn errors_before_and_after(matrix: &ImportedMatrix, output: &Path) -> (f64, f64)
         each.sum()
     };
     let options = PackOptions { denoise: true, ..Default::default() };
-    let report = pipeline::pack(matrix, matrix.job(), output, &options, &Quiet).unwrap();
+    let report = pipeline::pack(matrix, matrix.job(), output, &options, &NoProgress).unwrap();
     assert!(report.cleaning.is_some());
     let container = ContainerReader::open(output).unwrap();
     let (mut before, mut after) = (0.0, 0.0);
@@ -462,7 +463,7 @@ fn two_renderings_are_cleaned() {
         let output = at(&format!("{}.ltc", features[0].is_some()));
         let second = ImageNoise::Measured(SecondImages { set: &sets[1], features });
         let options = PackOptions { denoise: true, ..Default::default() };
-        let matrix = ImportedMatrix::read(&sets[0], second, "test", &output, 16, &options, &Quiet).unwrap();
+        let matrix = ImportedMatrix::read(&sets[0], second, "test", &output, 16, &options, &NoProgress).unwrap();
         assert_eq!(matrix.warnings, Vec::<String>::new());
         errors_before_and_after(&matrix, &output)
     };
@@ -480,7 +481,7 @@ fn one_rendering_is_cleaned() {
         let passes = FeaturePasses::find(&at(name)).unwrap();
         let noise = if knows_noise { ImageNoise::Estimated(passes.as_ref()) } else { ImageNoise::Unknown };
         let options = PackOptions { denoise: true, ..Default::default() };
-        ImportedMatrix::read(&set, noise, "test", &at("x.ltc"), 16, &options, &Quiet).unwrap()
+        ImportedMatrix::read(&set, noise, "test", &at("x.ltc"), 16, &options, &NoProgress).unwrap()
     };
     let noisy = read("noisy.exr", &grain(0), true);
     let (raw, cleaned) = errors_before_and_after(&noisy, &at("noisy.ltc"));
@@ -519,7 +520,8 @@ fn another_second_rendering() {
     write_layers(&at("b.exr"), &["RGBA_fill", "RGBA_sun"], &images()[..2]);
     let [a, b] = ["a.exr", "b.exr"].map(|name| LightSet::open(&at(name), None).unwrap());
     let second = ImageNoise::Measured(SecondImages { set: &b, features: [None, None] });
-    let error = ImportedMatrix::read(&a, second, "test", &at("x"), 8, &PackOptions::default(), &Quiet).unwrap_err();
+    let error =
+        ImportedMatrix::read(&a, second, "test", &at("x"), 8, &PackOptions::default(), &NoProgress).unwrap_err();
     assert!(error.to_string().contains("has light 'sun' where the first has 'key'"), "{error}");
     assert!(FeaturePasses::open(&at("a.exr")).unwrap_err().to_string().contains("no layers of albedo"));
 }
@@ -602,7 +604,8 @@ fn images_of_texels() {
     write_npy(&npy, true, images.len(), size(&images[0]), &mut fetch(&images)).unwrap();
     let set = LightSet::open(&npy, None).unwrap();
     let mut matrix =
-        ImportedMatrix::read(&set, ImageNoise::Unknown, "a.npy", &out, 32, &PackOptions::default(), &Quiet).unwrap();
+        ImportedMatrix::read(&set, ImageNoise::Unknown, "a.npy", &out, 32, &PackOptions::default(), &NoProgress)
+            .unwrap();
     for wrong in [LightKind::AreaTexels { across: 8, down: 5 }, LightKind::LatLong { across: 0, down: 6 }] {
         let error = matrix.take_for_texels(wrong).unwrap_err().to_string();
         assert!(error.contains("48 images"), "{error}");
@@ -612,7 +615,7 @@ fn images_of_texels() {
     assert!(sky.name == "sky" && sky.places[0][1] > 0.9 && sky.extents.iter().sum::<f32>() > 12.5, "{sky:?}");
     matrix.take_for_texels(LightKind::AreaTexels { across: 8, down: 6 }).unwrap();
     assert_eq!(matrix.job().basis.lights().len(), 1);
-    pipeline::pack(&matrix, matrix.job(), &out, &PackOptions::default(), &Quiet).unwrap();
+    pipeline::pack(&matrix, matrix.job(), &out, &PackOptions::default(), &NoProgress).unwrap();
     let packed = ContainerReader::open(&out).unwrap();
     assert_eq!(packed.job().basis.lights()[0].layout(), (8, 6));
 }
@@ -626,7 +629,8 @@ fn lights_by_their_images() {
     write_npy(&npy, true, images.len(), size(&images[0]), &mut fetch(&images)).unwrap();
     let set = LightSet::open(&npy, None).unwrap();
     let matrix =
-        ImportedMatrix::read(&set, ImageNoise::Unknown, "a.npy", &out, 32, &PackOptions::default(), &Quiet).unwrap();
+        ImportedMatrix::read(&set, ImageNoise::Unknown, "a.npy", &out, 32, &PackOptions::default(), &NoProgress)
+            .unwrap();
     let mut apart = LightBasis::new();
     for (index, light) in matrix.job().basis.lights().iter().enumerate() {
         let mut light = light.clone();
@@ -640,7 +644,7 @@ fn lights_by_their_images() {
         options.compress.target = Target::Bytes(3000);
         options.container.overwrite = true;
         let job = Job { basis: basis.clone(), ..matrix.job().clone() };
-        pipeline::pack(&matrix, &job, &out, &options, &Quiet).unwrap();
+        pipeline::pack(&matrix, &job, &out, &options, &NoProgress).unwrap();
         let image = relight_streaming(&ContainerReader::open(&out).unwrap(), &half).unwrap().0;
         compare(&image, truth).relative_l2
     };

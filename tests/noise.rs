@@ -1,6 +1,6 @@
 //! What compression makes of the samples' noise: blocks with a known truth and two noisy half-sample estimates.
 
-use ltm::compress::{CompressSettings, Compressor, Contrasts, Target};
+use ltm::compress::{ClusterResidual, CompressSettings, Compressor, Target};
 use ltm::container::codec::{CodecSettings, LayerPart, decode_layer, encode_layer};
 use ltm::container::{BlockLayout, LightLayout};
 use ltm::light::{Clusters, Light, LightBasis, LightKind, probe_lightings};
@@ -264,9 +264,9 @@ fn errors_with_clusters(samples: usize) -> [f64; 2] {
     let without = single(&block);
     let (seen, noise) = traced(View::Pixel, samples, 5);
     let contrasts = compressor.contrasts(&compressor.analyse(BlockId(0), seen.view(), Some(&noise)), |_| false);
-    let again = Contrasts::from_bytes(&contrasts.to_bytes()).unwrap();
+    let again = ClusterResidual::from_bytes(&contrasts.to_bytes()).unwrap();
     assert_eq!(again, contrasts);
-    assert_eq!(Contrasts::from_bytes(&contrasts.to_bytes()[1..]), None);
+    assert_eq!(ClusterResidual::from_bytes(&contrasts.to_bytes()[1..]), None);
     compressor.spread(images, &again, (&clusters, &map), &mut block);
     assert!(block.entries().iter().all(|&v| v >= 0.0));
     for (cluster, row) in (0..clusters.count()).flat_map(|cluster| (0..ROWS).map(move |row| (cluster, row))) {

@@ -16,7 +16,7 @@ use ltm::light::{Clusters, Job, Light, LightBasis, LightKind, Lighting, Provenan
 use ltm::matrix::{BlockId, BlockSource, FactorSource, MatrixShape, TracedBlock};
 use ltm::pipeline::{self, PackOptions, RelightOptions, RenderOptions};
 use ltm::relight::relight_raw;
-use ltm::resources::{Quiet, Watch};
+use ltm::resources::{NoProgress, Progress};
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
 use rand::{RngExt, SeedableRng};
@@ -32,18 +32,18 @@ fn room(name: &str) -> LoadedScene {
 
 fn render(folder: &TempDir, name: &str) -> (PathBuf, StoreReader) {
     let path = folder.path().join(format!("{name}.ltm"));
-    pipeline::render(room(name), &path, &RenderOptions::default(), &Quiet).unwrap();
+    pipeline::render(room(name), &path, &RenderOptions::default(), &NoProgress).unwrap();
     (path.clone(), StoreReader::open(&path).unwrap())
 }
 
 fn pack(matrix: &StoreReader, path: &Path, options: &PackOptions) -> pipeline::PackReport {
-    pipeline::pack(matrix, matrix.job(), path, options, &Quiet).unwrap()
+    pipeline::pack(matrix, matrix.job(), path, options, &NoProgress).unwrap()
 }
 
 /// Asks to stop when so many steps of any stage are done.
 struct StopAfter(AtomicU64);
 
-impl Watch for StopAfter {
+impl Progress for StopAfter {
     fn begin(&self, _: &str, _: u64, _: &str) {}
     fn advance(&self, steps: u64, _: u64, _: &str) {
         let _ = self.0.fetch_update(Ordering::SeqCst, Ordering::SeqCst, |left| Some(left.saturating_sub(steps)));
@@ -70,7 +70,7 @@ fn the_fused_way_gives_the_bytes_of_the_stored_way() {
         let (stored, fused) = (folder.path().join("stored.ltc"), folder.path().join("fused.ltc"));
         let (_, matrix) = render(&folder, name);
         pack(&matrix, &stored, &options);
-        let (render, _) = pipeline::render_packed(room(name), &fused, &options, &Quiet).unwrap();
+        let (render, _) = pipeline::render_packed(room(name), &fused, &options, &NoProgress).unwrap();
         assert_eq!((render.blocks_traced, render.blocks_kept), (6, 0));
         assert!(fs::read(&stored).unwrap() == fs::read(&fused).unwrap(), "{name}, denoise {denoise}");
         let mut expected = ["fused.ltc".to_owned(), "stored.ltc".to_owned(), format!("{name}.ltm")];
@@ -86,7 +86,7 @@ fn relit_images_have_the_psnr_that_was_asked_for() {
     let path = folder.path().join("diffuse.ltm");
     let mut loaded = room("diffuse");
     loaded.settings.samples_per_pixel = 128;
-    pipeline::render(loaded, &path, &RenderOptions::default(), &Quiet).unwrap();
+    pipeline::render(loaded, &path, &RenderOptions::default(), &NoProgress).unwrap();
     let matrix = StoreReader::open(&path).unwrap();
     let lightings: Vec<_> = evaluation_lightings(&matrix.job().basis, 5).into_iter().map(|(_, l)| l).collect();
     let raw = |lighting| pipeline::relight_matrix(&matrix, lighting, RelightOptions::default()).unwrap();
@@ -104,7 +104,7 @@ fn relit_images_have_the_psnr_that_was_asked_for() {
         let report = pack(&matrix, &path, &PackOptions { compress, ..PackOptions::default() });
         assert_eq!(report.short_of_target, None);
         let container = ContainerReader::open(&path).unwrap();
-        let (images, _) = pipeline::relight(&container, &lightings, RelightOptions::default(), &Quiet).unwrap();
+        let (images, _) = pipeline::relight(&container, &lightings, RelightOptions::default(), &NoProgress).unwrap();
         let pairs = images.iter().zip(&raw).flat_map(|(a, b)| a.values().iter().zip(b.values()));
         let error: f64 = pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum();
         reached.push(10.0 * (white * raw[0].values().len() as f64 / error).log10());
@@ -122,7 +122,7 @@ fn cleaning_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("stopped.ltc"));
     let options = PackOptions { denoise: true, ..PackOptions::default() };
-    let (render, _) = pipeline::render_packed(room("mixed"), &whole, &options, &Quiet).unwrap();
+    let (render, _) = pipeline::render_packed(room("mixed"), &whole, &options, &NoProgress).unwrap();
     assert_eq!(render.blocks_kept, 0);
     // Six blocks in each of four stages, of which cleaning takes all in one step.
     let mut stops = 0;
@@ -131,7 +131,7 @@ fn cleaning_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
         if let Err(error) = pipeline::render_packed(room("mixed"), &path, &options, &watch) {
             stops += 1;
             assert!(matches!(error, Error::Interrupted(_)), "{error}");
-            let (render, _) = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).unwrap();
+            let (render, _) = pipeline::render_packed(room("mixed"), &path, &options, &NoProgress).unwrap();
             assert!(render.blocks_kept >= stop.min(6), "{} kept after {stop}", render.blocks_kept);
         }
         assert!(fs::read(&path).unwrap() == fs::read(&whole).unwrap(), "stopped after {stop}");
@@ -148,7 +148,7 @@ fn every_texel_of_a_sky_keeps_its_light() {
     let mut sky = BuiltIn { width: 72, height: 40, texels: 16 }.named("environment").unwrap();
     sky.settings.samples_per_pixel = 16;
     let raw_path = folder.path().join("sky.ltm");
-    pipeline::render(sky, &raw_path, &RenderOptions::default(), &Quiet).unwrap();
+    pipeline::render(sky, &raw_path, &RenderOptions::default(), &NoProgress).unwrap();
     let matrix = StoreReader::open(&raw_path).unwrap();
     let path = folder.path().join("clean.ltc");
     pack(&matrix, &path, &PackOptions { denoise: true, ..PackOptions::default() });
@@ -194,7 +194,7 @@ fn under_a_sky_cleaning_takes_nothing_that_the_samples_show() {
         let mut sky = BuiltIn { width: 48, height: 40, texels: 16 }.named("environment").unwrap();
         (sky.settings.samples_per_pixel, sky.settings.seed) = (samples, seed);
         let path = folder.path().join(name);
-        pipeline::render(sky, &path, &RenderOptions::default(), &Quiet).unwrap();
+        pipeline::render(sky, &path, &RenderOptions::default(), &NoProgress).unwrap();
         StoreReader::open(&path).unwrap()
     };
     let (seen, reference) = (matrix("seen.ltm", 64, 0), matrix("reference.ltm", 1024, 1));
@@ -207,7 +207,7 @@ fn under_a_sky_cleaning_takes_nothing_that_the_samples_show() {
     let all_on = light(lightings[0].clone());
     lightings.retain(|lighting| light(lighting.clone()) > 1e-3 * all_on);
     assert_eq!(lightings.len(), 11);
-    let (packed, _) = pipeline::relight(&container, &lightings, RelightOptions::default(), &Quiet).unwrap();
+    let (packed, _) = pipeline::relight(&container, &lightings, RelightOptions::default(), &NoProgress).unwrap();
     let (raw, right) = (relight_raw(&seen, &lightings).unwrap(), relight_raw(&reference, &lightings).unwrap());
     let error = |images: &[LinearImage]| {
         images.iter().zip(&right).map(|(image, right)| compare(image, right).relative_l2).sum::<f64>()
@@ -221,7 +221,7 @@ fn images_cleaned_elsewhere_go_out_and_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let (_, matrix) = render(&folder, "diffuse");
     let at = |name: &str| folder.path().join(name);
-    let images = pipeline::write_basis(&matrix, &at("basis.exr"), None, &Quiet).unwrap();
+    let images = pipeline::write_basis(&matrix, &at("basis.exr"), None, &NoProgress).unwrap();
     assert_eq!(images, 16);
     // Nothing is done to them: then the sum of all columns is the matrix's own.
     let options = |name: &str| PackOptions { denoise: true, basis: Some(at(name)), ..PackOptions::default() };
@@ -229,7 +229,7 @@ fn images_cleaned_elsewhere_go_out_and_come_back() {
     let lighting = [Lighting::uniform(64, [1.0; 3]).unwrap()];
     let relit = |name: &str| {
         let container = ContainerReader::open(&at(name)).unwrap();
-        pipeline::relight(&container, &lighting, RelightOptions::default(), &Quiet).unwrap().0.remove(0)
+        pipeline::relight(&container, &lighting, RelightOptions::default(), &NoProgress).unwrap().0.remove(0)
     };
     let raw = relight_raw(&matrix, &lighting).unwrap().remove(0);
     let error = compare(&relit("as-it-is.ltc"), &raw).relative_l2;
@@ -259,7 +259,7 @@ fn images_cleaned_elsewhere_go_out_and_come_back() {
     let named: Vec<_> = set.lights.iter().map(String::as_str).zip(&layers).collect();
     write_exr_layers(&at("nan.exr"), &named).unwrap();
     let refused = |options: &PackOptions| {
-        let error = pipeline::pack(&matrix, matrix.job(), &at("no.ltc"), options, &Quiet).unwrap_err().to_string();
+        let error = pipeline::pack(&matrix, matrix.job(), &at("no.ltc"), options, &NoProgress).unwrap_err().to_string();
         assert!(!at("no.ltc").exists());
         error
     };
@@ -279,7 +279,7 @@ fn cleaned_images_are_nearer_to_the_truth_and_unlit_lamps_stay_dark() {
         let truth_path = folder.path().join("truth.ltm");
         let mut truth = room(name);
         (truth.settings.samples_per_pixel, truth.settings.seed) = (256, 99);
-        pipeline::render(truth, &truth_path, &RenderOptions::default(), &Quiet).unwrap();
+        pipeline::render(truth, &truth_path, &RenderOptions::default(), &NoProgress).unwrap();
         let truth = StoreReader::open(&truth_path).unwrap();
         let path = folder.path().join("clean.ltc");
         pack(&matrix, &path, &PackOptions { denoise: true, ..PackOptions::default() });
@@ -325,7 +325,7 @@ fn images_of_any_height_keep_their_light_in_every_row() {
         let mut room = BuiltIn { width, height, texels: 4 }.named("diffuse").unwrap();
         (room.settings.samples_per_pixel, room.settings.block_side) = (16, side);
         let (stored, packed) = (folder.path().join("room.ltm"), folder.path().join("room.ltc"));
-        pipeline::render(room, &stored, &RenderOptions::default(), &Quiet).unwrap();
+        pipeline::render(room, &stored, &RenderOptions::default(), &NoProgress).unwrap();
         let matrix = StoreReader::open(&stored).unwrap();
         pack(&matrix, &packed, &PackOptions { denoise: true, ..PackOptions::default() });
         let container = ContainerReader::open(&packed).unwrap();
@@ -357,7 +357,7 @@ fn images_of_any_height_keep_their_light_in_every_row() {
 fn a_pack_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("stopped.ltc"));
-    pipeline::render_packed(room("mixed"), &whole, &PackOptions::default(), &Quiet).unwrap();
+    pipeline::render_packed(room("mixed"), &whole, &PackOptions::default(), &NoProgress).unwrap();
     // Six blocks in each of two stages.
     let mut stops = 0;
     for stop in 1..12 {
@@ -368,7 +368,8 @@ fn a_pack_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
             assert!(matches!(error, Error::Interrupted(_)), "{error}");
             assert!(error.to_string().contains("stopped.ltc.spill keeps"), "{error}");
             assert!(!path.exists(), "nothing half-written under the final name");
-            let (render, _) = pipeline::render_packed(room("mixed"), &path, &PackOptions::default(), &Quiet).unwrap();
+            let (render, _) =
+                pipeline::render_packed(room("mixed"), &path, &PackOptions::default(), &NoProgress).unwrap();
             assert!(render.blocks_kept >= stop.min(6), "{} kept after {stop}", render.blocks_kept);
         }
         assert!(fs::read(&path).unwrap() == fs::read(&whole).unwrap(), "stopped after {stop}");
@@ -386,10 +387,10 @@ fn other_settings_do_not_take_up_what_was_analysed_for_these() {
     assert!(pipeline::render_packed(room("mixed"), &path, &PackOptions::default(), &watch).is_err());
     let compress = CompressSettings { seed: 5, ..CompressSettings::default() };
     let mut options = PackOptions { compress, ..PackOptions::default() };
-    let refused = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).err().unwrap().to_string();
+    let refused = pipeline::render_packed(room("mixed"), &path, &options, &NoProgress).err().unwrap().to_string();
     assert!(refused.contains("other input or settings"), "{refused}");
     options.container.overwrite = true;
-    let (render, _) = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).unwrap();
+    let (render, _) = pipeline::render_packed(room("mixed"), &path, &options, &NoProgress).unwrap();
     assert_eq!(render.blocks_kept, 0);
 }
 
@@ -539,10 +540,10 @@ fn memory_that_is_too_small_is_refused_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltc");
     let options = PackOptions { memory_bytes: Some(1 << 20), ..PackOptions::default() };
-    let error = pipeline::render_packed(room("mixed"), &path, &options, &Quiet).unwrap_err();
+    let error = pipeline::render_packed(room("mixed"), &path, &options, &NoProgress).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }) && error.to_string().contains("1.0 MiB"), "{error}");
     let options = RenderOptions { memory_bytes: Some(1 << 20), ..RenderOptions::default() };
-    let error = pipeline::render(room("mixed"), &folder.path().join("a.ltm"), &options, &Quiet).unwrap_err();
+    let error = pipeline::render(room("mixed"), &folder.path().join("a.ltm"), &options, &NoProgress).unwrap_err();
     assert!(matches!(error, Error::Resources { .. }), "{error}");
     assert_eq!(names(folder.path()), [""; 0]);
 }
@@ -552,7 +553,7 @@ fn a_scene_that_the_tracer_refuses_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let mut room = room("mixed");
     room.settings.samples_per_pixel = 0;
-    let error = pipeline::render_packed(room, &folder.path().join("a.ltc"), &PackOptions::default(), &Quiet);
+    let error = pipeline::render_packed(room, &folder.path().join("a.ltc"), &PackOptions::default(), &NoProgress);
     assert!(error.unwrap_err().to_string().contains("samples per pixel"));
     assert_eq!(names(folder.path()), [""; 0]);
 }
@@ -585,7 +586,7 @@ fn rows_and_columns_of_the_whole_matrix_give_the_same_bytes_whenever_it_was_stop
         fs::remove_file(&path).unwrap();
     }
     assert!(stops > 1, "stopped {stops} times");
-    let error = pipeline::render_packed(room("diffuse"), &path, &options, &Quiet).unwrap_err().to_string();
+    let error = pipeline::render_packed(room("diffuse"), &path, &options, &NoProgress).unwrap_err().to_string();
     assert!(error.contains("never stored") && error.contains("pack the stored matrix"), "{error}");
     assert_eq!(names(folder.path()), ["diffuse.ltm", "whole.ltc"]);
 }
@@ -677,13 +678,13 @@ fn a_panel_by_itself_is_as_near_as_a_lamp_of_a_fiftieth_of_its_light() {
     let job = Job { shape: source.0, basis, provenance: Provenance::default() };
     let compress = CompressSettings { target: Target::PsnrDb(45.0), noise_factor: None, ..Default::default() };
     let options = PackOptions { compress, ..PackOptions::default() };
-    pipeline::pack(&source, &job, &path, &options, &Quiet).unwrap();
+    pipeline::pack(&source, &job, &path, &options, &NoProgress).unwrap();
     let container = ContainerReader::open(&path).unwrap();
     // With the factors as they are held in memory.
     let error = |columns: std::ops::Range<usize>| {
         let weight = |column: usize| if columns.contains(&column) { [1.0; 3] } else { [0.0; 3] };
         let lightings = [Lighting::new((0..260).map(weight).collect()).unwrap()];
-        let (images, _) = pipeline::relight(&container, &lightings, RelightOptions::default(), &Quiet).unwrap();
+        let (images, _) = pipeline::relight(&container, &lightings, RelightOptions::default(), &NoProgress).unwrap();
         let pixels = images[0].pixels.iter().enumerate();
         let squares = pixels.map(|(i, pixel)| {
             let (x, y) = ((i % 64) as f32 / 64.0, (i / 64) as f32 / 48.0);

@@ -10,7 +10,7 @@ use ltm::container::ContainerReader;
 use ltm::light::Lighting;
 use ltm::matrix::FactorSource;
 use ltm::pipeline::{self, DATA_NAME, PAGE_NAME, PackOptions, ShareOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::scene::BuiltIn;
 use ltm::share::SharedLook;
 use serde_json::Value;
@@ -21,12 +21,12 @@ fn packed(folder: &TempDir) -> PathBuf {
     let mut loaded = BuiltIn { width: 150, height: 70, texels: 8 }.named("diffuse").unwrap();
     loaded.settings.samples_per_pixel = 16;
     let path = folder.path().join("room.ltc");
-    pipeline::render_packed(loaded, &path, &PackOptions::default(), &Quiet).unwrap();
+    pipeline::render_packed(loaded, &path, &PackOptions::default(), &NoProgress).unwrap();
     path
 }
 
 fn share(container: &Path, output: &Path, options: &ShareOptions) -> ltm::Result<pipeline::ShareReport> {
-    pipeline::share(&ContainerReader::open(container)?, output, options, &Quiet)
+    pipeline::share(&ContainerReader::open(container)?, output, options, &NoProgress)
 }
 
 /// Head and the bytes after it.

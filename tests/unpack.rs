@@ -7,7 +7,7 @@ use ltm::image::read_image;
 use ltm::light::{Job, Light, LightBasis, LightKind};
 use ltm::matrix::{BlockId, BlockSink, BlockSource, CHANNELS, MatrixShape, PixelRect, TracedBlock};
 use ltm::pipeline::{self, Selection, UnpackOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::store::{Precision, StoreOptions, StoreReader, StoreWriter};
 
 const WIDTH: u32 = 21;
@@ -84,7 +84,7 @@ fn an_array_of_a_stored_matrix_has_its_entries_as_the_scene_lights_them() {
         let folder = tempfile::tempdir().unwrap();
         let matrix = matrix(folder.path(), precision, 0..6);
         let path = folder.path().join("a.npy");
-        pipeline::unpack_to_npy(&matrix, &path, &UnpackOptions::default(), &Quiet).unwrap();
+        pipeline::unpack_to_npy(&matrix, &path, &UnpackOptions::default(), &NoProgress).unwrap();
         let mut values = npy_values(&path).into_iter();
         for light in matrix.job().basis.lights() {
             for (y, x) in (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (y, x))) {
@@ -94,7 +94,10 @@ fn an_array_of_a_stored_matrix_has_its_entries_as_the_scene_lights_them() {
             }
         }
         assert_eq!(values.next(), None);
-        assert!(pipeline::unpack_to_npy(&matrix, &path, &UnpackOptions::default(), &Quiet).is_err(), "it is there");
+        assert!(
+            pipeline::unpack_to_npy(&matrix, &path, &UnpackOptions::default(), &NoProgress).is_err(),
+            "it is there"
+        );
     }
 }
 
@@ -106,7 +109,7 @@ fn crops_blocks_and_lights_choose_a_part() {
     let selection = Selection { crop: Some(crop), blocks: Some(1..3), lights: vec!["d*".into()] };
     let options = UnpackOptions { selection, ..Default::default() };
     let path = folder.path().join("{light}.exr");
-    let written = pipeline::unpack_to_exr(&matrix, &path, &options, &Quiet).unwrap();
+    let written = pipeline::unpack_to_exr(&matrix, &path, &options, &NoProgress).unwrap();
     assert_eq!(written, ["desk.exr", "door.exr"].map(|name| folder.path().join(name)));
     for (path, name) in written.iter().zip(["desk", "door"]) {
         let image = read_image(path).unwrap();
@@ -122,7 +125,7 @@ fn crops_blocks_and_lights_choose_a_part() {
     }
     // All of them as one image.
     let path = folder.path().join("all.exr");
-    pipeline::unpack_relit(&matrix, &path, &UnpackOptions::default(), &Quiet).unwrap();
+    pipeline::unpack_relit(&matrix, &path, &UnpackOptions::default(), &NoProgress).unwrap();
     let pixel = read_image(&path).unwrap().pixels[(4 * WIDTH + 7) as usize];
     let all = |channel| matrix.job().basis.lights().iter().map(|light| lit(light, 7, 4, channel)).sum::<f32>();
     assert_eq!(pixel, [all(0), all(1), all(2)]);
@@ -136,7 +139,7 @@ fn a_part_of_a_matrix_is_a_matrix() {
     let selection = Selection { crop: Some(crop), lights: vec!["panel".into(), "door".into()], ..Default::default() };
     let options = UnpackOptions { selection, ..Default::default() };
     let path = folder.path().join("part.ltm");
-    assert_eq!(pipeline::unpack_to_store(&matrix, &path, &options, &Quiet).unwrap(), 4);
+    assert_eq!(pipeline::unpack_to_store(&matrix, &path, &options, &NoProgress).unwrap(), 4);
     let part = StoreReader::open(&path).unwrap();
     let shape = BlockSource::shape(&part);
     assert_eq!((shape.width(), shape.height(), shape.columns()), (12, 9, 5));
@@ -159,11 +162,12 @@ fn what_is_missing_or_damaged_is_an_error_that_names_the_block() {
     let folder = tempfile::tempdir().unwrap();
     let partial = matrix(folder.path(), Precision::F32, 0..4);
     let path = folder.path().join("a.npy");
-    let error = pipeline::unpack_to_npy(&partial, &path, &UnpackOptions::default(), &Quiet).unwrap_err().to_string();
+    let error =
+        pipeline::unpack_to_npy(&partial, &path, &UnpackOptions::default(), &NoProgress).unwrap_err().to_string();
     assert!(error.contains("block 4") && !path.exists(), "{error}");
     let there = Selection { blocks: Some(0..4), ..Default::default() };
     let options = UnpackOptions { selection: there, ..Default::default() };
-    pipeline::unpack_to_npy(&partial, &path, &options, &Quiet).unwrap();
+    pipeline::unpack_to_npy(&partial, &path, &options, &NoProgress).unwrap();
     drop(partial);
 
     let name = folder.path().join("a.ltm");
@@ -176,9 +180,9 @@ fn what_is_missing_or_damaged_is_an_error_that_names_the_block() {
     fs::write(&name, bytes).unwrap();
     let damaged = StoreReader::open(&name).unwrap();
     let options = UnpackOptions { overwrite: true, ..Default::default() };
-    let error = pipeline::unpack_to_npy(&damaged, &path, &options, &Quiet).unwrap_err();
+    let error = pipeline::unpack_to_npy(&damaged, &path, &options, &NoProgress).unwrap_err();
     assert!(matches!(error, ltm::Error::Damaged { .. }) && error.to_string().contains("block 5"), "{error}");
     // Columns that are not asked for are not read.
     let selection = Selection { lights: vec!["desk".into()], ..Default::default() };
-    pipeline::unpack_to_npy(&damaged, &path, &UnpackOptions { selection, ..options }, &Quiet).unwrap();
+    pipeline::unpack_to_npy(&damaged, &path, &UnpackOptions { selection, ..options }, &NoProgress).unwrap();
 }

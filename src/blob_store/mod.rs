@@ -35,13 +35,13 @@ pub type Content<'a> = &'a dyn Fn(&mut dyn Write) -> Result<()>;
 
 /// A place for files, by its address.
 #[derive(Debug)]
-pub struct Depot {
+pub struct BlobStore {
     address: String,
-    place: Place,
+    place: Backend,
 }
 
 #[derive(Debug)]
-enum Place {
+enum Backend {
     Folder(Folder),
     #[cfg(feature = "s3")]
     Bucket(Arc<Bucket>),
@@ -62,16 +62,17 @@ pub fn open_object(address: &Path) -> Result<Box<dyn Ranged>> {
         Some((parent, name)) if parent.len() >= STORE.len() => (parent, name),
         _ => return Err(Error::input(text, "names no object", "write s3://BUCKET/NAME")),
     };
-    Depot::open(parent)?.open_file(name)
+    BlobStore::open(parent)?.open_file(name)
 }
 
-impl Depot {
+impl BlobStore {
     /// The depot at an address: the path of a folder, which need not be there yet, or `s3://BUCKET/PREFIX`.
     ///
     /// # Errors
     /// An address that is none; settings of a store that cannot be used; this program was built without stores.
     pub fn open(address: &str) -> Result<Self> {
-        let place = if is_object(Path::new(address)) { bucket(address)? } else { Place::Folder(Folder::new(address)?) };
+        let place =
+            if is_object(Path::new(address)) { bucket(address)? } else { Backend::Folder(Folder::new(address)?) };
         Ok(Self { address: address.to_owned(), place })
     }
 
@@ -83,9 +84,9 @@ impl Depot {
     /// Memory that writing to it or reading from it takes at most.
     pub fn held_bytes(&self) -> u64 {
         match &self.place {
-            Place::Folder(_) => 0,
+            Backend::Folder(_) => 0,
             #[cfg(feature = "s3")]
-            Place::Bucket(_) => multipart_upload::HELD_BYTES.max(read_ahead::HELD_BYTES),
+            Backend::Bucket(_) => multipart_upload::HELD_BYTES.max(read_ahead::HELD_BYTES),
         }
     }
 
@@ -95,9 +96,9 @@ impl Depot {
     /// It cannot be looked into.
     pub fn names(&self, prefix: &str) -> Result<Vec<String>> {
         let mut names = match &self.place {
-            Place::Folder(folder) => folder.names(prefix)?,
+            Backend::Folder(folder) => folder.names(prefix)?,
             #[cfg(feature = "s3")]
-            Place::Bucket(bucket) => bucket.names(prefix)?,
+            Backend::Bucket(bucket) => bucket.names(prefix)?,
         };
         names.sort();
         Ok(names)
@@ -109,9 +110,9 @@ impl Depot {
     /// Those of `content`; it cannot be written.
     pub fn put(&self, name: &str, content: Content) -> Result<()> {
         match &self.place {
-            Place::Folder(folder) => folder.put(name, content),
+            Backend::Folder(folder) => folder.put(name, content),
             #[cfg(feature = "s3")]
-            Place::Bucket(bucket) => bucket.put(name, content),
+            Backend::Bucket(bucket) => bucket.put(name, content),
         }
     }
 
@@ -121,9 +122,9 @@ impl Depot {
     /// It is not there, or cannot be opened.
     pub fn open_file(&self, name: &str) -> Result<Box<dyn Ranged>> {
         match &self.place {
-            Place::Folder(folder) => Ok(Box::new(open_input(&folder.path(name), "open")?)),
+            Backend::Folder(folder) => Ok(Box::new(open_input(&folder.path(name), "open")?)),
             #[cfg(feature = "s3")]
-            Place::Bucket(bucket) => Ok(Box::new(Object::open(bucket.clone(), name)?)),
+            Backend::Bucket(bucket) => Ok(Box::new(Object::open(bucket.clone(), name)?)),
         }
     }
 
@@ -134,9 +135,9 @@ impl Depot {
     #[cfg_attr(not(feature = "s3"), expect(unused_variables, reason = "folders need no copies"))]
     pub fn local(&self, name: &str, cache: &Path) -> Result<PathBuf> {
         match &self.place {
-            Place::Folder(folder) => Ok(folder.path(name)),
+            Backend::Folder(folder) => Ok(folder.path(name)),
             #[cfg(feature = "s3")]
-            Place::Bucket(bucket) => {
+            Backend::Bucket(bucket) => {
                 fs::create_dir_all(cache).map_err(Error::io(cache, "create"))?;
                 let path = cache.join(name);
                 bucket.copy(name, &path)?;
@@ -150,7 +151,7 @@ impl Depot {
     /// # Errors
     /// The system refuses.
     pub fn remove_copies(&self, cache: &Path, name: Option<&str>) -> Result<bool> {
-        if matches!(self.place, Place::Folder(_)) {
+        if matches!(self.place, Backend::Folder(_)) {
             return Ok(false);
         }
         let path = name.map_or_else(|| cache.to_owned(), |name| cache.join(name));
@@ -164,11 +165,11 @@ impl Depot {
 }
 
 #[cfg(feature = "s3")]
-fn bucket(address: &str) -> Result<Place> {
-    Ok(Place::Bucket(Arc::new(Bucket::new(address)?)))
+fn bucket(address: &str) -> Result<Backend> {
+    Ok(Backend::Bucket(Arc::new(Bucket::new(address)?)))
 }
 
 #[cfg(not(feature = "s3"))]
-fn bucket(address: &str) -> Result<Place> {
+fn bucket(address: &str) -> Result<Backend> {
     Err(Error::input(address, "this program was built without object stores", "build it with the feature s3"))
 }

@@ -6,14 +6,14 @@ use std::ops::Range;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
 /// Bytes of the first request anywhere; each that goes on where another ended asks for twice as many.
-const LEAST: u64 = 64 << 10;
-const MOST: u64 = 2 << 20;
+const MIN_READ_BYTES: u64 = 64 << 10;
+const MAX_READ_BYTES: u64 = 2 << 20;
 /// Bytes that are kept, the last used.
 const KEPT: usize = 16 << 20;
 /// Requests under way at most.
 const FLYING: usize = 8;
 /// Memory that all of it takes at most: what is kept, and each request in pieces and as a whole.
-pub(super) const HELD_BYTES: u64 = KEPT as u64 + 2 * FLYING as u64 * MOST;
+pub(super) const HELD_BYTES: u64 = KEPT as u64 + 2 * FLYING as u64 * MAX_READ_BYTES;
 
 /// Parts of an object that were fetched.
 #[derive(Debug, Default)]
@@ -107,9 +107,9 @@ impl State {
     /// The range to fetch for a byte that is not there.
     fn request(&self, at: u64, wanted: u64, length: u64) -> Range<u64> {
         // Whether somebody has read to here, or nearly.
-        let before = self.parts.iter().filter(|part| (part.end()..part.end() + LEAST).contains(&at));
+        let before = self.parts.iter().filter(|part| (part.end()..part.end() + MIN_READ_BYTES).contains(&at));
         let step = before.map(|part| 2 * part.bytes.len() as u64).max().unwrap_or(0);
-        let end = (at + step.max(wanted).clamp(LEAST, MOST)).min(length);
+        let end = (at + step.max(wanted).clamp(MIN_READ_BYTES, MAX_READ_BYTES)).min(length);
         // Not what is there or comes already.
         let others = self.parts.iter().map(|part| part.offset).chain(self.flying.iter().map(|range| range.start));
         at..others.filter(|start| *start > at).fold(end, u64::min)
@@ -156,11 +156,11 @@ mod tests {
         assert!(requests.windows(2).all(|w| w[0].end == w[1].start), "no byte twice");
         let jumps = reading(&Ahead::default(), (0..20).map(|i| ((i * 7919 % 40) << 20, 3000)));
         assert_eq!(jumps.len(), 20);
-        assert!(jumps.iter().all(|range| range.end - range.start == LEAST));
+        assert!(jumps.iter().all(|range| range.end - range.start == MIN_READ_BYTES));
         // The last bytes, and a read that is longer than any request.
         let ends = reading(&Ahead::default(), [(LENGTH - 10, 10), (1, 5 << 20)]);
         assert_eq!(ends[0], LENGTH - 10..LENGTH);
-        assert_eq!(ends.iter().skip(1).map(|range| range.end - range.start).collect::<Vec<_>>(), [MOST; 3]);
+        assert_eq!(ends.iter().skip(1).map(|range| range.end - range.start).collect::<Vec<_>>(), [MAX_READ_BYTES; 3]);
     }
 
     #[test]

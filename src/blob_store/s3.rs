@@ -30,7 +30,7 @@ use crate::files::{Ranged, check_free_space, replace};
 /// and how many times as long as the last one is at most. All of them are half a minute, give or take its half.
 const RETRIES: usize = 10;
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
-const LONGEST_PAUSE: Duration = Duration::from_secs(8);
+const MAX_PAUSE: Duration = Duration::from_secs(8);
 const GROWTH: f64 = 3.0;
 /// Where machines of the cloud ask for their own credentials, when the environment names none.
 const MACHINE_CREDENTIALS: &str = "169.254.169.254";
@@ -40,7 +40,7 @@ const TRIES: u32 = 4;
 const BROKEN_OFF: Duration = Duration::from_secs(60);
 const NOT_UNDERSTOOD: Duration = Duration::from_secs(5);
 /// Characters of what a store says that are repeated in a message.
-const MOST_SAID: usize = 400;
+const MAX_SHOWN_CHARACTERS: usize = 400;
 
 /// The threads of this process's client, by its id: in a forked child the parent's are not there.
 static RUNTIME: Mutex<Option<(u32, &'static Runtime)>> = Mutex::new(None);
@@ -115,7 +115,7 @@ impl Bucket {
     }
 
     fn connect(&self) -> Result<AmazonS3> {
-        let backoff = BackoffConfig { init_backoff: FIRST_PAUSE, max_backoff: LONGEST_PAUSE, base: GROWTH };
+        let backoff = BackoffConfig { init_backoff: FIRST_PAUSE, max_backoff: MAX_PAUSE, base: GROWTH };
         let retry = RetryConfig { backoff, max_retries: RETRIES, retry_timeout: 2 * BROKEN_OFF };
         let builder = AmazonS3Builder::from_env().with_bucket_name(&self.name).with_retry(retry);
         let value = |key: AmazonS3ConfigKey| builder.get_config_value(&key);
@@ -336,7 +336,7 @@ fn said_by(error: &object_store::Error) -> String {
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     // What we set ourselves.
     let words = words.replace(&format!(", max_retries: {RETRIES}, retry_timeout: {:?}", 2 * BROKEN_OFF), "");
-    match words.char_indices().nth(MOST_SAID) {
+    match words.char_indices().nth(MAX_SHOWN_CHARACTERS) {
         Some((end, _)) => format!("{}…", &words[..end]),
         None => words,
     }

@@ -41,7 +41,7 @@ pub(crate) struct ShardHead {
 
 /// Where the record of a block stands in its shard.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct RecordPlace {
     offset: u64,
     bytes: u64,
     checksum: u32,
@@ -118,7 +118,7 @@ impl ShardHead {
     }
 
     /// Head and places; as text what is wrong.
-    fn read(file: &mut dyn Read, file_bytes: u64) -> Result<(Self, Vec<Place>), String> {
+    fn read(file: &mut dyn Read, file_bytes: u64) -> Result<(Self, Vec<RecordPlace>), String> {
         let short = |_| "it is cut short".to_owned();
         let mut head = [0; HEAD_BYTES];
         file.read_exact(&mut head).map_err(short)?;
@@ -153,7 +153,7 @@ impl ShardHead {
         for place in index.chunks_exact(PLACE_BYTES) {
             let bytes = u64::from_ne_bytes(place[..8].try_into().expect("8 bytes"));
             let checksum = u32::from_ne_bytes(place[8..12].try_into().expect("4 bytes"));
-            places.push(Place { offset, bytes, checksum });
+            places.push(RecordPlace { offset, bytes, checksum });
             offset = offset.checked_add(bytes).ok_or("its places do not fit its length")?;
         }
         if offset != file_bytes {
@@ -193,7 +193,7 @@ struct Reading<'a> {
 
 impl<'a> Reading<'a> {
     /// Head and places of a shard; as text what is wrong.
-    fn head(file: &'a dyn Ranged, place: &Path) -> Result<Result<(ShardHead, Vec<Place>), String>> {
+    fn head(file: &'a dyn Ranged, place: &Path) -> Result<Result<(ShardHead, Vec<RecordPlace>), String>> {
         let length = file.bytes().map_err(Error::io(place, "look at"))?;
         let mut reading = Self { file, offset: 0, length, failed: None };
         let head = ShardHead::read(&mut reading, length);
@@ -217,7 +217,7 @@ impl Read for Reading<'_> {
 pub(crate) struct Shard {
     path: PathBuf,
     pub(crate) head: ShardHead,
-    places: Vec<Place>,
+    places: Vec<RecordPlace>,
 }
 
 impl Shard {
@@ -239,7 +239,7 @@ impl Shard {
         file: &dyn Ranged,
         place: &Path,
         name: &str,
-    ) -> Result<Result<(ShardHead, Vec<Place>), String>> {
+    ) -> Result<Result<(ShardHead, Vec<RecordPlace>), String>> {
         let failed = || Error::io(place, "read");
         let length = file.bytes().map_err(failed())?;
         let (head, places) = match Reading::head(file, place)? {
@@ -268,7 +268,7 @@ pub(crate) struct ShardSet {
     address: String,
     paths: Vec<PathBuf>,
     /// For each block the shard and the place in it.
-    places: Vec<Option<(u32, Place)>>,
+    places: Vec<Option<(u32, RecordPlace)>>,
 }
 
 impl ShardSet {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
-use crate::resources::Watch;
+use crate::resources::Progress;
 
 const MARK: [u8; 8] = *b"LTMspil2";
 /// Ends the name of a result for the files of what is gathered of blocks to clean them, and of the cleaned images.
@@ -46,7 +46,7 @@ pub(crate) fn remove_leftovers(path: &Path, blocks: u32) {
 
 /// # Errors
 /// The program that runs the job says to stop.
-pub(crate) fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
+pub(crate) fn stop_if_interrupted(path: &Path, watch: &dyn Progress) -> Result<()> {
     if watch.interrupted() {
         let kept = spill_path(path);
         let text = format!("{} keeps the finished blocks; the same command continues", kept.display());

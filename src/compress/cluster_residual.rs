@@ -13,11 +13,11 @@ use super::compressor::Compressor;
 use super::dense::write_product;
 use crate::light::Clusters;
 use crate::matrix::{Block, ColumnIndex, SparseEntry};
-use crate::simd::on_widest;
+use crate::simd::dispatch;
 
 /// A block as the components and single entries that stand above their noise.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Contrasts {
+pub struct ClusterResidual {
     rows: usize,
     columns: usize,
     /// Rows × components, column-major, times the root of the number of rows: near 1, whatever the block.
@@ -31,10 +31,10 @@ pub struct Contrasts {
 
 impl Compressor {
     /// What of a block stands above its noise, of what was analysed of it; entries that are `seen` are not among it.
-    pub fn contrasts(&self, candidate: &Candidate, is_seen: impl Fn(&SparseEntry) -> bool) -> Contrasts {
+    pub fn contrasts(&self, candidate: &Candidate, is_seen: impl Fn(&SparseEntry) -> bool) -> ClusterResidual {
         let s = &candidate.summary;
         let (rows, columns) = (s.rows as usize, s.columns as usize);
-        let mut contrasts = Contrasts { rows, columns, ..Default::default() };
+        let mut contrasts = ClusterResidual { rows, columns, ..Default::default() };
         let (factor, scale) = (self.settings().noise_factor.unwrap_or(0.0) as f32, (rows as f32).sqrt());
         for k in (0..candidate.rank()).filter(|&k| k == 0 || s.gains[k] > factor * (s.noise[k] + s.fitted_noise[k])) {
             contrasts.left.extend(candidate.left[k * rows..][..rows].iter().map(|v| f16::from_f32(scale * v)));
@@ -54,7 +54,7 @@ impl Compressor {
     pub fn spread(
         &self,
         mut images: Vec<f32>,
-        contrasts: &Contrasts,
+        contrasts: &ClusterResidual,
         (clusters, map): (&Clusters, &[f32]),
         block: &mut Block,
     ) {
@@ -82,7 +82,7 @@ impl Compressor {
     }
 
     /// Right sides of the components beside the clusters, row-major, as far as they are no noise.
-    fn trusted(&self, contrasts: &Contrasts, (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
+    fn trusted(&self, contrasts: &ClusterResidual, (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
         let (n, rank) = (contrasts.columns, contrasts.noise.len());
         let beside = |row: &[f32]| beside_clusters(row, (clusters, map));
         let mut right: Vec<f32> = contrasts.right.chunks_exact(n).flat_map(beside).collect();
@@ -97,7 +97,7 @@ impl Compressor {
     }
 }
 
-impl Contrasts {
+impl ClusterResidual {
     /// Bytes of those of a block at most, of its single entries one a row: as many as are likely.
     pub fn bytes(rows: u64, columns: u64, rank: u64) -> u64 {
         let rank = (rank + 1).min(rows).min(columns);
@@ -163,7 +163,7 @@ fn keep_positive(clusters: &Clusters, block: &mut Block) {
     let mut sums = vec![0.0f32; clusters.count() * rows];
     let mut above = sums.clone();
     let part = |cluster: u16| usize::from(cluster) * rows..(usize::from(cluster) + 1) * rows;
-    on_widest(
+    dispatch(
         #[inline(always)]
         || {
             for (entries, &cluster) in block.entries().chunks_exact(rows).zip(clusters.of_column()) {
@@ -184,7 +184,7 @@ fn keep_positive(clusters: &Clusters, block: &mut Block) {
         };
     }
     let (least, scale) = (sums, above);
-    on_widest(
+    dispatch(
         #[inline(always)]
         || {
             for (entries, &cluster) in block.entries_mut().chunks_exact_mut(rows).zip(clusters.of_column()) {

@@ -10,15 +10,15 @@ use super::dense::{eigen, product_f64};
 use crate::matrix::{BlockId, BlockView, CHANNELS, MatrixShape, PixelRect};
 
 /// Cells of all coarse images together, at most.
-const MOST_CELLS: usize = 512;
+const MAX_CELLS: usize = 512;
 /// Cells along a side of a block, at most.
-const MOST_CELLS_ACROSS: usize = 8;
+const MAX_CELLS_ACROSS: usize = 8;
 /// Blocks that are looked at, at most, spread evenly.
-const MOST_BLOCKS: usize = 128;
+const MAX_BLOCKS: usize = 128;
 /// Fewest columns for which places are worth asking for: of fewer a block keeps nearly all anyway.
-const LEAST_COLUMNS: usize = 48;
+const MIN_COLUMNS: usize = 48;
 /// Most: a coarse image of each is held.
-const MOST_COLUMNS: usize = 1 << 15;
+const MAX_COLUMNS: usize = 1 << 15;
 /// Dimensions of a place.
 const DIMENSIONS: usize = 3;
 /// Part of the columns at each end that do not count in the extent.
@@ -26,23 +26,23 @@ const OUTER: f64 = 0.01;
 
 /// Whether a matrix of so many columns can be asked.
 pub(super) fn can_tell(columns: usize) -> bool {
-    (LEAST_COLUMNS..=MOST_COLUMNS).contains(&columns)
+    (MIN_COLUMNS..=MAX_COLUMNS).contains(&columns)
 }
 
 /// Bytes that coarse images take.
 pub(super) fn needs_bytes(columns: usize) -> u64 {
-    if can_tell(columns) { (MOST_CELLS * (columns * (4 + 8) + MOST_CELLS * 16)) as u64 } else { 0 }
+    if can_tell(columns) { (MAX_CELLS * (columns * (4 + 8) + MAX_CELLS * 16)) as u64 } else { 0 }
 }
 
 /// Blocks that are looked at.
 pub(super) fn looked_at(shape: MatrixShape) -> Vec<BlockId> {
-    let apart = (shape.block_count() as usize).div_ceil(MOST_BLOCKS).max(1);
+    let apart = (shape.block_count() as usize).div_ceil(MAX_BLOCKS).max(1);
     shape.blocks().step_by(apart).collect()
 }
 
 /// Coarse images of all columns of a block, one of `blocks` that are looked at: cells × columns, row-major.
 pub(super) fn coarse(block: BlockView<'_>, rect: PixelRect, blocks: usize) -> Vec<f32> {
-    let across = (MOST_CELLS / blocks.max(1)).isqrt().clamp(1, MOST_CELLS_ACROSS);
+    let across = (MAX_CELLS / blocks.max(1)).isqrt().clamp(1, MAX_CELLS_ACROSS);
     let (width, height) = (rect.width as usize, rect.height as usize);
     let columns = block.columns();
     let mut cells = vec![0.0; across * across * columns];

@@ -7,14 +7,14 @@ use rayon::prelude::*;
 
 use super::candidate::{Candidate, CandidateSummary, gain_bins, histogram};
 use super::dense::{eigen, orthonormal, product, thin_svd, to_f32, to_f64, to_vec};
-use super::nlm::{Alike, Smoothed, joined};
+use super::nlm::{SimilarPixels, Smoothed, joined};
 use super::noise::NoiseModel;
-use super::outliers::{stand_out, without};
+use super::outliers::{find_outliers, without};
 use super::paper::{GlobalCur, SEED, decompose, global, select};
-use super::range::{Range, SKETCH_ROWS, Weights, exact_range, find_range, range_of};
-use super::sanitise::{Survey, sanitise, survey};
+use super::range::{PriorWeights, Range, SKETCH_ROWS, exact_range, find_range, range_of};
+use super::sanitise::{BlockSurvey, sanitise, survey};
 use super::{
-    BlockSums, CompressSettings, Core, Cut, Method, PriorChoice, Replaced, Scope, Selection, column_similarity, cut,
+    BlockSums, CompressSettings, Core, CurSelection, Cut, Method, PriorChoice, Replaced, Scope, column_similarity, cut,
 };
 use crate::error::{Error, Result};
 use crate::light::{LightBasis, LightingPrior, probe_lightings};
@@ -34,7 +34,7 @@ const NOISE_ALONE: f64 = 16.0;
 pub struct Compressor {
     settings: CompressSettings,
     shape: MatrixShape,
-    weights: Weights,
+    weights: PriorWeights,
     /// Diagonal of `K`.
     variances: Vec<f32>,
     /// The probe lightings that noise is kept under: columns × probes, column-major.
@@ -113,7 +113,7 @@ impl Compressor {
         let n = shape.columns();
         let sketch_columns = (settings.rank + settings.oversampling).min(n);
         let variances = prior.variances();
-        let weights = Weights::new(prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
+        let weights = PriorWeights::new(prior, sketch_columns, settings.seed ^ 0x736b_6574_6368);
         let probes = probe_lightings(basis);
         Self { shape, weights, variances, probes, global: None, settings }
     }
@@ -146,7 +146,7 @@ impl Compressor {
     }
 
     /// What [`choose_globally`](Self::choose_globally) chose.
-    pub fn chosen_globally(&self) -> Option<&Selection> {
+    pub fn chosen_globally(&self) -> Option<&CurSelection> {
         self.global.as_ref().map(|global| &global.chosen)
     }
 
@@ -264,7 +264,7 @@ impl Compressor {
         &'a self,
         id: BlockId,
         usable: BlockView<'_>,
-        survey: &Survey,
+        survey: &BlockSurvey,
         noise: Option<&'a BlockNoise>,
         seen: &[SeenEmission],
     ) -> SplitBlock<'a> {
@@ -272,7 +272,7 @@ impl Compressor {
         let shape = (usable.rows(), usable.columns());
         let mut noise = noise.filter(|_| heeded).and_then(|noise| NoiseModel::new(noise, &self.probes, shape));
         let standing = match (self.settings.method, self.settings.sparse) {
-            (Method::Auto, Some(rule)) => stand_out(usable, &survey.sums, rule.fraction, rule.contrast),
+            (Method::Auto, Some(rule)) => find_outliers(usable, &survey.sums, rule.fraction, rule.contrast),
             _ => Vec::new(),
         };
         let rect = self.shape.rect(id);
@@ -412,7 +412,7 @@ impl Compressor {
         let variances = noise.of_images(lightings.as_ref());
         let rect = self.shape.rect(id);
         let size = (rect.width as usize, rect.height as usize);
-        let alike = Alike::new(seen, noise.under_probes(), size);
+        let alike = SimilarPixels::new(seen, noise.under_probes(), size);
         let left = MatRef::from_column_major_slice(&range.left, m, rank);
         let images: Vec<Smoothed> = (0..rank).map(|k| alike.smooth(left.col(k), &variances[k])).collect();
         let sum = |noise: &dyn Fn(usize) -> f64| (1..rank).map(|k| range.gains[k] * noise(k)).sum::<f64>();

@@ -12,7 +12,7 @@
 //! - a sparse entry is kept if what it saves is above `λ` times its bits.
 
 use super::candidate::{Candidate, CandidateSummary, percentile};
-use super::{AUTOMATIC_DB, AUTOMATIC_MOST_DB, CompressSettings, Target};
+use super::{AUTOMATIC_DB, AUTOMATIC_MAX_DB, CompressSettings, Target};
 use crate::matrix::FactoredBlock;
 
 /// Bits that a sparse entry costs: its place (a dozen) and its value.
@@ -38,7 +38,7 @@ const SAVED_OVER_NOISE: f64 = 0.002;
 const FINEST_STEP: f64 = 1.0 / 2048.0;
 
 /// Smallest slope that is looked at, over the energy of all blocks.
-const LEAST_SLOPE: f64 = 1e-22;
+const MIN_SLOPE: f64 = 1e-22;
 
 /// The choice that holds for all blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -229,7 +229,7 @@ impl<'a, I: Iterator<Item = &'a CandidateSummary> + Clone> Whole<I> {
 
     /// Slopes between which every target lies, as powers of two.
     fn exponents(&self) -> (f64, f64) {
-        ((self.energy * LEAST_SLOPE).log2(), self.energy.log2())
+        ((self.energy * MIN_SLOPE).log2(), self.energy.log2())
     }
 }
 
@@ -244,7 +244,7 @@ pub(super) fn choose<'a>(
         Target::Automatic
             if settings.noise_factor.is_some() && summaries.clone().any(CandidateSummary::knows_noise) =>
         {
-            Target::PsnrDb(AUTOMATIC_MOST_DB)
+            Target::PsnrDb(AUTOMATIC_MAX_DB)
         }
         Target::Automatic => Target::PsnrDb(AUTOMATIC_DB),
         target => target,
@@ -263,7 +263,7 @@ pub(super) fn choose<'a>(
     // Error that no slope takes away, and what more of it the noise makes worthless to take away.
     let mut worthless = 0.0;
     if let Target::PsnrDb(db) = target {
-        cut.slope = whole.energy * LEAST_SLOPE;
+        cut.slope = whole.energy * MIN_SLOPE;
         let least = whole.spent(&cut).shown;
         if settings.target == Target::Automatic || least > whole.shown_at(db) {
             worthless = least + SAVED_OVER_NOISE * whole.noise;

@@ -21,11 +21,11 @@ pub struct ColumnErrors {
 pub struct LightErrorSums {
     /// What one counts.
     unit: f64,
-    sums: Mutex<Sums>,
+    sums: Mutex<LightSums>,
 }
 
 #[derive(Clone, Debug, Default)]
-struct Sums {
+struct LightSums {
     /// Error, norm and noise of each column.
     columns: Vec<[i128; 3]>,
     all_on: [i128; 2],
@@ -37,7 +37,7 @@ impl LightErrorSums {
     pub fn new(columns: usize, energy: f64) -> Self {
         // 70 bits below the whole, and 57 above it.
         let unit = if energy > 0.0 && energy.is_finite() { (energy.log2().floor() - 70.0).exp2() } else { 1.0 };
-        let sums = Sums { columns: vec![[0; 3]; columns], all_on: [0; 2], noise_known: true };
+        let sums = LightSums { columns: vec![[0; 3]; columns], all_on: [0; 2], noise_known: true };
         Self { unit, sums: Mutex::new(sums) }
     }
 
@@ -110,7 +110,7 @@ impl LightErrorSums {
         losses
     }
 
-    fn lock(&self) -> MutexGuard<'_, Sums> {
+    fn lock(&self) -> MutexGuard<'_, LightSums> {
         // A panic inside leaves sums that nobody will read.
         self.sums.lock().unwrap_or_else(|e| e.into_inner())
     }

@@ -45,15 +45,15 @@ mod settings;
 mod size;
 
 pub use candidate::{Candidate, CandidateSummary};
-pub use cluster_residual::Contrasts;
+pub use cluster_residual::ClusterResidual;
 pub use compressor::Compressor;
 pub use cut::{Cut, component_bits};
 pub use light_sums::{ColumnErrors, LightErrorSums};
-pub use paper::{Selection, cur};
+pub use paper::{CurSelection, cur};
 pub use residual::Residual;
 pub use sanitise::{BlockSums, Replaced};
 pub use settings::{
-    AUTOMATIC_DB, AUTOMATIC_MOST_DB, CompressSettings, Core, Method, PriorChoice, Ranks, Scope, SparseRule, Target,
+    AUTOMATIC_DB, AUTOMATIC_MAX_DB, CompressSettings, Core, Method, PriorChoice, Ranks, Scope, SparseRule, Target,
 };
 pub use size::cut_of_size;
 

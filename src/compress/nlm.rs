@@ -16,7 +16,7 @@
 use faer::{ColRef, Mat, MatRef};
 
 use crate::matrix::CHANNELS;
-use crate::simd::on_widest;
+use crate::simd::dispatch;
 
 /// Largest distance in pixels that is averaged over, across and down; risks are summed over as large a window.
 const RADIUS: usize = 3;
@@ -25,7 +25,7 @@ const RADIUS: usize = 3;
 pub(super) const WINDOW_PIXELS: u64 = (2 * RADIUS as u64 + 1).pow(2);
 
 /// Which pixels of a block are lit alike.
-pub(super) struct Alike {
+pub(super) struct SimilarPixels {
     width: usize,
     height: usize,
     /// Offsets across and down by growing window, the pixel itself first, and the weight of each pixel's neighbour there.
@@ -44,7 +44,7 @@ pub(super) struct Smoothed {
     pub(super) noise: f64,
 }
 
-impl Alike {
+impl SimilarPixels {
     /// Compares the pixels of a block of `width` × `height` by its images under the probes and their noise, both rows ×
     /// probes.
     pub(super) fn new(seen: MatRef<'_, f32>, noise: MatRef<'_, f32>, (width, height): (usize, usize)) -> Self {
@@ -62,7 +62,7 @@ impl Alike {
         let reach = RADIUS as isize;
         for (across, down) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y))) {
             let mut weights = vec![0.0f32; pixels];
-            on_widest(
+            dispatch(
                 #[inline(always)]
                 || {
                     for (at, from, count) in overlap((width, height), (across, down)) {
@@ -103,7 +103,7 @@ impl Alike {
         let mut best: Vec<(f64, usize)> = vec![(f64::INFINITY, 0); pixels];
         let mut candidates = Vec::with_capacity(self.rings.len());
         for (window, ring) in self.rings.iter().enumerate() {
-            on_widest(
+            dispatch(
                 #[inline(always)]
                 || {
                     for (across, down, weights) in ring {
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn what_is_alike_is_averaged_and_an_edge_stays() {
         let (truth, seen, noise) = noisy(0.5);
-        let alike = Alike::new(seen.as_ref(), noise.as_ref(), (SIDE, SIDE));
+        let alike = SimilarPixels::new(seen.as_ref(), noise.as_ref(), (SIDE, SIDE));
         let smoothed = alike.smooth(seen.col(3), &[0.25; ROWS]);
         let error = squared_error(&smoothed.image, &truth);
         // Windows of 49 pixels; at the rim of the block and beside the edge a third of that, a mean of about 1/30 of the
@@ -224,7 +224,7 @@ mod tests {
     #[test]
     fn without_noise_nothing_is_changed() {
         let (_, seen, _) = noisy(0.5);
-        let alike = Alike::new(seen.as_ref(), Mat::zeros(ROWS, 8).as_ref(), (SIDE, SIDE));
+        let alike = SimilarPixels::new(seen.as_ref(), Mat::zeros(ROWS, 8).as_ref(), (SIDE, SIDE));
         let smoothed = alike.smooth(seen.col(3), &[0.0; ROWS]);
         assert!(smoothed.image.iter().zip(seen.col(3).iter()).all(|(a, b)| a == b));
         assert_eq!(smoothed.noise, 0.0);
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn a_component_of_little_noise_stays_where_the_draws_are_noisy() {
         let (truth, seen, noise) = noisy(0.5);
-        let alike = Alike::new(seen.as_ref(), noise.as_ref(), (SIDE, SIDE));
+        let alike = SimilarPixels::new(seen.as_ref(), noise.as_ref(), (SIDE, SIDE));
         // A checkerboard that the probes do not show: averaged, it would be lost.
         let board = Mat::from_fn(ROWS, 1, |i, _| truth[(i, 3)] + ((i + i / SIDE) % 2) as f32);
         let smoothed = alike.smooth(board.col(0), &[1e-3; ROWS]);

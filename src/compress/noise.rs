@@ -9,7 +9,7 @@
 use faer::{Mat, MatRef};
 
 use super::dense::{product, product_f64, solve_least_squares, subtract_product, to_f32, to_f64};
-use super::range::Weights;
+use super::range::PriorWeights;
 use crate::matrix::{BlockNoise, SparseEntry};
 
 /// Entries that stand out are noise if the squares of those of a row do not sum to more than this many times the row's
@@ -219,7 +219,7 @@ impl<'a> NoiseModel<'a> {
     }
 
     /// Of each gain, what the left side was fitted to.
-    pub(super) fn fitted(&self, weights: &Weights, right: &[f32], gains: &[f64]) -> Vec<f32> {
+    pub(super) fn fitted(&self, weights: &PriorWeights, right: &[f32], gains: &[f64]) -> Vec<f32> {
         let columns = self.columns.len();
         let right = MatRef::from_row_major_slice(right, gains.len(), columns);
         let lightings = weights.weigh(right);

@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 
 use crate::matrix::{BlockView, ColumnIndex, SparseEntry};
-use crate::simd::on_widest;
+use crate::simd::dispatch;
 
 /// A column with more of its rows standing out than this is a component, not a set of single entries: as a component it
 /// costs a value a row, as entries about three times that each.
@@ -14,7 +14,7 @@ const DENSE_COLUMN: f64 = 0.3;
 
 /// Entries that carry more than `fraction` of their row's absolute sum (`sums`, one a row) and stand more than `contrast`
 /// times above the row's 90th percentile, by column, then row.
-pub(super) fn stand_out(block: BlockView<'_>, sums: &[f32], fraction: f64, contrast: f64) -> Vec<SparseEntry> {
+pub(super) fn find_outliers(block: BlockView<'_>, sums: &[f32], fraction: f64, contrast: f64) -> Vec<SparseEntry> {
     let (m, n) = (block.rows(), block.columns());
     if fraction <= 0.0 || n < 4 {
         return Vec::new();
@@ -56,7 +56,7 @@ pub(super) fn stand_out(block: BlockView<'_>, sums: &[f32], fraction: f64, contr
 /// Entries of a larger magnitude than the threshold of their row, by column, then row.
 fn above(block: BlockView<'_>, thresholds: &[f32]) -> Vec<SparseEntry> {
     let mut found: Vec<SparseEntry> = Vec::new();
-    on_widest(
+    dispatch(
         #[inline(always)]
         || {
             for (j, column) in block.entries().chunks_exact(block.rows()).enumerate() {
@@ -86,7 +86,7 @@ fn counts_above(block: BlockView<'_>, limits: &[f32]) -> Vec<u32> {
         .step_by(TOGETHER)
         .filter(|&first| limits[first..].iter().take(TOGETHER).any(|limit| limit.is_finite()))
         .collect();
-    on_widest(
+    dispatch(
         #[inline(always)]
         || {
             for column in block.entries().chunks_exact(block.rows()) {
@@ -127,7 +127,7 @@ mod tests {
     fn found(block: BlockView<'_>) -> Vec<SparseEntry> {
         let sum = |i: usize| (0..block.columns()).map(|j| block.at(i, j).abs()).sum();
         let sums: Vec<f32> = (0..block.rows()).map(sum).collect();
-        stand_out(block, &sums, 0.02, 16.0)
+        find_outliers(block, &sums, 0.02, 16.0)
     }
 
     #[test]

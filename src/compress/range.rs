@@ -13,7 +13,7 @@ use super::dense::{
 };
 use crate::light::LightingPrior;
 use crate::matrix::SparseEntry;
-use crate::simd::on_widest;
+use crate::simd::dispatch;
 
 /// Factors of a block over an orthonormal `left`, in falling order of gain after the exact all-on component.
 pub(super) struct Range {
@@ -31,13 +31,13 @@ pub(super) struct Range {
 pub(super) type Wanted<'a> = dyn Fn(MatRef<'_, f32>, &[f64]) -> Vec<bool> + 'a;
 
 /// The prior in the form that products want.
-pub(super) struct Weights {
+pub(super) struct PriorWeights {
     prior: LightingPrior,
     /// The sketch's lightings: all-on, then draws; all-on alone where there are no more columns than draws.
     sketch: Mat<f32>,
 }
 
-impl Weights {
+impl PriorWeights {
     pub(super) fn new(prior: LightingPrior, sketch_columns: usize, seed: u64) -> Self {
         let n = prior.columns();
         let mut sketch = vec![1.0f32; n];
@@ -128,7 +128,7 @@ impl Weights {
 pub(super) fn find_range(
     a: MatRef<'_, f32>,
     stray: &[SparseEntry],
-    weights: &Weights,
+    weights: &PriorWeights,
     (rank, power_iterations): (usize, usize),
     seen_under: MatRef<'_, f32>,
     wanted: &Wanted<'_>,
@@ -156,7 +156,12 @@ pub(super) fn find_range(
 
 /// The range of given images, the first of them all-on: as many components as images, at most. The entries of `stray`
 /// count in `Uᵀ A`. Leaves the tail at 0.
-pub(super) fn range_of(mut images: Mat<f32>, a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &Weights) -> Range {
+pub(super) fn range_of(
+    mut images: Mat<f32>,
+    a: MatRef<'_, f32>,
+    stray: &[SparseEntry],
+    weights: &PriorWeights,
+) -> Range {
     let rank = images.ncols();
     let all_on = orthonormal(images.as_ref().subcols(0, rank.min(1)));
     let q = orthonormal_beside(all_on.as_ref(), &mut images);
@@ -180,7 +185,7 @@ fn components(
     all_on: MatRef<'_, f32>,
     q: MatRef<'_, f32>,
     through: MatRef<'_, f32>,
-    weights: &Weights,
+    weights: &PriorWeights,
     rank: usize,
 ) -> Range {
     let first = all_on.ncols();
@@ -225,7 +230,7 @@ impl RowSketch {
             return a.to_owned();
         }
         let mut few = Mat::zeros(SKETCH_ROWS, a.ncols());
-        on_widest(
+        dispatch(
             #[inline(always)]
             || {
                 for j in 0..a.ncols() {
@@ -245,7 +250,7 @@ impl RowSketch {
 
 /// [`find_range`] for blocks of few columns, without a sketch: with the eigenvectors `V Λ Vᵀ` of `AᵀA`, `A = Q B` where
 /// `Q = A V Λ^−½` is orthonormal and `B = Λ^½ Vᵀ` is as small as the columns are few, so that all is done on `B`.
-pub(super) fn exact_range(a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &Weights, rank: usize) -> Range {
+pub(super) fn exact_range(a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &PriorWeights, rank: usize) -> Range {
     let n = a.ncols();
     let mut whole = to_f64(a);
     stray.iter().for_each(|e| whole[(e.row as usize, e.column.index())] += f64::from(e.value));

@@ -19,7 +19,7 @@ use faer::{Accum, Mat, MatMut, MatRef, Par};
 
 use super::{BlockSums, ColumnErrors};
 use crate::matrix::{BlockNoise, BlockReport, FactoredBlock, SparseEntry, TracedBlock};
-use crate::simd::on_widest;
+use crate::simd::dispatch;
 
 /// Columns that are multiplied out at a time: with 3,072 rows they fit a second-level cache.
 const STRIP: usize = 64;
@@ -269,7 +269,7 @@ const LANES: usize = 16;
 /// The sum of the squares of the finite values.
 fn squared_norm(values: &[f32]) -> f64 {
     let mut sums = [0.0f64; LANES];
-    on_widest(
+    dispatch(
         #[inline(always)]
         || {
             let square = |value: f32| f64::from(finite(value)) * f64::from(finite(value));
@@ -286,7 +286,7 @@ fn squared_norm(values: &[f32]) -> f64 {
 
 /// [`squared_norm`] of a column, which is added to `all_on`.
 fn column_sums(entries: &[f32], all_on: &mut [f32]) -> f64 {
-    on_widest(
+    dispatch(
         #[inline(always)]
         || {
             for (sum, &entry) in all_on.iter_mut().zip(entries) {

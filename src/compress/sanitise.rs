@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use crate::matrix::{BlockView, ColumnIndex};
-use crate::simd::on_widest;
+use crate::simd::dispatch;
 
 /// Largest magnitude that is computed with: the squares of 3.4e8 such entries still sum up within an f32. Sums over more, and
 /// all sums of squares over a block, are taken in f64.
@@ -40,7 +40,7 @@ pub struct BlockSums {
 const LANES: usize = 16;
 
 /// What one pass over a block tells.
-pub(super) struct Survey {
+pub(super) struct BlockSurvey {
     /// Sum of each row, and squared norm of each column.
     pub(super) sums_of: BlockSums,
     /// Sum of the magnitudes of each row.
@@ -55,13 +55,13 @@ fn square(value: f32) -> f64 {
 }
 
 /// Sums the rows of a block and looks for entries that cannot be computed with.
-pub(super) fn survey(block: BlockView<'_>) -> Survey {
+pub(super) fn survey(block: BlockView<'_>) -> BlockSurvey {
     let sums_of = BlockSums { all_on: vec![0.0; block.rows()], column_norms: Vec::with_capacity(block.columns()) };
-    let mut survey = Survey { sums_of, sums: vec![0.0; block.rows()], usable: true };
-    on_widest(
+    let mut survey = BlockSurvey { sums_of, sums: vec![0.0; block.rows()], usable: true };
+    dispatch(
         #[inline(always)]
         || {
-            let Survey { sums_of: BlockSums { all_on: lit, column_norms }, sums, usable } = &mut survey;
+            let BlockSurvey { sums_of: BlockSums { all_on: lit, column_norms }, sums, usable } = &mut survey;
             for column in block.entries().chunks_exact(block.rows()) {
                 let mut squares = [0.0f64; LANES];
                 for ((values, lit), sums) in column.chunks(512).zip(lit.chunks_mut(512)).zip(sums.chunks_mut(512)) {
@@ -83,7 +83,7 @@ pub(super) fn survey(block: BlockView<'_>) -> Survey {
 }
 
 /// The entries of a block with every unusable one replaced, borrowed where there is none, and their sums.
-pub(super) fn sanitise(block: BlockView<'_>) -> (Cow<'_, [f32]>, Survey, Replaced) {
+pub(super) fn sanitise(block: BlockView<'_>) -> (Cow<'_, [f32]>, BlockSurvey, Replaced) {
     let found = survey(block);
     let mut replaced = Replaced::default();
     if found.usable {

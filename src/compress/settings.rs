@@ -51,7 +51,7 @@ pub enum Scope {
 
 /// What [`Target::Automatic`] reaches at most, as [`Target::PsnrDb`]: an error of less than one step of an 8-bit display
 /// (48.1 dB below white).
-pub const AUTOMATIC_MOST_DB: f64 = 50.0;
+pub const AUTOMATIC_MAX_DB: f64 = 50.0;
 /// What [`Target::Automatic`] is where the noise is not known or not heeded.
 pub const AUTOMATIC_DB: f64 = 45.0;
 
@@ -59,7 +59,7 @@ pub const AUTOMATIC_DB: f64 = 45.0;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
     /// As near to the matrix as the noise of its samples lets it be of use, so that what is packed is not farther from the
-    /// truth than the matrix, up to [`AUTOMATIC_MOST_DB`]: it stops where further bytes would save a 500th of the energy
+    /// truth than the matrix, up to [`AUTOMATIC_MAX_DB`]: it stops where further bytes would save a 500th of the energy
     /// that the noise has. Where the noise is not known or not heeded, [`AUTOMATIC_DB`].
     Automatic,
     /// Mean PSNR in dB over the prior's lightings of images exposed so that the 95th percentile of their values is white,

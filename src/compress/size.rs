@@ -7,7 +7,7 @@ use crate::error::Result;
 /// Between one guess and the next while the slope is not yet enclosed, in powers of two.
 const STRIDE: f64 = 3.0;
 /// Guesses at most until it is: what noise or a fixed rank decide does not depend on the slope.
-const MOST_STRIDES: usize = 10;
+const MAX_STRIDES: usize = 10;
 /// Halvings of the enclosed range: to a 40th of a power of two, which is less than 1 % of the bytes.
 const HALVINGS: usize = 7;
 
@@ -22,7 +22,7 @@ pub fn cut_of_size(start: Cut, target_bytes: u64, bytes_at: impl Fn(&Cut) -> Res
     let start = start.slope.log2();
     let step = if fits(start)? { -STRIDE } else { STRIDE };
     let (mut inside, mut outside) = (start, start + step);
-    for _ in 0..MOST_STRIDES {
+    for _ in 0..MAX_STRIDES {
         if fits(outside)? != (step < 0.0) {
             break;
         }

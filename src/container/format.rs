@@ -22,13 +22,13 @@ pub(super) const MAX_LAYERS: usize = 16;
 
 /// The header: says what the file is before anything else is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Header {
+pub(super) struct ContainerHeader {
     pub(super) version: u32,
     pub(super) block_count: u32,
     pub(super) job_hash: [u8; 32],
 }
 
-impl Header {
+impl ContainerHeader {
     /// Its bytes.
     pub(super) fn encode(&self) -> [u8; HEADER_BYTES] {
         let mut bytes = [0; HEADER_BYTES];
@@ -262,7 +262,7 @@ mod tests {
 
     #[test]
     fn the_tables_of_the_format_document_are_what_is_written() {
-        let header = Header { version: FORMAT_VERSION, block_count: 0x0102_0304, job_hash: [7; 32] }.encode();
+        let header = ContainerHeader { version: FORMAT_VERSION, block_count: 0x0102_0304, job_hash: [7; 32] }.encode();
         let crc = header[60..].to_vec();
         check(
             "Header",

@@ -12,13 +12,13 @@ use super::layout::BlockLayout;
 use crate::matrix::FactoredBlock;
 
 /// Blocks of fewer bytes than this stay in one layer: the second one's own bytes would not pay.
-const LEAST_SPLIT_BYTES: usize = 256;
+const MIN_SPLIT_BYTES: usize = 256;
 /// How much coarser the base layer's steps are, left and right. Over five built-in scenes and a conference room the
 /// all-on image is then about 6 dB or less from the whole one. The errors of the right side's steps nearly cancel in the
 /// sum over all lights; of the left side's nothing does.
 const COARSENESS: [f32; 2] = [2.2, 8.0];
 /// Most of a block's bytes that its base layer may take.
-const LARGEST_SHARE: f32 = 0.6;
+const MAX_SHARE: f32 = 0.6;
 
 /// Encodes a block: one layer, or two where a base layer pays.
 pub(super) fn encode_layers(
@@ -37,7 +37,7 @@ pub(super) fn encode_layers(
         }
         let rest = encode_layer(layout, &rest, LayerPart { shared: 1, ..part }, settings)?;
         let bytes = base.len() + rest.len();
-        if bytes >= LEAST_SPLIT_BYTES && base.len() as f32 <= LARGEST_SHARE * bytes as f32 {
+        if bytes >= MIN_SPLIT_BYTES && base.len() as f32 <= MAX_SHARE * bytes as f32 {
             return Ok(vec![base, rest]);
         }
     }

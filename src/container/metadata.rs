@@ -4,7 +4,7 @@
 use super::format::u32_at;
 use super::report::ContainerReport;
 use crate::encoding::{decode as decode_record, encode as encode_record};
-use crate::light::{CleaningErrors, ExposedError, Job, LightErrors, StatedErrors, decode_job, encode_job};
+use crate::light::{DenoiseErrors, ExposedError, Job, LightErrors, StatedErrors, decode_job, encode_job};
 
 /// What any metadata may unpack to, and what each of its bytes on disk earns on top of that.
 const FREE_BYTES: usize = 1 << 16;
@@ -20,7 +20,7 @@ pub(super) fn encode(job: &Job, report: &ContainerReport, errors: &StatedErrors)
     if let Some(lights) = &errors.lights {
         report.extend(encode_record(lights));
         // The errors of exposed images stand behind those of cleaning, which are no numbers where nothing was cleaned.
-        let cleaning = errors.cleaning.or(errors.exposed.map(|_| CleaningErrors::NONE));
+        let cleaning = errors.cleaning.or(errors.exposed.map(|_| DenoiseErrors::NONE));
         cleaning.iter().for_each(|cleaning| report.extend(encode_record(cleaning)));
         errors.exposed.iter().for_each(|exposed| report.extend(encode_record(exposed)));
     }
@@ -69,7 +69,7 @@ pub(super) fn decode(bytes: &[u8]) -> Result<(Job, ContainerReport, StatedErrors
     let mut rest = &rest[used..];
     let mut cleaning = None;
     if !rest.is_empty() {
-        let (errors, used): (CleaningErrors, usize) =
+        let (errors, used): (DenoiseErrors, usize) =
             decode_record(rest).map_err(|e| format!("the errors of cleaning do not decode ({e})"))?;
         (cleaning, rest) = (Some(errors).filter(|errors| !errors.is_none()), &rest[used..]);
     }

@@ -22,6 +22,6 @@ mod writer;
 pub use format::FORMAT_VERSION;
 pub use layout::{BlockLayout, LightLayout, LightPlane};
 pub use merge::merge;
-pub use reader::{ContainerReader, Fault, Verification, verify};
+pub use reader::{BlockFault, ContainerReader, Verification, verify};
 pub use report::ContainerReport;
 pub use writer::{ContainerOptions, ContainerSummary, ContainerWriter, EncodedBlock, EncodedSize, WrittenBlock};

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::codec::claims;
-use super::format::{BlockRecord, HEADER_BYTES, HEADER_MAGIC, Header, TRAILER_BYTES, Trailer};
+use super::format::{BlockRecord, ContainerHeader, HEADER_BYTES, HEADER_MAGIC, TRAILER_BYTES, Trailer};
 use super::index::{Index, PIECE_BYTES};
 use super::layers::join_layers;
 use super::layout::{BlockLayout, LightLayout};
@@ -23,8 +23,8 @@ use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixSha
 /// The first read takes this share of the file (between the two bounds), which covers the index of any container
 /// whose blocks have 4 KiB and more in two layers; where it does not, a second read follows.
 const TAIL_SHARE: u64 = 64;
-const TAIL_LEAST: u64 = 1 << 16;
-const TAIL_MOST: u64 = 1 << 26;
+const TAIL_MIN: u64 = 1 << 16;
+const TAIL_MAX: u64 = 1 << 26;
 
 /// An index of more bytes than this must have been stored: of each byte on the disk, file systems that compress make no more
 /// than so many. A file may claim any length without holding it.
@@ -83,12 +83,12 @@ impl ContainerReader {
                 not_ours(path)
             });
         }
-        let first = (file_bytes / TAIL_SHARE).clamp(TAIL_LEAST, TAIL_MOST).min(file_bytes);
+        let first = (file_bytes / TAIL_SHARE).clamp(TAIL_MIN, TAIL_MAX).min(file_bytes);
         let mut end = read(file_bytes - first, first as usize)?;
         let trailer = match Trailer::decode(&end[end.len() - TRAILER_BYTES..], file_bytes) {
             Ok(trailer) => trailer,
             Err(problem) => {
-                return Err(match Header::decode(&read(0, HEADER_BYTES)?) {
+                return Err(match ContainerHeader::decode(&read(0, HEADER_BYTES)?) {
                     Ok(_) => Error::damaged(path, format!("{problem}: it is cut short or damaged"), CUT_SHORT),
                     Err(_) if read(0, 8)? != HEADER_MAGIC => not_ours(path),
                     Err(problem) => Error::damaged(path, problem, CUT_SHORT),
@@ -245,11 +245,11 @@ impl ContainerReader {
             if !goes_on(self.encoded_bytes(*id, 0..layers)) {
                 stopped.store(true, Ordering::Relaxed);
             }
-            Some((layers, self.check_block(*id).err().map(|problem| Fault { block: Some(*id), problem })))
+            Some((layers, self.check_block(*id).err().map(|problem| BlockFault { block: Some(*id), problem })))
         };
         let blocks: Vec<_> = self.shape().blocks().filter(|&id| self.has_block(id)).collect();
         let looks: Vec<_> = blocks.par_iter().filter_map(looked_at).collect();
-        let header = self.check_header().err().map(|problem| Fault { block: None, problem });
+        let header = self.check_header().err().map(|problem| BlockFault { block: None, problem });
         Verification {
             blocks: looks.len() as u32,
             chunks: looks.iter().map(|(layers, _)| u64::from(*layers)).sum(),
@@ -297,7 +297,7 @@ impl ContainerReader {
     fn check_header(&self) -> Result<(), String> {
         let mut bytes = [0; HEADER_BYTES];
         self.file.fill(&mut bytes, 0).map_err(|e| e.to_string())?;
-        let header = Header::decode(&bytes)?;
+        let header = ContainerHeader::decode(&bytes)?;
         let fits = header.block_count == self.job.shape.block_count()
             && header.job_hash == self.job.hash().0
             && bytes[60..] == self.header_crc.to_le_bytes();
@@ -398,7 +398,7 @@ fn not_ours(path: &Path) -> Error {
 
 /// A block that cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
+pub struct BlockFault {
     /// The block; `None` for the header.
     pub block: Option<BlockId>,
     /// What does not hold, naming the block or the header.
@@ -413,7 +413,7 @@ pub struct Verification {
     /// Chunks looked at.
     pub chunks: u64,
     /// What is wrong; empty for a sound file.
-    pub faults: Vec<Fault>,
+    pub faults: Vec<BlockFault>,
 }
 
 /// Opens a container, then reads and decodes every byte of it.

@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use super::codec::CodecSettings;
 use super::format::{
-    BLOCK_RECORD_BYTES, BlockRecord, FORMAT_VERSION, HEADER_BYTES, Header, LAYER_RECORD_BYTES, LayerRecord,
+    BLOCK_RECORD_BYTES, BlockRecord, ContainerHeader, FORMAT_VERSION, HEADER_BYTES, LAYER_RECORD_BYTES, LayerRecord,
     TRAILER_BYTES, Trailer,
 };
 use super::layers::{encode_layers, join_layers};
@@ -300,7 +300,7 @@ pub(super) fn assemble(
     replace(path, overwrite, |file| {
         let failed = || Error::io(path, "write");
         let block_count = records.len() as u32;
-        let header = Header { version: FORMAT_VERSION, block_count, job_hash: job.hash().0 }.encode();
+        let header = ContainerHeader { version: FORMAT_VERSION, block_count, job_hash: job.hash().0 }.encode();
         file.write_all(&header).map_err(failed())?;
         let mut offset = HEADER_BYTES as u64;
         for layer in 0..records.iter().map(|r| usize::from(r.layers)).max().unwrap_or(0) {

@@ -2,11 +2,11 @@
 
 use pulp::Simd;
 
-use super::constants::{LEAST_ALBEDO, LEAST_MIRRORED_NOISE, MIRRORED, SLOPE};
+use super::constants::{MIN_ALBEDO, MIN_MIRRORED_NOISE, MIRRORED, SLOPE};
 use super::guides::weights;
-use super::image_rows::{Pool, Region, Rows};
+use super::image_rows::{ImageRows, Pool, Region};
 use super::kernel::{Means, Neighbours, Offsets, Weigh};
-use super::pixel_tile::{TILE_PIXELS, Tile};
+use super::pixel_tile::{PixelTile, TILE_PIXELS};
 use super::surfaces::{SPECULAR, Surfaces, SurfacesCut};
 
 const CHANNELS: usize = 3;
@@ -23,8 +23,8 @@ pub(super) fn passing_rows(step: usize) -> usize {
 }
 
 /// What light is divided by: a channel of the albedo that a row's own samples saw.
-pub(super) fn of_samples(features: &Rows, channel: usize, y: usize) -> impl Iterator<Item = f32> {
-    features.row(channel, y).iter().map(|albedo| albedo.max(LEAST_ALBEDO))
+pub(super) fn of_samples(features: &ImageRows, channel: usize, y: usize) -> impl Iterator<Item = f32> {
+    features.row(channel, y).iter().map(|albedo| albedo.max(MIN_ALBEDO))
 }
 
 /// What light is multiplied by again once it is filtered, in a region: three planes.
@@ -33,12 +33,12 @@ pub(super) fn of_samples(features: &Rows, channel: usize, y: usize) -> impl Iter
 /// glass, each takes one of two ways by chance, and the albedo of few samples has grain that would come back with it. There a pixel takes
 /// the mean `m` of those alike, as far as what it differs by is noise: `a + α (m − a)` with `α = (v / d² − L) / (1 − L)` from 0 to 1, where
 /// `v` is the variance of the albedo, `d²` the square of `a − m`, both means around the pixel, and `L` is
-/// [`LEAST_MIRRORED_NOISE`]; with `L = 0` that is the share of least risk (Stein 1981). Elsewhere it stays as sharp as surfaces are.
+/// [`MIN_MIRRORED_NOISE`]; with `L = 0` that is the share of least risk (Stein 1981). Elsewhere it stays as sharp as surfaces are.
 pub(super) fn of_filtered(
-    (features, variance): (&Rows, &Rows),
+    (features, variance): (&ImageRows, &ImageRows),
     region: &Region,
     (surfaces, pool): (&Surfaces, &Pool),
-) -> Rows {
+) -> ImageRows {
     let compared = region.grown(MEAN_REACH, features);
     let read = compared.grown(MIRRORED, features);
     let mut albedo = pool.rows_like(features, CHANNELS, read.y.clone());
@@ -70,7 +70,7 @@ pub(super) fn of_filtered(
             [(&around, 0), (&around, 1), (&means, channel)].map(|(rows, plane)| &rows.row(plane, y)[region.x.clone()]);
         for (x, (out, specular)) in out.iter_mut().zip(specular(y)).enumerate() {
             let share =
-                (noise[x] / (difference[x] + f32::MIN_POSITIVE) - LEAST_MIRRORED_NOISE) / (1.0 - LEAST_MIRRORED_NOISE);
+                (noise[x] / (difference[x] + f32::MIN_POSITIVE) - MIN_MIRRORED_NOISE) / (1.0 - MIN_MIRRORED_NOISE);
             *out += specular.clamp(0.0, 1.0) * share.clamp(0.0, 1.0) * (mean[x] - *out);
         }
     });
@@ -84,7 +84,7 @@ struct BySurfaces<'a>(&'a Surfaces);
 impl Weigh for BySurfaces<'_> {
     type Ready = SurfacesCut;
 
-    fn make_ready(&self, tile: Tile, reach: usize, surfaces: &mut SurfacesCut) {
+    fn make_ready(&self, tile: PixelTile, reach: usize, surfaces: &mut SurfacesCut) {
         self.0.cut(tile, reach, surfaces);
     }
 

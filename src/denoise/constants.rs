@@ -6,7 +6,7 @@
 //! these are not wholly strangers; or it says what it was measured on.
 
 /// Light is divided by no albedo below this.
-pub(super) const LEAST_ALBEDO: f32 = 0.02;
+pub(super) const MIN_ALBEDO: f32 = 0.02;
 /// Guides of each kind of light.
 pub(super) const GUIDES: usize = 6;
 /// Weight of the colour of the first of them.
@@ -17,7 +17,7 @@ pub(super) const MIRRORED: usize = 3;
 /// Share of noise in what that takes away from the albedo below which nothing is taken away: the variance of the samples is more than their noise, for they are
 /// spread over the pixel. Of 0, 0.5 and 0.8, chosen on `erw5-scene5` at 640 × 480 pixels (a ball of glass, which was grainy), and on
 /// `mixed` and `cornell-water` as the picture study has them, all at 16 samples: with 0 ꟻLIP of the two rose by 1 %.
-pub(super) const LEAST_MIRRORED_NOISE: f32 = 0.5;
+pub(super) const MIN_MIRRORED_NOISE: f32 = 0.5;
 
 /// Differences of what pixels see at which a weight is 1/e.
 pub(super) const NORMAL_WIDTH: f32 = 0.2;
@@ -88,13 +88,13 @@ pub(super) const SIDE_OF_FAR_STEP: f64 = 59.0;
 /// 1.3 % at 16 samples then, and rose by up to 1.3 % at 64.
 pub(super) const FAR_STEP: (usize, usize) = (12, 15);
 /// What an image is scaled by at most, and at least by its inverse, for their sum to stay.
-pub(super) const MOST_SCALE: f32 = 4.0;
+pub(super) const MAX_SCALE: f32 = 4.0;
 
 /// Leverage of the correction for slopes that each sample of a mean pays for: of the guides, of what is filtered by them; and
 /// the most there is.
 pub(super) const PILOT_SLOPE: f32 = 0.1;
 pub(super) const SLOPE: f32 = 0.01;
-pub(super) const MOST_LEVERAGE: f32 = 3.0;
+pub(super) const MAX_LEVERAGE: f32 = 3.0;
 
 /// Reach of the squares over which the noise of raw and of filtered guides are means.
 pub(super) const RAW_NOISE_REACH: usize = 2;
@@ -106,11 +106,11 @@ pub(super) const RISK_CELLS: usize = 2;
 /// pixel of every cell lost detail; kept since no row of all nine scenes of `ltm study picture` became worse by more than 0.2 % of ꟻLIP.
 pub(super) const OUTLIER: f32 = 3.0;
 /// Estimated best shares of the mean below which none of it is taken, and from which on all.
-pub(super) const LEAST_SHARE: f32 = 0.1;
+pub(super) const MIN_KEPT_SHARE: f32 = 0.1;
 pub(super) const WHOLE_SHARE: f32 = 0.5;
 
 /// Correlation of what two halves of the tiles say of the columns from which on it is believed, and that from which on wholly.
-pub(super) const LEAST_AGREEMENT: f64 = 0.25;
+pub(super) const MIN_AGREEMENT: f64 = 0.25;
 pub(super) const WHOLE_AGREEMENT: f64 = 0.75;
 
 /// Added to the weight of the pixels beside one: it counts only where none is alike.

@@ -8,19 +8,19 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::{Denoiser, Strip, TILE, Tally, tile_means};
+use super::{Denoiser, DenoiserRows, GuideStatistics, TILE, tile_means};
 use crate::block_records::{Records, stop_if_interrupted};
-use crate::compress::{CompressSettings, Compressor, Contrasts};
+use crate::compress::{ClusterResidual, CompressSettings, Compressor};
 use crate::error::{Error, Result};
 use crate::light::{Clusters, Job};
 use crate::matrix::{
     Block, BlockId, BlockPlanes, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, SeenEmission, TracedBlock,
     decode_unsigned, encode_unsigned,
 };
-use crate::resources::{Threads, Watch};
+use crate::resources::{Progress, Threads};
 
 /// What was gathered of a block.
-struct Gathered {
+struct BlockInputs {
     planes: BlockPlanes,
     /// Means of tiles of all columns without emission, columns × channels × tiles; empty where every column is a cluster.
     tiles: Vec<f32>,
@@ -105,7 +105,7 @@ impl DenoiseInputs {
         if Clusters::of_basis(&job.basis).count() as u64 == columns {
             return 0;
         }
-        Contrasts::bytes(job.shape.max_block_rows() as u64, columns, CONTRAST_RANK as u64)
+        ClusterResidual::bytes(job.shape.max_block_rows() as u64, columns, CONTRAST_RANK as u64)
     }
 
     /// Takes from each of these blocks what filtering needs of it. `make` puts a block into its target and says how much work that was,
@@ -118,13 +118,13 @@ impl DenoiseInputs {
         blocks: &[BlockId],
         threads: &Threads,
         (stage, work_unit): (&str, &str),
-        watch: &dyn Watch,
+        watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
-    ) -> Result<Tally> {
-        let total = Mutex::new(Tally::new(self.clusters));
+    ) -> Result<GuideStatistics> {
+        let total = Mutex::new(GuideStatistics::new(self.clusters));
         watch.begin(stage, blocks.len() as u64, "blocks");
         let gather = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
-            let mut tally = Tally::new(self.clusters);
+            let mut tally = GuideStatistics::new(self.clusters);
             let work = self.take(id, block, watch, &make, Some(&mut tally))?;
             total.lock().unwrap_or_else(|e| e.into_inner()).merge(&tally);
             watch.advance(1, work, work_unit);
@@ -144,9 +144,9 @@ impl DenoiseInputs {
         &self,
         id: BlockId,
         block: &mut TracedBlock,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
         make: &(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync),
-        tally: Option<&mut Tally>,
+        tally: Option<&mut GuideStatistics>,
     ) -> Result<u64> {
         stop_if_interrupted(&self.path, watch)?;
         let rect = self.shape.rect(id);
@@ -163,7 +163,7 @@ impl DenoiseInputs {
         })?;
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
         let contrasts = self.contrasts_of(id, block, &planes.emission);
-        let gathered = Gathered { planes, tiles, contrasts };
+        let gathered = BlockInputs { planes, tiles, contrasts };
         self.records.append(id.0, &[&encode(&gathered)])?;
         if let Some(tally) = tally {
             add_to(tally, &gathered.planes);
@@ -209,16 +209,16 @@ impl DenoiseInputs {
         Ok(())
     }
 
-    fn read(&self, id: BlockId) -> Result<Gathered> {
+    fn read(&self, id: BlockId) -> Result<BlockInputs> {
         let bytes = self.records.read(id.0)?;
         Ok(self.parts(id, &bytes)?.decode(self.shape.rect(id), self.clusters))
     }
 
     /// The parts of what was gathered of a block.
-    pub(crate) fn parts<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<Parts<'a>> {
+    pub(crate) fn parts<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<EncodedInputs<'a>> {
         let rect = self.shape.rect(id);
         let tiles = tile_values(self.shape, rect, self.clusters as u64);
-        let parts = Parts::of(bytes, rect.pixels(), self.clusters, tiles);
+        let parts = EncodedInputs::of(bytes, rect.pixels(), self.clusters, tiles);
         parts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))
     }
 
@@ -226,7 +226,7 @@ impl DenoiseInputs {
     pub(crate) fn spread(
         &self,
         id: BlockId,
-        (parts, images): (&Parts<'_>, Vec<f32>),
+        (parts, images): (&EncodedInputs<'_>, Vec<f32>),
         map: (&Clusters, &[f32]),
         block: &mut Block,
     ) -> Result<()> {
@@ -235,7 +235,7 @@ impl DenoiseInputs {
             block.entries_mut().copy_from_slice(&images);
             return Ok(());
         };
-        let contrasts = Contrasts::from_bytes(parts.contrasts);
+        let contrasts = ClusterResidual::from_bytes(parts.contrasts);
         let contrasts = contrasts.ok_or_else(|| self.records.damaged(id.0, "it is cut short"))?;
         compressor.spread(images, &contrasts, map, block);
         Ok(())
@@ -284,7 +284,7 @@ pub(crate) fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) ->
 }
 
 /// What was gathered of a block for the file: light and variances as tracing rounds them, the rest as it is.
-fn encode(Gathered { planes, tiles, contrasts }: &Gathered) -> Vec<u8> {
+fn encode(BlockInputs { planes, tiles, contrasts }: &BlockInputs) -> Vec<u8> {
     let light = || planes.direct.iter().chain(&planes.indirect).chain([&planes.feature_variance]);
     let halves = 2 * light().map(Vec::len).sum::<usize>();
     let emission: &[u8] = bytemuck::cast_slice(&planes.emission);
@@ -302,12 +302,12 @@ fn encode(Gathered { planes, tiles, contrasts }: &Gathered) -> Vec<u8> {
     bytes
 }
 
-fn add_to(tally: &mut Tally, planes: &BlockPlanes) {
+fn add_to(tally: &mut GuideStatistics, planes: &BlockPlanes) {
     tally.add(planes.direct.each_ref().map(Vec::as_slice), planes.indirect.each_ref().map(Vec::as_slice));
 }
 
 /// What was gathered of a block, as the file has it ([`encode`]).
-pub(crate) struct Parts<'a> {
+pub(crate) struct EncodedInputs<'a> {
     halves: &'a [u8],
     features: &'a [u8],
     pub(crate) tiles: &'a [u8],
@@ -315,7 +315,7 @@ pub(crate) struct Parts<'a> {
     contrasts: &'a [u8],
 }
 
-impl<'a> Parts<'a> {
+impl<'a> EncodedInputs<'a> {
     /// None if there is too little of it.
     fn of(bytes: &'a [u8], pixels: usize, clusters: usize, tiles: usize) -> Option<Self> {
         let light = pixels * CHANNELS * clusters;
@@ -332,7 +332,7 @@ impl<'a> Parts<'a> {
     }
 
     /// Puts what lies in `whole` into the rows of a window of it that the block stands in.
-    fn put(&self, rect: PixelRect, whole: PixelRect, clusters: usize, strip: &mut Strip<'_>) {
+    fn put(&self, rect: PixelRect, whole: PixelRect, clusters: usize, strip: &mut DenoiserRows<'_>) {
         let light = 2 * CHANNELS * clusters;
         let plane = 2 * rect.pixels();
         let (direct, rest) = self.halves.split_at(light * plane);
@@ -344,7 +344,7 @@ impl<'a> Parts<'a> {
         place(self.features, (rect, whole), (strip.features, FEATURE_PLANES), f32::from_ne_bytes);
     }
 
-    fn decode(&self, rect: PixelRect, clusters: usize) -> Gathered {
+    fn decode(&self, rect: PixelRect, clusters: usize) -> BlockInputs {
         let light = rect.pixels() * CHANNELS * clusters;
         let mut values = self.halves.chunks_exact(2).map(|b| decode_unsigned(u16::from_ne_bytes([b[0], b[1]])));
         let mut take = |count: usize| values.by_ref().take(count).collect::<Vec<f32>>();
@@ -355,7 +355,7 @@ impl<'a> Parts<'a> {
             features: floats(self.features),
             emission: self.emission(),
         };
-        Gathered { planes, tiles: floats(self.tiles), contrasts: self.contrasts.to_vec() }
+        BlockInputs { planes, tiles: floats(self.tiles), contrasts: self.contrasts.to_vec() }
     }
 }
 

@@ -21,14 +21,16 @@ use rayon::prelude::*;
 
 use super::denoise_inputs::{DenoiseInputs, floats, tile_values};
 use super::external_images::ExternalImages;
-use super::{DenoisedRows, Denoiser, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally, tile_means};
+use super::{
+    ColumnUpsampler, DenoisedRows, Denoiser, ErrorSums, FilterRadii, GuideStatistics, Guides, Pool, Region, tile_means,
+};
 use crate::block_records::{DENOISED, GATHERED, Records, ShardSet, open_spill, stop_if_interrupted};
 use crate::compress::Compressor;
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
-use crate::light::{CleaningErrors, Clusters, Job, LightBasis};
+use crate::light::{Clusters, DenoiseErrors, Job, LightBasis};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
-use crate::resources::{Need, Threads, Watch};
+use crate::resources::{Progress, ResourceEstimate, Threads};
 
 /// Memory that the rows of a window may take that are held at once; a window of one block is filtered whatever it takes.
 const WINDOW_BYTES: u64 = 512 << 20;
@@ -50,17 +52,17 @@ pub(crate) struct DenoisedSource {
     partition: Clusters,
     gathering: DenoiseInputs,
     images: ContinuationFile,
-    tally: Tally,
+    tally: GuideStatistics,
 }
 
 impl DenoisedSource {
     /// What packing a cleaned matrix takes, for each thread beside the block at hand: first blocks are made, which takes `making_bytes`
     /// more, and gathered; then windows are filtered; then blocks are spread, and compressed, which takes `compressing_bytes`.
-    pub(crate) fn need(job: &Job, making_bytes: u64, compressing_bytes: u64) -> Need {
+    pub(crate) fn need(job: &Job, making_bytes: u64, compressing_bytes: u64) -> ResourceEstimate {
         let windows = window_blocks(job.shape, Clusters::of_basis(&job.basis).count());
         let stages = Self::need_of_windows(job, making_bytes, windows);
         let disk_bytes = Self::disk_bytes(job);
-        Need {
+        ResourceEstimate {
             per_thread_bytes: stages.per_thread_bytes.max(compressing_bytes),
             disk_bytes,
             most_disk_bytes: disk_bytes,
@@ -69,16 +71,16 @@ impl DenoisedSource {
     }
 
     /// The same of cleaning alone, with windows of so many blocks across.
-    pub(crate) fn need_of_windows(job: &Job, making_bytes: u64, blocks: u32) -> Need {
+    pub(crate) fn need_of_windows(job: &Job, making_bytes: u64, blocks: u32) -> ResourceEstimate {
         let clusters = Clusters::of_basis(&job.basis).count();
         let gathering = making_bytes + DenoiseInputs::takes_bytes(job);
-        Need {
+        ResourceEstimate {
             // The map stays, and what looks for contrasts.
             fixed_bytes: (size_of::<f32>() * job.shape.columns()) as u64
                 * (clusters as u64 + Compressor::COLUMN_VALUES),
             per_thread_bytes: gathering.max(DenoiseInputs::spreads_bytes(job)),
             alone_bytes: Self::windows_need_bytes(job, blocks),
-            ..Need::default()
+            ..ResourceEstimate::default()
         }
     }
 
@@ -87,7 +89,7 @@ impl DenoisedSource {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let (planes, tiles) = DenoiseInputs::plane_and_tile_bytes(job);
         // What the map is fitted with; planes and tiles of the blocks at hand.
-        let fit = if tiles > 0 { MapFit::needs_bytes(clusters, job.shape.columns() as u64) } else { 0 };
+        let fit = if tiles > 0 { ColumnUpsampler::needs_bytes(clusters, job.shape.columns() as u64) } else { 0 };
         window_bytes(job.shape, blocks, clusters as usize) + BLOCKS_AT_HAND * (planes + 3 * tiles) + fit
     }
 
@@ -149,7 +151,7 @@ impl DenoisedSource {
         let (shape, partition) = (job.shape, Clusters::of_basis(&job.basis));
         let clusters = partition.count();
         let gathering = DenoiseInputs::new(job, with_suffix(path, GATHERED), records)?;
-        let (map, tally) = (identity(clusters, shape.columns()), Tally::new(clusters));
+        let (map, tally) = (identity(clusters, shape.columns()), GuideStatistics::new(clusters));
         Ok(Self { shape, clusters, windows, halo, map, partition, gathering, images, tally })
     }
 
@@ -175,7 +177,7 @@ impl DenoisedSource {
         &mut self,
         threads: &Threads,
         stage: (&str, &str),
-        watch: &dyn Watch,
+        watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<u64> {
         let blocks = self.blocks();
@@ -188,7 +190,7 @@ impl DenoisedSource {
     ///
     /// # Errors
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
-    pub(crate) fn filter(&self, threads: &Threads, watch: &dyn Watch) -> Result<()> {
+    pub(crate) fn filter(&self, threads: &Threads, watch: &dyn Progress) -> Result<()> {
         let guides = &self.tally.guides();
         watch.begin("cleaning", self.blocks().len() as u64, "blocks");
         let done = threads.run(|| -> Result<()> {
@@ -210,7 +212,7 @@ impl DenoisedSource {
     ///
     /// # Errors
     /// Those of reading the images and of the disk.
-    pub(crate) fn take(&self, basis: &ExternalImages, watch: &dyn Watch) -> Result<()> {
+    pub(crate) fn take(&self, basis: &ExternalImages, watch: &dyn Progress) -> Result<()> {
         if self.shape.blocks().all(|id| self.images.has(id.0)) {
             return Ok(());
         }
@@ -227,7 +229,7 @@ impl DenoisedSource {
     }
 
     /// Filters the blocks of one window, from the top down.
-    fn filter_window(&self, blocks: &[BlockId], guides: &Guides, pool: &Pool, watch: &dyn Watch) -> Result<()> {
+    fn filter_window(&self, blocks: &[BlockId], guides: &Guides, pool: &Pool, watch: &dyn Progress) -> Result<()> {
         let rects = || blocks.iter().map(|&id| self.shape.rect(id));
         let across = rects().map(|r| r.x).min().unwrap_or(0)..rects().map(|r| r.x + r.width).max().unwrap_or(0);
         let down = rects().map(|r| r.y).min().unwrap_or(0)..rects().map(|r| r.y + r.height).max().unwrap_or(0);
@@ -278,7 +280,7 @@ impl DenoisedSource {
     ///
     /// # Errors
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
-    pub(crate) fn fit(&mut self, watch: &dyn Watch) -> Result<()> {
+    pub(crate) fn fit(&mut self, watch: &dyn Progress) -> Result<()> {
         if self.clusters == self.shape.columns() {
             return Ok(());
         }
@@ -290,9 +292,9 @@ impl DenoisedSource {
     }
 
     /// What [`MapFit`] needs of all tiles.
-    fn sum_tiles(&self, watch: &dyn Watch) -> Result<MapFit> {
+    fn sum_tiles(&self, watch: &dyn Progress) -> Result<ColumnUpsampler> {
         let columns = self.shape.columns();
-        let mut fit = MapFit::new(self.clusters, columns);
+        let mut fit = ColumnUpsampler::new(self.clusters, columns);
         // Where it is brighter than the mean errors count by their share, in the dark as they are.
         let mean = self.mean_light()?;
         let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
@@ -358,14 +360,14 @@ impl DenoisedSource {
     ///
     /// # Errors
     /// Those of the disk.
-    pub(crate) fn errors(&self) -> Result<Option<CleaningErrors>> {
+    pub(crate) fn errors(&self) -> Result<Option<DenoiseErrors>> {
         let mut sums = ErrorSums::default();
         for id in self.shape.blocks() {
             let Some(part) = self.image_bytes(id)?.1 else { return Ok(None) };
             sums.add(&part);
         }
         let share = |squares: f64| (squares.max(0.0) / sums.light.max(f64::MIN_POSITIVE)).sqrt() as f32;
-        Ok(Some(CleaningErrors {
+        Ok(Some(DenoiseErrors {
             noise_before: share(sums.noise_before),
             noise_after: share(sums.noise_after),
             bias: share(sums.changed - sums.noise_of_change),
@@ -458,6 +460,6 @@ fn window_bytes(shape: MatrixShape, blocks: u32, clusters: usize) -> u64 {
     bytes + bytes / 10
 }
 
-fn reach_in(shape: MatrixShape) -> Reach {
-    Reach::of_image(shape.width(), shape.height())
+fn reach_in(shape: MatrixShape) -> FilterRadii {
+    FilterRadii::of_image(shape.width(), shape.height())
 }

@@ -6,10 +6,10 @@ use super::albedo;
 use super::constants::*;
 use super::errors::{self, ErrorSums, add_squares};
 use super::filter::{Direct, Indirect};
-use super::filter_radii::Reach;
+use super::filter_radii::FilterRadii;
 use super::guide_statistics::Guides;
 use super::guides::mixture_planes;
-use super::image_rows::{Pool, Region, Rows};
+use super::image_rows::{ImageRows, Pool, Region};
 use super::per_image_filter;
 use super::row_stages::{Stage, Step};
 use super::shrinkage::mixed;
@@ -19,7 +19,7 @@ use super::surfaces::Surfaces;
 const STEP: usize = 64;
 
 /// Rows of an image from one to another, to be filled: of each row the rows of all planes.
-pub struct Strip<'a> {
+pub struct DenoiserRows<'a> {
     /// Light that falls straight from emitters on what a pixel sees: two halves of the samples, of each all clusters, of each three
     /// channels.
     pub direct: &'a mut [f32],
@@ -35,8 +35,8 @@ pub struct Strip<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct DenoisedRows {
     /// Three planes for each cluster, direct and indirect light together.
-    pub images: Rows,
-    squares: Rows,
+    pub images: ImageRows,
+    squares: ImageRows,
 }
 
 impl DenoisedRows {
@@ -77,10 +77,10 @@ pub struct Denoiser<'a> {
 
 /// What is known of the image: light over the albedo, and features.
 struct Input {
-    direct: Rows,
-    indirect: Rows,
-    features: Rows,
-    feature_variance: Rows,
+    direct: ImageRows,
+    indirect: ImageRows,
+    features: ImageRows,
+    feature_variance: ImageRows,
     /// The row after the last that has come.
     end: usize,
     /// How far around what is cleaned rows are read, and which are kept.
@@ -95,11 +95,11 @@ impl<'a> Denoiser<'a> {
         region: Region,
         features: usize,
         guides: &'a Guides,
-        (reach, pool): (Reach, &'a Pool),
+        (reach, pool): (FilterRadii, &'a Pool),
     ) -> Self {
         let light = reach.light(2 * 3 * guides.clusters());
         let step = step_of(block);
-        let rows = |stage: Stage| Rows::none_yet(size, stage.planes, stage.rows(step) + block);
+        let rows = |stage: Stage| ImageRows::none_yet(size, stage.planes, stage.rows(step) + block);
         let of_features = reach.features(features);
         let read = Input {
             direct: rows(light),
@@ -126,7 +126,7 @@ impl<'a> Denoiser<'a> {
 
     /// Bytes that it takes at most for each column of pixels, with so many clusters and planes of features and blocks so high, where the
     /// region begins at the top.
-    pub fn bytes_across(reach: Reach, clusters: usize, features: usize, block: usize) -> u64 {
+    pub fn bytes_across(reach: FilterRadii, clusters: usize, features: usize, block: usize) -> u64 {
         let (step, light) = (step_of(block), reach.light(2 * 3 * clusters));
         let mixtures = mixture_planes(GUIDES.min(clusters));
         let bytes = |stage: &Stage| (4 * stage.planes * stage.rows(step)) as u64;
@@ -159,7 +159,7 @@ impl<'a> Denoiser<'a> {
         let height = read.features.height();
         let end = (self.next.end + read.light.reach).next_multiple_of(self.block).min(height).max(read.end);
         let wanted = read.end..end;
-        let held = |kept: isize, rows: &Rows| {
+        let held = |kept: isize, rows: &ImageRows| {
             if rows.held().is_empty() { wanted.start..end } else { begin.saturating_add_signed(kept)..end }
         };
         for rows in [&mut read.direct, &mut read.indirect] {
@@ -173,13 +173,13 @@ impl<'a> Denoiser<'a> {
     }
 
     /// Rows that it wants, to be filled, cut before each of the borders but the first, which is where they begin.
-    pub fn strips(&mut self, rows: &Range<usize>, borders: &[usize]) -> Vec<Strip<'_>> {
+    pub fn strips(&mut self, rows: &Range<usize>, borders: &[usize]) -> Vec<DenoiserRows<'_>> {
         let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
         let light = direct.strips_mut(rows, borders).into_iter().zip(indirect.strips_mut(rows, borders));
         let features = features.strips_mut(rows, borders).into_iter().zip(feature_variance.strips_mut(rows, borders));
         light
             .zip(features)
-            .map(|((direct, indirect), (features, feature_variance))| Strip {
+            .map(|((direct, indirect), (features, feature_variance))| DenoiserRows {
                 direct,
                 indirect,
                 features,
@@ -232,7 +232,7 @@ impl Denoiser<'_> {
         let Input { direct, indirect, features, feature_variance, .. } = &self.read;
         let read = [direct, indirect, features, feature_variance, self.surfaces.rows()];
         let all = read.into_iter().chain(self.direct.all_rows()).chain(self.indirect.all_rows());
-        all.map(Rows::room_bytes).sum()
+        all.map(ImageRows::room_bytes).sum()
     }
 }
 
@@ -245,27 +245,28 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    use super::super::Tally;
+    use super::super::GuideStatistics;
     use super::*;
 
     const CLUSTERS: usize = 2;
-    const REACH: Reach = Reach { stride: 3, far_step: None };
+    const REACH: FilterRadii = FilterRadii { stride: 3, far_step: None };
     /// That, and those of larger images.
-    const REACHES: [Reach; 3] = [REACH, Reach { stride: 4, far_step: None }, Reach { stride: 4, far_step: Some(12) }];
+    const REACHES: [FilterRadii; 3] =
+        [REACH, FilterRadii { stride: 4, far_step: None }, FilterRadii { stride: 4, far_step: Some(12) }];
 
     /// What is known of an image, all rows.
     #[derive(Clone)]
     struct Window {
-        direct: Rows,
-        indirect: Rows,
-        features: Rows,
-        feature_variance: Rows,
+        direct: ImageRows,
+        indirect: ImageRows,
+        features: ImageRows,
+        feature_variance: ImageRows,
     }
 
     /// A floor and a wall that meet in the middle; cluster 1 lights the left third alone. Each half has noise of this size.
-    fn room((width, height): (usize, usize), noise: f32) -> (Window, Rows) {
+    fn room((width, height): (usize, usize), noise: f32) -> (Window, ImageRows) {
         let mut random = Pcg64Mcg::seed_from_u64(3);
-        let rows = |planes| Rows::zeros(width, height, planes);
+        let rows = |planes| ImageRows::zeros(width, height, planes);
         let light = 2 * 3 * CLUSTERS;
         let mut window =
             Window { direct: rows(light), indirect: rows(light), features: rows(10), feature_variance: rows(10) };
@@ -293,19 +294,19 @@ mod tests {
     }
 
     fn guides(window: &Window) -> Guides {
-        let halves = |light: &Rows| {
+        let halves = |light: &ImageRows| {
             let plane = |plane| (0..light.height()).flat_map(move |y| light.row(plane, y).to_vec());
             [0, 1].map(|half| (half * 3 * CLUSTERS..(half + 1) * 3 * CLUSTERS).flat_map(plane).collect::<Vec<f32>>())
         };
         let (direct, indirect) = (halves(&window.direct), halves(&window.indirect));
-        let mut tally = Tally::new(CLUSTERS);
+        let mut tally = GuideStatistics::new(CLUSTERS);
         tally.add([&direct[0], &direct[1]], [&indirect[0], &indirect[1]]);
         tally.guides()
     }
 
-    fn mean_of_halves(halves: &Rows) -> Rows {
+    fn mean_of_halves(halves: &ImageRows) -> ImageRows {
         let planes = halves.planes() / 2;
-        let mut mean = Rows::zeros(halves.width(), halves.height(), planes);
+        let mut mean = ImageRows::zeros(halves.width(), halves.height(), planes);
         mean.fill_rows(&halves.whole(), |y, plane, out| {
             let pairs = halves.row(plane, y).iter().zip(halves.row(planes + plane, y));
             out.iter_mut().zip(pairs).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
@@ -318,23 +319,23 @@ mod tests {
         window: &Window,
         region: &Region,
         guides: &Guides,
-        (block, reach): (usize, Reach),
+        (block, reach): (usize, FilterRadii),
     ) -> DenoisedRows {
         let size = (window.features.width(), window.features.height());
         let pool = Pool::default();
         for planes in [1, 3, 4, 10, 12, 16, 16] {
-            let mut used = Rows::zeros(size.0, size.1, planes);
+            let mut used = ImageRows::zeros(size.0, size.1, planes);
             used.values_mut().fill(f32::NAN);
             pool.keep(used);
         }
         let mut cleaning = Denoiser::new((size, block), region.clone(), 10, guides, (reach, &pool));
-        let zeros = |planes| Rows::zeros(size.0, size.1, planes);
+        let zeros = |planes| ImageRows::zeros(size.0, size.1, planes);
         let mut all = DenoisedRows { images: zeros(3 * CLUSTERS), squares: zeros(errors::PLANES) };
         while let Some(wanted) = cleaning.wants() {
             let borders: Vec<usize> = wanted.clone().step_by(block).collect();
             for (strip, &first) in cleaning.strips(&wanted, &borders).into_iter().zip(&borders) {
                 let rows = first..wanted.end.min(first + block);
-                let put = |from: &Rows, to: &mut [f32]| {
+                let put = |from: &ImageRows, to: &mut [f32]| {
                     let row = from.planes() * size.0;
                     to.copy_from_slice(&from.values()[rows.start * row..rows.end * row]);
                 };
@@ -358,15 +359,15 @@ mod tests {
         clean_in_steps(&window, region, guides, (32, REACH))
     }
 
-    fn clean_all(window: &Window) -> Rows {
+    fn clean_all(window: &Window) -> ImageRows {
         clean(window.clone(), &window.features.whole(), &guides(window)).images
     }
 
-    fn squared_error(a: &Rows, b: &Rows) -> f64 {
+    fn squared_error(a: &ImageRows, b: &ImageRows) -> f64 {
         a.values().iter().zip(b.values()).map(|(a, b)| f64::from(a - b).powi(2)).sum()
     }
 
-    fn raw(window: &Window) -> Rows {
+    fn raw(window: &Window) -> ImageRows {
         let mut raw = mean_of_halves(&window.direct);
         let indirect = mean_of_halves(&window.indirect);
         raw.values_mut().iter_mut().zip(indirect.values()).for_each(|(d, i)| *d += i);
@@ -418,7 +419,7 @@ mod tests {
     fn without_noise_nothing_changes() {
         let (window, truth) = room((48, 40), 0.0);
         let error = squared_error(&clean_all(&window), &truth);
-        let norm = squared_error(&truth, &Rows::zeros(48, 40, 3 * CLUSTERS));
+        let norm = squared_error(&truth, &ImageRows::zeros(48, 40, 3 * CLUSTERS));
         assert!(error < 1e-10 * norm, "{error} of {norm}");
     }
 
@@ -453,7 +454,7 @@ mod tests {
 
     /// Scales light, in each half of the samples of a pixel, by the first of two where it is the one in so many that chance takes, else by the
     /// second.
-    fn in_few_samples(light: &mut Rows, seed: u64, one_in: u32, [bright, other]: [f32; 2]) {
+    fn in_few_samples(light: &mut ImageRows, seed: u64, one_in: u32, [bright, other]: [f32; 2]) {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         for y in 0..light.height() {
             for x in 0..light.width() {
@@ -472,7 +473,7 @@ mod tests {
     fn fireflies_are_spread_and_not_cut() {
         let (mut window, _) = room((48, 40), 0.3);
         in_few_samples(&mut window.indirect, 4, 20, [10.5, 0.5]);
-        let sum = |rows: &Rows| rows.values().iter().map(|&v| f64::from(v)).sum::<f64>();
+        let sum = |rows: &ImageRows| rows.values().iter().map(|&v| f64::from(v)).sum::<f64>();
         let before = sum(&raw(&window));
         let kept = sum(&clean_all(&window)) / before;
         // Their own noise is 2 % of the sum.
@@ -497,7 +498,7 @@ mod tests {
         let (mut window, truth) = room((96, 80), 0.0);
         in_few_samples(&mut window.direct, 6, 6, [6.0, 0.0]);
         let error = squared_error(&clean_all(&window), &truth);
-        let light = squared_error(&truth, &Rows::zeros(96, 80, 3 * CLUSTERS));
+        let light = squared_error(&truth, &ImageRows::zeros(96, 80, 3 * CLUSTERS));
         // 0.020; where both halves are weighed by the guides of all samples, 0.116.
         assert!(error < 0.05 * light, "{error} of {light}");
     }
@@ -512,7 +513,7 @@ mod tests {
                 let grain = 1.0 + 0.1 * (random.random::<f32>() - 0.5) * 12f32.sqrt();
                 let variance = (0.1 * window.features.row(0, y)[x]).powi(2);
                 (0..3).for_each(|channel| window.feature_variance.row_mut(channel, y)[x] = variance);
-                let scale = |rows: &mut Rows, planes: usize| {
+                let scale = |rows: &mut ImageRows, planes: usize| {
                     (0..planes).for_each(|plane| rows.row_mut(plane, y)[x] *= grain);
                 };
                 scale(&mut window.features, 3);
@@ -562,7 +563,7 @@ mod tests {
         for y in edge..housing.end {
             for x in 0..48 {
                 let lit = 1.0 - black(x, y);
-                let darken = |rows: &mut Rows, planes: Range<usize>| {
+                let darken = |rows: &mut ImageRows, planes: Range<usize>| {
                     planes.for_each(|plane| rows.row_mut(plane, y)[x] *= lit);
                 };
                 darken(&mut window.features, 0..3);
@@ -573,7 +574,7 @@ mod tests {
             }
         }
         let images = clean_all(&window);
-        let light = |rows: &Rows| rows.row(0, edge)[18..47].iter().sum::<f32>();
+        let light = |rows: &ImageRows| rows.row(0, edge)[18..47].iter().sum::<f32>();
         let kept = light(&images) / light(&truth);
         assert!((0.97..1.03).contains(&kept), "{kept} of the edge's light");
     }
@@ -653,8 +654,8 @@ mod tests {
         assert_eq!(pool.install(|| clean(window.clone(), &window.features.whole(), &guides).images), whole);
         // Its right part, with as much around it as is needed.
         let (inside, left) = (130, 130 - REACH.halo());
-        let cut = |rows: &Rows| {
-            let mut part = Rows::zeros(size.0 - left, size.1, rows.planes());
+        let cut = |rows: &ImageRows| {
+            let mut part = ImageRows::zeros(size.0 - left, size.1, rows.planes());
             for plane in 0..rows.planes() {
                 (0..size.1).for_each(|y| part.row_mut(plane, y).copy_from_slice(&rows.row(plane, y)[left..]));
             }

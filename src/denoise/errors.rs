@@ -1,7 +1,7 @@
 //! What cleaning does to images, estimated from the two halves of their samples: the noise that goes, that which stays, and the
 //! bias that comes.
 
-use super::image_rows::{Region, Rows};
+use super::image_rows::{ImageRows, Region};
 
 /// Planes that [`add_squares`] fills.
 pub(super) const PLANES: usize = 4;
@@ -33,8 +33,8 @@ impl ErrorSums {
     }
 
     /// Of a region of images and of the squares that [`add_squares`] has summed for them.
-    pub(super) fn of(images: &Rows, squares: &Rows, region: &Region) -> Self {
-        let sum = |rows: &Rows, plane: usize, of: fn(f64) -> f64| -> f64 {
+    pub(super) fn of(images: &ImageRows, squares: &ImageRows, region: &Region) -> Self {
+        let sum = |rows: &ImageRows, plane: usize, of: fn(f64) -> f64| -> f64 {
             region.y.clone().flat_map(|y| &rows.row(plane, y)[region.x.clone()]).map(|&v| of(f64::from(v))).sum()
         };
         let [noise_before, noise_after, changed, noise_of_change] =
@@ -48,11 +48,11 @@ impl ErrorSums {
 /// `s` what it became, of each two halves. The noise of a mean of two halves is half their difference, squared. Light that falls
 /// straight from emitters and other light are taken as independent.
 pub(super) fn add_squares(
-    raw: &Rows,
-    cleaned: &Rows,
+    raw: &ImageRows,
+    cleaned: &ImageRows,
     scale: impl Fn(usize, usize) -> Vec<f32> + Sync,
     region: &Region,
-    squares: &mut Rows,
+    squares: &mut ImageRows,
 ) {
     let planes = raw.planes() / 2;
     let width = raw.width();

@@ -3,23 +3,23 @@
 use pulp::Simd;
 
 use super::constants::*;
-use super::filter_radii::{FILTERED, FILTERED_PIXELS, RAW, Reach};
+use super::filter_radii::{FILTERED, FILTERED_PIXELS, FilterRadii, RAW};
 use super::guide_statistics::Guides;
 use super::guides::{Guide, GuideCut, GuideOf, GuideReach, GuideWidths, fill_mixtures, mixture_planes, weights};
-use super::image_rows::{Pool, Region, Rows};
+use super::image_rows::{ImageRows, Pool, Region};
 use super::kernel::{Means, Neighbours, Offset, Offsets, Weigh, Weighed};
-use super::per_image_filter::Alone;
-use super::pixel_tile::{TILE_PIXELS, Tile};
+use super::per_image_filter::PerImageFilter;
+use super::pixel_tile::{PixelTile, TILE_PIXELS};
 use super::row_stages::{Stage, Step, Track};
 use super::surfaces::{Surfaces, SurfacesCut};
 
 /// Means of a stage, and how far they are.
-struct Held {
-    rows: Rows,
+struct StageMeans {
+    rows: ImageRows,
     track: Track,
 }
 
-impl Held {
+impl StageMeans {
     fn new(stage: Stage, region: &Region, size: (usize, usize), step: usize) -> Self {
         let (track, rows) = Track::begin(stage, region, size, step);
         Self { rows, track }
@@ -50,7 +50,7 @@ impl HeldGuide {
         Self { guide: Guide::over(rows, reach.patch, of), reach, track }
     }
 
-    fn advance(&mut self, halves: &Rows, step: &Step<'_>, pool: &Pool) {
+    fn advance(&mut self, halves: &ImageRows, step: &Step<'_>, pool: &Pool) {
         let region = self.track.advance(self.guide.rows_mut(), step);
         if !region.y.is_empty() {
             self.guide.fill(halves, self.reach, &region, pool);
@@ -65,21 +65,27 @@ impl HeldGuide {
 /// noise of what it weighs. Else weights would favour bright samples of both halves at once, as those of a sun among the texels of a sky,
 /// and these would pass for edges of the light.
 pub(super) struct Direct<'a> {
-    reach: Reach,
+    reach: FilterRadii,
     mix: &'a [f32],
-    mixtures: Held,
+    mixtures: StageMeans,
     raw_guide: HeldGuide,
-    pilot: Held,
+    pilot: StageMeans,
     guide: HeldGuide,
-    wide: Held,
-    narrow: Held,
+    wide: StageMeans,
+    narrow: StageMeans,
 }
 
 impl<'a> Direct<'a> {
-    pub(super) fn new(reach: Reach, guides: &'a Guides, region: &Region, size: (usize, usize), step: usize) -> Self {
+    pub(super) fn new(
+        reach: FilterRadii,
+        guides: &'a Guides,
+        region: &Region,
+        size: (usize, usize),
+        step: usize,
+    ) -> Self {
         let mix = &guides.direct;
         let stages = reach.direct_stages(6 * guides.clusters(), mixture_planes(mix.len() / guides.clusters()));
-        let held = |stage| Held::new(stage, region, size, step);
+        let held = |stage| StageMeans::new(stage, region, size, step);
         Self {
             reach,
             mix,
@@ -93,29 +99,29 @@ impl<'a> Direct<'a> {
     }
 
     /// What comes out.
-    pub(super) fn means(&self) -> &Rows {
+    pub(super) fn means(&self) -> &ImageRows {
         &self.narrow.rows
     }
 
     /// All rows that are held.
     #[cfg(test)]
-    pub(super) fn all_rows(&self) -> Vec<&Rows> {
+    pub(super) fn all_rows(&self) -> Vec<&ImageRows> {
         let means = [&self.mixtures, &self.pilot, &self.wide, &self.narrow].map(|held| &held.rows);
         means.into_iter().chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
     /// Takes all stages as far as a step needs them.
-    pub(super) fn advance(&mut self, light: &Rows, step: &Step<'_>, (surfaces, pool): (&Surfaces, &Pool)) {
+    pub(super) fn advance(&mut self, light: &ImageRows, step: &Step<'_>, (surfaces, pool): (&Surfaces, &Pool)) {
         let region = self.mixtures.advance(step);
         fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
         self.raw_guide.advance(&self.mixtures.rows, step, pool);
         let widths = GuideWidths { noise: DIRECT_PILOT_NOISE, relative: DIRECT_PILOT_RELATIVE };
-        let alike = Alike { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
+        let alike = CommonWeights { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
         let region = self.pilot.advance(step);
         alike.means(&self.mixtures.rows, &self.reach.direct_pilot(), 0.0).fill(&region, &mut self.pilot.rows);
         self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: DIRECT_NOISE, relative: DIRECT_RELATIVE };
-        let alike = Alike { surfaces, guide: &self.guide.guide, crossed: true, widths, radius: None };
+        let alike = CommonWeights { surfaces, guide: &self.guide.guide, crossed: true, widths, radius: None };
         let both = (&mut self.wide, &mut self.narrow);
         let offsets = [self.reach.direct(), self.reach.direct_narrow()];
         wide_then_narrow((light, both), step, (alike, SLOPE), &offsets);
@@ -124,24 +130,30 @@ impl<'a> Direct<'a> {
 
 /// The stages of indirect light.
 pub(super) struct Indirect<'a> {
-    reach: Reach,
+    reach: FilterRadii,
     mix: &'a [f32],
-    mixtures: Held,
+    mixtures: StageMeans,
     raw_guide: HeldGuide,
-    pilot_wide: Held,
-    pilot: Held,
+    pilot_wide: StageMeans,
+    pilot: StageMeans,
     guide: HeldGuide,
-    wide: Held,
-    narrow: Held,
+    wide: StageMeans,
+    narrow: StageMeans,
     /// One for each pass.
-    alone: Vec<Held>,
+    alone: Vec<StageMeans>,
 }
 
 impl<'a> Indirect<'a> {
-    pub(super) fn new(reach: Reach, guides: &'a Guides, region: &Region, size: (usize, usize), step: usize) -> Self {
+    pub(super) fn new(
+        reach: FilterRadii,
+        guides: &'a Guides,
+        region: &Region,
+        size: (usize, usize),
+        step: usize,
+    ) -> Self {
         let mix = &guides.indirect;
         let stages = reach.indirect_stages(6 * guides.clusters(), mixture_planes(mix.len() / guides.clusters()));
-        let held = |stage| Held::new(stage, region, size, step);
+        let held = |stage| StageMeans::new(stage, region, size, step);
         Self {
             reach,
             mix,
@@ -157,38 +169,38 @@ impl<'a> Indirect<'a> {
     }
 
     /// What comes out.
-    pub(super) fn means(&self) -> &Rows {
+    pub(super) fn means(&self) -> &ImageRows {
         &self.alone.last().unwrap_or(&self.narrow).rows
     }
 
     /// All rows that are held.
     #[cfg(test)]
-    pub(super) fn all_rows(&self) -> Vec<&Rows> {
+    pub(super) fn all_rows(&self) -> Vec<&ImageRows> {
         let means = [&self.mixtures, &self.pilot_wide, &self.pilot, &self.wide, &self.narrow];
         let means = means.into_iter().chain(&self.alone).map(|held| &held.rows);
         means.chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
     /// Takes all stages as far as a step needs them.
-    pub(super) fn advance(&mut self, light: &Rows, step: &Step<'_>, seen: (&Surfaces, &Pool)) {
+    pub(super) fn advance(&mut self, light: &ImageRows, step: &Step<'_>, seen: (&Surfaces, &Pool)) {
         let (surfaces, pool) = seen;
         let region = self.mixtures.advance(step);
         fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
         self.raw_guide.advance(&self.mixtures.rows, step, pool);
         let widths = GuideWidths { noise: INDIRECT_PILOT_NOISE, relative: INDIRECT_PILOT_RELATIVE };
-        let alike = Alike { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
+        let alike = CommonWeights { surfaces, guide: &self.raw_guide.guide, crossed: false, widths, radius: None };
         let both = (&mut self.pilot_wide, &mut self.pilot);
         let offsets = [self.reach.wide(), self.reach.narrow()];
         wide_then_narrow((&self.mixtures.rows, both), step, (alike, PILOT_SLOPE), &offsets);
         self.guide.advance(&self.pilot.rows, step, pool);
         let widths = GuideWidths { noise: INDIRECT_NOISE, relative: INDIRECT_RELATIVE };
-        let alike = Alike { surfaces, guide: &self.guide.guide, crossed: false, widths, radius: None };
+        let alike = CommonWeights { surfaces, guide: &self.guide.guide, crossed: false, widths, radius: None };
         wide_then_narrow((light, (&mut self.wide, &mut self.narrow)), step, (alike, SLOPE), &offsets);
         let mut before = &self.narrow.rows;
         for (held, pass) in self.alone.iter_mut().zip(self.reach.alone()) {
             let region = held.advance(step);
             if !region.y.is_empty() {
-                Alone { surfaces, pass }.filter(before, &region, &mut held.rows, pool);
+                PerImageFilter { surfaces, pass }.filter(before, &region, &mut held.rows, pool);
             }
             before = &held.rows;
         }
@@ -197,9 +209,9 @@ impl<'a> Indirect<'a> {
 
 /// A wide filter, which may pass pixels over, then a narrow one that reads all.
 fn wide_then_narrow(
-    (light, (wide, narrow)): (&Rows, (&mut Held, &mut Held)),
+    (light, (wide, narrow)): (&ImageRows, (&mut StageMeans, &mut StageMeans)),
     step: &Step<'_>,
-    (mut alike, slope): (Alike<'_>, f32),
+    (mut alike, slope): (CommonWeights<'_>, f32),
     [of_wide, of_narrow]: &[Offsets; 2],
 ) {
     alike.radius = Some(of_wide.radius());
@@ -211,7 +223,7 @@ fn wide_then_narrow(
 }
 
 /// Weights by the guide, by what is seen, and by the distance within a radius.
-struct Alike<'a> {
+struct CommonWeights<'a> {
     surfaces: &'a Surfaces,
     guide: &'a Guide,
     /// Whether each half of the samples is weighed by the guides of the other half, in place of its own.
@@ -220,13 +232,13 @@ struct Alike<'a> {
     radius: Option<usize>,
 }
 
-impl Alike<'_> {
-    fn means<'a>(&'a self, images: &'a Rows, offsets: &'a Offsets, slope: f32) -> Means<'a, Self> {
+impl CommonWeights<'_> {
+    fn means<'a>(&'a self, images: &'a ImageRows, offsets: &'a Offsets, slope: f32) -> Means<'a, Self> {
         Means { images, offsets, slope, weigher: self }
     }
 }
 
-impl Weigh for Alike<'_> {
+impl Weigh for CommonWeights<'_> {
     type Ready = ([GuideCut; 2], SurfacesCut);
 
     fn weighed(&self) -> Weighed {
@@ -236,7 +248,7 @@ impl Weigh for Alike<'_> {
         }
     }
 
-    fn make_ready(&self, tile: Tile, reach: usize, (cuts, surfaces): &mut Self::Ready) {
+    fn make_ready(&self, tile: PixelTile, reach: usize, (cuts, surfaces): &mut Self::Ready) {
         for (part, cut) in cuts.iter_mut().enumerate().take(self.guide.of().parts()) {
             let by = if self.crossed { 1 - part } else { part };
             self.guide.cut(by, tile, reach, cut);

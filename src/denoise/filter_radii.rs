@@ -12,14 +12,14 @@ use super::surfaces;
 /// How far the wide filter of indirect light reaches, and with it all filtering: farther in larger images, where the same surface has
 /// more pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reach {
+pub struct FilterRadii {
     /// The wide filter reads every so many pixels across and down.
     pub(super) stride: usize,
     /// Pixels of a step of the far pass of each image by itself, which only large images have.
     pub(super) far_step: Option<usize>,
 }
 
-impl Reach {
+impl FilterRadii {
     /// That for an image of this size in pixels.
     pub fn of_image(width: u32, height: u32) -> Self {
         let side = (f64::from(width) * f64::from(height)).sqrt();
@@ -212,10 +212,10 @@ mod tests {
 
     #[test]
     fn filters_reach_farther_in_larger_images() {
-        let wide = |width, height| Reach::of_image(width, height).wide().radius();
+        let wide = |width, height| FilterRadii::of_image(width, height).wide().radius();
         assert_eq!([wide(1, 1), wide(256, 192), wide(384, 288)], [18; 3]);
         assert_eq!([wide(480, 360), wide(1024, 768), wide(8192, 4096)], [24; 3]);
-        let far = |width, height| Reach::of_image(width, height).far_step;
+        let far = |width, height| FilterRadii::of_image(width, height).far_step;
         assert_eq!([far(256, 192), far(640, 480), far(800, 600)], [None, None, Some(12)]);
         assert_eq!([far(1024, 768), far(8192, 4096)], [Some(15); 2]);
     }

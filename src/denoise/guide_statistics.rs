@@ -14,7 +14,7 @@ const UNIT: f64 = 1.0 / (1u64 << 30) as f64;
 /// Second moments of the clusters' images over pixels, each pixel scaled to the same brightness, between the two halves of
 /// the samples: the noise of one half does not show in the other.
 #[derive(Clone, Debug)]
-pub struct Tally {
+pub struct GuideStatistics {
     clusters: usize,
     direct: Moments,
     indirect: Moments,
@@ -41,7 +41,7 @@ impl Guides {
     }
 }
 
-impl Tally {
+impl GuideStatistics {
     /// Of nothing yet.
     pub fn new(clusters: usize) -> Self {
         let moments = Moments { products: vec![0; clusters * clusters], sums: vec![0; clusters] };

@@ -3,16 +3,16 @@
 use pulp::Simd;
 
 use super::constants::CHROMA;
-use super::image_rows::{Pool, Region, Rows};
+use super::image_rows::{ImageRows, Pool, Region};
 use super::kernel::Offset;
-use super::pixel_tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load, whole_vectors};
+use super::pixel_tile::{PixelTile, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TileWindow, load, whole_vectors};
 
 /// Guides that say how the first of them is coloured.
 const COLOURS: usize = 2;
 
 /// Guides of each part, then over the patch around each pixel the mean of the sum of their variances, and of that of their squares.
 pub(super) struct Guide {
-    rows: Rows,
+    rows: ImageRows,
     of: GuideOf,
     /// Of a part.
     guides: usize,
@@ -60,7 +60,7 @@ impl GuideReach {
 
 impl Guide {
     /// Without any pixels yet, in rows of `guides + 2` planes, or `2 · guides + 2` of each half.
-    pub(super) fn over(rows: Rows, patch: usize, of: GuideOf) -> Self {
+    pub(super) fn over(rows: ImageRows, patch: usize, of: GuideOf) -> Self {
         let guides = (rows.planes() - 2) / of.parts();
         Self { rows, of, guides, patch }
     }
@@ -72,7 +72,7 @@ impl Guide {
 
     /// Makes ready to compare the pixels of a region, from two halves, one after the other in `halves`: their mean or each of them, and the
     /// variance of that. The rows of the patches around them must be held.
-    pub(super) fn fill(&mut self, halves: &Rows, reach: GuideReach, region: &Region, pool: &Pool) {
+    pub(super) fn fill(&mut self, halves: &ImageRows, reach: GuideReach, region: &Region, pool: &Pool) {
         let (of, guides) = (self.of, self.guides);
         // Of the mean, and of a half.
         let of_square = 0.25 * of.parts() as f32;
@@ -114,20 +114,20 @@ impl Guide {
     }
 
     #[cfg(test)]
-    pub(super) fn rows(&self) -> &Rows {
+    pub(super) fn rows(&self) -> &ImageRows {
         &self.rows
     }
 
-    pub(super) fn rows_mut(&mut self) -> &mut Rows {
+    pub(super) fn rows_mut(&mut self) -> &mut ImageRows {
         &mut self.rows
     }
 
-    pub(super) fn into_rows(self) -> Rows {
+    pub(super) fn into_rows(self) -> ImageRows {
         self.rows
     }
 
     /// Makes `around` what a tile's neighbours are compared by in a part.
-    pub(super) fn cut(&self, part: usize, tile: Tile, reach: usize, around: &mut GuideCut) {
+    pub(super) fn cut(&self, part: usize, tile: PixelTile, reach: usize, around: &mut GuideCut) {
         (around.guides, around.patch) = (self.guides, self.patch);
         let noise = self.of.parts() * self.guides;
         let planes = (part * self.guides..(part + 1) * self.guides).chain(noise..noise + 2);
@@ -138,7 +138,7 @@ impl Guide {
 /// The guides around a tile.
 #[derive(Default)]
 pub(super) struct GuideCut {
-    cut: Cut,
+    cut: TileWindow,
     guides: usize,
     patch: usize,
     /// Squared differences of the tile and what its patches reach, row by row.
@@ -199,7 +199,7 @@ impl GuideCut {
 
 /// Mixtures of the clusters' images, summed over channels, of each half: `mix` is clusters × guides, guide by guide. Two more
 /// say how the first of them is coloured: red and blue less green, [`CHROMA`] times.
-pub(super) fn fill_mixtures(halves: &Rows, mix: &[f32], region: &Region, images: &mut Rows) {
+pub(super) fn fill_mixtures(halves: &ImageRows, mix: &[f32], region: &Region, images: &mut ImageRows) {
     let clusters = halves.planes() / 6;
     let guides = mix.len() / clusters;
     let chroma: [[f32; 3]; COLOURS] = [[CHROMA, -CHROMA, 0.0], [0.0, -CHROMA, CHROMA]];

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// Planes of one size, of which some rows of pixels are held, stored row by row: with `f` the first row that is held, row `y` of
 /// plane `p` begins at `((y − f) · planes + p) · width`.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Rows {
+pub struct ImageRows {
     width: usize,
     height: usize,
     planes: usize,
@@ -31,7 +31,7 @@ pub struct Region {
 
 impl Region {
     /// What of the image lies within `reach` of the region.
-    pub(super) fn grown(&self, reach: usize, image: &Rows) -> Self {
+    pub(super) fn grown(&self, reach: usize, image: &ImageRows) -> Self {
         let grow = |range: &Range<usize>, size: usize| range.start.saturating_sub(reach)..(range.end + reach).min(size);
         Self { x: grow(&self.x, image.width), y: grow(&self.y, image.height) }
     }
@@ -39,7 +39,7 @@ impl Region {
 
 impl Pool {
     /// Planes of an image of the same size, of which these rows are held, with any values.
-    pub(super) fn rows_like(&self, image: &Rows, planes: usize, held: Range<usize>) -> Rows {
+    pub(super) fn rows_like(&self, image: &ImageRows, planes: usize, held: Range<usize>) -> ImageRows {
         let (width, height) = (image.width, image.height);
         let length = width * held.len() * planes;
         let mut kept = self.0.borrow_mut();
@@ -58,7 +58,7 @@ impl Pool {
             }
             vec![0.0; length]
         };
-        Rows { width, height, planes, first: held.start, values }
+        ImageRows { width, height, planes, first: held.start, values }
     }
 
     /// Bytes that are kept.
@@ -68,12 +68,12 @@ impl Pool {
     }
 
     /// Keeps the memory of an image that is done with.
-    pub fn keep(&self, rows: Rows) {
+    pub fn keep(&self, rows: ImageRows) {
         self.0.borrow_mut().push(rows.values);
     }
 }
 
-impl Rows {
+impl ImageRows {
     /// Planes of zeros, all rows.
     pub fn zeros(width: usize, height: usize, planes: usize) -> Self {
         Self { width, height, planes, first: 0, values: vec![0.0; width * height * planes] }
@@ -278,7 +278,7 @@ mod tests {
 
     #[test]
     fn the_mean_of_a_square_is_of_what_lies_in_the_image() {
-        let mut image = Rows::zeros(7, 5, 2);
+        let mut image = ImageRows::zeros(7, 5, 2);
         image.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = (i * i % 17) as f32);
         for region in [image.whole(), Region { x: 2..4, y: 1..5 }] {
             let means = image.box_mean(2, &region, &Pool::default());

@@ -3,12 +3,12 @@
 
 use pulp::{Simd, WithSimd};
 
-use super::constants::{BESIDE, MOST_LEVERAGE};
-use super::image_rows::{Region, Rows};
-use super::pixel_tile::{Cut, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, Tile, load};
+use super::constants::{BESIDE, MAX_LEVERAGE};
+use super::image_rows::{ImageRows, Region};
+use super::pixel_tile::{PixelTile, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TileWindow, load};
 
 /// What weighs less is not there: sums of such have no inverse.
-const LEAST_WEIGHT: f32 = 1e-20;
+const MIN_WEIGHT: f32 = 1e-20;
 
 /// How much the neighbours of pixels weigh.
 pub(super) trait Weigh: Sync {
@@ -21,7 +21,7 @@ pub(super) trait Weigh: Sync {
     }
 
     /// Makes ready what [`weigh`](Self::weigh) needs for the neighbours of a tile within a reach, in place of that of another tile.
-    fn make_ready(&self, tile: Tile, reach: usize, ready: &mut Self::Ready);
+    fn make_ready(&self, tile: PixelTile, reach: usize, ready: &mut Self::Ready);
 
     /// The weights of neighbours of the pixels of a tile, row by row; of all parts that are asked for the first comes first. What
     /// it says of neighbours beyond the image counts nothing. To be inlined, so that it is compiled for the vectors of the machine.
@@ -132,7 +132,7 @@ fn taps(offsets: &[Offset], row: usize) -> Vec<isize> {
 /// What a filter makes means of.
 #[derive(Clone, Copy)]
 pub(super) struct Means<'a, W> {
-    pub(super) images: &'a Rows,
+    pub(super) images: &'a ImageRows,
     pub(super) offsets: &'a Offsets,
     /// How much of the correction for slopes is allowed ([`Moments::tilts`]).
     pub(super) slope: f32,
@@ -151,14 +151,14 @@ impl<W: Weigh> Means<'_, W> {
     /// Fills for each pixel of a region the mean of its neighbours in each plane, corrected for their slope. A pixel weighs for itself
     /// as much as the one most alike, so that one that is like no other, on the edge of two surfaces say, does not keep its grain: it
     /// becomes what is beside it.
-    pub(super) fn fill(&self, region: &Region, means: &mut Rows) {
+    pub(super) fn fill(&self, region: &Region, means: &mut ImageRows) {
         let (width, planes) = (self.images.width(), self.images.planes());
         // Those of tiles at the image's edge, and of others.
-        let taps = [Cut::stride(self.offsets.radius), planes * width].map(|row| taps(&self.offsets.each, row));
+        let taps = [TileWindow::stride(self.offsets.radius), planes * width].map(|row| taps(&self.offsets.each, row));
         let taps = taps.each_ref().map(Vec::as_slice);
-        means.fill_tiles(region, (TILE_WIDTH, TILE_HEIGHT), |memory: &mut Memory<W::Ready>, (x, y), out| {
+        means.fill_tiles(region, (TILE_WIDTH, TILE_HEIGHT), |memory: &mut TileScratch<W::Ready>, (x, y), out| {
             memory.weights.resize(self.offsets.each.len() * WEIGHTS, 0.0);
-            pulp::Arch::new().dispatch(TileOfMeans { of: self, tile: Tile { x, y }, taps, memory, out });
+            pulp::Arch::new().dispatch(TileOfMeans { of: self, tile: PixelTile { x, y }, taps, memory, out });
         });
     }
 }
@@ -168,25 +168,25 @@ impl<W: Weigh> Means<'_, W> {
 const WEIGHTS: usize = TILE_PIXELS + 16;
 
 /// What goes from one tile to the next, to be filled anew: the system takes its time to give memory.
-struct Memory<R> {
+struct TileScratch<R> {
     ready: R,
     /// [`WEIGHTS`] for each offset.
     weights: Vec<f32>,
-    cut: Cut,
+    cut: TileWindow,
 }
 
-impl<R: Default> Default for Memory<R> {
+impl<R: Default> Default for TileScratch<R> {
     fn default() -> Self {
-        Self { ready: R::default(), weights: Vec::new(), cut: Cut::default() }
+        Self { ready: R::default(), weights: Vec::new(), cut: TileWindow::default() }
     }
 }
 
 struct TileOfMeans<'a, W: Weigh> {
     of: &'a Means<'a, W>,
-    tile: Tile,
+    tile: PixelTile,
     /// How far each offset is in a plane of a cut, and of the images.
     taps: [&'a [isize]; 2],
-    memory: &'a mut Memory<W::Ready>,
+    memory: &'a mut TileScratch<W::Ready>,
     /// Of each row of pixels the rows of all planes.
     out: Vec<&'a mut [f32]>,
 }
@@ -214,7 +214,7 @@ impl<W: Weigh> TileOfMeans<'_, W> {
     /// Fills the weights of a part: they add up to 1 for each pixel, and are those of a plane.
     #[inline(always)]
     fn weigh<S: Simd>(&mut self, simd: S, part: usize) {
-        let Memory { ready, weights: all, .. } = &mut *self.memory;
+        let TileScratch { ready, weights: all, .. } = &mut *self.memory;
         let Means { images, offsets, slope, weigher, .. } = *self.of;
         let mut own = 0;
         for (index, (&offset, weights)) in offsets.each.iter().zip(all.chunks_exact_mut(WEIGHTS)).enumerate() {
@@ -248,7 +248,7 @@ impl<W: Weigh> TileOfMeans<'_, W> {
 
     /// Whether all that is read lies within the rows that are held, vectors that begin in it too.
     fn is_inside(&self) -> bool {
-        let (Tile { x, y }, images, radius) = (self.tile, self.of.images, self.of.offsets.radius);
+        let (PixelTile { x, y }, images, radius) = (self.tile, self.of.images, self.of.offsets.radius);
         let (right, bottom, held) = (x + TILE_WIDTH + radius, y + TILE_HEIGHT + radius, images.held());
         x >= radius && y >= radius + held.start && right <= images.width() && bottom <= held.end
     }
@@ -257,9 +257,9 @@ impl<W: Weigh> TileOfMeans<'_, W> {
     #[inline(always)]
     fn add_up<S: Simd>(&mut self, simd: S, some: [usize; IMAGE]) {
         let images = self.of.images;
-        let (Tile { x, y }, planes) = (self.tile, images.planes());
+        let (PixelTile { x, y }, planes) = (self.tile, images.planes());
         let is_inside = self.is_inside();
-        let Memory { weights, cut, .. } = &mut *self.memory;
+        let TileScratch { weights, cut, .. } = &mut *self.memory;
         let (values, begins, row, taps) = if is_inside {
             let begins = some.map(|plane| images.begin_of(plane, y) + x);
             (images.values(), begins, planes * images.width(), self.taps[1])
@@ -267,7 +267,7 @@ impl<W: Weigh> TileOfMeans<'_, W> {
             let radius = self.of.offsets.radius;
             cut.fill(images, some, self.tile, radius);
             let begins = std::array::from_fn(|plane| plane * cut.plane_length() + cut.at((0, 0)));
-            (cut.values(), begins, Cut::stride(radius), self.taps[0])
+            (cut.values(), begins, TileWindow::stride(radius), self.taps[0])
         };
         let mut out = [[0.0f32; TILE_WIDTH]; IMAGE];
         for (y, rows) in self.out.chunks_exact_mut(planes).enumerate() {
@@ -317,7 +317,7 @@ fn add_up_vectors<S: Simd>(
 
 /// Neighbours beyond the image weigh nothing.
 #[inline(always)]
-fn forget_outside(images: &Rows, tile: Tile, (across, down): Offset, weights: &mut [f32; TILE_PIXELS]) {
+fn forget_outside(images: &ImageRows, tile: PixelTile, (across, down): Offset, weights: &mut [f32; TILE_PIXELS]) {
     let (width, height) = (images.width() as isize, images.height() as isize);
     let (x, y) = (tile.x as isize + across, tile.y as isize + down);
     if x >= 0 && y >= 0 && x + TILE_WIDTH as isize <= width && y + TILE_HEIGHT as isize <= height {
@@ -373,14 +373,14 @@ impl Moments {
     /// slope, on the rim of a surface above all; the plane is not, but it has more noise: by the factor `1 + t`, where
     /// `t = mᵀ C⁻¹ m` is the leverage of the mean offset `m` with the covariance `C` of the offsets. So the correction is scaled down
     /// to a leverage of at most `slope` times the number of samples that a mean with these weights is worth, and never above
-    /// [`MOST_LEVERAGE`].
+    /// [`MAX_LEVERAGE`].
     #[inline(always)]
     fn tilts(&self, own: &mut [f32], slope: f32) -> Tilts {
         let Self([sums, m_x, m_y, m_xx, m_xy, m_yy, squares, most]) = self;
         let mut tilts = [[0.0f32; TILE_WIDTH]; 3];
         for (i, own) in own.iter_mut().enumerate() {
             // A pixel without any other keeps its value.
-            *own = if most[i] > LEAST_WEIGHT { most[i] } else { 1.0 };
+            *own = if most[i] > MIN_WEIGHT { most[i] } else { 1.0 };
             let scale = 1.0 / (sums[i] + *own);
             let squares = (squares[i] + *own * *own) * scale * scale;
             // Each weight is multiplied by `1 − (C⁻¹ m)ᵀ (offset − m)`, or by less of it.
@@ -421,7 +421,7 @@ fn tilt([x, y, xx, xy, yy]: [f32; 5], squares: f32, slope: f32) -> [f32; 3] {
     let determinant = a * c - b * b;
     let (tilt_x, tilt_y) = ((c * x - b * y) / determinant, (a * y - b * x) / determinant);
     let leverage = tilt_x * x + tilt_y * y;
-    let most = (slope / squares).min(MOST_LEVERAGE);
+    let most = (slope / squares).min(MAX_LEVERAGE);
     let scale = if leverage > most { (most / leverage).sqrt() } else { 1.0 };
     [scale * tilt_x, scale * tilt_y, 1.0 + scale * leverage]
 }
@@ -434,21 +434,21 @@ mod tests {
     struct ByPlace<F>(F);
 
     impl<F: Fn((usize, usize), Offset) -> f32 + Sync> Weigh for ByPlace<F> {
-        type Ready = Tile;
+        type Ready = PixelTile;
 
-        fn make_ready(&self, tile: Tile, _: usize, ready: &mut Tile) {
+        fn make_ready(&self, tile: PixelTile, _: usize, ready: &mut PixelTile) {
             *ready = tile;
         }
 
-        fn weigh<S: Simd>(&self, _: S, tile: &mut Tile, of: Neighbours, out: &mut [f32; TILE_PIXELS]) {
+        fn weigh<S: Simd>(&self, _: S, tile: &mut PixelTile, of: Neighbours, out: &mut [f32; TILE_PIXELS]) {
             for (i, out) in out.iter_mut().enumerate() {
                 *out = self.0((tile.x + i % TILE_WIDTH, tile.y + i / TILE_WIDTH), of.offset);
             }
         }
     }
 
-    fn means(images: &Rows, region: &Region, offsets: &Offsets, slope: f32, weigher: &impl Weigh) -> Rows {
-        let mut means = Rows::zeros(images.width(), images.height(), images.planes());
+    fn means(images: &ImageRows, region: &Region, offsets: &Offsets, slope: f32, weigher: &impl Weigh) -> ImageRows {
+        let mut means = ImageRows::zeros(images.width(), images.height(), images.planes());
         Means { images, offsets, slope, weigher }.fill(region, &mut means);
         means
     }
@@ -457,7 +457,7 @@ mod tests {
     #[test]
     fn a_slope_at_the_rim_is_no_bias() {
         let (width, height) = (20, 3);
-        let mut ramp = Rows::zeros(width, height, 1);
+        let mut ramp = ImageRows::zeros(width, height, 1);
         (0..height).for_each(|y| (0..width).for_each(|x| ramp.row_mut(0, y)[x] = x as f32));
         let even = ByPlace(|_, _| 1.0);
         let rim = |slope: f32| means(&ramp, &ramp.whole(), &Offsets::square(5, 1), slope, &even).row(0, 1)[0];
@@ -473,7 +473,7 @@ mod tests {
 
     #[test]
     fn weights_of_a_plane_add_up_to_one() {
-        let mut flat = Rows::zeros(20, 9, 1);
+        let mut flat = ImageRows::zeros(20, 9, 1);
         flat.values_mut().fill(3.0);
         let means = means(&flat, &flat.whole(), &Offsets::square(4, 1), 1.0, &ByPlace(uneven));
         assert!(means.values().iter().all(|v| (v - 3.0).abs() < 1e-3), "{means:?}");
@@ -489,7 +489,7 @@ mod tests {
             Weighed::Halves
         }
 
-        fn make_ready(&self, _: Tile, _: usize, (): &mut ()) {}
+        fn make_ready(&self, _: PixelTile, _: usize, (): &mut ()) {}
 
         fn weigh<S: Simd>(&self, _: S, (): &mut (), of: Neighbours, out: &mut [f32; TILE_PIXELS]) {
             let looks = if of.part == 0 { (-1, 0) } else { (1, 0) };
@@ -501,7 +501,7 @@ mod tests {
     fn each_half_of_the_samples_may_have_weights_of_its_own() {
         // More planes than are added up at once.
         let (width, half) = (20, 8);
-        let mut images = Rows::zeros(width, 3, 2 * half);
+        let mut images = ImageRows::zeros(width, 3, 2 * half);
         let value = |plane: usize, x: usize| (plane + x) as f32;
         for plane in 0..2 * half {
             (0..3).for_each(|y| (0..width).for_each(|x| images.row_mut(plane, y)[x] = value(plane, x)));
@@ -517,7 +517,7 @@ mod tests {
     /// Weights that are hardly there have sums without an inverse.
     #[test]
     fn a_pixel_that_is_hardly_like_any_other_keeps_its_value() {
-        let mut images = Rows::zeros(20, 9, 1);
+        let mut images = ImageRows::zeros(20, 9, 1);
         images.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
         let hardly = ByPlace(|_, _| 1e-42);
         let means = means(&images, &images.whole(), &Offsets::disc(6, 3), 1.0, &hardly);
@@ -529,7 +529,7 @@ mod tests {
     #[test]
     fn means_are_those_of_the_neighbours_with_their_weights() {
         let (width, height, planes) = (71, 19, 9);
-        let mut images = Rows::zeros(width, height, planes);
+        let mut images = ImageRows::zeros(width, height, planes);
         images.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = (i * i % 101) as f32);
         let offsets = Offsets::square(6, 3);
         for region in [images.whole(), Region { x: 3..50, y: 5..17 }] {

@@ -45,10 +45,10 @@ pub const DENOISER_VERSION: u32 = 18;
 
 pub(crate) use denoise_inputs::DenoiseInputs;
 pub(crate) use denoised_source::{DenoisedSource, windows_of};
-pub use denoiser::{DenoisedRows, Denoiser, Strip};
+pub use denoiser::{DenoisedRows, Denoiser, DenoiserRows};
 pub use errors::ErrorSums;
 pub(crate) use external_images::{BASIS_LAYER, ExternalImages};
-pub use filter_radii::Reach;
-pub use guide_statistics::{Guides, Tally};
-pub use image_rows::{Pool, Region, Rows};
-pub use upsample_columns::{MapFit, TILE, tile_means};
+pub use filter_radii::FilterRadii;
+pub use guide_statistics::{GuideStatistics, Guides};
+pub use image_rows::{ImageRows, Pool, Region};
+pub use upsample_columns::{ColumnUpsampler, TILE, tile_means};

@@ -2,13 +2,13 @@
 
 use pulp::Simd;
 
-use super::constants::{ALONE_RELATIVE, ALONE_SLOPE, MOST_SCALE};
+use super::constants::{ALONE_RELATIVE, ALONE_SLOPE, MAX_SCALE};
 use super::filter::nearness;
-use super::filter_radii::{FILTERED, Reach};
+use super::filter_radii::{FILTERED, FilterRadii};
 use super::guides::{Guide, GuideCut, GuideOf, GuideWidths, weights};
-use super::image_rows::{Pool, Region, Rows};
+use super::image_rows::{ImageRows, Pool, Region};
 use super::kernel::{IMAGE, Means, Neighbours, Offsets, Weigh, Weighed, plane_of};
-use super::pixel_tile::{TILE_PIXELS, Tile};
+use super::pixel_tile::{PixelTile, TILE_PIXELS};
 use super::surfaces::{Surfaces, SurfacesCut};
 
 /// Images that are filtered at once: they share what surfaces say.
@@ -17,7 +17,7 @@ const TOGETHER: usize = 4;
 const GUIDE_PLANES: usize = 3;
 
 /// Values that it holds for each column of pixels while so many rows are filtered.
-pub(super) fn passing_rows(reach: Reach, step: usize) -> usize {
+pub(super) fn passing_rows(reach: FilterRadii, step: usize) -> usize {
     let read = step + 2 * reach.alone().iter().map(Pass::read).max().unwrap_or(0);
     // Guides, and of one what it is made of: the image in grey, means of its noise and squares; sums before and after.
     read * (TOGETHER * GUIDE_PLANES + 2 + 5) + 2 * IMAGE * step
@@ -28,7 +28,7 @@ pub(super) fn passing_rows(reach: Reach, step: usize) -> usize {
 /// Images that were filtered with common weights keep grain where any of them has an edge: what is alike there under one light is not
 /// under another. Alone each could be averaged farther, but then what all share, and what their sum shows free of noise, is
 /// averaged with it. So the sum of all stays what it was, in each half of the samples: each image is scaled to that.
-pub(super) struct Alone<'a> {
+pub(super) struct PerImageFilter<'a> {
     pub(super) surfaces: &'a Surfaces,
     pub(super) pass: Pass,
 }
@@ -51,14 +51,14 @@ impl Pass {
     }
 }
 
-impl Alone<'_> {
+impl PerImageFilter<'_> {
     /// Filters images in a region into `filtered`. They hold two halves, of each all images, of each three channels.
-    pub(super) fn filter(&self, images: &Rows, region: &Region, filtered: &mut Rows, pool: &Pool) {
+    pub(super) fn filter(&self, images: &ImageRows, region: &Region, filtered: &mut ImageRows, pool: &Pool) {
         let all = images.planes() / IMAGE;
         for first in (0..all).step_by(TOGETHER) {
             let guides =
                 (first..all.min(first + TOGETHER)).map(|image| self.guide(images, image, region, pool)).collect();
-            let each = Each { alone: self, first, guides };
+            let each = PerImageWeights { alone: self, first, guides };
             let offsets = &self.pass.offsets;
             Means { images, offsets, slope: ALONE_SLOPE, weigher: &each }.fill(region, filtered);
             each.guides.into_iter().for_each(|guide| pool.keep(guide.into_rows()));
@@ -76,7 +76,7 @@ impl Alone<'_> {
     }
 
     /// What neighbours in an image are compared by.
-    fn guide(&self, images: &Rows, image: usize, region: &Region, pool: &Pool) -> Guide {
+    fn guide(&self, images: &ImageRows, image: usize, region: &Region, pool: &Pool) -> Guide {
         let compared = region.grown(self.pass.offsets.radius(), images);
         let read = compared.grown(FILTERED.read(), images);
         let mut grey = pool.rows_like(images, 2, read.y.clone());
@@ -96,7 +96,7 @@ impl Alone<'_> {
 }
 
 /// The sums over all images, of each half three channels.
-fn sums(images: &Rows, region: &Region, pool: &Pool) -> Rows {
+fn sums(images: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     let half = images.planes() / 2;
     let mut sums = pool.rows_like(images, IMAGE, region.y.clone());
     sums.fill_rows(region, |y, sum, out| {
@@ -110,12 +110,12 @@ fn sums(images: &Rows, region: &Region, pool: &Pool) -> Rows {
 
 /// What makes a sum what it was before, as far as that is sensible.
 fn scale(before: f32, after: f32) -> f32 {
-    if before > 0.0 && after > 0.0 { (before / after).clamp(1.0 / MOST_SCALE, MOST_SCALE) } else { 1.0 }
+    if before > 0.0 && after > 0.0 { (before / after).clamp(1.0 / MAX_SCALE, MAX_SCALE) } else { 1.0 }
 }
 
 /// Weights of some images, each from its own guide.
-struct Each<'a> {
-    alone: &'a Alone<'a>,
+struct PerImageWeights<'a> {
+    alone: &'a PerImageFilter<'a>,
     /// The first of them.
     first: usize,
     guides: Vec<Guide>,
@@ -130,14 +130,14 @@ struct Around {
     common: Vec<[f32; TILE_PIXELS]>,
 }
 
-impl Weigh for Each<'_> {
+impl Weigh for PerImageWeights<'_> {
     type Ready = Around;
 
     fn weighed(&self) -> Weighed {
         Weighed::Images { first: self.first, count: self.guides.len() }
     }
 
-    fn make_ready(&self, tile: Tile, reach: usize, around: &mut Around) {
+    fn make_ready(&self, tile: PixelTile, reach: usize, around: &mut Around) {
         around.guides.resize_with(self.guides.len(), GuideCut::default);
         self.guides.iter().zip(&mut around.guides).for_each(|(guide, cut)| guide.cut(0, tile, reach, cut));
         self.alone.surfaces.cut(tile, reach, &mut around.surfaces);

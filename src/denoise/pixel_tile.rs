@@ -2,7 +2,7 @@
 
 use pulp::Simd;
 
-use super::image_rows::Rows;
+use super::image_rows::ImageRows;
 use super::kernel::Offset;
 
 /// Pixels across a tile; two vectors of any width that machines have divide it.
@@ -16,28 +16,34 @@ const SLACK: usize = 16;
 
 /// Where a tile of an image begins. It may reach beyond the image.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Tile {
+pub(super) struct PixelTile {
     pub(super) x: usize,
     pub(super) y: usize,
 }
 
 /// Pixels of some planes within a reach of a tile. Beyond the image, and the rows of it that are held, its edge goes on.
 #[derive(Default)]
-pub(super) struct Cut {
+pub(super) struct TileWindow {
     reach: usize,
     stride: usize,
     rows: usize,
     values: Vec<f32>,
 }
 
-impl Cut {
+impl TileWindow {
     /// Values from one row to the next.
     pub(super) fn stride(reach: usize) -> usize {
         TILE_WIDTH + 2 * reach + SLACK
     }
 
     /// Becomes the pixels of these planes within `reach` of a tile.
-    pub(super) fn fill(&mut self, image: &Rows, planes: impl IntoIterator<Item = usize>, tile: Tile, reach: usize) {
+    pub(super) fn fill(
+        &mut self,
+        image: &ImageRows,
+        planes: impl IntoIterator<Item = usize>,
+        tile: PixelTile,
+        reach: usize,
+    ) {
         self.reach = reach;
         self.stride = Self::stride(reach);
         self.rows = TILE_HEIGHT + 2 * reach;
@@ -128,10 +134,10 @@ mod tests {
     #[test]
     fn the_edge_of_the_image_goes_on_around_it() {
         let (width, height, reach) = (40, 9, 3);
-        let mut image = Rows::zeros(width, height, 2);
+        let mut image = ImageRows::zeros(width, height, 2);
         image.values_mut().iter_mut().enumerate().for_each(|(i, v)| *v = i as f32);
-        for tile in [Tile { x: 0, y: 0 }, Tile { x: 32, y: 0 }, Tile { x: 1, y: 5 }] {
-            let mut cut = Cut::default();
+        for tile in [PixelTile { x: 0, y: 0 }, PixelTile { x: 32, y: 0 }, PixelTile { x: 1, y: 5 }] {
+            let mut cut = TileWindow::default();
             cut.fill(&image, 1..2, tile, reach);
             for y in -(reach as isize)..(TILE_HEIGHT + reach) as isize {
                 let row = image.row(1, (tile.y as isize + y).clamp(0, height as isize - 1) as usize);

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::image_rows::{Region, Rows};
+use super::image_rows::{ImageRows, Region};
 
 /// The rows of pixels that are cleaned at once, of the region that is wanted of an image.
 #[derive(Clone, Debug)]
@@ -62,13 +62,13 @@ pub(super) struct Track {
 
 impl Track {
     /// That of a stage of a region of an image of this size, and the rows that it fills.
-    pub(super) fn begin(stage: Stage, region: &Region, size: (usize, usize), step: usize) -> (Self, Rows) {
+    pub(super) fn begin(stage: Stage, region: &Region, size: (usize, usize), step: usize) -> (Self, ImageRows) {
         let track = Self { stage, done: region.y.start.saturating_sub(stage.reach) };
-        (track, Rows::none_yet(size, stage.planes, stage.rows(step)))
+        (track, ImageRows::none_yet(size, stage.planes, stage.rows(step)))
     }
 
     /// Makes room for what a step needs next, which is to be filled.
-    pub(super) fn advance(&mut self, rows: &mut Rows, step: &Step<'_>) -> Region {
+    pub(super) fn advance(&mut self, rows: &mut ImageRows, step: &Step<'_>) -> Region {
         let Stage { reach, beyond, kept, .. } = self.stage;
         let columns = step.region.grown(reach, rows).x;
         let end = (step.y.end + reach).min(rows.height()).max(self.done);

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use super::constants::{LEAST_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
-use super::image_rows::{Pool, Region, Rows, shifts};
-use crate::simd::on_widest;
+use super::constants::{MIN_KEPT_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
+use super::image_rows::{ImageRows, Pool, Region, shifts};
+use crate::simd::dispatch;
 
 /// Pixels to each side of the middle of a cell, and across it.
 const CELL_REACH: usize = 1;
@@ -21,7 +21,7 @@ pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REAC
 /// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. An outlier has no
 /// say in its cell ([`OUTLIER`]): a firefly that both halves happen to have looks like a detail, but a detail has more than one pixel.
 /// Where its own cell allows it a pixel takes as much as those beside it do in the mean.
-pub(super) fn mixed(raw: &Rows, smooth: &Rows, region: &Region, pool: &Pool) -> Rows {
+pub(super) fn mixed(raw: &ImageRows, smooth: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     let (width, planes) = (raw.width(), raw.planes() / 2);
     let mut mixed = pool.rows_like(raw, raw.planes(), region.y.clone());
     for first in (0..planes).step_by(3) {
@@ -46,11 +46,11 @@ pub(super) fn mixed(raw: &Rows, smooth: &Rows, region: &Region, pool: &Pool) -> 
 }
 
 /// Of the cell around each pixel, in the image of one cluster: what is gained, what is changed, and the squared light.
-struct Cells(Rows);
+struct Cells(ImageRows);
 
 impl Cells {
     /// Of the cluster whose first plane is this.
-    fn new(raw: &Rows, smooth: &Rows, first: usize, region: &Region, pool: &Pool) -> Self {
+    fn new(raw: &ImageRows, smooth: &ImageRows, first: usize, region: &Region, pool: &Pool) -> Self {
         let around = region.grown(RISK_REACH, raw);
         let mut terms = pool.rows_like(raw, 3, around.y.clone());
         terms.fill_whole_rows(&around.y, |y, row| {
@@ -61,7 +61,7 @@ impl Cells {
             for channel in first..first + 3 {
                 let ([raw_a, raw_b], [a, b]) =
                     (halves(raw, channel, (&around.x, y)), halves(smooth, channel, (&around.x, y)));
-                on_widest(
+                dispatch(
                     #[inline(always)]
                     || {
                         let sums = gained.iter_mut().zip(&mut *changed).zip(&mut *squared);
@@ -84,7 +84,7 @@ impl Cells {
     }
 
     /// How much of the smooth image the pixels of a region take.
-    fn shares(&self, region: &Region, pool: &Pool) -> Rows {
+    fn shares(&self, region: &Region, pool: &Pool) -> ImageRows {
         let mut shares = pool.rows_like(&self.0, 1, region.y.clone());
         shares.fill_rows(region, |y, _, out| out.copy_from_slice(&self.shares_of_row(y, region)));
         shares
@@ -105,7 +105,7 @@ impl Cells {
         for y in rows.filter(|&y| y < terms.height()) {
             let [gained, changed, light] = [0, 1, 2].map(|term| terms.row(term, y));
             for (from, to) in shifts(&region.x, (CELL * RISK_CELLS, CELL), terms.width()) {
-                on_widest(
+                dispatch(
                     #[inline(always)]
                     || {
                         let sums = gains[to.clone()].iter_mut().zip(&mut changes[to.clone()]).zip(&own[to.clone()]);
@@ -124,7 +124,7 @@ impl Cells {
 }
 
 /// Around each pixel of a region the means of the terms: of what is gained and changed without an outlier.
-fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
+fn of_cells(terms: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     let (width, height) = (terms.width(), terms.height());
     let mut cells = pool.rows_like(terms, terms.planes(), region.y.clone());
     cells.fill_whole_rows(&region.y, |y, row| {
@@ -138,7 +138,7 @@ fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
             let from = [0, 1, 2].map(|term| terms.row(term, y));
             for (there, here) in shifts(&region.x, (CELL_REACH, 1), width) {
                 let [gain, change, light] = from.map(|row| &row[there.clone()]);
-                on_widest(
+                dispatch(
                     #[inline(always)]
                     || {
                         let most = most_gain[here.clone()].iter_mut().zip(&mut most_change[here.clone()]);
@@ -176,7 +176,7 @@ fn of_cells(terms: &Rows, region: &Region, pool: &Pool) -> Rows {
 }
 
 /// The halves of a channel: some pixels of a row.
-fn halves<'a>(rows: &'a Rows, channel: usize, (x, y): (&Range<usize>, usize)) -> [&'a [f32]; 2] {
+fn halves<'a>(rows: &'a ImageRows, channel: usize, (x, y): (&Range<usize>, usize)) -> [&'a [f32]; 2] {
     [channel, rows.planes() / 2 + channel].map(|plane| &rows.row(plane, y)[x.clone()])
 }
 
@@ -187,5 +187,5 @@ fn share(gained: f32, changed: f32) -> f32 {
 /// The share that is taken where an estimate says `best`. The mean alone is no worse than what was there from a half on, and
 /// what is left of grain is seen more than what is lost: so that is taken whole, and below it falls off.
 fn trusted(best: f32) -> f32 {
-    ((best - LEAST_SHARE) / (WHOLE_SHARE - LEAST_SHARE)).clamp(0.0, 1.0)
+    ((best - MIN_KEPT_SHARE) / (WHOLE_SHARE - MIN_KEPT_SHARE)).clamp(0.0, 1.0)
 }

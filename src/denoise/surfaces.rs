@@ -2,10 +2,10 @@
 
 use pulp::Simd;
 
-use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, FEATURE_NOISE, LEAST_ALBEDO, NORMAL_WIDTH, SHARE_WIDTH};
-use super::image_rows::{Pool, Region, Rows};
+use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, FEATURE_NOISE, MIN_ALBEDO, NORMAL_WIDTH, SHARE_WIDTH};
+use super::image_rows::{ImageRows, Pool, Region};
 use super::kernel::Offset;
-use super::pixel_tile::{Cut, TILE_PIXELS, TILE_WIDTH, Tile};
+use super::pixel_tile::{PixelTile, TILE_PIXELS, TILE_WIDTH, TileWindow};
 use super::row_stages::{Stage, Step, Track};
 
 const NORMAL: usize = 3;
@@ -22,7 +22,7 @@ const WIDTHS: [f32; COMPARED] =
 /// those as [`FEATURE_NOISE`] takes it; the inverse depth, its slope across, its slope down (planes are planes in it, whatever
 /// their tilt) and its variance; the albedo that light was divided by, its channels' mean.
 pub(super) struct Surfaces {
-    planes: Rows,
+    planes: ImageRows,
     track: Track,
 }
 
@@ -43,7 +43,7 @@ impl Surfaces {
     }
 
     /// Makes ready what a step needs. Of features and their variance it reads a row more to either side.
-    pub(super) fn advance(&mut self, features: &Rows, variance: &Rows, step: &Step<'_>, pool: &Pool) {
+    pub(super) fn advance(&mut self, features: &ImageRows, variance: &ImageRows, step: &Step<'_>, pool: &Pool) {
         let region = Region { x: 0..features.width(), ..self.track.advance(&mut self.planes, step) };
         let order = [NORMAL, NORMAL + 1, NORMAL + 2, 0, 1, 2, SPECULAR, SURFACE];
         let around = region.grown(1, features);
@@ -90,7 +90,7 @@ impl Surfaces {
                 ALBEDO => {
                     for channel in 0..3 {
                         let albedo = features.row(channel, y);
-                        out.iter_mut().zip(albedo).for_each(|(o, albedo)| *o += albedo.max(LEAST_ALBEDO) / 3.0);
+                        out.iter_mut().zip(albedo).for_each(|(o, albedo)| *o += albedo.max(MIN_ALBEDO) / 3.0);
                     }
                 }
                 INVERSE_DEPTH_NOISE => out.iter_mut().enumerate().for_each(|(x, out)| *out = inverse_noise(x, y)),
@@ -104,19 +104,19 @@ impl Surfaces {
     }
 
     #[cfg(test)]
-    pub(super) fn rows(&self) -> &Rows {
+    pub(super) fn rows(&self) -> &ImageRows {
         &self.planes
     }
 
     /// Makes `around` what a tile's neighbours are compared by.
-    pub(super) fn cut(&self, tile: Tile, reach: usize, around: &mut SurfacesCut) {
+    pub(super) fn cut(&self, tile: PixelTile, reach: usize, around: &mut SurfacesCut) {
         around.0.fill(&self.planes, 0..PLANES, tile, reach);
     }
 }
 
 /// What pixels around a tile see.
 #[derive(Default)]
-pub(super) struct SurfacesCut(Cut);
+pub(super) struct SurfacesCut(TileWindow);
 
 impl SurfacesCut {
     /// A row of a tile's width that begins at a pixel.

@@ -3,7 +3,7 @@
 use faer::linalg::solvers::SelfAdjointEigen;
 use faer::{Mat, Side};
 
-use super::constants::{LEAST_AGREEMENT, WHOLE_AGREEMENT};
+use super::constants::{MIN_AGREEMENT, WHOLE_AGREEMENT};
 use crate::light::Clusters;
 
 /// Side of the squares of pixels whose means are compared: in them the noise of a column is an eighth of a pixel's.
@@ -34,26 +34,26 @@ pub fn tile_means(planes: &[f32], (width, height): (usize, usize)) -> Vec<f32> {
 /// Sums over tiles from which the map `R`, clusters × columns, of `T ≈ D R` follows: `D` are the cleaned images of the clusters.
 /// Two halves of the tiles are summed apart: what only one of them says is noise.
 #[derive(Clone, Debug)]
-pub struct MapFit {
+pub struct ColumnUpsampler {
     clusters: usize,
     columns: usize,
-    halves: [Sums; 2],
+    halves: [ClusterSums; 2],
     /// Sums of the columns of `W^½ T`.
     light: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
-struct Sums {
+struct ClusterSums {
     /// `Dᵀ W D`, clusters × clusters.
     gram: Vec<f64>,
     /// `Dᵀ W T`, clusters × columns, row-major.
     cross: Vec<f64>,
 }
 
-impl MapFit {
+impl ColumnUpsampler {
     /// Of nothing yet.
     pub fn new(clusters: usize, columns: usize) -> Self {
-        let sums = Sums { gram: vec![0.0; clusters * clusters], cross: vec![0.0; clusters * columns] };
+        let sums = ClusterSums { gram: vec![0.0; clusters * clusters], cross: vec![0.0; clusters * columns] };
         Self { clusters, columns, halves: [sums.clone(), sums], light: vec![0.0; columns] }
     }
 
@@ -66,7 +66,7 @@ impl MapFit {
     /// Adds one row to one of the halves, 0 or 1: a tile and channel of every cluster's image and of every column, with the
     /// weight of its squared error.
     pub fn add(&mut self, half: usize, images: &[f32], columns: &[f32], weight: f64) {
-        let Sums { gram, cross } = &mut self.halves[half];
+        let ClusterSums { gram, cross } = &mut self.halves[half];
         for (i, &image) in images.iter().enumerate() {
             let weighted = weight * f64::from(image);
             for (sum, other) in gram[i * self.clusters..].iter_mut().zip(images) {
@@ -101,7 +101,7 @@ impl MapFit {
                 let agreed: f64 = pairs().map(|(x, y)| x * y).sum();
                 let said: f64 = pairs().map(|(x, y)| 0.25 * (x + y) * (x + y)).sum();
                 let agreement = if said > 0.0 { agreed / said } else { 0.0 };
-                let trust = ((agreement - LEAST_AGREEMENT) / (WHOLE_AGREEMENT - LEAST_AGREEMENT)).clamp(0.0, 1.0);
+                let trust = ((agreement - MIN_AGREEMENT) / (WHOLE_AGREEMENT - MIN_AGREEMENT)).clamp(0.0, 1.0);
                 for (column, (x, y)) in pairs().enumerate() {
                     let step = trust * 0.5 * (x + y);
                     vector.iter().enumerate().for_each(|(i, v)| moved[i * n + column] += step * v);
@@ -114,7 +114,7 @@ impl MapFit {
     }
 
     /// How far one half of the tiles wants each column moved along an eigenvector of `Dᵀ W D`, of which it has half.
-    fn steps(&self, half: &Sums, vector: &[f64], value: f64, (clusters, map): (&Clusters, &[f64])) -> Vec<f64> {
+    fn steps(&self, half: &ClusterSums, vector: &[f64], value: f64, (clusters, map): (&Clusters, &[f64])) -> Vec<f64> {
         let (k, n) = (self.clusters, self.columns);
         let step = |(column, &own): (usize, &u16)| {
             let own = usize::from(own);
@@ -195,7 +195,7 @@ mod tests {
     fn fitted(clusters: &Clusters, tiles: usize, noise: f32, column: impl Fn(usize, &[f32]) -> f32) -> Vec<f32> {
         let (k, n) = (clusters.count(), clusters.of_column().len());
         let mut random = Pcg64Mcg::seed_from_u64(5);
-        let mut fit = MapFit::new(k, n);
+        let mut fit = ColumnUpsampler::new(k, n);
         for tile in 0..tiles {
             let images: Vec<f32> = (0..k).map(|_| 0.2 + random.random::<f32>()).collect();
             let columns: Vec<f32> =

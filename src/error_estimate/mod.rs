@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::image::percentile;
 use crate::light::{ExposedError, Job, LightBasis, PROBES, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
-use crate::resources::{Need, PROGRAM_BYTES, Threads, Watch};
+use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads};
 use crate::store::{self, StoreReader};
 
 /// What measuring the noise of a stored matrix is called.
@@ -38,7 +38,7 @@ pub(crate) struct ProbedBlock {
 }
 
 /// Those of some blocks.
-pub(crate) type Images = BTreeMap<BlockId, ProbedBlock>;
+pub(crate) type ProbedImages = BTreeMap<BlockId, ProbedBlock>;
 
 impl ProbedBlock {
     /// Of a block with all its entries.
@@ -65,7 +65,7 @@ impl ProbedBlock {
 
 /// For each probe lighting the mean over the pixels of `square(block, index, value)`, those beyond white left out, in units of white
 /// squared; NaN where it lights nothing.
-fn mean_squares(images: &Images, square: impl Fn(BlockId, usize, f32) -> f64) -> [f64; PROBES] {
+fn mean_squares(images: &ProbedImages, square: impl Fn(BlockId, usize, f32) -> f64) -> [f64; PROBES] {
     std::array::from_fn(|probe| {
         let each = images.iter().flat_map(|(&id, block)| {
             let rows = block.values.len() / PROBES;
@@ -80,13 +80,16 @@ fn mean_squares(images: &Images, square: impl Fn(BlockId, usize, f32) -> f64) ->
 }
 
 /// The squares of an image's own noise, as the halves of its samples show it.
-pub(crate) fn noise_squares(images: &Images) -> [f64; PROBES] {
+pub(crate) fn noise_squares(images: &ProbedImages) -> [f64; PROBES] {
     let noise = |id: BlockId, index: usize| images.get(&id).and_then(|block| block.noise.get(index)).copied();
     mean_squares(images, |id, index, _| noise(id, index).map_or(f64::NAN, |noise| f64::from(noise).powi(2)))
 }
 
 /// The squares of an image's error, by independent samples: see the module. Of few pixels they may come out below 0.
-pub(crate) fn error_squares<'a>(images: &Images, references: impl IntoIterator<Item = &'a Images>) -> [f64; PROBES] {
+pub(crate) fn error_squares<'a>(
+    images: &ProbedImages,
+    references: impl IntoIterator<Item = &'a ProbedImages>,
+) -> [f64; PROBES] {
     let (mut sums, mut count) = ([0.0; PROBES], 0.0f64);
     for reference in references {
         let squares = mean_squares(images, |id, index, value| match reference.get(&id) {
@@ -103,8 +106,9 @@ pub(crate) fn error_squares<'a>(images: &Images, references: impl IntoIterator<I
 
 /// The same by two independent references at once: their noises are multiplied with each other, and so have the mean 0 that no
 /// estimate of them has to be taken off for. Its own noise is 0.7 of that of [`error_squares`] with both.
-fn error_products(images: &Images, first: &Images, second: &Images) -> [f64; PROBES] {
-    let value = |of: &Images, id: BlockId, index: usize| of.get(&id).and_then(|block| block.values.get(index)).copied();
+fn error_products(images: &ProbedImages, first: &ProbedImages, second: &ProbedImages) -> [f64; PROBES] {
+    let value =
+        |of: &ProbedImages, id: BlockId, index: usize| of.get(&id).and_then(|block| block.values.get(index)).copied();
     mean_squares(images, |id, index, own| match (value(first, id, index), value(second, id, index)) {
         (Some(a), Some(b)) => (f64::from(own) - f64::from(a)) * (f64::from(own) - f64::from(b)),
         _ => f64::NAN,
@@ -157,9 +161,9 @@ pub struct ErrorMonitor {
     /// Whether it is promised of cleaned images; else of the matrix as it is.
     pub(crate) cleans: bool,
     pub(crate) windows: Vec<Vec<BlockId>>,
-    pub(crate) references: [Images; 2],
+    pub(crate) references: [ProbedImages; 2],
     /// What has been seen of the container that is packed.
-    pub(crate) packed: Mutex<Images>,
+    pub(crate) packed: Mutex<ProbedImages>,
 }
 
 impl ErrorMonitor {
@@ -170,7 +174,8 @@ impl ErrorMonitor {
 
     /// Bytes that it holds, with what it will see of a container.
     pub fn needs_bytes(&self) -> u64 {
-        let held = |images: &Images| images.values().map(|block| block.values.len() + block.noise.len()).sum::<usize>();
+        let held =
+            |images: &ProbedImages| images.values().map(|block| block.values.len() + block.noise.len()).sum::<usize>();
         let seen = held(&self.references[0]) / 2;
         4 * (self.references.iter().map(held).sum::<usize>() + seen) as u64
     }
@@ -196,7 +201,7 @@ impl ErrorMonitor {
         self.reached(&self.packed.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn reached(&self, images: &Images) -> ExposedError {
+    fn reached(&self, images: &ProbedImages) -> ExposedError {
         let [first, second] = &self.references;
         let square = worst(&error_products(images, first, second));
         ExposedError { asked: self.asked.unwrap_or(0.0) as f32, reached: square.max(0.0).sqrt() as f32 }
@@ -210,17 +215,17 @@ impl ErrorMonitor {
         &self,
         matrix: &StoreReader,
         memory_bytes: Option<u64>,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
     ) -> Result<ExposedError> {
         let job = matrix.job();
         let reading = reading_need_bytes(matrix);
         let cleaning = match self.cleans {
             true => DenoisedSource::need_of_windows(job, reading, WINDOW),
-            false => Need { per_thread_bytes: reading, ..Need::default() },
+            false => ResourceEstimate { per_thread_bytes: reading, ..ResourceEstimate::default() },
         };
         let images = Blocks::images_need_bytes(job.shape, self.windows.concat().len());
         let fixed_bytes = PROGRAM_BYTES + self.needs_bytes() + images + cleaning.fixed_bytes;
-        let need = Need { fixed_bytes, ..cleaning };
+        let need = ResourceEstimate { fixed_bytes, ..cleaning };
         let threads = Threads::new(need.threads_within("measuring the error", memory_bytes)?)?;
         let source = Blocks { source: matrix, job, windows: &self.windows };
         Ok(self.reached(&source.images(self.cleans, &threads, ("measuring the error", watch))?.shown))
@@ -244,9 +249,9 @@ pub(crate) struct Blocks<'a> {
 /// Images of windows.
 pub(crate) struct WindowImages {
     /// As the samples have them.
-    pub(crate) sampled: Images,
+    pub(crate) sampled: ProbedImages,
     /// As they are looked at: cleaned where that is asked for.
-    pub(crate) shown: Images,
+    pub(crate) shown: ProbedImages,
     /// Seconds that cleaning took.
     pub(crate) cleaning_seconds: f64,
 }
@@ -265,10 +270,10 @@ impl Blocks<'_> {
         &self,
         cleans: bool,
         threads: &Threads,
-        (stage, watch): (&str, &dyn Watch),
+        (stage, watch): (&str, &dyn Progress),
     ) -> Result<WindowImages> {
         let (probes, scales) = (probe_lightings(&self.job.basis), self.job.basis.column_scales());
-        let sampled = Mutex::new(Images::new());
+        let sampled = Mutex::new(ProbedImages::new());
         let make = |id: BlockId, block: &mut TracedBlock| -> Result<u64> {
             self.source.read_block(id, block)?;
             block.divide_columns(scales);
@@ -299,7 +304,7 @@ impl Blocks<'_> {
         cleaned.filter(threads, watch)?;
         cleaned.fit(watch)?;
         let cleaning_seconds = begun.elapsed().as_secs_f64();
-        let mut shown = Images::new();
+        let mut shown = ProbedImages::new();
         let mut block = TracedBlock::default();
         for &id in self.windows.iter().flatten() {
             cleaned.read_block(id, &mut block)?;
@@ -316,14 +321,14 @@ impl Blocks<'_> {
 ///
 /// # Errors
 /// Those of reading; the memory is too small; [`Error::Interrupted`].
-pub fn expected_error(matrix: &StoreReader, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Option<f64>> {
+pub fn expected_error(matrix: &StoreReader, memory_bytes: Option<u64>, watch: &dyn Progress) -> Result<Option<f64>> {
     let shape = BlockSource::shape(matrix);
     let committed = shape.blocks().filter(|&id| matrix.is_committed(id)).collect();
     let blocks = [spread_blocks(shape, committed, BLOCKS)];
-    let need = Need {
+    let need = ResourceEstimate {
         fixed_bytes: PROGRAM_BYTES + Blocks::images_need_bytes(shape, blocks[0].len()),
         per_thread_bytes: reading_need_bytes(matrix),
-        ..Need::default()
+        ..ResourceEstimate::default()
     };
     let threads = Threads::new(need.threads_within(MEASURING, memory_bytes)?)?;
     let blocks = Blocks { source: matrix, job: matrix.job(), windows: &blocks };
@@ -362,7 +367,7 @@ mod tests {
         let truth = |row: usize| 1.0 + (row % 100) as f32 / 100.0;
         let image = |value: &dyn Fn(usize) -> f32, noise: &dyn Fn(usize) -> f32| {
             let all = |each: &dyn Fn(usize) -> f32| (0..PROBES * rows).map(each).collect::<Vec<_>>();
-            Images::from([(BlockId(0), ProbedBlock { values: all(value), noise: all(noise) })])
+            ProbedImages::from([(BlockId(0), ProbedBlock { values: all(value), noise: all(noise) })])
         };
         // An error of 0.05 up and down, of an image whose white is near 2; samples with noise of twice its size.
         let shown = image(&|i| truth(i % rows) + if i % 2 == 0 { 0.05 } else { -0.05 }, &|_| 0.0);

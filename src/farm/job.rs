@@ -13,7 +13,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::worker::Worker;
-use crate::blob_store::Depot;
+use crate::blob_store::BlobStore;
 use crate::block_records::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
 use crate::compress::{Compressor, Scope};
 use crate::error::{Error, Result};
@@ -24,7 +24,7 @@ use crate::pipeline::{
     PackOptions, PackReport, Packing, check_container_output, compressor_of, job_of, need_of, settings_of, tracer_of,
     tracing_need,
 };
-use crate::resources::{Need, Threads, Watch, hold_to_memory};
+use crate::resources::{Progress, ResourceEstimate, Threads, hold_to_memory};
 use crate::scene::LoadedScene;
 use crate::trace::Tracer;
 
@@ -51,7 +51,7 @@ pub(super) struct Terms {
 #[derive(Clone, Debug)]
 pub struct Probe {
     /// The blocks that were built, in order.
-    pub blocks: Vec<ProbedBlock>,
+    pub blocks: Vec<TimedBlock>,
     /// Seconds until the tracer stood, of the scene as it was loaded.
     pub setup_seconds: f64,
     /// Anonymous memory that building takes at most with one thread.
@@ -64,7 +64,7 @@ pub struct Probe {
 
 /// A block of a [`Probe`].
 #[derive(Clone, Copy, Debug)]
-pub struct ProbedBlock {
+pub struct TimedBlock {
     /// Which.
     pub block: BlockId,
     /// Seconds of one thread for it.
@@ -149,11 +149,11 @@ impl FarmJob {
     ///
     /// # Errors
     /// Those of the tracer; [`Error::Interrupted`].
-    pub fn probe(self, watch: &dyn Watch) -> Result<Probe> {
+    pub fn probe(self, watch: &dyn Progress) -> Result<Probe> {
         let begun = Instant::now();
         let job = &self.terms.job;
         let compressor = self.compressor()?;
-        let merging = need_of(&compressor, job.shape, Need::default(), self.cleans().then_some(job));
+        let merging = need_of(&compressor, job.shape, ResourceEstimate::default(), self.cleans().then_some(job));
         let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
         let (worker, need) = self.worker(compressor, None)?;
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
@@ -177,7 +177,7 @@ impl FarmJob {
                 Ok(rays)
             })?;
             let (seconds, bytes) = (begins.elapsed().as_secs_f64(), worker.bytes_of(id)?);
-            found.lock().unwrap_or_else(|e| e.into_inner()).push(ProbedBlock { block: id, seconds, bytes });
+            found.lock().unwrap_or_else(|e| e.into_inner()).push(TimedBlock { block: id, seconds, bytes });
             watch.advance(1, 0, "rays");
             Ok(())
         };
@@ -200,7 +200,7 @@ impl FarmJob {
     ///
     /// # Errors
     /// The depot cannot be read.
-    pub fn find(fingerprint: &str, blocks: &Range<u32>, depot: &Depot, check: bool) -> Result<Option<String>> {
+    pub fn find(fingerprint: &str, blocks: &Range<u32>, depot: &BlobStore, check: bool) -> Result<Option<String>> {
         for name in depot.names(&range_prefix(fingerprint, blocks))? {
             let is_good = || {
                 let place = Path::new(depot.address()).join(&name);
@@ -221,9 +221,9 @@ impl FarmJob {
     pub fn build(
         self,
         blocks: Range<u32>,
-        depot: &Depot,
+        depot: &BlobStore,
         scratch: Option<&Path>,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
     ) -> Result<BuildReport> {
         let begun = Instant::now();
         let count = self.terms.job.shape.block_count();
@@ -266,7 +266,7 @@ impl FarmJob {
     ///
     /// # Errors
     /// The depot cannot be read; [`Error::Interrupted`].
-    pub fn shards(&self, depot: &Depot, cache: &Path, watch: &dyn Watch) -> Result<Shards> {
+    pub fn shards(&self, depot: &BlobStore, cache: &Path, watch: &dyn Progress) -> Result<Shards> {
         let Terms { job, fingerprint, .. } = &self.terms;
         let names: Vec<String> =
             depot.names("")?.into_iter().filter(|name| name.ends_with(EXTENSION) && !name.starts_with('.')).collect();
@@ -324,7 +324,7 @@ impl FarmJob {
     ///
     /// # Errors
     /// [`Error::Incomplete`] where blocks are missing; those of cleaning, packing and the container; [`Error::Interrupted`].
-    pub fn merge(self, shards: Shards, path: &Path, watch: &dyn Watch) -> Result<PackReport> {
+    pub fn merge(self, shards: Shards, path: &Path, watch: &dyn Progress) -> Result<PackReport> {
         let measuring = self.measuring_need();
         let Terms { mut job, options, .. } = self.terms;
         if !shards.missing.is_empty() {
@@ -339,14 +339,15 @@ impl FarmJob {
         measuring.threads_within("merging", options.memory_bytes)?;
         let max_depth = self.loaded.settings.max_depth;
         job.basis.set_column_scales(Tracer::measure_column_scales(self.loaded.scene, max_depth)?)?;
-        let packing = Packing::begin(&job, b"f32", path, &options, (Need::default(), options.denoise), watch)?;
+        let packing =
+            Packing::begin(&job, b"f32", path, &options, (ResourceEstimate::default(), options.denoise), watch)?;
         packing.run_shards(shards.set, watch)
     }
 
     /// What the merge takes while it measures the scales of columns, before it packs.
-    fn measuring_need(&self) -> Need {
+    fn measuring_need(&self) -> ResourceEstimate {
         let tracing = tracing_need(&self.loaded, &self.terms.job);
-        Need { fixed_bytes: tracing.fixed_bytes, ..Need::default() }
+        ResourceEstimate { fixed_bytes: tracing.fixed_bytes, ..ResourceEstimate::default() }
     }
 
     /// Where copies of shards wait for the merge of a container.
@@ -359,7 +360,7 @@ impl FarmJob {
     }
 
     /// What builds, and what that takes.
-    fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, Need)> {
+    fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, ResourceEstimate)> {
         let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, &self.terms.job));
         Ok((Worker::new(&self.terms, compressor, scratch)?, need))
     }

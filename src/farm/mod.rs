@@ -3,4 +3,4 @@
 mod job;
 mod worker;
 
-pub use job::{BuildReport, FarmJob, Probe, ProbedBlock, RefusedShard, Shards};
+pub use job::{BuildReport, FarmJob, Probe, RefusedShard, Shards, TimedBlock};

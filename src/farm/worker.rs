@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::job::Terms;
-use crate::blob_store::Depot;
+use crate::blob_store::BlobStore;
 use crate::block_records::{Records, ShardHead, open_spill};
 use crate::compress::Compressor;
 use crate::denoise::DenoiseInputs;
@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
 use crate::matrix::{BlockId, TracedBlock};
 use crate::pipeline::{Analysis, need_of};
-use crate::resources::{Need, Watch};
+use crate::resources::{Progress, ResourceEstimate};
 
 /// Makes the records of a shard.
 pub(super) enum Worker {
@@ -45,16 +45,16 @@ impl Worker {
     }
 
     /// What working takes, where making a block takes `source`.
-    pub(super) fn need(terms: &Terms, compressor: &Compressor, source: Need) -> Need {
+    pub(super) fn need(terms: &Terms, compressor: &Compressor, source: ResourceEstimate) -> ResourceEstimate {
         let shape = terms.job.shape;
         // Where each record is.
         let places = 64 * u64::from(shape.block_count());
         if !terms.options.denoise {
             let need = need_of(compressor, shape, source, None);
-            return Need { fixed_bytes: need.fixed_bytes + places, ..need };
+            return ResourceEstimate { fixed_bytes: need.fixed_bytes + places, ..need };
         }
         let per_thread_bytes = source.per_thread_bytes + DenoiseInputs::takes_bytes(&terms.job);
-        Need { fixed_bytes: source.fixed_bytes + places, per_thread_bytes, ..source }
+        ResourceEstimate { fixed_bytes: source.fixed_bytes + places, per_thread_bytes, ..source }
     }
 
     /// Makes a block's record, unless it is there; gives the work that it was.
@@ -65,7 +65,7 @@ impl Worker {
         &self,
         id: BlockId,
         block: &mut TracedBlock,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
         make: &(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync),
     ) -> Result<u64> {
         if watch.interrupted() {
@@ -89,7 +89,7 @@ impl Worker {
     ///
     /// # Errors
     /// A record is missing; those of the disk and of the depot.
-    pub(super) fn publish(&self, head: &ShardHead, depot: &Depot) -> Result<String> {
+    pub(super) fn publish(&self, head: &ShardHead, depot: &BlobStore) -> Result<String> {
         let records = self.file()?;
         let name = head.name(records)?;
         depot.put(&name, &|out| head.write(records, &name, out))?;

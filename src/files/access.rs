@@ -16,12 +16,12 @@ pub fn library_folder() -> Option<PathBuf> {
 
 /// The files that a document may have opened.
 #[derive(Clone, Debug)]
-pub struct Reach {
+pub struct FileAccess {
     /// Real paths of the folders that they must lie in, at any depth; none: they may lie anywhere.
     folders: Option<Vec<PathBuf>>,
 }
 
-impl Reach {
+impl FileAccess {
     /// Any file that the user may read.
     pub fn everywhere() -> Self {
         Self { folders: None }
@@ -66,14 +66,14 @@ mod tests {
         }
         std::os::unix::fs::symlink(at("secret"), at("mine/link")).unwrap();
         std::os::unix::fs::symlink(at("mine/a"), at("mine/own link")).unwrap();
-        let reach = Reach::of(&at("mine/scene.toml"));
+        let reach = FileAccess::of(&at("mine/scene.toml"));
         for inside in ["mine/a", "mine/deep/b", "mine/deep/../a", "mine/own link"] {
             reach.admit(&at(inside), "scene").unwrap();
         }
         for outside in ["secret", "mine/../secret", "mine/link", "mine too/c"] {
             let said = reach.admit(&at(outside), "scene").unwrap_err().to_string();
             assert!(said.contains("outside") && said.contains("--allow-outside"), "{outside}: {said}");
-            Reach::everywhere().admit(&at(outside), "scene").unwrap();
+            FileAccess::everywhere().admit(&at(outside), "scene").unwrap();
         }
         assert!(reach.admit(&at("mine/missing"), "scene").is_err());
     }

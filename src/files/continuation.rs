@@ -32,12 +32,12 @@ pub struct ContinuationFile {
 #[derive(Debug)]
 struct State {
     end: u64,
-    places: Vec<Option<Place>>,
+    places: Vec<Option<RecordSpan>>,
     synced: Instant,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct RecordSpan {
     offset: u64,
     bytes: u64,
     checksum: u32,
@@ -135,7 +135,7 @@ impl ContinuationFile {
                 .write_all_at(&record, state.end)
                 .and_then(|()| self.file.write_all_at(&bytes, offset))
                 .map_err(failed())?;
-            state.places[key as usize] = Some(Place { offset, bytes: bytes.len() as u64, checksum });
+            state.places[key as usize] = Some(RecordSpan { offset, bytes: bytes.len() as u64, checksum });
             state.end = offset + bytes.len() as u64;
             let due = state.synced.elapsed() > SYNC_PERIOD;
             if due {
@@ -229,13 +229,13 @@ impl ContinuationFile {
             if crc32fast::hash(&bytes) != checksum {
                 break;
             }
-            state.places[key] = Some(Place { offset, bytes: count, checksum });
+            state.places[key] = Some(RecordSpan { offset, bytes: count, checksum });
             state.end = offset + count;
         }
         self.file.set_len(state.end)
     }
 
-    fn place(&self, key: u32) -> Result<Place> {
+    fn place(&self, key: u32) -> Result<RecordSpan> {
         self.lock().places[key as usize].ok_or_else(|| self.damaged(key, "it is not there"))
     }
 

@@ -25,7 +25,7 @@ mod ranged;
 mod replace;
 mod space;
 
-pub use access::{LIBRARY_VARIABLE, Reach, library_folder};
+pub use access::{FileAccess, LIBRARY_VARIABLE, library_folder};
 pub use continuation::ContinuationFile;
 pub use input::{open_input, read_input, read_input_text};
 pub use lock::{open_locked, tell_missing_locks};

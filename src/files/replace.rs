@@ -20,7 +20,7 @@ const TEMPORARY: &str = ".ltm-tmp";
 /// Temporary names of one output that are looked at for what a killed run left behind.
 const LOOKED_AT: u32 = 4;
 /// Temporary names of one output at most.
-const MOST_TEMPORARIES: u32 = 1000;
+const MAX_TEMPORARIES: u32 = 1000;
 /// Bytes of a name that a temporary name repeats, so that it stays within the 255 of the file systems.
 const REPEATED_BYTES: usize = 200;
 
@@ -144,7 +144,7 @@ pub fn publish(from: &Path, to: &Path, overwrite: bool) -> Result<()> {
 /// Makes a file of this process alone beside `path`, and removes what killed runs left there. `said` is the name for messages.
 fn create_temporary(path: &Path, said: &Path) -> Result<(PathBuf, File)> {
     let mut made = None;
-    for number in 0..MOST_TEMPORARIES {
+    for number in 0..MAX_TEMPORARIES {
         let temporary = temporary_path(path, number);
         if made.is_none() {
             made = claim(&temporary).map_err(Error::io(said, "create a temporary file beside"))?;
@@ -157,7 +157,7 @@ fn create_temporary(path: &Path, said: &Path) -> Result<(PathBuf, File)> {
             return Ok(made);
         }
     }
-    let problem = format!("{MOST_TEMPORARIES} other processes are writing it, or left {TEMPORARY} files beside it");
+    let problem = format!("{MAX_TEMPORARIES} other processes are writing it, or left {TEMPORARY} files beside it");
     Err(Error::input(said.display().to_string(), problem, "wait for them, or remove those files"))
 }
 

@@ -69,7 +69,7 @@ pub type FetchRow<'a> = dyn FnMut(usize, usize, usize, &mut [f32]) -> Result<()>
 pub type FetchChannel<'a> = dyn FnMut(usize, usize, &mut [f32]) -> Result<()> + 'a;
 
 /// Bytes of the longest name of a channel.
-const LONGEST_NAME: usize = 255;
+const MAX_NAME_BYTES: usize = 255;
 /// Chunks of more bytes than this are cut down to one line.
 const LARGE_CHUNK_BYTES: usize = 32 << 20;
 
@@ -120,8 +120,8 @@ fn encode_channels(
     }
     let described = channels.iter().map(|&(name, _)| {
         // Names are UTF-8, which ends with its first zero.
-        let fits = (1..=LONGEST_NAME).contains(&name.len()) && !name.contains('\0');
-        let problem = format!("OpenEXR cannot name it so: a name has 1 to {LONGEST_NAME} bytes");
+        let fits = (1..=MAX_NAME_BYTES).contains(&name.len()) && !name.contains('\0');
+        let problem = format!("OpenEXR cannot name it so: a name has 1 to {MAX_NAME_BYTES} bytes");
         let refused = || Error::input(format!("layer '{}'", name.escape_debug()), problem, "shorten its name");
         let text = fits.then(|| Text::from_slice_unchecked(name.as_bytes())).ok_or_else(refused)?;
         Ok(ChannelDescription::named(text, SampleType::F32))

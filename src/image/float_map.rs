@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::files::open_input;
 
 /// Longest start of a portable float map that is looked at: four words.
-const LONGEST_HEADER: u64 = 128;
+const MAX_HEADER_BYTES: u64 = 128;
 /// Longest side, in pixels.
 const MAX_SIDE: u64 = 65_536;
 
@@ -54,12 +54,12 @@ fn malformed(path: &Path, problem: String) -> Error {
 }
 
 /// Opens a portable float map: its header, and a reader of its rows.
-fn open(path: &Path) -> Result<(BufReader<File>, Header)> {
+fn open(path: &Path) -> Result<(BufReader<File>, FloatMapHead)> {
     let mut file = open_input(path, "open")?;
     let mut start = Vec::new();
     let failed = || Error::io(path, "read");
-    Read::by_ref(&mut file).take(LONGEST_HEADER).read_to_end(&mut start).map_err(failed())?;
-    let header = Header::decode(&start).map_err(|problem| malformed(path, problem))?;
+    Read::by_ref(&mut file).take(MAX_HEADER_BYTES).read_to_end(&mut start).map_err(failed())?;
+    let header = FloatMapHead::decode(&start).map_err(|problem| malformed(path, problem))?;
     let length = file.metadata().map_err(failed())?.len();
     let needed = (header.bytes + header.height * header.row_bytes()) as u64;
     if length < needed {
@@ -72,7 +72,7 @@ fn open(path: &Path) -> Result<(BufReader<File>, Header)> {
 }
 
 /// The start of a portable float map.
-struct Header {
+struct FloatMapHead {
     channels: usize,
     width: usize,
     height: usize,
@@ -81,7 +81,7 @@ struct Header {
     bytes: usize,
 }
 
-impl Header {
+impl FloatMapHead {
     fn decode(bytes: &[u8]) -> Result<Self, String> {
         let mut at = 0;
         let mut word = || {

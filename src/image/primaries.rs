@@ -1,7 +1,7 @@
 //! Colours of other primaries and whites, brought to Rec. 709.
 
 /// Rows of a 3 × 3 matrix.
-pub(super) type Matrix = [[f64; 3]; 3];
+pub(super) type ColourMatrix = [[f64; 3]; 3];
 
 /// CIE 1931 chromaticities `[x, y]` of red, green, blue and white.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,7 +27,7 @@ const KNOWN: [(&str, Primaries); 8] = [
 const SAME: f64 = 6e-4;
 
 /// Bradford's cone responses to XYZ (Lam, *Metamerism and colour constancy*, 1985), as CIECAM97s states them.
-const BRADFORD: Matrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
+const BRADFORD: ColourMatrix = [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
 
 /// The primaries of linear light that programs name by a word: OpenColorIO's configurations and the Color Interop Forum.
 pub(super) fn known(word: &str) -> Option<Primaries> {
@@ -61,7 +61,7 @@ impl Primaries {
     ///
     /// # Errors
     /// As text for the caller to place: numbers that span no colour space.
-    pub(super) fn to_rec_709(self) -> Result<Option<Matrix>, String> {
+    pub(super) fn to_rec_709(self) -> Result<Option<ColourMatrix>, String> {
         if self.is_near(&REC_709) {
             return Ok(None);
         }
@@ -91,19 +91,19 @@ impl Primaries {
 }
 
 /// From CIE XYZ to Rec. 709, as it is.
-pub(super) fn xyz_to_rec_709() -> Matrix {
+pub(super) fn xyz_to_rec_709() -> ColourMatrix {
     XYZ.to_rec_709().ok().flatten().unwrap_or(IDENTITY)
 }
 
 /// A colour under a matrix, in the precision of images.
-pub(super) fn converted(matrix: &Matrix, colour: [f32; 3]) -> [f32; 3] {
+pub(super) fn converted(matrix: &ColourMatrix, colour: [f32; 3]) -> [f32; 3] {
     times(matrix, colour.map(f64::from)).map(|v| v as f32)
 }
 
-const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+const IDENTITY: ColourMatrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 /// The matrix from shares of the primaries to XYZ, white at luminance 1, and the XYZ of white (SMPTE RP 177).
-fn to_xyz(primaries: &Primaries) -> Option<(Matrix, [f64; 3])> {
+fn to_xyz(primaries: &Primaries) -> Option<(ColourMatrix, [f64; 3])> {
     let [red, green, blue, white] = primaries.0.map(|[x, y]| [x, y, 1.0 - x - y]);
     if white[1].is_nan() || white[1] <= 1e-6 {
         return None;
@@ -114,15 +114,15 @@ fn to_xyz(primaries: &Primaries) -> Option<(Matrix, [f64; 3])> {
     Some((columns.map(|row| [0, 1, 2].map(|i| row[i] * scale[i])), white))
 }
 
-fn times(matrix: &Matrix, vector: [f64; 3]) -> [f64; 3] {
+fn times(matrix: &ColourMatrix, vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row[0] * vector[0] + row[1] * vector[1] + row[2] * vector[2])
 }
 
-fn product(a: &Matrix, b: &Matrix) -> Matrix {
+fn product(a: &ColourMatrix, b: &ColourMatrix) -> ColourMatrix {
     a.map(|row| [0, 1, 2].map(|j| row[0] * b[0][j] + row[1] * b[1][j] + row[2] * b[2][j]))
 }
 
-fn inverse(m: &Matrix) -> Option<Matrix> {
+fn inverse(m: &ColourMatrix) -> Option<ColourMatrix> {
     let minor = |i: usize, j: usize| {
         let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
         m[a][c] * m[b][d] - m[a][d] * m[b][c]

@@ -7,13 +7,13 @@ use std::io::{BufRead, Read};
 use std::path::Path;
 
 use super::ImageFacts;
-use super::primaries::{Matrix, Primaries, converted, xyz_to_rec_709};
+use super::primaries::{ColourMatrix, Primaries, converted, xyz_to_rec_709};
 use super::read::{RETURNED_BYTES, RgbaImage, check_size, refuse};
 use crate::error::{Error, Result};
 
 /// Longest line and longest head that are read, in bytes.
-const LONGEST_LINE: u64 = 4096;
-const LONGEST_HEAD: usize = 1 << 16;
+const MAX_LINE_BYTES: u64 = 4096;
+const MAX_HEAD_BYTES: usize = 1 << 16;
 /// Lengths of scanlines that may be encoded component by component.
 const NEW_LENGTHS: std::ops::RangeInclusive<usize> = 8..=0x7fff;
 
@@ -29,10 +29,10 @@ struct Axis {
 
 /// What stands before the pixels.
 #[derive(Clone, Debug)]
-struct Head {
+struct RadianceHead {
     /// What a stored value is divided by: `EXPOSURE` and `COLORCORR`, each time they stand there.
     divisors: [f64; 3],
-    matrix: Option<Matrix>,
+    matrix: Option<ColourMatrix>,
     notes: Vec<String>,
     /// The slow axis, then the fast one.
     axes: [Axis; 2],
@@ -48,7 +48,7 @@ pub(super) fn is_radiance(start: &[u8]) -> bool {
 /// # Errors
 /// A head that cannot be read, says nothing of the size, or has an exposure that is not above zero.
 pub(super) fn facts(path: &Path, file: &mut dyn BufRead) -> Result<ImageFacts> {
-    let head = Head::read(file).map_err(|problem| place(path, problem))?;
+    let head = RadianceHead::read(file).map_err(|problem| place(path, problem))?;
     let [width, height] = head.size();
     check_size(path, (width as u64, height as u64))?;
     let needs_bytes = (width * height) as u64 * RETURNED_BYTES + 4 * width.max(height) as u64;
@@ -60,7 +60,7 @@ pub(super) fn facts(path: &Path, file: &mut dyn BufRead) -> Result<ImageFacts> {
 /// # Errors
 /// Those of [`facts`]; scanlines that are cut short or run over their end.
 pub(super) fn read(path: &Path, file: &mut dyn BufRead) -> Result<RgbaImage> {
-    let head = Head::read(file).map_err(|problem| place(path, problem))?;
+    let head = RadianceHead::read(file).map_err(|problem| place(path, problem))?;
     let [width, height] = head.size();
     check_size(path, (width as u64, height as u64))?;
     let mut pixels = vec![[0.0f32; 4]; width * height];
@@ -89,14 +89,14 @@ fn place(path: &Path, problem: String) -> Error {
     refuse(path, &problem)
 }
 
-impl Head {
+impl RadianceHead {
     fn read(file: &mut dyn BufRead) -> Result<Self, String> {
         let (mut exposure, mut correction, mut bytes) = (1.0f64, [1.0f64; 3], 0);
         let (mut is_xyz, mut primaries) = (false, None);
         loop {
             let line = line(file)?;
             bytes += line.len() + 1;
-            if bytes > LONGEST_HEAD {
+            if bytes > MAX_HEAD_BYTES {
                 return Err("its head does not end".into());
             }
             if line.is_empty() {
@@ -188,7 +188,7 @@ fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
 /// A line without its end, which is LF or CRLF. What is no text is kept as far as it goes.
 fn line(file: &mut dyn BufRead) -> Result<String, String> {
     let mut bytes = Vec::new();
-    file.take(LONGEST_LINE).read_until(b'\n', &mut bytes).map_err(|e| format!("its head cannot be read ({e})"))?;
+    file.take(MAX_LINE_BYTES).read_until(b'\n', &mut bytes).map_err(|e| format!("its head cannot be read ({e})"))?;
     if bytes.pop() != Some(b'\n') {
         return Err("its head is cut short".into());
     }
@@ -333,7 +333,7 @@ mod tests {
         ] {
             assert!(read_bytes(head.as_bytes()).is_err(), "{head}");
         }
-        let long = format!("#?RADIANCE\n{}", "x=y\n".repeat(LONGEST_HEAD));
+        let long = format!("#?RADIANCE\n{}", "x=y\n".repeat(MAX_HEAD_BYTES));
         assert!(read_bytes(long.as_bytes()).unwrap_err().to_string().contains("does not end"));
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use image::ImageDecoder;
 
-use super::open_exr::{Picture, Window};
+use super::open_exr::{ExrPicture, Window};
 use super::{LinearImage, float_map, radiance};
 use crate::error::{Error, Result};
 use crate::files::open_input;
@@ -20,7 +20,7 @@ pub(super) const RETURNED_BYTES: u64 = 16 + 12;
 /// First four bytes of an OpenEXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Bytes of the start of a file by which its format is told.
-const LONGEST_MAGIC: u64 = 32;
+const MAX_MAGIC_BYTES: u64 = 32;
 
 /// `width × height` linear Rec. 709 RGBA pixels, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,7 +51,7 @@ pub fn read_image(path: &Path) -> Result<LinearImage> {
 /// A file that cannot be opened, is no image of a known format, is damaged, has no pixels, or is larger than 16,384 pixels
 /// along a side (a portable float map, than 65,536).
 pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
-    let opened = Opened::open(path)?;
+    let opened = ImageReader::open(path)?;
     opened.note_of_frame()?;
     opened.read(path, None)
 }
@@ -75,28 +75,28 @@ pub struct ImageFacts {
 /// # Errors
 /// Those of [`read_rgba`].
 pub fn image_facts(path: &Path) -> Result<ImageFacts> {
-    let opened = Opened::open(path)?;
+    let opened = ImageReader::open(path)?;
     let (mut facts, note) = (opened.facts(path, None)?, opened.note_of_frame()?);
     facts.notes.extend(note);
     Ok(facts)
 }
 
 /// An image whose head was read.
-pub(super) enum Opened {
-    Exr(Box<Picture>),
+pub(super) enum ImageReader {
+    Exr(Box<ExrPicture>),
     Hdr(ImageFacts),
     FloatMap(ImageFacts),
     Other(ImageFacts),
 }
 
-impl Opened {
+impl ImageReader {
     /// Looks at a file.
     ///
     /// # Errors
     /// Those of [`read_rgba`].
     pub(super) fn open(path: &Path) -> Result<Self> {
         Ok(match format_of(path)? {
-            Format::Exr => Self::Exr(Box::new(Picture::open(path)?)),
+            Format::Exr => Self::Exr(Box::new(ExrPicture::open(path)?)),
             Format::Hdr => Self::Hdr(radiance::facts(path, &mut radiance_file(path)?)?),
             Format::FloatMap => Self::FloatMap(float_map::facts(path)?),
             Format::Other => {
@@ -239,7 +239,7 @@ enum Format {
 fn format_of(path: &Path) -> Result<Format> {
     let mut start = Vec::new();
     let mut file = open_input(path, "open the image")?;
-    Read::by_ref(&mut file).take(LONGEST_MAGIC).read_to_end(&mut start).map_err(Error::io(path, "read the image"))?;
+    Read::by_ref(&mut file).take(MAX_MAGIC_BYTES).read_to_end(&mut start).map_err(Error::io(path, "read the image"))?;
     if start.is_empty() {
         return Err(refuse(path, "it is empty"));
     }

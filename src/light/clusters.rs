@@ -5,9 +5,9 @@ use super::{Light, LightBasis, LightKind};
 /// Up to this many columns are clusters of their own.
 const SINGLE_COLUMNS: usize = 32;
 /// Clusters of a basis with more columns, at most.
-const MOST_CLUSTERS: usize = 24;
+const MAX_CLUSTERS: usize = 24;
 /// Clusters of one light, at most.
-const MOST_OF_LIGHT: usize = 16;
+const MAX_CLUSTERS_OF_LIGHT: usize = 16;
 /// Part of the power of its light, in the scene's own lighting, from which on a texel is a cluster of its own.
 const BRIGHT_SHARE: f64 = 1.0 / 32.0;
 /// Steps of Lloyd's iteration; a few dozen lights settle sooner.
@@ -25,14 +25,14 @@ pub struct Clusters {
 }
 
 /// Lights that are divided together.
-struct Part<'a> {
+struct LightPart<'a> {
     lights: Vec<&'a Light>,
     clusters: usize,
 }
 
 impl Clusters {
     /// Most clusters of any basis.
-    pub const MAX: usize = if SINGLE_COLUMNS > MOST_CLUSTERS { SINGLE_COLUMNS } else { MOST_CLUSTERS };
+    pub const MAX: usize = if SINGLE_COLUMNS > MAX_CLUSTERS { SINGLE_COLUMNS } else { MAX_CLUSTERS };
 
     /// The clusters of a basis.
     pub fn of_basis(basis: &LightBasis) -> Self {
@@ -76,27 +76,27 @@ impl Clusters {
     }
 }
 
-/// The lights as parts, with a number of clusters each, [`MOST_CLUSTERS`] in all.
-fn parts(basis: &LightBasis) -> Vec<Part<'_>> {
+/// The lights as parts, with a number of clusters each, [`MAX_CLUSTERS`] in all.
+fn parts(basis: &LightBasis) -> Vec<LightPart<'_>> {
     let lights = basis.lights();
-    let mut parts: Vec<Part<'_>> = if lights.len() <= MOST_CLUSTERS {
-        lights.iter().map(|light| Part { lights: vec![light], clusters: 1 }).collect()
+    let mut parts: Vec<LightPart<'_>> = if lights.len() <= MAX_CLUSTERS {
+        lights.iter().map(|light| LightPart { lights: vec![light], clusters: 1 }).collect()
     } else {
         let textured = lights.iter().filter(|light| light.places.len() > 1).count();
         // Too many lights to have a cluster each. Those with texels keep one each if they are few.
         let apart =
-            |light: &Light| light.kind.is_environment() || (light.places.len() > 1 && textured + 2 <= MOST_CLUSTERS);
+            |light: &Light| light.kind.is_environment() || (light.places.len() > 1 && textured + 2 <= MAX_CLUSTERS);
         let (alone, together): (Vec<_>, Vec<_>) = lights.iter().partition(|light| apart(light));
         let (suns, placed): (Vec<_>, Vec<_>) = together.into_iter().partition(|light| light.kind == LightKind::Sun);
         let alone = alone.into_iter().map(|light| vec![light]);
         let groups = alone.chain([placed, suns]).filter(|lights| !lights.is_empty());
-        groups.map(|lights| Part { lights, clusters: 1 }).collect()
+        groups.map(|lights| LightPart { lights, clusters: 1 }).collect()
     };
-    for _ in parts.len()..MOST_CLUSTERS {
+    for _ in parts.len()..MAX_CLUSTERS {
         // The part whose clusters are the largest gets one more.
-        let size = |part: &Part<'_>| {
+        let size = |part: &LightPart<'_>| {
             let columns: usize = part.lights.iter().map(|light| light.places.len()).sum();
-            let most = if part.lights.len() > 1 { part.lights.len() } else { MOST_OF_LIGHT.min(columns) };
+            let most = if part.lights.len() > 1 { part.lights.len() } else { MAX_CLUSTERS_OF_LIGHT.min(columns) };
             if part.clusters < most { columns as f64 / part.clusters as f64 } else { 0.0 }
         };
         let largest = (0..parts.len()).rev().max_by(|&a, &b| size(&parts[a]).total_cmp(&size(&parts[b])));
@@ -154,7 +154,7 @@ fn number_anew(of_column: &mut [u16]) -> usize {
 
 /// Groups lights by k-means over their places (for suns: directions): the first centre is the first light, each
 /// further one the light farthest from those before, then Lloyd's iteration (1982).
-fn group_by_place(part: &Part<'_>, of_column: &mut [usize], count: &mut usize) {
+fn group_by_place(part: &LightPart<'_>, of_column: &mut [usize], count: &mut usize) {
     let centre = |light: &&Light| {
         let scale = 1.0 / light.places.len() as f64;
         [0, 1, 2].map(|k| light.places.iter().map(|place| f64::from(place[k])).sum::<f64>() * scale)

@@ -28,7 +28,7 @@ pub struct LightErrors {
 
 /// What cleaning did to the images of the clusters of columns, relative L2, estimated from the two halves of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
-pub struct CleaningErrors {
+pub struct DenoiseErrors {
     /// The noise of the samples before.
     pub noise_before: f32,
     /// What is left of it.
@@ -37,7 +37,7 @@ pub struct CleaningErrors {
     pub bias: f32,
 }
 
-impl CleaningErrors {
+impl DenoiseErrors {
     /// Stands where nothing was cleaned.
     pub(crate) const NONE: Self = Self { noise_before: f32::NAN, noise_after: f32::NAN, bias: f32::NAN };
 
@@ -47,7 +47,7 @@ impl CleaningErrors {
 }
 
 /// A line on what cleaning did, for people.
-pub fn cleaning_errors_line(errors: &CleaningErrors) -> String {
+pub fn denoise_errors_line(errors: &DenoiseErrors) -> String {
     format!(
         "cleaning, relative L2 of the images of groups of lights: noise {:.2e} before, {:.2e} after, bias {:.2e} (estimated)",
         errors.noise_before, errors.noise_after, errors.bias
@@ -122,7 +122,7 @@ pub struct StatedErrors {
     /// What compression loses.
     pub lights: Option<LightErrors>,
     /// What cleaning did before that.
-    pub cleaning: Option<CleaningErrors>,
+    pub cleaning: Option<DenoiseErrors>,
     /// That of exposed images, where one was asked for and images were cleaned.
     pub exposed: Option<ExposedError>,
 }

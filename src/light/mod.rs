@@ -16,7 +16,7 @@ pub use basis::{Column, Light, LightBasis, LightKind, LightUnit};
 pub use clusters::Clusters;
 pub use environment::{EnvironmentMapping, turn_about_vertical};
 pub use errors::{
-    CleaningErrors, ExposedError, LightErrors, LightLoss, StatedErrors, cleaning_errors_line, column_name,
+    DenoiseErrors, ExposedError, LightErrors, LightLoss, StatedErrors, column_name, denoise_errors_line,
     expected_error_line, exposed_error_line, light_errors_lines,
 };
 pub use job::{Job, JobHash, Provenance};

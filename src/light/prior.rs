@@ -22,7 +22,7 @@ const WHITE_BOUNDS: (f64, f64) = (0.002, 0.3);
 /// Columns of the factor; what it does not reach is counted as independent.
 const FACTOR_WIDTH: usize = 128;
 /// Share of a light in the image with all on below which its own image is not exposed any brighter.
-const LEAST_SHARE: f64 = 1e-3;
+const MIN_SHARE: f64 = 1e-3;
 /// Lamps that a light of texels counts for where lights are alone: it is not switched, it is painted. With 4 what is painted on it comes as near
 /// as lamps do: of the Conference Room with a panel of 32 × 32 texels beside 23 lamps, 800 × 600 pixels, 16 samples, the panel alone and discs of 0.3
 /// and 0.2 of its side are 61, 55 and 50 dB in clip from what is packed at 90 dB, lamps alone 50 to 61 dB.
@@ -96,8 +96,7 @@ impl LightingPrior {
         }
         let sites = sites(basis);
         // How much more a light counts by being alone; sites of a group of texels are those of one light.
-        let added: Vec<f64> =
-            shares.iter().map(|share| share.max(LEAST_SHARE).powi(-2) / lights.len() as f64).collect();
+        let added: Vec<f64> = shares.iter().map(|share| share.max(MIN_SHARE).powi(-2) / lights.len() as f64).collect();
         let mut painted = vec![0.0; sites.iter().map(|site| site.group as usize + 1).max().unwrap_or(0)];
         for (light, added) in lights.iter().zip(&added).filter(|(light, _)| light.places.len() > 1) {
             painted[sites[light.columns().start as usize].group as usize] = PAINTED * added;

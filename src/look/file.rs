@@ -57,8 +57,8 @@ pub(super) struct Rule {
     pub intensity: Option<f32>,
     #[serde(default, deserialize_with = "color")]
     pub color: Option<Color>,
-    pub image: Option<Picture>,
-    pub shape: Option<Shape>,
+    pub image: Option<LookImage>,
+    pub shape: Option<PatternShape>,
     pub environment: Option<Environment>,
     /// Puts the whole light on the one column that lies nearest to this direction towards the light.
     pub sun: Option<[f32; 3]>,
@@ -88,7 +88,7 @@ fn color<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Col
 /// An image over the light's texels; `place` is (left, top, right, bottom) in the light's unit square.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Picture {
+pub(super) struct LookImage {
     pub file: String,
     #[serde(default = "whole")]
     pub place: [f32; 4],
@@ -96,7 +96,7 @@ pub(super) struct Picture {
 
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
-pub(super) enum Shape {
+pub(super) enum PatternShape {
     Disc { center: [f32; 2], radius: f32 },
     Rectangle { center: [f32; 2], size: [f32; 2] },
     Gradient { from: [f32; 2], to: [f32; 2] },

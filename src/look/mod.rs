@@ -40,12 +40,12 @@ mod resolve;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::{Reach, read_input_text};
+use crate::files::{FileAccess, read_input_text};
 use crate::light::names::suggest;
 use crate::light::{LightBasis, Lighting};
 
 /// Bytes of a look file at most.
-const MOST_TEXT_BYTES: u64 = 16 << 20;
+const MAX_TEXT_BYTES: u64 = 16 << 20;
 /// Frames that rounding of the keys' times may take off a whole number, at least.
 const ROUNDING_FRAMES: f64 = 1e-3;
 /// Most memory that the lightings of a file may take.
@@ -72,7 +72,7 @@ pub struct Look {
 /// A file that cannot be read, unknown keys, names that fit no light (with the nearest names), values out of
 /// range, images that cannot be read.
 pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
-    load_within(path, basis, &Reach::of(path))
+    load_within(path, basis, &FileAccess::of(path))
 }
 
 /// As [`load`], with images from anywhere: for a file whose author is trusted.
@@ -80,12 +80,12 @@ pub fn load(path: &Path, basis: &LightBasis) -> Result<Look> {
 /// # Errors
 /// Those of [`load`].
 pub fn load_reaching_outside(path: &Path, basis: &LightBasis) -> Result<Look> {
-    load_within(path, basis, &Reach::everywhere())
+    load_within(path, basis, &FileAccess::everywhere())
 }
 
-fn load_within(path: &Path, basis: &LightBasis, reach: &Reach) -> Result<Look> {
+fn load_within(path: &Path, basis: &LightBasis, reach: &FileAccess) -> Result<Look> {
     let place = path.display().to_string();
-    let text = read_input_text(path, "read the look", MOST_TEXT_BYTES)?;
+    let text = read_input_text(path, "read the look", MAX_TEXT_BYTES)?;
     let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
     let file = if json { file::parse_json(&place, &text) } else { file::parse_toml(&place, &text) }?;
     resolve::resolve(&place, (path.parent().unwrap_or(Path::new("")), reach), &file, basis)

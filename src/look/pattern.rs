@@ -1,6 +1,6 @@
 //! Masks and images over the texels of a light.
 
-use super::file::{Picture, Shape};
+use super::file::{LookImage, PatternShape};
 use crate::image::LinearImage;
 
 /// Sample points along each side of a texel: coverage is known to a sixty-fourth.
@@ -23,15 +23,17 @@ fn average(layout: (u32, u32), value: impl Fn(f32, f32) -> [f32; 3]) -> Vec<[f32
 }
 
 /// How much of each texel a shape covers; a gradient goes from 0 at `from` to 1 at `to`.
-pub(super) fn shape_mask(layout: (u32, u32), shape: Shape) -> Vec<[f32; 3]> {
+pub(super) fn shape_mask(layout: (u32, u32), shape: PatternShape) -> Vec<[f32; 3]> {
     average(layout, |u, v| {
         let value = match shape {
-            Shape::Disc { center, radius } => f32::from(u8::from((u - center[0]).hypot(v - center[1]) <= radius)),
-            Shape::Rectangle { center, size } => {
+            PatternShape::Disc { center, radius } => {
+                f32::from(u8::from((u - center[0]).hypot(v - center[1]) <= radius))
+            }
+            PatternShape::Rectangle { center, size } => {
                 let within = |at: f32, center: f32, size: f32| (at - center).abs() <= 0.5 * size;
                 f32::from(u8::from(within(u, center[0], size[0]) && within(v, center[1], size[1])))
             }
-            Shape::Gradient { from, to } => {
+            PatternShape::Gradient { from, to } => {
                 let along = [to[0] - from[0], to[1] - from[1]];
                 let length = (along[0] * along[0] + along[1] * along[1]).max(1e-12);
                 (((u - from[0]) * along[0] + (v - from[1]) * along[1]) / length).clamp(0.0, 1.0)
@@ -42,7 +44,7 @@ pub(super) fn shape_mask(layout: (u32, u32), shape: Shape) -> Vec<[f32; 3]> {
 }
 
 /// The image over each texel, black outside its place.
-pub(super) fn image_mask(layout: (u32, u32), picture: &Picture, image: &LinearImage) -> Vec<[f32; 3]> {
+pub(super) fn image_mask(layout: (u32, u32), picture: &LookImage, image: &LinearImage) -> Vec<[f32; 3]> {
     let [left, top, right, bottom] = picture.place;
     average(layout, |u, v| {
         let at = [(u - left) / (right - left), (v - top) / (bottom - top)];

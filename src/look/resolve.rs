@@ -9,7 +9,7 @@ use super::file::{Base, Color, LookFile, Rule};
 use super::pattern::{image_mask, shape_mask};
 use super::{Look, MAX_IMAGE_BYTES, MAX_LIGHTING_BYTES};
 use crate::error::{Error, Result};
-use crate::files::Reach;
+use crate::files::FileAccess;
 use crate::image::{KELVIN_RANGE, LinearImage, decode_srgb, image_facts, kelvin_to_linear, luminance, read_image};
 use crate::light::names::{fits, suggest};
 use crate::light::{Light, LightBasis, LightKind, Lighting};
@@ -17,7 +17,7 @@ use crate::light::{Light, LightBasis, LightKind, Lighting};
 /// Applies a file's rules to a basis. `folder` is the file's own, where its images are looked for within `reach`.
 pub(super) fn resolve(
     place: &str,
-    (folder, reach): (&Path, &Reach),
+    (folder, reach): (&Path, &FileAccess),
     file: &LookFile,
     basis: &LightBasis,
 ) -> Result<Look> {
@@ -72,7 +72,7 @@ pub(super) fn resolve(
 struct Resolver<'a> {
     place: &'a str,
     folder: &'a Path,
-    reach: &'a Reach,
+    reach: &'a FileAccess,
     file: &'a LookFile,
     basis: &'a LightBasis,
     /// On the images that were read, each once.

@@ -8,7 +8,7 @@ use super::CHANNELS;
 pub const FEATURE_PLANES: usize = 11;
 
 /// Emitters that are listed for each pixel at most, in the mean over a block.
-const MOST_SEEN_IN_PIXEL: u64 = 8;
+const MAX_SEEN_IN_PIXEL: u64 = 8;
 
 /// What is known of a pixel beside its light: of each sample, at the first surface that scatters, where the camera
 /// path stops at last. Mirrors, smooth glass and thin sheets on the way are passed. All are means over the pixel's
@@ -93,7 +93,7 @@ impl Feature {
 impl BlockPlanes {
     /// Emitters that a block of `pixels` lists, at most.
     pub fn most_seen(pixels: u64, columns: u64) -> u64 {
-        pixels * columns.min(MOST_SEEN_IN_PIXEL)
+        pixels * columns.min(MAX_SEEN_IN_PIXEL)
     }
 
     /// Makes these the empty planes of a block of `pixels` and `clusters`, keeping the allocations. The values of the

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::error::Result;
 use crate::light::LightBasis;
 use crate::matrix::{BlockId, BlockSource, TracedBlock};
-use crate::resources::Watch;
+use crate::resources::Progress;
 
 /// Blocks whose sums are held at once.
 const AT_ONCE: usize = 64;
@@ -16,7 +16,7 @@ const AT_ONCE: usize = 64;
 ///
 /// # Errors
 /// Those of reading.
-pub(super) fn measure(source: &dyn BlockSource, basis: &LightBasis, watch: &dyn Watch) -> Result<Option<Vec<f32>>> {
+pub(super) fn measure(source: &dyn BlockSource, basis: &LightBasis, watch: &dyn Progress) -> Result<Option<Vec<f32>>> {
     let shape = source.shape();
     let blocks: Vec<_> = shape.blocks().collect();
     let mut first = TracedBlock::default();

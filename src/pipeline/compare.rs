@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, PixelRect, TracedBlock};
-use crate::resources::Watch;
+use crate::resources::Progress;
 
 /// How far a block is from its source.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,12 +18,12 @@ pub struct BlockComparison {
     /// `Σ source²` over its entries.
     pub squared_norm: f64,
     /// Where the two differ most.
-    pub worst: Place,
+    pub worst: WorstEntry,
 }
 
 /// One entry in both.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct WorstEntry {
     /// Pixel across, in the image.
     pub x: u32,
     /// Pixel down, in the image.
@@ -45,7 +45,7 @@ impl BlockComparison {
     }
 }
 
-impl Place {
+impl WorstEntry {
     /// `|packed − source|`.
     pub fn difference(&self) -> f32 {
         (self.packed - self.source).abs()
@@ -69,7 +69,7 @@ fn relative(squared_error: f64, squared_norm: f64) -> f64 {
 pub fn compare_matrices(
     source: &dyn BlockSource,
     packed: &dyn FactorSource,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<Vec<BlockComparison>> {
     if source.shape() != packed.shape() {
         let hint = "give the matrix that the container was made from";
@@ -104,7 +104,7 @@ fn compare_block(id: BlockId, rect: PixelRect, source: &[f32], packed: &[f32]) -
     }
     let (column, row) = (at / rect.rows(), at % rect.rows());
     let pixel = (row % rect.pixels()) as u32;
-    let worst = Place {
+    let worst = WorstEntry {
         x: rect.x + pixel % rect.width,
         y: rect.y + pixel / rect.width,
         channel: (row / rect.pixels()).min(CHANNELS - 1),

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::resources::{PeakMemory, Watch, human_bytes};
+use crate::resources::{PeakMemory, Progress, human_bytes};
 
 use super::{PackOptions, PackReport, RelightOptions, RenderOptions};
 use crate::container::ContainerReader;
@@ -22,7 +22,7 @@ const SPOT_FRAMES: usize = 4;
 /// What the demonstration did; displays as its closing table.
 #[derive(Clone, Debug)]
 pub struct DemoReport {
-    stages: Vec<Stage>,
+    stages: Vec<DemoStage>,
     lightings: Vec<(String, ImageError)>,
     shape: MatrixShape,
     samples_per_pixel: u32,
@@ -31,7 +31,7 @@ pub struct DemoReport {
 }
 
 #[derive(Clone, Debug)]
-struct Stage {
+struct DemoStage {
     name: &'static str,
     seconds: f64,
     peak_memory_bytes: Option<u64>,
@@ -43,7 +43,7 @@ struct Stage {
 ///
 /// # Errors
 /// Those of the stages; an existing `demo.ltm` or `demo.ltc` is replaced.
-pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Watch) -> Result<DemoReport> {
+pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Progress) -> Result<DemoReport> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "create the folder"))?;
     let (matrix_path, container_path) = (folder.join("demo.ltm"), folder.join("demo.ltc"));
     let mut render_options = RenderOptions::default();
@@ -71,7 +71,7 @@ pub fn demo(loaded: LoadedScene, folder: &Path, watch: &dyn Watch) -> Result<Dem
     let references = relight_raw(&matrix, &lightings)?;
     let compare = (begun.elapsed().as_secs_f64(), memory.stop());
     let errors = images.iter().zip(&references).map(|(image, reference)| image::compare(image, reference));
-    let stage = |name, seconds, peak_memory_bytes, bytes| Stage { name, seconds, peak_memory_bytes, bytes };
+    let stage = |name, seconds, peak_memory_bytes, bytes| DemoStage { name, seconds, peak_memory_bytes, bytes };
     Ok(DemoReport {
         stages: vec![
             stage("render", render.seconds, render.peak_memory_bytes, matrix.tally()?.stored_bytes),

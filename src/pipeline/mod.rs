@@ -19,7 +19,7 @@ mod share;
 mod unpack;
 mod verify;
 
-pub use compare::{BlockComparison, Place, compare_matrices, total_relative_l2};
+pub use compare::{BlockComparison, WorstEntry, compare_matrices, total_relative_l2};
 pub use features::{FEATURE_CHANNELS, Features, write_basis, write_features};
 pub use import::{ImageNoise, ImportedMatrix, SecondImages};
 pub use open::{check_matrix_path, open_container};
@@ -40,6 +40,6 @@ pub use render::{
 pub(crate) use render::{note_samples, samples_of_unfinished, settings_of, tracer_of, tracing_need};
 pub use share::{DATA_NAME, PAGE_NAME, ShareOptions, ShareReport, share};
 pub use unpack::{
-    Selection, UnpackOptions, UnpackSource, Weights, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store,
+    ColumnWeights, Selection, UnpackOptions, UnpackSource, unpack_relit, unpack_to_exr, unpack_to_npy, unpack_to_store,
 };
 pub use verify::{Verified, admit_merge, verify, verify_container};

@@ -12,7 +12,7 @@ use crate::image::{LUMENS_PER_WATT, exposure_for};
 use crate::light::{Job, LightUnit, Lighting};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, MatrixShape, TracedBlock};
 use crate::relight::relight_streaming;
-use crate::resources::{Need, PROGRAM_BYTES, Watch};
+use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate};
 use crate::share::{Level, SharedBytes, SharedLook, SharedPicture, page, page_with_data, write_data};
 
 use super::{PackOptions, pack};
@@ -71,7 +71,7 @@ pub fn share(
     container: &ContainerReader,
     output: &Path,
     options: &ShareOptions,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<ShareReport> {
     let job = container.job();
     if let Some(id) = job.shape.blocks().find(|&id| !container.has_block(id)) {
@@ -93,7 +93,10 @@ pub fn share(
         }
         None => check_output(output, options.overwrite)?,
     }
-    let need = Need { fixed_bytes: PROGRAM_BYTES + needs_bytes(container, options.single), ..Need::default() };
+    let need = ResourceEstimate {
+        fixed_bytes: PROGRAM_BYTES + needs_bytes(container, options.single),
+        ..ResourceEstimate::default()
+    };
     need.threads_within("sharing", options.memory_bytes)?;
 
     let folder = tempfile::tempdir().map_err(Error::io(output, "make a temporary folder for"))?;
@@ -193,7 +196,7 @@ fn preview_of(
     container: &ContainerReader,
     path: &Path,
     memory_bytes: Option<u64>,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<ContainerReader> {
     let job = container.job();
     let side = |pixels: u32| pixels.div_ceil(SHRINK);
@@ -226,9 +229,9 @@ fn interrupted() -> Error {
 }
 
 /// Tells how far the preview is, but not what packs say of their files: it is one that nobody knows of.
-struct Preview<'a>(&'a dyn Watch);
+struct Preview<'a>(&'a dyn Progress);
 
-impl Watch for Preview<'_> {
+impl Progress for Preview<'_> {
     fn begin(&self, _: &str, total: u64, unit: &str) {
         self.0.begin("preview", total, unit);
     }

@@ -9,8 +9,8 @@ use super::relight::decoding_bytes;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
 use crate::matrix::FactorSource;
-use crate::resources::{Need, PROGRAM_BYTES, Threads};
-use crate::resources::{PeakMemory, Watch, human_bytes};
+use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
+use crate::resources::{PeakMemory, Progress, human_bytes};
 use crate::store::{self, StoreReader};
 
 /// What checking a matrix or a container found and took. Displayed as one line, without what is wrong.
@@ -48,7 +48,7 @@ impl fmt::Display for Verified {
 ///
 /// # Errors
 /// Those of [`store::verify`]; [`Error::Resources`] where the memory is too small.
-pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Verified> {
+pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Progress) -> Result<Verified> {
     let begun = Instant::now();
     let memory = PeakMemory::start();
     let reader = StoreReader::open(path)?;
@@ -77,12 +77,13 @@ pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Resu
 ///
 /// # Errors
 /// Those of [`open_container`]; [`Error::Resources`] where the memory is too small; [`Error::Interrupted`].
-pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Verified> {
+pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Progress) -> Result<Verified> {
     let begun = Instant::now();
     let memory = PeakMemory::start();
     let reader = open_container(path)?;
     let fixed_bytes = PROGRAM_BYTES + reader.index_bytes();
-    let need = Need { fixed_bytes, per_thread_bytes: decoding_bytes(&reader), ..Need::default() };
+    let need =
+        ResourceEstimate { fixed_bytes, per_thread_bytes: decoding_bytes(&reader), ..ResourceEstimate::default() };
     let threads = Threads::new(need.admit("checking", path, &[], memory_bytes, watch)?)?;
     let blocks = reader.job().shape.blocks().filter(|&id| reader.has_block(id)).count();
     watch.begin("checking", blocks as u64, "blocks");
@@ -126,12 +127,13 @@ pub fn admit_merge(parts: &[PathBuf], memory_bytes: Option<u64>) -> Result<()> {
             let need = reading_need(&reader);
             fixed_bytes += need.fixed_bytes - PROGRAM_BYTES;
         }
-        Need { fixed_bytes: fixed_bytes + largest, ..Need::default() }.threads_within("joining", memory_bytes)?;
+        ResourceEstimate { fixed_bytes: fixed_bytes + largest, ..ResourceEstimate::default() }
+            .threads_within("joining", memory_bytes)?;
     }
     Ok(())
 }
 
-pub(super) fn reading_need(reader: &StoreReader) -> Need {
+pub(super) fn reading_need(reader: &StoreReader) -> ResourceEstimate {
     let reading = store::requirements(reader.job(), &reader.options()).memory_bytes;
-    Need { fixed_bytes: PROGRAM_BYTES + reading, ..Need::default() }
+    ResourceEstimate { fixed_bytes: PROGRAM_BYTES + reading, ..ResourceEstimate::default() }
 }

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::compact::{CompactBlock, Factor, Part, Quantum, SparseEntries};
+use super::compact::{CompactBlock, Factor, FactorPart, Quantum, SparseEntries};
 use super::cpu::CpuRelighter;
 use super::damage::read_undamaged;
 use super::project::total;
@@ -97,7 +97,7 @@ fn sum_blocks(
         let (mut group_sums, mut sums, mut planes) = (vec![0.0f64; values], vec![0.0; values], Vec::new());
         for id in group * blocks / groups..(group + 1) * blocks / groups {
             let id = BlockId(id as u32);
-            let gather = Gather { images, size, width, rect: shape.rect(id), planes: &mut planes };
+            let gather = PixelGather { images, size, width, rect: shape.rect(id), planes: &mut planes };
             if !pulp::Arch::new().dispatch(gather) {
                 return Err(not_finite(images, size, width));
             }
@@ -129,7 +129,7 @@ fn not_finite(images: &[[f32; CHANNELS]], size: usize, width: usize) -> Error {
 
 /// Sets `planes` to the pixels of a block, images × channels × pixels, and says whether all are finite; compiled for the
 /// vectors that the machine has. Not a closure: what wraps one is compiled without them.
-struct Gather<'a> {
+struct PixelGather<'a> {
     images: &'a [[f32; CHANNELS]],
     /// Pixels of an image, and of a row of it.
     size: usize,
@@ -138,7 +138,7 @@ struct Gather<'a> {
     planes: &'a mut Vec<f32>,
 }
 
-impl pulp::NullaryFnOnce for Gather<'_> {
+impl pulp::NullaryFnOnce for PixelGather<'_> {
     type Output = bool;
 
     #[inline(always)]
@@ -227,7 +227,7 @@ fn set_image<N: Quantum, W: Quantum>(
 
 /// Sets `weights[k] = L_ch' x_ch` for each component of the part and each channel.
 #[inline(always)]
-fn weigh<Q: Quantum>(part: &Part<Q>, planes: &[f32], weights: &mut [[f32; CHANNELS]]) {
+fn weigh<Q: Quantum>(part: &FactorPart<Q>, planes: &[f32], weights: &mut [[f32; CHANNELS]]) {
     let pixels = planes.len() / CHANNELS;
     for (&k, values) in part.components.iter().zip(part.values.chunks_exact(planes.len())) {
         let channels = values.chunks_exact(pixels).zip(planes.chunks_exact(pixels));
@@ -240,7 +240,7 @@ fn weigh<Q: Quantum>(part: &Part<Q>, planes: &[f32], weights: &mut [[f32; CHANNE
 /// Adds `R_k` times its weights to the sums of a strip of columns, given as (first, count).
 #[inline(always)]
 fn spread<Q: Quantum>(
-    part: &Part<Q>,
+    part: &FactorPart<Q>,
     columns: usize,
     (first, count): (usize, usize),
     weights: &[[f32; CHANNELS]],

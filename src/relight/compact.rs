@@ -67,7 +67,7 @@ enum Rounding {
 
 /// The components of one factor that are stored in one precision.
 #[derive(Clone, Debug)]
-pub(crate) struct Part<Q> {
+pub(crate) struct FactorPart<Q> {
     /// Which component of the block each of these is.
     pub components: Vec<u32>,
     /// Their values, component after component.
@@ -78,8 +78,8 @@ pub(crate) struct Part<Q> {
 #[derive(Clone, Debug)]
 pub(crate) struct Factor<N = i8, W = Wide> {
     pub length: usize,
-    pub narrow: Part<N>,
-    pub wide: Part<W>,
+    pub narrow: FactorPart<N>,
+    pub wide: FactorPart<W>,
 }
 
 /// Entries outside the low-rank part, column by column.
@@ -105,7 +105,7 @@ pub struct CompactBlock {
     pub(crate) sparse: SparseEntries,
 }
 
-impl<Q: Copy> Part<Q> {
+impl<Q: Copy> FactorPart<Q> {
     fn new() -> Self {
         Self { components: Vec::new(), values: Vec::new() }
     }
@@ -132,17 +132,17 @@ impl<Q: Copy> Part<Q> {
     }
 }
 
-impl<Q: Quantum> Part<Q> {
+impl<Q: Quantum> FactorPart<Q> {
     #[inline(always)]
-    fn widen(&self) -> Part<f32> {
+    fn widen(&self) -> FactorPart<f32> {
         let values = self.values.iter().map(|value| value.to_f32()).collect();
-        Part { components: self.components.clone(), values }
+        FactorPart { components: self.components.clone(), values }
     }
 }
 
 impl Factor {
     fn new(length: usize) -> Self {
-        Self { length, narrow: Part::new(), wide: Part::new() }
+        Self { length, narrow: FactorPart::new(), wide: FactorPart::new() }
     }
 
     /// Stores component `index` and returns its scale, 0 for a component of zeros, which takes no room; none if a value

@@ -7,7 +7,7 @@ use super::damage::read_compact;
 use super::project::{PlanarLighting, project};
 use super::reconstruct::reconstruct;
 use super::scatter::scatter;
-use super::tiles::{Tile, for_each_tile};
+use super::tiles::{ImageTile, for_each_tile};
 use crate::error::{Error, Result};
 use crate::image::LinearImage;
 use crate::light::Lighting;
@@ -271,7 +271,7 @@ pub(crate) fn check_size(shape: MatrixShape, image: &LinearImage) -> Result<()> 
 }
 
 /// Sets the pixels of one block; a missing block becomes a marked hole.
-pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &PlanarLighting, tile: &mut Tile) {
+pub(crate) fn relight_block(block: Option<&CompactBlock>, lighting: &PlanarLighting, tile: &mut ImageTile) {
     match block {
         None => tile.mark_as_hole(),
         Some(block) if block.is_empty() => tile.clear(),
@@ -288,11 +288,11 @@ pub(super) fn relit_planes(block: &CompactBlock, lighting: &PlanarLighting) -> V
     let (mut projected, mut planes) = (Vec::new(), Vec::new());
     let arch = pulp::Arch::new();
     arch.dispatch(Project { block, lighting, projected: &mut projected });
-    arch.dispatch(Rows { block, projected: &projected, lighting, planes: &mut planes });
+    arch.dispatch(ProductRows { block, projected: &projected, lighting, planes: &mut planes });
     planes
 }
 
-fn finish_block(block: &CompactBlock, projected: &[[f32; CHANNELS]], lighting: &PlanarLighting, tile: &mut Tile) {
+fn finish_block(block: &CompactBlock, projected: &[[f32; CHANNELS]], lighting: &PlanarLighting, tile: &mut ImageTile) {
     pulp::Arch::new().dispatch(Finish { block, projected, lighting, tile });
 }
 
@@ -313,14 +313,14 @@ impl pulp::NullaryFnOnce for Project<'_> {
 }
 
 /// `L y + S ℓ`, compiled as [`Project`].
-struct Rows<'a> {
+struct ProductRows<'a> {
     block: &'a CompactBlock,
     projected: &'a [[f32; CHANNELS]],
     lighting: &'a PlanarLighting,
     planes: &'a mut Vec<f32>,
 }
 
-impl pulp::NullaryFnOnce for Rows<'_> {
+impl pulp::NullaryFnOnce for ProductRows<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -335,7 +335,7 @@ struct Finish<'a, 'b> {
     block: &'a CompactBlock,
     projected: &'a [[f32; CHANNELS]],
     lighting: &'a PlanarLighting,
-    tile: &'a mut Tile<'b>,
+    tile: &'a mut ImageTile<'b>,
 }
 
 impl pulp::NullaryFnOnce for Finish<'_, '_> {

@@ -37,18 +37,18 @@ pub struct Reads {
 ///
 /// Beside the budget, each thread that reads holds one block while it is decoded.
 pub struct PagedRelighter<'a> {
-    source: Source<'a>,
+    source: BlockReader<'a>,
     shape: MatrixShape,
     state: Mutex<State>,
 }
 
 /// What is read from, and who owns it.
-enum Source<'a> {
+enum BlockReader<'a> {
     Borrowed(&'a dyn FactorSource),
     Shared(Arc<dyn FactorSource>),
 }
 
-impl<'a> Deref for Source<'a> {
+impl<'a> Deref for BlockReader<'a> {
     type Target = dyn FactorSource + 'a;
 
     fn deref(&self) -> &Self::Target {
@@ -65,19 +65,19 @@ struct State {
     chunks: HashMap<(BlockId, u32), Arc<Vec<u8>>>,
     /// Blocks of factors.
     pager: Pager<BlockId>,
-    held: HashMap<BlockId, Arc<Held>>,
+    held: HashMap<BlockId, Arc<HeldBlock>>,
     damage: BTreeMap<BlockId, String>,
     reads: Reads,
 }
 
 /// A block in memory.
-pub(super) struct Held {
+pub(super) struct HeldBlock {
     /// None where nothing of it could be read.
     pub(super) block: Option<Arc<CompactBlock>>,
     pub(super) detail: Detail,
 }
 
-impl Held {
+impl HeldBlock {
     fn bytes(&self) -> u64 {
         let block = self.block.as_ref().map_or(0, |block| size_of::<CompactBlock>() + block.bytes());
         (size_of::<Self>() + block) as u64
@@ -86,7 +86,7 @@ impl Held {
 
 /// A block that was asked for, and whether it stays in memory.
 struct Fetched {
-    held: Arc<Held>,
+    held: Arc<HeldBlock>,
     is_kept: bool,
 }
 
@@ -102,15 +102,15 @@ struct Chunks {
 impl<'a> PagedRelighter<'a> {
     /// A relighter that holds at most `budget_bytes` of chunks and factors. Reads nothing yet.
     pub fn new(source: &'a dyn FactorSource, budget_bytes: u64) -> Self {
-        Self::over(Source::Borrowed(source), budget_bytes)
+        Self::over(BlockReader::Borrowed(source), budget_bytes)
     }
 
     /// As [`new`](Self::new), over a source that others may hold too, so that the relighter depends on no one's life.
     pub fn sharing(source: Arc<dyn FactorSource>, budget_bytes: u64) -> PagedRelighter<'static> {
-        PagedRelighter::over(Source::Shared(source), budget_bytes)
+        PagedRelighter::over(BlockReader::Shared(source), budget_bytes)
     }
 
-    fn over(source: Source<'a>, budget_bytes: u64) -> Self {
+    fn over(source: BlockReader<'a>, budget_bytes: u64) -> Self {
         let shape = source.shape();
         let stored_bytes = |id: BlockId| {
             let layers = source.layer_count(id);
@@ -222,12 +222,12 @@ impl<'a> PagedRelighter<'a> {
     }
 
     /// The block in at least this detail, from memory or from the source.
-    pub(super) fn fetch(&self, id: BlockId, wanted: Detail) -> Result<Arc<Held>> {
+    pub(super) fn fetch(&self, id: BlockId, wanted: Detail) -> Result<Arc<HeldBlock>> {
         self.fetch_kept(id, wanted).map(|fetched| fetched.held)
     }
 
     /// The block, if it is in memory in at least this detail.
-    pub(super) fn at_hand(&self, id: BlockId, wanted: Detail) -> Option<Arc<Held>> {
+    pub(super) fn at_hand(&self, id: BlockId, wanted: Detail) -> Option<Arc<HeldBlock>> {
         let mut state = self.lock();
         state.pager.touch(id)?;
         state.held.get(&id).filter(|held| held.detail >= wanted).cloned()
@@ -251,7 +251,7 @@ impl<'a> PagedRelighter<'a> {
     }
 
     /// Reads and decodes a block. A damaged layer ends it where it stands.
-    fn read(&self, id: BlockId, wanted: Detail) -> Result<Held> {
+    fn read(&self, id: BlockId, wanted: Detail) -> Result<HeldBlock> {
         let all = self.source.layer_count(id) as usize;
         let Chunks { chunks, mut damage, .. } = self.chunks(id, wanted)?;
         let mut chunks: Vec<Vec<u8>> = chunks.iter().map(|chunk| chunk.to_vec()).collect();
@@ -278,7 +278,7 @@ impl<'a> PagedRelighter<'a> {
         if let Some(error) = damage {
             self.lock().damage.entry(id).or_insert_with(|| error.to_string());
         }
-        Ok(Held { block, detail })
+        Ok(HeldBlock { block, detail })
     }
 
     /// The stored layers of a block, from memory or from the source, up to the first that is damaged.

@@ -1,6 +1,6 @@
 //! `y = R ℓ` for the three channels in one pass over `R`; twin of `shaders/project.wgsl`.
 
-use super::compact::{CompactBlock, Part, Quantum};
+use super::compact::{CompactBlock, FactorPart, Quantum};
 use crate::light::Lighting;
 use crate::matrix::CHANNELS;
 
@@ -41,7 +41,7 @@ pub(crate) fn project(block: &CompactBlock, lighting: &PlanarLighting, projected
 
 #[inline(always)]
 fn project_part<Q: Quantum>(
-    part: &Part<Q>,
+    part: &FactorPart<Q>,
     columns: usize,
     lighting: &PlanarLighting,
     projected: &mut [[f32; CHANNELS]],

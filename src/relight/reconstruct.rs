@@ -1,6 +1,6 @@
 //! `c = L y`; twin of `shaders/reconstruct.wgsl`.
 
-use super::compact::{CompactBlock, Part, Quantum};
+use super::compact::{CompactBlock, FactorPart, Quantum};
 use crate::matrix::CHANNELS;
 
 /// Rows that are finished together: their sums stay in registers while the components pass by.
@@ -20,7 +20,7 @@ pub(crate) fn reconstruct(block: &CompactBlock, projected: &[[f32; CHANNELS]], p
 
 #[inline(always)]
 fn add_part<Q: Quantum>(
-    part: &Part<Q>,
+    part: &FactorPart<Q>,
     rows: usize,
     first_row: usize,
     channel: usize,

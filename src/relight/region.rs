@@ -78,7 +78,7 @@ fn planar(shape: MatrixShape, lightings: &[Lighting], scales: &[f32]) -> Result<
     Ok(lightings.iter().map(|lighting| PlanarLighting::new(lighting, scales)).collect())
 }
 
-fn relight_part(block: &CompactBlock, lightings: &[PlanarLighting], part: &mut Part) {
+fn relight_part(block: &CompactBlock, lightings: &[PlanarLighting], part: &mut RegionPart) {
     let black = vec![0.0; if block.is_empty() { part.rect.rows() } else { 0 }];
     for (image, lighting) in lightings.iter().enumerate() {
         if block.is_empty() {
@@ -90,7 +90,7 @@ fn relight_part(block: &CompactBlock, lightings: &[PlanarLighting], part: &mut P
 }
 
 /// The pixels of one block inside the region, in every image.
-struct Part<'a> {
+struct RegionPart<'a> {
     id: BlockId,
     /// The block's pixels.
     rect: PixelRect,
@@ -101,7 +101,7 @@ struct Part<'a> {
     images: Vec<Vec<&'a mut [[f32; CHANNELS]]>>,
 }
 
-impl Part<'_> {
+impl RegionPart<'_> {
     /// Sets the pixels of one image from the rows of the whole block, channel-planar.
     fn set(&mut self, image: usize, planes: &[f32]) {
         let (width, rows) = (self.rect.width as usize, &mut self.images[image]);
@@ -145,7 +145,7 @@ fn for_each_part(
     images: usize,
     shape: MatrixShape,
     region: PixelRect,
-    work: impl Fn(&mut Part) -> Result<()> + Sync,
+    work: impl Fn(&mut RegionPart) -> Result<()> + Sync,
 ) -> Result<()> {
     let ends = |at: u32, size: u32, limit: u32| size > 0 && at.checked_add(size).is_some_and(|end| end <= limit);
     if !ends(region.x, region.width, shape.width()) || !ends(region.y, region.height, shape.height()) {
@@ -183,16 +183,16 @@ fn parts_of_band<'a>(
     band: Vec<&'a mut [[f32; CHANNELS]]>,
     shape: MatrixShape,
     region: PixelRect,
-) -> Vec<Part<'a>> {
+) -> Vec<RegionPart<'a>> {
     let side = shape.block_side();
     let part = |across: u32| {
         let id = BlockId(down * shape.blocks_across() + across);
         let rect = shape.rect(id);
         let begin = |at: u32, block: u32| at.saturating_sub(block) as usize;
         let images = band.iter().map(|_| Vec::with_capacity(side as usize)).collect();
-        Part { id, rect, x: begin(region.x, rect.x), y: begin(region.y, rect.y), images }
+        RegionPart { id, rect, x: begin(region.x, rect.x), y: begin(region.y, rect.y), images }
     };
-    let mut parts: Vec<Part> = (region.x / side..(region.x + region.width).div_ceil(side)).map(part).collect();
+    let mut parts: Vec<RegionPart> = (region.x / side..(region.x + region.width).div_ceil(side)).map(part).collect();
     for (i, image) in band.into_iter().enumerate() {
         for mut row in image.chunks_exact_mut(region.width as usize) {
             for part in &mut parts {

@@ -6,12 +6,12 @@ use crate::image::LinearImage;
 use crate::matrix::{BlockId, CHANNELS, MatrixShape};
 
 /// The pixels of one block inside an image: one slice for each pixel row.
-pub(crate) struct Tile<'a> {
+pub(crate) struct ImageTile<'a> {
     pub id: BlockId,
     rows: Vec<&'a mut [[f32; CHANNELS]]>,
 }
 
-impl Tile<'_> {
+impl ImageTile<'_> {
     /// Sets the pixels from those of the block, row by row; there may be more than it has.
     #[cfg(feature = "gpu")]
     pub(crate) fn copy(&mut self, mut pixels: &[[f32; CHANNELS]]) {
@@ -58,7 +58,7 @@ impl Tile<'_> {
 pub(crate) fn for_each_tile<E: Send>(
     image: &mut LinearImage,
     shape: MatrixShape,
-    work: impl Fn(Tile) -> Result<(), E> + Sync,
+    work: impl Fn(ImageTile) -> Result<(), E> + Sync,
 ) -> Result<(), E> {
     assert_eq!((image.width, image.height), (shape.width(), shape.height()));
     let (width, side) = (shape.width() as usize, shape.block_side() as usize);
@@ -66,7 +66,7 @@ pub(crate) fn for_each_tile<E: Send>(
     bands.try_for_each(|(down, band)| {
         let across = shape.blocks_across();
         let ids = (0..across).map(|x| BlockId(down as u32 * across + x));
-        let mut tiles: Vec<Tile> = ids.map(|id| Tile { id, rows: Vec::with_capacity(side) }).collect();
+        let mut tiles: Vec<ImageTile> = ids.map(|id| ImageTile { id, rows: Vec::with_capacity(side) }).collect();
         for row in band.chunks_mut(width) {
             for (tile, part) in tiles.iter_mut().zip(row.chunks_mut(side)) {
                 tile.rows.push(part);

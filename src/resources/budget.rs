@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-use super::Watch;
+use super::Progress;
 use super::memory::available_bytes;
 use crate::error::{Error, Result};
 use crate::files::{folder_of, free_bytes};
@@ -19,7 +19,7 @@ const KEPT_PART: u64 = 4;
 /// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block or, where that is
 /// more, for a stage by itself; and disk.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Need {
+pub(crate) struct ResourceEstimate {
     pub(crate) fixed_bytes: u64,
     pub(crate) per_thread_bytes: u64,
     /// Of a stage during which no thread works on a block; what those gave back in small pieces, the allocator keeps for a while.
@@ -30,7 +30,7 @@ pub(crate) struct Need {
     pub(crate) most_disk_bytes: u64,
 }
 
-impl Need {
+impl ResourceEstimate {
     /// Memory for a number of threads.
     pub(crate) fn bytes(self, threads: usize) -> u64 {
         let of_threads = self.per_thread_bytes * threads as u64;
@@ -49,7 +49,7 @@ impl Need {
         output: &Path,
         there: &[&Path],
         budget_bytes: Option<u64>,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
     ) -> Result<usize> {
         let threads = self.threads_within(job, budget_bytes)?;
         let folder = folder_of(output);
@@ -117,7 +117,7 @@ pub fn budget_bytes(memory_bytes: Option<u64>) -> u64 {
 /// # Errors
 /// [`Error::Resources`] where it does not fit.
 pub fn hold_to_memory(job: &str, bytes: u64, memory_bytes: Option<u64>) -> Result<()> {
-    Need { fixed_bytes: bytes, ..Need::default() }.threads_within(job, memory_bytes).map(|_| ())
+    ResourceEstimate { fixed_bytes: bytes, ..ResourceEstimate::default() }.threads_within(job, memory_bytes).map(|_| ())
 }
 
 /// Bytes with a binary unit.
@@ -158,14 +158,14 @@ mod tests {
 
     #[test]
     fn threads_are_given_up_before_the_job_is() {
-        let need = Need { fixed_bytes: 100, per_thread_bytes: 50, ..Need::default() };
+        let need = ResourceEstimate { fixed_bytes: 100, per_thread_bytes: 50, ..ResourceEstimate::default() };
         let most = rayon::current_num_threads();
         assert_eq!(need.threads_within("a job", Some(need.bytes(most))).unwrap(), most);
         assert_eq!(need.threads_within("a job", Some(150)).unwrap(), 1);
         let error = need.threads_within("a job", Some(149)).unwrap_err().to_string();
         assert!(error.contains("150 B") && error.contains("149 B"), "{error}");
         // A stage by itself takes the place of the threads.
-        let staged = Need { alone_bytes: 80, ..need };
+        let staged = ResourceEstimate { alone_bytes: 80, ..need };
         assert_eq!((staged.bytes(1), staged.bytes(2), staged.bytes(3)), (192, 205, 250));
     }
 
@@ -174,8 +174,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (output, partial) = (folder.path().join("x"), folder.path().join("x.part"));
         let admit = |bytes| {
-            let need = Need { disk_bytes: bytes, ..Need::default() };
-            need.admit("writing", &output, &[&partial], None, &crate::resources::Quiet)
+            let need = ResourceEstimate { disk_bytes: bytes, ..ResourceEstimate::default() };
+            need.admit("writing", &output, &[&partial], None, &crate::resources::NoProgress)
         };
         let free = free_bytes(folder.path()).unwrap();
         assert!(admit(free / 2).is_ok());

@@ -7,8 +7,8 @@ mod peak;
 mod progress;
 mod threads;
 
-pub(crate) use budget::{Need, PROGRAM_BYTES};
+pub(crate) use budget::{PROGRAM_BYTES, ResourceEstimate};
 pub use budget::{budget_bytes, hold_to_memory, human_bytes, parse_bytes};
 pub use peak::PeakMemory;
-pub use progress::{Quiet, Watch};
+pub use progress::{NoProgress, Progress};
 pub(crate) use threads::Threads;

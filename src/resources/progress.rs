@@ -1,7 +1,7 @@
 //! What a long job tells the program that runs it, and how it hears that it should stop.
 
 /// Hears the progress of a job. All methods may be called from any thread.
-pub trait Watch: Sync {
+pub trait Progress: Sync {
     /// A stage begins that has `total` steps, each a `unit` ("blocks").
     fn begin(&self, stage: &str, total: u64, unit: &str);
 
@@ -19,9 +19,9 @@ pub trait Watch: Sync {
 }
 
 /// Hears nothing and never stops a job.
-pub struct Quiet;
+pub struct NoProgress;
 
-impl Watch for Quiet {
+impl Progress for NoProgress {
     fn begin(&self, _: &str, _: u64, _: &str) {}
     fn advance(&self, _: u64, _: u64, _: &str) {}
     fn end(&self) {}

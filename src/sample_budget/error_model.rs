@@ -6,7 +6,7 @@ use crate::light::PROBES;
 /// Samples per pixel of the pilot: first few, then more.
 pub(super) const SAMPLES: (u32, u32) = (8, 32);
 /// Slowest fall that is believed: of the squared error, as a power of the samples.
-const LEAST_POWER: f64 = 0.25;
+const MIN_POWER: f64 = 0.25;
 
 /// How an error falls with the samples: its square as a power of them, and never slower than that of the samples themselves.
 #[derive(Clone, Copy, Debug)]
@@ -43,7 +43,7 @@ impl ErrorModel {
         let believed: [f64; PROBES] = std::array::from_fn(|probe| more[probe].max(few[probe] * least));
         let sum = |squares: &[f64; PROBES]| squares.iter().filter(|square| square.is_finite()).sum::<f64>();
         let power = (sum(few) / sum(&believed)).ln() / (of_more / of_few).ln();
-        let power = if power.is_finite() { power.clamp(LEAST_POWER, 1.0) } else { 1.0 };
+        let power = if power.is_finite() { power.clamp(MIN_POWER, 1.0) } else { 1.0 };
         Self { square: worst(&believed), samples: of_more, power, noise: noise * of_more }
     }
 

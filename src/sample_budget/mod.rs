@@ -21,7 +21,7 @@ use crate::error_estimate::{Blocks, ErrorMonitor, WINDOW, spread_windows};
 use crate::pipeline::{
     PackOptions, check_container_output, job_of, note_samples, samples_of_unfinished, settings_of, tracing_need,
 };
-use crate::resources::{Need, Threads, Watch};
+use crate::resources::{Progress, ResourceEstimate, Threads};
 use crate::scene::LoadedScene;
 use crate::store;
 
@@ -48,7 +48,7 @@ pub enum RenderTo<'a> {
 }
 
 /// A scene with as many samples as a rule wants, and what it is held to where that is an error.
-pub struct Chosen {
+pub struct ChosenSamples {
     /// The scene.
     pub loaded: LoadedScene,
     /// What will show whether the error was reached.
@@ -65,8 +65,8 @@ pub fn choose_samples(
     to: RenderTo<'_>,
     rule: StopRule,
     pack: &PackOptions,
-    watch: &dyn Watch,
-) -> Result<Chosen> {
+    watch: &dyn Progress,
+) -> Result<ChosenSamples> {
     let begun = Instant::now();
     for (name, end) in [("--error", rule.error), ("--time", rule.seconds)] {
         if end.is_some_and(|end| !(end > 0.0 && end.is_finite())) {
@@ -89,7 +89,7 @@ pub fn choose_samples(
     }
     let cleans = pack.for_source(true).denoise && pack.basis.is_none();
     if known.is_some() && rule.error.is_none() && !(rule.packs && cleans) {
-        return Ok(Chosen { loaded, promise: None });
+        return Ok(ChosenSamples { loaded, promise: None });
     }
     let job = job_of(&loaded)?;
     let windows = spread_windows(job.shape, WINDOWS);
@@ -97,7 +97,7 @@ pub fn choose_samples(
     need.fixed_bytes += Blocks::images_need_bytes(job.shape, windows.concat().len());
     if cleans {
         let cleaning = DenoisedSource::need_of_windows(&job, need.per_thread_bytes, WINDOW);
-        need = Need { fixed_bytes: need.fixed_bytes + cleaning.fixed_bytes, ..cleaning };
+        need = ResourceEstimate { fixed_bytes: need.fixed_bytes + cleaning.fixed_bytes, ..cleaning };
     }
     let threads = Threads::new(need.threads_within("a pilot", pack.memory_bytes)?)?;
     let settings = settings_of(&loaded);
@@ -129,17 +129,17 @@ pub fn choose_samples(
         references,
         packed: Mutex::default(),
     });
-    Ok(Chosen { loaded, promise })
+    Ok(ChosenSamples { loaded, promise })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::block_records::files_of_pack;
-    use crate::error_estimate::{Images, ProbedBlock, error_squares, worst};
+    use crate::error_estimate::{ProbedBlock, ProbedImages, error_squares, worst};
     use crate::matrix::{BlockId, TracedBlock};
     use crate::pipeline::samples_path;
-    use crate::resources::Quiet;
+    use crate::resources::NoProgress;
     use crate::scene::BuiltIn;
     use crate::trace::{TraceSettings, Tracer};
 
@@ -162,10 +162,10 @@ mod tests {
         crate::matrix::BlockSink::write_block(&writer, BlockId(0), &traced).unwrap();
         drop(writer);
         let rule = StopRule { seconds: Some(1.0), ..Default::default() };
-        let again = choose_samples(scene(), RenderTo::GoOn(&path), rule, &PackOptions::default(), &Quiet).unwrap();
+        let again = choose_samples(scene(), RenderTo::GoOn(&path), rule, &PackOptions::default(), &NoProgress).unwrap();
         assert_eq!(again.loaded.settings.samples_per_pixel, 6);
         let bad = StopRule { error: Some(-0.1), ..Default::default() };
-        assert!(choose_samples(scene(), RenderTo::GoOn(&path), bad, &PackOptions::default(), &Quiet).is_err());
+        assert!(choose_samples(scene(), RenderTo::GoOn(&path), bad, &PackOptions::default(), &NoProgress).is_err());
     }
 
     #[test]
@@ -175,7 +175,7 @@ mod tests {
         let options = PackOptions { denoise: true, ..Default::default() };
         let chosen = |seconds| {
             let rule = StopRule { seconds: Some(seconds), packs: true, ..Default::default() };
-            choose_samples(scene(), RenderTo::GoOn(&path), rule, &options, &Quiet).unwrap().loaded
+            choose_samples(scene(), RenderTo::GoOn(&path), rule, &options, &NoProgress).unwrap().loaded
         };
         let first = chosen(1.0).settings.samples_per_pixel;
         assert!(samples_path(&path).exists());
@@ -189,19 +189,19 @@ mod tests {
         // One that was begun anew can be gone on with as well.
         std::fs::remove_file(samples_path(&path)).unwrap();
         let rule = StopRule { seconds: Some(1.0), packs: true, ..Default::default() };
-        let anew = choose_samples(scene(), RenderTo::Anew(&path), rule, &options, &Quiet).unwrap().loaded;
+        let anew = choose_samples(scene(), RenderTo::Anew(&path), rule, &options, &NoProgress).unwrap().loaded;
         assert_eq!(chosen(60.0).settings.samples_per_pixel, anew.settings.samples_per_pixel);
         let mut other = scene();
         other.settings.seed += 1;
         assert_eq!(samples_of_unfinished(&mut other, &path).unwrap(), None);
         let few =
             LoadedScene { settings: crate::scene::RenderSettings { samples_per_pixel: 2, ..again.settings }, ..again };
-        crate::pipeline::render_packed(few, &path, &options, &Quiet).unwrap();
+        crate::pipeline::render_packed(few, &path, &options, &NoProgress).unwrap();
         assert!(!samples_path(&path).exists());
     }
 
     /// The image of every block of a packed scene, of columns divided by their scales.
-    fn images_of(path: &Path) -> Images {
+    fn images_of(path: &Path) -> ProbedImages {
         let container = crate::container::ContainerReader::open(path).unwrap();
         let (job, probes) = (container.job(), crate::light::probe_lightings(&container.job().basis));
         let inverse: Vec<f32> = job.basis.column_scales().iter().map(|scale| scale.recip()).collect();
@@ -214,7 +214,7 @@ mod tests {
     }
 
     /// Those of a matrix of many samples.
-    fn converged() -> Images {
+    fn converged() -> ProbedImages {
         let mut job = job_of(&scene()).unwrap();
         let settings = TraceSettings { samples_per_pixel: 1024, seed: 4711, ..settings_of(&scene()) };
         let tracer = Tracer::new(scene().scene, job.shape, settings).unwrap().with_column_scales();
@@ -222,7 +222,7 @@ mod tests {
         let windows = [job.shape.blocks().collect()];
         let blocks = Blocks { source: &tracer, job: &job, windows: &windows };
         let threads = Threads::new(rayon::current_num_threads()).unwrap();
-        blocks.images(false, &threads, ("", &Quiet)).unwrap().sampled
+        blocks.images(false, &threads, ("", &NoProgress)).unwrap().sampled
     }
 
     /// Against a converged reference: what was asked for is kept to a half, and what is stated as reached is right to a quarter, in the
@@ -241,9 +241,9 @@ mod tests {
                 let rule = StopRule { error: Some(asked), packs: true, ..Default::default() };
                 let mut seeded = scene();
                 seeded.settings.seed = seed;
-                let chosen = choose_samples(seeded, RenderTo::GoOn(&path), rule, &options, &Quiet).unwrap();
+                let chosen = choose_samples(seeded, RenderTo::GoOn(&path), rule, &options, &NoProgress).unwrap();
                 options.promise = chosen.promise.map(Arc::new);
-                let (_, report) = crate::pipeline::render_packed(chosen.loaded, &path, &options, &Quiet).unwrap();
+                let (_, report) = crate::pipeline::render_packed(chosen.loaded, &path, &options, &NoProgress).unwrap();
                 let stated = report.exposed.unwrap();
                 assert_eq!(crate::container::ContainerReader::open(&path).unwrap().errors().exposed, Some(stated));
                 let packed = images_of(&path);

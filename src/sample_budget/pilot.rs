@@ -6,10 +6,10 @@ use std::time::Instant;
 use super::StopRule;
 use super::error_model::{ErrorModel, SAMPLES, Seconds, first};
 use crate::error::Result;
-use crate::error_estimate::{Blocks, Images, WindowImages, error_squares, noise_squares, worst};
+use crate::error_estimate::{Blocks, ProbedImages, WindowImages, error_squares, noise_squares, worst};
 use crate::light::{Job, PROBES};
 use crate::matrix::BlockId;
-use crate::resources::{Threads, Watch};
+use crate::resources::{Progress, Threads};
 use crate::scene::Scene;
 use crate::trace::{TraceSettings, Tracer};
 
@@ -19,7 +19,7 @@ const PILOT_SHARE: f64 = 0.2;
 const TRACING_SHARE: f64 = 0.9;
 
 /// Windows with independent samples of them.
-pub(super) type References = (Vec<Vec<BlockId>>, [Images; 2]);
+pub(super) type References = (Vec<Vec<BlockId>>, [ProbedImages; 2]);
 
 /// What traces some windows of a scene.
 pub(super) struct Pilot<'a> {
@@ -28,7 +28,7 @@ pub(super) struct Pilot<'a> {
     pub(super) job: &'a Job,
     pub(super) cleans: bool,
     pub(super) threads: &'a Threads,
-    pub(super) watch: &'a dyn Watch,
+    pub(super) watch: &'a dyn Progress,
 }
 
 /// What a pilot found.

@@ -38,7 +38,7 @@ impl Assembly {
     }
 
     /// Appends a mesh of one material.
-    pub(super) fn add(&mut self, shape: shapes::Shape, material: MaterialId) {
+    pub(super) fn add(&mut self, shape: shapes::TriangleList, material: MaterialId) {
         let first = self.mesh.vertices.len() as u32;
         self.mesh.vertices.extend(shape.vertices);
         self.mesh.triangles.extend(shape.triangles.into_iter().map(|vertices| Triangle {

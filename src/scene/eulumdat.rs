@@ -6,7 +6,7 @@ use super::photometry::{MAX_ANGLES, Photometry, Web, lines};
 use crate::error::{Error, Result};
 
 /// Most sets of lamps that the format has.
-const MOST_SETS: usize = 20;
+const MAX_SETS: usize = 20;
 /// Lines of a set.
 const SET_LINES: usize = 6;
 
@@ -39,7 +39,7 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     // Where it is left out or 0, nothing is to be converted.
     let factor = if text(24)?.is_empty() { 1.0 } else { float(24)? };
     let factor = if factor == 0.0 { 1.0 } else { factor };
-    let sets = count(26, MOST_SETS)?;
+    let sets = count(26, MAX_SETS)?;
     let lumens = float(29)?;
     let first_plane = 27 + SET_LINES * sets + 10;
     let list = |from: usize, count: usize| (from..from + count).map(float).collect::<Result<Vec<f32>>>();

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::files::{LIBRARY_VARIABLE, Reach, library_folder};
+use crate::files::{FileAccess, LIBRARY_VARIABLE, library_folder};
 
 /// Folders in which relative paths of a scene file are looked up, in this order, and the files that may be opened at all.
 #[derive(Clone, Debug)]
@@ -11,14 +11,14 @@ pub(super) struct Folders {
     beside: PathBuf,
     library: Option<PathBuf>,
     /// That of the scene file, whoever names a file further on.
-    pub(super) reach: Reach,
+    pub(super) reach: FileAccess,
 }
 
 impl Folders {
     /// The scene file's own folder, then the one that `LTM_SCENES` names. Files elsewhere may be opened only with
     /// `allow_outside`.
     pub(super) fn of(scene_file: &Path, allow_outside: bool) -> Self {
-        let reach = if allow_outside { Reach::everywhere() } else { Reach::of(scene_file) };
+        let reach = if allow_outside { FileAccess::everywhere() } else { FileAccess::of(scene_file) };
         Self { beside: scene_file.parent().unwrap_or(Path::new("")).to_owned(), library: library_folder(), reach }
     }
 

@@ -9,8 +9,8 @@ use glam::{DVec3, Vec3};
 use super::folders::Folders;
 use super::gltf::{FileExtras, GltfMaterial, is_gltf, read as read_gltf};
 use super::lines::unquoted;
-use super::memory::Memory;
-use super::mtl::{self, Map, MtlMaterial, Shape};
+use super::memory::MemoryBound;
+use super::mtl::{self, MaterialShape, MtlMap, MtlMaterial};
 use super::names::{self, NameList};
 use super::obj::{self, ObjFile, ObjPart};
 use super::origin::origin_between;
@@ -20,12 +20,12 @@ use crate::error::{Error, Result};
 use crate::files::{open_input, read_input};
 
 /// Bytes of a material file at most.
-const MOST_MATERIAL_BYTES: u64 = 256 << 20;
+const MAX_MATERIAL_BYTES: u64 = 256 << 20;
 
 /// Height over longest side below which a triangle is degenerate: its normal would be rounding noise.
 const THINNEST: f32 = 1e-6;
 /// Names that are compared with misspelt ones, in all: each comparison takes the product of their lengths.
-const MOST_GUESSES: usize = 10_000;
+const MAX_GUESSES: usize = 10_000;
 
 /// All geometry of a scene before its materials and lights are made.
 #[derive(Debug, Default)]
@@ -52,7 +52,7 @@ pub(super) struct SourceMaterial {
 #[derive(Debug)]
 pub(super) enum Description {
     /// An MTL file, with the folder of its textures and the shape of what has it.
-    Mtl(Box<MtlMaterial>, PathBuf, Shape),
+    Mtl(Box<MtlMaterial>, PathBuf, MaterialShape),
     /// A glTF file.
     Gltf(Box<GltfMaterial>),
 }
@@ -66,7 +66,7 @@ impl Geometry {
         &mut self,
         path: &Path,
         folders: &Folders,
-        memory: &mut Memory,
+        memory: &mut MemoryBound,
         warnings: &mut Vec<String>,
     ) -> Result<FileExtras> {
         if is_gltf(path) {
@@ -80,7 +80,7 @@ impl Geometry {
         &mut self,
         path: &Path,
         folders: &Folders,
-        memory: &mut Memory,
+        memory: &mut MemoryBound,
         warnings: &mut Vec<String>,
     ) -> Result<()> {
         let mut reader = BufReader::new(open_input(path, "read the geometry")?);
@@ -169,14 +169,14 @@ impl Geometry {
         path: &Path,
         file: &ObjFile,
         folders: &Folders,
-        memory: &mut Memory,
+        memory: &mut MemoryBound,
         warnings: &mut Vec<String>,
     ) -> Result<()> {
         let beside = folders.beside(path);
         let mut library: Vec<(MtlMaterial, PathBuf)> = Vec::new();
         for mtl_path in find_libraries(&file.libraries, &beside, path, warnings)? {
             // The text, and the materials that it describes: fewer bytes than 32 for each of it.
-            let text = read_input(&mtl_path, "read the materials", MOST_MATERIAL_BYTES)?;
+            let text = read_input(&mtl_path, "read the materials", MAX_MATERIAL_BYTES)?;
             memory.take((text.len() as u64).saturating_mul(32), &mtl_path)?;
             let folder = mtl_path.parent().unwrap_or(Path::new("")).to_owned();
             let described = mtl::parse(&mtl_path, &text, warnings)?;
@@ -187,7 +187,7 @@ impl Geometry {
         for (index, (material, _)) in library.iter().enumerate() {
             described.entry(&material.name).or_insert(index);
         }
-        let mut guesses = MOST_GUESSES;
+        let mut guesses = MAX_GUESSES;
         for name in file.materials.as_slice() {
             let found = spellings(name).find_map(|name| described.get(name)).map(|&index| &library[index]);
             let (mut description, folder) = found.cloned().unwrap_or_else(|| {
@@ -204,7 +204,7 @@ impl Geometry {
                 description.name = "unnamed".into();
             }
             let name = description.name.clone();
-            let description = Description::Mtl(Box::new(description), folder, Shape::default());
+            let description = Description::Mtl(Box::new(description), folder, MaterialShape::default());
             self.materials.push(SourceMaterial { name, description });
         }
         Ok(())
@@ -216,7 +216,7 @@ impl Geometry {
             return;
         };
         let maps = [&material.diffuse_map, &material.dissolve_map, &material.emission_map];
-        if let Some(Map { scale, offset, .. }) = maps.into_iter().flatten().next().filter(|map| !map.is_plain()) {
+        if let Some(MtlMap { scale, offset, .. }) = maps.into_iter().flatten().next().filter(|map| !map.is_plain()) {
             part.uvs.iter_mut().for_each(|uv| *uv = *uv * *scale + *offset);
         }
     }
@@ -226,7 +226,7 @@ impl Geometry {
         &mut self,
         first_material: usize,
         first_triangle: usize,
-        memory: &Memory,
+        memory: &MemoryBound,
         path: &Path,
     ) -> Result<()> {
         let triangles = &self.mesh.triangles[first_triangle..];

@@ -8,9 +8,9 @@ use glam::{DVec3, Mat3, Quat, Vec3};
 use super::assembly::{Assembly, Panel};
 use super::file::{LightEntry, LightEntryKind, Luminaire, MappingEntry, SideEntry};
 use super::folders::Folders;
-use super::memory::Memory;
+use super::memory::MemoryBound;
 use super::names::UniqueNames;
-use super::photometry::{self, MOST_PHOTOMETRY_BYTES, Photometry};
+use super::photometry::{self, MAX_PHOTOMETRY_BYTES, Photometry};
 use super::rectangle::{self, Corner};
 use super::resolve_materials::{Emission, colour};
 use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, Vertex, names};
@@ -27,7 +27,7 @@ const SUN_RADIUS_DEGREES: f32 = 0.2665;
 const COLUMN_BYTES: u64 = 64;
 
 /// A scene under construction, with what its lights are chosen by.
-pub(super) struct Lights<'a> {
+pub(super) struct LightBuilder<'a> {
     pub(super) assembly: &'a mut Assembly,
     /// What each material emits.
     pub(super) emissions: &'a [Option<Emission>],
@@ -40,18 +40,18 @@ pub(super) struct Lights<'a> {
     /// Weights that differ from their light's emission: first column, weights.
     pub(super) weights: Vec<(u32, Vec<[f32; 3]>)>,
     /// What is left for environment maps and photometric files while they are read.
-    pub(super) memory: Memory,
+    pub(super) memory: MemoryBound,
     pub(super) warnings: Vec<String>,
 }
 
 /// Triangles that become one light.
-struct Group {
+struct LightGroup {
     name: String,
     emission: Emission,
     triangles: Vec<u32>,
 }
 
-impl Lights<'_> {
+impl LightBuilder<'_> {
     /// Adds the lights of one entry; `place` names it in messages.
     pub(super) fn add(&mut self, entry: &LightEntry, place: &str) -> Result<()> {
         entry.check_keys(place)?;
@@ -131,9 +131,9 @@ impl Lights<'_> {
     }
 
     /// The triangles that an entry chooses, one group for each material, each object, or all joined.
-    fn groups(&self, entry: &LightEntry, place: &str) -> Result<Vec<Group>> {
+    fn groups(&self, entry: &LightEntry, place: &str) -> Result<Vec<LightGroup>> {
         let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|p| fits(p, name));
-        let mut groups: Vec<Group> = Vec::new();
+        let mut groups: Vec<LightGroup> = Vec::new();
         let mut group_of: HashMap<u32, usize> = HashMap::new();
         let (mut named, mut dark) = (0, None);
         for (index, triangle) in self.assembly.mesh.triangles.iter().enumerate() {
@@ -173,7 +173,7 @@ impl Lights<'_> {
                     }
                     group.triangles.push(index as u32);
                 }
-                None => groups.push(Group { name: name.clone(), emission, triangles: vec![index as u32] }),
+                None => groups.push(LightGroup { name: name.clone(), emission, triangles: vec![index as u32] }),
             }
         }
         if !groups.is_empty() {
@@ -314,7 +314,7 @@ impl Lights<'_> {
     fn photometry(&mut self, entry: &LightEntry, place: &str) -> Result<Photometry> {
         let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
         let path = self.folders.find(file, place)?;
-        let bytes = read_input(&path, "read the photometric file", MOST_PHOTOMETRY_BYTES)?;
+        let bytes = read_input(&path, "read the photometric file", MAX_PHOTOMETRY_BYTES)?;
         let photometry = photometry::parse(&path, &bytes)?;
         self.warnings.extend(
             photometry.remarks.iter().filter(|remark| !self.warnings.contains(remark)).cloned().collect::<Vec<_>>(),

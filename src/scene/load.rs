@@ -9,9 +9,9 @@ use super::file::{self, CameraEntry, FilterEntry, LightEntry, LightEntryKind, Ma
 use super::folders::Folders;
 use super::gltf::{FileCamera, is_gltf, seeing_all};
 use super::import::{Description, Geometry, SourceMaterial};
-use super::lights::Lights;
-use super::memory::Memory;
-use super::resolve_materials::{Decided, Workshop};
+use super::lights::LightBuilder;
+use super::memory::MemoryBound;
+use super::resolve_materials::{Decided, MaterialResolver};
 use super::textures::Textures;
 use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
 use crate::error::{Error, Result};
@@ -20,7 +20,7 @@ use crate::light::names::fits;
 use crate::matrix::MatrixShape;
 
 /// Bytes of a scene file at most.
-const MOST_TEXT_BYTES: u64 = 64 << 20;
+const MAX_TEXT_BYTES: u64 = 64 << 20;
 /// Size of a block in f32 above which a warning is given, in bytes.
 const LARGE_BLOCK_BYTES: u64 = 1 << 30;
 
@@ -103,7 +103,7 @@ struct Unchecked {
 }
 
 fn put_together(path: &Path, options: &LoadOptions) -> Result<Unchecked> {
-    let memory = Memory::of(options.memory_bytes.unwrap_or(u64::MAX));
+    let memory = MemoryBound::of(options.memory_bytes.unwrap_or(u64::MAX));
     if is_gltf(path) {
         return load_gltf(path, options, memory);
     }
@@ -123,19 +123,19 @@ struct Read<'a> {
     camera: Camera,
     settings: RenderSettings,
     metres_per_unit: f32,
-    memory: Memory,
+    memory: MemoryBound,
     warnings: Vec<String>,
     /// Whether each emissive object is a light of its own, before the entries.
     by_instance: bool,
 }
 
-fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<Unchecked> {
+fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
     let place = path.display().to_string();
     if options.camera.is_some() {
         let problem = "a camera is chosen by name, but a scene file has one only, [camera]";
         return Err(Error::input(place, problem, "leave the name out, or give the glTF file itself"));
     }
-    let text = read_input_text(path, "read the scene", MOST_TEXT_BYTES)?;
+    let text = read_input_text(path, "read the scene", MAX_TEXT_BYTES)?;
     // The text, its tree and the records made of it.
     memory.check((text.len() as u64).saturating_mul(64), path)?;
     let SceneFile { name, geometry: files, metres_per_unit, camera, render, light: entries, material: overrides } =
@@ -182,7 +182,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<U
 }
 
 /// A glTF file as a scene of its own, with its camera, its lamps and all that emits in it.
-fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<Unchecked> {
+fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
     let place = path.display().to_string();
     let folders = Folders::of(path, options.allow_outside);
     let (mut warnings, mut geometry) = (Vec::new(), Geometry::default());
@@ -261,7 +261,7 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
         read;
     let textures = Textures::within(read.memory, folders.reach.clone());
     let mut workshop =
-        Workshop { textures, warnings: read.warnings, overrides, folders, place, decided: Decided::default() };
+        MaterialResolver { textures, warnings: read.warnings, overrides, folders, place, decided: Decided::default() };
     let mut assembly = Assembly { mesh: geometry.mesh, ..Assembly::default() };
     let mut emissions = Vec::new();
     for source in &geometry.materials {
@@ -279,12 +279,12 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
             return Err(Error::input(place, "no material has such a name", hint));
         }
     }
-    let Workshop { textures, mut warnings, decided, .. } = workshop;
+    let MaterialResolver { textures, mut warnings, decided, .. } = workshop;
     decided.report(&mut warnings);
     let memory = textures.memory;
     assembly.textures = textures.list;
 
-    let mut lights = Lights {
+    let mut lights = LightBuilder {
         assembly: &mut assembly,
         emissions: &emissions,
         objects: geometry.objects.as_slice(),

@@ -6,12 +6,12 @@ use crate::error::{Error, Result};
 
 /// A bound on memory, and what of it is taken.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Memory {
+pub(super) struct MemoryBound {
     limit_bytes: u64,
     taken_bytes: u64,
 }
 
-impl Memory {
+impl MemoryBound {
     /// All of `limit_bytes`.
     pub(super) fn of(limit_bytes: u64) -> Self {
         Self { limit_bytes, taken_bytes: 0 }

@@ -44,7 +44,7 @@ pub use material::{Material, Paint, Surface, Texture, TextureId};
 pub(crate) use mesh::bounds;
 pub use mesh::{MaterialId, Mesh, Triangle, Vertex};
 pub use origin::{in_file, stated_origin};
-pub use survey::{Survey, survey};
+pub use survey::{SceneSurvey, survey};
 pub use validate::validate;
 
 use glam::DVec3;

@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use super::Vertex;
 use super::lines::{LineError, Lines, MAX_LINE_BYTES, text_of, without_comment};
-use super::memory::Memory;
+use super::memory::MemoryBound;
 use super::names::NameList;
 use super::polygon;
 use crate::error::{Error, Result};
@@ -48,7 +48,7 @@ impl ObjPart {
 
 /// Something that is left out or mended.
 #[derive(Clone, Copy, Debug)]
-enum Fault {
+enum ObjFault {
     Vertex,
     Normal,
     Coordinate,
@@ -80,7 +80,7 @@ const FAULTS: [&str; 10] = [
 pub(super) struct Faults([(usize, usize); FAULTS.len()]);
 
 impl Faults {
-    fn note(&mut self, fault: Fault, line: usize) {
+    fn note(&mut self, fault: ObjFault, line: usize) {
         let (count, first) = &mut self.0[fault as usize];
         *count += 1;
         if *first == 0 {
@@ -106,7 +106,7 @@ impl Faults {
         }
     }
 
-    fn has(&self, fault: Fault) -> bool {
+    fn has(&self, fault: ObjFault) -> bool {
         self.0[fault as usize].0 > 0
     }
 }
@@ -159,7 +159,7 @@ const FREE_FORM: [&str; 3] = ["curv", "curv2", "surf"];
 ///
 /// # Errors
 /// What cannot be read or is no text, no faces at all, more than `memory` holds.
-pub(super) fn parse(path: &Path, reader: &mut dyn BufRead, memory: &Memory) -> Result<ObjFile> {
+pub(super) fn parse(path: &Path, reader: &mut dyn BufRead, memory: &MemoryBound) -> Result<ObjFile> {
     let mut parser = Parser::default();
     let (mut lines, mut line) = (Lines::of(reader), Vec::new());
     loop {
@@ -179,10 +179,10 @@ pub(super) fn parse(path: &Path, reader: &mut dyn BufRead, memory: &Memory) -> R
     memory.check(file.bytes(), path)?;
     if file.arities.is_empty() {
         let problem = match &file.faults {
-            faults if faults.has(Fault::FreeForm) => "the OBJ file has curves and free-form surfaces, but no faces",
-            faults if faults.has(Fault::Line) => "the OBJ file has points and lines, but no faces",
-            faults if faults.has(Fault::Short) => "the OBJ file has no faces of three corners or more",
-            faults if faults.has(Fault::Corner) => "the OBJ file has no faces whose corners are vertices",
+            faults if faults.has(ObjFault::FreeForm) => "the OBJ file has curves and free-form surfaces, but no faces",
+            faults if faults.has(ObjFault::Line) => "the OBJ file has points and lines, but no faces",
+            faults if faults.has(ObjFault::Short) => "the OBJ file has no faces of three corners or more",
+            faults if faults.has(ObjFault::Corner) => "the OBJ file has no faces whose corners are vertices",
             _ => "the OBJ file has no faces",
         };
         return Err(Error::input(path.display().to_string(), problem, "give a mesh of polygons (f lines)"));
@@ -228,7 +228,7 @@ impl ObjFile {
             if let Some([v, ..]) = face.iter().find(|[v, ..]| !self.has(*v)) {
                 // Vertices that are there and no numbers have been counted.
                 if *v as usize >= self.positions.len() {
-                    faults.note(Fault::Corner, line);
+                    faults.note(ObjFault::Corner, line);
                 }
                 continue;
             }
@@ -250,14 +250,14 @@ impl ObjFile {
                     part.positions.push(self.positions[v]);
                     if group.format.0 {
                         part.uvs.push(self.uvs.get(vt).copied().unwrap_or_else(|| {
-                            faults.note(Fault::Coordinate, 0);
+                            faults.note(ObjFault::Coordinate, 0);
                             Vec2::ZERO
                         }));
                     }
                     if group.format.1 {
                         part.normals.push(self.normals.get(vn).map_or_else(
                             || {
-                                faults.note(Fault::Normal, 0);
+                                faults.note(ObjFault::Normal, 0);
                                 Vec3::ZERO
                             },
                             |normal| normal.normalize_or_zero(),
@@ -275,7 +275,7 @@ impl ObjFile {
             let points: Vec<_> = places.iter().map(|&place| part.positions[place as usize]).collect();
             let cut = polygon::cut(&points);
             if cut.crosses {
-                faults.note(Fault::Crossing, 0);
+                faults.note(ObjFault::Crossing, 0);
             }
             part.triangles.extend(cut.triangles.iter().map(|triangle| triangle.map(|at| places[at])));
         }
@@ -334,19 +334,19 @@ impl Parser {
         match key {
             "v" => {
                 // One that is no vertex keeps its place, since faces count.
-                let found = self.numbers(rest, 3, Fault::Vertex);
+                let found = self.numbers(rest, 3, ObjFault::Vertex);
                 if rest.split_whitespace().nth(5).is_some() {
-                    self.note(Fault::Colour);
+                    self.note(ObjFault::Colour);
                 }
                 self.file.positions.push(found.map_or(DVec3::NAN, DVec3::from_array));
             }
             "vn" => {
-                let found = self.numbers(rest, 3, Fault::Normal);
+                let found = self.numbers(rest, 3, ObjFault::Normal);
                 self.file.normals.push(found.map_or(Vec3::ZERO, |normal| DVec3::from_array(normal).as_vec3()));
             }
             "vt" => {
                 // One number lies on the line v = 0.
-                let found = self.numbers(rest, 1, Fault::Coordinate);
+                let found = self.numbers(rest, 1, ObjFault::Coordinate);
                 self.file.uvs.push(found.map_or(Vec2::ZERO, |place| DVec2::from_array(place).as_vec2()));
             }
             "f" | "fo" => self.face(rest),
@@ -359,18 +359,18 @@ impl Parser {
                 self.format = None;
             }
             "mtllib" => self.file.libraries.push(rest.to_owned()),
-            "p" | "l" => self.note(Fault::Line),
-            key if FREE_FORM.contains(&key) => self.note(Fault::FreeForm),
+            "p" | "l" => self.note(ObjFault::Line),
+            key if FREE_FORM.contains(&key) => self.note(ObjFault::FreeForm),
             _ => {}
         }
     }
 
-    fn note(&mut self, fault: Fault) {
+    fn note(&mut self, fault: ObjFault) {
         self.file.faults.note(fault, self.lines);
     }
 
     /// The first `N` numbers of a statement, of which `needed` must be there. None where they are no finite numbers, which is noted.
-    fn numbers<const N: usize>(&mut self, rest: &str, needed: usize, fault: Fault) -> Option<[f64; N]> {
+    fn numbers<const N: usize>(&mut self, rest: &str, needed: usize, fault: ObjFault) -> Option<[f64; N]> {
         let mut words = rest.split_whitespace();
         let mut numbers = [0.0f64; N];
         for (i, number) in numbers.iter_mut().enumerate() {
@@ -393,7 +393,7 @@ impl Parser {
     fn with_comma(&mut self, word: &str) -> Option<f64> {
         let (whole, decimals) = word.split_once(',')?;
         let number = format!("{whole}.{decimals}").parse().ok()?;
-        self.note(Fault::Comma);
+        self.note(ObjFault::Comma);
         Some(number)
     }
 
@@ -404,7 +404,7 @@ impl Parser {
         for word in rest.split_whitespace() {
             let Some([v, vt, vn]) = self.corner(word) else {
                 self.file.corners.truncate(begin);
-                return self.note(Fault::Corner);
+                return self.note(ObjFault::Corner);
             };
             common = (common.0 && vt.is_some(), common.1 && vn.is_some());
             self.file.corners.push([v.unwrap_or(NOWHERE), vt.unwrap_or(0), vn.unwrap_or(0)]);
@@ -412,7 +412,7 @@ impl Parser {
         }
         if arity < 3 {
             self.file.corners.truncate(begin);
-            return self.note(Fault::Short);
+            return self.note(ObjFault::Short);
         }
         for corner in &mut self.file.corners[begin..] {
             let [_, vt, vn] = corner;
@@ -448,8 +448,8 @@ impl Parser {
             if slot.is_none() {
                 match stream {
                     0 => return None,
-                    1 => self.note(Fault::Coordinate),
-                    _ => self.note(Fault::Normal),
+                    1 => self.note(ObjFault::Coordinate),
+                    _ => self.note(ObjFault::Normal),
                 }
             }
         }
@@ -473,7 +473,7 @@ mod tests {
     use super::*;
 
     fn parsed(text: &str) -> Result<ObjFile> {
-        parse(Path::new("a.obj"), &mut text.as_bytes(), &Memory::of(u64::MAX))
+        parse(Path::new("a.obj"), &mut text.as_bytes(), &MemoryBound::of(u64::MAX))
     }
 
     fn read(text: &str) -> (ObjFile, Vec<ObjPart>) {
@@ -584,10 +584,10 @@ mod tests {
         let (_, parts) = read(&format!("{SQUARE}v 0 0.5 0\nf 1 2 3 4 5\n"));
         assert_eq!(parts[0].triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4]]);
         let many = "v 0 0 0\n".repeat(10_000);
-        let error = parse(Path::new("a.obj"), &mut many.as_bytes(), &Memory::of(50_000)).unwrap_err();
+        let error = parse(Path::new("a.obj"), &mut many.as_bytes(), &MemoryBound::of(50_000)).unwrap_err();
         assert!(matches!(error, Error::Resources { .. }), "{error}");
         let endless =
-            parse(Path::new("a.obj"), &mut std::io::BufReader::new(std::io::repeat(b'v')), &Memory::of(1 << 20));
+            parse(Path::new("a.obj"), &mut std::io::BufReader::new(std::io::repeat(b'v')), &MemoryBound::of(1 << 20));
         assert!(endless.unwrap_err().to_string().contains("too long"));
     }
 

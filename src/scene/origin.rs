@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 const FAR: f64 = 8.0;
 
 /// Largest step of an origin, as a power of ten.
-const LARGEST_STEP: i32 = 300;
+const MAX_STEP: i32 = 300;
 
 /// How the origin stands in a job's settings, before the camera's words.
 const WORDS: &str = "origin = ";
@@ -31,7 +31,7 @@ pub(super) fn origin_between(low: DVec3, high: DVec3) -> DVec3 {
         };
         let near = |origin: &f64| (middle - origin).abs() <= FAR * half;
         // The first multiple that is near may be 0.
-        (least..=LARGEST_STEP).rev().map(multiple).find(near).unwrap_or(0.0)
+        (least..=MAX_STEP).rev().map(multiple).find(near).unwrap_or(0.0)
     };
     DVec3::from_array(middle.to_array().map(along))
 }

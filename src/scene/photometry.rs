@@ -6,7 +6,7 @@ use super::{IesProfile, eulumdat, ies};
 use crate::error::Result;
 
 /// Bytes of a photometric file at most. Real files have some thousand.
-pub(super) const MOST_PHOTOMETRY_BYTES: u64 = 16 << 20;
+pub(super) const MAX_PHOTOMETRY_BYTES: u64 = 16 << 20;
 /// Most angles of one kind that a file may state. Real files have at most a few hundred.
 pub(super) const MAX_ANGLES: usize = 4096;
 /// Finest and coarsest step of the sphere that a web with other axes is sampled on, in degrees.

@@ -8,11 +8,11 @@ const AREA_SLACK: f64 = 1e-3;
 /// Height over width up to which a polygon is flat.
 const FLAT: f64 = 0.01;
 /// Corners of a polygon above which it is not looked at: cutting it would take minutes.
-const MOST_CORNERS: usize = 1 << 16;
+const MAX_CORNERS: usize = 1 << 16;
 
 /// A polygon's triangles.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Cut {
+pub(super) struct Triangulation {
     /// Places among its corners, wound as it is.
     pub(super) triangles: Vec<[usize; 3]>,
     /// Whether they do not fill it, since its edges cross.
@@ -21,18 +21,18 @@ pub(super) struct Cut {
 
 /// Cuts a polygon of at least three corners: a convex one into the fan about its first corner, others by their ears, as they
 /// look along their normal (Newell's). A quad that is not flat and seems to cross itself is folded, not crossed: a fan again.
-pub(super) fn cut(corners: &[DVec3]) -> Cut {
+pub(super) fn cut(corners: &[DVec3]) -> Triangulation {
     let count = corners.len();
     if count == 3 {
-        return Cut { triangles: vec![[0, 1, 2]], crosses: false };
+        return Triangulation { triangles: vec![[0, 1, 2]], crosses: false };
     }
     let (flat, height, length) = flattened(corners);
     let fan = || (1..count - 1).map(|i| [0, i, i + 1]).collect();
-    if count > MOST_CORNERS {
-        return Cut { triangles: fan(), crosses: true };
+    if count > MAX_CORNERS {
+        return Triangulation { triangles: fan(), crosses: true };
     }
     if is_convex(&flat) {
-        return Cut { triangles: fan(), crosses: false };
+        return Triangulation { triangles: fan(), crosses: false };
     }
     let mut places: Vec<usize> = Vec::new();
     earcut::Earcut::new().earcut(flat.iter().map(|p| p.to_array()), &[], &mut places);
@@ -56,7 +56,7 @@ pub(super) fn cut(corners: &[DVec3]) -> Cut {
     if is_folded && count == 4 {
         triangles = fan();
     }
-    Cut { triangles, crosses: crosses && !is_folded }
+    Triangulation { triangles, crosses: crosses && !is_folded }
 }
 
 /// The corners seen along the polygon's normal: the two axes in which it is widest. And how far they stand off the plane of the first
@@ -117,7 +117,7 @@ fn is_convex(flat: &[DVec2]) -> bool {
 mod tests {
     use super::*;
 
-    fn area(corners: &[DVec3], cut: &Cut) -> f64 {
+    fn area(corners: &[DVec3], cut: &Triangulation) -> f64 {
         let doubled = |t: &[usize; 3]| {
             let [a, b, c] = t.map(|i| corners[i]);
             (b - a).cross(c - a).length()

@@ -50,10 +50,10 @@ pub(super) fn find(triangles: &[[Corner; 3]]) -> Result<Rectangle, &'static str>
     }
 }
 
-type Frame = (Vec3, Vec3, Vec3);
+type Edges = (Vec3, Vec3, Vec3);
 
 /// The affine map from texture coordinates, as the largest triangle states it, over the range that all corners use.
-fn from_uvs(triangles: &[[Corner; 3]]) -> Result<Frame, &'static str> {
+fn from_uvs(triangles: &[[Corner; 3]]) -> Result<Edges, &'static str> {
     let determinant = |[a, b, c]: &[Corner; 3]| (b.uv - a.uv).perp_dot(c.uv - a.uv);
     let largest = triangles.iter().max_by(|a, b| determinant(a).abs().total_cmp(&determinant(b).abs()));
     let [a, b, c] = largest.ok_or("it has no faces")?;
@@ -75,7 +75,7 @@ fn from_uvs(triangles: &[[Corner; 3]]) -> Result<Frame, &'static str> {
 }
 
 /// The bounding rectangle along one of the edges that has the triangles' area.
-fn from_edges(triangles: &[[Corner; 3]], normal: Vec3, area: f32) -> Result<Frame, &'static str> {
+fn from_edges(triangles: &[[Corner; 3]], normal: Vec3, area: f32) -> Result<Edges, &'static str> {
     let corners = || triangles.iter().flatten().map(|c| c.position);
     let edges = triangles.iter().flat_map(|[a, b, c]| [b.position - a.position, c.position - b.position]);
     for axis in edges.filter_map(|edge| edge.try_normalize()) {

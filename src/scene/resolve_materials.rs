@@ -12,8 +12,8 @@ use super::file::{MaterialEntry, SurfaceEntry};
 use super::folders::Folders;
 use super::gltf::{Alpha, GltfMaterial};
 use super::import::{Description, SourceMaterial};
-use super::mtl::{self, Map, MtlLook, MtlMaterial, Shape, Through, Writer};
-use super::textures::{Textures, Use};
+use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, Through, Writer};
+use super::textures::{TextureUse, Textures};
 use super::{Material, Paint, Surface, TextureId};
 use crate::error::{Error, Result};
 use crate::light::names::fits;
@@ -36,7 +36,7 @@ const CLEAR_COAT: f32 = 0.04;
 const NO_REFRACTION: f32 = 1e-3;
 
 /// Smallest GGX α that is told from a perfect mirror.
-const SMALLEST_ALPHA: f32 = 1e-3;
+const MIN_ALPHA: f32 = 1e-3;
 
 /// What a material emits.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,7 +47,7 @@ pub(super) struct Emission {
 
 /// A material as it is known before it becomes a [`Surface`]: every property, whether its kind uses it or not.
 #[derive(Clone, Copy, Debug)]
-struct Look {
+struct SurfaceParams {
     kind: SurfaceEntry,
     /// Albedo, or what a mirror or metal reflects.
     reflectance: Paint,
@@ -59,8 +59,8 @@ struct Look {
 }
 
 /// A material before the scene file's overrides.
-struct Draft {
-    look: Look,
+struct UnresolvedMaterial {
+    look: SurfaceParams,
     cutout: Option<TextureId>,
     opacity: f32,
     /// What it would be if it were opaque.
@@ -72,7 +72,7 @@ struct Draft {
 }
 
 /// Builds materials; textures and warnings gather in it.
-pub(super) struct Workshop<'a> {
+pub(super) struct MaterialResolver<'a> {
     pub(super) textures: Textures,
     pub(super) warnings: Vec<String>,
     pub(super) overrides: &'a [MaterialEntry],
@@ -107,7 +107,7 @@ impl Decided {
     }
 }
 
-impl Workshop<'_> {
+impl MaterialResolver<'_> {
     /// The material that a description and the scene file's overrides make.
     pub(super) fn make(&mut self, source: &SourceMaterial) -> Result<(Material, Option<Emission>)> {
         let draft = match &source.description {
@@ -118,25 +118,25 @@ impl Workshop<'_> {
     }
 
     /// What a glTF material means here. `formats/scene.md` states it.
-    fn of_gltf(&mut self, source: &GltfMaterial, name: &str) -> Result<Draft> {
+    fn of_gltf(&mut self, source: &GltfMaterial, name: &str) -> Result<UnresolvedMaterial> {
         let asked_by = format!("material '{name}'");
         let usage = match source.alpha {
-            Alpha::Cut(scale) => Use::Masked(scale.to_bits()),
-            Alpha::Opaque | Alpha::Sheet(_) => Use::Reflectance,
+            Alpha::Cut(scale) => TextureUse::Masked(scale.to_bits()),
+            Alpha::Opaque | Alpha::Sheet(_) => TextureUse::Reflectance,
         };
-        let mut map = |image: &Option<_>, usage: Use| match image {
+        let mut map = |image: &Option<_>, usage: TextureUse| match image {
             Some(image) => self.textures.source(image, usage, &asked_by, &mut self.warnings),
             None => Ok(None),
         };
         let base_map = map(&source.base_image, usage)?;
-        let emission_map = map(&source.emission_image, Use::Emission)?;
+        let emission_map = map(&source.emission_image, TextureUse::Emission)?;
         let averages = match &source.metallic_roughness_image {
             Some(image) => self.textures.average(image, &asked_by)?,
             None => None,
         };
         let [_, roughness, metallic] = averages.unwrap_or([1.0; 3]);
         let (roughness, metallic) = (roughness * source.roughness, metallic * source.metallic);
-        let mut look = Look {
+        let mut look = SurfaceParams {
             kind: SurfaceEntry::Coated,
             reflectance: base_map.map_or(Paint::Constant(source.base), |id| Paint::Textured(id, source.base)),
             specular: (source.specular * normal_reflectance(source.ior)).min(Vec3::ONE),
@@ -162,19 +162,19 @@ impl Workshop<'_> {
         let cutout = matches!(source.alpha, Alpha::Cut(_)).then_some(base_map).flatten();
         let pattern = emission_map.map(|id| Paint::Textured(id, Vec3::ONE));
         let (opaque, beside_map) = (SurfaceEntry::Coated, source.base);
-        Ok(Draft { look, cutout, opacity: 1.0, opaque, beside_map, radiance: source.emission, pattern })
+        Ok(UnresolvedMaterial { look, cutout, opacity: 1.0, opaque, beside_map, radiance: source.emission, pattern })
     }
 
     /// What an MTL description means here, on surfaces of a shape. `folder` holds its textures.
-    fn of_mtl(&mut self, source: &MtlMaterial, folder: &Path, shape: Shape) -> Result<Draft> {
+    fn of_mtl(&mut self, source: &MtlMaterial, folder: &Path, shape: MaterialShape) -> Result<UnresolvedMaterial> {
         let asked_by = format!("material '{}'", source.name);
-        let mut map = |map: &Option<Map>, usage: Use| match map {
+        let mut map = |map: &Option<MtlMap>, usage: TextureUse| match map {
             Some(map) => self.textures.named((folder, &map.file), usage, &asked_by, &mut self.warnings),
             None => Ok(None),
         };
-        let diffuse_map = map(&source.diffuse_map, Use::Reflectance)?;
-        let cutout = map(&source.dissolve_map, Use::CutOut)?;
-        let emission_map = map(&source.emission_map, Use::Emission)?;
+        let diffuse_map = map(&source.diffuse_map, TextureUse::Reflectance)?;
+        let cutout = map(&source.dissolve_map, TextureUse::CutOut)?;
+        let emission_map = map(&source.emission_map, TextureUse::Emission)?;
         let diffuse = source.diffuse.unwrap_or(Vec3::splat(if source.emission.is_some() { 0.0 } else { 0.5 }));
         let base = match diffuse_map {
             Some(id) => Paint::Textured(id, self.beside_map(source)),
@@ -199,8 +199,8 @@ impl Workshop<'_> {
             radiance = Vec3::ONE;
         }
         let opaque = if is_bent { SurfaceEntry::Coated } else { look.kind };
-        let look = Look::of_mtl(&look, base);
-        Ok(Draft { look, cutout, opacity, opaque, beside_map: diffuse, radiance, pattern })
+        let look = SurfaceParams::of_mtl(&look, base);
+        Ok(UnresolvedMaterial { look, cutout, opacity, opaque, beside_map: diffuse, radiance, pattern })
     }
 
     /// The colour that multiplies `map_Kd`: `Kd`, but for what programs write there without meaning it.
@@ -246,8 +246,8 @@ impl Workshop<'_> {
     }
 
     /// Applies the scene file's overrides.
-    fn finish(&mut self, draft: Draft, name: &str) -> Result<(Material, Option<Emission>)> {
-        let Draft { mut look, mut cutout, mut opacity, opaque, beside_map, mut radiance, pattern } = draft;
+    fn finish(&mut self, draft: UnresolvedMaterial, name: &str) -> Result<(Material, Option<Emission>)> {
+        let UnresolvedMaterial { mut look, mut cutout, mut opacity, opaque, beside_map, mut radiance, pattern } = draft;
         let asked_by = format!("material '{name}'");
         for entry in self.overrides.iter().filter(|entry| fits(&entry.pattern, name)) {
             let place = format!("{}, material \"{}\"", self.place, entry.pattern);
@@ -267,17 +267,17 @@ impl Workshop<'_> {
             if let (Some(times), Paint::Textured(id, _)) = (entry.colour_times_map, look.reflectance) {
                 look.reflectance = Paint::Textured(id, if times { beside_map } else { Vec3::ONE });
             }
-            let mut map = |name: &Option<String>, usage: Use| {
+            let mut map = |name: &Option<String>, usage: TextureUse| {
                 let Some(name) = name else { return Ok(None) };
                 match self.folders.look_up(name, &place)? {
                     Some(path) => self.textures.get(&path, usage, &mut self.warnings).map(Some),
                     None => self.textures.named((self.folders.own(), name), usage, &place, &mut self.warnings),
                 }
             };
-            if let Some(id) = map(&entry.reflectance_map, Use::Reflectance)? {
+            if let Some(id) = map(&entry.reflectance_map, TextureUse::Reflectance)? {
                 look.reflectance = Paint::Textured(id, entry.reflectance.map_or(Vec3::ONE, Vec3::from));
             }
-            cutout = map(&entry.cutout_map, Use::CutOut)?.or(cutout);
+            cutout = map(&entry.cutout_map, TextureUse::CutOut)?.or(cutout);
             if let Some(emission) = entry.emission {
                 radiance = colour(emission, "emission", f32::MAX, &place)?;
             }
@@ -295,7 +295,7 @@ pub(super) fn normal_reflectance(ior: f32) -> f32 {
     ((ior - 1.0) / (ior + 1.0)).powi(2)
 }
 
-impl Look {
+impl SurfaceParams {
     /// What an MTL material looks like, over this base.
     fn of_mtl(look: &MtlLook, base: Paint) -> Self {
         let &MtlLook { kind, reflectance, specular, alpha, ior, transmittance } = look;
@@ -348,13 +348,13 @@ impl Look {
         match kind {
             SurfaceEntry::Black => Surface::Black,
             SurfaceEntry::Coated if specular != Vec3::ZERO => {
-                Surface::Coated { reflectance, specular, alpha: alpha.max(SMALLEST_ALPHA) }
+                Surface::Coated { reflectance, specular, alpha: alpha.max(MIN_ALPHA) }
             }
             SurfaceEntry::Lambert | SurfaceEntry::Coated if reflectance == Paint::Constant(Vec3::ZERO) => {
                 Surface::Black
             }
             SurfaceEntry::Lambert | SurfaceEntry::Coated => Surface::Lambert { reflectance },
-            SurfaceEntry::RoughConductor if alpha >= SMALLEST_ALPHA => {
+            SurfaceEntry::RoughConductor if alpha >= MIN_ALPHA => {
                 Surface::RoughConductor { specular: reflectance, alpha }
             }
             SurfaceEntry::Mirror | SurfaceEntry::RoughConductor => Surface::Mirror { reflectance },
@@ -377,8 +377,8 @@ mod tests {
     use super::*;
 
     fn surface(source: MtlMaterial) -> Surface {
-        let (look, _, _) = mtl::look_of(&source, Shape::Sheet);
-        Look::of_mtl(&look, Paint::Constant(source.diffuse.unwrap_or_default())).surface()
+        let (look, _, _) = mtl::look_of(&source, MaterialShape::Sheet);
+        SurfaceParams::of_mtl(&look, Paint::Constant(source.diffuse.unwrap_or_default())).surface()
     }
 
     fn grey(v: f32) -> Option<Vec3> {

@@ -8,12 +8,12 @@ use super::Vertex;
 
 /// Triangles of their own vertex list.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Shape {
+pub(super) struct TriangleList {
     pub(super) vertices: Vec<Vertex>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-impl Shape {
+impl TriangleList {
     /// Makes the front the back.
     pub(super) fn turn_over(&mut self) {
         self.triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -28,9 +28,9 @@ impl Shape {
 }
 
 /// A flat rectangle with the front towards `edge_u × edge_v`, texture coordinates along its edges.
-pub(super) fn rectangle(origin: Vec3, edge_u: Vec3, edge_v: Vec3) -> Shape {
+pub(super) fn rectangle(origin: Vec3, edge_u: Vec3, edge_v: Vec3) -> TriangleList {
     let corner = |position, uv| Vertex { position, normal: Vec3::ZERO, uv };
-    Shape {
+    TriangleList {
         vertices: vec![
             corner(origin, Vec2::ZERO),
             corner(origin + edge_u, Vec2::X),
@@ -42,9 +42,9 @@ pub(super) fn rectangle(origin: Vec3, edge_u: Vec3, edge_v: Vec3) -> Shape {
 }
 
 /// A box of these half sides, turned about the vertical through its centre, front outwards.
-pub(super) fn cuboid(centre: Vec3, half: Vec3, turn_radians: f32) -> Shape {
+pub(super) fn cuboid(centre: Vec3, half: Vec3, turn_radians: f32) -> TriangleList {
     let turn = Quat::from_rotation_y(turn_radians);
-    let mut shape = Shape::default();
+    let mut shape = TriangleList::default();
     for (normal, u) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)] {
         for side in [-1.0, 1.0] {
             let (edge_u, edge_v) = (u * half * 2.0, (normal * side).cross(u) * half * 2.0);
@@ -57,7 +57,7 @@ pub(super) fn cuboid(centre: Vec3, half: Vec3, turn_radians: f32) -> Shape {
 
 /// A ball with smooth normals, front outwards: an icosahedron whose faces are cut in four `levels` times
 /// (20 · 4^levels triangles).
-pub(super) fn ball(centre: Vec3, radius: f32, levels: u32) -> Shape {
+pub(super) fn ball(centre: Vec3, radius: f32, levels: u32) -> TriangleList {
     let golden = 0.5 * (1.0 + 5f32.sqrt());
     let mut points = Vec::new();
     for (a, b) in [(-1.0, golden), (1.0, golden), (-1.0, -golden), (1.0, -golden)] {
@@ -81,7 +81,7 @@ pub(super) fn ball(centre: Vec3, radius: f32, levels: u32) -> Shape {
         triangles = finer;
     }
     let vertex = |normal| Vertex { position: centre + normal * radius, normal, uv: Vec2::ZERO };
-    Shape { vertices: points.into_iter().map(vertex).collect(), triangles }
+    TriangleList { vertices: points.into_iter().map(vertex).collect(), triangles }
 }
 
 /// The faces of an icosahedron are the triples of its corners that are mutually nearest.
@@ -109,7 +109,7 @@ fn icosahedron_faces(points: &[Vec3]) -> Vec<[u32; 3]> {
 mod tests {
     use super::*;
 
-    fn volume(shape: &Shape) -> f32 {
+    fn volume(shape: &TriangleList) -> f32 {
         let corner = |i: u32| shape.vertices[i as usize].position;
         shape.triangles.iter().map(|t| corner(t[0]).cross(corner(t[1])).dot(corner(t[2])) / 6.0).sum()
     }

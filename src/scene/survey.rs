@@ -8,7 +8,7 @@ use crate::error::Result;
 
 /// A scene file or a glTF file, looked into. Unlike a scene that is loaded, it may have no light.
 #[derive(Clone, Debug)]
-pub struct Survey {
+pub struct SceneSurvey {
     /// The scene.
     pub scene: Scene,
     /// The perspective cameras of a glTF file by their nodes' names, the one that is used first by default; none for a scene file.
@@ -25,7 +25,7 @@ pub struct Survey {
 ///
 /// # Errors
 /// Those of [`load_with`](super::load_with), but that a scene without light is described.
-pub fn survey(path: &Path, options: &LoadOptions) -> Result<Survey> {
+pub fn survey(path: &Path, options: &LoadOptions) -> Result<SceneSurvey> {
     let (scene, cameras, mut warnings) = load::unchecked(path, options)?;
     let refused = match load::check_whole(path, &scene) {
         Ok(more) => {
@@ -36,10 +36,10 @@ pub fn survey(path: &Path, options: &LoadOptions) -> Result<Survey> {
     };
     let mut triangles = vec![0; scene.materials.len()];
     scene.mesh.triangles.iter().for_each(|t| triangles[t.material.0 as usize] += 1);
-    Ok(Survey { scene, cameras, triangles, warnings, refused })
+    Ok(SceneSurvey { scene, cameras, triangles, warnings, refused })
 }
 
-impl Survey {
+impl SceneSurvey {
     /// The materials with the number of their triangles.
     pub fn materials(&self) -> impl Iterator<Item = (&Material, usize)> {
         self.scene.materials.iter().zip(self.triangles.iter().copied())

@@ -4,10 +4,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::gltf::ImageSource;
-use super::memory::Memory;
+use super::memory::MemoryBound;
 use super::{Texture, TextureId};
 use crate::error::{Error, Result};
-use crate::files::Reach;
+use crate::files::FileAccess;
 use crate::image::{ImageFacts, RgbaImage, embedded_facts, encode_srgb, image_facts, read_embedded, read_rgba};
 
 /// Most memory that the textures of a scene may take, in bytes.
@@ -17,11 +17,11 @@ const BUDGET_BYTES: u64 = 2 << 30;
 const LARGE_BYTES: u64 = 256 << 20;
 
 /// Entries of a folder that are looked at for the files of one that was moved.
-const MOST_LOOKED_AT: usize = 10_000;
+const MAX_SEARCHED_ENTRIES: usize = 10_000;
 
 /// What a texture is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Use {
+pub(super) enum TextureUse {
     /// Reflectance: clamped to [0, 1].
     Reflectance,
     /// Emission: no upper bound.
@@ -36,9 +36,9 @@ pub(super) enum Use {
 #[derive(Debug)]
 pub(super) struct Textures {
     pub(super) list: Vec<Texture>,
-    pub(super) memory: Memory,
-    reach: Reach,
-    known: HashMap<(PathBuf, Use), TextureId>,
+    pub(super) memory: MemoryBound,
+    reach: FileAccess,
+    known: HashMap<(PathBuf, TextureUse), TextureId>,
     bytes: u64,
     /// Files that materials name and that are not there, with who names them first.
     missing: Vec<(PathBuf, String)>,
@@ -50,7 +50,7 @@ pub(super) struct Textures {
 
 impl Textures {
     /// None yet; they and what reading them takes stay within `memory`, and their files within `reach`.
-    pub(super) fn within(memory: Memory, reach: Reach) -> Self {
+    pub(super) fn within(memory: MemoryBound, reach: FileAccess) -> Self {
         let (known, missing, respelled, moved) = (HashMap::new(), Vec::new(), Vec::new(), Vec::new());
         Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, respelled, moved }
     }
@@ -64,7 +64,7 @@ impl Textures {
     pub(super) fn named(
         &mut self,
         (folder, name): (&Path, &str),
-        usage: Use,
+        usage: TextureUse,
         asked_by: &str,
         warnings: &mut Vec<String>,
     ) -> Result<Option<TextureId>> {
@@ -131,7 +131,7 @@ impl Textures {
     ///
     /// # Errors
     /// A file that cannot be read or is no image, or more textures than fit.
-    pub(super) fn get(&mut self, path: &Path, usage: Use, warnings: &mut Vec<String>) -> Result<TextureId> {
+    pub(super) fn get(&mut self, path: &Path, usage: TextureUse, warnings: &mut Vec<String>) -> Result<TextureId> {
         if let Some(&id) = self.known.get(&(path.to_owned(), usage)) {
             return Ok(id);
         }
@@ -146,7 +146,7 @@ impl Textures {
     pub(super) fn source(
         &mut self,
         source: &ImageSource,
-        usage: Use,
+        usage: TextureUse,
         asked_by: &str,
         warnings: &mut Vec<String>,
     ) -> Result<Option<TextureId>> {
@@ -218,7 +218,7 @@ impl Textures {
         &mut self,
         path: &Path,
         facts: ImageFacts,
-        usage: Use,
+        usage: TextureUse,
         warnings: &mut Vec<String>,
         read: impl FnOnce() -> Result<RgbaImage>,
     ) -> Result<TextureId> {
@@ -234,7 +234,7 @@ impl Textures {
         self.memory.check(facts.needs_bytes, path)?;
         let mut image = read()?;
         self.memory.take(bytes, path)?;
-        let largest = if usage == Use::Emission { f32::MAX } else { 1.0 };
+        let largest = if usage == TextureUse::Emission { f32::MAX } else { 1.0 };
         let has_alpha = image.has_alpha;
         let mut mended = false;
         let mut mend = |v: f32| {
@@ -243,9 +243,9 @@ impl Textures {
             clamped
         };
         let mut texel = |[r, g, b, a]: [f32; 4]| match usage {
-            Use::CutOut => [r, g, b, if has_alpha { a } else { r }],
-            Use::Masked(scale) => [mend(r), mend(g), mend(b), a * f32::from_bits(scale)],
-            Use::Reflectance | Use::Emission => [mend(r), mend(g), mend(b), a],
+            TextureUse::CutOut => [r, g, b, if has_alpha { a } else { r }],
+            TextureUse::Masked(scale) => [mend(r), mend(g), mend(b), a * f32::from_bits(scale)],
+            TextureUse::Reflectance | TextureUse::Emission => [mend(r), mend(g), mend(b), a],
         };
         image.pixels.iter_mut().for_each(|pixel| *pixel = texel(*pixel));
         if mended {
@@ -299,7 +299,7 @@ pub(super) fn find_moved(folder: &Path, name: &str) -> Option<PathBuf> {
     let last = parts.last()?;
     let within = std::fs::read_dir(here)
         .ok()?
-        .take(MOST_LOOKED_AT)
+        .take(MAX_SEARCHED_ENTRIES)
         .filter_map(|entry| Some(folder.join(entry.ok()?.file_name())));
     within.filter(|path| path.is_dir()).filter_map(|inner| find_as_elsewhere(&inner, last)).min()
 }

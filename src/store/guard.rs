@@ -17,7 +17,7 @@ use std::sync::{Once, OnceLock};
 use memmap2::{Advice, Mmap, UncheckedAdvice};
 
 /// Maps that may be open at a time; beyond that files are read without.
-const MOST_MAPS: usize = 64;
+const MAX_MAPS: usize = 64;
 /// Bytes before and after a touched page that the system maps with it, if they are in memory (Linux: `fault_around_bytes`).
 const MAPPED_AROUND: usize = 1 << 16;
 
@@ -31,14 +31,14 @@ struct Slot {
     lost: AtomicUsize,
 }
 
-static SLOTS: [Slot; MOST_MAPS] = [const {
+static SLOTS: [Slot; MAX_MAPS] = [const {
     Slot {
         taken: AtomicBool::new(false),
         start: AtomicUsize::new(0),
         end: AtomicUsize::new(0),
         lost: AtomicUsize::new(usize::MAX),
     }
-}; MOST_MAPS];
+}; MAX_MAPS];
 static PAGE: AtomicUsize = AtomicUsize::new(4096);
 static PREVIOUS: OnceLock<libc::sigaction> = OnceLock::new();
 
@@ -211,10 +211,10 @@ mod tests {
             while let Ok(map) = GuardedMap::new(&file) {
                 assert_eq!(map.intact_bytes(), 10_000);
                 maps.push(map);
-                assert!(maps.len() < MOST_MAPS);
+                assert!(maps.len() < MAX_MAPS);
             }
             // Other tests may hold some.
-            assert!(maps.len() > MOST_MAPS / 2);
+            assert!(maps.len() > MAX_MAPS / 2);
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::matrix::{FEATURE_PLANES, MatrixShape};
 use std::path::Path;
 
 use super::storage::{Storage, read_exact};
-use super::{Layout, PAGE_BYTES, Precision, StoreOptions, disk_structure};
+use super::{PAGE_BYTES, Precision, StoreLayout, StoreOptions, disk_structure};
 
 /// First bytes of every `.ltm` file: a byte above 127, the name, and line ends that a text transfer would change.
 pub const MAGIC: [u8; 8] = *b"\x89LTM\r\n\x1a\n";
@@ -54,18 +54,18 @@ pub(super) struct UnverifiedHeader(Box<[u8; PAGE]>);
 
 /// A header whose checksum held and whose fields fit each other, with the job description that it vouches for.
 #[derive(Clone, Debug)]
-pub(super) struct Header {
-    pub(super) layout: Layout,
+pub(super) struct StoreHeader {
+    pub(super) layout: StoreLayout,
     pub(super) job: Job,
     /// Whether there are planes, of the clusters that [`Clusters`] makes today.
     pub(super) planes_known: bool,
 }
 
-impl Header {
+impl StoreHeader {
     /// The header page and the job description (padded to whole pages) of a new file.
-    pub(super) fn encode(job: &Job, options: &StoreOptions) -> (Layout, [u8; PAGE], Vec<u8>) {
+    pub(super) fn encode(job: &Job, options: &StoreOptions) -> (StoreLayout, [u8; PAGE], Vec<u8>) {
         let mut description = encode_job(job);
-        let layout = Layout::new(job, options, description.len() as u64);
+        let layout = StoreLayout::new(job, options, description.len() as u64);
         description.resize(description.len().next_multiple_of(PAGE), 0);
         let fields = HeaderBytes {
             magic: MAGIC,
@@ -142,7 +142,7 @@ impl UnverifiedHeader {
 
     /// Believes the header once its checksum holds, its version is known, every field is in range and agrees with the
     /// layout, and the job description's checksum holds and describes the same shape.
-    pub(super) fn verify(self, storage: &impl Storage, path: &Path) -> Result<Header> {
+    pub(super) fn verify(self, storage: &impl Storage, path: &Path) -> Result<StoreHeader> {
         let damaged = |problem: String| Error::damaged(path, problem, "render it again, or take it from a copy");
         let fields: HeaderBytes = bytemuck::pod_read_unaligned(&self.0[..size_of::<HeaderBytes>()]);
         if crc32fast::hash(&self.0[CHECKED_FROM..]) != fields.checksum {
@@ -166,7 +166,7 @@ impl UnverifiedHeader {
         }
         let HeaderBytes { max_probes, clusters, job_bytes, .. } = fields;
         let has_planes = clusters > 0;
-        if max_probes > Self::MOST_PROBES
+        if max_probes > Self::MAX_PROBES
             || has_planes != (fields.version > VERSION_WITHOUT_PLANES)
             || clusters as usize > Clusters::MAX
         {
@@ -177,7 +177,7 @@ impl UnverifiedHeader {
             VERSION_WITHOUT_MATERIAL => FEATURES_WITHOUT_MATERIAL,
             _ => FEATURE_PLANES as u32,
         };
-        let layout = Layout { shape, precision, max_probes, clusters, features, job_bytes };
+        let layout = StoreLayout { shape, precision, max_probes, clusters, features, job_bytes };
         let said = (fields.table_offset, fields.slots_offset, fields.file_bytes);
         if said != (layout.table_offset(), layout.slots_offset(), layout.file_bytes()) {
             return Err(damaged("the header's offsets do not fit its shape".into()));
@@ -201,9 +201,9 @@ impl UnverifiedHeader {
         if has_planes && !planes_known && clusters as usize != Clusters::by_place(&job.basis).count() {
             return Err(damaged("the header and the job description differ in clusters of columns".into()));
         }
-        Ok(Header { layout, job, planes_known })
+        Ok(StoreHeader { layout, job, planes_known })
     }
 
     /// Bound on the probes of a block.
-    const MOST_PROBES: u32 = 4096;
+    const MAX_PROBES: u32 = 4096;
 }

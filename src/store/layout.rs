@@ -19,7 +19,7 @@ pub(super) const READING_BYTES: usize = 1 << 18;
 
 /// Offsets and sizes of a file's parts, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Layout {
+pub struct StoreLayout {
     pub(super) shape: MatrixShape,
     pub(super) precision: Precision,
     pub(super) max_probes: u32,
@@ -52,7 +52,7 @@ pub fn requirements(job: &Job, options: &StoreOptions) -> Requirements {
 /// # Errors
 /// There are no such blocks.
 pub fn requirements_of(job: &Job, options: &StoreOptions, blocks: Range<u32>) -> Result<Requirements> {
-    let layout = Layout::new(job, options, encode_job(job).len() as u64);
+    let layout = StoreLayout::new(job, options, encode_job(job).len() as u64);
     let job_bytes = layout.job_bytes;
     let slots = layout.slots_of(blocks)?;
     let rows = job.shape.max_block_rows() as u64;
@@ -81,7 +81,7 @@ fn aligned(bytes: u64) -> u64 {
     bytes.next_multiple_of(PAGE_BYTES)
 }
 
-impl Layout {
+impl StoreLayout {
     pub(super) fn new(job: &Job, options: &StoreOptions, job_bytes: u64) -> Self {
         let StoreOptions { precision, max_probes, .. } = *options;
         let clusters = if options.planes { Clusters::of_basis(&job.basis).count() as u32 } else { 0 };
@@ -217,7 +217,7 @@ mod tests {
         for (width, height, side) in [(1, 1, 32), (33, 31, 32), (100, 70, 16), (7, 300, 256), (64, 64, 32)] {
             for precision in Precision::ALL {
                 let shape = MatrixShape::new(width, height, 5, side).unwrap();
-                let layout = Layout { shape, precision, max_probes: 2, clusters: 3, features: 11, job_bytes: 100 };
+                let layout = StoreLayout { shape, precision, max_probes: 2, clusters: 3, features: 11, job_bytes: 100 };
                 let mut end = layout.slots_offset();
                 for id in shape.blocks() {
                     assert_eq!(layout.slot_offset(id), end, "{width}×{height} by {side}, {id}");
@@ -232,8 +232,14 @@ mod tests {
     #[test]
     fn the_largest_shape_does_not_overflow() {
         let shape = MatrixShape::new(65_536, 65_536, 1 << 24, 256).unwrap();
-        let layout =
-            Layout { shape, precision: Precision::F32, max_probes: 16, clusters: 24, features: 11, job_bytes: 1 << 30 };
+        let layout = StoreLayout {
+            shape,
+            precision: Precision::F32,
+            max_probes: 16,
+            clusters: 24,
+            features: 11,
+            job_bytes: 1 << 30,
+        };
         assert!(layout.file_bytes() > shape.raw_bytes());
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, BlockSource};
 
-use super::record::Record;
+use super::record::BlockRecord;
 use super::{BlockDamage, FileStorage, StoreReader, StoreWriter, partial_path};
 
 /// What merging found.
@@ -103,9 +103,9 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
 
 /// A block, as the files hold it.
 #[derive(Default)]
-struct Found<'a> {
+struct MergedBlock<'a> {
     /// The input to copy it from; none if the output has it already, or nobody does.
-    source: Option<(&'a StoreReader<FileStorage>, Record)>,
+    source: Option<(&'a StoreReader<FileStorage>, BlockRecord)>,
     /// Where it is damaged, if nobody has a good copy.
     damaged: Vec<(PathBuf, BlockDamage)>,
 }
@@ -116,9 +116,9 @@ fn look_for<'a>(
     readers: &'a [StoreReader<FileStorage>],
     before: &'a StoreReader<FileStorage>,
     scratch: &mut Vec<u8>,
-) -> Result<Found<'a>> {
-    let mut good: Option<(&StoreReader<FileStorage>, Record)> = None;
-    let mut found = Found::default();
+) -> Result<MergedBlock<'a>> {
+    let mut good: Option<(&StoreReader<FileStorage>, BlockRecord)> = None;
+    let mut found = MergedBlock::default();
     let mut take = |reader: &'a StoreReader<FileStorage>| -> Result<()> {
         let record = reader.record(id).and_then(|record| match record {
             None => Ok(None),

@@ -66,12 +66,12 @@ mod verify;
 mod writer;
 
 pub use header::{HEADER_FIELDS, MAGIC, VERSION};
-pub use layout::{Layout, PAGE_BYTES, RECORD_BYTES, Requirements, requirements, requirements_of};
+pub use layout::{PAGE_BYTES, RECORD_BYTES, Requirements, StoreLayout, requirements, requirements_of};
 pub use mapped::{Access, MappedStorage};
 pub use merge::{MergeReport, merge};
 pub use place::{check_output, partial_path};
 pub use precision::Precision;
-pub use reader::{StoreReader, Tally};
+pub use reader::{StoreCounts, StoreReader};
 pub use record::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED, RECORD_FIELDS};
 pub use storage::{FileStorage, Storage};
 pub use verify::{BlockDamage, VerifyReport, mend, verify, verify_storage};

@@ -8,7 +8,7 @@ use crate::files::{self, ContinuationFile, with_suffix};
 const ORIGIN_MARK: [u8; 8] = *b"LTMorig1";
 
 /// Under which names the file grows and stands.
-pub(super) struct Place {
+pub(super) struct StorePaths {
     /// The file that is written, for messages too.
     pub(super) grows: PathBuf,
     /// Its name when finished; `None` where it stands in its place already.
@@ -40,7 +40,7 @@ pub fn check_output(path: &Path, overwrite: bool) -> Result<()> {
     checked
 }
 
-impl Place {
+impl StorePaths {
     /// For storages that are not files.
     pub(super) fn unnamed() -> Self {
         Self { grows: "(storage)".into(), becomes: None, overwrite: true, remove_if_empty: false, origin: None }

@@ -2,11 +2,11 @@
 
 use crate::matrix::{BlockPlanes, CHANNELS, SeenEmission, decode_unsigned, encode_unsigned};
 
-use super::Layout;
+use super::StoreLayout;
 use super::record::PlanesRecord;
 
 /// The bytes of a block's planes: features, then variances and light in 16 bits, padding to 4, emission.
-pub(super) fn encode_planes(planes: &BlockPlanes, layout: &Layout) -> Vec<u8> {
+pub(super) fn encode_planes(planes: &BlockPlanes, layout: &StoreLayout) -> Vec<u8> {
     let kept = planes.pixels() * layout.features as usize;
     let (features, variances) = (&planes.features[..kept], &planes.feature_variance[..kept]);
     let short: usize = kept + planes.direct.iter().chain(&planes.indirect).map(Vec::len).sum::<usize>();
@@ -26,7 +26,7 @@ pub(super) fn encode_planes(planes: &BlockPlanes, layout: &Layout) -> Vec<u8> {
 /// layout. Errors, as plain text for the caller to place: what no block can have.
 pub(super) fn decode_planes(
     bytes: &[u8],
-    layout: &Layout,
+    layout: &StoreLayout,
     rows: usize,
     record: PlanesRecord,
     target: &mut BlockPlanes,

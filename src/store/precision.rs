@@ -136,7 +136,7 @@ fn encode_f16(column: &[f32], bytes: &mut [u8]) -> f32 {
         for (scaled, value) in scaled.iter_mut().zip(column) {
             *scaled = value * inverse;
         }
-        if scale >= LARGEST_SCALE {
+        if scale >= MAX_SCALE {
             // Rounded up to 2¹⁵, f32's largest values would come back infinite.
             let finite = scaled.iter_mut().filter(|value| value.is_finite());
             finite.for_each(|value| *value = value.clamp(-32_752.0, 32_752.0));
@@ -181,7 +181,7 @@ fn decode_bf16(bytes: &[u8], column: &mut [f32]) {
 }
 
 /// Scale of columns that reach f32's last binade.
-const LARGEST_SCALE: f32 = f32::from_bits((113 + 127) << 23);
+const MAX_SCALE: f32 = f32::from_bits((113 + 127) << 23);
 
 /// The upper half of a float's bits, rounded to nearest, ties to even; saturating; NaN stays NaN. Without branches, so
 /// that it becomes SIMD.

@@ -15,21 +15,21 @@ use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, BlockView, ColumnIndex, LentBlock, MatrixShape, TracedBlock,
 };
 
-use super::header::Header;
+use super::header::StoreHeader;
 use super::layout::READING_BYTES;
 use super::mapped::{Access, MappedStorage};
 use super::planes::decode_planes;
-use super::record::{Record, UnverifiedRecord};
+use super::record::{BlockRecord, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact};
 use super::tile::SideData;
-use super::{Layout, NOISE_NONE, NOISE_ZERO, Precision, RECORD_BYTES, StoreOptions, partial_path};
+use super::{NOISE_NONE, NOISE_ZERO, Precision, RECORD_BYTES, StoreLayout, StoreOptions, partial_path};
 
 /// Reads a `.ltm`. Everything that it returns has passed its checksum.
 pub struct StoreReader<S: Storage = MappedStorage> {
     storage: S,
     path: PathBuf,
-    header: Header,
+    header: StoreHeader,
     /// Whether read pages leave the page cache.
     releases: bool,
     /// By block, whether all its columns have passed their checksums where they lie: once for each opening.
@@ -38,7 +38,7 @@ pub struct StoreReader<S: Storage = MappedStorage> {
 
 /// What a file's commit records say.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct StoreCounts {
     /// Blocks with a sound record.
     pub committed: u32,
     /// Blocks whose record is damaged.
@@ -98,7 +98,7 @@ impl<S: Storage> StoreReader<S> {
     /// # Errors
     /// The storage cannot be read, holds no stored matrix, or a damaged header.
     pub fn over(storage: S, path: &Path) -> Result<Self> {
-        let header = Header::read(&storage, path)?;
+        let header = StoreHeader::read(&storage, path)?;
         let (length, needed) =
             (storage.length().map_err(Error::io(path, "ask for the length"))?, header.layout.slots_offset());
         if length < needed {
@@ -139,12 +139,12 @@ impl<S: Storage> StoreReader<S> {
 
     /// The options with which another file of the same layout is made.
     pub fn options(&self) -> StoreOptions {
-        let Layout { precision, max_probes, .. } = self.header.layout;
+        let StoreLayout { precision, max_probes, .. } = self.header.layout;
         StoreOptions { precision, max_probes, planes: self.header.layout.has_planes(), ..StoreOptions::default() }
     }
 
     /// Where everything stands in the file.
-    pub fn layout(&self) -> &Layout {
+    pub fn layout(&self) -> &StoreLayout {
         &self.header.layout
     }
 
@@ -167,8 +167,8 @@ impl<S: Storage> StoreReader<S> {
     ///
     /// # Errors
     /// The system refuses to read.
-    pub fn tally(&self) -> Result<Tally> {
-        let mut tally = Tally::default();
+    pub fn tally(&self) -> Result<StoreCounts> {
+        let mut tally = StoreCounts::default();
         for id in self.shape().blocks() {
             match self.record(id) {
                 Ok(None) => {}
@@ -184,7 +184,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// The believed record of a block.
-    pub(super) fn record(&self, id: BlockId) -> Result<Option<Record>> {
+    pub(super) fn record(&self, id: BlockId) -> Result<Option<BlockRecord>> {
         let mut verdict = Ok(None);
         // A record may be caught while a writer puts it there: look again before calling it damaged.
         for _ in 0..3 {
@@ -207,7 +207,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// The record of a block that must be there.
-    fn committed_record(&self, id: BlockId) -> Result<Record> {
+    fn committed_record(&self, id: BlockId) -> Result<BlockRecord> {
         self.check_id(id)?;
         self.record(id)?.ok_or_else(|| {
             let problem = format!("{id} is not committed");
@@ -227,7 +227,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// The believed side data of a block that has a tile.
-    pub(super) fn side_data(&self, id: BlockId, record: &Record) -> Result<SideData> {
+    pub(super) fn side_data(&self, id: BlockId, record: &BlockRecord) -> Result<SideData> {
         let layout = &self.header.layout;
         let rows = layout.shape.rect(id).rows();
         let columns = layout.column_bytes(rows as u64, record.stored());
@@ -241,7 +241,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// The checked bytes of a block's planes; `scratch` is reused. None where it stores none.
-    fn planes_of<'a>(&self, id: BlockId, record: &Record, scratch: &'a mut Vec<u8>) -> Result<Option<&'a [u8]>> {
+    fn planes_of<'a>(&self, id: BlockId, record: &BlockRecord, scratch: &'a mut Vec<u8>) -> Result<Option<&'a [u8]>> {
         let Some(planes) = record.planes else { return Ok(None) };
         let layout = &self.header.layout;
         let bytes = record.planes_bytes(layout, layout.shape.rect(id).rows() as u64);
@@ -262,7 +262,12 @@ impl<S: Storage> StoreReader<S> {
         self.decode_planes(id, &self.committed_record(id)?, target)
     }
 
-    fn decode_planes(&self, id: BlockId, record: &Record, target: Option<BlockPlanes>) -> Result<Option<BlockPlanes>> {
+    fn decode_planes(
+        &self,
+        id: BlockId,
+        record: &BlockRecord,
+        target: Option<BlockPlanes>,
+    ) -> Result<Option<BlockPlanes>> {
         if !self.header.planes_known {
             return Ok(None);
         }
@@ -312,7 +317,13 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// Reads the noise of a block that has a tile; what `noise` has allocated is used again.
-    fn read_noise(&self, id: BlockId, record: &Record, side: &SideData, noise: &mut Option<BlockNoise>) -> Result<()> {
+    fn read_noise(
+        &self,
+        id: BlockId,
+        record: &BlockRecord,
+        side: &SideData,
+        noise: &mut Option<BlockNoise>,
+    ) -> Result<()> {
         let (rows, columns, stored) = (self.shape().rect(id).rows(), self.shape().columns(), side.columns.len());
         *noise = if record.noise == super::NOISE_STORED {
             let mut found = noise.take().unwrap_or_default();
@@ -423,7 +434,7 @@ impl<S: Storage> StoreReader<S> {
     }
 
     /// Checks every byte that a committed block stores, without decoding it. `scratch` is reused.
-    pub(super) fn check_block(&self, id: BlockId, record: &Record, scratch: &mut Vec<u8>) -> Result<()> {
+    pub(super) fn check_block(&self, id: BlockId, record: &BlockRecord, scratch: &mut Vec<u8>) -> Result<()> {
         if record.length == 0 {
             return Ok(());
         }
@@ -557,7 +568,7 @@ impl<S: Storage> BlockSource for StoreReader<S> {
 }
 
 /// The noise of a block that stores none.
-fn zero_noise(record: &Record, rows: usize, columns: usize) -> Option<BlockNoise> {
+fn zero_noise(record: &BlockRecord, rows: usize, columns: usize) -> Option<BlockNoise> {
     debug_assert!(record.noise == NOISE_NONE || record.noise == NOISE_ZERO);
     (record.noise == NOISE_ZERO).then(|| BlockNoise {
         row_variance: vec![0.0; rows],

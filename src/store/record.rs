@@ -2,7 +2,7 @@
 
 use crate::matrix::BlockId;
 
-use super::{Layout, RECORD_BYTES, disk_structure};
+use super::{RECORD_BYTES, StoreLayout, disk_structure};
 
 /// State of a committed block; an uncommitted block's record is all zero.
 pub const COMMITTED: u32 = 1;
@@ -45,7 +45,7 @@ pub(super) struct UnverifiedRecord(pub(super) [u8; RECORD_BYTES as usize]);
 
 /// What a believed record says of its block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Record {
+pub(super) struct BlockRecord {
     /// Bytes of the tile, from the start of the slot; 0 for a block that holds nothing.
     pub(super) length: u64,
     /// Columns that are not zero throughout.
@@ -69,7 +69,7 @@ pub(super) struct PlanesRecord {
     pub(super) checksum: u32,
 }
 
-impl Record {
+impl BlockRecord {
     /// Probes that lie in the tile.
     pub(super) fn stored_probes(&self) -> u32 {
         if self.noise == NOISE_STORED { self.probes } else { 0 }
@@ -81,22 +81,22 @@ impl Record {
     }
 
     /// Bytes of the planes in the tile.
-    pub(super) fn planes_bytes(&self, layout: &Layout, rows: u64) -> u64 {
+    pub(super) fn planes_bytes(&self, layout: &StoreLayout, rows: u64) -> u64 {
         self.planes.map_or(0, |planes| layout.planes_bytes(rows, planes.seen.into()))
     }
 
     /// Whether the tile holds columns or noise, and so side data.
-    pub(super) fn has_main(&self, layout: &Layout, rows: usize) -> bool {
+    pub(super) fn has_main(&self, layout: &StoreLayout, rows: usize) -> bool {
         self.length > self.planes_bytes(layout, rows as u64)
     }
 
     /// Bytes of the tile of a block of `rows`.
-    pub(super) fn tile_bytes(&self, layout: &Layout, rows: u64) -> u64 {
+    pub(super) fn tile_bytes(&self, layout: &StoreLayout, rows: u64) -> u64 {
         let (columns, probes) = (u64::from(self.stored_columns), u64::from(self.stored_probes()));
         layout.tile_bytes(rows, columns, probes, self.noise == NOISE_STORED) + self.planes_bytes(layout, rows)
     }
 
-    pub(super) fn encode(&self, layout: &Layout, id: BlockId) -> [u8; RECORD_BYTES as usize] {
+    pub(super) fn encode(&self, layout: &StoreLayout, id: BlockId) -> [u8; RECORD_BYTES as usize] {
         let mut fields = RecordBytes {
             checksum: 0,
             state: COMMITTED,
@@ -125,7 +125,7 @@ impl UnverifiedRecord {
 
     /// Believes the record once its checksum holds and it says nothing that the layout does not allow; `None` for a
     /// block that is not committed. Errors, as plain text for the caller to place.
-    pub(super) fn verify(&self, layout: &Layout, id: BlockId) -> Result<Option<Record>, String> {
+    pub(super) fn verify(&self, layout: &StoreLayout, id: BlockId) -> Result<Option<BlockRecord>, String> {
         if self.is_blank() {
             return Ok(None);
         }
@@ -136,7 +136,7 @@ impl UnverifiedRecord {
         let RecordBytes { length, stored_columns, probes, noise, side_checksum, .. } = fields;
         let stored = PlanesRecord { seen: fields.seen, checksum: fields.planes_checksum };
         let planes = (fields.planes == PLANES_STORED).then_some(stored);
-        let record = Record { length, stored_columns, probes, noise, side_checksum, planes };
+        let record = BlockRecord { length, stored_columns, probes, noise, side_checksum, planes };
         let rows = layout.shape.rect(id).rows() as u64;
         let planes_fit = match planes {
             Some(planes) => layout.has_planes() && u64::from(planes.seen) <= layout.most_seen(rows),

@@ -1,8 +1,8 @@
 //! What stands in a block's slot: the columns that are not zero, the probes, and the side data that lists and checks
 //! them.
 
-use super::Layout;
-use super::record::Record;
+use super::StoreLayout;
+use super::record::BlockRecord;
 
 /// Which columns a tile holds, their checksums and scales, and the variances of the noise.
 #[derive(Debug, Default, PartialEq)]
@@ -37,7 +37,12 @@ impl SideData {
 
     /// Reads it back from the bytes after the columns and probes, whose checksum has been found to hold. Errors, as
     /// plain text for the caller to place: what contradicts the record.
-    pub(super) fn decode(bytes: &[u8], layout: &Layout, rows: usize, record: &Record) -> Result<Self, String> {
+    pub(super) fn decode(
+        bytes: &[u8],
+        layout: &StoreLayout,
+        rows: usize,
+        record: &BlockRecord,
+    ) -> Result<Self, String> {
         let columns = layout.shape.columns();
         let stored = record.stored() as usize;
         let noise = record.noise == super::NOISE_STORED;

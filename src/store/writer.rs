@@ -10,14 +10,14 @@ use crate::files::{ContinuationFile, check_free_space, open_locked, publish, syn
 use crate::light::Job;
 use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
 
-use super::header::{Header, UnverifiedHeader};
+use super::header::{StoreHeader, UnverifiedHeader};
 use super::layout::STAGING_BYTES;
-use super::place::{Place, check_output, claim_origin, partial_path};
-use super::record::{Record, UnverifiedRecord};
+use super::place::{StorePaths, check_output, claim_origin, partial_path};
+use super::record::{BlockRecord, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact, write_all};
 use super::tile_writer::TileWriter;
-use super::{Layout, PAGE_BYTES, Precision, RECORD_BYTES};
+use super::{PAGE_BYTES, Precision, RECORD_BYTES, StoreLayout};
 
 /// How a matrix is to be stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,14 +60,14 @@ pub struct StoreSummary {
 /// Dropped without [`finish`](Self::finish) it leaves the partial file, to be continued, unless nothing was committed.
 pub struct StoreWriter<S: Storage = FileStorage> {
     storage: S,
-    layout: Layout,
+    layout: StoreLayout,
     /// For each block one of `EMPTY`, `BUSY`, `DONE`.
     states: Vec<AtomicU8>,
     /// Whether the slots hold no bytes of an earlier run.
     fresh: bool,
     /// Whether written pages leave the page cache once they are durable.
     releases: bool,
-    place: Place,
+    place: StorePaths,
 }
 
 const EMPTY: u8 = 0;
@@ -125,7 +125,7 @@ impl StoreWriter<FileStorage> {
             storage.set_length(0).map_err(Error::io(&partial, "empty"))?;
             return Self::begin(path, storage.into_file(), job, options, origin);
         }
-        let place = Place {
+        let place = StorePaths {
             grows: partial,
             becomes: Some(path.to_owned()),
             overwrite: options.overwrite,
@@ -156,7 +156,7 @@ impl StoreWriter<FileStorage> {
     pub fn reopen(path: &Path, job: &Job, options: StoreOptions) -> Result<Self> {
         let storage = FileStorage::new(open_locked(path, false)?);
         let place =
-            Place { grows: path.to_owned(), becomes: None, overwrite: true, remove_if_empty: false, origin: None };
+            StorePaths { grows: path.to_owned(), becomes: None, overwrite: true, remove_if_empty: false, origin: None };
         Self::continue_over(storage, place, job, options)
     }
 
@@ -168,7 +168,7 @@ impl StoreWriter<FileStorage> {
         origin: Option<ContinuationFile>,
     ) -> Result<Self> {
         let grows = partial_path(path);
-        let place = Place {
+        let place = StorePaths {
             becomes: Some(path.to_owned()),
             overwrite: options.overwrite,
             remove_if_empty: true,
@@ -196,7 +196,7 @@ fn refuse_foreign(storage: &FileStorage, path: &Path, job: &Job, options: StoreO
     let failed = || Error::io(path, "read the header");
     let length = storage.length().map_err(failed())?;
     let is_blank = UnverifiedHeader::is_blank(storage).map_err(failed())?;
-    let begun = Header::encode(job, &options).0.file_bytes();
+    let begun = StoreHeader::encode(job, &options).0.file_bytes();
     if (is_blank && (length == 0 || length == begun)) || UnverifiedHeader::is_ours(storage).map_err(failed())? {
         return Ok(());
     }
@@ -210,7 +210,7 @@ impl<S: Storage> StoreWriter<S> {
     /// # Errors
     /// The storage is not empty; those of the storage.
     pub fn create_over(storage: S, job: &Job, options: StoreOptions) -> Result<Self> {
-        Self::begin_over(storage, Place::unnamed(), job, options)
+        Self::begin_over(storage, StorePaths::unnamed(), job, options)
     }
 
     /// Continues a file over a storage that holds one.
@@ -218,12 +218,12 @@ impl<S: Storage> StoreWriter<S> {
     /// # Errors
     /// The storage holds another job or precision; those of the storage.
     pub fn resume_over(storage: S, job: &Job, options: StoreOptions) -> Result<Self> {
-        Self::continue_over(storage, Place::unnamed(), job, options)
+        Self::continue_over(storage, StorePaths::unnamed(), job, options)
     }
 
     /// The header page is written last, so that a file with a header is complete up to its slots.
-    fn begin_over(storage: S, place: Place, job: &Job, options: StoreOptions) -> Result<Self> {
-        let (layout, page, description) = Header::encode(job, &options);
+    fn begin_over(storage: S, place: StorePaths, job: &Job, options: StoreOptions) -> Result<Self> {
+        let (layout, page, description) = StoreHeader::encode(job, &options);
         let failed = |action: &str| Error::io(&place.grows, action.to_owned());
         storage.set_length(layout.file_bytes()).map_err(failed("set the length"))?;
         if options.reserve {
@@ -237,9 +237,9 @@ impl<S: Storage> StoreWriter<S> {
         Ok(Self { storage, layout, states, fresh: true, releases: crowds_out(layout.file_bytes()), place })
     }
 
-    fn continue_over(storage: S, place: Place, job: &Job, options: StoreOptions) -> Result<Self> {
+    fn continue_over(storage: S, place: StorePaths, job: &Job, options: StoreOptions) -> Result<Self> {
         let path = &place.grows;
-        let found = Header::read(&storage, path)?;
+        let found = StoreHeader::read(&storage, path)?;
         let refuse = |problem: String| {
             let hint = "choose another name, or overwrite it";
             Err(Error::input(path.display().to_string(), problem, hint))
@@ -273,7 +273,7 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Goes through all records but the blank ones and returns the blocks for which `visit` says so.
-    fn scan_records(&self, visit: impl Fn(BlockId, Result<Record, String>) -> bool) -> Result<Vec<BlockId>> {
+    fn scan_records(&self, visit: impl Fn(BlockId, Result<BlockRecord, String>) -> bool) -> Result<Vec<BlockId>> {
         let mut chosen = Vec::new();
         let mut table = vec![0; 1 << 16];
         let count = self.layout.shape.block_count();
@@ -339,7 +339,7 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Makes a hole of everything in which nothing is stored.
-    pub(super) fn clear_unused(&self, record: impl Fn(BlockId) -> Result<Option<Record>>) -> Result<()> {
+    pub(super) fn clear_unused(&self, record: impl Fn(BlockId) -> Result<Option<BlockRecord>>) -> Result<()> {
         let failed = || Error::io(&self.place.grows, "clear what is not used");
         let shape = self.layout.shape;
         let table_end = self.layout.record_offset(BlockId(shape.block_count()));
@@ -359,7 +359,7 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Writes a block's tile. `commit` has made sure that nobody else does.
-    fn write_tile(&self, id: BlockId, block: &TracedBlock) -> std::io::Result<Record> {
+    fn write_tile(&self, id: BlockId, block: &TracedBlock) -> std::io::Result<BlockRecord> {
         let tile = TileWriter { storage: &self.storage, layout: &self.layout };
         let record = tile.write(self.layout.slot_offset(id), block)?;
         self.clear_rest(id, record.length)?;
@@ -444,7 +444,7 @@ impl<S: Storage> StoreWriter<S> {
     pub(super) fn copy_tile(
         &self,
         id: BlockId,
-        record: &Record,
+        record: &BlockRecord,
         from: &impl Storage,
         scratch: &mut Vec<u8>,
     ) -> Result<()> {
@@ -472,7 +472,7 @@ impl<S: Storage> StoreWriter<S> {
     }
 
     /// Runs `write_tile` on a block that nobody else is writing, makes what it wrote durable, then its record.
-    fn commit(&self, id: BlockId, write_tile: impl FnOnce() -> std::io::Result<Record>) -> Result<()> {
+    fn commit(&self, id: BlockId, write_tile: impl FnOnce() -> std::io::Result<BlockRecord>) -> Result<()> {
         let state = &self.states[id.index()];
         if state.compare_exchange(EMPTY, BUSY, Ordering::AcqRel, Ordering::Acquire).is_err() {
             return Err(Error::input(format!("{id}"), "was written before", "this is a fault of the program"));

@@ -23,19 +23,19 @@ const WORD: usize = u64::BITS as usize;
 /// The sums of one column over one pixel: RGB of the even samples, RGB of the odd ones, each padded to four lanes.
 #[repr(C, align(32))]
 #[derive(Clone, Copy, Debug, Default)]
-struct Record([[f32; 4]; 2]);
+struct ColumnSums([[f32; 4]; 2]);
 
 /// Sums of the two half-sample estimates over one pixel.
 #[derive(Debug)]
 pub(super) struct PixelSums {
-    records: Vec<Record>,
+    records: Vec<ColumnSums>,
     /// One bit for each column, set where its record is not empty.
     touched: Vec<u64>,
 }
 
 /// Means of a run of pixels, column by column.
 #[derive(Debug)]
-pub(super) struct Tile {
+pub(super) struct PixelMeans {
     /// Columns × channels.
     lines: Vec<Line>,
     /// One bit for each column, set where one of its lines is not empty.
@@ -75,11 +75,11 @@ pub(super) struct NoiseSums<'a> {
 
 impl PixelSums {
     pub(super) fn new(columns: usize) -> Self {
-        Self { records: vec![Record::default(); columns], touched: vec![0; columns.div_ceil(WORD)] }
+        Self { records: vec![ColumnSums::default(); columns], touched: vec![0; columns.div_ceil(WORD)] }
     }
 
     pub(super) fn needs_bytes(columns: u64) -> u64 {
-        size_of::<Record>() as u64 * columns + columns / 8 + 8
+        size_of::<ColumnSums>() as u64 * columns + columns / 8 + 8
     }
 
     #[inline(always)]
@@ -100,7 +100,7 @@ impl PixelSums {
             while *word != 0 {
                 let column = at * WORD + word.trailing_zeros() as usize;
                 *word &= *word - 1;
-                let Record([[r, g, b, _], [s, h, c, _]]) = std::mem::take(&mut self.records[column]);
+                let ColumnSums([[r, g, b, _], [s, h, c, _]]) = std::mem::take(&mut self.records[column]);
                 each(column, Vec3::new(r + s, g + h, b + c));
             }
         }
@@ -115,7 +115,7 @@ fn difference_scales(samples: [u32; 2]) -> [f32; 2] {
     samples.map(|count| (share / f64::from(count.max(1))) as f32)
 }
 
-impl Tile {
+impl PixelMeans {
     pub(super) fn new(columns: usize) -> Self {
         let lines = vec![Line([0.0; RUN]); columns * CHANNELS];
         Self { lines, dirty: vec![0; columns.div_ceil(WORD)] }
@@ -147,13 +147,13 @@ impl Tile {
             while *word != 0 {
                 let column = at * WORD + word.trailing_zeros() as usize;
                 *word &= *word - 1;
-                let Record([a, b]) = std::mem::take(&mut records[column]);
+                let ColumnSums([a, b]) = std::mem::take(&mut records[column]);
                 let lines = &mut self.lines[column * CHANNELS..][..CHANNELS];
                 for (channel, line) in lines.iter_mut().enumerate() {
                     line.0[pixel] = (a[channel] + b[channel]) * scale;
                 }
                 if let Some((noise, emission)) = &mut differences {
-                    let Record([of_a, of_b]) = emission.records[column];
+                    let ColumnSums([of_a, of_b]) = emission.records[column];
                     let mut d = [0.0f32; 4];
                     let factor = noise.factors.get(column).copied().unwrap_or(1.0);
                     for lane in 0..4 {
@@ -310,7 +310,7 @@ mod tests {
         let mut sample = || random.random_range(-1.0f32..1.0);
         for halves in [[1u32, 1], [2, 1], [3, 2], [8, 8]] {
             let mut sums = PixelSums::new(1);
-            let (mut tile, mut noise) = (Tile::new(1), NoiseSums::new((3 * PIXELS, 1), (&[], 0), &[]));
+            let (mut tile, mut noise) = (PixelMeans::new(1), NoiseSums::new((3 * PIXELS, 1), (&[], 0), &[]));
             for pixel in 0..PIXELS {
                 for (half, count) in halves.into_iter().enumerate() {
                     (0..count).for_each(|_| sums.add(half, 0, Vec3::splat(sample())));

@@ -4,13 +4,13 @@ use glam::Vec3;
 
 /// A right-handed frame whose z axis is a given unit vector.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
+pub(super) struct ShadingFrame {
     x: Vec3,
     y: Vec3,
     pub(super) z: Vec3,
 }
 
-impl Frame {
+impl ShadingFrame {
     /// Duff et al. 2017, *Building an orthonormal basis, revisited*.
     #[inline(always)]
     pub(super) fn around(z: Vec3) -> Self {

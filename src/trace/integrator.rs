@@ -14,11 +14,11 @@ use glam::{Vec2, Vec3};
 
 use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Scattered};
-use super::frame::Frame;
-use super::lights::{Chances, EmitterHit, Found};
-use super::photons::{Gather, Gathered, Gathering, LANES, Photons};
-use super::planes::{Layer, PlaneSums, SampleFeatures};
-use super::sampler::{Sampler, Use};
+use super::frame::ShadingFrame;
+use super::lights::{EmitterHit, LightPmf, SeenLight};
+use super::photons::{LANES, PhotonGather, PhotonGroup, PhotonVisitor, Photons};
+use super::planes::{LightPath, PlaneSums, SampleFeatures};
+use super::sampler::{Dimension, Sampler};
 use super::world::{MAX_PASSES, SurfacePoint, World};
 use crate::scene::{Camera, PixelFilter};
 
@@ -47,14 +47,14 @@ const CERTAIN_VERTICES: u32 = 3;
 const SURVIVAL: f32 = 4.0;
 
 /// Added to the vertices of rays that look aside, for random numbers that no path uses.
-const ASIDE: u32 = 1 << 16;
+const DELTA_BRANCH_DIMENSION: u32 = 1 << 16;
 
 /// Rays that look aside look both ways from a boundary where the share of each is above this, and one way by chance elsewhere: a lamp that a
 /// ball of glass mirrors twice inside still had grain with a hundredth.
-const LEAST_SHARE: f32 = 0.001;
+const MIN_BRANCH_SHARE: f32 = 0.001;
 /// Most boundaries from which those of a sample look both ways. Three show that lamp without grain; ten panes behind one another, which fill
 /// the picture, take 1.3 times the time of none, 1.7 with six, and 3.4 without a limit.
-const MOST_FORKS: u32 = 3;
+const MAX_FORKS: u32 = 3;
 
 /// What one path cost.
 #[derive(Clone, Copy, Debug, Default)]
@@ -97,44 +97,44 @@ impl Last {
 
 /// A ray that leaves a boundary the way that the path itself does not take.
 #[derive(Clone, Copy)]
-struct Aside {
+struct DeltaBranch {
     ray: (Vec3, Vec3),
     throughput: Vec3,
     /// How likely the path would have taken it, and all that it took before.
     share: f32,
-    compression: f32,
+    eta_scale: f32,
     /// Of the path up to there.
     vertex: u32,
     passes: u32,
 }
 
-impl Aside {
+impl DeltaBranch {
     /// The ray that goes on by a way from the surface that this one has come to, with this share of what it shows. None where it does not
     /// leave the surface, or the path has its `max_depth`: then it may pass straight on only.
     #[inline(always)]
-    fn onward(&self, at: &Vertex, (way, share): (&Scattered, f32), max_depth: u32) -> Option<Self> {
-        if self.vertex + 1 >= max_depth && !way.straight {
+    fn onward(&self, at: &PathVertex, (way, share): (&Scattered, f32), max_depth: u32) -> Option<Self> {
+        if self.vertex + 1 >= max_depth && !way.pass_through {
             return None;
         }
         at.onward(self.ray.1, way).map(|ray| Self {
             ray,
             throughput: self.throughput * way.weight,
             share: self.share * share,
-            compression: self.compression * way.compression,
-            vertex: self.vertex + u32::from(!way.straight),
-            passes: self.passes + u32::from(way.straight),
+            eta_scale: self.eta_scale * way.eta_scale,
+            vertex: self.vertex + u32::from(!way.pass_through),
+            passes: self.passes + u32::from(way.pass_through),
         })
     }
 
     /// Straight on behind the surface that it has come to, as if that were not there.
     #[inline(always)]
-    fn past(self, at: &Vertex) -> Self {
+    fn past(self, at: &PathVertex) -> Self {
         Self { ray: (at.point.start(self.ray.1), self.ray.1), passes: self.passes + 1, ..self }
     }
 
     /// The same with the share of what the surface lets through.
     #[inline(always)]
-    fn through(self, at: &Vertex) -> Self {
+    fn through(self, at: &PathVertex) -> Self {
         Self { share: self.share * (1.0 - at.opacity), ..self.past(at) }
     }
 }
@@ -142,12 +142,12 @@ impl Aside {
 /// How likely a path goes on whose end is left to chance. Radiance inside glass is larger by the square of its index, which says nothing
 /// about the path's worth.
 #[inline(always)]
-fn survival(throughput: Vec3, compression: f32) -> f32 {
-    (SURVIVAL * throughput.max_element() * compression).min(1.0)
+fn survival(throughput: Vec3, eta_scale: f32) -> f32 {
+    (SURVIVAL * throughput.max_element() * eta_scale).min(1.0)
 }
 
 /// Where the contributions of one path go.
-struct Record<'a, 'b> {
+struct PathRecord<'a, 'b> {
     sums: &'a mut PixelSums,
     planes: Option<&'a mut PlaneSums<'b>>,
     half: usize,
@@ -156,21 +156,21 @@ struct Record<'a, 'b> {
 }
 
 /// A surface that a path has come to, seen from where it came.
-pub(super) struct Vertex {
+pub(super) struct PathVertex {
     pub(super) point: SurfacePoint,
     pub(super) bsdf: Bsdf,
     /// Geometric normal on the viewer's side.
     pub(super) normal: Vec3,
-    frame: Frame,
+    frame: ShadingFrame,
     /// Direction to the viewer in the frame.
     pub(super) wo: Vec3,
     /// How likely a ray meets the surface; otherwise it passes straight through.
     pub(super) opacity: f32,
 }
 
-impl Record<'_, '_> {
+impl PathRecord<'_, '_> {
     #[inline(always)]
-    fn add(&mut self, layer: Layer, column: u32, value: Vec3) {
+    fn add(&mut self, layer: LightPath, column: u32, value: Vec3) {
         if !value.is_finite() {
             self.cost.non_finite += 1;
             return;
@@ -179,7 +179,7 @@ impl Record<'_, '_> {
         if let Some(planes) = &mut self.planes
             && value != Vec3::ZERO
         {
-            self.features.sees_emitter |= layer == Layer::Emission;
+            self.features.sees_emitter |= layer == LightPath::Emission;
             planes.add(self.half, layer, column, value);
         }
     }
@@ -195,9 +195,9 @@ pub(super) fn trace_sample(
     (sums, planes): (&mut PixelSums, Option<&mut PlaneSums<'_>>),
 ) -> PathCost {
     let camera = &paths.world.scene.camera;
-    let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Use::Pixel, 0));
+    let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Dimension::Pixel, 0));
     let (half, features) = ((sample & 1) as usize, SampleFeatures::default());
-    let mut record = Record { sums, planes, half, features, cost: PathCost::default() };
+    let mut record = PathRecord { sums, planes, half, features, cost: PathCost::default() };
     let maps = paths.photons.map_or([0; 2], |photons| photons.maps_of(sample));
     paths.follow((camera.eye, camera.direction(position)), maps, sampler, &mut record);
     if let Some(planes) = record.planes {
@@ -210,25 +210,25 @@ impl Paths<'_> {
     /// Follows the path of a ray, which gathers photons of the first of `maps` where it is first scattered, and of the second
     /// later.
     #[inline(always)]
-    fn follow(&self, ray: (Vec3, Vec3), maps: [u32; 2], sampler: &Sampler, record: &mut Record<'_, '_>) {
+    fn follow(&self, ray: (Vec3, Vec3), maps: [u32; 2], sampler: &Sampler, record: &mut PathRecord<'_, '_>) {
         let (world, (mut origin, mut direction)) = (self.world, ray);
-        let (mut throughput, mut compression) = (Vec3::ONE, 1.0);
+        let (mut throughput, mut eta_scale) = (Vec3::ONE, 1.0);
         let mut last = Last::only(origin, direction);
         // The layer of an emitter that the next ray finds: emission until a surface has scattered the path.
-        let mut layer = Layer::Emission;
+        let mut layer = LightPath::Emission;
         // The share of such emission that this way shows: boundaries that it came by were looked along both ways.
         let mut seen = 1.0;
-        let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MOST_FORKS);
+        let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MAX_FORKS);
         loop {
             let Some(at) = self.arrive((origin, direction), &last, (layer, throughput * seen), record) else { return };
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
-            let mut choice = sampler.pair(Use::Choice, vertex + passes);
-            if layer == Layer::Emission {
+            let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
+            if layer == LightPath::Emission {
                 travelled += at.point.position.distance(origin);
             }
-            let here = Aside { ray: (origin, direction), throughput, share: seen, compression, vertex, passes };
-            let shown = (layer == Layer::Emission).then_some(here);
+            let here = DeltaBranch { ray: (origin, direction), throughput, share: seen, eta_scale, vertex, passes };
+            let shown = (layer == LightPath::Emission).then_some(here);
             if at.opacity < 1.0 && !self.meets(&at, (&mut choice.x, &mut seen), shown, &mut forks, sampler, record) {
                 passes += 1;
                 origin = at.point.start(direction);
@@ -237,7 +237,7 @@ impl Paths<'_> {
                 }
                 continue;
             }
-            if layer == Layer::Emission && (at.shows_no_emitter() || at_end) {
+            if layer == LightPath::Emission && (at.shows_no_emitter() || at_end) {
                 at.show(self.world, &mut record.features, throughput, travelled);
             }
             if at_end && !at.bsdf.lets_pass() {
@@ -245,36 +245,36 @@ impl Paths<'_> {
             }
 
             let (mut light_samples, mut radius) = (0, None);
-            if at.bsdf.is_spread() {
-                light_samples = if layer == Layer::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
-                layer = if layer == Layer::Emission { Layer::Direct } else { Layer::Indirect };
+            if at.bsdf.is_non_specular() {
+                light_samples = if layer == LightPath::Emission { FIRST_LIGHT_SAMPLES } else { 1 };
+                layer = if layer == LightPath::Emission { LightPath::Direct } else { LightPath::Indirect };
                 seen = 1.0;
                 let chances = world.lights.chances(at.point.position, at.frame.z);
                 for member in 0..light_samples {
-                    let pair = sampler.member(Use::Light, vertex, member, light_samples);
+                    let pair = sampler.member(Dimension::Light, vertex, member, light_samples);
                     at.sample_light(world, &chances, throughput, (pair, light_samples), layer, record);
                 }
-                let map = maps[usize::from(layer == Layer::Indirect)];
+                let map = maps[usize::from(layer == LightPath::Indirect)];
                 if let Some(photons) = self.photons {
                     radius = Some(at.gather(photons, map, self.max_depth - vertex - 1, throughput, record));
                 }
-            } else if layer == Layer::Emission
+            } else if layer == LightPath::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
                 if let Some(aside) = here.onward(&at, (&way, chance), self.max_depth) {
-                    self.look_aside(aside, &mut forks, sampler, record);
+                    self.trace_delta_branch(aside, &mut forks, sampler, record);
                 }
                 seen *= 1.0 - chance;
             }
 
-            let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Use::Scatter, vertex), choice.x) else { return };
+            let Some(next) = at.bsdf.sample(at.wo, sampler.pair(Dimension::Scatter, vertex), choice.x) else { return };
             throughput *= next.weight;
-            compression *= next.compression;
+            eta_scale *= next.eta_scale;
             match at.onward(direction, &next) {
                 Some(ray) => (origin, direction) = ray,
                 None => return,
             }
-            if next.straight {
+            if next.pass_through {
                 passes += 1;
                 if passes >= MAX_PASSES {
                     return;
@@ -287,8 +287,8 @@ impl Paths<'_> {
             if next.singular {
                 // A mirror or glass: what is seen in it is emission still, what lights by it is no longer direct.
                 match layer {
-                    Layer::Emission => record.features.specular = true,
-                    Layer::Direct | Layer::Indirect => layer = Layer::Indirect,
+                    LightPath::Emission => record.features.specular = true,
+                    LightPath::Direct | LightPath::Indirect => layer = LightPath::Indirect,
                 }
             }
             let spread = || next.pdf / direction.dot(at.normal).abs();
@@ -302,7 +302,7 @@ impl Paths<'_> {
             };
             vertex += 1;
             if vertex >= CERTAIN_VERTICES {
-                let survival = survival(throughput, compression);
+                let survival = survival(throughput, eta_scale);
                 if choice.y >= survival {
                     return;
                 }
@@ -318,9 +318,9 @@ impl Paths<'_> {
         &self,
         (origin, direction): (Vec3, Vec3),
         last: &Last,
-        (layer, throughput): (Layer, Vec3),
-        record: &mut Record<'_, '_>,
-    ) -> Option<Vertex> {
+        (layer, throughput): (LightPath, Vec3),
+        record: &mut PathRecord<'_, '_>,
+    ) -> Option<PathVertex> {
         let world = self.world;
         let Some(point) = world.intersect(origin, direction, &mut record.cost.rays) else {
             let hit = EmitterHit::beyond(origin, direction);
@@ -343,7 +343,7 @@ impl Paths<'_> {
                 record.add(layer, found.column, throughput * found.radiance * weight);
             }
         }
-        Some(Vertex::new(world, point, direction))
+        Some(PathVertex::new(world, point, direction))
     }
 
     /// Whether a path meets a surface that lets some pass, by a uniform number, which is uniform again where it does. What emits
@@ -351,17 +351,17 @@ impl Paths<'_> {
     #[cold]
     fn meets(
         &self,
-        at: &Vertex,
+        at: &PathVertex,
         (choice, seen): (&mut f32, &mut f32),
-        shown: Option<Aside>,
+        shown: Option<DeltaBranch>,
         forks: &mut u32,
         sampler: &Sampler,
-        record: &mut Record<'_, '_>,
+        record: &mut PathRecord<'_, '_>,
     ) -> bool {
         let meets = *choice < at.opacity;
         if let Some(here) = shown.filter(|_| at.shows_no_emitter()) {
             if meets {
-                self.look_aside(here.through(at), forks, sampler, record);
+                self.trace_delta_branch(here.through(at), forks, sampler, record);
             } else {
                 *seen *= 1.0 - at.opacity;
             }
@@ -373,12 +373,18 @@ impl Paths<'_> {
     /// Follows a ray aside as far as mirrors and boundaries lead, and only for the emitters that are seen there: one that is
     /// mirrored in glass, which few samples mirror, would be dotted else, and no filter touches what is seen of emitters. It looks
     /// both ways too where each is likely enough, from at most `forks` more boundaries.
-    fn look_aside(&self, mut aside: Aside, forks: &mut u32, sampler: &Sampler, record: &mut Record<'_, '_>) {
+    fn trace_delta_branch(
+        &self,
+        mut aside: DeltaBranch,
+        forks: &mut u32,
+        sampler: &Sampler,
+        record: &mut PathRecord<'_, '_>,
+    ) {
         while aside.passes < MAX_PASSES {
-            let (ray, light) = (aside.ray, (Layer::Emission, aside.throughput * aside.share));
+            let (ray, light) = (aside.ray, (LightPath::Emission, aside.throughput * aside.share));
             let Some(at) = self.arrive(ray, &Last::only(ray.0, ray.1), light, record) else { return };
             let at_end = aside.vertex + 1 >= self.max_depth;
-            let mut choice = sampler.pair(Use::Choice, ASIDE + aside.vertex + aside.passes);
+            let mut choice = sampler.pair(Dimension::Choice, DELTA_BRANCH_DIMENSION + aside.vertex + aside.passes);
             if at.opacity < 1.0 {
                 if at.shows_no_emitter() {
                     aside = aside.through(&at);
@@ -390,18 +396,18 @@ impl Paths<'_> {
                 }
                 choice.x /= at.opacity;
             }
-            if at.bsdf.is_spread() || at_end && !at.bsdf.lets_pass() {
+            if at.bsdf.is_non_specular() || at_end && !at.bsdf.lets_pass() {
                 return;
             }
             let Some(next) = at.bsdf.sample(at.wo, Vec2::ZERO, choice.x) else { return };
             let mut kept = 1.0;
             if *forks > 0
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
-                && chance.min(1.0 - chance) * aside.share > LEAST_SHARE
+                && chance.min(1.0 - chance) * aside.share > MIN_BRANCH_SHARE
             {
                 *forks -= 1;
                 if let Some(other) = aside.onward(&at, (&way, chance), self.max_depth) {
-                    self.look_aside(other, forks, sampler, record);
+                    self.trace_delta_branch(other, forks, sampler, record);
                 }
                 kept = 1.0 - chance;
             }
@@ -409,8 +415,8 @@ impl Paths<'_> {
                 Some(onward) => aside = onward,
                 None => return,
             }
-            if !next.straight && aside.vertex >= CERTAIN_VERTICES {
-                let survival = survival(aside.throughput, aside.compression);
+            if !next.pass_through && aside.vertex >= CERTAIN_VERTICES {
+                let survival = survival(aside.throughput, aside.eta_scale);
                 if choice.y >= survival {
                     return;
                 }
@@ -422,7 +428,7 @@ impl Paths<'_> {
     /// Weight of light that a ray has found beside light samples at the last surface, or beside the photons that came from it to
     /// the last surface that scatters.
     #[inline(always)]
-    fn weight_of_found(&self, last: &Last, found: &Found, hit: &EmitterHit) -> f32 {
+    fn weight_of_found(&self, last: &Last, found: &SeenLight, hit: &EmitterHit) -> f32 {
         match (last.pdf, self.photons, last.gathered) {
             (Some(pdf), ..) => power_heuristic(pdf, last.light_samples * found.pdf),
             (None, Some(photons), Some(gathered)) => photons.weight_of_path(self.world, found.source, hit, gathered),
@@ -431,7 +437,7 @@ impl Paths<'_> {
     }
 }
 
-impl Vertex {
+impl PathVertex {
     #[inline(always)]
     pub(super) fn new(world: &World, point: SurfacePoint, direction: Vec3) -> Self {
         let front = point.normal.dot(direction) < 0.0;
@@ -444,7 +450,7 @@ impl Vertex {
     /// Whether no ray that the surface itself sends on shows an emitter as it is.
     #[inline(always)]
     fn shows_no_emitter(&self) -> bool {
-        self.bsdf.is_spread() || matches!(self.bsdf, Bsdf::Black)
+        self.bsdf.is_non_specular() || matches!(self.bsdf, Bsdf::Black)
     }
 
     /// What a camera path shows that has come to this surface.
@@ -462,11 +468,11 @@ impl Vertex {
     fn sample_light(
         &self,
         world: &World,
-        chances: &Chances,
+        chances: &LightPmf,
         throughput: Vec3,
         (pair, count): (Vec2, u32),
-        layer: Layer,
-        record: &mut Record<'_, '_>,
+        layer: LightPath,
+        record: &mut PathRecord<'_, '_>,
     ) {
         let here = (self.point.position, &self.frame);
         let Some(light) = world.lights.sample(&world.scene, here, chances, pair) else { return };
@@ -494,11 +500,11 @@ impl Vertex {
         map: u32,
         most_segments: u32,
         throughput: Vec3,
-        record: &mut Record<'_, '_>,
+        record: &mut PathRecord<'_, '_>,
     ) -> f32 {
         let (position, normal) = (self.point.position, self.normal);
         let radius = photons.radius_at(position);
-        let at = Gathering { map, position, normal, radius, most_segments };
+        let at = PhotonGather { map, position, normal, radius, most_segments };
         photons.gather(&at, &mut Lit { vertex: self, expected: photons.expected_of(radius), throughput, record });
         radius
     }
@@ -506,7 +512,7 @@ impl Vertex {
     /// The ray of what was scattered, where the path came by `direction`. None where it does not leave the surface.
     #[inline(always)]
     fn onward(&self, direction: Vec3, next: &Scattered) -> Option<(Vec3, Vec3)> {
-        let direction = if next.straight { direction } else { self.leaving(next)? };
+        let direction = if next.pass_through { direction } else { self.leaving(next)? };
         Some((self.point.start(direction), direction))
     }
 
@@ -524,16 +530,16 @@ impl Vertex {
 
 /// A surface that photons light.
 struct Lit<'a, 'b, 'c> {
-    vertex: &'a Vertex,
+    vertex: &'a PathVertex,
     /// What a photon of density one is expected to bring.
     expected: f32,
     throughput: Vec3,
-    record: &'a mut Record<'b, 'c>,
+    record: &'a mut PathRecord<'b, 'c>,
 }
 
-impl Gather for Lit<'_, '_, '_> {
+impl PhotonVisitor for Lit<'_, '_, '_> {
     #[inline(always)]
-    fn take(&mut self, gathered: &Gathered) {
+    fn take(&mut self, gathered: &PhotonGroup) {
         let vertex = self.vertex;
         let (mut values, mut pdfs) = ([[0.0f32; LANES]; 3], [0.0f32; LANES]);
         let along = |axis: Vec3, lane: usize| {
@@ -578,7 +584,7 @@ impl Gather for Lit<'_, '_, '_> {
             let is_lit = values.iter().any(|channel| channel[lane] != 0.0);
             if is_lit && cosines[lane] > 0.0 {
                 let value = Vec3::new(light[0][lane], light[1][lane], light[2][lane]);
-                self.record.add(Layer::Indirect, gathered.column[lane], value);
+                self.record.add(LightPath::Indirect, gathered.column[lane], value);
             }
         }
     }
@@ -594,17 +600,17 @@ const GRAZING: f32 = 1e-3;
 /// surface (Keller et al. 2017, *The Iray light transport simulation and rendering system*, §A.3), so that nothing
 /// they reflect is lost; others the geometric normal, where theirs turns away.
 #[inline(always)]
-fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) -> (Vec3, Frame) {
+fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) -> (Vec3, ShadingFrame) {
     let side = if front { 1.0 } else { -1.0 };
     let (normal, shading) = (point.normal * side, point.shading_normal * side);
     if !has_lobe {
-        return (normal, Frame::around(if shading.dot(direction) < -1e-4 { shading } else { normal }));
+        return (normal, ShadingFrame::around(if shading.dot(direction) < -1e-4 { shading } else { normal }));
     }
     let mirrored = direction - 2.0 * shading.dot(direction) * shading;
     if mirrored.dot(normal) >= GRAZING && shading.dot(direction) < 0.0 {
-        return (normal, Frame::around(shading));
+        return (normal, ShadingFrame::around(shading));
     }
-    (normal, Frame::around((lifted(mirrored, normal) - direction).try_normalize().unwrap_or(normal)))
+    (normal, ShadingFrame::around((lifted(mirrored, normal) - direction).try_normalize().unwrap_or(normal)))
 }
 
 /// The direction nearest to one below the surface that is just above it.

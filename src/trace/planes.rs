@@ -12,7 +12,7 @@ use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, Feature, SeenEmission
 
 /// How light came to the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Layer {
+pub(super) enum LightPath {
     /// From an emitter straight, or by mirrors and smooth glass alone.
     Emission,
     /// By the first surface that scatters, and to that straight or through thin sheets.
@@ -85,11 +85,11 @@ impl<'a> PlaneSums<'a> {
 
     /// Adds a contribution to its layer.
     #[inline(always)]
-    pub(super) fn add(&mut self, half: usize, layer: Layer, column: u32, value: Vec3) {
+    pub(super) fn add(&mut self, half: usize, layer: LightPath, column: u32, value: Vec3) {
         let layer = match layer {
-            Layer::Emission => return self.emission.add(half, column, value),
-            Layer::Direct => 0,
-            Layer::Indirect => 1,
+            LightPath::Emission => return self.emission.add(half, column, value),
+            LightPath::Direct => 0,
+            LightPath::Indirect => 1,
         };
         let cluster = self.of_column.get(column as usize).copied().unwrap_or(u16::MAX);
         if let Some(light) = self.light.get_mut(usize::from(cluster)) {

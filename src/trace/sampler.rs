@@ -9,7 +9,7 @@ use glam::Vec2;
 
 /// What a pair of random numbers is for. Uses repeat for every vertex of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Use {
+pub(super) enum Dimension {
     /// Position in the pixel.
     Pixel,
     /// Direction of scattering.
@@ -40,14 +40,14 @@ impl Sampler {
 
     /// The pair for `purpose` at vertex `vertex` of the path.
     #[inline(always)]
-    pub(super) fn pair(&self, purpose: Use, vertex: u32) -> Vec2 {
+    pub(super) fn pair(&self, purpose: Dimension, vertex: u32) -> Vec2 {
         self.member(purpose, vertex, 0, 1)
     }
 
     /// Pair `member` of `count` (a power of two) that one sample draws for `purpose` at `vertex`; those of all samples
     /// form one sequence.
     #[inline(always)]
-    pub(super) fn member(&self, purpose: Use, vertex: u32, member: u32, count: u32) -> Vec2 {
+    pub(super) fn member(&self, purpose: Dimension, vertex: u32, member: u32, count: u32) -> Vec2 {
         let hash = mix(self.key ^ u64::from(vertex * USES + purpose as u32 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let (a, b) = (hash as u32, (hash >> 32) as u32);
         let index = self.index.wrapping_mul(count).wrapping_add(member);
@@ -121,7 +121,8 @@ mod tests {
         for m in [2, 5, 8, 10] {
             for pixel in 0..20 {
                 let samples = 0..1u32 << m;
-                let points: Vec<Vec2> = samples.map(|i| Sampler::new(7, pixel, 2 * i).pair(Use::Light, 3)).collect();
+                let points: Vec<Vec2> =
+                    samples.map(|i| Sampler::new(7, pixel, 2 * i).pair(Dimension::Light, 3)).collect();
                 for a in 0..=m {
                     assert!(cells(&points, a, m - a).iter().all(|&n| n == 1), "2^{m} points, {a} bits across");
                 }
@@ -132,7 +133,7 @@ mod tests {
     #[test]
     fn members_of_all_samples_form_one_net() {
         let points: Vec<Vec2> = (0..64u32)
-            .flat_map(|i| (0..4).map(move |j| Sampler::new(1, 9, 2 * i + 1).member(Use::Light, 0, j, 4)))
+            .flat_map(|i| (0..4).map(move |j| Sampler::new(1, 9, 2 * i + 1).member(Dimension::Light, 0, j, 4)))
             .collect();
         for a in 0..=8 {
             assert!(cells(&points, a, 8 - a).iter().all(|&n| n == 1));
@@ -147,7 +148,8 @@ mod tests {
             let sum: f64 = (0..n).map(f).map(|(a, b)| f64::from(a - 0.5) * f64::from(b - 0.5)).sum();
             12.0 * sum / f64::from(n)
         };
-        let at = |pixel: u32, sample, vertex| Sampler::new(3, u64::from(pixel), sample).pair(Use::Scatter, vertex);
+        let at =
+            |pixel: u32, sample, vertex| Sampler::new(3, u64::from(pixel), sample).pair(Dimension::Scatter, vertex);
         assert!(correlation(&|i| (at(i, 0, 0).x, at(i, 1, 0).x)).abs() < 0.02, "halves");
         assert!(correlation(&|i| (at(i, 0, 0).x, at(i + 1, 0, 0).x)).abs() < 0.02, "neighbours");
         assert!(correlation(&|i| (at(i, 0, 0).y, at(i, 0, 1).y)).abs() < 0.02, "vertices");

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::accumulator::{NoiseSums, PixelSums, RUN, Run, Tile, interleave};
+use super::accumulator::{NoiseSums, PixelMeans, PixelSums, RUN, Run, interleave};
 use super::bvh::Bvh;
 use super::integrator::{Paths, trace_sample};
 use super::photons::{MAP_BYTES, PhotonCost, Photons, Sending};
@@ -172,7 +172,7 @@ impl Tracer {
     /// the noise and the planes of so many clusters, which stay with the block.
     pub fn block_needs_bytes(shape: MatrixShape, clusters: usize) -> u64 {
         let (rows, columns) = (shape.max_block_rows() as u64, shape.columns() as u64);
-        let sums = PixelSums::needs_bytes(columns) + Tile::needs_bytes(columns);
+        let sums = PixelSums::needs_bytes(columns) + PixelMeans::needs_bytes(columns);
         let planes = PlaneSums::needs_bytes(rows / CHANNELS as u64, columns, clusters as u64);
         sums + NoiseSums::needs_bytes(rows, columns) + planes
     }
@@ -225,7 +225,7 @@ impl Tracer {
             planes::begin(planes, &self.clusters, pixels);
             PlaneSums::new(&self.clusters, &self.column_factors)
         });
-        let (mut sums, mut tile) = (PixelSums::new(columns), Tile::new(columns));
+        let (mut sums, mut tile) = (PixelSums::new(columns), PixelMeans::new(columns));
         let mut stats = BlockStats { paths: pixels as u64 * u64::from(spp), ..Default::default() };
         for first in (0..pixels).step_by(RUN) {
             let run = Run { first, count: RUN.min(pixels - first), pixels };

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::bsdf::Bsdf;
 use super::bvh::{Bvh, BvhTriangle, Occlusion, Ray};
-use super::lights::Lights;
+use super::lights::LightSampler;
 use crate::error::{Error, Result};
 use crate::scene::{Material, Scene, Surface};
 
@@ -34,13 +34,13 @@ pub(super) const OFF_LIGHT: f32 = 16.0 * ROUNDING;
 const OFF_EDGES: f32 = 64.0 * ROUNDING;
 
 /// Most that a corner's weight is raised for that, on triangles that are hardly wider than their roundings.
-const MOST_RAISED: f32 = 1.0 / 64.0;
+const MAX_RAISED: f32 = 1.0 / 64.0;
 
 /// A scene with its tree and lights.
 #[derive(Debug)]
 pub(super) struct World {
     pub(super) scene: Arc<Scene>,
-    pub(super) lights: Lights,
+    pub(super) lights: LightSampler,
     bvh: Bvh,
 }
 
@@ -78,7 +78,7 @@ impl World {
             .iter()
             .map(|t| BvhTriangle { corners: mesh.corners(t), see_through: see_through[t.material.0 as usize] })
             .collect();
-        let (bvh, lights) = (Bvh::build(&triangles), Lights::new(&scene)?);
+        let (bvh, lights) = (Bvh::build(&triangles), LightSampler::new(&scene)?);
         Ok(Self { scene, lights, bvh })
     }
 
@@ -195,7 +195,7 @@ impl World {
 /// Weights of the second and third corner, of which none, and not that of the first, is much below `least`.
 #[cold]
 fn off_edges(u: f32, v: f32, least: f32) -> (f32, f32) {
-    let raised = |weight: f32| weight.max(least.min(MOST_RAISED));
+    let raised = |weight: f32| weight.max(least.min(MAX_RAISED));
     let (u, v, w) = (raised(u), raised(v), raised(1.0 - u - v));
     let sum = u + v + w;
     (u / sum, v / sum)

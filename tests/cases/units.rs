@@ -10,7 +10,7 @@ use ltm::light::{Job, Light, LightBasis, LightKind, Lighting, Provenance};
 use ltm::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 use ltm::pipeline::{self, PackOptions, RenderOptions};
 use ltm::relight::{CpuRelighter, relight_raw};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::store::StoreReader;
 
 use super::Collection;
@@ -77,13 +77,13 @@ fn alone(basis: &LightBasis) -> Vec<(String, Lighting)> {
 /// of the packs: cleaned, and not.
 fn packed_alone(loaded: ltm::scene::LoadedScene, folder: &Path) -> (Vec<LinearImage>, [u64; 2]) {
     let raw = folder.join("room.ltm");
-    pipeline::render(loaded, &raw, &RenderOptions::default(), &Quiet).unwrap();
+    pipeline::render(loaded, &raw, &RenderOptions::default(), &NoProgress).unwrap();
     let matrix = StoreReader::open(&raw).unwrap();
     let mut images = Vec::new();
     let sizes = [true, false].map(|denoise| {
         let path = folder.join(format!("{denoise}.ltc"));
         let report =
-            pipeline::pack(&matrix, matrix.job(), &path, &PackOptions { denoise, ..Default::default() }, &Quiet);
+            pipeline::pack(&matrix, matrix.job(), &path, &PackOptions { denoise, ..Default::default() }, &NoProgress);
         let container = ContainerReader::open(&path).unwrap();
         let relighter = CpuRelighter::load(&container).unwrap();
         for (name, lighting) in alone(&matrix.job().basis) {
@@ -204,7 +204,7 @@ fn packed(basis: &LightBasis, scales: &[f32], compress: &CompressSettings, weigh
     let (folder, source) = (tempfile::tempdir().unwrap(), Smooth { shape, scales: scales.to_vec() });
     let path = folder.path().join("scaled.ltc");
     let options = PackOptions { compress: compress.clone(), allow_lost_lights: true, ..Default::default() };
-    let report = pipeline::pack(&source, &job, &path, &options, &Quiet).unwrap();
+    let report = pipeline::pack(&source, &job, &path, &options, &NoProgress).unwrap();
     let container = ContainerReader::open(&path).unwrap();
     let lighting = weights.iter().zip(scales).map(|(weight, scale)| [weight / scale; 3]).collect();
     let image = CpuRelighter::load(&container).unwrap().relight(&Lighting::new(lighting).unwrap()).unwrap();
@@ -263,7 +263,7 @@ fn a_lost_light_is_refused() {
         let compress = CompressSettings { target, ..Default::default() };
         let mut options = PackOptions { compress, allow_lost_lights, ..Default::default() };
         options.container.overwrite = allow_lost_lights;
-        pipeline::pack(&source, &job, &path, &options, &Quiet)
+        pipeline::pack(&source, &job, &path, &options, &NoProgress)
     };
     let error = pack(Target::PsnrDb(3.0), false).unwrap_err();
     assert!(matches!(error, Error::Input { .. }) && error.to_string().contains(" alone is "), "{error}");

@@ -101,7 +101,7 @@ fn white_surfaces_that_lose_nothing_reflect_everything() {
             let total: f64 = (0..n)
                 .filter_map(|_| {
                     let pair = Vec2::new(random.random(), random.random());
-                    bsdf.sample(wo, pair, random.random()).map(|s| f64::from(s.weight.x * s.compression))
+                    bsdf.sample(wo, pair, random.random()).map(|s| f64::from(s.weight.x * s.eta_scale))
                 })
                 .sum();
             let albedo = total / f64::from(n);

@@ -13,7 +13,7 @@ use crate::matrix::BlockView;
 
 /// Rows and columns of a block, rising and without duplicates.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Selection {
+pub struct CurSelection {
     /// Chosen columns.
     pub columns: Vec<usize>,
     /// Chosen rows.
@@ -30,7 +30,7 @@ pub(in crate::compress) enum Plan {
     /// Algorithms 2 and 4: each round's columns, and how many rows k-means is to find as these columns show them.
     ByColumns { rounds: Vec<(Vec<usize>, usize)> },
     /// Algorithm 3: nothing is left to find.
-    Both(Selection),
+    Both(CurSelection),
 }
 
 /// `count` of `0..of` at random, rising; in memory for `count` alone.
@@ -61,7 +61,7 @@ pub(in crate::compress) fn plan(m: usize, n: usize, settings: &CompressSettings,
         Method::Algorithm2 => Plan::ByColumns { rounds: vec![(at_random(n, k, random), wanted_rows)] },
         Method::Algorithm3 => {
             let columns = at_random(n, k, random);
-            Plan::Both(Selection { columns, rows: at_random(m, wanted_rows, random) })
+            Plan::Both(CurSelection { columns, rows: at_random(m, wanted_rows, random) })
         }
         // Algorithm 4 and the proposed method.
         _ => {
@@ -87,19 +87,23 @@ pub(in crate::compress) fn plan(m: usize, n: usize, settings: &CompressSettings,
 }
 
 /// Chooses rows and columns of `a` (rows × columns) by Algorithm 1, 2, 3 or 4 of the paper.
-pub(in crate::compress) fn select(a: MatRef<'_, f32>, settings: &CompressSettings, random: &mut Pcg64Mcg) -> Selection {
+pub(in crate::compress) fn select(
+    a: MatRef<'_, f32>,
+    settings: &CompressSettings,
+    random: &mut Pcg64Mcg,
+) -> CurSelection {
     let (m, n) = a.shape();
     match plan(m, n, settings, random) {
         Plan::ByRows { rows, columns } => {
             let points = Mat::from_fn(rows.len(), n, |r, j| a[(rows[r], j)]);
-            Selection {
+            CurSelection {
                 columns: nearest_to_centres(points.as_ref(), columns, settings.kmeans_iterations, random),
                 rows,
             }
         }
         Plan::Both(chosen) => chosen,
         Plan::ByColumns { rounds } => {
-            let mut chosen = Selection::default();
+            let mut chosen = CurSelection::default();
             for (columns, count) in rounds {
                 // Rows are the points: transposed, so that a point is contiguous.
                 let points = Mat::from_fn(columns.len(), m, |c, i| a[(i, columns[c])]);
@@ -118,7 +122,7 @@ pub(in crate::compress) fn select(a: MatRef<'_, f32>, settings: &CompressSetting
 /// The CUR decomposition of `a` over a selection, as two factors: rows × k and k × columns.
 pub(in crate::compress) fn decompose(
     a: MatRef<'_, f32>,
-    chosen: &Selection,
+    chosen: &CurSelection,
     core: Core,
     truncation: f64,
 ) -> (Mat<f32>, Mat<f32>) {
@@ -161,7 +165,7 @@ pub(in crate::compress) fn through_core(
 /// A block's CUR decomposition by one of the paper's algorithms exactly as it comes: `C` (rows × k, column-major),
 /// `core · R` (k × columns, row-major) and the selection. For comparison; [`Compressor`](crate::compress::Compressor) goes on to
 /// orthonormal factors.
-pub fn cur(block: BlockView<'_>, settings: &CompressSettings, seed: u64) -> (Vec<f32>, Vec<f32>, Selection) {
+pub fn cur(block: BlockView<'_>, settings: &CompressSettings, seed: u64) -> (Vec<f32>, Vec<f32>, CurSelection) {
     use rand::SeedableRng;
     let a = MatRef::from_column_major_slice(block.entries(), block.rows(), block.columns());
     let mut random = Pcg64Mcg::seed_from_u64(seed);

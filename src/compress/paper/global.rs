@@ -15,8 +15,8 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 
-use super::cur::{Plan, Selection, at_random, plan, through_core};
-use super::kmeans::{Clusters, nearest_to_centres};
+use super::cur::{CurSelection, Plan, at_random, plan, through_core};
+use super::kmeans::{Centres, nearest_to_centres};
 use crate::compress::sanitise::sanitise;
 use crate::compress::{CompressSettings, Core, Method};
 use crate::error::{Error, Result};
@@ -29,7 +29,7 @@ const BATCH_BLOCKS: usize = 32;
 #[derive(Clone, Debug)]
 pub(in crate::compress) struct GlobalCur {
     /// Columns, and rows counted through all blocks in their order.
-    pub(in crate::compress) chosen: Selection,
+    pub(in crate::compress) chosen: CurSelection,
     /// `U R`: chosen columns × columns.
     pub(in crate::compress) right: Mat<f32>,
 }
@@ -71,7 +71,7 @@ pub(in crate::compress) fn choose(source: &dyn BlockSource, settings: &CompressS
         Plan::Both(chosen) => chosen,
         Plan::ByRows { rows, columns } => {
             let points = matrix.rows_of(&rows, None)?.transpose().to_owned();
-            Selection { columns: nearest_to_centres(points.as_ref(), columns, iterations, &mut random), rows }
+            CurSelection { columns: nearest_to_centres(points.as_ref(), columns, iterations, &mut random), rows }
         }
         Plan::ByColumns { rounds } => matrix.rows_by_kmeans(rounds, settings, &mut random)?,
     };
@@ -160,7 +160,7 @@ impl<'a> Matrix<'a> {
         rounds: Vec<(Vec<usize>, usize)>,
         settings: &CompressSettings,
         random: &mut Pcg64Mcg,
-    ) -> Result<Selection> {
+    ) -> Result<CurSelection> {
         let columns: Vec<usize> = rounds.iter().flat_map(|(columns, _)| columns.iter().copied()).collect();
         let whole = self.rows() <= settings.sample_rows;
         let sample =
@@ -175,7 +175,7 @@ impl<'a> Matrix<'a> {
             if whole {
                 rows.extend(nearest_to_centres(points.as_ref(), *count, settings.kmeans_iterations, random));
             } else {
-                clusters.push(Clusters::new(points.as_ref(), *count, settings.kmeans_iterations, random));
+                clusters.push(Centres::new(points.as_ref(), *count, settings.kmeans_iterations, random));
             }
         }
         drop(points);
@@ -186,18 +186,18 @@ impl<'a> Matrix<'a> {
         rows.dedup();
         let mut columns = columns;
         columns.sort_unstable();
-        Ok(Selection { columns, rows })
+        Ok(CurSelection { columns, rows })
     }
 
     /// One pass of mini-batches over all blocks, and one for the row nearest to each centre.
-    fn nearest_rows(&self, rounds: &[(Vec<usize>, usize)], mut clusters: Vec<Clusters>) -> Result<Vec<usize>> {
+    fn nearest_rows(&self, rounds: &[(Vec<usize>, usize)], mut clusters: Vec<Centres>) -> Result<Vec<usize>> {
         let points = |block: BlockView<'_>, columns: &[usize]| {
             Mat::from_fn(columns.len(), block.rows(), |d, row| block.at(row, columns[d]))
         };
         let blocks: Vec<BlockId> = self.shape.blocks().collect();
         for batch in blocks.chunks(BATCH_BLOCKS) {
             let sums = self.each(batch, |_, block| {
-                let of = |((columns, _), clusters): (&(Vec<usize>, usize), &Clusters)| {
+                let of = |((columns, _), clusters): (&(Vec<usize>, usize), &Centres)| {
                     clusters.sums(points(block, columns).as_ref())
                 };
                 rounds.iter().zip(&clusters).map(of).collect::<Vec<_>>()
@@ -210,7 +210,7 @@ impl<'a> Matrix<'a> {
             clusters.iter().map(|clusters| vec![(f32::INFINITY, usize::MAX); clusters.count()]).collect();
         for batch in blocks.chunks(BATCH_BLOCKS) {
             let found = self.each(batch, |id, block| {
-                let of = |((columns, _), clusters): (&(Vec<usize>, usize), &Clusters)| {
+                let of = |((columns, _), clusters): (&(Vec<usize>, usize), &Centres)| {
                     clusters.nearest(points(block, columns).as_ref())
                 };
                 (id, rounds.iter().zip(&clusters).map(of).collect::<Vec<_>>())

@@ -21,7 +21,7 @@ pub(in crate::compress) fn nearest_to_centres(
     if k >= count {
         return (0..count).collect();
     }
-    let clusters = Clusters::new(points, k, iterations, random);
+    let clusters = Centres::new(points, k, iterations, random);
     let nearest = clusters.nearest(points);
     let mut chosen: Vec<usize> = nearest.into_iter().map(|(_, j)| j).filter(|&j| j != usize::MAX).collect();
     chosen.sort_unstable();
@@ -30,19 +30,19 @@ pub(in crate::compress) fn nearest_to_centres(
 }
 
 /// Centres of clusters, with how many points each has seen.
-pub(in crate::compress) struct Clusters {
+pub(in crate::compress) struct Centres {
     /// Dimension × clusters.
     centres: Mat<f32>,
     seen: Vec<f64>,
 }
 
 /// What some points add to each cluster: their sums (dimension × clusters) and numbers.
-pub(in crate::compress) struct Sums {
+pub(in crate::compress) struct CentreSums {
     sums: Mat<f64>,
     counts: Vec<f64>,
 }
 
-impl Clusters {
+impl Centres {
     /// k-means++ and Lloyd's iteration over `points`; fewer than `k` clusters where points coincide.
     pub(in crate::compress) fn new(
         points: MatRef<'_, f32>,
@@ -83,7 +83,7 @@ impl Clusters {
     }
 
     /// What `points` add to the clusters they belong to.
-    pub(in crate::compress) fn sums(&self, points: MatRef<'_, f32>) -> Sums {
+    pub(in crate::compress) fn sums(&self, points: MatRef<'_, f32>) -> CentreSums {
         let (mut sums, mut counts) = (Mat::zeros(points.nrows(), self.count()), vec![0.0; self.count()]);
         for (j, owner) in assign(points, &self.centres).0.into_iter().enumerate() {
             counts[owner] += 1.0;
@@ -91,11 +91,11 @@ impl Clusters {
                 sums[(i, owner)] += f64::from(points[(i, j)]);
             }
         }
-        Sums { sums, counts }
+        CentreSums { sums, counts }
     }
 
     /// Moves each centre to the mean of all points it has seen, those of a mini-batch now among them (Sculley 2010).
-    pub(in crate::compress) fn follow<'a>(&mut self, batch: impl Iterator<Item = &'a Sums> + Clone) {
+    pub(in crate::compress) fn follow<'a>(&mut self, batch: impl Iterator<Item = &'a CentreSums> + Clone) {
         for c in 0..self.count() {
             let more: f64 = batch.clone().map(|part| part.counts[c]).sum();
             if more == 0.0 {

@@ -5,6 +5,6 @@ mod cur;
 pub(in crate::compress) mod global;
 mod kmeans;
 
+pub use cur::{CurSelection, cur};
 pub(in crate::compress) use cur::{SEED, decompose, select};
-pub use cur::{Selection, cur};
 pub(in crate::compress) use global::GlobalCur;

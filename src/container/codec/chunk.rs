@@ -16,7 +16,7 @@ const LONG_BYTES: usize = 12;
 /// With these, a component's steps and rotation alone take more bytes than this.
 const LONG_COMPONENT_BYTES: usize = 6;
 /// Bytes of a chunk for each component at least; a writer fills up with zeros.
-pub(super) const LEAST_COMPONENT_BYTES: usize = 4;
+pub(super) const MIN_COMPONENT_BYTES: usize = 4;
 
 /// What a chunk holds and where.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -77,7 +77,7 @@ impl Chunk {
             return Err(format!("the chunk shares {} components that are not there", self.shared));
         }
         let enough = match self.coding {
-            CODING_APART | CODING_BANDS => self.rank * LEAST_COMPONENT_BYTES <= self.values.end,
+            CODING_APART | CODING_BANDS => self.rank * MIN_COMPONENT_BYTES <= self.values.end,
             _ => self.rank * LONG_COMPONENT_BYTES <= self.side.len(),
         };
         if self.rank > rows.min(columns) + self.shared || !enough || self.sparse_entries > rows * columns {

@@ -21,7 +21,7 @@ pub(super) const LARGEST: i32 = 7;
 /// First class whose low bits are stored as they are.
 pub(super) const FIRST_SHIFTED: u32 = 9;
 /// Scale of the first class, in steps.
-pub(super) const LEAST_SCALE: f32 = 0.15;
+pub(super) const MIN_SCALE: f32 = 0.15;
 /// Number of classes.
 pub(super) const CLASSES: u32 = 41;
 /// Largest magnitude of a quantised value.
@@ -33,7 +33,7 @@ const RATIOS: [f64; 10] =
     [0.001_272_6, 0.008_967_7, 0.035_674, 0.094_707, 0.188_876, 0.307_747, 0.434_598, 0.554_749, 0.434_598, 0.554_749];
 
 /// One table: how often each symbol comes, and the symbol of each slot.
-pub(super) struct Table {
+pub(super) struct SymbolTable {
     /// Frequency of each symbol; they sum to [`TOTAL`].
     pub(super) frequency: [u16; SYMBOLS],
     /// Sum of the frequencies before each symbol.
@@ -45,7 +45,7 @@ pub(super) struct Table {
 }
 
 /// Table and shift of a class other than 0.
-pub(super) fn coding_of(class: u32) -> (&'static Table, u32) {
+pub(super) fn coding_of(class: u32) -> (&'static SymbolTable, u32) {
     let tables = tables();
     if class < FIRST_SHIFTED {
         (&tables[class as usize - 1], 0)
@@ -65,12 +65,12 @@ pub(super) fn escape_bits(high: i32) -> u32 {
     5 + (31 - excess.leading_zeros()) + 1
 }
 
-fn tables() -> &'static [Table; RATIOS.len()] {
-    static TABLES: OnceLock<[Table; RATIOS.len()]> = OnceLock::new();
+fn tables() -> &'static [SymbolTable; RATIOS.len()] {
+    static TABLES: OnceLock<[SymbolTable; RATIOS.len()]> = OnceLock::new();
     TABLES.get_or_init(|| std::array::from_fn(|i| table(RATIOS[i], i >= 8)))
 }
 
-fn table(ratio: f64, shifted: bool) -> Table {
+fn table(ratio: f64, shifted: bool) -> SymbolTable {
     // Probabilities up to a common factor, each from the one before by a product.
     let mut weights = [0.0f64; SYMBOLS];
     let centre = LARGEST as usize;
@@ -115,5 +115,5 @@ fn table(ratio: f64, shifted: bool) -> Table {
         }
     }
     let bits = frequency.map(|f| PROBABILITY_BITS as f32 - f32::from(f).log2());
-    Table { frequency, start, bits, slots }
+    SymbolTable { frequency, start, bits, slots }
 }

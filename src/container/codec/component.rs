@@ -4,7 +4,7 @@ use super::classes::MAX_MAGNITUDE;
 use super::layer::CodecSettings;
 use super::planes::{PlanePlan, PlaneShape, estimate, plan};
 use super::rotation::{ROTATION_BITS, Rotation, rotate, transposed};
-use super::side::{Head, PlaneKind};
+use super::side::{ComponentHead, PlaneKind};
 use super::step::{Steps, index_of};
 use super::transform::MAX_TILE;
 use crate::container::layout::{BlockLayout, LightLayout};
@@ -16,19 +16,19 @@ pub(super) const TILES: [usize; 4] = [32, 16, 8, 4];
 const USUAL_TILE: usize = 16;
 
 /// A quantised component.
-pub(super) struct Component {
-    pub(super) head: Head,
+pub(super) struct QuantisedComponent {
+    pub(super) head: ComponentHead,
     left: [PlanePlan; CHANNELS],
     right: Vec<PlanePlan>,
 }
 
-impl Component {
+impl QuantisedComponent {
     /// Quantises component `k` with the steps that it asks for. `before` is the component before it.
     pub(super) fn new(
         layout: &BlockLayout,
         block: &FactoredBlock,
         k: usize,
-        before: Option<&Head>,
+        before: Option<&ComponentHead>,
         settings: &CodecSettings,
     ) -> Self {
         let (left, right) = (block.left_component(k), block.right_component(k));
@@ -67,7 +67,7 @@ impl Component {
             plan(plane, shape, Steps { index: right_step, band_steps }, lambda)
         });
         let right = right_plans.collect();
-        Self { head: Head { tile: tile as u32, left_step, right_step, rotation: rotation.0 }, left, right }
+        Self { head: ComponentHead { tile: tile as u32, left_step, right_step, rotation: rotation.0 }, left, right }
     }
 
     /// Its images in the order of coding.

@@ -9,7 +9,7 @@ use super::low_bits::LowBits;
 use super::planes::{PlaneShape, Scratch, read};
 use super::rans::RansDecoder;
 use super::rotation::ROTATION_BITS;
-use super::side::{ClassContexts, Head, Heads, PlaneKind, TILE_BITS, code_band_steps, code_step};
+use super::side::{ClassContexts, ComponentHead, Heads, PlaneKind, TILE_BITS, code_band_steps, code_step};
 use super::sparse;
 use super::step::{Steps, step_of};
 use crate::container::layout::BlockLayout;
@@ -115,9 +115,9 @@ fn decode(layout: &BlockLayout, bytes: &[u8], base: Option<&FactoredBlock>) -> R
             let base = base.filter(|_| k < chunk.shared);
             let copied = base.filter(|_| !chunk.refines_right());
             let head = if is_apart {
-                heads.code(&mut side, Head::default())
+                heads.code(&mut side, ComponentHead::default())
             } else {
-                Head {
+                ComponentHead {
                     tile: one_tile,
                     left_step: code_step(&mut side, 0),
                     right_step: if copied.is_none() { code_step(&mut side, 0) } else { 0 },

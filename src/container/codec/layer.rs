@@ -1,8 +1,8 @@
 //! A layer: some components of a block and some of its sparse entries, as one chunk of bytes.
 
 use super::adaptive::BitEncoder;
-use super::chunk::{CODING_APART, CODING_BANDS, Chunk, LEAST_COMPONENT_BYTES};
-use super::component::{Component, right_bands};
+use super::chunk::{CODING_APART, CODING_BANDS, Chunk, MIN_COMPONENT_BYTES};
+use super::component::{QuantisedComponent, right_bands};
 use super::planes::push;
 use super::rans::RansEncoder;
 use super::side::{ClassContexts, Heads, code_band_steps, code_step};
@@ -78,7 +78,7 @@ pub fn encode_layer(
     }
     let mut before = None;
     for k in 0..rank {
-        let component = Component::new(layout, block, k, before.as_ref(), settings);
+        let component = QuantisedComponent::new(layout, block, k, before.as_ref(), settings);
         heads.code(&mut side, component.head);
         for (kind, plane) in component.planes() {
             contexts.code(&mut side, kind, plane.classes);
@@ -94,7 +94,7 @@ pub fn encode_layer(
     let mut side = side.finish();
     let (values, is_long, low_bits) = if rank > 0 { values.finish() } else { Default::default() };
     let streams = side.len() + low_bits.len() + values.len();
-    side.resize(side.len() + (rank * LEAST_COMPONENT_BYTES).saturating_sub(streams), 0);
+    side.resize(side.len() + (rank * MIN_COMPONENT_BYTES).saturating_sub(streams), 0);
     Ok(Chunk::write(coding, [part.shared, rank, block.sparse.len()], &side, &low_bits, (&values, is_long)))
 }
 

@@ -1,8 +1,6 @@
 //! One little image of a factor: transform, quantisation by rate and distortion, classes.
 
-use super::classes::{
-    CLASSES, ESCAPE, LARGEST, LEAST_SCALE, MAX_MAGNITUDE, SYMBOLS, coding_of, escape_bits, symbol_of,
-};
+use super::classes::{CLASSES, ESCAPE, LARGEST, MAX_MAGNITUDE, MIN_SCALE, SYMBOLS, coding_of, escape_bits, symbol_of};
 use super::rans::{RansDecoder, RansEncoder};
 use super::step::{Steps, step_of};
 use super::transform::{MAX_TILE, Scan, ZONES, forward, inverse};
@@ -26,7 +24,7 @@ pub(super) struct PlanePlan {
 }
 
 #[derive(Clone, Copy)]
-struct Tile {
+struct CoefficientTile {
     x: usize,
     y: usize,
     width: usize,
@@ -34,10 +32,10 @@ struct Tile {
 }
 
 impl PlaneShape {
-    fn tiles(self) -> impl Iterator<Item = Tile> {
+    fn tiles(self) -> impl Iterator<Item = CoefficientTile> {
         let side = self.tile;
         (0..self.height).step_by(side).flat_map(move |y| {
-            (0..self.width).step_by(side).map(move |x| Tile {
+            (0..self.width).step_by(side).map(move |x| CoefficientTile {
                 x,
                 y,
                 width: side.min(self.width - x),
@@ -246,7 +244,7 @@ fn guess_class(total: u64, count: usize) -> u32 {
     let mean = total as f32 / count as f32;
     let root = ((1.0 + 4.0 * mean * mean).sqrt() - 1.0) / (2.0 * mean);
     let scale = -0.5 / root.clamp(1e-12, 1.0 - 1e-7).ln();
-    (2.0 * (scale / LEAST_SCALE).log2()).round().clamp(0.0, CLASSES as f32 - 2.0) as u32 + 1
+    (2.0 * (scale / MIN_SCALE).log2()).round().clamp(0.0, CLASSES as f32 - 2.0) as u32 + 1
 }
 
 /// The class near a guess that codes the values in the fewest bits, and these.
@@ -388,7 +386,7 @@ pub(super) struct Scratch {
     coefficients: Vec<f32>,
     /// What the tiles are those of: the next image is often cut like it.
     cut: Option<PlaneShape>,
-    tiles: Vec<(Tile, &'static Scan)>,
+    tiles: Vec<(CoefficientTile, &'static Scan)>,
     /// For the transform.
     rows: Vec<f32>,
 }

@@ -1,7 +1,7 @@
 //! A range coder with asymmetric numeral systems (Duda, *Asymmetric numeral systems*, 2013, §3): interleaved 32-bit
 //! states, 16-bit words.
 
-use super::classes::{ESCAPE, LARGEST, MAX_MAGNITUDE, PROBABILITY_BITS, TOTAL, Table, coding_of, symbol_of};
+use super::classes::{ESCAPE, LARGEST, MAX_MAGNITUDE, PROBABILITY_BITS, SymbolTable, TOTAL, coding_of, symbol_of};
 use super::low_bits::{LowBits, LowBitsWriter};
 
 /// Interleaved states of a long stream. A state costs two bytes and lets one more value be decoded at the same time.
@@ -129,7 +129,7 @@ impl<'a> RansDecoder<'a> {
 
     /// Values with all their bits among the words, as the first codings have them, in four states.
     #[inline(always)]
-    fn read_among<const SHIFTED: bool>(&mut self, table: &Table, shift: u32, values: &mut [i32]) {
+    fn read_among<const SHIFTED: bool>(&mut self, table: &SymbolTable, shift: u32, values: &mut [i32]) {
         const STATES: usize = 4;
         let most = if SHIFTED { 2 * STATES } else { STATES };
         let (groups, rest) = values.as_chunks_mut::<STATES>();
@@ -174,7 +174,7 @@ impl<'a> RansDecoder<'a> {
 
     /// Any values of the first codings, one by one.
     #[inline(never)]
-    fn read_slowly(&mut self, table: &Table, shift: u32, values: &mut [i32]) {
+    fn read_slowly(&mut self, table: &SymbolTable, shift: u32, values: &mut [i32]) {
         let mut states = self.states;
         for group in values.chunks_mut(self.count) {
             for (value, x) in group.iter_mut().zip(&mut states) {
@@ -236,7 +236,7 @@ impl<'a> RansDecoder<'a> {
 /// [`RansDecoder::finish`] notices.
 #[inline(always)]
 fn read_symbols<const STATES: usize>(
-    table: &Table,
+    table: &SymbolTable,
     states_kept: &mut [u32; STATES],
     words: &[[u8; 2]],
     next: &mut usize,

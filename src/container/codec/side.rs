@@ -11,7 +11,7 @@ pub(super) const TILE_BITS: u32 = 2;
 
 /// What is said of a component before its classes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Head {
+pub(super) struct ComponentHead {
     /// Index of the side of its tiles of pixels.
     pub(super) tile: u32,
     /// Indices of its steps.
@@ -24,7 +24,7 @@ pub(super) struct Head {
 /// Contexts for heads, and the head before.
 #[derive(Default)]
 pub(super) struct Heads {
-    before: Option<Head>,
+    before: Option<ComponentHead>,
     tile: Context,
     steps: [SignedContexts; 2],
     rotation: Context,
@@ -32,9 +32,9 @@ pub(super) struct Heads {
 
 impl Heads {
     /// Codes a head: the first one plainly, then what differs from the one before.
-    pub(super) fn code(&mut self, coder: &mut impl BitCoder, head: Head) -> Head {
+    pub(super) fn code(&mut self, coder: &mut impl BitCoder, head: ComponentHead) -> ComponentHead {
         let Some(before) = self.before else {
-            let head = Head {
+            let head = ComponentHead {
                 tile: coder.bits(head.tile, TILE_BITS),
                 left_step: code_step(coder, head.left_step),
                 right_step: code_step(coder, head.right_step),
@@ -51,7 +51,7 @@ impl Heads {
         let is_same = coder.bit(&mut self.rotation, head.rotation == before.rotation);
         let rotation = if is_same { before.rotation } else { coder.bits(head.rotation, ROTATION_BITS) };
         let inside = |step: i32| step.clamp(-STEP_LIMIT, STEP_LIMIT);
-        let head = Head { tile, left_step: inside(left_step), right_step: inside(right_step), rotation };
+        let head = ComponentHead { tile, left_step: inside(left_step), right_step: inside(right_step), rotation };
         self.before = Some(head);
         head
     }

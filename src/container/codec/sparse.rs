@@ -28,14 +28,14 @@ struct Contexts {
 
 /// State that both directions keep: contexts, the group before, and the first pixel of its column.
 #[derive(Default)]
-struct Walk {
+struct SparseWalk {
     contexts: Contexts,
     before: Option<Group>,
     column_start: u32,
     last_gap: u32,
 }
 
-impl Walk {
+impl SparseWalk {
     /// Writes `group`, or reads one (and ignores the argument). `None` where the numbers overflow.
     fn step(&mut self, coder: &mut impl BitCoder, group: Group) -> Option<Group> {
         let before = self.before.unwrap_or_default();
@@ -100,7 +100,7 @@ pub(super) fn write(coder: &mut BitEncoder, entries: &[SparseEntry], pixels: usi
             }
         }
     }
-    let mut walk = Walk::default();
+    let mut walk = SparseWalk::default();
     for group in groups {
         walk.step(coder, group).expect("sizes inside a block do not overflow");
     }
@@ -119,7 +119,7 @@ pub(super) fn read(
     let mut waiting: [Vec<SparseEntry>; CHANNELS - 1] = Default::default();
     let mut column = 0;
     let mut read = 0;
-    let mut walk = Walk::default();
+    let mut walk = SparseWalk::default();
     while read < count {
         let group = walk
             .step(coder, Group::default())

@@ -169,7 +169,7 @@ fn inverse_down<const LANES: usize>(tile: &[f32], width: usize, height: usize, u
     // One lane: as many as there are, one by one.
     let lanes_end = if LANES == 1 { width } else { LANES };
     for x in (0..lanes_end).step_by(LANES) {
-        let coefficients = Strip { tile: &tile[..used_rows * width], down, width, height, x };
+        let coefficients = CoefficientStrip { tile: &tile[..used_rows * width], down, width, height, x };
         for y in 0..height.div_ceil(2) {
             let (even, odd) = (coefficients.sum::<LANES>(y, 0), coefficients.sum::<LANES>(y, 1));
             let out: &mut [f32; LANES] = (&mut rows[y * width + x..][..LANES]).try_into().expect("LANES values");
@@ -187,7 +187,7 @@ fn inverse_down<const LANES: usize>(tile: &[f32], width: usize, height: usize, u
 }
 
 /// Neighbouring columns of a tile of coefficients, from `x` on.
-struct Strip<'a> {
+struct CoefficientStrip<'a> {
     /// The rows that are used.
     tile: &'a [f32],
     /// Cosines over the height.
@@ -197,7 +197,7 @@ struct Strip<'a> {
     x: usize,
 }
 
-impl Strip<'_> {
+impl CoefficientStrip<'_> {
     /// What every second row from `first` on adds to row `y`.
     #[inline(always)]
     fn sum<const LANES: usize>(&self, y: usize, first: usize) -> [f32; LANES] {

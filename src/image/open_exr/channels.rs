@@ -6,7 +6,7 @@ use exr::meta::MetaData;
 use exr::meta::attribute::Text;
 
 /// A channel's part of the file, and its number there.
-pub(in crate::image) type Place = (usize, usize);
+pub(in crate::image) type ChannelPlace = (usize, usize);
 
 /// A channel of a file.
 #[derive(Clone, Debug)]
@@ -15,12 +15,12 @@ pub(in crate::image) struct Channel {
     pub(in crate::image) layer: String,
     pub(in crate::image) name: String,
     pub(in crate::image) view: Option<String>,
-    pub(in crate::image) place: Place,
+    pub(in crate::image) place: ChannelPlace,
 }
 
 /// Channels that are one picture.
 #[derive(Clone, Debug)]
-pub(in crate::image) struct Layer {
+pub(in crate::image) struct ExrLayer {
     /// As the file has it.
     pub(in crate::image) name: String,
     /// Without the name of its view.
@@ -29,18 +29,18 @@ pub(in crate::image) struct Layer {
     pub(in crate::image) view: Option<String>,
     /// None for what is no picture: a depth, vectors, numbers of objects.
     pub(in crate::image) colours: Option<Colours>,
-    pub(in crate::image) alpha: Option<Place>,
+    pub(in crate::image) alpha: Option<ChannelPlace>,
 }
 
 /// How a layer holds colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::image) enum Colours {
     /// Red, green and blue.
-    Rgb([Place; 3]),
+    Rgb([ChannelPlace; 3]),
     /// Luminance alone: `Y`.
-    Grey(Place),
+    Grey(ChannelPlace),
     /// Luminance and the shares of red and blue: `Y`, `RY`, `BY`.
-    Chroma([Place; 3]),
+    Chroma([ChannelPlace; 3]),
 }
 
 /// Names that Blender gives the eyes where it does not list them.
@@ -106,16 +106,16 @@ fn without_view(layer: &str, view: Option<&str>) -> String {
 /// What a layer's channels are called, so far.
 #[derive(Clone, Debug, Default)]
 struct Slots {
-    rgb: [Option<Place>; 3],
-    luma: [Option<Place>; 3],
-    alpha: Option<Place>,
+    rgb: [Option<ChannelPlace>; 3],
+    luma: [Option<ChannelPlace>; 3],
+    alpha: Option<ChannelPlace>,
     /// Whether there are channels of vectors or depths.
     has_others: bool,
 }
 
 impl Slots {
     /// Puts a channel where its name says; false if there is one already.
-    fn put(&mut self, name: &str, place: Place) -> bool {
+    fn put(&mut self, name: &str, place: ChannelPlace) -> bool {
         let upper = name.to_ascii_uppercase();
         let slot = match upper.as_str() {
             "R" | "RED" => &mut self.rgb[0],
@@ -149,7 +149,7 @@ impl Slots {
 }
 
 /// The layers that channels make, in the order of the file.
-pub(in crate::image) fn layers(channels: &[Channel]) -> Vec<Layer> {
+pub(in crate::image) fn layers(channels: &[Channel]) -> Vec<ExrLayer> {
     let mut found: Vec<(&Channel, Slots)> = Vec::new();
     let mut known: HashMap<(&str, Option<&str>), usize> = HashMap::new();
     for channel in channels {
@@ -166,7 +166,7 @@ pub(in crate::image) fn layers(channels: &[Channel]) -> Vec<Layer> {
             found.push((channel, slots));
         }
     }
-    let layer = |(first, slots): (&Channel, Slots)| Layer {
+    let layer = |(first, slots): (&Channel, Slots)| ExrLayer {
         name: first.layer.clone(),
         stem: without_view(&first.layer, first.view.as_deref()),
         view: first.view.clone(),
@@ -187,7 +187,7 @@ mod tests {
 
     fn kinds(names: &[&str]) -> Vec<(String, &'static str)> {
         let channels: Vec<Channel> = names.iter().map(|name| channel(name, None)).collect();
-        let kind = |layer: Layer| {
+        let kind = |layer: ExrLayer| {
             let kind = match layer.colours {
                 Some(Colours::Rgb(_)) => "rgb",
                 Some(Colours::Grey(_)) => "grey",

@@ -8,7 +8,7 @@ use exr::meta::header::Header;
 
 use super::channels::text;
 use crate::error::{Error, Result};
-use crate::image::primaries::{Matrix, Primaries, converted, known};
+use crate::image::primaries::{ColourMatrix, Primaries, converted, known};
 
 /// Attributes in which programs name the colour space by a word.
 const NAMES: [&str; 2] = ["colorInteropID", "oiio:ColorSpace"];
@@ -16,7 +16,7 @@ const NAMES: [&str; 2] = ["colorInteropID", "oiio:ColorSpace"];
 /// What a part says of its colours.
 pub(super) struct Space {
     pub(super) primaries: Primaries,
-    pub(super) matrix: Option<Matrix>,
+    pub(super) matrix: Option<ColourMatrix>,
     /// What was made of it, for people.
     pub(super) note: Option<String>,
 }
@@ -63,7 +63,7 @@ fn is_encoded(word: &str) -> bool {
 ///
 /// # Errors
 /// Chromaticities that span no colour space.
-pub(in crate::image) fn matrices(path: &Path, meta: &MetaData) -> Result<(Vec<Option<Matrix>>, Vec<String>)> {
+pub(in crate::image) fn matrices(path: &Path, meta: &MetaData) -> Result<(Vec<Option<ColourMatrix>>, Vec<String>)> {
     let mut notes = Vec::new();
     let matrix = |header: &Header| {
         let space = space_of(header).map_err(|problem| refused(path, problem))?;
@@ -80,7 +80,7 @@ pub(super) fn refused(path: &Path, problem: String) -> Error {
 }
 
 /// Converts rows of red, green and blue.
-pub(in crate::image) fn converted_rows(matrix: &Matrix, rows: &mut [Vec<f32>; 3]) {
+pub(in crate::image) fn converted_rows(matrix: &ColourMatrix, rows: &mut [Vec<f32>; 3]) {
     let [reds, greens, blues] = rows;
     for ((red, green), blue) in reds.iter_mut().zip(greens).zip(blues) {
         [*red, *green, *blue] = converted(matrix, [*red, *green, *blue]);

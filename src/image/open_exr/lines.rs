@@ -11,7 +11,7 @@ use exr::meta::attribute::SampleType;
 use exr::prelude::f16;
 use rayon::prelude::*;
 
-use super::channels::Place;
+use super::channels::ChannelPlace;
 use super::subsampled::{FullySampled, decompress, is_subsampled, samples_in_row};
 use super::{failed, read_meta};
 use crate::error::{Error, Result};
@@ -19,8 +19,8 @@ use crate::files::open_input;
 use crate::image::read::refuse;
 
 /// A piece of a row of one channel.
-pub(in crate::image) struct Line<'a> {
-    pub(in crate::image) place: Place,
+pub(in crate::image) struct ExrLine<'a> {
+    pub(in crate::image) place: ChannelPlace,
     /// Column of the first value and row, from the corner of the data window.
     pub(in crate::image) x: usize,
     pub(in crate::image) y: usize,
@@ -33,7 +33,7 @@ pub(in crate::image) fn chunk_bytes(meta: &MetaData) -> u64 {
 }
 
 /// Rows of pixels of a chunk: those of the library's layout, or of subsampled channels.
-enum Block {
+enum ChunkRows {
     Plain(UncompressedBlock),
     Subsampled(usize, exr::meta::attribute::IntegerBounds, Vec<u8>),
 }
@@ -46,8 +46,8 @@ enum Block {
 pub(in crate::image) fn read_lines(
     path: &Path,
     counts: &[usize],
-    wanted: &dyn Fn(Place) -> bool,
-    take: &mut dyn FnMut(Line<'_>) -> Result<()>,
+    wanted: &dyn Fn(ChannelPlace) -> bool,
+    take: &mut dyn FnMut(ExrLine<'_>) -> Result<()>,
 ) -> Result<()> {
     let sampled = read_meta(path)?;
     if sampled.headers.iter().any(is_subsampled) {
@@ -62,8 +62,8 @@ fn read_from(
     file: impl Read + Seek,
     sampled: &MetaData,
     (path, counts): (&Path, &[usize]),
-    wanted: &dyn Fn(Place) -> bool,
-    take: &mut dyn FnMut(Line<'_>) -> Result<()>,
+    wanted: &dyn Fn(ChannelPlace) -> bool,
+    take: &mut dyn FnMut(ExrLine<'_>) -> Result<()>,
 ) -> Result<()> {
     let reader = exr::block::read(file, false).map_err(|e| failed(path, e))?;
     if reader.headers().iter().map(|h| h.channels.list.len()).ne(counts.iter().copied()) {
@@ -86,13 +86,13 @@ fn read_from(
         }
     }
     let subsampled: Vec<bool> = meta.headers.iter().map(is_subsampled).collect();
-    let unpacked = |chunk: exr::error::Result<Chunk>| -> exr::error::Result<Block> {
+    let unpacked = |chunk: exr::error::Result<Chunk>| -> exr::error::Result<ChunkRows> {
         let chunk = chunk?;
         let part = chunk.layer_index;
         if subsampled.get(part).copied().unwrap_or(false) {
-            return decompress(chunk, &meta).map(|(section, data)| Block::Subsampled(part, section, data));
+            return decompress(chunk, &meta).map(|(section, data)| ChunkRows::Subsampled(part, section, data));
         }
-        UncompressedBlock::decompress_chunk(chunk, &meta, false).map(Block::Plain)
+        UncompressedBlock::decompress_chunk(chunk, &meta, false).map(ChunkRows::Plain)
     };
     let mut values = Vec::new();
     // As many chunks at a time as there are threads to decompress them: the library's own way takes a thread for each
@@ -112,13 +112,13 @@ fn read_from(
 
 fn hand_over(
     meta: &MetaData,
-    block: &Block,
-    wanted: &dyn Fn(Place) -> bool,
+    block: &ChunkRows,
+    wanted: &dyn Fn(ChannelPlace) -> bool,
     values: &mut Vec<f32>,
-    take: &mut dyn FnMut(Line<'_>) -> Result<()>,
+    take: &mut dyn FnMut(ExrLine<'_>) -> Result<()>,
 ) -> Result<()> {
     match block {
-        Block::Plain(block) => {
+        ChunkRows::Plain(block) => {
             let part = block.index.layer;
             let channels = &meta.headers[part].channels;
             for line in block.lines(channels) {
@@ -126,11 +126,11 @@ fn hand_over(
                 if wanted(place) {
                     decode(line.value, channels.list[place.1].sample_type, values);
                     let (x, y) = (line.location.position.x(), line.location.position.y());
-                    take(Line { place, x, y, values })?;
+                    take(ExrLine { place, x, y, values })?;
                 }
             }
         }
-        Block::Subsampled(part, section, data) => {
+        ChunkRows::Subsampled(part, section, data) => {
             let mut rest = data.as_slice();
             let (x, top) = (section.position.x() as usize, section.position.y() as usize);
             for row in 0..section.size.height() {
@@ -140,7 +140,7 @@ fn hand_over(
                     rest = after;
                     if samples > 0 && wanted((*part, channel)) {
                         decode(bytes, stored.sample_type, values);
-                        take(Line { place: (*part, channel), x, y: top + row, values })?;
+                        take(ExrLine { place: (*part, channel), x, y: top + row, values })?;
                     }
                 }
             }

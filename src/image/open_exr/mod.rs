@@ -15,10 +15,10 @@ use std::path::Path;
 
 use exr::meta::MetaData;
 
-pub(super) use channels::{Channel, Colours, Layer, Place, channels, layers};
+pub(super) use channels::{Channel, ChannelPlace, Colours, ExrLayer, channels, layers};
 pub(super) use colours::{converted_rows, matrices};
-pub(super) use lines::{Line, chunk_bytes, read_lines};
-pub(super) use picture::Picture;
+pub(super) use lines::{ExrLine, chunk_bytes, read_lines};
+pub(super) use picture::ExrPicture;
 pub(super) use window::{Window, common_frame, note_of_frame, windows_of};
 
 use crate::error::{Error, Result};

@@ -8,10 +8,12 @@ use rayon::prelude::*;
 use super::chroma::{Plane, colour, luminance_weights};
 use super::colours::{refused, space_of};
 use super::windows_of;
-use super::{Channel, Colours, Layer, Line, Place, Window, channels, chunk_bytes, layers, read_lines, read_meta};
+use super::{
+    Channel, ChannelPlace, Colours, ExrLayer, ExrLine, Window, channels, chunk_bytes, layers, read_lines, read_meta,
+};
 use crate::error::{Error, Result};
 use crate::image::RgbaImage;
-use crate::image::primaries::{Matrix, converted};
+use crate::image::primaries::{ColourMatrix, converted};
 use crate::image::read::{RETURNED_BYTES, refuse};
 
 /// Names of the layer that is the picture itself, beside which others are parts of it: the first that is there.
@@ -19,16 +21,16 @@ const MAIN: [&str; 9] = ["", "combined", "rgba", "beauty", "rgb", "image", "colo
 
 /// What is known of a picture before its pixels are read.
 #[derive(Clone, Debug)]
-pub(in crate::image) struct Picture {
+pub(in crate::image) struct ExrPicture {
     path: PathBuf,
     /// Channels of each part.
     counts: Vec<usize>,
     colours: Colours,
-    alpha: Option<Place>,
+    alpha: Option<ChannelPlace>,
     /// Samples of chroma in a row and a column: one for so many pixels.
     sampling: [(usize, usize); 2],
     weights: [f32; 3],
-    matrix: Option<Matrix>,
+    matrix: Option<ColourMatrix>,
     chunk_bytes: u64,
     /// Where its pixels lie.
     pub(in crate::image) data: Window,
@@ -38,7 +40,7 @@ pub(in crate::image) struct Picture {
     pub(in crate::image) notes: Vec<String>,
 }
 
-impl Picture {
+impl ExrPicture {
     /// Looks at a file.
     ///
     /// # Errors
@@ -54,8 +56,9 @@ impl Picture {
             return Err(refuse(path, "the colours of its picture are in parts of their own"));
         }
         let header = &meta.headers[part];
-        let sampling = |(part, channel): Place| meta.headers[part].channels.list[channel].sampling;
-        let is_chroma = |place: Place| matches!(colours, Colours::Chroma(places) if places[1..].contains(&place));
+        let sampling = |(part, channel): ChannelPlace| meta.headers[part].channels.list[channel].sampling;
+        let is_chroma =
+            |place: ChannelPlace| matches!(colours, Colours::Chroma(places) if places[1..].contains(&place));
         if places.iter().chain(&alpha).any(|&place| !is_chroma(place) && sampling(place) != Vec2(1, 1)) {
             return Err(refuse(path, "its colours have fewer samples than pixels"));
         }
@@ -141,7 +144,7 @@ impl Picture {
 
     /// Reads the channels that stand in pixels as they are.
     fn read_plain(&self, frame: &Window, pixels: &mut [[f32; 4]]) -> Result<()> {
-        let mut targets: Vec<(Place, std::ops::Range<usize>)> = match self.colours {
+        let mut targets: Vec<(ChannelPlace, std::ops::Range<usize>)> = match self.colours {
             Colours::Rgb([r, g, b]) => vec![(r, 0..1), (g, 1..2), (b, 2..3)],
             Colours::Grey(grey) => vec![(grey, 0..3)],
             Colours::Chroma(_) => Vec::new(),
@@ -150,8 +153,8 @@ impl Picture {
         if targets.is_empty() {
             return Ok(());
         }
-        let wanted = |place: Place| targets.iter().any(|(target, _)| *target == place);
-        read_lines(&self.path, &self.counts, &wanted, &mut |line: Line<'_>| {
+        let wanted = |place: ChannelPlace| targets.iter().any(|(target, _)| *target == place);
+        read_lines(&self.path, &self.counts, &wanted, &mut |line: ExrLine<'_>| {
             let Some(inside) = self.data.clip(frame, (line.x, line.y), line.values.len()) else { return Ok(()) };
             let row = &mut pixels[inside.y * frame.width as usize + inside.x..][..inside.length];
             for (_, slots) in targets.iter().filter(|(target, _)| *target == line.place) {
@@ -164,11 +167,11 @@ impl Picture {
     }
 
     /// Reads luminance and chroma, and makes colours of them.
-    fn read_chroma(&self, places: [Place; 3], frame: &Window, pixels: &mut [[f32; 4]]) -> Result<()> {
+    fn read_chroma(&self, places: [ChannelPlace; 3], frame: &Window, pixels: &mut [[f32; 4]]) -> Result<()> {
         let (width, height) = (self.data.width as usize, self.data.height as usize);
         let sampling = [(1, 1), self.sampling[0], self.sampling[1]];
         let mut planes = sampling.map(|(across, down)| Plane::new(width / across, height / down));
-        read_lines(&self.path, &self.counts, &|place| places.contains(&place), &mut |line: Line<'_>| {
+        read_lines(&self.path, &self.counts, &|place| places.contains(&place), &mut |line: ExrLine<'_>| {
             let index = places.iter().position(|place| *place == line.place).expect("only these are wanted");
             let (plane, (across, down)) = (&mut planes[index], sampling[index]);
             let at = line.y / down * plane.width + line.x / across;
@@ -192,7 +195,7 @@ impl Picture {
     }
 }
 
-fn places_of(colours: Colours) -> Vec<Place> {
+fn places_of(colours: Colours) -> Vec<ChannelPlace> {
     match colours {
         Colours::Rgb(places) | Colours::Chroma(places) => places.to_vec(),
         Colours::Grey(place) => vec![place],
@@ -200,9 +203,9 @@ fn places_of(colours: Colours) -> Vec<Place> {
 }
 
 /// The colours and the alpha of the picture among all that a file holds. Errors: as text for the caller to place.
-fn chosen(all: &[Channel], notes: &mut Vec<String>) -> Result<(Colours, Option<Place>), String> {
+fn chosen(all: &[Channel], notes: &mut Vec<String>) -> Result<(Colours, Option<ChannelPlace>), String> {
     let layers = layers(all);
-    let mut candidates: Vec<(&Layer, Colours)> = layers.iter().filter_map(|l| Some((l, l.colours?))).collect();
+    let mut candidates: Vec<(&ExrLayer, Colours)> = layers.iter().filter_map(|l| Some((l, l.colours?))).collect();
     if candidates.iter().any(|(_, colours)| matches!(colours, Colours::Rgb(_))) {
         candidates.retain(|(_, colours)| !matches!(colours, Colours::Grey(_)));
     }
@@ -223,7 +226,7 @@ fn chosen(all: &[Channel], notes: &mut Vec<String>) -> Result<(Colours, Option<P
     if let Some(view) = view.filter(|_| candidates.len() < count) {
         notes.push(format!("it holds several views; '{}' is read", view.escape_debug()));
     }
-    let rank = |layer: &Layer| {
+    let rank = |layer: &ExrLayer| {
         let last = layer.stem.rsplit_once('.').map_or(layer.stem.as_str(), |(_, last)| last).to_lowercase();
         let rank = MAIN.iter().position(|main| *main == last);
         // The picture of a view layer comes after one of the whole file.

@@ -19,8 +19,8 @@ pub(super) fn is_subsampled(header: &Header) -> bool {
 /// Bytes of the sampling of a channel in the file: two numbers, 1 and 1.
 const ONE_EACH: [u8; 8] = [1, 0, 0, 0, 1, 0, 0, 0];
 /// Longest name, as in the format, and most parts and attributes that are looked through.
-const LONGEST_NAME: u64 = 256;
-const MOST_ATTRIBUTES: usize = 1 << 16;
+const MAX_NAME_BYTES: u64 = 256;
+const MAX_ATTRIBUTES: usize = 1 << 16;
 /// Bit of the version of files of several parts.
 const SEVERAL_PARTS: u32 = 1 << 12;
 
@@ -73,7 +73,7 @@ fn samplings(file: &mut (impl BufRead + Seek)) -> IoResult<Vec<u64>> {
     file.seek(SeekFrom::Start(4))?;
     let has_parts = number(file)? & SEVERAL_PARTS != 0;
     let mut is_empty = !has_parts;
-    for _ in 0..MOST_ATTRIBUTES {
+    for _ in 0..MAX_ATTRIBUTES {
         if name(file)?.is_empty() {
             if is_empty {
                 break;
@@ -100,7 +100,7 @@ fn samplings(file: &mut (impl BufRead + Seek)) -> IoResult<Vec<u64>> {
 /// A text up to its zero.
 fn name(file: &mut impl BufRead) -> IoResult<Vec<u8>> {
     let mut bytes = Vec::new();
-    file.take(LONGEST_NAME).read_until(0, &mut bytes)?;
+    file.take(MAX_NAME_BYTES).read_until(0, &mut bytes)?;
     if bytes.pop() == Some(0) { Ok(bytes) } else { Err(std::io::ErrorKind::InvalidData.into()) }
 }
 

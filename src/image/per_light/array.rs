@@ -12,20 +12,20 @@ use crate::files::open_input;
 use crate::image::npy::NpyHeader;
 
 /// Most bytes that deflate makes of one: 258 of two bits each, rounded up.
-const MOST_INFLATION: u64 = 1_040;
+const MAX_INFLATION: u64 = 1_040;
 /// Longest name of a light, in characters.
 const MAX_NAME: usize = 4_096;
 
 /// An array on disk.
 #[derive(Clone, Debug)]
-pub(super) struct Array {
+pub(super) struct ImageArray {
     path: PathBuf,
     lights: usize,
 }
 
 /// Shape of an array of images, and how its values are stored.
 #[derive(Clone, Copy)]
-struct Layout {
+struct ArrayLayout {
     lights: usize,
     height: usize,
     width: usize,
@@ -52,7 +52,7 @@ pub(super) fn open(path: &Path) -> Result<LightSet> {
         layout = Some(found);
         Ok(())
     })?;
-    let Layout { lights: count, height, width, .. } = layout.expect("it is called once");
+    let ArrayLayout { lights: count, height, width, .. } = layout.expect("it is called once");
     let names = if is_archive(path) { names_in_archive(path, count)? } else { None };
     let names = names.unwrap_or_else(|| (0..count).map(|i| format!("light {i}")).collect());
     let role = |name: &String| LayerMatch { layer: name.clone(), role: LayerRole::Light(name.clone()) };
@@ -63,11 +63,11 @@ pub(super) fn open(path: &Path) -> Result<LightSet> {
         lights: names,
         has_sum: false,
         warnings: Vec::new(),
-        source: Source::Array(Array { path: path.to_owned(), lights: count }),
+        source: Source::Array(ImageArray { path: path.to_owned(), lights: count }),
     })
 }
 
-impl Array {
+impl ImageArray {
     /// Reads the values in the order of the file.
     pub(super) fn read(&self, (width, height): (usize, usize), take: &mut TakeRow<'_>) -> Result<()> {
         let mut failed: Option<Error> = None;
@@ -139,7 +139,7 @@ type Member<'a> = Option<(Box<dyn Read + 'a>, u64)>;
 fn member<'a>(archive: &'a mut ZipArchive<BufReader<File>>, name: &str) -> Result<Member<'a>, String> {
     let Some(index) = archive.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
     let file = archive.by_index(index).map_err(|e| format!("its array '{name}' cannot be read ({e})"))?;
-    let most = file.size().min(file.compressed_size().saturating_mul(MOST_INFLATION));
+    let most = file.size().min(file.compressed_size().saturating_mul(MAX_INFLATION));
     Ok(Some((Box::new(BufReader::new(file)), most)))
 }
 
@@ -148,7 +148,7 @@ fn archive(path: &Path) -> Result<ZipArchive<BufReader<File>>> {
 }
 
 /// What is done with the layout of the images' array and a reader of its values.
-type Work<'a> = dyn FnMut(Layout, &mut dyn Read) -> Result<(), String> + 'a;
+type Work<'a> = dyn FnMut(ArrayLayout, &mut dyn Read) -> Result<(), String> + 'a;
 
 /// Calls `work` once, unless the array is refused.
 fn with_array(path: &Path, work: &mut Work<'_>) -> Result<()> {
@@ -191,7 +191,7 @@ fn without_images(path: &Path, archive: &ZipArchive<BufReader<File>>) -> Error {
 }
 
 /// What an array holds, `names` being how many lights are named beside it.
-fn layout(header: &NpyHeader, names: Option<u64>) -> Result<Layout, Problem> {
+fn layout(header: &NpyHeader, names: Option<u64>) -> Result<ArrayLayout, Problem> {
     let shape = header.shape.as_slice();
     let of_shape = || {
         let shape: Vec<_> = shape.iter().map(ToString::to_string).collect();
@@ -230,7 +230,7 @@ fn layout(header: &NpyHeader, names: Option<u64>) -> Result<Layout, Problem> {
             return Err((problem, "save it as linear light in float32: a.astype('<f4')"));
         }
     };
-    Ok(Layout { lights: lights as usize, height: height as usize, width: width as usize, kind })
+    Ok(ArrayLayout { lights: lights as usize, height: height as usize, width: width as usize, kind })
 }
 
 /// What brings an array of another shape into order.

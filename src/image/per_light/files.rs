@@ -9,7 +9,7 @@ use super::{LayerMatch, LayerRole, LightSet, Source, TakeRow, hand_over_black, s
 use crate::error::{Error, Result};
 use crate::files::{folder_of, natural_order};
 use crate::image::open_exr::{Window, common_frame, note_of_frame};
-use crate::image::read::Opened;
+use crate::image::read::ImageReader;
 
 /// Extensions of the image files that a pattern may find.
 const EXTENSIONS: [&str; 11] = ["exr", "hdr", "rgbe", "xyze", "pfm", "png", "jpg", "jpeg", "webp", "tga", "bmp"];
@@ -30,7 +30,7 @@ const UNREAD: [(&str, &str); 13] = [
     ("arw", "a camera's raw"),
 ];
 /// Most lines of notes on files.
-const MOST_NOTES: usize = 8;
+const MAX_NOTES: usize = 8;
 
 /// The files of a set.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ pub(super) fn open(pattern: &Path) -> Result<LightSet> {
     let (mut windows, mut needs_bytes) = (Vec::new(), 0);
     let (mut notes, mut encoded) = (BTreeMap::<String, Vec<&Path>>::new(), 0);
     for path in &paths {
-        let image = Opened::open(path)?;
+        let image = ImageReader::open(path)?;
         encoded += usize::from(image.is_encoded());
         windows.push(image.windows());
         // Its own pixels are read, wherever they lie.
@@ -140,9 +140,9 @@ fn said(notes: &BTreeMap<String, Vec<&Path>>) -> Vec<String> {
         let others = if paths.len() > 1 { format!(" and {} more", paths.len() - 1) } else { String::new() };
         format!("{first}{others}: {note}")
     };
-    let mut lines: Vec<String> = notes.iter().take(MOST_NOTES).map(line).collect();
-    if notes.len() > MOST_NOTES {
-        lines.push(format!("{} more of such lines", notes.len() - MOST_NOTES));
+    let mut lines: Vec<String> = notes.iter().take(MAX_NOTES).map(line).collect();
+    if notes.len() > MAX_NOTES {
+        lines.push(format!("{} more of such lines", notes.len() - MAX_NOTES));
     }
     lines
 }
@@ -159,7 +159,7 @@ impl Files {
         for (index, (path, data)) in self.paths.iter().enumerate() {
             let changed =
                 || Error::input(path.display().to_string(), "changed while it was read", "run the command again");
-            let opened = Opened::open(path)?;
+            let opened = ImageReader::open(path)?;
             if opened.windows().0 != *data {
                 return Err(changed());
             }

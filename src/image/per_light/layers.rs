@@ -8,18 +8,18 @@ use super::{LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, Source, Tak
 use crate::error::{Error, Result};
 use crate::files::natural_order;
 use crate::image::open_exr::{
-    Channel, Colours, Layer, Line, Place, Window, channels, chunk_bytes, common_frame, converted_rows, layers,
-    matrices, note_of_frame, read_lines, read_meta, windows_of,
+    Channel, ChannelPlace, Colours, ExrLayer, ExrLine, Window, channels, chunk_bytes, common_frame, converted_rows,
+    layers, matrices, note_of_frame, read_lines, read_meta, windows_of,
 };
-use crate::image::primaries::Matrix;
+use crate::image::primaries::ColourMatrix;
 
 /// Where the images stand in a file.
 #[derive(Clone, Debug)]
 pub(super) struct Layers {
     path: PathBuf,
     /// For each channel that is wanted, the image and the colour that it is; no colour: all three.
-    targets: HashMap<Place, (usize, Option<usize>)>,
-    parts: Vec<Part>,
+    targets: HashMap<ChannelPlace, (usize, Option<usize>)>,
+    parts: Vec<ExrPart>,
     /// The part of each image.
     parts_of_images: Vec<usize>,
     frame: Window,
@@ -28,12 +28,12 @@ pub(super) struct Layers {
 
 /// A part of the file.
 #[derive(Clone, Debug)]
-struct Part {
+struct ExrPart {
     channels: usize,
     /// Where its pixels lie.
     data: Window,
     /// To Rec. 709, where its values are not.
-    matrix: Option<Matrix>,
+    matrix: Option<ColourMatrix>,
 }
 
 fn refuse(path: &Path, problem: String, hint: &str) -> Error {
@@ -45,7 +45,7 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
     let meta = read_meta(path)?;
     let mut all = layers(&channels(&meta));
     all.sort_by(|a, b| natural_order(&a.name, &b.name));
-    let coloured: Vec<&Layer> = all.iter().filter(|layer| layer.colours.is_some()).collect();
+    let coloured: Vec<&ExrLayer> = all.iter().filter(|layer| layer.colours.is_some()).collect();
     let named: Vec<Named<'_>> = coloured.iter().map(|layer| named(layer)).collect();
     let found = roles(&named, pattern).map_err(|(problem, hint)| refuse(path, problem, &hint))?;
     let mut warnings: Vec<String> = passed_over(&named, &found).into_iter().collect();
@@ -69,7 +69,7 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
     let mut targets = HashMap::new();
     let mut parts_of_images = Vec::new();
     for (image, layer) in images.iter().enumerate() {
-        let places: Vec<(Place, Option<usize>)> = match layer.colours {
+        let places: Vec<(ChannelPlace, Option<usize>)> = match layer.colours {
             Some(Colours::Rgb(places)) => (0..3).map(|colour| (places[colour], Some(colour))).collect(),
             Some(Colours::Grey(place)) => vec![(place, None)],
             Some(Colours::Chroma(_)) | None => {
@@ -82,7 +82,7 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
             let problem = format!("the colours of layer '{}' are in parts of their own", layer.name);
             return Err(refuse(path, problem, "write each layer into one part"));
         }
-        let sampling = |(part, channel): Place| meta.headers[part].channels.list[channel].sampling;
+        let sampling = |(part, channel): ChannelPlace| meta.headers[part].channels.list[channel].sampling;
         if places.iter().any(|(place, _)| (sampling(*place).0, sampling(*place).1) != (1, 1)) {
             let problem = format!("layer '{}' is subsampled", layer.name);
             return Err(refuse(path, problem, "write it without subsampling"));
@@ -97,7 +97,7 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
     })?;
     let (width, height) = super::size_of_frame(path, &frame)?;
     warnings.extend(note_of_frame(&frame, &windows));
-    let parts = meta.headers.iter().zip(matrices).map(|(header, matrix)| Part {
+    let parts = meta.headers.iter().zip(matrices).map(|(header, matrix)| ExrPart {
         channels: header.channels.list.len(),
         data: windows_of(header).0,
         matrix,
@@ -108,7 +108,7 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
     Ok(LightSet { width, height, lights, has_sum: sum.is_some(), matches, warnings, source: Source::Layers(source) })
 }
 
-fn named(layer: &Layer) -> Named<'_> {
+fn named(layer: &ExrLayer) -> Named<'_> {
     let is_grey = matches!(layer.colours, Some(Colours::Grey(_)));
     Named { name: &layer.name, stem: &layer.stem, view: layer.view.as_deref(), is_grey }
 }
@@ -163,7 +163,7 @@ pub(super) fn open_features(path: &Path) -> Result<Option<(Layers, (u32, u32))>>
     }
     let Some(frame) = window else { return Ok(None) };
     let size = super::size_of_frame(path, &frame)?;
-    let part = |header: &exr::meta::header::Header| Part {
+    let part = |header: &exr::meta::header::Header| ExrPart {
         channels: header.channels.list.len(),
         data: windows_of(header).0,
         matrix: None,
@@ -191,12 +191,12 @@ impl Layers {
         }
         let counts: Vec<usize> = self.parts.iter().map(|part| part.channels).collect();
         let mut waiting = Waiting::new();
-        read_lines(&self.path, &counts, &|place| self.targets.contains_key(&place), &mut |line: Line<'_>| {
+        read_lines(&self.path, &counts, &|place| self.targets.contains_key(&place), &mut |line: ExrLine<'_>| {
             self.hand_over(&line, &mut waiting, take)
         })
     }
 
-    fn hand_over(&self, line: &Line<'_>, waiting: &mut Waiting, take: &mut TakeRow<'_>) -> Result<()> {
+    fn hand_over(&self, line: &ExrLine<'_>, waiting: &mut Waiting, take: &mut TakeRow<'_>) -> Result<()> {
         let Some(&(image, colour)) = self.targets.get(&line.place) else { return Ok(()) };
         let part = &self.parts[line.place.0];
         let Some(inside) = part.data.clip(&self.frame, (line.x, line.y), line.values.len()) else { return Ok(()) };

@@ -109,7 +109,7 @@ pub struct LightSet {
 enum Source {
     Files(files::Files),
     Layers(layers::Layers),
-    Array(array::Array),
+    Array(array::ImageArray),
 }
 
 impl LightSet {

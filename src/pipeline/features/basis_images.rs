@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use super::block_rows::{Strip, strip_bytes};
+use super::block_rows::{BlockRow, strip_bytes};
 use super::{FEATURE_CHANNELS, unknown};
 use crate::denoise::BASIS_LAYER;
 use crate::error::Result;
 use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
 use crate::light::Clusters;
 use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES};
-use crate::resources::{Need, PROGRAM_BYTES, Watch};
+use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate};
 use crate::store::{self, StoreReader};
 
 /// Writes the images of the clusters of columns of a matrix as one EXR of 32-bit channels: layers `basis.00` onwards with R,
@@ -20,12 +20,17 @@ use crate::store::{self, StoreReader};
 /// # Errors
 /// The matrix lacks blocks or knows nothing of its samples; a block is damaged; the memory is too small;
 /// [`Error::Interrupted`]; what writing refuses.
-pub fn write_basis(matrix: &StoreReader, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<usize> {
+pub fn write_basis(
+    matrix: &StoreReader,
+    path: &Path,
+    memory_bytes: Option<u64>,
+    watch: &dyn Progress,
+) -> Result<usize> {
     let shape = BlockSource::shape(matrix);
     let clusters = Clusters::of_basis(&matrix.job().basis).count();
     let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
     let planes = CHANNELS * clusters + FEATURE_PLANES;
-    let mut strip = Strip::new(shape, planes, |id| {
+    let mut strip = BlockRow::new(shape, planes, |id| {
         let planes = matrix.read_planes(id, None)?.ok_or_else(|| unknown(id.to_string()))?;
         let mut values = images_of(&planes, matrix.job().provenance.samples_per_pixel);
         values.extend_from_slice(&planes.features);
@@ -33,7 +38,7 @@ pub fn write_basis(matrix: &StoreReader, path: &Path, memory_bytes: Option<u64>,
     });
     let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
     let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
-    let need = Need { fixed_bytes: PROGRAM_BYTES + reading + rows, ..Need::default() };
+    let need = ResourceEstimate { fixed_bytes: PROGRAM_BYTES + reading + rows, ..ResourceEstimate::default() };
     need.threads_within("writing the basis images", memory_bytes)?;
     let layers = (0..clusters).flat_map(|k| ["R", "G", "B"].map(|colour| format!("{BASIS_LAYER}{k:02}.{colour}")));
     let names: Vec<String> = layers.chain(FEATURE_CHANNELS.map(str::to_owned)).collect();

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, MatrixShape};
-use crate::resources::Watch;
+use crate::resources::Progress;
 
 /// Bytes that the planes of a row of blocks take.
 pub(super) fn strip_bytes(shape: MatrixShape, planes: usize) -> u64 {
@@ -10,7 +10,7 @@ pub(super) fn strip_bytes(shape: MatrixShape, planes: usize) -> u64 {
 }
 
 /// Planes of the image as far as one row of blocks goes.
-pub(super) struct Strip<F> {
+pub(super) struct BlockRow<F> {
     shape: MatrixShape,
     planes: usize,
     /// Gives the planes of a block, one after the other; none where the block is missing, which is black then.
@@ -20,7 +20,7 @@ pub(super) struct Strip<F> {
     values: Vec<f32>,
 }
 
-impl<F: FnMut(BlockId) -> Result<Option<Vec<f32>>>> Strip<F> {
+impl<F: FnMut(BlockId) -> Result<Option<Vec<f32>>>> BlockRow<F> {
     /// Of nothing yet.
     pub(super) fn new(shape: MatrixShape, planes: usize, read: F) -> Self {
         Self { shape, planes, read, row_of_blocks: None, values: Vec::new() }
@@ -30,14 +30,14 @@ impl<F: FnMut(BlockId) -> Result<Option<Vec<f32>>>> Strip<F> {
     ///
     /// # Errors
     /// Those of `read`; [`Error::Interrupted`] when the watch says so.
-    pub(super) fn copy_row(&mut self, plane: usize, y: usize, row: &mut [f32], watch: &dyn Watch) -> Result<()> {
+    pub(super) fn copy_row(&mut self, plane: usize, y: usize, row: &mut [f32], watch: &dyn Progress) -> Result<()> {
         let (side, width) = (self.shape.block_side() as usize, self.shape.width() as usize);
         self.hold((y / side) as u32, watch)?;
         row.copy_from_slice(&self.values[(plane * side + y % side) * width..][..width]);
         Ok(())
     }
 
-    fn hold(&mut self, row_of_blocks: u32, watch: &dyn Watch) -> Result<()> {
+    fn hold(&mut self, row_of_blocks: u32, watch: &dyn Progress) -> Result<()> {
         if self.row_of_blocks == Some(row_of_blocks) {
             return Ok(());
         }

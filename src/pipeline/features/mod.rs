@@ -5,11 +5,11 @@ use std::path::Path;
 mod basis_images;
 mod block_rows;
 
-use self::block_rows::{Strip, strip_bytes};
+use self::block_rows::{BlockRow, strip_bytes};
 use crate::error::{Error, Result};
 use crate::image::{ImageSize, exr_rows_need_bytes, write_exr_channels};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, FEATURE_PLANES, Feature, MatrixShape};
-use crate::resources::{Need, PROGRAM_BYTES, Quiet, Watch};
+use crate::resources::{NoProgress, PROGRAM_BYTES, Progress, ResourceEstimate};
 use crate::store::{self, StoreReader};
 pub use basis_images::write_basis;
 
@@ -70,12 +70,12 @@ impl Features {
     fn read_planes(matrix: &StoreReader, take: fn(BlockPlanes) -> Vec<f32>) -> Result<Self> {
         let shape = BlockSource::shape(matrix);
         check_known(matrix, "the features")?;
-        let mut strip = Strip::new(shape, FEATURE_PLANES, |id| Ok(of_block(matrix, id)?.map(take)));
+        let mut strip = BlockRow::new(shape, FEATURE_PLANES, |id| Ok(of_block(matrix, id)?.map(take)));
         let (width, height) = (shape.width() as usize, shape.height() as usize);
         let mut planes = vec![0.0; FEATURE_PLANES * width * height];
         for y in 0..height {
             for plane in 0..FEATURE_PLANES {
-                strip.copy_row(plane, y, &mut planes[(plane * height + y) * width..][..width], &Quiet)?;
+                strip.copy_row(plane, y, &mut planes[(plane * height + y) * width..][..width], &NoProgress)?;
             }
         }
         Ok(Self { size: (shape.width(), shape.height()), planes })
@@ -121,16 +121,21 @@ pub(super) fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
 /// # Errors
 /// The matrix knows nothing of its samples, or not even one block; a block is damaged; the memory is too small;
 /// [`Error::Interrupted`]; what writing refuses.
-pub fn write_features(matrix: &StoreReader, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<u32> {
+pub fn write_features(
+    matrix: &StoreReader,
+    path: &Path,
+    memory_bytes: Option<u64>,
+    watch: &dyn Progress,
+) -> Result<u32> {
     let shape = BlockSource::shape(matrix);
     let size = ImageSize { width: shape.width() as usize, height: shape.height() as usize };
     let reading = store::requirements(matrix.job(), &matrix.options()).memory_bytes;
     let planes = 2 * FEATURE_PLANES;
     let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
-    let need = Need { fixed_bytes: PROGRAM_BYTES + reading + rows, ..Need::default() };
+    let need = ResourceEstimate { fixed_bytes: PROGRAM_BYTES + reading + rows, ..ResourceEstimate::default() };
     need.threads_within("writing features", memory_bytes)?;
     check_known(matrix, "--layers features")?;
-    let mut strip = Strip::new(shape, planes, |id| {
+    let mut strip = BlockRow::new(shape, planes, |id| {
         Ok(of_block(matrix, id)?.map(|planes| [planes.features, planes.feature_variance].concat()))
     });
     watch.begin("writing features", u64::from(shape.blocks_down()), "rows of blocks");

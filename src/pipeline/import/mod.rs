@@ -20,7 +20,7 @@ use crate::light::{Clusters, Job, Light, LightBasis, LightKind, LightUnit, Prove
 use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
 };
-use crate::resources::{Need, PROGRAM_BYTES, Threads, Watch};
+use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads};
 
 /// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
 /// so that blocks of two versions are never mixed.
@@ -121,7 +121,7 @@ impl ImportedMatrix {
         beside: &Path,
         block_side: u32,
         options: &PackOptions,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
     ) -> Result<Self> {
         let mut need = reading_need(set);
         if let Some(second) = noise.second() {
@@ -245,7 +245,7 @@ impl ImportedMatrix {
         let mut rest = row.clone();
         let second = self.known.as_ref().and_then(|known| known.second.as_ref());
         let mut sizes = vec![0.0; lights + 1];
-        let mut sums = Sums::of(lights);
+        let mut sums = SumOfLights::of(lights);
         for (rendering, rows) in std::iter::once(&self.rows).chain(second).enumerate() {
             for y in 0..set.height as usize {
                 for channel in 0..CHANNELS {
@@ -460,11 +460,11 @@ fn spill_rows(
     source: &str,
     beside: &Path,
     threads: usize,
-    watch: &dyn Watch,
-) -> Result<(RowSpill, Vec<Look>)> {
+    watch: &dyn Progress,
+) -> Result<(RowSpill, Vec<ImageNotes>)> {
     let (width, height) = (set.width as usize, set.height as usize);
     let rows = RowSpill::create(beside, set.images(), width, height)?;
-    let mut looks = vec![Look::default(); set.images()];
+    let mut looks = vec![ImageNotes::default(); set.images()];
     watch.begin("reading images", (set.images() * height) as u64, "rows");
     let mut take = |row: LightRow<'_>| {
         if watch.interrupted() {
@@ -487,17 +487,27 @@ fn spill_rows(
 }
 
 /// What reading images takes; they wait on disk.
-fn reading_need(set: &LightSet) -> Need {
+fn reading_need(set: &LightSet) -> ResourceEstimate {
     let disk_bytes = RowSpill::bytes(set.images(), set.width as usize, set.height as usize);
     let fixed_bytes = PROGRAM_BYTES.saturating_add(set.needs_bytes());
-    Need { fixed_bytes, per_thread_bytes: set.needs_bytes_per_thread(), disk_bytes, ..Need::default() }
+    ResourceEstimate {
+        fixed_bytes,
+        per_thread_bytes: set.needs_bytes_per_thread(),
+        disk_bytes,
+        ..ResourceEstimate::default()
+    }
 }
 
 /// What packing the images takes, cleaned where their noise is known and they are few enough.
 ///
 /// # Errors
 /// The memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
-fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions, is_noise_known: bool) -> Result<Need> {
+fn packing_need(
+    set: &LightSet,
+    block_side: u32,
+    options: &PackOptions,
+    is_noise_known: bool,
+) -> Result<ResourceEstimate> {
     let mut names = set.lights.clone();
     if set.has_sum {
         names.push(name_of_rest(&names));
@@ -506,7 +516,7 @@ fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions, is_noise
     let job = Job { shape, basis: basis_of(&names)?, provenance: Provenance::default() };
     let options = options.for_source(is_noise_known && can_be_cleaned(&job));
     let compressor = Compressor::new(&job.basis, shape, options.compress.clone())?;
-    let need = pack::need_of(&compressor, shape, Need::default(), options.denoise.then_some(&job));
+    let need = pack::need_of(&compressor, shape, ResourceEstimate::default(), options.denoise.then_some(&job));
     need.threads_within("packing", options.memory_bytes)?;
     Ok(need)
 }
@@ -554,20 +564,20 @@ impl BlockSource for ImportedMatrix {
 }
 
 /// Most lights among which one is looked for that is the sum of the others.
-const MOST_SUMMED: usize = 64;
+const MAX_SUMMED: usize = 64;
 
 /// Tells lights that are the sum of all others: such a light is half of the whole sum.
-struct Sums {
+struct SumOfLights {
     row: Vec<Vec<f32>>,
     /// Of each light, its square and its product with the sum.
     products: Vec<[f64; 2]>,
     squared_sum: f64,
 }
 
-impl Sums {
+impl SumOfLights {
     /// Of so many lights. Two that are equal may be meant so; of very many it is not looked for.
     fn of(lights: usize) -> Self {
-        let lights = if (3..=MOST_SUMMED).contains(&lights) { lights } else { 0 };
+        let lights = if (3..=MAX_SUMMED).contains(&lights) { lights } else { 0 };
         Self { row: vec![Vec::new(); lights], products: vec![[0.0; 2]; lights], squared_sum: 0.0 }
     }
 
@@ -602,7 +612,7 @@ impl Sums {
 
 /// What is noted of an image while it goes by.
 #[derive(Clone, Debug, Default)]
-struct Look {
+struct ImageNotes {
     values: usize,
     negative: usize,
     largest: f32,
@@ -610,7 +620,7 @@ struct Look {
     at_largest: usize,
 }
 
-impl Look {
+impl ImageNotes {
     fn add(&mut self, values: &[f32]) {
         self.values += values.len();
         for &value in values {

@@ -11,7 +11,7 @@ const DIRECTIONS: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
 /// 1.54, where all have the same. Chosen on the first room of `tools/blender/measure_light_groups.py`; the other took no part.
 const SCALE: f32 = 1.3;
 /// Albedos below this are taken for it, when light is told from what it falls on.
-const LEAST_ALBEDO: f32 = 0.05;
+const MIN_ALBEDO: f32 = 0.05;
 
 /// A rectangle of pixels, in a larger one that goes a pixel farther where the image does.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +33,7 @@ pub(super) struct Inside {
 pub(super) fn add_noise(image: &mut [f32], (around, albedo): (&[f32], &[f32]), inside: Inside, seed: u64) {
     let Inside { size: (width, height), at: (left, top), around: (across, down) } = inside;
     let mut random = Pcg64Mcg::seed_from_u64(seed);
-    let under = |channel: usize, pixel: usize| albedo[channel * across * down + pixel].max(LEAST_ALBEDO);
+    let under = |channel: usize, pixel: usize| albedo[channel * across * down + pixel].max(MIN_ALBEDO);
     // Of a pixel that may lie a step outside, the light of a channel.
     let light = |channel: usize, (x, y): (usize, usize), (right, below): (isize, isize)| {
         let place = |v: usize, step: isize, end: usize| v.saturating_add_signed(step).min(end - 1);

@@ -6,7 +6,7 @@ use crate::block_records::{Records, stop_if_interrupted};
 use crate::compress::{Candidate, CandidateSummary, Compressor, Method, Residual};
 use crate::error::Result;
 use crate::matrix::{BlockId, TracedBlock};
-use crate::resources::Watch;
+use crate::resources::Progress;
 
 /// Analyses blocks into records.
 pub(crate) struct Analysis {
@@ -24,7 +24,7 @@ impl Analysis {
         id: BlockId,
         block: &mut TracedBlock,
         (make, work_unit): (&(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync), &str),
-        watch: &dyn Watch,
+        watch: &dyn Progress,
     ) -> Result<CandidateSummary> {
         stop_if_interrupted(&self.path, watch)?;
         let (summary, work) = self.take(id, block, make)?;

@@ -25,8 +25,8 @@ pub use self::report::{PackReport, ReplacedEntries, Shortfall};
 use super::column_scales;
 use crate::block_records::{Records, ShardSet, files_of_pack, open_spill, stop_if_interrupted};
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
-    Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
+    AUTOMATIC_DB, AUTOMATIC_MAX_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor, Cut,
+    LightErrorSums, Method, Residual, Target, cut_of_size,
 };
 use crate::container::codec::band_steps;
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightLayout, WrittenBlock};
@@ -34,10 +34,10 @@ use crate::denoise::DENOISER_VERSION;
 use crate::denoise::{DenoisedSource, ExternalImages};
 use crate::error::{Error, Result};
 use crate::error_estimate::ErrorMonitor;
-use crate::light::{CleaningErrors, Job, StatedErrors};
+use crate::light::{DenoiseErrors, Job, StatedErrors};
 use crate::matrix::{BlockId, BlockSource, FactoredBlock, MatrixShape, TracedBlock};
-use crate::resources::{Need, PROGRAM_BYTES, Threads};
-use crate::resources::{PeakMemory, Watch};
+use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
+use crate::resources::{PeakMemory, Progress};
 use crate::store;
 
 /// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
@@ -120,20 +120,24 @@ pub fn pack(
     job: &Job,
     path: &Path,
     options: &PackOptions,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<PackReport> {
     let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
     // Before anything is said of memory and disk.
     check_container_output(path, options.container.overwrite)?;
     let has_planes = options.denoise && {
         let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * size_of::<f32>()) as u64;
-        let need = Need { fixed_bytes: PROGRAM_BYTES, per_thread_bytes: reading + block_bytes, ..Need::default() };
+        let need = ResourceEstimate {
+            fixed_bytes: PROGRAM_BYTES,
+            per_thread_bytes: reading + block_bytes,
+            ..ResourceEstimate::default()
+        };
         need.threads_within("packing", options.memory_bytes)?;
         let mut first = TracedBlock::default();
         source.read_block(BlockId(0), &mut first)?;
         first.planes.is_some()
     };
-    let need = Need { per_thread_bytes: reading, ..Need::default() };
+    let need = ResourceEstimate { per_thread_bytes: reading, ..ResourceEstimate::default() };
     let mut packing = Packing::begin(job, &source.variant()?, path, options, (need, has_planes), watch)?;
     packing.measure_column_scales(source, watch)?;
     packing.choose_globally(source, watch)?;
@@ -155,7 +159,7 @@ pub(crate) struct Packing {
     /// Of the job, its entries, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
-    cleaning: Option<CleaningErrors>,
+    cleaning: Option<DenoiseErrors>,
     promise: Option<Arc<ErrorMonitor>>,
     basis: Option<ExternalImages>,
     overwrite: bool,
@@ -171,8 +175,8 @@ impl Packing {
         variant: &[u8],
         path: &Path,
         options: &PackOptions,
-        (source, has_planes): (Need, bool),
-        watch: &dyn Watch,
+        (source, has_planes): (ResourceEstimate, bool),
+        watch: &dyn Progress,
     ) -> Result<Self> {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
         let options = &options.for_source(has_planes);
@@ -214,7 +218,7 @@ impl Packing {
 
     /// Packs what shards hold of all blocks.
     #[cfg(feature = "scene")]
-    pub(crate) fn run_shards(mut self, shards: ShardSet, watch: &dyn Watch) -> Result<PackReport> {
+    pub(crate) fn run_shards(mut self, shards: ShardSet, watch: &dyn Progress) -> Result<PackReport> {
         let address = shards.address().to_owned();
         let absent =
             |id: BlockId, _: &mut TracedBlock| Err(Error::damaged(&address, format!("{id} is missing"), "merge again"));
@@ -237,7 +241,7 @@ impl Packing {
 
     /// Where nobody knows the scales of columns, and neither noise nor light of clusters has been summed without them: reads the matrix
     /// once for them.
-    fn measure_column_scales(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
+    fn measure_column_scales(&mut self, source: &dyn BlockSource, watch: &dyn Progress) -> Result<()> {
         if !self.job.basis.column_scales().is_empty() {
             return Ok(());
         }
@@ -249,7 +253,7 @@ impl Packing {
     }
 
     /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
-    fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
+    fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Progress) -> Result<()> {
         let passes = u64::from(self.analysis.compressor.global_passes());
         if passes == 0 || self.job.shape.blocks().all(|id| self.analysis.records.has(id.0)) {
             return Ok(());
@@ -262,7 +266,7 @@ impl Packing {
     }
 
     /// Where nothing tells how lights stand to each other: looks which are alike.
-    fn ask_images(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
+    fn ask_images(&mut self, source: &dyn BlockSource, watch: &dyn Progress) -> Result<()> {
         let blocks = self.analysis.compressor.blocks_asked(&self.job.basis);
         if self.denoise || blocks == 0 {
             return Ok(());
@@ -280,7 +284,7 @@ impl Packing {
         self,
         stage: &str,
         work_unit: &str,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         let scales = self.job.basis.column_scales().to_vec();
@@ -300,7 +304,7 @@ impl Packing {
         mut self,
         shards: Option<ShardSet>,
         (stage, work_unit): (&str, &str),
-        watch: &dyn Watch,
+        watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         // What is made here on is of columns divided by their scales, and so is all that is learnt of it.
@@ -327,7 +331,7 @@ impl Packing {
         mut self,
         stage: &str,
         work_unit: &str,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         let blocks: Vec<BlockId> = self.job.shape.blocks().collect();
@@ -419,7 +423,7 @@ impl Packing {
         id: BlockId,
         (cut, band_steps): (&Cut, &Arc<[i8]>),
         lights: &LightErrorSums,
-        watch: &dyn Watch,
+        watch: &dyn Progress,
     ) -> Result<WrittenBlock> {
         stop_if_interrupted(&self.path, watch)?;
         let (candidate, residual) = self.analysis.read(id)?;
@@ -507,7 +511,7 @@ fn open_basis(options: &PackOptions, job: &Job) -> Result<Option<ExternalImages>
 /// A source whose reads are counted and can be stopped, with its columns divided by their scales.
 struct Watched<'a> {
     source: &'a dyn BlockSource,
-    watch: &'a dyn Watch,
+    watch: &'a dyn Progress,
     path: &'a Path,
     scales: &'a [f32],
 }
@@ -527,7 +531,12 @@ impl BlockSource for Watched<'_> {
 }
 
 /// What packing a matrix of this shape takes, or that of the job that is `cleaned`. `source` is what making its blocks takes.
-pub(crate) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need, cleaned: Option<&Job>) -> Need {
+pub(crate) fn need_of(
+    compressor: &Compressor,
+    shape: MatrixShape,
+    source: ResourceEstimate,
+    cleaned: Option<&Job>,
+) -> ResourceEstimate {
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let columns = shape.columns() as u64;
     let candidate =
@@ -544,9 +553,11 @@ pub(crate) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need,
     let compressing = compressor.needs_bytes() + 3 * candidate;
     let cleaning = match cleaned {
         Some(job) => DenoisedSource::need(job, source.per_thread_bytes, compressing),
-        None => Need { per_thread_bytes: source.per_thread_bytes + compressing, ..Need::default() },
+        None => {
+            ResourceEstimate { per_thread_bytes: source.per_thread_bytes + compressing, ..ResourceEstimate::default() }
+        }
     };
-    Need {
+    ResourceEstimate {
         fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES)
             + 4096 * blocks
             + 48 * columns
@@ -570,7 +581,7 @@ fn report_of(options: &PackOptions) -> ContainerReport {
         Target::Bytes(bytes) => format!("{bytes} bytes"),
         Target::Slope(slope) => format!("slope {slope}"),
         Target::Automatic => format!(
-            "the noise of the samples, {AUTOMATIC_MOST_DB} dB PSNR of relit images at most ({AUTOMATIC_DB} dB where it is not \
+            "the noise of the samples, {AUTOMATIC_MAX_DB} dB PSNR of relit images at most ({AUTOMATIC_DB} dB where it is not \
              known)"
         ),
     };

@@ -1,7 +1,7 @@
 //! What a pack did, and how people are told.
 
 use crate::compress::{AUTOMATIC_DB, CandidateSummary, Target};
-use crate::light::{CleaningErrors, ExposedError, LightErrors, LightLoss};
+use crate::light::{DenoiseErrors, ExposedError, LightErrors, LightLoss};
 use crate::matrix::{BlockId, ColumnIndex};
 use crate::resources::human_bytes;
 
@@ -21,7 +21,7 @@ pub struct PackReport {
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`](crate::compress::Residual).
     pub relative_l2: f64,
     /// What cleaning did, where images were cleaned: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
-    pub cleaning: Option<CleaningErrors>,
+    pub cleaning: Option<DenoiseErrors>,
     /// What exposed images have reached of what was asked for, where that was an error.
     pub exposed: Option<ExposedError>,
     /// What lightings of every kind lose: see [`light_errors_lines`](crate::light::light_errors_lines).

@@ -21,7 +21,7 @@ use crate::image::{self, ImageSize, LinearImage};
 use crate::light::Lighting;
 use crate::matrix::{BlockSource, CHANNELS, FactorSource, MatrixShape};
 use crate::relight::{CpuRelighter, PagedRelighter, relight_raw};
-use crate::resources::{Need, PROGRAM_BYTES, Threads, Watch, budget_bytes, human_bytes};
+use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads, budget_bytes, human_bytes};
 use crate::store::{self, StoreReader};
 
 /// Where to relight.
@@ -68,7 +68,7 @@ impl<'a> Relighter<'a> {
     /// # Errors
     /// Those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
     /// decoded; [`Error::NoGpu`] if a GPU is demanded and there is none.
-    pub fn open(container: &'a ContainerReader, options: RelightOptions, watch: &dyn Watch) -> Result<Self> {
+    pub fn open(container: &'a ContainerReader, options: RelightOptions, watch: &dyn Progress) -> Result<Self> {
         let mut need = need_of(container);
         need.fixed_bytes += options.beside_bytes;
         let threads = need.threads_within("relighting", options.memory_bytes)?;
@@ -132,7 +132,7 @@ fn gpu<'a>(
     container: &'a ContainerReader,
     options: &RelightOptions,
     paged: &dyn Fn() -> PagedRelighter<'a>,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<Option<Kind<'a>>> {
     if options.device == Device::Cpu {
         return Ok(None);
@@ -154,9 +154,9 @@ fn gpu<'a>(
 
 /// Memory beside the factors that are kept: images on their way to a file, and a block for each thread while it is
 /// decoded (values in f32 twice, and in compact form).
-fn need_of(container: &ContainerReader) -> Need {
+fn need_of(container: &ContainerReader) -> ResourceEstimate {
     let fixed_bytes = PROGRAM_BYTES + container.index_bytes() + image_bytes(container.job().shape);
-    Need { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..Need::default() }
+    ResourceEstimate { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..ResourceEstimate::default() }
 }
 
 /// Memory of all factors as they are held for relighting: 16 bits a value at most.
@@ -228,7 +228,7 @@ pub fn relight(
     container: &ContainerReader,
     lightings: &[Lighting],
     options: RelightOptions,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<(Vec<LinearImage>, String)> {
     let relighter = Relighter::open(container, options, watch)?;
     let images = lightings.iter().map(|lighting| relighter.relight(lighting)).collect::<Result<_>>()?;
@@ -245,10 +245,10 @@ pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, options: Religh
     // A block with its noise, as it is stored and as it is multiplied, and its sums.
     let block_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
     let per_thread_bytes = block_bytes + store::requirements(matrix.job(), &matrix.options()).memory_bytes;
-    let need = Need {
+    let need = ResourceEstimate {
         fixed_bytes: PROGRAM_BYTES + image_bytes(shape) + options.beside_bytes,
         per_thread_bytes,
-        ..Need::default()
+        ..ResourceEstimate::default()
     };
     let threads = Threads::new(need.threads_within("relighting", options.memory_bytes)?)?;
     threads.run(|| Ok(relight_raw(matrix, std::slice::from_ref(lighting))?.remove(0)))

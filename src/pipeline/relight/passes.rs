@@ -99,7 +99,7 @@ fn lit(halves: &[Vec<f32>; 2], clusters: &[[f32; CHANNELS]], rows: usize) -> Vec
 mod tests {
     use super::*;
     use crate::pipeline::{RenderOptions, render};
-    use crate::resources::Quiet;
+    use crate::resources::NoProgress;
     use crate::scene::BuiltIn;
 
     /// The raw matrix of a room under a panel of `texels` × `texels`, of paths of this length.
@@ -109,7 +109,7 @@ mod tests {
         let file = tempfile::Builder::new().suffix(".ltm").tempfile().unwrap();
         let mut options = RenderOptions::default();
         options.store.overwrite = true;
-        render(loaded, file.path(), &options, &Quiet).unwrap();
+        render(loaded, file.path(), &options, &NoProgress).unwrap();
         StoreReader::open(file.path()).unwrap()
     }
 

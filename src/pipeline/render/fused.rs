@@ -10,7 +10,7 @@ use crate::compress::Scope;
 use crate::error::{Error, Result};
 use crate::files::folder_of;
 use crate::pipeline::{PackOptions, PackReport, Packing};
-use crate::resources::Watch;
+use crate::resources::Progress;
 use crate::scene::LoadedScene;
 
 /// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render()) in f32 and then
@@ -23,7 +23,7 @@ pub fn render_packed(
     loaded: LoadedScene,
     path: &Path,
     options: &PackOptions,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<(RenderReport, PackReport)> {
     let begun = Instant::now();
     if options.compress.scope == Scope::Global {
@@ -61,7 +61,7 @@ pub fn render_packed(
 mod tests {
     use crate::matrix::TracedBlock;
     use crate::pipeline::{job_of, settings_of};
-    use crate::resources::Quiet;
+    use crate::resources::NoProgress;
     use crate::scene::BuiltIn;
     use crate::trace::Tracer;
 
@@ -83,10 +83,10 @@ mod tests {
         let trace = |id| tracer.trace_block(id, &mut TracedBlock::default()).rays;
         let rays = cost.rays + job.shape.blocks().map(trace).sum::<u64>();
         let report =
-            crate::pipeline::render(room(), &folder.path().join("a.ltm"), &Default::default(), &Quiet).unwrap();
+            crate::pipeline::render(room(), &folder.path().join("a.ltm"), &Default::default(), &NoProgress).unwrap();
         assert_eq!(report.rays, rays);
         let packed = folder.path().join("a.ltc");
-        let (report, _) = crate::pipeline::render_packed(room(), &packed, &Default::default(), &Quiet).unwrap();
+        let (report, _) = crate::pipeline::render_packed(room(), &packed, &Default::default(), &NoProgress).unwrap();
         assert_eq!(report.rays, rays);
         assert_eq!(tracer.without_photons().photon_cost(), Default::default());
     }

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::files::folder_of;
 use crate::light::{Clusters, Job, Provenance};
 use crate::matrix::{BlockId, BlockSink, MatrixShape, TracedBlock};
-use crate::resources::{Need, PROGRAM_BYTES, PeakMemory, Threads, Watch, budget_bytes};
+use crate::resources::{PROGRAM_BYTES, PeakMemory, Progress, ResourceEstimate, Threads, budget_bytes};
 use crate::scene::{self, LoadOptions, LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
 use crate::trace::{BlockStats, Sending, TRACER_VERSION, TraceSettings, Tracer};
@@ -88,7 +88,7 @@ pub fn job_of(loaded: &LoadedScene) -> Result<Job> {
 /// # Errors
 /// Those of the tracer and the store; [`Error::Interrupted`] when the watch says so, with every finished block
 /// kept.
-pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: &dyn Watch) -> Result<RenderReport> {
+pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: &dyn Progress) -> Result<RenderReport> {
     let begun = Instant::now();
     let memory = PeakMemory::start();
     let mut job = job_of(&loaded)?;
@@ -141,7 +141,7 @@ pub(crate) fn tracer_of(
     loaded: LoadedScene,
     job: &mut Job,
     folder: Option<&Path>,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<Tracer> {
     let settings = settings_of(&loaded);
     let photons = Tracer::photons_sent(&loaded.scene, job.shape, settings);
@@ -171,7 +171,7 @@ pub(crate) fn trace_into(
     tracer: &Tracer,
     blocks: &[BlockId],
     threads: usize,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<RenderReport> {
     let threads = Threads::new(threads)?;
     let mut report = RenderReport::default();
@@ -232,9 +232,13 @@ pub(crate) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
 }
 
 /// What tracing takes, wherever the blocks go: the scene and its photons, and for each thread a block.
-pub(crate) fn tracing_need(loaded: &LoadedScene, job: &Job) -> Need {
+pub(crate) fn tracing_need(loaded: &LoadedScene, job: &Job) -> ResourceEstimate {
     let photons = Tracer::photons_need_bytes(&loaded.scene, job.shape, settings_of(loaded));
-    Need { fixed_bytes: scene_bytes(loaded) + photons, per_thread_bytes: block_need(job), ..Need::default() }
+    ResourceEstimate {
+        fixed_bytes: scene_bytes(loaded) + photons,
+        per_thread_bytes: block_need(job),
+        ..ResourceEstimate::default()
+    }
 }
 
 /// Memory of a scene while it is traced: its arrays, its textures, and the tree, whose nodes and building take about

@@ -7,18 +7,18 @@ use crate::error::{Error, Result};
 use crate::image::{LinearImage, write_png};
 use crate::light::Lighting;
 use crate::matrix::MatrixShape;
-use crate::resources::Watch;
+use crate::resources::Progress;
 use crate::scene::{LoadedScene, Scene};
 use crate::trace::{TraceSettings, Tracer};
 
 /// Most pixels of a preview: enough to tell what is lit and from where.
-const MOST_PIXELS: u64 = 256 * 192;
+const MAX_PIXELS: u64 = 256 * 192;
 
 /// Samples per pixel of the first image.
 const FIRST_SAMPLES: u32 = 4;
 
 /// Most samples per pixel, where the scene does not ask for fewer.
-const MOST_SAMPLES: u32 = 256;
+const MAX_SAMPLES: u32 = 256;
 
 /// Time for the second, better image, which is left out where it would take longer.
 const PATIENCE_SECS: f64 = 3.0;
@@ -45,7 +45,7 @@ pub struct PreviewReport {
 ///
 /// # Errors
 /// Those of the tracer, and of writing the image; [`Error::Interrupted`] when the watch says so.
-pub fn preview(loaded: &LoadedScene, path: &Path, watch: &dyn Watch) -> Result<PreviewReport> {
+pub fn preview(loaded: &LoadedScene, path: &Path, watch: &dyn Progress) -> Result<PreviewReport> {
     let begun = Instant::now();
     let scene = reduced(&loaded.scene);
     let (width, height) = (scene.camera.width, scene.camera.height);
@@ -70,7 +70,7 @@ pub fn preview(loaded: &LoadedScene, path: &Path, watch: &dyn Watch) -> Result<P
     write_png(path, &image(&tracer)?, 0.9)?;
     let (first_secs, pass_secs) = (begun.elapsed().as_secs_f64(), traced.elapsed().as_secs_f64());
     let affordable = f64::from(FIRST_SAMPLES) * PATIENCE_SECS / pass_secs.max(1e-6);
-    let most = MOST_SAMPLES.min(loaded.settings.samples_per_pixel.max(1));
+    let most = MAX_SAMPLES.min(loaded.settings.samples_per_pixel.max(1));
     let samples = 1 << (affordable.clamp(1.0, f64::from(most)) as u32).ilog2();
     let mut samples_per_pixel = FIRST_SAMPLES;
     if samples > FIRST_SAMPLES && !watch.interrupted() {
@@ -86,8 +86,8 @@ fn reduced(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     let camera = &mut scene.camera;
     let pixels = u64::from(camera.width) * u64::from(camera.height);
-    if pixels > MOST_PIXELS {
-        let factor = (MOST_PIXELS as f64 / pixels as f64).sqrt();
+    if pixels > MAX_PIXELS {
+        let factor = (MAX_PIXELS as f64 / pixels as f64).sqrt();
         let scaled = |side: u32| ((f64::from(side) * factor) as u32).max(1);
         (camera.width, camera.height) = (scaled(camera.width), scaled(camera.height));
     }
@@ -97,7 +97,7 @@ fn reduced(scene: &Scene) -> Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::resources::Quiet;
+    use crate::resources::NoProgress;
     use crate::scene::BuiltIn;
 
     #[test]
@@ -105,7 +105,7 @@ mod tests {
         let loaded = BuiltIn { width: 1600, height: 1200, texels: 4 }.named("diffuse").unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        let report = preview(&loaded, &path, &Quiet).unwrap();
+        let report = preview(&loaded, &path, &NoProgress).unwrap();
         assert_eq!((report.width, report.height), (256, 192));
         let image = image::open(&path).unwrap().to_rgb8();
         assert_eq!(image.dimensions(), (256, 192));
@@ -116,7 +116,7 @@ mod tests {
 
     struct Stopped;
 
-    impl Watch for Stopped {
+    impl Progress for Stopped {
         fn begin(&self, _: &str, _: u64, _: &str) {}
         fn advance(&self, _: u64, _: u64, _: &str) {}
         fn end(&self) {}

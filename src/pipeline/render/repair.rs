@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::files::folder_of;
 use crate::matrix::BlockId;
 use crate::pipeline::verify::reading_need;
-use crate::resources::{Need, PROGRAM_BYTES, Watch};
+use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate};
 use crate::scene::LoadedScene;
 use crate::store::{self, StoreReader};
 
@@ -17,7 +17,12 @@ use crate::store::{self, StoreReader};
 /// The matrix was made from another scene or with other settings; its header cannot be read; what tracing and
 /// writing refuse; [`Error::Interrupted`]: then the file lacks the blocks that are still to be repaired, and the same
 /// command goes on.
-pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch: &dyn Watch) -> Result<Vec<BlockId>> {
+pub fn repair(
+    loaded: LoadedScene,
+    path: &Path,
+    memory_bytes: Option<u64>,
+    watch: &dyn Progress,
+) -> Result<Vec<BlockId>> {
     let job = job_of(&loaded)?;
     let reader = StoreReader::open(path)?;
     if reader.job().hash() != job.hash() {
@@ -31,7 +36,7 @@ pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch
     drop(reader);
     // One block more waits to be committed.
     let fixed_bytes = tracing.fixed_bytes + tracing.per_thread_bytes + reading.fixed_bytes - PROGRAM_BYTES;
-    let need = Need { fixed_bytes, ..tracing };
+    let need = ResourceEstimate { fixed_bytes, ..tracing };
     let threads = need.admit("repairing", path, &[], memory_bytes, watch)?;
     watch.begin("checking", u64::from(job.shape.block_count()), "blocks");
     let mended = store::mend(path, |_, _| {

@@ -11,14 +11,14 @@ mod source;
 
 pub use self::selection::Selection;
 use self::selection::{Selected, overlap};
-pub use self::source::{UnpackSource, Weights};
+pub use self::source::{ColumnWeights, UnpackSource};
 use super::row_spill::RowSpill;
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, check_output, with_suffix};
 use crate::image::{self, ImageSize};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, PixelRect, TracedBlock};
-use crate::resources::Watch;
-use crate::resources::{Need, PROGRAM_BYTES, Threads};
+use crate::resources::Progress;
+use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
 use crate::store::{self, StoreOptions, StoreWriter};
 
 /// Channels of a Nuke script at most.
@@ -44,7 +44,7 @@ pub fn unpack_to_store(
     source: &dyn UnpackSource,
     path: &Path,
     options: &UnpackOptions,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<usize> {
     store::check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
@@ -55,7 +55,12 @@ pub fn unpack_to_store(
     let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * 4) as u64;
     let per_thread_bytes = block_bytes + requirements.memory_bytes + source.reading_bytes();
     let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes();
-    let need = Need { fixed_bytes, per_thread_bytes, disk_bytes: requirements.disk_bytes, ..Need::default() };
+    let need = ResourceEstimate {
+        fixed_bytes,
+        per_thread_bytes,
+        disk_bytes: requirements.disk_bytes,
+        ..ResourceEstimate::default()
+    };
     let threads =
         Threads::new(need.admit("unpacking", path, &[&store::partial_path(path)], options.memory_bytes, watch)?)?;
     let writer = StoreWriter::create_or_resume(path, &job, store)?;
@@ -100,7 +105,7 @@ pub fn unpack_to_exr(
     source: &dyn UnpackSource,
     path: &Path,
     options: &UnpackOptions,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<Vec<PathBuf>> {
     let selected = options.selection.of(source.job())?;
     let names = safe_names(selected.lights.iter().map(|light| light.name.as_str()));
@@ -137,7 +142,7 @@ fn unpack_to_files(
     selected: &Selected,
     (pattern, paths): (&Path, &[PathBuf]),
     options: &UnpackOptions,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<()> {
     const MARK: [u8; 8] = *b"LTMfile1";
     let mut hash = Sha256::new();
@@ -176,7 +181,12 @@ fn unpack_to_files(
 ///
 /// # Errors
 /// Those of the selection, of reading the source and of writing the file.
-pub fn unpack_relit(source: &dyn UnpackSource, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
+pub fn unpack_relit(
+    source: &dyn UnpackSource,
+    path: &Path,
+    options: &UnpackOptions,
+    watch: &dyn Progress,
+) -> Result<()> {
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images = [(0..selected.lights.len()).collect()];
@@ -189,7 +199,12 @@ pub fn unpack_relit(source: &dyn UnpackSource, path: &Path, options: &UnpackOpti
 ///
 /// # Errors
 /// Those of the selection, of reading the source and of writing the file.
-pub fn unpack_to_npy(source: &dyn UnpackSource, path: &Path, options: &UnpackOptions, watch: &dyn Watch) -> Result<()> {
+pub fn unpack_to_npy(
+    source: &dyn UnpackSource,
+    path: &Path,
+    options: &UnpackOptions,
+    watch: &dyn Progress,
+) -> Result<()> {
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
@@ -206,7 +221,7 @@ fn relight_images(
     (groups, layers): (&[Vec<usize>], usize),
     beside: &Path,
     options: &UnpackOptions,
-    watch: &dyn Watch,
+    watch: &dyn Progress,
 ) -> Result<RowSpill> {
     let shape = source.job().shape;
     let per_thread_bytes = source.reading_bytes() + 16 * shape.max_block_rows() as u64;
@@ -214,16 +229,16 @@ fn relight_images(
     let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(layers, size);
     // The images in between, and the files, which are not larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
-    let need = Need { fixed_bytes, per_thread_bytes, disk_bytes, ..Need::default() };
+    let need = ResourceEstimate { fixed_bytes, per_thread_bytes, disk_bytes, ..ResourceEstimate::default() };
     let threads = Threads::new(need.admit("unpacking", beside, &[], options.memory_bytes, watch)?)?;
     let rows = RowSpill::create(beside, groups.len(), size.width, size.height)?;
     watch.begin("relighting", selected.blocks.len() as u64, "blocks");
     let scene_weights = source.job().basis.scene_weights();
-    let weights_of = |lights: &Vec<usize>| -> Weights {
+    let weights_of = |lights: &Vec<usize>| -> ColumnWeights {
         let columns = lights.iter().flat_map(|&light| selected.lights[light].columns());
         columns.map(|column| (ColumnIndex(column), scene_weights[column as usize])).collect()
     };
-    let lightings: Vec<Weights> = groups.iter().map(weights_of).collect();
+    let lightings: Vec<ColumnWeights> = groups.iter().map(weights_of).collect();
     let relight_one = |&id: &BlockId| {
         stop_if_interrupted(beside, watch)?;
         let rect = shape.rect(id);
@@ -252,7 +267,7 @@ fn relight_images(
 /// Names that programs can read as layers and files: letters and digits of any script, spaces, and a few signs; each once. Blender
 /// keeps 63 bytes of a pass's name, of which `Combined_` and a number take some.
 pub(super) fn safe_names<'a>(lights: impl Iterator<Item = &'a str>) -> Vec<String> {
-    const MOST_BYTES: usize = 48;
+    const MAX_BYTES: usize = 48;
     let mut taken = HashSet::new();
     let mut free_from: HashMap<String, usize> = HashMap::new();
     // Beyond ASCII all but what is not seen.
@@ -263,7 +278,7 @@ pub(super) fn safe_names<'a>(lights: impl Iterator<Item = &'a str>) -> Vec<Strin
     lights
         .map(|light| {
             let safe: String = light.chars().map(safe).collect();
-            let plain = safe[..safe.floor_char_boundary(MOST_BYTES)].to_owned();
+            let plain = safe[..safe.floor_char_boundary(MAX_BYTES)].to_owned();
             if taken.insert(plain.clone()) {
                 return plain;
             }
@@ -283,7 +298,7 @@ fn size_of_rect(rect: PixelRect) -> ImageSize {
     ImageSize { width: rect.width as usize, height: rect.height as usize }
 }
 
-fn stop_if_interrupted(path: &Path, watch: &dyn Watch) -> Result<()> {
+fn stop_if_interrupted(path: &Path, watch: &dyn Progress) -> Result<()> {
     if watch.interrupted() {
         return Err(Error::Interrupted(format!("{} was not written", path.display())));
     }

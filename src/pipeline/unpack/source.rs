@@ -7,7 +7,7 @@ use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, T
 use crate::store::{self, StoreReader};
 
 /// Columns with their weights, ascending.
-pub type Weights = Vec<(ColumnIndex, [f32; CHANNELS])>;
+pub type ColumnWeights = Vec<(ColumnIndex, [f32; CHANNELS])>;
 
 /// A matrix in a file, block by block.
 pub trait UnpackSource: Sync {
@@ -39,7 +39,7 @@ pub trait UnpackSource: Sync {
     fn relight(
         &self,
         id: BlockId,
-        lightings: &[Weights],
+        lightings: &[ColumnWeights],
         each: &mut dyn FnMut(usize, Vec<f64>) -> Result<()>,
     ) -> Result<()>;
 }
@@ -78,7 +78,7 @@ impl UnpackSource for ContainerReader {
     fn relight(
         &self,
         id: BlockId,
-        lightings: &[Weights],
+        lightings: &[ColumnWeights],
         each: &mut dyn FnMut(usize, Vec<f64>) -> Result<()>,
     ) -> Result<()> {
         let block = self.read_block(id)?;
@@ -119,7 +119,7 @@ impl UnpackSource for StoreReader {
     fn relight(
         &self,
         id: BlockId,
-        lightings: &[Weights],
+        lightings: &[ColumnWeights],
         each: &mut dyn FnMut(usize, Vec<f64>) -> Result<()>,
     ) -> Result<()> {
         let rect = Self::job(self).shape.rect(id);

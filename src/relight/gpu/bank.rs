@@ -6,7 +6,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 
 use crate::matrix::{BlockId, CHANNELS};
-use crate::relight::compact::{CompactBlock, Factor, Part};
+use crate::relight::compact::{CompactBlock, Factor, FactorPart};
 
 /// Bits of [`Component::narrow`], as in `shaders/layout.wgsl`.
 const NARROW_RIGHT: u32 = 1;
@@ -15,7 +15,7 @@ const NARROW_LEFT: u32 = 2;
 /// One component of a block, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Component {
+pub(super) struct GpuComponent {
     right_word: u32,
     left_word: u32,
     narrow: u32,
@@ -25,7 +25,7 @@ pub(super) struct Component {
 /// One block, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Block {
+pub(super) struct GpuBlock {
     first_component: u32,
     component_count: u32,
     pixels: u32,
@@ -45,7 +45,7 @@ pub(super) struct SparseRow {
 /// One sparse entry, as in `shaders/layout.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct SparseEntry {
+pub(super) struct GpuSparseEntry {
     column: u32,
     value: f32,
 }
@@ -65,17 +65,17 @@ pub(super) struct Sizes {
 pub(super) struct Packed {
     pub id: BlockId,
     pixels: u32,
-    components: Vec<Component>,
+    components: Vec<GpuComponent>,
     factors: Factors,
     rows: Vec<SparseRow>,
-    entries: Vec<SparseEntry>,
+    entries: Vec<GpuSparseEntry>,
 }
 
 /// Blocks whose arrays each fit one binding, one behind the other.
 #[derive(Debug, Default)]
 pub(super) struct Bank {
     packed: Vec<Packed>,
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<GpuBlock>,
     lengths: Lengths,
     pub max_pixels: u32,
 }
@@ -138,7 +138,7 @@ impl Factors {
     }
 
     /// Appends the components of one precision, which `held` holds without padding; returns (component, first word).
-    fn push_part<Q: Pod>(&mut self, part: &Part<Q>, planes: usize, plane: usize, held: Span) -> Vec<(u32, u32)> {
+    fn push_part<Q: Pod>(&mut self, part: &FactorPart<Q>, planes: usize, plane: usize, held: Span) -> Vec<(u32, u32)> {
         let span = if plane.is_multiple_of(4) { held } else { self.pad(&part.values, plane) };
         self.spans.push(span);
         // Four bytes take a word, four values as many words as a value has bytes.
@@ -205,10 +205,10 @@ impl Lengths {
     pub(super) fn largest_bytes(self) -> u64 {
         let sizes = [
             size_of::<u32>() * self.factor_words,
-            size_of::<Component>() * self.components,
-            size_of::<Block>() * self.blocks,
+            size_of::<GpuComponent>() * self.components,
+            size_of::<GpuBlock>() * self.blocks,
             size_of::<SparseRow>() * self.sparse_rows,
-            size_of::<SparseEntry>() * self.sparse_entries,
+            size_of::<GpuSparseEntry>() * self.sparse_entries,
             size_of::<[f32; CHANNELS]>() * self.pixels,
         ];
         sizes.into_iter().max().unwrap_or(0) as u64
@@ -219,10 +219,10 @@ impl Lengths {
         // Each pixel has its radiance and the copy that is read back.
         let pixel_bytes = 2 * size_of::<[f32; CHANNELS]>();
         let bytes = size_of::<u32>() * self.factor_words
-            + self.components * (size_of::<Component>() + size_of::<[f32; CHANNELS]>())
-            + size_of::<Block>() * self.blocks
+            + self.components * (size_of::<GpuComponent>() + size_of::<[f32; CHANNELS]>())
+            + size_of::<GpuBlock>() * self.blocks
             + size_of::<SparseRow>() * self.sparse_rows
-            + size_of::<SparseEntry>() * self.sparse_entries
+            + size_of::<GpuSparseEntry>() * self.sparse_entries
             + pixel_bytes * self.pixels;
         // Small arrays are made larger than they need.
         bytes as u64 + 16 * 10
@@ -233,8 +233,8 @@ impl Packed {
     pub(super) fn new(id: BlockId, block: &Arc<CompactBlock>) -> Self {
         // What is read at word 0 for one of scale 0 is finite, as bytes are.
         let narrow = NARROW_RIGHT | NARROW_LEFT;
-        let component = |&scale| Component { right_word: 0, left_word: 0, narrow, scale };
-        let mut components: Vec<Component> = block.scales.iter().map(component).collect();
+        let component = |&scale| GpuComponent { right_word: 0, left_word: 0, narrow, scale };
+        let mut components: Vec<GpuComponent> = block.scales.iter().map(component).collect();
         let mut factors = Factors::default();
         for (k, word, is_narrow) in factors.push(block, Side::Right, block.right.length) {
             components[k as usize].right_word = word;
@@ -275,10 +275,10 @@ impl Packed {
 }
 
 /// The sparse entries of a block, row after row; those of a row in the order of their columns, as the twin adds them.
-fn sparse(block: &CompactBlock) -> (Vec<SparseRow>, Vec<SparseEntry>) {
+fn sparse(block: &CompactBlock) -> (Vec<SparseRow>, Vec<GpuSparseEntry>) {
     let pixels = block.pixels();
     let mut rows = Vec::new();
-    let mut entries = vec![SparseEntry::zeroed(); block.sparse.rows.len()];
+    let mut entries = vec![GpuSparseEntry::zeroed(); block.sparse.rows.len()];
     if entries.is_empty() {
         return (rows, entries);
     }
@@ -298,7 +298,7 @@ fn sparse(block: &CompactBlock) -> (Vec<SparseRow>, Vec<SparseEntry>) {
         let (in_rows, values) = block.sparse.of(at);
         for (&row, &value) in in_rows.iter().zip(values) {
             let place = &mut places[row as usize];
-            entries[*place as usize] = SparseEntry { column, value };
+            entries[*place as usize] = GpuSparseEntry { column, value };
             *place += 1;
         }
     }
@@ -313,7 +313,7 @@ impl Bank {
     /// Appends a block.
     pub(super) fn push(&mut self, mut packed: Packed) {
         packed.move_behind(self.lengths);
-        self.blocks.push(Block {
+        self.blocks.push(GpuBlock {
             first_component: self.lengths.components as u32,
             component_count: packed.components.len() as u32,
             pixels: packed.pixels,
@@ -401,10 +401,10 @@ mod tests {
         }
         let ours = [
             layout!(Sizes: columns, components, blocks, sparse_rows),
-            layout!(Component: right_word, left_word, narrow, scale),
-            layout!(Block: first_component, component_count, pixels, first_pixel, id),
+            layout!(GpuComponent: right_word, left_word, narrow, scale),
+            layout!(GpuBlock: first_component, component_count, pixels, first_pixel, id),
             layout!(SparseRow: target_index, first, end),
-            layout!(SparseEntry: column, value),
+            layout!(GpuSparseEntry: column, value),
             layout!(Tone: gain, curve, width, side, low_stops, range_stops),
         ];
         for (name, fields, size) in ours {

@@ -11,7 +11,7 @@ use super::too_large;
 use crate::error::Result;
 use crate::matrix::BlockId;
 use crate::relight::compact::CompactBlock;
-use crate::relight::paged::{Held, PagedRelighter};
+use crate::relight::paged::{HeldBlock, PagedRelighter};
 use crate::relight::pager::Detail;
 
 /// Sparse entries that are sorted sooner than other threads wake. Where there are more all threads pack: 1,047 columns of the
@@ -30,7 +30,7 @@ pub(super) struct Limits {
 }
 
 /// Blocks packed for the GPU.
-pub(super) struct Gathered {
+pub(super) struct PackedBanks {
     pub bank: Bank,
     pub blocks: Vec<Arrived>,
     /// Whether it holds one piece of a block that did not fit as a whole: pieces add up to the block.
@@ -54,7 +54,7 @@ struct Waiting {
 }
 
 /// Packs blocks bank by bank in the order in which they are wanted.
-pub(super) struct Gather<'a, 's> {
+pub(super) struct BankPacker<'a, 's> {
     host: &'a PagedRelighter<'s>,
     wanted: VecDeque<(BlockId, Detail)>,
     /// Read and not yet in a bank.
@@ -63,7 +63,7 @@ pub(super) struct Gather<'a, 's> {
     limits: Limits,
 }
 
-impl<'a, 's> Gather<'a, 's> {
+impl<'a, 's> BankPacker<'a, 's> {
     pub(super) fn new(
         host: &'a PagedRelighter<'s>,
         wanted: impl IntoIterator<Item = (BlockId, Detail)>,
@@ -77,11 +77,11 @@ impl<'a, 's> Gather<'a, 's> {
     ///
     /// # Errors
     /// What the source reports other than damage, and a block one component of which does not fit.
-    pub(super) fn next(&mut self) -> Result<Option<Gathered>> {
+    pub(super) fn next(&mut self) -> Result<Option<PackedBanks>> {
         if let Some((id, detail, piece)) = self.pieces.pop_front() {
             return Ok(Some(Self::piece(id, detail, &piece)));
         }
-        let mut gathered = Gathered { bank: Bank::default(), blocks: Vec::new(), is_piece: false };
+        let mut gathered = PackedBanks { bank: Bank::default(), blocks: Vec::new(), is_piece: false };
         loop {
             if self.waiting.is_empty() {
                 self.read()?;
@@ -122,11 +122,11 @@ impl<'a, 's> Gather<'a, 's> {
             let fetched = batch.into_par_iter().map(|(id, detail)| Ok((id, self.host.fetch(id, detail)?)));
             read = fetched.collect::<Result<Vec<_>>>()?;
         }
-        let pack = |(id, held): (BlockId, Arc<Held>)| {
+        let pack = |(id, held): (BlockId, Arc<HeldBlock>)| {
             let block = held.block.as_ref().map(|block| (Arc::clone(block), Packed::new(id, block)));
             Waiting { id, detail: held.detail, block }
         };
-        let entries = |held: &Held| held.block.as_ref().map_or(0, |block| block.sparse.rows.len());
+        let entries = |held: &HeldBlock| held.block.as_ref().map_or(0, |block| block.sparse.rows.len());
         match read.iter().map(|(_, held)| entries(held)).sum::<usize>() {
             ..FEW_ENTRIES => self.waiting.extend(read.into_iter().map(pack)),
             FEW_ENTRIES.. => self.waiting.extend(read.into_par_iter().map(pack).collect::<Vec<_>>()),
@@ -165,10 +165,10 @@ impl<'a, 's> Gather<'a, 's> {
         }
     }
 
-    fn piece(id: BlockId, detail: Detail, piece: &Arc<CompactBlock>) -> Gathered {
+    fn piece(id: BlockId, detail: Detail, piece: &Arc<CompactBlock>) -> PackedBanks {
         let mut bank = Bank::default();
         bank.push(Packed::new(id, piece));
         let blocks = vec![Arrived { id, detail, is_hole: false }];
-        Gathered { bank, blocks, is_piece: true }
+        PackedBanks { bank, blocks, is_piece: true }
     }
 }

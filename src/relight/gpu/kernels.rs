@@ -17,7 +17,7 @@ pub(super) struct Kernel<B: 'static> {
 
 /// What the kernels that relight are bound to.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Array {
+pub(super) enum KernelBuffer {
     Sizes,
     Lighting,
     Components,
@@ -57,13 +57,20 @@ macro_rules! wgsl {
 }
 
 /// The kernels that relight, in the order in which they run, and what each is spread over.
-pub(super) const KERNELS: [(Kernel<Array>, SpreadOver); 3] = [
+pub(super) const KERNELS: [(Kernel<KernelBuffer>, SpreadOver); 3] = [
     (PROJECT, SpreadOver::Components),
     (
         Kernel {
             name: "reconstruct",
             source: wgsl!("factors.wgsl", "reconstruct.wgsl"),
-            bindings: &[Array::Sizes, Array::Blocks, Array::Components, Array::Factors, Array::Projected, Array::Image],
+            bindings: &[
+                KernelBuffer::Sizes,
+                KernelBuffer::Blocks,
+                KernelBuffer::Components,
+                KernelBuffer::Factors,
+                KernelBuffer::Projected,
+                KernelBuffer::Image,
+            ],
         },
         SpreadOver::Pixels,
     ),
@@ -71,20 +78,32 @@ pub(super) const KERNELS: [(Kernel<Array>, SpreadOver); 3] = [
         Kernel {
             name: "scatter",
             source: wgsl!("scatter.wgsl"),
-            bindings: &[Array::Sizes, Array::Lighting, Array::Rows, Array::Entries, Array::Image],
+            bindings: &[
+                KernelBuffer::Sizes,
+                KernelBuffer::Lighting,
+                KernelBuffer::Rows,
+                KernelBuffer::Entries,
+                KernelBuffer::Image,
+            ],
         },
         SpreadOver::SparseRows,
     ),
 ];
 
-const PROJECT: Kernel<Array> = Kernel {
+const PROJECT: Kernel<KernelBuffer> = Kernel {
     name: "project",
     source: wgsl!("factors.wgsl", "dot.wgsl", "project.wgsl"),
-    bindings: &[Array::Sizes, Array::Lighting, Array::Components, Array::Factors, Array::Projected],
+    bindings: &[
+        KernelBuffer::Sizes,
+        KernelBuffer::Lighting,
+        KernelBuffer::Components,
+        KernelBuffer::Factors,
+        KernelBuffer::Projected,
+    ],
 };
 
 /// Takes the place of the first kernel where the device has subgroups.
-pub(super) const PROJECT_SUBGROUPS: Kernel<Array> =
+pub(super) const PROJECT_SUBGROUPS: Kernel<KernelBuffer> =
     Kernel { source: wgsl!("factors.wgsl", "dot.wgsl", "project_subgroups.wgsl"), ..PROJECT };
 
 /// Puts what they have made on a screen.

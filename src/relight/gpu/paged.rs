@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use rayon::prelude::*;
 
 use super::device::Gpu;
-use super::gather::{Arrived, Gather, Gathered, Limits};
+use super::gather::{Arrived, BankPacker, Limits, PackedBanks};
 use super::resident::{ResidentBank, SharedArrays, read_back, submit};
 use super::{GpuSettings, binding_limit, too_large};
 use crate::error::{Error, Result};
@@ -24,7 +24,7 @@ use crate::relight::tiles::for_each_tile;
 const BANK_SHARE: u64 = 6;
 const PASSING: u64 = 2;
 /// Most bytes of a bank: larger ones pass no faster, and take from what stays.
-const MOST_BANK_BYTES: u64 = 64 << 20;
+const MAX_BANK_BYTES: u64 = 64 << 20;
 
 /// Relights on the GPU within a budget of its memory: banks of blocks stay there as far as the budget goes, the others
 /// pass through, bank by bank. Blocks come through a [`PagedRelighter`], so that host memory has its own budget. Beside the
@@ -45,7 +45,7 @@ struct BankId(u64);
 
 /// Where a block stands in GPU memory.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct BankSlot {
     detail: Detail,
     /// None for a block of which nothing can be read.
     bank: Option<BankId>,
@@ -61,7 +61,7 @@ struct KeptBank {
 struct State {
     pager: Pager<BankId>,
     banks: HashMap<BankId, KeptBank>,
-    places: HashMap<BlockId, Place>,
+    places: HashMap<BlockId, BankSlot>,
     uploads: u64,
     uploaded_bytes: u64,
     peak_bytes: u64,
@@ -121,7 +121,7 @@ impl<'a> PagedGpuRelighter<'a> {
         let Some(most_bytes) = budget_bytes.checked_sub(lighting_bytes) else {
             return Err(too_large("the lighting", lighting_bytes, budget_bytes));
         };
-        let bank_bytes = (most_bytes / BANK_SHARE).min(MOST_BANK_BYTES);
+        let bank_bytes = (most_bytes / BANK_SHARE).min(MAX_BANK_BYTES);
         let state = State {
             pager: Pager::new(most_bytes - PASSING * bank_bytes),
             banks: HashMap::new(),
@@ -179,7 +179,7 @@ impl<'a> PagedGpuRelighter<'a> {
         let mut canvas = Canvas { shape, blocks: HashMap::new() };
         let shown: Vec<BankId> = state.banks_of(&seen).collect();
         let submission = submit(&self.gpu, &shown.iter().map(|bank| &*state.banks[bank].bank).collect::<Vec<_>>());
-        let mut gather = Gather::new(&self.host, missing.into_iter().map(|id| (id, detail)), self.limits);
+        let mut gather = BankPacker::new(&self.host, missing.into_iter().map(|id| (id, detail)), self.limits);
         // While the GPU computes, the next bank is read and packed.
         let mut next = gather.next();
         self.gpu.wait_for(submission)?;
@@ -238,7 +238,7 @@ impl<'a> PagedGpuRelighter<'a> {
         while let Some(&(_, detail)) = steps.peek() {
             // Banks of one detail, so that the order of the plan is kept.
             let step = std::iter::from_fn(|| steps.next_if(|(_, next)| *next == detail));
-            let mut gather = Gather::new(&self.host, step, self.limits);
+            let mut gather = BankPacker::new(&self.host, step, self.limits);
             while let Some(gathered) = gather.next()? {
                 // What comes in pieces never stays.
                 if gathered.is_piece {
@@ -268,13 +268,13 @@ impl<'a> PagedGpuRelighter<'a> {
     fn upload(
         &self,
         state: &mut State,
-        gathered: &Gathered,
+        gathered: &PackedBanks,
         then: Then,
         passing_bytes: u64,
     ) -> Result<Option<Uploaded>> {
-        let Gathered { bank, blocks, is_piece } = gathered;
+        let PackedBanks { bank, blocks, is_piece } = gathered;
         for Arrived { id, detail, .. } in blocks.iter().filter(|block| block.is_hole) {
-            state.place(*id, Place { detail: *detail, bank: None });
+            state.place(*id, BankSlot { detail: *detail, bank: None });
         }
         if bank.blocks.is_empty() {
             return Ok(None);
@@ -313,7 +313,7 @@ impl<'a> PagedGpuRelighter<'a> {
             state.pager.see(id);
             state.banks.insert(id, KeptBank { standing: bank.places.len(), bank: Arc::clone(&bank) });
             for Arrived { id: block, detail, .. } in blocks.iter().filter(|block| !block.is_hole) {
-                state.place(*block, Place { detail: *detail, bank: Some(id) });
+                state.place(*block, BankSlot { detail: *detail, bank: Some(id) });
             }
         }
         Ok(Some(Uploaded { bank, is_kept: admission.kept, submission }))
@@ -373,14 +373,14 @@ impl State {
         banks.into_iter()
     }
 
-    fn place(&mut self, id: BlockId, place: Place) {
+    fn place(&mut self, id: BlockId, place: BankSlot) {
         self.forget(id);
         self.places.insert(id, place);
     }
 
     /// Takes a block out of what is at hand, and its bank too where no other block needs it.
     fn forget(&mut self, id: BlockId) {
-        let Some(Place { bank: Some(bank), .. }) = self.places.remove(&id) else { return };
+        let Some(BankSlot { bank: Some(bank), .. }) = self.places.remove(&id) else { return };
         let Some(kept) = self.banks.get_mut(&bank) else { return };
         kept.standing -= 1;
         if kept.standing == 0 {

@@ -2,7 +2,7 @@
 
 use super::bank::{Bank, Sizes};
 use super::device::Gpu;
-use super::kernels::{Array, KERNELS, SpreadOver, THREADS, TOGETHER};
+use super::kernels::{KERNELS, KernelBuffer, SpreadOver, THREADS, TOGETHER};
 use super::staging::Parcel;
 use crate::error::{Error, Result};
 use crate::light::Lighting;
@@ -90,16 +90,16 @@ impl ResidentBank {
         let image = scratch("image", 4 * CHANNELS as u64 * pixels, out);
         let back = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let readback = scratch("readback", 4 * CHANNELS as u64 * pixels, back);
-        let buffer = |array: Array| match array {
-            Array::Sizes => uniform,
-            Array::Lighting => &shared.lighting,
-            Array::Components => components,
-            Array::Blocks => blocks,
-            Array::Factors => factors,
-            Array::Rows => rows,
-            Array::Entries => entries,
-            Array::Projected => &projected,
-            Array::Image => &image,
+        let buffer = |array: KernelBuffer| match array {
+            KernelBuffer::Sizes => uniform,
+            KernelBuffer::Lighting => &shared.lighting,
+            KernelBuffer::Components => components,
+            KernelBuffer::Blocks => blocks,
+            KernelBuffer::Factors => factors,
+            KernelBuffer::Rows => rows,
+            KernelBuffer::Entries => entries,
+            KernelBuffer::Projected => &projected,
+            KernelBuffer::Image => &image,
         };
         let passes = KERNELS.iter().zip(&gpu.pipelines).map(|((kernel, spread_over), pipeline)| {
             let groups = match spread_over {

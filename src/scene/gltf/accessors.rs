@@ -1,7 +1,7 @@
 //! Accessors: numbers of every type in buffers, with what sparse ones replace.
 
 use super::buffers::Buffers;
-use super::tree::Item;
+use super::tree::JsonItem;
 use crate::error::Result;
 
 /// Elements that lie in a buffer at equal distances.
@@ -31,7 +31,7 @@ enum Kind {
 }
 
 impl Kind {
-    fn of(item: &Item<'_>) -> Result<Self> {
+    fn of(item: &JsonItem<'_>) -> Result<Self> {
         match item.whole("componentType")? {
             Some(5120) => Ok(Self::I8),
             Some(5121) => Ok(Self::U8),
@@ -55,7 +55,7 @@ impl Kind {
 
 /// An accessor as it is stated.
 pub(super) struct Accessor<'a> {
-    item: Item<'a>,
+    item: JsonItem<'a>,
     index: usize,
     pub(super) count: usize,
     /// Numbers of an element.
@@ -104,7 +104,7 @@ impl<'a> Buffers<'a> {
     }
 
     /// The elements of `count × size` bytes that `item` states by its view and its offset there.
-    fn elements(&self, item: &Item<'_>, count: usize, size: usize, what: &str) -> Result<Elements<'_>> {
+    fn elements(&self, item: &JsonItem<'_>, count: usize, size: usize, what: &str) -> Result<Elements<'_>> {
         let view = item.index("bufferView", "bufferViews")?.ok_or_else(|| item.refuse("bufferView", "is missing"))?;
         let offset = item.whole("byteOffset")?.unwrap_or(0);
         let whole = self.view(view)?;

@@ -4,16 +4,16 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::super::folders::Folders;
-use super::super::memory::Memory;
-use super::document::MOST_BYTES;
-use super::tree::{Item, Tree};
+use super::super::memory::MemoryBound;
+use super::document::MAX_BYTES;
+use super::tree::{JsonItem, JsonTree};
 use super::{base64, compressed, plain};
 use crate::error::{Error, Result};
 use crate::files::read_input;
 
 /// The bytes of all buffers of a file.
 pub(super) struct Buffers<'a> {
-    pub(super) tree: &'a Tree,
+    pub(super) tree: &'a JsonTree,
     /// Of each buffer its bytes, or why there are none, which counts once they are asked for.
     data: Vec<std::result::Result<Vec<u8>, Absent>>,
     /// What of the views is compressed, decoded, or why it cannot be.
@@ -40,10 +40,10 @@ pub(super) enum Uri {
 /// Reads all buffers. Errors: what does not fit the memory, and files that the system does not let be read.
 pub(super) fn load<'a>(
     path: &Path,
-    tree: &'a Tree,
+    tree: &'a JsonTree,
     mut binary: Option<Vec<u8>>,
     folders: &Folders,
-    memory: &mut Memory,
+    memory: &mut MemoryBound,
 ) -> Result<Buffers<'a>> {
     let mut data = Vec::new();
     for index in 0..tree.count("buffers") {
@@ -67,17 +67,17 @@ pub(super) fn load<'a>(
 }
 
 /// How a view is compressed, if it is.
-fn compression<'a>(view: &Item<'a>) -> Option<Item<'a>> {
+fn compression<'a>(view: &JsonItem<'a>) -> Option<JsonItem<'a>> {
     COMPRESSED.iter().find_map(|name| view.extension(name).ok().flatten())
 }
 
 /// The bytes of a buffer, as long as it says.
 fn read(
     path: &Path,
-    buffer: &Item<'_>,
+    buffer: &JsonItem<'_>,
     binary: Option<Vec<u8>>,
     folders: &Folders,
-    memory: &mut Memory,
+    memory: &mut MemoryBound,
 ) -> Result<std::result::Result<Vec<u8>, Absent>> {
     let absent = |problem: String| {
         let hint = "export the file again with all its data";
@@ -103,7 +103,7 @@ fn read(
                     return Ok(Err(Absent { problem, hint }));
                 }
                 memory.take(found.len(), &file)?;
-                read_input(&file, "read the buffer", MOST_BYTES)?
+                read_input(&file, "read the buffer", MAX_BYTES)?
             }
         },
     };
@@ -185,7 +185,7 @@ impl<'a> Buffers<'a> {
     }
 
     /// The bytes of the buffer that `stated` names, from its offset on.
-    fn part(&self, stated: &Item<'_>, what: &str) -> Result<&[u8]> {
+    fn part(&self, stated: &JsonItem<'_>, what: &str) -> Result<&[u8]> {
         let buffer = stated.index("buffer", "buffers")?.ok_or_else(|| stated.refuse("buffer", "is missing"))?;
         let whole = match &self.data[buffer] {
             Ok(bytes) => bytes,
@@ -202,7 +202,7 @@ impl<'a> Buffers<'a> {
     }
 
     /// The bytes of a compressed view.
-    fn decode(&self, stated: &Item<'_>, path: &Path, memory: &mut Memory) -> Result<Vec<u8>> {
+    fn decode(&self, stated: &JsonItem<'_>, path: &Path, memory: &mut MemoryBound) -> Result<Vec<u8>> {
         let whole = |key: &str| stated.whole(key)?.ok_or_else(|| stated.refuse(key, "is missing"));
         let (count, stride) = (whole("count")?, whole("byteStride")?);
         let bytes = self.part(stated, "what is compressed")?;

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3, Vec3};
 use super::super::{Camera, Mesh, PixelFilter};
 use super::nodes::Placed;
 use super::plain;
-use super::tree::Tree;
+use super::tree::JsonTree;
 use crate::error::Result;
 
 /// Pixels along the height of an image whose size nobody states.
@@ -30,7 +30,7 @@ pub(in super::super) struct FileCamera {
 /// The perspective cameras of the nodes. A camera is what it has, whatever type it states.
 pub(super) fn of(
     path: &Path,
-    tree: &Tree,
+    tree: &JsonTree,
     nodes: &[Placed<'_>],
     warnings: &mut Vec<String>,
 ) -> Result<Vec<FileCamera>> {

@@ -7,7 +7,7 @@ use meshoptimizer_rs::Workspace;
 use meshoptimizer_rs::codec::{BufferView, Filter, Mode, decode_filter_color};
 
 /// Bytes that one byte of a stream stands for at most. Streams of constants alone have more.
-const MOST_RATIO: usize = 4096;
+const MAX_RATIO: usize = 4096;
 
 /// A decoded primitive.
 pub(super) struct Draco(Mesh);
@@ -16,7 +16,7 @@ impl Draco {
     /// Decodes a stream to at most `memory` bytes. Errors: why that cannot be done.
     pub(super) fn decode(bytes: &[u8], memory: u64) -> Result<Self, String> {
         // Decoding takes some times what it makes.
-        let most = (memory / 4).min(bytes.len().saturating_mul(MOST_RATIO) as u64);
+        let most = (memory / 4).min(bytes.len().saturating_mul(MAX_RATIO) as u64);
         // A point or a face has twelve bytes or more.
         let limits = DecodeLimits::default().with_max_decoded_bytes(most);
         let limits = limits.with_max_points(most / 12).with_max_faces(most / 12);
@@ -60,7 +60,7 @@ pub(super) fn meshopt(
     let is_colour = filter == "COLOR";
     let filter = if is_colour { Filter::None } else { Filter::parse(filter).map_err(|_| BAD)? };
     let view = BufferView::new(mode, filter, count, stride).map_err(|_| BAD)?;
-    if view.byte_length() > bytes.len().saturating_mul(MOST_RATIO) {
+    if view.byte_length() > bytes.len().saturating_mul(MAX_RATIO) {
         return Err(DAMAGED);
     }
     let mut decoded = view.decode(bytes, &mut Workspace::default()).map_err(|_| DAMAGED)?;

@@ -5,14 +5,14 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::super::memory::Memory;
+use super::super::memory::MemoryBound;
 use super::plain;
-use super::tree::Tree;
+use super::tree::JsonTree;
 use crate::error::{Error, Result};
 use crate::files::read_input;
 
 /// Bytes of a file at most: what the lengths of GLB can say.
-pub(super) const MOST_BYTES: u64 = 4 << 30;
+pub(super) const MAX_BYTES: u64 = 4 << 30;
 
 /// Extensions whose meaning is read.
 const READ: &[&str] = &[
@@ -60,23 +60,23 @@ const WITHOUT_EFFECT: &[&str] = &[
 ];
 
 /// A file's tree, and the binary chunk of a GLB.
-pub(super) struct Opened {
-    pub(super) tree: Tree,
+pub(super) struct GltfFile {
+    pub(super) tree: JsonTree,
     pub(super) binary: Option<Vec<u8>>,
 }
 
 /// Reads a `.gltf` or `.glb` file, told by its first bytes.
-pub(super) fn open(path: &Path, memory: &mut Memory, warnings: &mut Vec<String>) -> Result<Opened> {
+pub(super) fn open(path: &Path, memory: &mut MemoryBound, warnings: &mut Vec<String>) -> Result<GltfFile> {
     let length = std::fs::metadata(path).map_or(0, |found| found.len());
     memory.check(length, path)?;
-    let mut bytes = read_input(path, "read the scene", MOST_BYTES)?;
+    let mut bytes = read_input(path, "read the scene", MAX_BYTES)?;
     let (text, binary) = match bytes.starts_with(b"glTF") {
         true => split(path, &mut bytes)?,
         false => (bytes, None),
     };
     memory.take(tree_bytes(&text), path)?;
     memory.take(binary.as_ref().map_or(0, |b| b.len() as u64), path)?;
-    Ok(Opened { tree: tree(path, &text, warnings)?, binary })
+    Ok(GltfFile { tree: tree(path, &text, warnings)?, binary })
 }
 
 fn refuse(path: &Path, problem: impl Into<String>) -> Error {
@@ -140,7 +140,7 @@ fn tree_bytes(text: &[u8]) -> u64 {
 }
 
 /// The tree of a JSON text. No error quotes the text.
-fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Tree> {
+fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<JsonTree> {
     // A mark of the byte order, and the zeros that fill up a chunk, are no JSON.
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
     let end = text.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
@@ -169,7 +169,7 @@ fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Tree> {
     if let Some(list) = unknown(&root, "extensionsUsed") {
         warnings.push(format!("{}: extensions that are not read are left out: {list}", path.display()));
     }
-    Ok(Tree::new(root, path.display().to_string()))
+    Ok(JsonTree::new(root, path.display().to_string()))
 }
 
 /// The extensions of a list that are not read and may have an effect.

@@ -6,11 +6,11 @@ use glam::{DMat3, DMat4, Mat3};
 
 use super::super::file::{LightEntry, LightEntryKind, Luminaire};
 use super::super::folders::Folders;
-use super::super::photometry::{self, MOST_PHOTOMETRY_BYTES};
+use super::super::photometry::{self, MAX_PHOTOMETRY_BYTES};
 use super::buffers::{Buffers, Uri, uri};
 use super::nodes::Placed;
 use super::plain;
-use super::tree::Tree;
+use super::tree::JsonTree;
 use crate::error::{Error, Result};
 use crate::files::read_input;
 use crate::image::LUMENS_PER_WATT;
@@ -21,7 +21,7 @@ const NAME: &str = "EXT_lights_ies";
 /// Errors: a profile that is missing or no IES file; a multiplier or colour that is negative or not finite.
 pub(super) fn of(
     path: &Path,
-    tree: &Tree,
+    tree: &JsonTree,
     nodes: &[Placed<'_>],
     buffers: &Buffers<'_>,
     folders: &Folders,
@@ -45,7 +45,7 @@ pub(super) fn of(
         } else {
             let view = profile.index("bufferView", "bufferViews").ok().flatten();
             let bytes = buffers.view(view.ok_or_else(|| refuse("has a light profile without data"))?)?;
-            match bytes.len() as u64 <= MOST_PHOTOMETRY_BYTES {
+            match bytes.len() as u64 <= MAX_PHOTOMETRY_BYTES {
                 true => bytes.to_vec(),
                 false => return Err(refuse("has a light profile that is too large")),
             }
@@ -87,7 +87,7 @@ fn from_uri(path: &Path, text: &str, folders: &Folders, refuse: &dyn Fn(&str) ->
         return Err(refuse(&format!("its light profile is the file \"{}\", which is missing", plain(&name))));
     }
     folders.reach.admit(&file, &path.display().to_string())?;
-    read_input(&file, "read the light profile", MOST_PHOTOMETRY_BYTES)
+    read_input(&file, "read the light profile", MAX_PHOTOMETRY_BYTES)
 }
 
 /// The node's axes without its scale, which are the luminaire's: its nadir is −z, and the plane of 0° holds +x.

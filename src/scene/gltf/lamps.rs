@@ -8,7 +8,7 @@ use glam::{DMat3, Vec3};
 use super::super::file::{LightEntry, LightEntryKind};
 use super::nodes::Placed;
 use super::plain;
-use super::tree::Item;
+use super::tree::JsonItem;
 use crate::error::{Error, Result};
 
 /// Lumens of a watt, as exporters of glTF reckon: what light of 555 nm has.
@@ -77,7 +77,7 @@ pub(super) fn of(path: &Path, nodes: &[Placed<'_>], warnings: &mut Vec<String>) 
 }
 
 /// The half angles of a spot's cones, in radians; the format's own where the file states none.
-fn cones(light: &Item<'_>) -> Result<[f32; 2]> {
+fn cones(light: &JsonItem<'_>) -> Result<[f32; 2]> {
     let (mut inner, mut outer) = (0.0, FRAC_PI_4);
     if let Some(spot) = light.object("spot")? {
         inner = spot.number("innerConeAngle")?.unwrap_or(inner);

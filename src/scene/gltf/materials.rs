@@ -9,7 +9,7 @@ use super::super::Texture;
 use super::super::import::{Description, SourceMaterial};
 use super::buffers::{Buffers, Uri, uri};
 use super::plain;
-use super::tree::{Item, Tree};
+use super::tree::{JsonItem, JsonTree};
 use crate::error::{Error, Result};
 
 /// Extensions that give a texture images of kinds that are not read.
@@ -20,7 +20,7 @@ const NOT_REPEATED: [usize; 2] = [33_071, 33_648];
 /// Reflectance at normal incidence of index 1.5, which the factors of glTF refer to.
 const USUAL_REFLECTANCE: f32 = 0.04;
 /// Reflectance at normal incidence above which only metals are.
-const LEAST_METAL: f32 = 0.25;
+const MIN_METAL: f32 = 0.25;
 /// Roughness where a texture states it that is not read.
 const MAPPED_ROUGHNESS: f32 = 0.5;
 
@@ -75,7 +75,7 @@ pub(in super::super) struct GltfMaterial {
 /// All materials of a file, and one more for meshes without.
 pub(super) fn describe(path: &Path, buffers: &Buffers<'_>, warnings: &mut Vec<String>) -> Result<Vec<SourceMaterial>> {
     let tree = buffers.tree;
-    let mut images = Images { path, buffers, known: vec![None; tree.count("images")], warnings: Vec::new() };
+    let mut images = TextureImages { path, buffers, known: vec![None; tree.count("images")], warnings: Vec::new() };
     let mut described = Vec::new();
     let mut unused: Vec<(&str, Vec<String>)> = Vec::new();
     for index in 0..tree.count("materials") {
@@ -114,13 +114,13 @@ enum AlphaMode {
 /// A material as it is stated, with the format's values for what is not.
 struct Stated<'a> {
     base: [f32; 4],
-    base_texture: Option<Item<'a>>,
+    base_texture: Option<JsonItem<'a>>,
     metallic: f32,
     roughness: f32,
-    metallic_roughness_texture: Option<Item<'a>>,
+    metallic_roughness_texture: Option<JsonItem<'a>>,
     has_normal_map: bool,
     emission: Vec3,
-    emission_texture: Option<Item<'a>>,
+    emission_texture: Option<JsonItem<'a>>,
     alpha_mode: AlphaMode,
     cutoff: f32,
     two_sided: bool,
@@ -166,7 +166,7 @@ impl Default for Stated<'_> {
 }
 
 impl<'a> Stated<'a> {
-    fn of(item: &Item<'a>) -> Result<Self> {
+    fn of(item: &JsonItem<'a>) -> Result<Self> {
         let mut stated = Self::default();
         let pbr = item.object("pbrMetallicRoughness")?.filter(|pbr| pbr.keys().next().is_some());
         if let Some(pbr) = &pbr {
@@ -221,7 +221,7 @@ impl<'a> Stated<'a> {
 
     /// A material of specular colour and glossiness: metal where it reflects more in its specular colour than diffusely, as
     /// nothing but metal does.
-    fn take_glossy(&mut self, glossy: &Item<'a>) -> Result<()> {
+    fn take_glossy(&mut self, glossy: &JsonItem<'a>) -> Result<()> {
         self.base = glossy.numbers("diffuseFactor")?.unwrap_or(self.base);
         self.base_texture = glossy.object("diffuseTexture")?;
         self.metallic = 0.0;
@@ -234,7 +234,7 @@ impl<'a> Stated<'a> {
         let specular = Vec3::from(glossy.numbers("specularFactor")?.unwrap_or([1.0; 3]));
         let [r, g, b, alpha] = self.base;
         let reflected = specular.max_element();
-        if reflected > LEAST_METAL && reflected > Vec3::new(r, g, b).max_element() * (1.0 - reflected) {
+        if reflected > MIN_METAL && reflected > Vec3::new(r, g, b).max_element() * (1.0 - reflected) {
             self.base = specular.extend(alpha).to_array();
             (self.base_texture, self.metallic) = (None, 1.0);
         } else {
@@ -244,7 +244,7 @@ impl<'a> Stated<'a> {
     }
 
     /// What is left out or simplified, in words.
-    fn not_used(&self, tree: &Tree) -> Result<Vec<&'static str>> {
+    fn not_used(&self, tree: &JsonTree) -> Result<Vec<&'static str>> {
         let (base, emissive) = (&self.base_texture, &self.emission_texture);
         let mapped = self.metallic_roughness_texture.is_some();
         let glass = self.transmission >= 0.5;
@@ -290,20 +290,20 @@ impl<'a> Stated<'a> {
 }
 
 /// Whether nothing of a material is there: masked, and its even alpha is below the cut-off.
-pub(super) fn is_absent(material: &Item<'_>) -> bool {
+pub(super) fn is_absent(material: &JsonItem<'_>) -> bool {
     Stated::of(material).is_ok_and(|stated| {
         stated.alpha_mode == AlphaMode::Mask && stated.base_texture.is_none() && stated.base[3] < stated.cutoff
     })
 }
 
-struct Images<'a> {
+struct TextureImages<'a> {
     path: &'a Path,
     buffers: &'a Buffers<'a>,
     known: Vec<SourceImage>,
     warnings: Vec<String>,
 }
 
-impl Images<'_> {
+impl TextureImages<'_> {
     fn material(&mut self, stated: &Stated<'_>, place: &str) -> Result<GltfMaterial> {
         let &Stated { base: [r, g, b, alpha], metallic, roughness, ior, specular, transmission, emission, .. } = stated;
         let &Stated { clear_coat, cutoff, .. } = stated;
@@ -342,7 +342,7 @@ impl Images<'_> {
         })
     }
 
-    fn image(&mut self, texture: Option<&Item<'_>>, place: &str) -> Result<SourceImage> {
+    fn image(&mut self, texture: Option<&JsonItem<'_>>, place: &str) -> Result<SourceImage> {
         let Some(index) = texture.map(|info| image_of(info, self.buffers.tree)).transpose()?.flatten() else {
             return Ok(None);
         };
@@ -355,7 +355,7 @@ impl Images<'_> {
 }
 
 /// The image of a texture that a material names; none where it has none. Errors: images of a kind that is not read.
-fn image_of(info: &Item<'_>, tree: &Tree) -> Result<Option<usize>> {
+fn image_of(info: &JsonItem<'_>, tree: &JsonTree) -> Result<Option<usize>> {
     let index = info.index("index", "textures")?.ok_or_else(|| info.refuse("index", "is missing"))?;
     let texture = tree.item("textures", index)?;
     if let Some(webp) = texture.extension("EXT_texture_webp")? {
@@ -421,7 +421,7 @@ pub(super) struct Mapping {
 }
 
 /// Set, offset, rotation and scale of a texture.
-fn placement(info: &Item<'_>) -> Result<(usize, [f32; 2], f32, [f32; 2])> {
+fn placement(info: &JsonItem<'_>) -> Result<(usize, [f32; 2], f32, [f32; 2])> {
     let set = info.whole("texCoord")?.unwrap_or(0);
     let Some(stated) = info.extension("KHR_texture_transform")? else { return Ok((set, [0.0; 2], 0.0, [1.0; 2])) };
     let offset = stated.numbers("offset")?.unwrap_or([0.0; 2]);
@@ -431,7 +431,7 @@ fn placement(info: &Item<'_>) -> Result<(usize, [f32; 2], f32, [f32; 2])> {
 
 impl Mapping {
     /// That of a material's base colour or, without, of what it emits.
-    pub(super) fn of(material: Option<&Item<'_>>, tree: &Tree) -> Result<Self> {
+    pub(super) fn of(material: Option<&JsonItem<'_>>, tree: &JsonTree) -> Result<Self> {
         let stated = material.map(Stated::of).transpose()?.unwrap_or_default();
         let Some(info) = stated.base_texture.or(stated.emission_texture) else {
             return Ok(Self { set: 0, is_used: false, repeats: true, matrix: Mat2::IDENTITY, offset: Vec2::ZERO });

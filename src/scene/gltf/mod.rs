@@ -26,7 +26,7 @@ pub(super) use materials::{Alpha, GltfMaterial, ImageSource};
 use super::file::LightEntry;
 use super::folders::Folders;
 use super::import::Geometry;
-use super::memory::Memory;
+use super::memory::MemoryBound;
 use crate::error::Result;
 
 /// What a file has beside its geometry and its materials.
@@ -51,7 +51,7 @@ pub(super) fn read(
     path: &Path,
     geometry: &mut Geometry,
     folders: &Folders,
-    memory: &mut Memory,
+    memory: &mut MemoryBound,
     warnings: &mut Vec<String>,
 ) -> Result<FileExtras> {
     let mut file = document::open(path, memory, warnings)?;

@@ -4,11 +4,11 @@ use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
 
-use super::super::memory::Memory;
+use super::super::memory::MemoryBound;
 use super::super::names::UniqueNames;
 use super::buffers::Buffers;
 use super::plain;
-use super::tree::{Item, Tree};
+use super::tree::{JsonItem, JsonTree};
 use crate::error::{Error, Result};
 
 /// Memory of an instance that a node shows: its transform and its name.
@@ -16,20 +16,20 @@ const INSTANCE_BYTES: u64 = 256;
 
 /// A node that stands in the scene.
 pub(super) struct Placed<'a> {
-    pub(super) node: Item<'a>,
+    pub(super) node: JsonItem<'a>,
     /// Its name, or that of what it carries; no two are the same.
     pub(super) name: String,
     pub(super) world: DMat4,
     /// The mesh that it shows.
     pub(super) mesh: Option<usize>,
     /// The lamp that it carries, as the file's list has it.
-    pub(super) light: Option<Item<'a>>,
+    pub(super) light: Option<JsonItem<'a>>,
     /// Where its mesh stands, instead of once at the node: names and transforms (`EXT_mesh_gpu_instancing`).
     pub(super) instances: Option<Vec<(String, DMat4)>>,
 }
 
 /// The scene that the file shows first, if it has any.
-pub(super) fn shown(tree: &Tree) -> Result<Option<Item<'_>>> {
+pub(super) fn shown(tree: &JsonTree) -> Result<Option<JsonItem<'_>>> {
     match tree.root().index("scene", "scenes")? {
         None if tree.count("scenes") == 0 => Ok(None),
         index => tree.item("scenes", index.unwrap_or(0)).map(Some),
@@ -41,7 +41,7 @@ pub(super) fn shown(tree: &Tree) -> Result<Option<Item<'_>>> {
 pub(super) fn walk<'a>(
     path: &Path,
     buffers: &Buffers<'a>,
-    memory: &mut Memory,
+    memory: &mut MemoryBound,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Placed<'a>>> {
     let tree = buffers.tree;
@@ -94,7 +94,7 @@ pub(super) fn walk<'a>(
 }
 
 /// The nodes that the scene begins with; without a scene, all that are nobody's children.
-fn roots(path: &Path, tree: &Tree, warnings: &mut Vec<String>) -> Result<Vec<usize>> {
+fn roots(path: &Path, tree: &JsonTree, warnings: &mut Vec<String>) -> Result<Vec<usize>> {
     let scenes = tree.count("scenes");
     if let Some(scene) = shown(tree)? {
         if scenes > 1 && !tree.root().has("scene") {
@@ -119,7 +119,7 @@ fn roots(path: &Path, tree: &Tree, warnings: &mut Vec<String>) -> Result<Vec<usi
 }
 
 /// The lamp of a node.
-fn light<'a>(node: &Item<'a>, lights: &[Item<'a>]) -> Result<Option<Item<'a>>> {
+fn light<'a>(node: &JsonItem<'a>, lights: &[JsonItem<'a>]) -> Result<Option<JsonItem<'a>>> {
     let Some(stated) = node.extension("KHR_lights_punctual")? else { return Ok(None) };
     let Some(index) = stated.whole("light")? else { return Ok(None) };
     match lights.get(index) {
@@ -132,11 +132,11 @@ fn light<'a>(node: &Item<'a>, lights: &[Item<'a>]) -> Result<Option<Item<'a>>> {
 /// different lengths, transforms that are not finite.
 fn instances(
     path: &Path,
-    stated: &Item<'_>,
+    stated: &JsonItem<'_>,
     buffers: &Buffers<'_>,
     (name, world): (&str, DMat4),
     names: &mut UniqueNames,
-    memory: &mut Memory,
+    memory: &mut MemoryBound,
 ) -> Result<Vec<(String, DMat4)>> {
     let attributes = stated.object("attributes")?.ok_or_else(|| stated.refuse("attributes", "is missing"))?;
     let accessor = |key: &str| attributes.index(key, "accessors")?.map(|index| buffers.accessor(index)).transpose();
@@ -168,7 +168,7 @@ fn is_usable(world: &DMat4) -> bool {
     world.to_cols_array().iter().all(|v| v.is_finite() && v.abs() <= f64::from(f32::MAX))
 }
 
-fn matrix(node: &Item<'_>) -> Result<DMat4> {
+fn matrix(node: &JsonItem<'_>) -> Result<DMat4> {
     if let Some(matrix) = node.exact_numbers::<16>("matrix")? {
         return Ok(DMat4::from_cols_array(&matrix));
     }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3};
 
 use super::super::import::{Description, Geometry, SourceMaterial};
-use super::super::memory::Memory;
+use super::super::memory::MemoryBound;
 use super::super::obj::ObjPart;
 use super::super::{MaterialId, Texture};
 use super::accessors::Accessor;
@@ -17,7 +17,7 @@ use super::compressed::Draco;
 use super::materials::{self, ImageSource, Mapping};
 use super::nodes::Placed;
 use super::plain;
-use super::tree::Item;
+use super::tree::JsonItem;
 use crate::error::{Error, Result};
 
 /// How the vertices of a primitive make triangles.
@@ -49,7 +49,7 @@ pub(super) fn add(
     buffers: &Buffers<'_>,
     first_material: usize,
     geometry: &mut Geometry,
-    memory: &mut Memory,
+    memory: &mut MemoryBound,
     warnings: &mut Vec<String>,
 ) -> Result<()> {
     let mut left_out = LeftOut::default();
@@ -143,7 +143,11 @@ enum Indices<'a> {
 }
 
 /// What is decoded of a primitive that Draco compresses, with the ids of its attributes there.
-fn draco<'a>(primitive: &Item<'a>, buffers: &Buffers<'_>, memory: &Memory) -> Result<Option<(Draco, Item<'a>)>> {
+fn draco<'a>(
+    primitive: &JsonItem<'a>,
+    buffers: &Buffers<'_>,
+    memory: &MemoryBound,
+) -> Result<Option<(Draco, JsonItem<'a>)>> {
     let Some(stated) = primitive.extension("KHR_draco_mesh_compression")? else { return Ok(None) };
     let view = stated.index("bufferView", "bufferViews")?.ok_or_else(|| stated.refuse("bufferView", "is missing"))?;
     let ids = stated.object("attributes")?.ok_or_else(|| stated.refuse("attributes", "is missing"))?;
@@ -169,10 +173,10 @@ struct Source<'a> {
 impl<'a> Source<'a> {
     /// None where it makes no triangles. What of its attributes is not used is not looked at.
     fn of(
-        primitive: Item<'a>,
-        material: Option<Item<'a>>,
+        primitive: JsonItem<'a>,
+        material: Option<JsonItem<'a>>,
         buffers: &'a Buffers<'a>,
-        memory: &Memory,
+        memory: &MemoryBound,
         left_out: &mut LeftOut,
     ) -> Result<Option<Self>> {
         let mode = match primitive.whole("mode")?.unwrap_or(4) {

@@ -8,20 +8,20 @@ use glam::Quat;
 use super::super::cube_map::CubeMap;
 use super::super::file::{LightEntry, LightEntryKind};
 use super::super::folders::Folders;
-use super::super::memory::Memory;
+use super::super::memory::MemoryBound;
 use super::buffers::Buffers;
 use super::lamps::EXPORTERS_LUMENS_PER_WATT;
 use super::materials::{ImageSource, image_source};
 use super::nodes;
 use super::plain;
-use super::tree::{Item, Tree};
+use super::tree::{JsonItem, JsonTree};
 use crate::error::{Error, Result};
 use crate::image::{ImageFacts, RgbaImage, embedded_facts, image_facts, read_embedded, read_rgba};
 
 const NAME: &str = "EXT_lights_image_based";
 
 /// Pixels along a side of a face at most: more than any environment has texels.
-const MOST_SIDE: u32 = 2048;
+const MAX_SIDE: u32 = 2048;
 
 /// Share by which the mean of the images may differ from that of the coefficients before a line says so: 8 bits and the
 /// steps of the pixels are good for some hundredths.
@@ -31,10 +31,10 @@ const MEANS_DIFFER: f64 = 0.1;
 /// missing, not square or of different sizes, numbers that are negative or not finite.
 pub(super) fn of(
     path: &Path,
-    tree: &Tree,
+    tree: &JsonTree,
     buffers: &Buffers<'_>,
     folders: &Folders,
-    memory: &mut Memory,
+    memory: &mut MemoryBound,
     warnings: &mut Vec<String>,
 ) -> Result<Option<LightEntry>> {
     let scene = match nodes::shown(tree)? {
@@ -95,7 +95,7 @@ fn read(
     source: &ImageSource,
     place: &str,
     folders: &Folders,
-    memory: &Memory,
+    memory: &MemoryBound,
     warnings: &mut Vec<String>,
 ) -> Result<RgbaImage> {
     match source {
@@ -119,10 +119,10 @@ fn read(
     }
 }
 
-fn admit(facts: &ImageFacts, file: &Path, place: &str, memory: &Memory) -> Result<()> {
-    if facts.width.max(facts.height) > MOST_SIDE {
+fn admit(facts: &ImageFacts, file: &Path, place: &str, memory: &MemoryBound) -> Result<()> {
+    if facts.width.max(facts.height) > MAX_SIDE {
         let problem = format!("an image has {} × {} pixels", facts.width, facts.height);
-        return Err(Error::input(place, problem, format!("give squares of at most {MOST_SIDE} a side")));
+        return Err(Error::input(place, problem, format!("give squares of at most {MAX_SIDE} a side")));
     }
     memory.check(facts.needs_bytes, file)
 }
@@ -135,7 +135,7 @@ fn radiance([r, g, b, a]: [f32; 4]) -> [f32; 3] {
 /// A line where the mean of the images is not that of the irradiance: coefficient 0 is `π ∫ L Y₀₀ dω`, so that the mean
 /// radiance is `Y₀₀ / π` of it, with `Y₀₀ = 1 / √(4π)` (Ramamoorthi, Hanrahan, *An efficient representation for irradiance
 /// environment maps*, 2001).
-fn compare_means(path: &Path, name: &str, cube: &CubeMap, light: &Item<'_>) -> Option<String> {
+fn compare_means(path: &Path, name: &str, cube: &CubeMap, light: &JsonItem<'_>) -> Option<String> {
     let coefficients = light.value("irradianceCoefficients");
     let mean = |values: [f64; 3]| values.iter().sum::<f64>() / 3.0;
     let stated = [0, 1, 2].map(|i| coefficients.and_then(|all| all[0][i].as_f64()).unwrap_or(f64::NAN));

@@ -9,7 +9,7 @@ use super::plain;
 use crate::error::{Error, Result};
 
 /// A file's JSON.
-pub(super) struct Tree {
+pub(super) struct JsonTree {
     root: Value,
     /// The file, for messages.
     place: String,
@@ -17,13 +17,13 @@ pub(super) struct Tree {
 
 /// A value of the tree, with its path there for messages.
 #[derive(Clone)]
-pub(super) struct Item<'a> {
-    tree: &'a Tree,
+pub(super) struct JsonItem<'a> {
+    tree: &'a JsonTree,
     value: &'a Value,
     at: String,
 }
 
-impl Tree {
+impl JsonTree {
     pub(super) fn new(root: Value, place: String) -> Self {
         Self { root, place }
     }
@@ -33,8 +33,8 @@ impl Tree {
         &self.place
     }
 
-    pub(super) fn root(&self) -> Item<'_> {
-        Item { tree: self, value: &self.root, at: String::new() }
+    pub(super) fn root(&self) -> JsonItem<'_> {
+        JsonItem { tree: self, value: &self.root, at: String::new() }
     }
 
     /// How long a list of the root is; 0 where there is none.
@@ -43,10 +43,10 @@ impl Tree {
     }
 
     /// An item of a list of the root. Errors: it is not there, or no object.
-    pub(super) fn item(&self, list: &str, index: usize) -> Result<Item<'_>> {
+    pub(super) fn item(&self, list: &str, index: usize) -> Result<JsonItem<'_>> {
         let at = format!("{list}[{index}]");
         match self.root.get(list).and_then(|list| list.get(index)) {
-            Some(value) if value.is_object() => Ok(Item { tree: self, value, at }),
+            Some(value) if value.is_object() => Ok(JsonItem { tree: self, value, at }),
             Some(_) => Err(self.refuse(&at, "is no object")),
             None => Err(self.refuse(&at, "is not there")),
         }
@@ -58,7 +58,7 @@ impl Tree {
     }
 }
 
-impl<'a> Item<'a> {
+impl<'a> JsonItem<'a> {
     /// A member that is there and not `null`.
     fn get(&self, key: &str) -> Option<&'a Value> {
         self.value.get(key).filter(|value| !value.is_null())
@@ -131,18 +131,18 @@ impl<'a> Item<'a> {
         self.get("name").and_then(Value::as_str).filter(|name| !name.is_empty())
     }
 
-    pub(super) fn object(&self, key: &str) -> Result<Option<Item<'a>>> {
+    pub(super) fn object(&self, key: &str) -> Result<Option<JsonItem<'a>>> {
         let value = self.read(key, "object", |value| value.is_object().then_some(value))?;
-        Ok(value.map(|value| Item { tree: self.tree, value, at: self.path(key) }))
+        Ok(value.map(|value| JsonItem { tree: self.tree, value, at: self.path(key) }))
     }
 
     /// The objects of a list; none where there is no list.
-    pub(super) fn objects(&self, key: &str) -> Result<Vec<Item<'a>>> {
+    pub(super) fn objects(&self, key: &str) -> Result<Vec<JsonItem<'a>>> {
         let list = self.read(key, "list", Value::as_array)?;
         let objects = list.into_iter().flatten().enumerate().map(|(index, value)| {
             let at = format!("{}[{index}]", self.path(key));
             match value.is_object() {
-                true => Ok(Item { tree: self.tree, value, at }),
+                true => Ok(JsonItem { tree: self.tree, value, at }),
                 false => Err(self.tree.refuse(&at, "is no object")),
             }
         });
@@ -170,7 +170,7 @@ impl<'a> Item<'a> {
     }
 
     /// What an extension says of it.
-    pub(super) fn extension(&self, name: &str) -> Result<Option<Item<'a>>> {
+    pub(super) fn extension(&self, name: &str) -> Result<Option<JsonItem<'a>>> {
         match self.object("extensions")? {
             Some(extensions) => extensions.object(name),
             None => Ok(None),
@@ -195,7 +195,7 @@ mod tests {
         let root = json!({
             "list": [{ "a": 2.0, "b": null, "c": [1, 2.5, 3], "d": -1, "e": "x", "extensions": { "E": { "n": 1.5 } } }, 7],
         });
-        let tree = Tree::new(root, "a.gltf".into());
+        let tree = JsonTree::new(root, "a.gltf".into());
         let item = tree.item("list", 0).unwrap();
         assert_eq!(item.whole("a").unwrap(), Some(2));
         assert_eq!(item.number("b").unwrap(), None);

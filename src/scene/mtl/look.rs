@@ -6,18 +6,18 @@ use super::super::file::SurfaceEntry;
 use super::super::resolve_materials::{IORS, USUAL_IOR, normal_reflectance};
 use super::MtlMaterial;
 use super::dialect::Writer;
-use super::shape::Shape;
+use super::shape::MaterialShape;
 
 /// An index of refraction this near to 1 bends no light: the 1.000 of exporters that know none, and their 1.021.
 const NO_REFRACTION: f32 = 1e-3;
 /// The least index that a body of glass is given by its file on purpose.
-const LEAST_GLASS_IOR: f32 = 1.1;
+const MIN_GLASS_IOR: f32 = 1.1;
 /// Phong exponent from which a reflection counts as perfect.
 const MIRROR_SHININESS: f32 = 1000.0;
 /// Opacity from which nothing shows through.
 const OPAQUE: f32 = 0.999;
 /// Opacity up to which a pane is of glass: what hides more than it shows is not.
-const MOST_OF_GLASS: f32 = 0.5;
+const MAX_GLASS_OPACITY: f32 = 0.5;
 /// Opacity below which nobody sees a surface that reflects nothing.
 const UNSEEN: f32 = 0.01;
 /// `Ks` and `Ns` from which a transparent surface is as smooth as glass.
@@ -96,7 +96,7 @@ impl Through {
 }
 
 /// The look of a material on surfaces of this shape, how opaque it is, and which rule made it so.
-pub(in super::super) fn look_of(source: &MtlMaterial, shape: Shape) -> (MtlLook, f32, Through) {
+pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> (MtlLook, f32, Through) {
     let opacity = source.opacity();
     let opaque = |rule| (plain_look(source, opaque_illumination(source)), 1.0, rule);
     let stated = || {
@@ -116,11 +116,11 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: Shape) -> (MtlLook,
     if share < UNSEEN && !evidence.is_named_glass && source.dissolve_map.is_none() {
         return opaque(Through::Unseen);
     }
-    if share > MOST_OF_GLASS || !evidence.is_glass() {
+    if share > MAX_GLASS_OPACITY || !evidence.is_glass() {
         let (look, _, _) = opaque(Through::Share);
         return (look, share, Through::Share);
     }
-    let ior = source.ior.filter(|ior| (LEAST_GLASS_IOR..=*IORS.end()).contains(ior));
+    let ior = source.ior.filter(|ior| (MIN_GLASS_IOR..=*IORS.end()).contains(ior));
     let passed = match source.writer {
         Writer::Maya => Vec3::ONE - opacity,
         _ => Vec3::ONE - opacity * (Vec3::ONE - source.diffuse.unwrap_or(Vec3::ONE).min(Vec3::ONE)),
@@ -153,7 +153,7 @@ struct Evidence {
 }
 
 impl Evidence {
-    fn of(source: &MtlMaterial, shape: Shape) -> Self {
+    fn of(source: &MtlMaterial, shape: MaterialShape) -> Self {
         let name = source.name.to_lowercase();
         let has = |stems: &[&str]| stems.iter().any(|stem| name.contains(stem));
         let words = words(&source.name);
@@ -285,7 +285,7 @@ mod tests {
                 specular: Some(Vec3::splat(0.5)),
                 ..Default::default()
             };
-            look_of(&source, Shape::Sheet).2
+            look_of(&source, MaterialShape::Sheet).2
         };
         for glass in [
             "cabinetPane",

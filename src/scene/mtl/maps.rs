@@ -6,7 +6,7 @@ use super::super::lines::unquoted;
 
 /// An image that a material names.
 #[derive(Clone, Debug, PartialEq)]
-pub(in super::super) struct Map {
+pub(in super::super) struct MtlMap {
     /// As it is written, without quotation marks.
     pub(in super::super) file: String,
     /// Texture coordinates are multiplied by this (`-s`)…
@@ -34,7 +34,7 @@ fn followers(option: &str) -> Option<Follow> {
     })
 }
 
-impl Map {
+impl MtlMap {
     /// Reads what follows the statement's key (`-s 2 2 1 -bm 0.5 my wood.png`). None where no image is named.
     pub(super) fn parse(text: &str) -> Option<Self> {
         let mut map = Self { file: String::new(), scale: Vec2::ONE, offset: Vec2::ZERO, is_clamped: false };
@@ -120,7 +120,7 @@ mod tests {
     use super::*;
 
     fn file(text: &str) -> Option<String> {
-        Map::parse(text).map(|map| map.file)
+        MtlMap::parse(text).map(|map| map.file)
     }
 
     #[test]
@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn where_maps_lie_is_read() {
-        let map = |text: &str| Map::parse(text).unwrap();
+        let map = |text: &str| MtlMap::parse(text).unwrap();
         assert_eq!(map("-s 4 2 1 -o 0.5 a.png").scale, Vec2::new(4.0, 2.0));
         assert_eq!(map("-s 4 2 1 -o 0.5 a.png").offset, Vec2::new(0.5, 0.0));
         assert_eq!(map("a.png -s 3 3 3").scale, Vec2::splat(3.0));

@@ -16,8 +16,8 @@ use super::lines::{LineError, Lines, text_of, without_comment};
 use crate::error::{Error, Result};
 pub(super) use dialect::Writer;
 pub(super) use look::{MtlLook, Through, look_of};
-pub(super) use maps::Map;
-pub(super) use shape::{SHAPE_BYTES, Shape, shape_of};
+pub(super) use maps::MtlMap;
+pub(super) use shape::{MaterialShape, SHAPE_BYTES, shape_of};
 
 /// One `newmtl` of an MTL file; what is not stated is `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,9 +35,9 @@ pub(super) struct MtlMaterial {
     pub(super) illumination: Option<u32>,
     pub(super) roughness: Option<f32>,
     pub(super) metallic: Option<f32>,
-    pub(super) diffuse_map: Option<Map>,
-    pub(super) emission_map: Option<Map>,
-    pub(super) dissolve_map: Option<Map>,
+    pub(super) diffuse_map: Option<MtlMap>,
+    pub(super) emission_map: Option<MtlMap>,
+    pub(super) dissolve_map: Option<MtlMap>,
     /// Who wrote it.
     pub(super) writer: Writer,
 }
@@ -164,7 +164,7 @@ impl MtlMaterial {
                     "map_Ke" => &mut self.emission_map,
                     _ => &mut self.dissolve_map,
                 };
-                let map = Map::parse(rest);
+                let map = MtlMap::parse(rest);
                 is_read = map.is_some();
                 *slot = map.or_else(|| slot.take());
             }

@@ -23,7 +23,7 @@ pub(in super::super) const SHAPE_BYTES: usize = 400;
 
 /// What most of a material's surface belongs to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(in super::super) enum Shape {
+pub(in super::super) enum MaterialShape {
     /// A surface with edges that is not flat.
     #[default]
     Sheet,
@@ -37,7 +37,7 @@ pub(in super::super) enum Shape {
     Body,
 }
 
-impl Shape {
+impl MaterialShape {
     /// Whether light that goes through it meets two faces.
     pub(super) fn has_two_faces(self) -> bool {
         matches!(self, Self::Slab | Self::Vessel)
@@ -69,7 +69,7 @@ struct Component {
 }
 
 /// The shape that most of the triangles' area belongs to; corners at the same place are one.
-pub(in super::super) fn shape_of(triangles: &[[Vec3; 3]]) -> Shape {
+pub(in super::super) fn shape_of(triangles: &[[Vec3; 3]]) -> MaterialShape {
     let mut places: HashMap<[i64; 3], u32> = HashMap::new();
     let mut points: Vec<DVec3> = Vec::new();
     let (low, high) = bounds(triangles.iter().flatten().copied());
@@ -124,7 +124,8 @@ pub(in super::super) fn shape_of(triangles: &[[Vec3; 3]]) -> Shape {
         found.odd_edges += usize::from(count < 2 || balance != 0);
     }
     // All that is of one shape, by its area. What has none says nothing.
-    let order = [Shape::Sheet, Shape::Pane, Shape::Slab, Shape::Vessel, Shape::Body];
+    let order =
+        [MaterialShape::Sheet, MaterialShape::Pane, MaterialShape::Slab, MaterialShape::Vessel, MaterialShape::Body];
     let mut areas = [0.0; 5];
     for component in components.values() {
         areas[component.shape(&points) as usize] += component.area;
@@ -144,7 +145,7 @@ fn root(parents: &mut [u32], mut at: u32) -> u32 {
 }
 
 impl Component {
-    fn shape(&self, points: &[DVec3]) -> Shape {
+    fn shape(&self, points: &[DVec3]) -> MaterialShape {
         let width = (self.high - self.low).length();
         // The direction that most normals have, by power iteration from the axis that has most of it.
         let diagonal = [self.spread.x_axis.x, self.spread.y_axis.y, self.spread.z_axis.z];
@@ -160,18 +161,18 @@ impl Component {
         let is_closed = self.odd_edges as f64 <= MENDED * self.edges as f64 && self.volume > 0.0;
         let wall = self.volume / 3.0 / self.area;
         match (is_closed, is_flat) {
-            (true, true) => Shape::Slab,
-            (true, false) if wall <= WALL * width => Shape::Vessel,
-            (true, false) => Shape::Body,
-            (false, true) => Shape::Pane,
-            (false, false) => Shape::Sheet,
+            (true, true) => MaterialShape::Slab,
+            (true, false) if wall <= WALL * width => MaterialShape::Vessel,
+            (true, false) => MaterialShape::Body,
+            (false, true) => MaterialShape::Pane,
+            (false, false) => MaterialShape::Sheet,
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::shapes::{Shape as Made, ball, cuboid, rectangle};
+    use super::super::super::shapes::{TriangleList as Made, ball, cuboid, rectangle};
     use super::*;
 
     fn triangles(made: &Made) -> Vec<[Vec3; 3]> {
@@ -181,17 +182,17 @@ mod tests {
     #[test]
     fn panes_slabs_vessels_bodies_and_sheets_are_told_apart() {
         let pane = triangles(&rectangle(Vec3::ZERO, Vec3::X, Vec3::new(0.0, 1.0, 1.0)));
-        assert_eq!(shape_of(&pane), Shape::Pane);
+        assert_eq!(shape_of(&pane), MaterialShape::Pane);
         let slab = triangles(&cuboid(Vec3::splat(1000.0), Vec3::new(0.5, 0.7, 0.01), 0.3));
-        assert_eq!(shape_of(&slab), Shape::Slab);
+        assert_eq!(shape_of(&slab), MaterialShape::Slab);
         let block = triangles(&cuboid(Vec3::splat(1000.0), Vec3::new(0.5, 0.7, 0.3), 0.3));
-        assert_eq!(shape_of(&block), Shape::Body);
-        assert_eq!(shape_of(&triangles(&ball(Vec3::ONE, 0.1, 2))), Shape::Body);
+        assert_eq!(shape_of(&block), MaterialShape::Body);
+        assert_eq!(shape_of(&triangles(&ball(Vec3::ONE, 0.1, 2))), MaterialShape::Body);
         // Open by a sixth of its faces, and wound inside out.
-        assert_eq!(shape_of(&block[..10]), Shape::Sheet);
+        assert_eq!(shape_of(&block[..10]), MaterialShape::Sheet);
         let turned: Vec<_> = block.iter().map(|&[a, b, c]| [a, c, b]).collect();
-        assert_eq!(shape_of(&turned), Shape::Sheet);
-        assert_eq!(shape_of(&[]), Shape::Sheet);
+        assert_eq!(shape_of(&turned), MaterialShape::Sheet);
+        assert_eq!(shape_of(&[]), MaterialShape::Sheet);
     }
 
     #[test]
@@ -212,10 +213,10 @@ mod tests {
                 );
             }
         }
-        assert_eq!(shape_of(&found), Shape::Vessel);
+        assert_eq!(shape_of(&found), MaterialShape::Vessel);
         // Panes of a window in one material: the larger ones count.
         let mut window = triangles(&rectangle(Vec3::X * 20.0, Vec3::X * 9.0, Vec3::Y * 9.0));
         window.extend(found);
-        assert_eq!(shape_of(&window), Shape::Pane);
+        assert_eq!(shape_of(&window), MaterialShape::Pane);
     }
 }

@@ -75,13 +75,13 @@ pub struct Scattered {
     /// Whether the direction is the only one possible (mirror, refraction), so that lights cannot be sampled for it.
     pub singular: bool,
     /// Whether the ray goes straight on, as if nothing were there.
-    pub straight: bool,
+    pub pass_through: bool,
     /// Factor by which `weight` falls short of the light kept, because radiance is larger in the medium it came from.
-    pub compression: f32,
+    pub eta_scale: f32,
 }
 
 /// Below this a microfacet surface is a mirror: its highlight is narrower than f32 can integrate.
-const SMALLEST_ALPHA: f32 = 1e-3;
+const MIN_ALPHA: f32 = 1e-3;
 
 impl Bsdf {
     /// Resolves a description at texture coordinates `uv`; `front` says which side the viewer is on.
@@ -91,14 +91,14 @@ impl Bsdf {
             Surface::Lambert { reflectance } => Self::Lambert { reflectance: reflectance.at(textures, uv) },
             Surface::Mirror { reflectance } => Self::Mirror { reflectance: reflectance.at(textures, uv) },
             Surface::RoughConductor { specular, alpha } => {
-                Self::RoughConductor { specular: specular.at(textures, uv), alpha: alpha.max(SMALLEST_ALPHA) }
+                Self::RoughConductor { specular: specular.at(textures, uv), alpha: alpha.max(MIN_ALPHA) }
             }
             Surface::Dielectric { ior, transmittance } => {
                 Self::Dielectric { ior: if front { ior } else { 1.0 / ior }, transmittance }
             }
             Surface::ThinDielectric { ior, transmittance } => Self::ThinDielectric { ior, transmittance },
             Surface::Coated { reflectance, specular, alpha } => {
-                Self::Coated { reflectance: reflectance.at(textures, uv), specular, alpha: alpha.max(SMALLEST_ALPHA) }
+                Self::Coated { reflectance: reflectance.at(textures, uv), specular, alpha: alpha.max(MIN_ALPHA) }
             }
             Surface::Black => Self::Black,
         }
@@ -106,7 +106,7 @@ impl Bsdf {
 
     /// Whether light samples can contribute: some of it scatters over a solid angle.
     #[inline(always)]
-    pub fn is_spread(&self) -> bool {
+    pub fn is_non_specular(&self) -> bool {
         matches!(self, Self::Lambert { .. } | Self::RoughConductor { .. } | Self::Coated { .. })
     }
 
@@ -175,8 +175,8 @@ impl Bsdf {
             weight: Vec3::ONE,
             pdf: 0.0,
             singular: true,
-            straight: false,
-            compression: 1.0,
+            pass_through: false,
+            eta_scale: 1.0,
         };
         let wi = match *self {
             Self::Black => return None,
@@ -190,14 +190,14 @@ impl Bsdf {
                 // here is radiance flowing back from the far side to the near one.
                 let wi = Vec3::new(-wo.x / ior, -wo.y / ior, -cos_inside);
                 let compression = ior * ior;
-                return Some(Scattered { wi, weight: transmittance / compression, compression, ..mirror });
+                return Some(Scattered { wi, weight: transmittance / compression, eta_scale: compression, ..mirror });
             }
             Self::ThinDielectric { ior, transmittance } => {
                 let reflectance = thin_reflectance(wo.z, ior);
                 if choice < reflectance {
                     return Some(mirror);
                 }
-                return Some(Scattered { wi: -wo, weight: transmittance, straight: true, ..mirror });
+                return Some(Scattered { wi: -wo, weight: transmittance, pass_through: true, ..mirror });
             }
             Self::Lambert { .. } => cosine_hemisphere(pair),
             Self::RoughConductor { alpha, .. } => Ggx { alpha }.sample_reflection(wo, pair),

@@ -13,12 +13,12 @@ const PARALLEL_ABOVE: usize = 8_192;
 
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
+pub(super) struct NodeBounds {
     pub(super) min: Vec3,
     pub(super) max: Vec3,
 }
 
-impl Bounds {
+impl NodeBounds {
     pub(super) const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     fn of_points(points: &[Vec3]) -> Self {
@@ -39,7 +39,7 @@ impl Bounds {
 /// A node: a range of `order` and, unless it is a leaf, two children.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BinaryNode {
-    pub(super) bounds: Bounds,
+    pub(super) bounds: NodeBounds,
     pub(super) start: u32,
     pub(super) count: u32,
     /// Index of the second child; the first follows its parent. 0 for a leaf.
@@ -54,7 +54,7 @@ pub(super) struct BinaryTree {
 
 #[derive(Clone, Copy)]
 struct Item {
-    bounds: Bounds,
+    bounds: NodeBounds,
     centre: Vec3,
     triangle: u32,
 }
@@ -66,7 +66,7 @@ impl BinaryTree {
             .enumerate()
             .filter(|(_, corners)| corners.iter().all(|c| c.is_finite()))
             .map(|(triangle, corners)| {
-                let bounds = Bounds::of_points(&corners);
+                let bounds = NodeBounds::of_points(&corners);
                 Item { bounds, centre: 0.5 * (bounds.min + bounds.max), triangle: triangle as u32 }
             })
             .collect();
@@ -77,7 +77,7 @@ impl BinaryTree {
 
 /// Builds the subtree over `items`, which begin at `start` of the whole; child indices count from its own root.
 fn build_range(items: &mut [Item], start: u32, depth: u32) -> Vec<BinaryNode> {
-    let bounds = items.iter().fold(Bounds::EMPTY, |b, item| b.union(item.bounds));
+    let bounds = items.iter().fold(NodeBounds::EMPTY, |b, item| b.union(item.bounds));
     let mut nodes = vec![BinaryNode { bounds, start, count: items.len() as u32, second: 0 }];
     if items.len() == 1 {
         return nodes;
@@ -104,7 +104,7 @@ fn build_range(items: &mut [Item], start: u32, depth: u32) -> Vec<BinaryNode> {
 
 /// Reorders `items` around the cheapest of all bin boundaries and returns the size of the first part.
 fn split(items: &mut [Item]) -> usize {
-    let centres = items.iter().fold(Bounds::EMPTY, |b, i| b.union(Bounds { min: i.centre, max: i.centre }));
+    let centres = items.iter().fold(NodeBounds::EMPTY, |b, i| b.union(NodeBounds { min: i.centre, max: i.centre }));
     let extent = centres.max - centres.min;
     let mut best: Option<(f32, usize, usize)> = None;
     for axis in 0..3 {
@@ -112,18 +112,18 @@ fn split(items: &mut [Item]) -> usize {
             continue;
         }
         let bin_of = binning(centres.min[axis], extent[axis], axis);
-        let mut bins = [(Bounds::EMPTY, 0u32); BINS];
+        let mut bins = [(NodeBounds::EMPTY, 0u32); BINS];
         for item in items.iter() {
             let bin = &mut bins[bin_of(item)];
             *bin = (bin.0.union(item.bounds), bin.1 + 1);
         }
         let mut cost_after = [0.0; BINS];
-        let (mut bounds, mut count) = (Bounds::EMPTY, 0);
+        let (mut bounds, mut count) = (NodeBounds::EMPTY, 0);
         for (i, bin) in bins.iter().enumerate().rev() {
             (bounds, count) = (bounds.union(bin.0), count + bin.1);
             cost_after[i] = if count == 0 { f32::INFINITY } else { bounds.half_area() * count as f32 };
         }
-        let (mut bounds, mut count) = (Bounds::EMPTY, 0);
+        let (mut bounds, mut count) = (NodeBounds::EMPTY, 0);
         for boundary in 1..BINS {
             (bounds, count) = (bounds.union(bins[boundary - 1].0), count + bins[boundary - 1].1);
             if count == 0 {
@@ -154,7 +154,7 @@ fn binning(min: f32, extent: f32, axis: usize) -> impl Fn(&Item) -> usize {
 
 /// Halves by the median along the longest axis of the centres: for centres that coincide and for runaway depths.
 fn halve(items: &mut [Item]) -> usize {
-    let centres = items.iter().fold(Bounds::EMPTY, |b, i| b.union(Bounds { min: i.centre, max: i.centre }));
+    let centres = items.iter().fold(NodeBounds::EMPTY, |b, i| b.union(NodeBounds { min: i.centre, max: i.centre }));
     let axis = (centres.max - centres.min).max_position();
     let middle = items.len() / 2;
     items.select_nth_unstable_by(middle, |a, b| {

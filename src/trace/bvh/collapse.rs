@@ -9,7 +9,7 @@ use super::wide::{LANES, NODE_COST};
 
 /// How a subtree is shown as at most `j` parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Choice {
+enum ChildCut {
     /// As one leaf.
     Leaf,
     /// As one wide node.
@@ -22,12 +22,12 @@ enum Choice {
 
 /// The choices for every node of a binary tree.
 pub(super) struct Collapse {
-    choices: Vec<[Choice; LANES]>,
+    choices: Vec<[ChildCut; LANES]>,
 }
 
 /// A child of a wide node.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
+pub(super) struct WideChild {
     /// Index in the binary tree.
     pub(super) node: u32,
     pub(super) is_leaf: bool,
@@ -35,31 +35,31 @@ pub(super) struct Part {
 
 impl Collapse {
     pub(super) fn new(binary: &BinaryTree) -> Self {
-        let mut choices = vec![[Choice::Leaf; LANES]; binary.nodes.len()];
+        let mut choices = vec![[ChildCut::Leaf; LANES]; binary.nodes.len()];
         let mut costs = vec![[0.0f32; LANES]; binary.nodes.len()];
         // Children stand after their parents.
         for (i, node) in binary.nodes.iter().enumerate().rev() {
             let area = node.bounds.half_area();
             if node.second == 0 {
-                (costs[i], choices[i]) = ([area; LANES], [Choice::Fewer; LANES]);
-                choices[i][0] = Choice::Leaf;
+                (costs[i], choices[i]) = ([area; LANES], [ChildCut::Fewer; LANES]);
+                choices[i][0] = ChildCut::Leaf;
                 continue;
             }
             let (first, second) = (costs[i + 1], costs[node.second as usize]);
-            let mut split = [(f32::INFINITY, Choice::Leaf); LANES];
+            let mut split = [(f32::INFINITY, ChildCut::Leaf); LANES];
             for parts in 2..=LANES {
                 for k in 1..parts {
                     let cost = first[k - 1] + second[parts - k - 1];
                     if cost < split[parts - 1].0 {
-                        split[parts - 1] = (cost, Choice::Split(k as u8));
+                        split[parts - 1] = (cost, ChildCut::Split(k as u8));
                     }
                 }
             }
             let leaf = if node.count as usize <= LANES { area } else { f32::INFINITY };
             let open = split[LANES - 1].0 + NODE_COST * area;
-            (costs[i][0], choices[i][0]) = if leaf <= open { (leaf, Choice::Leaf) } else { (open, Choice::Node) };
+            (costs[i][0], choices[i][0]) = if leaf <= open { (leaf, ChildCut::Leaf) } else { (open, ChildCut::Node) };
             for j in 1..LANES {
-                let fewer = (costs[i][j - 1], Choice::Fewer);
+                let fewer = (costs[i][j - 1], ChildCut::Fewer);
                 (costs[i][j], choices[i][j]) = if split[j].0 < fewer.0 { split[j] } else { fewer };
             }
         }
@@ -68,37 +68,37 @@ impl Collapse {
 
     /// Whether the whole tree is one leaf.
     pub(super) fn is_leaf(&self, node: u32) -> bool {
-        self.choices[node as usize][0] == Choice::Leaf
+        self.choices[node as usize][0] == ChildCut::Leaf
     }
 
     /// The parts of a wide node over `node`, at most eight; `node` itself where it is a leaf.
-    pub(super) fn parts(&self, binary: &BinaryTree, node: u32, parts: &mut Vec<Part>) {
+    pub(super) fn parts(&self, binary: &BinaryTree, node: u32, parts: &mut Vec<WideChild>) {
         if self.is_leaf(node) {
-            parts.push(Part { node, is_leaf: true });
+            parts.push(WideChild { node, is_leaf: true });
             return;
         }
         // The best of all splits into eight was what made it a node.
         self.show(binary, node, LANES, true, parts);
     }
 
-    fn show(&self, binary: &BinaryTree, node: u32, mut count: usize, open: bool, parts: &mut Vec<Part>) {
+    fn show(&self, binary: &BinaryTree, node: u32, mut count: usize, open: bool, parts: &mut Vec<WideChild>) {
         let choices = &self.choices[node as usize];
-        while choices[count - 1] == Choice::Fewer && count > 1 {
+        while choices[count - 1] == ChildCut::Fewer && count > 1 {
             count -= 1;
         }
         match choices[count - 1] {
-            Choice::Split(first) => {
+            ChildCut::Split(first) => {
                 let second = binary.nodes[node as usize].second;
                 self.show(binary, node + 1, usize::from(first), false, parts);
                 self.show(binary, second, count - usize::from(first), false, parts);
             }
             // A node that is to be opened but has no cheaper split into several parts than itself: its children.
-            Choice::Node if open => {
+            ChildCut::Node if open => {
                 let second = binary.nodes[node as usize].second;
                 self.show(binary, node + 1, 1, false, parts);
                 self.show(binary, second, 1, false, parts);
             }
-            choice => parts.push(Part { node, is_leaf: choice == Choice::Leaf }),
+            choice => parts.push(WideChild { node, is_leaf: choice == ChildCut::Leaf }),
         }
     }
 }

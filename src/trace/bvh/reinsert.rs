@@ -8,7 +8,7 @@ use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 
-use super::binary::{BinaryNode, BinaryTree, Bounds, DEEPEST};
+use super::binary::{BinaryNode, BinaryTree, DEEPEST, NodeBounds};
 
 /// Nodes tried in the first round, of all; round `k` tries `1 / (2 k − 1)` of that.
 const FIRST_ROUND: f32 = 0.1;
@@ -98,7 +98,7 @@ fn append_depth_first(bvh: &Bvh2, node: u32, leaves: &BinaryTree, tree: &mut Bin
         tree.order.push(leaves.order[leaf.start as usize]);
         (leaf.bounds, 0)
     } else {
-        tree.nodes.push(BinaryNode { bounds: Bounds::EMPTY, start, count: 0, second: 0 });
+        tree.nodes.push(BinaryNode { bounds: NodeBounds::EMPTY, start, count: 0, second: 0 });
         append_depth_first(bvh, node.first_index, leaves, tree);
         let second = append_depth_first(bvh, node.first_index + 1, leaves, tree);
         (tree.nodes[index + 1].bounds.union(tree.nodes[second as usize].bounds), second)

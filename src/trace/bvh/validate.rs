@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::BvhTriangle;
-use super::binary::{Bounds, DEEPEST};
+use super::binary::{DEEPEST, NodeBounds};
 use super::wide::{LANES, LEAF, NODE_COST, Packet, SEE_THROUGH, WideNode, WideTree};
 
 /// Expected work of a random ray that meets the scene's box: nodes opened and leaves tested, by the surface area
@@ -51,13 +51,13 @@ pub enum TreeFault {
     },
 }
 
-fn lane_bounds(node: &WideNode, lane: usize) -> Bounds {
+fn lane_bounds(node: &WideNode, lane: usize) -> NodeBounds {
     let corner = |at: usize| Vec3::from_array(std::array::from_fn(|axis| node.bounds[at + axis][lane]));
-    Bounds { min: corner(0), max: corner(3) }
+    NodeBounds { min: corner(0), max: corner(3) }
 }
 
-fn node_bounds(node: &WideNode) -> Bounds {
-    (0..LANES).fold(Bounds::EMPTY, |bounds, lane| bounds.union(lane_bounds(node, lane)))
+fn node_bounds(node: &WideNode) -> NodeBounds {
+    (0..LANES).fold(NodeBounds::EMPTY, |bounds, lane| bounds.union(lane_bounds(node, lane)))
 }
 
 fn is_used(node: &WideNode, lane: usize) -> bool {
@@ -103,7 +103,7 @@ impl WideTree {
                     let packet = &self.packets[(code & !LEAF) as usize];
                     check_leaf(packet, triangles, &mut times)?;
                     let corners = members(packet).flat_map(|t| triangles[t as usize].corners);
-                    corners.fold(Bounds::EMPTY, |bounds, c| bounds.union(Bounds { min: c, max: c }))
+                    corners.fold(NodeBounds::EMPTY, |bounds, c| bounds.union(NodeBounds { min: c, max: c }))
                 };
                 let bounds = lane_bounds(node, lane);
                 if !(bounds.min.cmple(content.min).all() && content.max.cmple(bounds.max).all()) {
@@ -123,7 +123,7 @@ impl WideTree {
 
     pub(super) fn quality(&self) -> TreeQuality {
         let Some(root) = self.nodes.first() else { return TreeQuality { nodes: 0.0, leaves: 0.0, leaf_fill: 0.0 } };
-        let area = |bounds: Bounds| f64::from(bounds.half_area());
+        let area = |bounds: NodeBounds| f64::from(bounds.half_area());
         let whole = area(node_bounds(root)).max(f64::MIN_POSITIVE);
         let mut quality = TreeQuality { nodes: 1.0, leaves: 0.0, leaf_fill: 0.0 };
         for node in &self.nodes {

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::BvhTriangle;
-use super::binary::{BinaryTree, Bounds, DEEPEST};
+use super::binary::{BinaryTree, DEEPEST, NodeBounds};
 use super::collapse::Collapse;
 use super::reinsert::reinserted;
 
@@ -103,9 +103,9 @@ impl WideTree {
 }
 
 /// A box with its padding. What lies inside another box does so with both padded.
-fn padded(bounds: Bounds) -> Bounds {
+fn padded(bounds: NodeBounds) -> NodeBounds {
     let most = PADDING * bounds.min.abs().max(bounds.max.abs()).max_element();
-    Bounds { min: bounds.min - most, max: bounds.max + most }
+    NodeBounds { min: bounds.min - most, max: bounds.max + most }
 }
 
 /// The plane of a triangle: unit normal, and its product with each point there; zero for a triangle that is a line.

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::super::photons::Targets;
 use super::super::world::{CUT_OUT, End, OFF_LIGHT};
-use super::{Emitted, EmitterHit, Found, LightSample};
+use super::{Emitted, EmitterHit, LightSample, SeenLight};
 use crate::error::{Error, Result};
 use crate::scene::{AreaEmitter, AreaLayout, Paint, Scene, TextureId};
 
@@ -21,7 +21,7 @@ pub(super) struct AreaLight {
     cutout: Option<TextureId>,
     triangles: Vec<u32>,
     /// The triangles themselves, of lights that are sampled by them.
-    shapes: Vec<Shape>,
+    shapes: Vec<SampledTriangle>,
     /// Share of the area up to and with each triangle, ending at 1.
     cumulative: Vec<f32>,
     area: f32,
@@ -32,7 +32,7 @@ pub(super) struct AreaLight {
 
 /// A triangle as a sample wants it: in one place, where the mesh has it in many.
 #[derive(Clone, Copy, Debug)]
-struct Shape {
+struct SampledTriangle {
     corner: Vec3,
     edges: [Vec3; 2],
     normal: Vec3,
@@ -69,7 +69,7 @@ fn rounded(normal: Vec3, corners: [Vec3; 3]) -> f32 {
     OFF_LIGHT * normal.abs().dot(a.max(b).max(c))
 }
 
-impl Shape {
+impl SampledTriangle {
     fn of(scene: &Scene, triangle: u32) -> Self {
         let triangle = &scene.mesh.triangles[triangle as usize];
         let [a, b, c] = scene.mesh.corners(triangle);
@@ -104,7 +104,7 @@ impl AreaLight {
             sum += a;
             (sum / total) as f32
         });
-        let shapes: Vec<_> = emitter.triangles.iter().map(|&triangle| Shape::of(scene, triangle)).collect();
+        let shapes: Vec<_> = emitter.triangles.iter().map(|&triangle| SampledTriangle::of(scene, triangle)).collect();
         let corners = || shapes.iter().flat_map(|shape| shape.uvs);
         let low = corners().fold(Vec2::INFINITY, Vec2::min);
         let size = corners().fold(Vec2::NEG_INFINITY, Vec2::max) - low;
@@ -175,7 +175,7 @@ impl AreaLight {
             }
             AreaLayout::Whole => {
                 let (index, x) = self.choose(pair.x);
-                let Shape { corner, edges, normal, uvs, cutout, lift } = &self.shapes[index];
+                let SampledTriangle { corner, edges, normal, uvs, cutout, lift } = &self.shapes[index];
                 let (u, v) = uniform_triangle(Vec2::new(x, pair.y));
                 let uv = uvs[0] * (1.0 - u - v) + uvs[1] * u + uvs[2] * v;
                 LightPoint {
@@ -242,7 +242,7 @@ impl AreaLight {
 
     /// Emission where a ray hits one of its triangles.
     #[inline(always)]
-    pub(super) fn found(&self, scene: &Scene, hit: &EmitterHit) -> Option<Found> {
+    pub(super) fn found(&self, scene: &Scene, hit: &EmitterHit) -> Option<SeenLight> {
         let (normal, uv, column) = match self.layout {
             AreaLayout::Whole => (hit.normal, hit.uv, 0),
             AreaLayout::Texels { origin, edge_u, edge_v, normal, .. } => {
@@ -256,7 +256,7 @@ impl AreaLight {
             }
         };
         let cosine = self.cosine(normal, -hit.direction);
-        (cosine > 0.0).then(|| Found {
+        (cosine > 0.0).then(|| SeenLight {
             source: 0,
             column,
             radiance: self.colour(scene, uv),

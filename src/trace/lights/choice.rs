@@ -19,7 +19,7 @@ use crate::scene::{AreaLayout, Scene, bounds};
 const EVEN: f32 = 0.5;
 
 /// Most lights that are weighed at every surface; more share the samples evenly.
-const MOST: usize = 64;
+const MAX_WEIGHED: usize = 64;
 
 /// Lights that are weighed at once.
 const LANES: usize = 8;
@@ -37,19 +37,19 @@ struct Bound {
 
 /// The choice between all lights.
 #[derive(Debug)]
-pub(super) struct Choice {
+pub(super) struct LightChoice {
     /// All lights, and eight by eight.
     bounds: Vec<Bound>,
-    eights: Vec<Bounds>,
+    eights: Vec<LightBounds>,
     /// Share of the samples that goes to lights at some distance.
     near: f32,
 }
 
 /// The chance of each light at a surface.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::trace) struct Chances {
+pub(in crate::trace) struct LightPmf {
     /// Of the first lights, if they are weighed.
-    each: [f32; MOST],
+    each: [f32; MAX_WEIGHED],
     /// Of every light, if they are not.
     even: Option<f32>,
     count: usize,
@@ -83,7 +83,7 @@ impl Bound {
 
 /// Eight lights side by side.
 #[derive(Clone, Copy, Debug, Default)]
-struct Bounds {
+struct LightBounds {
     centre: [[f32; LANES]; 3],
     radius: [f32; LANES],
     axis: [[f32; LANES]; 3],
@@ -92,7 +92,7 @@ struct Bounds {
     near: [bool; LANES],
 }
 
-impl Bounds {
+impl LightBounds {
     fn of(bounds: &[Bound]) -> Self {
         let mut eight = Self::default();
         for (lane, bound) in bounds.iter().enumerate() {
@@ -125,7 +125,7 @@ impl Bounds {
 
 /// [`Bounds::weights`] of all, eight after eight.
 #[inline(always)]
-fn weigh_lanes(bounds: &[Bounds], position: Vec3, normal: Vec3, weights: &mut [f32; MOST]) {
+fn weigh_lanes(bounds: &[LightBounds], position: Vec3, normal: Vec3, weights: &mut [f32; MAX_WEIGHED]) {
     for (bounds, weights) in bounds.iter().zip(weights.as_chunks_mut::<LANES>().0) {
         *weights = bounds.weights(position, normal);
     }
@@ -133,12 +133,12 @@ fn weigh_lanes(bounds: &[Bounds], position: Vec3, normal: Vec3, weights: &mut [f
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn weigh_avx2(bounds: &[Bounds], position: Vec3, normal: Vec3, weights: &mut [f32; MOST]) {
+fn weigh_avx2(bounds: &[LightBounds], position: Vec3, normal: Vec3, weights: &mut [f32; MAX_WEIGHED]) {
     weigh_lanes(bounds, position, normal, weights);
 }
 
 /// [`weigh_lanes`] with the widest vectors there are. Lanes never mix, so the result is the same with any width.
-fn weigh(bounds: &[Bounds], position: Vec3, normal: Vec3, weights: &mut [f32; MOST]) {
+fn weigh(bounds: &[LightBounds], position: Vec3, normal: Vec3, weights: &mut [f32; MAX_WEIGHED]) {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
         #[expect(unsafe_code, reason = "a measured SIMD leaf: the plain body compiled for wider vectors")]
@@ -148,36 +148,36 @@ fn weigh(bounds: &[Bounds], position: Vec3, normal: Vec3, weights: &mut [f32; MO
     weigh_lanes(bounds, position, normal, weights);
 }
 
-impl Choice {
+impl LightChoice {
     pub(super) fn new(scene: &Scene, sources: &[(Source, u32)]) -> Self {
         let bounds: Vec<Bound> = sources.iter().map(|(source, _)| Bound::of(scene, source)).collect();
         let near = bounds.iter().filter(|bound| bound.near).count() as f32 / bounds.len().max(1) as f32;
-        let eights = bounds.chunks(LANES).map(Bounds::of).collect();
+        let eights = bounds.chunks(LANES).map(LightBounds::of).collect();
         Self { bounds, eights, near }
     }
 
     /// The chances at a surface.
     #[inline(always)]
-    pub(super) fn at(&self, position: Vec3, normal: Vec3) -> Chances {
+    pub(super) fn at(&self, position: Vec3, normal: Vec3) -> LightPmf {
         let count = self.bounds.len();
-        let (mut each, share) = ([0.0f32; MOST], 1.0 / count.max(1) as f32);
-        if !(2..=MOST).contains(&count) {
-            return Chances { each, even: Some(share), count };
+        let (mut each, share) = ([0.0f32; MAX_WEIGHED], 1.0 / count.max(1) as f32);
+        if !(2..=MAX_WEIGHED).contains(&count) {
+            return LightPmf { each, even: Some(share), count };
         }
         weigh(&self.eights, position, normal, &mut each);
         let sum = each[..count].iter().fold(0.0, |sum, weight| sum + weight);
         if !(sum > 0.0 && sum.is_finite()) {
-            return Chances { each, even: Some(share), count };
+            return LightPmf { each, even: Some(share), count };
         }
         let scale = (1.0 - EVEN) * self.near / sum;
         for (weight, bound) in each.iter_mut().zip(&self.bounds) {
             *weight = if bound.near { EVEN * share + scale * *weight } else { share };
         }
-        Chances { each, even: None, count }
+        LightPmf { each, even: None, count }
     }
 }
 
-impl Chances {
+impl LightPmf {
     /// The chance of one light.
     pub(super) fn of(&self, light: usize) -> f32 {
         self.even.unwrap_or_else(|| self.each.get(light).copied().unwrap_or(0.0))

@@ -14,15 +14,15 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3};
 
 use super::bsdf::cosine_hemisphere;
-use super::frame::Frame;
+use super::frame::ShadingFrame;
 use super::photons::Targets;
-use super::sampler::{Sampler, Use};
+use super::sampler::{Dimension, Sampler};
 use super::world::End;
 use crate::error::{Error, Result};
 use crate::scene::{Emitter, EnvironmentEmitter, Scene};
 use area::AreaLight;
-pub(super) use choice::Chances;
-use choice::Choice;
+use choice::LightChoice;
+pub(super) use choice::LightPmf;
 use point::PointLight;
 pub(super) use point::{cap_direction, cap_height_of};
 
@@ -36,9 +36,9 @@ enum Source {
 
 /// All lights of a scene.
 #[derive(Debug)]
-pub(super) struct Lights {
+pub(super) struct LightSampler {
     sources: Vec<(Source, u32)>,
-    choice: Choice,
+    choice: LightChoice,
     /// Sources that a ray leaving the scene may find.
     distant: Vec<u32>,
 }
@@ -75,7 +75,7 @@ pub(super) struct Emitted {
 
 /// Emission that a ray has found.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Found {
+pub(super) struct SeenLight {
     /// The light.
     pub(super) source: u32,
     /// Column of `T`.
@@ -86,7 +86,7 @@ pub(super) struct Found {
     pub(super) pdf: f32,
 }
 
-impl Lights {
+impl LightSampler {
     /// Prepares the lights of a scene. Errors: an emitter without area, or that names triangles that are not there.
     pub(super) fn new(scene: &Scene) -> Result<Self> {
         if scene.emitters.len() != scene.basis.lights().len() || scene.emitters.is_empty() {
@@ -111,13 +111,13 @@ impl Lights {
             Source::Environment(_) => true,
         };
         let distant = (0..sources.len() as u32).filter(|&i| is_distant(&sources[i as usize].0)).collect();
-        let choice = Choice::new(scene, &sources);
+        let choice = LightChoice::new(scene, &sources);
         Ok(Self { sources, choice, distant })
     }
 
     /// The chances of all lights at a surface at `position` with shading normal `normal`.
     #[inline(always)]
-    pub(super) fn chances(&self, position: Vec3, normal: Vec3) -> Chances {
+    pub(super) fn chances(&self, position: Vec3, normal: Vec3) -> LightPmf {
         self.choice.at(position, normal)
     }
 
@@ -127,8 +127,8 @@ impl Lights {
     pub(super) fn sample(
         &self,
         scene: &Scene,
-        (position, frame): (Vec3, &Frame),
-        chances: &Chances,
+        (position, frame): (Vec3, &ShadingFrame),
+        chances: &LightPmf,
         pair: Vec2,
     ) -> Option<LightSample> {
         let (index, chance, x) = chances.choose(pair.x);
@@ -161,7 +161,7 @@ impl Lights {
         emitter: u32,
         hit: &EmitterHit,
         from: (Vec3, Vec3),
-    ) -> Option<Found> {
+    ) -> Option<SeenLight> {
         let (Source::Area(light), first_column) = self.sources.get(emitter as usize)? else { return None };
         let mut found = light.found(scene, hit)?;
         found.source = emitter;
@@ -172,14 +172,19 @@ impl Lights {
 
     /// Emission found by a ray that leaves the scene along `direction`, having been scattered at a surface whose
     /// shading normal makes `cosine` with it.
-    pub(super) fn beyond(&self, direction: Vec3, cosine: f32, from: (Vec3, Vec3)) -> impl Iterator<Item = Found> + '_ {
+    pub(super) fn beyond(
+        &self,
+        direction: Vec3,
+        cosine: f32,
+        from: (Vec3, Vec3),
+    ) -> impl Iterator<Item = SeenLight> + '_ {
         let chances = (!self.distant.is_empty()).then(|| self.chances(from.0, from.1));
         self.distant.iter().filter_map(move |&i| {
             let (source, first_column) = &self.sources[i as usize];
             let mut found = match source {
                 Source::Area(_) => return None,
                 Source::Point(light) => light.found(direction)?,
-                Source::Environment(light) => Found {
+                Source::Environment(light) => SeenLight {
                     source: 0,
                     column: environment_column(light, direction),
                     radiance: Vec3::ONE,
@@ -196,7 +201,7 @@ impl Lights {
     /// A photon from a light towards the targets. None where the light sends nothing on the way that was drawn.
     pub(super) fn emit(&self, scene: &Scene, targets: &Targets, source: u32, sampler: &Sampler) -> Option<Emitted> {
         let (source, first_column) = &self.sources[source as usize];
-        let pairs = [sampler.pair(Use::Light, 0), sampler.pair(Use::Scatter, 0)];
+        let pairs = [sampler.pair(Dimension::Light, 0), sampler.pair(Dimension::Scatter, 0)];
         let mut emitted = match source {
             Source::Area(light) => light.emit(scene, targets, pairs)?,
             Source::Point(light) => light.emit(targets, pairs)?,
@@ -323,7 +328,7 @@ mod tests {
     }
 
     /// What a ray from `position` along `direction` finds: column, and the density with which sampling chooses it.
-    fn found(world: &World, position: Vec3, frame: &Frame, direction: Vec3) -> Option<Found> {
+    fn found(world: &World, position: Vec3, frame: &ShadingFrame, direction: Vec3) -> Option<SeenLight> {
         let lights = &world.lights;
         let Some(point) = world.intersect(position, direction, &mut 0) else {
             return lights.beyond(direction, frame.to_local(direction).z, (position, frame.z)).next();
@@ -342,8 +347,9 @@ mod tests {
         const TURNS: usize = 32;
         const FINE: usize = 40;
         let world = World::new(scene).unwrap();
-        let (position, shading) = (Vec3::new(0.1, 0.2, -0.3), Frame::around(Vec3::new(0.3, 0.9, -0.2).normalize()));
-        let around = Frame::around(axis.normalize());
+        let (position, shading) =
+            (Vec3::new(0.1, 0.2, -0.3), ShadingFrame::around(Vec3::new(0.3, 0.9, -0.2).normalize()));
+        let around = ShadingFrame::around(axis.normalize());
         let cap = 2.0 * (0.5 * reach).sin().powi(2);
         let direction = |ring: f32, turn: f32| {
             let drop = cap * ring / RINGS as f32;

@@ -5,10 +5,10 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use glam::{Vec2, Vec3};
 
 use super::super::bsdf::concentric_disc;
-use super::super::frame::Frame;
+use super::super::frame::ShadingFrame;
 use super::super::photons::Targets;
 use super::super::world::{End, OFF_LIGHT};
-use super::{Emitted, EmitterHit, Found, LightSample};
+use super::{Emitted, EmitterHit, LightSample, SeenLight};
 use crate::scene::{IesProfile, PointEmitter};
 
 /// A point-like light of one column.
@@ -98,17 +98,17 @@ impl PointLight {
     }
 
     /// Emission found by a ray that leaves the scene along `direction`.
-    pub(super) fn found(&self, direction: Vec3) -> Option<Found> {
+    pub(super) fn found(&self, direction: Vec3) -> Option<SeenLight> {
         let PointEmitter::Sun { towards, angular_radius_radians } = self.emitter else { return None };
         // The chord between unit vectors is exact where a cosine near one is not.
         let inside = (direction - towards).length() <= 2.0 * (0.5 * angular_radius_radians).sin();
         (self.is_disc() && inside).then(|| self.found_inside(angular_radius_radians))
     }
 
-    fn found_inside(&self, radius: f32) -> Found {
+    fn found_inside(&self, radius: f32) -> SeenLight {
         // Irradiance 1 on a facing plane: L ∫ cos θ dω = L π sin² r = 1.
         let radiance = 1.0 / (PI * radius.sin().powi(2));
-        Found { source: 0, column: 0, radiance: Vec3::splat(radiance), pdf: 1.0 / (TAU * cap_height(radius)) }
+        SeenLight { source: 0, column: 0, radiance: Vec3::splat(radiance), pdf: 1.0 / (TAU * cap_height(radius)) }
     }
 }
 
@@ -120,7 +120,7 @@ pub(in crate::trace) fn cap_direction(axis: Vec3, height: f32, pair: Vec2) -> Ve
     let drop = r2 * height;
     let ring = (drop * (2.0 - drop)).max(0.0).sqrt();
     let flat = if r2 > 0.0 { disc / r2.sqrt() * ring } else { Vec2::ZERO };
-    Frame::around(axis).to_world(Vec3::new(flat.x, flat.y, 1.0 - drop))
+    ShadingFrame::around(axis).to_world(Vec3::new(flat.x, flat.y, 1.0 - drop))
 }
 
 /// `1 − cos` between unit vectors, without cancellation for small angles.

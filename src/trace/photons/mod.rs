@@ -48,7 +48,7 @@ pub(super) use targets::Targets;
 const PER_PATH: f64 = 0.5;
 
 /// Fewest photons that leave the lights, as far as there are not more lights than that.
-const LEAST_EMITTED: u64 = 1 << 16;
+const MIN_EMITTED: u64 = 1 << 16;
 
 /// Most photons that leave the lights for a map, likewise: more than so many come in more maps.
 const OF_MAP: u64 = 1 << 16;
@@ -73,7 +73,7 @@ const LATER_MAPS: u32 = 16;
 const AT_ONCE: u32 = 4;
 
 /// Segments of the shortest path with a photon: from the light to a mirror, on to a surface, and to the camera.
-const LEAST_DEPTH: u32 = 3;
+const MIN_DEPTH: u32 = 3;
 
 /// Most that maps may take in memory: more lie in a file.
 pub(super) const MAP_BYTES: usize = 192 << 20;
@@ -184,7 +184,7 @@ struct Numbers {
 
 /// Where a surface of a camera path gathers photons.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Gathering {
+pub(super) struct PhotonGather {
     /// Which map.
     pub(super) map: u32,
     pub(super) position: Vec3,
@@ -197,7 +197,7 @@ pub(super) struct Gathering {
 
 /// Photons in reach that lie together, in the lanes that `mask` names.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Gathered {
+pub(super) struct PhotonGroup {
     pub(super) mask: u32,
     pub(super) column: [u32; LANES],
     /// Unit directions to where they came from, by axis.
@@ -208,20 +208,20 @@ pub(super) struct Gathered {
 }
 
 /// What takes photons in reach.
-pub(super) trait Gather {
+pub(super) trait PhotonVisitor {
     /// Takes some that lie together.
-    fn take(&mut self, gathered: &Gathered);
+    fn take(&mut self, gathered: &PhotonGroup);
 }
 
 /// The leaves of a map on the way to what gathers from them.
 struct Leaves<'a, G> {
     leaves: &'a [Leaf],
-    at: &'a Gathering,
+    at: &'a PhotonGather,
     square: f32,
     into: &'a mut G,
 }
 
-impl<G: Gather> near::Each for Leaves<'_, G> {
+impl<G: PhotonVisitor> near::LeafVisitor for Leaves<'_, G> {
     #[inline(always)]
     fn leaf(&mut self, leaf: usize, distances: &[f32; LANES], mask: u32) {
         let gathered = self.leaves[leaf].within(self.at, self.square, distances, mask);
@@ -260,7 +260,7 @@ impl Leaf {
 
     /// Those of `mask` that lie on a surface alike and whose paths are not too long, at these squared distances.
     #[inline(always)]
-    fn within(&self, at: &Gathering, square: f32, distances: &[f32; LANES], mask: u32) -> Gathered {
+    fn within(&self, at: &PhotonGather, square: f32, distances: &[f32; LANES], mask: u32) -> PhotonGroup {
         // The kernel of Epanechnikov: `2/(π r²) (1 − d²/r²)`.
         let peak = std::f32::consts::FRAC_2_PI / square;
         let (normal, direction) = (unfold_lanes(&self.normal), unfold_lanes(&self.direction));
@@ -271,7 +271,7 @@ impl Leaf {
             alike[lane] = u32::from(cosine > ALIKE) & u32::from(self.segments[lane] <= at.most_segments);
             share[lane] = peak * (1.0 - distances[lane] / square);
         }
-        let mut gathered = Gathered {
+        let mut gathered = PhotonGroup {
             mask: (0..LANES).fold(0, |bits, lane| bits | alike[lane] << lane) & mask,
             column: self.column,
             towards: direction,
@@ -286,7 +286,7 @@ impl Leaf {
     }
 }
 
-impl Gathered {
+impl PhotonGroup {
     /// Weights beside paths that are scattered along the photons' ways with densities `spread` over projected solid angle.
     /// `expected` is what a photon of density one is expected to bring ([`Photons::expected_of`]).
     #[inline(always)]
@@ -305,7 +305,7 @@ impl Numbers {
     fn of(scene: &Scene, pixels: u64, settings: TraceSettings) -> Self {
         let samples = settings.samples_per_pixel;
         let lights = scene.emitters.len() as u64;
-        let wanted = (pixels as f64 * f64::from(samples) * PER_PATH).max(LEAST_EMITTED as f64);
+        let wanted = (pixels as f64 * f64::from(samples) * PER_PATH).max(MIN_EMITTED as f64);
         // No more than there are samples to gather from them.
         let pairs = (0.5 * wanted / OF_MAP as f64).ceil().max(f64::from(FEW_MAPS / 2)).min(f64::from(samples / 2));
         let maps = (2.0 * pairs).max(1.0);
@@ -334,7 +334,7 @@ impl Photons {
         most_bytes: usize,
     ) -> Result<(Option<Self>, PhotonCost)> {
         let begun = Instant::now();
-        let Some(targets) = Targets::of(&world.scene).filter(|_| settings.max_depth >= LEAST_DEPTH) else {
+        let Some(targets) = Targets::of(&world.scene).filter(|_| settings.max_depth >= MIN_DEPTH) else {
             return Ok((None, PhotonCost::default()));
         };
         let numbers = Numbers::of(&world.scene, pixels, settings);
@@ -392,7 +392,7 @@ impl Photons {
 
     /// How many leave the lights of a scene, at most.
     pub(super) fn sent(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
-        let can_be = settings.max_depth >= LEAST_DEPTH && Targets::of(scene).is_some();
+        let can_be = settings.max_depth >= MIN_DEPTH && Targets::of(scene).is_some();
         if can_be { Numbers::of(scene, pixels, settings).all() } else { 0 }
     }
 
@@ -414,7 +414,7 @@ impl Photons {
 
     /// All photons in reach of a surface, in one order on every machine.
     #[inline]
-    pub(super) fn gather(&self, at: &Gathering, into: &mut impl Gather) {
+    pub(super) fn gather(&self, at: &PhotonGather, into: &mut impl PhotonVisitor) {
         let Some(Map { leaves, near, .. }) = self.maps.get(at.map as usize) else { return };
         let square = at.radius * at.radius;
         let disc = Disc { centre: at.position, normal: at.normal, square, height: THICKNESS * at.radius };
@@ -489,8 +489,8 @@ mod tests {
     #[derive(Default, PartialEq, Debug)]
     struct Taken(Vec<(u32, [u32; CHANNELS])>);
 
-    impl Gather for Taken {
-        fn take(&mut self, gathered: &Gathered) {
+    impl PhotonVisitor for Taken {
+        fn take(&mut self, gathered: &PhotonGroup) {
             let lanes = (0..LANES).filter(|lane| gathered.mask >> lane & 1 == 1);
             let bits = |lane: usize| std::array::from_fn(|channel| gathered.irradiance[channel][lane].to_bits());
             self.0.extend(lanes.map(|lane| (gathered.column[lane], bits(lane))));
@@ -522,7 +522,7 @@ mod tests {
                 let position = photon.position;
                 let at = |photons: &Photons| {
                     let (radius, mut taken) = (photons.radius_at(position), Taken::default());
-                    photons.gather(&Gathering { map, position, normal, radius, most_segments: 8 }, &mut taken);
+                    photons.gather(&PhotonGather { map, position, normal, radius, most_segments: 8 }, &mut taken);
                     taken
                 };
                 let [held, few, none] = [&held, &few, &none].map(at);

@@ -17,7 +17,7 @@ use crate::error::Result;
 pub(in crate::trace) const LANES: usize = 8;
 
 /// Levels of nodes: enough for more points than there are indices.
-const MOST_LEVELS: usize = 12;
+const MAX_LEVELS: usize = 12;
 
 /// Where points are looked for: within `radius`, no higher above or below the plane than `height`.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +44,7 @@ struct Leaf {
 }
 
 /// What is done with leaves that have points in the disc.
-pub(super) trait Each {
+pub(super) trait LeafVisitor {
     /// A leaf, the squares of its points' distances, and which of them are in the disc. In the order of the points.
     fn leaf(&mut self, leaf: usize, distances: &[f32; LANES], mask: u32);
     /// A leaf that comes soon.
@@ -109,7 +109,7 @@ impl Near {
 
     /// Every leaf with points in the disc, in their order: its index, the squares of their distances, and which they are.
     #[inline]
-    pub(super) fn find(&self, disc: &Disc, each: impl Each) {
+    pub(super) fn find(&self, disc: &Disc, each: impl LeafVisitor) {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2") {
             #[expect(
@@ -128,12 +128,12 @@ impl Near {
         &self,
         boxes_near: impl Fn(&Boxes) -> u32,
         points_near: impl Fn(&Leaf) -> ([f32; LANES], u32),
-        mut each: impl Each,
+        mut each: impl LeafVisitor,
     ) {
         let top = self.levels.len() - 1;
-        let (leaves, mut levels) = (&*self.leaves, [&[][..]; MOST_LEVELS]);
+        let (leaves, mut levels) = (&*self.leaves, [&[][..]; MAX_LEVELS]);
         levels.iter_mut().zip(&self.levels).for_each(|(into, level)| *into = level);
-        let mut waiting = [(0usize, 0u32); MOST_LEVELS];
+        let mut waiting = [(0usize, 0u32); MAX_LEVELS];
         let (mut level, mut node, mut mask) = (top, 0, boxes_near(&levels[top][0]));
         loop {
             if mask == 0 {
@@ -164,10 +164,10 @@ impl Near {
 /// Fetches the children of a node that are looked at next.
 #[inline(always)]
 fn ahead(
-    (leaves, levels): (&[Leaf], &[&[Boxes]; MOST_LEVELS]),
+    (leaves, levels): (&[Leaf], &[&[Boxes]; MAX_LEVELS]),
     level: usize,
     (node, mut mask): (usize, u32),
-    each: &impl Each,
+    each: &impl LeafVisitor,
 ) {
     while mask != 0 {
         let child = node * LANES + mask.trailing_zeros() as usize;
@@ -262,7 +262,7 @@ mod avx2 {
 
     use std::arch::x86_64::*;
 
-    use super::{Disc, Each, LANES, Near};
+    use super::{Disc, LANES, LeafVisitor, Near};
 
     #[inline]
     #[target_feature(enable = "avx2")]
@@ -279,7 +279,7 @@ mod avx2 {
     }
 
     #[target_feature(enable = "avx2")]
-    pub(super) fn find(near: &Near, disc: &Disc, each: impl Each) {
+    pub(super) fn find(near: &Near, disc: &Disc, each: impl LeafVisitor) {
         let centre = [0, 1, 2].map(|axis| _mm256_set1_ps(disc.centre[axis]));
         let normal = [0, 1, 2].map(|axis| _mm256_set1_ps(disc.normal[axis]));
         let (square, height) = (_mm256_set1_ps(disc.square), _mm256_set1_ps(disc.height));
@@ -323,7 +323,7 @@ mod tests {
     /// Indices and squared distances.
     struct Put<'a>(&'a [Range<usize>], &'a mut Vec<(u32, f32)>);
 
-    impl Each for Put<'_> {
+    impl LeafVisitor for Put<'_> {
         fn leaf(&mut self, leaf: usize, distances: &[f32; LANES], mask: u32) {
             let lanes = (0..LANES).filter(|lane| mask >> lane & 1 == 1);
             self.1.extend(lanes.map(|lane| ((self.0[leaf].start + lane) as u32, distances[lane])));

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::tree::Tree;
+use super::tree::PhotonTree;
 use crate::scene::bounds;
 
 /// Photons of all maps that a radius holds where `AT` are kept; with more, `N^⅔` as many.
@@ -15,7 +15,7 @@ const RANGE: (f32, f32) = (1e-5, 0.05);
 /// Radii by the leaves of a tree over all photons.
 #[derive(Debug)]
 pub(super) struct RadiusField {
-    tree: Tree,
+    tree: PhotonTree,
     radii: Vec<f32>,
 }
 
@@ -33,7 +33,7 @@ impl RadiusField {
         if places.is_empty() {
             return None;
         }
-        let tree = Tree::sort(places, (held(places.len()) as usize).max(16), |&place| place);
+        let tree = PhotonTree::sort(places, (held(places.len()) as usize).max(16), |&place| place);
         // That part of those here.
         let held = held(photons) * places.len() as f64 / photons as f64;
         let radius = |range: std::ops::Range<usize>| {

@@ -3,12 +3,12 @@
 use glam::{Vec2, Vec3};
 
 use super::super::bsdf::concentric_disc;
-use super::super::frame::Frame;
+use super::super::frame::ShadingFrame;
 use super::super::lights::{cap_direction, cap_height_of};
 use crate::scene::{Mesh, Scene, Surface, bounds};
 
 /// Most spheres. Every photon asks each of them whether it was meant as well.
-const MOST_SPHERES: usize = 32;
+const MAX_SPHERES: usize = 32;
 
 /// A group of triangles is parted where the spheres around its parts have less than this share of its sphere's section.
 const WORTH_PARTING: f32 = 0.8;
@@ -38,7 +38,7 @@ type Group = (Sphere, Vec<u32>);
 /// What a point sees of the targets: directions are chosen uniformly over each cone, and cones by their solid angle.
 struct Cones {
     /// Axis, `1 − cos` of the half angle; and the sum of these up to and with each.
-    cones: [(Vec3, f32, f32); MOST_SPHERES],
+    cones: [(Vec3, f32, f32); MAX_SPHERES],
     count: usize,
 }
 
@@ -53,7 +53,7 @@ impl Targets {
         let mut groups = vec![(whole, triangles)];
         let mut done = Vec::new();
         while let Some((sphere, triangles)) = groups.pop() {
-            match part(mesh, &sphere, &triangles).filter(|_| groups.len() + done.len() + 2 <= MOST_SPHERES) {
+            match part(mesh, &sphere, &triangles).filter(|_| groups.len() + done.len() + 2 <= MAX_SPHERES) {
                 // The larger part last, to be parted next.
                 Some(parts) => groups.extend(parts),
                 None => done.push(sphere),
@@ -72,7 +72,7 @@ impl Targets {
 
     /// The cones that `position` sends into; only those that reach before `normal`, where it emits to one side.
     fn cones(&self, position: Vec3, normal: Option<Vec3>) -> Cones {
-        let mut seen = Cones { cones: [(Vec3::Z, 0.0, 0.0); MOST_SPHERES], count: 0 };
+        let mut seen = Cones { cones: [(Vec3::Z, 0.0, 0.0); MAX_SPHERES], count: 0 };
         let mut sum = 0.0;
         for sphere in &self.spheres {
             let offset = sphere.centre - position;
@@ -132,7 +132,7 @@ impl Targets {
             sum += section;
         }
         let disc = chosen.radius * concentric_disc(Vec2::new(x.clamp(0.0, 0.999_999_9), pair.y));
-        let middle = chosen.centre + Frame::around(towards).to_world(Vec3::new(disc.x, disc.y, 0.0));
+        let middle = chosen.centre + ShadingFrame::around(towards).to_world(Vec3::new(disc.x, disc.y, 0.0));
         let outside = 2.0 * self.scene.radius + middle.distance(self.scene.centre);
         Some((middle + towards * outside, self.beam_density(middle, towards)))
     }

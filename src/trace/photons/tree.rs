@@ -8,13 +8,13 @@ use crate::scene::bounds;
 /// The planes of a tree, in the order of a heap: node `i` has the children `2i + 1` and `2i + 2`. A node's points are a range
 /// of the sorted points, parted in its middle.
 #[derive(Debug)]
-pub(super) struct Tree {
+pub(super) struct PhotonTree {
     planes: Vec<(f32, u32)>,
     points: usize,
     depth: u32,
 }
 
-impl Tree {
+impl PhotonTree {
     /// Sorts `points` into a tree with at most `leaf` in a range that is parted no more.
     pub(super) fn sort<T>(points: &mut [T], leaf: usize, position: impl Fn(&T) -> Vec3 + Copy) -> Self {
         let depth = points.len().div_ceil(leaf.max(1)).max(1).next_power_of_two().ilog2();
@@ -84,7 +84,7 @@ mod tests {
             // Some lie on planes, as photons do; and some in one place.
             let mut place = || Vec3::new(random.random(), random.random(), (random.random::<f32>() * 4.0).floor());
             let mut points: Vec<Vec3> = (0..count).map(|_| place()).collect();
-            let tree = Tree::sort(&mut points, 8, |&point| point);
+            let tree = PhotonTree::sort(&mut points, 8, |&point| point);
             let leaves = tree.leaves();
             assert!(leaves.iter().all(|leaf| leaf.len() <= 8) && leaves.last().unwrap().end == count);
             for (leaf, range) in leaves.into_iter().enumerate() {

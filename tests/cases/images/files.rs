@@ -6,7 +6,7 @@ use std::path::Path;
 use ltm::container::ContainerReader;
 use ltm::image::LightSet;
 use ltm::pipeline::{self, ImageNoise, ImportedMatrix, PackOptions, Selection, UnpackOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 
 use super::write::{Exr, constant, file, lights, refused};
 
@@ -217,14 +217,15 @@ pub(super) fn odd_names() {
     let packed = out.join("a.ltc");
     let set = LightSet::open(&path, None).unwrap();
     let options = PackOptions::default();
-    let matrix = ImportedMatrix::read(&set, ImageNoise::Unknown, "a", &packed, 32, &options, &Quiet).unwrap();
-    pipeline::pack(&matrix, matrix.job(), &packed, &options, &Quiet).unwrap();
+    let matrix = ImportedMatrix::read(&set, ImageNoise::Unknown, "a", &packed, 32, &options, &NoProgress).unwrap();
+    pipeline::pack(&matrix, matrix.job(), &packed, &options, &NoProgress).unwrap();
     let container = ContainerReader::open(&packed).unwrap();
     let written = |lights: &[&str]| {
         let selection =
             Selection { lights: lights.iter().map(|&light| light.to_owned()).collect(), ..Selection::default() };
         let options = UnpackOptions { selection, overwrite: true, ..UnpackOptions::default() };
-        let mut written = pipeline::unpack_to_exr(&container, &out.join("x_{light}.exr"), &options, &Quiet).unwrap();
+        let mut written =
+            pipeline::unpack_to_exr(&container, &out.join("x_{light}.exr"), &options, &NoProgress).unwrap();
         written.sort();
         written
     };

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ltm::image::{LayerPattern, LightSet, RgbaImage, image_facts, read_rgba};
 use ltm::pipeline::{ImageNoise, ImportedMatrix, PackOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use tempfile::TempDir;
 
 /// The value at a pixel of the data window.
@@ -180,7 +180,8 @@ pub(super) fn imported(path: &Path) -> (Vec<String>, Option<f64>, String) {
     let beside = tempfile::tempdir().unwrap();
     let place = beside.path().join("x");
     let matrix =
-        ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &place, 32, &PackOptions::default(), &Quiet).unwrap();
+        ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &place, 32, &PackOptions::default(), &NoProgress)
+            .unwrap();
     let names = matrix.job().basis.lights().iter().map(|light| light.name.clone()).collect();
     (names, matrix.sum_difference, matrix.warnings.join("\n"))
 }

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use figures::Figures;
 use ltm::pipeline::{self, RenderOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;
 
@@ -46,7 +46,7 @@ fn bench(criterion: &mut Criterion) {
     let [matrix, container, again] = ["room.ltm", "room.ltc", "again.ltm"].map(|name| folder.path().join(name));
     let mut loaded = BuiltIn { width, height, texels: TEXELS }.named("mixed").expect("a built-in scene");
     loaded.settings.samples_per_pixel = SAMPLES;
-    pipeline::render(loaded, &matrix, &RenderOptions::default(), &Quiet).expect("rendering");
+    pipeline::render(loaded, &matrix, &RenderOptions::default(), &NoProgress).expect("rendering");
     let shape = StoreReader::open(&matrix).expect("the matrix").job().shape;
     let (pack, unpack) = (env!("CARGO_BIN_EXE_ltm-pack"), env!("CARGO_BIN_EXE_ltm-unpack"));
     let said = run(pack, &matrix, &container);

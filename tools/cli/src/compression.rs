@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use ltm::compress::{CompressSettings, Method, PriorChoice, Scope, Target};
-use ltm::light::{LightBasis, cleaning_errors_line, light_errors_lines};
+use ltm::light::{LightBasis, denoise_errors_line, light_errors_lines};
 use ltm::pipeline::PackReport;
 use ltm::resources::parse_bytes;
 
@@ -125,7 +125,7 @@ fn parse_target(text: &str) -> Result<Target, String> {
 
 /// Says what cleaning did, where images were cleaned, and what lightings of every kind lose.
 pub fn say_errors(report: &PackReport, basis: &LightBasis) {
-    report.cleaning.iter().for_each(|errors| say!("{}", cleaning_errors_line(errors)));
+    report.cleaning.iter().for_each(|errors| say!("{}", denoise_errors_line(errors)));
     light_errors_lines(&report.lights, basis).iter().for_each(|line| say!("{line}"));
 }
 

@@ -10,7 +10,7 @@ use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use ltm::resources::{PeakMemory, Watch};
+use ltm::resources::{PeakMemory, Progress};
 
 /// Time between two lines of progress.
 const LINES_APART: Duration = Duration::from_millis(100);
@@ -34,7 +34,7 @@ const FAULT: i32 = 70;
 /// Most threads that are started for each core: more cost time and bring nothing.
 const THREADS_PER_CORE: usize = 4;
 /// As many threads are started on any machine that wants them.
-const MOST_THREADS_ANYWHERE: usize = 64;
+const MAX_THREADS_ANYWHERE: usize = 64;
 
 /// Progress on standard error: a bar on a terminal, elsewhere nothing but notes, or lines for a program that reads them.
 #[derive(Default)]
@@ -92,7 +92,7 @@ impl Console {
     }
 }
 
-impl Watch for Console {
+impl Progress for Console {
     fn begin(&self, stage: &str, total: u64, unit: &str) {
         let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::hidden());
         let template = format!("{{msg}} [{{bar:32}}] {{pos}}/{{len}} {unit}, {{prefix}}, {{eta}} left");
@@ -261,7 +261,7 @@ pub fn use_threads(threads: Option<usize>) -> ltm::Result<()> {
         Some(0) => Err(ltm::Error::input("--threads", "0 threads cannot work", "give 1 or more")),
         Some(count) => {
             let cores = std::thread::available_parallelism().map_or(1, usize::from);
-            let most = MOST_THREADS_ANYWHERE.max(THREADS_PER_CORE * cores);
+            let most = MAX_THREADS_ANYWHERE.max(THREADS_PER_CORE * cores);
             if count > most {
                 let problem = format!("{count} threads are more than {cores} cores can use");
                 return Err(ltm::Error::input("--threads", problem, format!("give {most} at most")));

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use ltm::matrix::{BlockId, BlockSource};
 use ltm::pipeline::{self, PackOptions, RenderOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
 
@@ -20,7 +20,7 @@ fn room(samples_per_pixel: u32) -> LoadedScene {
 
 fn render(folder: &Path) -> PathBuf {
     let path = folder.join("room.ltm");
-    pipeline::render(room(4), &path, &RenderOptions::default(), &Quiet).unwrap();
+    pipeline::render(room(4), &path, &RenderOptions::default(), &NoProgress).unwrap();
     path
 }
 
@@ -58,12 +58,12 @@ fn a_repaired_matrix_has_the_bytes_that_it_had() {
         assert_eq!(lines[0].matches(block).count(), 1, "{}", lines[0]);
     }
     // Another scene's light does not belong there.
-    assert!(pipeline::repair(room(8), &path, None, &Quiet).is_err());
-    let repaired = pipeline::repair(room(4), &path, None, &Quiet).unwrap();
+    assert!(pipeline::repair(room(8), &path, None, &NoProgress).is_err());
+    let repaired = pipeline::repair(room(4), &path, None, &NoProgress).unwrap();
     assert_eq!(repaired, [BlockId(1), BlockId(5)]);
     assert!(fs::read(&path).unwrap() == sound);
     assert_eq!(said_of(&path).0, Some(0));
-    assert_eq!(pipeline::repair(room(4), &path, None, &Quiet).unwrap(), []);
+    assert_eq!(pipeline::repair(room(4), &path, None, &NoProgress).unwrap(), []);
     assert!(fs::read(&path).unwrap() == sound);
 }
 
@@ -72,7 +72,7 @@ fn what_is_damaged_in_a_container_is_named_once_whatever_the_threads() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = StoreReader::open(&render(folder.path())).unwrap();
     let path = folder.path().join("room.ltc");
-    pipeline::pack(&matrix, matrix.job(), &path, &PackOptions::default(), &Quiet).unwrap();
+    pipeline::pack(&matrix, matrix.job(), &path, &PackOptions::default(), &NoProgress).unwrap();
     let (code, said) = said_of(&path);
     assert_eq!(code, Some(0));
     assert!(
@@ -90,7 +90,7 @@ fn what_is_damaged_in_a_container_is_named_once_whatever_the_threads() {
     assert_eq!(damaged[1].matches("block 0").count(), 1, "{said}");
     let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let checked = |threads: &rayon::ThreadPool| {
-        threads.install(|| pipeline::verify_container(&path, None, &Quiet)).unwrap().faults
+        threads.install(|| pipeline::verify_container(&path, None, &NoProgress)).unwrap().faults
     };
     let together = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
     assert_eq!(checked(&alone), checked(&together));

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use ltm::pipeline::{self, RenderOptions};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::scene::BuiltIn;
 
 /// The first number of MiB after `word`.
@@ -35,7 +35,7 @@ fn a_matrix_larger_than_the_memory_allowed_is_clustered_within_what_was_stated()
     // 69,120 rows, more than are looked at together; 256 columns: 67.5 MiB.
     let mut room = BuiltIn { width: 160, height: 144, texels: 16 }.named("diffuse").unwrap();
     room.settings.samples_per_pixel = 1;
-    pipeline::render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
+    pipeline::render(room, &matrix, &RenderOptions::default(), &NoProgress).unwrap();
     for method in ["algorithm2", "algorithm4"] {
         let arguments = ["--method", method, "--scope", "global", "--rank", "16", "--memory", "60MiB", "--force"];
         let (peak, need) = pack(&matrix, &arguments);
@@ -52,7 +52,7 @@ fn a_matrix_is_cleaned_within_what_was_stated() {
         let mut room = BuiltIn { width, height: 64, texels }.named("diffuse").unwrap();
         room.settings.samples_per_pixel = 4;
         let matrix = folder.path().join(format!("{texels}.ltm"));
-        pipeline::render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
+        pipeline::render(room, &matrix, &RenderOptions::default(), &NoProgress).unwrap();
         let (peak, need) = pack(&matrix, &["--memory", &format!("{allowed}MiB")]);
         assert!(peak <= need && need <= allowed, "{texels} texels: {peak} MiB of {need} MiB");
     }

@@ -7,7 +7,7 @@ use super::{StudyOptions, machine};
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
 use ltm::pipeline::{self, RenderOptions, job_of};
-use ltm::resources::Watch;
+use ltm::resources::Progress;
 use ltm::scene::{self, BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
 
@@ -56,7 +56,7 @@ pub(super) fn scene_text(name: &str) -> &'static str {
 pub(super) struct Bench<'a> {
     pub(super) out: PathBuf,
     pub(super) quick: bool,
-    pub(super) watch: &'a dyn Watch,
+    pub(super) watch: &'a dyn Progress,
     study: &'static str,
 }
 
@@ -72,7 +72,7 @@ pub(super) struct Wanted {
 }
 
 impl<'a> Bench<'a> {
-    pub(super) fn new(study: &'static str, options: &StudyOptions, watch: &'a dyn Watch) -> Result<Self> {
+    pub(super) fn new(study: &'static str, options: &StudyOptions, watch: &'a dyn Progress) -> Result<Self> {
         let bench = Self { out: options.out.clone(), quick: options.quick, watch, study };
         bench.start_cache()?;
         Ok(bench)
@@ -238,9 +238,9 @@ impl Wanted {
 }
 
 /// Passes on only the wish to stop.
-pub(super) struct Silent<'a>(&'a dyn Watch);
+pub(super) struct Silent<'a>(&'a dyn Progress);
 
-impl Watch for Silent<'_> {
+impl Progress for Silent<'_> {
     fn begin(&self, _: &str, _: u64, _: &str) {}
     fn advance(&self, _: u64, _: u64, _: &str) {}
     fn end(&self) {}

@@ -54,7 +54,7 @@ pub use measured::{Measured, Summary};
 use bench::Bench;
 use ltm::error::{Error, Result};
 use ltm::files::write_file;
-use ltm::resources::Watch;
+use ltm::resources::Progress;
 
 /// The studies by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -159,7 +159,7 @@ impl Study {
 /// Runs studies one after the other.
 ///
 /// Errors: those of rendering, packing and writing; [`Error::Interrupted`] when the watch says so.
-pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Watch) -> Result<StudyReport> {
+pub fn run(studies: &[Study], options: &StudyOptions, watch: &dyn Progress) -> Result<StudyReport> {
     let mut report = StudyReport::default();
     for &study in studies {
         let begun = Instant::now();

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm_study::{self, Study, StudyOptions};
 use tables::{Row, read_table};
 
@@ -30,7 +30,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_owned();
     let options = StudyOptions { out: out.clone(), quick: true };
-    let report = ltm_study::run(&Study::ALL, &options, &Quiet).unwrap();
+    let report = ltm_study::run(&Study::ALL, &options, &NoProgress).unwrap();
     for file in &report.files {
         let bytes = fs::metadata(file).unwrap().len();
         assert!(bytes > 200, "{} has {bytes} bytes", file.display());
@@ -141,7 +141,7 @@ fn every_study_writes_what_it_says_and_its_claims_hold() {
     // Matrices are shared: the second run of a study renders nothing.
     let before = matrices(&out.join("cache"));
     assert!(!before.is_empty());
-    ltm_study::run(&[Study::Rank], &options, &Quiet).unwrap();
+    ltm_study::run(&[Study::Rank], &options, &NoProgress).unwrap();
     assert_eq!(matrices(&out.join("cache")), before);
 }
 

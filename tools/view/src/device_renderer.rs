@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use super::display::Display;
 use super::metered::Metered;
 use super::renderer::Desk;
-use super::worker::{Event, Progress, Request, Seen, SharedDevice, Wishes};
+use super::worker::{Event, PictureProgress, Request, Seen, SharedDevice, Wishes};
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
 use ltm::light::Lighting;
@@ -138,8 +138,10 @@ impl Desk {
             Ok((made, is_new)) => {
                 let times = (begun, if is_new { begun.elapsed().as_secs_f64() } else { 0.0 });
                 match made {
-                    Made::Shown(texture) => self.send(request, Seen::Texture(texture), Progress::COMPLETE, times),
-                    Made::Image(image) => self.show(request, image, Progress::COMPLETE, times),
+                    Made::Shown(texture) => {
+                        self.send(request, Seen::Texture(texture), PictureProgress::COMPLETE, times)
+                    }
+                    Made::Image(image) => self.show(request, image, PictureProgress::COMPLETE, times),
                 }
             }
             Err(error) => self.lose_device(&error),

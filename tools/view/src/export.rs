@@ -11,7 +11,7 @@ use ltm::image::{LinearImage, write_exr, write_exr_layers, write_rgb_png, write_
 use ltm::relight::{CpuRelighter, relight_streaming};
 
 /// Largest file of layers that is made in memory, in bytes.
-const MOST_LAYER_BYTES: u64 = 4 << 30;
+const MAX_LAYER_BYTES: u64 = 4 << 30;
 
 /// Writes the picture as it is shown, in false colour too.
 ///
@@ -53,11 +53,11 @@ pub fn write_layers(
     if shining.is_empty() {
         return Err(Error::input(path.display().to_string(), "no light shines", "switch one on"));
     }
-    if needed > MOST_LAYER_BYTES {
+    if needed > MAX_LAYER_BYTES {
         return Err(Error::Resources {
             what: format!("{} layers", shining.len()),
             needed: format!("{} MiB", needed >> 20),
-            available: format!("{} MiB are set aside for it", MOST_LAYER_BYTES >> 20),
+            available: format!("{} MiB are set aside for it", MAX_LAYER_BYTES >> 20),
             hint: "switch lights off, or use ltm-unpack".into(),
         });
     }

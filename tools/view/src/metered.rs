@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::reach::{Reach, ReachSums};
+use super::reach::{ReachSums, TexelReach};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
 use ltm::matrix::{BlockId, CHANNELS, FactorSource, FactoredBlock, MatrixShape};
@@ -51,7 +51,7 @@ impl<'a> Metered<'a> {
     }
 
     /// What lights bring over the blocks read whole so far, and the number of those.
-    pub(super) fn reach(&self) -> (Reach, usize) {
+    pub(super) fn reach(&self) -> (TexelReach, usize) {
         let measured = self.measured();
         (measured.sums.reach(), measured.blocks.len())
     }

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::metered::Metered;
 use super::renderer::{Desk, Pace};
-use super::worker::{Event, Progress, Request, SharedDevice, most_bytes, nearest_first};
+use super::worker::{Event, PictureProgress, Request, SharedDevice, most_bytes, nearest_first};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
@@ -199,7 +199,7 @@ impl Desk {
             at += step.len();
             pace.has_read();
             self.meter(&base, base.resident_bytes());
-            let progress = Progress { base: at as f32 / all as f32, whole: 0.0 };
+            let progress = PictureProgress { base: at as f32 / all as f32, whole: 0.0 };
             self.show(&request, Arc::new(image.clone()), progress, (Instant::now(), 0.0));
             pace.has_shown();
         }
@@ -248,7 +248,7 @@ impl Desk {
                 }
                 let canvas = canvas.as_ref().expect("it was just made");
                 let done = (pages.held.len() + canvas.refined) as f32 / all as f32;
-                let progress = Progress { base: 1.0, whole: done.min(1.0) };
+                let progress = PictureProgress { base: 1.0, whole: done.min(1.0) };
                 let spent = begun.elapsed().as_secs_f64();
                 self.show(&canvas.request, Arc::new(canvas.image.clone()), progress, (begun, spent));
             }
@@ -272,7 +272,7 @@ impl Desk {
                     pace.has_read();
                     self.meter(&pages.base, pages.resident_bytes());
                     let left = canvas.order.len() - canvas.refined;
-                    let progress = Progress { base: 1.0, whole: 1.0 - left as f32 / all as f32 };
+                    let progress = PictureProgress { base: 1.0, whole: 1.0 - left as f32 / all as f32 };
                     self.show(&canvas.request, Arc::new(canvas.image.clone()), progress, (Instant::now(), 0.0));
                     pace.has_shown();
                     if left == 0 {

@@ -30,19 +30,19 @@ impl ReachSums {
         }
     }
 
-    pub(super) fn reach(&self) -> Reach {
+    pub(super) fn reach(&self) -> TexelReach {
         let pixels = f64::from(self.shape.width()) * f64::from(self.shape.height());
-        Reach { per_column: self.sums.iter().map(|sum| sum.map(|v| (v / pixels) as f32)).collect() }
+        TexelReach { per_column: self.sums.iter().map(|sum| sum.map(|v| (v / pixels) as f32)).collect() }
     }
 }
 
 /// The mean over all pixels of what a weight 1 on each column brings, per channel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Reach {
+pub struct TexelReach {
     per_column: Vec<[f32; CHANNELS]>,
 }
 
-impl Reach {
+impl TexelReach {
     /// Measures all columns in one pass over the factors. Blocks that cannot be read count as black.
     ///
     /// Cost of a block: rows × rank + 3 × rank × columns products.

@@ -9,7 +9,7 @@ use super::device_renderer::OnDevice;
 use super::display::{Display, Shown};
 use super::metered::Metered;
 use super::reach::{per_light, pixel_rows};
-use super::worker::{Compared, Event, Outbox, Picture, Progress, Request, Seen, Shared, SharedDevice, Wishes};
+use super::worker::{Compared, Event, Outbox, Picture, PictureProgress, Request, Seen, Shared, SharedDevice, Wishes};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
@@ -140,7 +140,7 @@ impl Desk {
                 relighter
             }
         };
-        self.make(&relighter, request, Progress::COMPLETE)
+        self.make(&relighter, request, PictureProgress::COMPLETE)
     }
 
     /// Says what relights from now on.
@@ -157,7 +157,7 @@ impl Desk {
         let mut relighter = CpuRelighter::load(&Nothing(metered))?;
         let source = self.source.clone();
         let refined: Vec<BlockId> = ids.iter().copied().filter(|&id| source.layer_count(id) > 1).collect();
-        let mut progress = Progress::default();
+        let mut progress = PictureProgress::default();
         for (base_only, these) in [(true, ids), (false, &refined)] {
             metered.set_base_only(base_only);
             let mut pace = Pace::new();
@@ -186,7 +186,7 @@ impl Desk {
     }
 
     /// Shows what the newest request gives with the factors that are there by now.
-    fn show_progress(&mut self, relighter: &CpuRelighter, progress: Progress) {
+    fn show_progress(&mut self, relighter: &CpuRelighter, progress: PictureProgress) {
         self.kept = None;
         if let Some(request) = self.newest() {
             let made = self.make(relighter, request, progress);
@@ -223,7 +223,7 @@ impl Desk {
         }
     }
 
-    fn make(&mut self, relighter: &CpuRelighter, request: Request, progress: Progress) -> Result<()> {
+    fn make(&mut self, relighter: &CpuRelighter, request: Request, progress: PictureProgress) -> Result<()> {
         let begun = Instant::now();
         let relit = self.relight(relighter, &request.lighting)?;
         let relight_secs = if relit { begun.elapsed().as_secs_f64() } else { 0.0 };
@@ -237,7 +237,7 @@ impl Desk {
         &mut self,
         request: &Request,
         image: Arc<LinearImage>,
-        progress: Progress,
+        progress: PictureProgress,
         times: (Instant, f64),
     ) {
         let shown = request.display.show(&image);
@@ -249,7 +249,7 @@ impl Desk {
         &mut self,
         request: &Request,
         seen: Seen,
-        progress: Progress,
+        progress: PictureProgress,
         (begun, relight_secs): (Instant, f64),
     ) {
         let compared = self.show_compared(request);

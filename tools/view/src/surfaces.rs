@@ -16,7 +16,7 @@ use super::display::Shown;
 const SURFACE_SHARE: f32 = 0.95;
 const OTHER_SHARE: f32 = 0.05;
 /// Albedo below which a surface tells nothing of the light on it.
-const LEAST_ALBEDO: f32 = 0.02;
+const MIN_ALBEDO: f32 = 0.02;
 
 /// What each pixel shows beside light.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,7 +99,7 @@ fn albedo_of(plane: impl Fn(usize) -> f32) -> Option<[f32; 3]> {
         surface >= SURFACE_SHARE && share(Feature::Emitter) <= OTHER_SHARE && share(Feature::Specular) <= OTHER_SHARE;
     let first = Feature::Albedo.planes().start;
     let albedo = [0, 1, 2].map(|ch: usize| plane(first + ch) / surface.max(SURFACE_SHARE));
-    (is_plain && albedo.iter().all(|v| *v >= LEAST_ALBEDO)).then_some(albedo)
+    (is_plain && albedo.iter().all(|v| *v >= MIN_ALBEDO)).then_some(albedo)
 }
 
 #[cfg(test)]

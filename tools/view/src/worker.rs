@@ -13,7 +13,7 @@ use super::file_watch::{FileChange, FileWatch};
 use super::looks::Saved;
 pub use super::metered::Meter;
 use super::metered::Metered;
-use super::reach::Reach;
+use super::reach::TexelReach;
 use super::renderer::Desk;
 use super::surfaces::Surfaces;
 use super::unsaved::LeftBehind;
@@ -79,7 +79,7 @@ pub struct Picture {
     /// The compared picture, as it is shown; the same as before where neither it nor its display has changed.
     pub compared: Option<Arc<Shown>>,
     /// What of the container is in it.
-    pub progress: Progress,
+    pub progress: PictureProgress,
     /// Time of relighting alone, where it is shown on the device with the display; 0 where the lighting had not changed.
     pub relight_secs: f64,
     /// Time from taking the request to the finished picture.
@@ -98,14 +98,14 @@ pub enum Seen {
 
 /// How much of the container is resident: base layers of all blocks come first, then all their layers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Progress {
+pub struct PictureProgress {
     /// Share of the blocks whose base layer is there.
     pub base: f32,
     /// Share of the blocks that are there with all their layers.
     pub whole: f32,
 }
 
-impl Progress {
+impl PictureProgress {
     /// Everything is there.
     pub const COMPLETE: Self = Self { base: 1.0, whole: 1.0 };
 
@@ -194,7 +194,7 @@ pub enum Event {
         is_paged: bool,
     },
     /// What each column brings to the picture is known.
-    Reach(Reach),
+    Reach(TexelReach),
     /// What each light brings to a pixel, at the newest lighting: luminances.
     Pixel {
         /// The pixel.

@@ -12,7 +12,7 @@ use ltm_view::history::History;
 use ltm_view::looks::{self, Saved};
 use ltm_view::mixer::{Mix, Tint};
 use ltm_view::pattern::{Brush, Pattern};
-use ltm_view::reach::{Reach, per_light, pixel_rows};
+use ltm_view::reach::{TexelReach, per_light, pixel_rows};
 use relight_source::{MemoryFactors, Recipe};
 
 /// Two lamps that make a group, a texelled panel, an environment: 1 + 1 + 6 + 8 columns.
@@ -70,7 +70,7 @@ fn contributions_are_the_mean_luminances_of_the_lights_own_pictures() {
     let (basis, source) = (basis(), factors());
     let mix = mixed(&basis);
     let relighter = CpuRelighter::load(&source).unwrap();
-    let reach = Reach::measure(&source);
+    let reach = TexelReach::measure(&source);
     let contributions = reach.contributions(&basis, &mix.lighting(&basis).unwrap());
     for (light, &contribution) in contributions.iter().enumerate() {
         let mut alone = mix.clone();

@@ -21,7 +21,7 @@ use crate::WindowOptions;
 use crate::export::write_rgba;
 use crate::recent::{Recent, RecentKind};
 use crate::unsaved::LeftBehind;
-use crate::worker::{Means, Progress, SharedDevice};
+use crate::worker::{Means, PictureProgress, SharedDevice};
 use ltm::error::{Error, Result};
 
 /// Frames that may pass without the picture before a screenshot is taken of what there is.
@@ -305,8 +305,8 @@ impl App {
     }
 
     /// How much of the open container is in the picture.
-    pub fn progress(&self) -> Progress {
-        self.document.as_ref().map_or(Progress::COMPLETE, |document| document.shown.progress)
+    pub fn progress(&self) -> PictureProgress {
+        self.document.as_ref().map_or(PictureProgress::COMPLETE, |document| document.shown.progress)
     }
 
     /// Draws one frame.

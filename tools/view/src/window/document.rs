@@ -12,7 +12,7 @@ use super::features_view::FeaturesView;
 use super::file_jobs::{Errands, UnderWay};
 use super::light_list::LightList;
 use super::light_meter::{Known, LightMeter};
-use super::pattern_editor::Easel;
+use super::pattern_editor::PatternEditorState;
 use super::requests::Requests;
 use super::shown_picture::ShownPicture;
 use super::view_state::{Asked, ViewState};
@@ -60,7 +60,7 @@ pub(super) struct Document {
     /// Snapshots and references.
     pub(super) compare: Comparison,
     /// The texture editor's settings.
-    pub(super) easel: Easel,
+    pub(super) easel: PatternEditorState,
     /// The newest picture.
     pub(super) shown: ShownPicture,
     /// What the worker was asked for.
@@ -88,7 +88,7 @@ impl Document {
             meter: LightMeter::default(),
             features: FeaturesView::default(),
             compare: Comparison::new(),
-            easel: Easel::default(),
+            easel: PatternEditorState::default(),
             shown: ShownPicture::new(opening.state),
             requests: Requests::new(lighting),
             files: Errands::new(path, opening.under_way),

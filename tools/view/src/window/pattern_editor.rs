@@ -23,7 +23,7 @@ pub(super) enum Tool {
 }
 
 /// The texture editor's settings, which outlive a change of light.
-pub(super) struct Easel {
+pub(super) struct PatternEditorState {
     tool: Tool,
     brush: Brush,
     /// Brightness of the paint, in stops.
@@ -49,7 +49,7 @@ enum Hold {
     Corner,
 }
 
-impl Default for Easel {
+impl Default for PatternEditorState {
     fn default() -> Self {
         Self {
             tool: Tool::Brush,
@@ -66,7 +66,7 @@ impl Default for Easel {
     }
 }
 
-impl Easel {
+impl PatternEditorState {
     /// Whether the pointer puts suns into skies.
     pub(super) fn puts_suns(&self) -> bool {
         self.tool == Tool::Sun
@@ -323,13 +323,13 @@ fn use_tool(
 /// How near to a corner, in points, a shape is held there.
 const GRIP: f32 = 7.0;
 
-fn paint_colour(easel: &Easel) -> [f32; 3] {
+fn paint_colour(easel: &PatternEditorState) -> [f32; 3] {
     let gain = easel.paint_stops.exp2();
     easel.brush.colour.map(|v| v * gain)
 }
 
 /// A shape of the easel's size, which is in fractions of the light's smaller side, so that a disc is round.
-fn new_shape(easel: &Easel, kind: ShapeKind, light: &Light, centre: [f32; 2]) -> Shape {
+fn new_shape(easel: &PatternEditorState, kind: ShapeKind, light: &Light, centre: [f32; 2]) -> Shape {
     let (across, down) = light.layout();
     let side = across.min(down) as f32 * easel.shape_size;
     let size = [side / across as f32, side / down as f32];

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::display::Display;
 use crate::mixer::Mix;
-use crate::reach::Reach;
+use crate::reach::TexelReach;
 use crate::worker::Picture;
 use ltm::light::Lighting;
 
@@ -16,7 +16,7 @@ pub(super) struct Requests {
     pub(super) lighting: Arc<Lighting>,
     pub(super) lit: Option<Mix>,
     /// What each column brings to the picture, once that is known.
-    pub(super) reach: Option<Reach>,
+    pub(super) reach: Option<TexelReach>,
     /// The newest display, the snapshot that the picture was compared with by then, and the place of that one's image.
     pub(super) display: Option<(Display, Option<usize>, Option<usize>)>,
     /// Generations of the newest request, and of the newest that changed the lighting.

@@ -9,7 +9,7 @@ use eframe::egui_wgpu::RenderState;
 
 use super::screen::ScreenTexture;
 use crate::display::Shown;
-use crate::worker::{Picture, Progress, Seen};
+use crate::worker::{Picture, PictureProgress, Seen};
 use ltm::image::LinearImage;
 use ltm::relight::CpuRelighter;
 
@@ -29,7 +29,7 @@ pub(super) struct ShownPicture {
     /// Linear radiance of the newest picture whose values have come.
     pub(super) image: Option<Arc<LinearImage>>,
     pub(super) histogram: Vec<[f32; 3]>,
-    pub(super) progress: Progress,
+    pub(super) progress: PictureProgress,
     /// All factors, once they are there, where the CPU relights.
     pub(super) relighter: Option<Arc<CpuRelighter>>,
     /// Whether the container is larger than its budget.
@@ -56,7 +56,7 @@ impl ShownPicture {
         Self {
             image: None,
             histogram: Vec::new(),
-            progress: Progress::default(),
+            progress: PictureProgress::default(),
             relighter: None,
             is_paged: false,
             adapter: None,

@@ -6,7 +6,7 @@ use eframe::egui::{self, RichText, Ui};
 
 use super::document::Document;
 use super::theme::{ACCENT, ALARM, TEXT, WEAK};
-use ltm::light::cleaning_errors_line;
+use ltm::light::denoise_errors_line;
 use ltm::resources::human_bytes;
 
 /// Stated error from which on it is pointed out.
@@ -82,7 +82,7 @@ fn worth(ui: &mut Ui, document: &Document) {
     if let Some(errors) = &container.errors().cleaning {
         let percent = |share: f32| share * 100.0;
         let text = format!("cleaned: noise {:.1} %, bias {:.1} %", percent(errors.noise_after), percent(errors.bias));
-        ui.label(weak(text)).on_hover_text(cleaning_errors_line(errors));
+        ui.label(weak(text)).on_hover_text(denoise_errors_line(errors));
     }
     let read = format!("{} read", human_bytes(meter.bytes_read.load(Ordering::Relaxed)));
     let file =

@@ -5,7 +5,7 @@ use std::path::Path;
 use eframe::egui::{Key, Modifiers, vec2};
 use ltm::matrix::Feature;
 use ltm::pipeline::{Features, PackOptions, RenderOptions, pack, render};
-use ltm::resources::Quiet;
+use ltm::resources::NoProgress;
 use ltm::scene::BuiltIn;
 use ltm::store::StoreReader;
 use ltm_view::WindowOptions;
@@ -281,9 +281,9 @@ fn features_take_the_place_of_the_picture() {
     let (matrix, packed) = (folder.path().join("room.ltm"), folder.path().join("room.ltc"));
     let mut room = BuiltIn { width: 48, height: 32, texels: 2 }.named("mixed").unwrap();
     room.settings.samples_per_pixel = 4;
-    render(room, &matrix, &RenderOptions::default(), &Quiet).unwrap();
+    render(room, &matrix, &RenderOptions::default(), &NoProgress).unwrap();
     let matrix = StoreReader::open(&matrix).unwrap();
-    pack(&matrix, matrix.job(), &packed, &PackOptions::default(), &Quiet).unwrap();
+    pack(&matrix, matrix.job(), &packed, &PackOptions::default(), &NoProgress).unwrap();
     let features = Features::read(&matrix).unwrap();
     let mut driver = Driver::open(&packed);
     for (name, feature) in [("Albedo", Feature::Albedo), ("Normals", Feature::Normal), ("Depth", Feature::Depth)] {

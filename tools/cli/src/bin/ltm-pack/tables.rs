@@ -3,14 +3,14 @@
 use ltm::image::LayerRole;
 use ltm::light::Job;
 use ltm::light::column_name;
-use ltm::pipeline::{BlockComparison, ImportedMatrix, Place, total_relative_l2};
+use ltm::pipeline::{BlockComparison, ImportedMatrix, WorstEntry, total_relative_l2};
 use ltm_cli::console::plain;
 use ltm_cli::say;
 
 /// Blocks that the table of a comparison lists at most.
-const MOST_BLOCKS: usize = 48;
+const MAX_BLOCKS: usize = 48;
 /// Ignored layers that are named.
-const MOST_IGNORED: usize = 12;
+const MAX_IGNORED: usize = 12;
 
 /// What each layer was taken for, whether the lights add up, and what looks wrong.
 pub(crate) fn print_matches(matrix: &ImportedMatrix) {
@@ -27,8 +27,8 @@ pub(crate) fn print_matches(matrix: &ImportedMatrix) {
     let ignored: Vec<_> =
         matrix.matches.iter().filter(|m| m.role == LayerRole::Ignored).map(|m| shown(&m.layer)).collect();
     if !ignored.is_empty() {
-        let more = if ignored.len() > MOST_IGNORED { " …" } else { "" };
-        say!("ignored: {}{more}", ignored[..ignored.len().min(MOST_IGNORED)].join(", "));
+        let more = if ignored.len() > MAX_IGNORED { " …" } else { "" };
+        say!("ignored: {}{more}", ignored[..ignored.len().min(MAX_IGNORED)].join(", "));
     }
     match matrix.sum_difference {
         Some(difference) => {
@@ -42,12 +42,12 @@ pub(crate) fn print_matches(matrix: &ImportedMatrix) {
 /// The error of each block (of the worst ones, where there are many) and the worst place.
 pub(crate) fn print_comparison(blocks: &[BlockComparison], job: &Job) {
     let mut order: Vec<&BlockComparison> = blocks.iter().collect();
-    if blocks.len() > MOST_BLOCKS {
+    if blocks.len() > MAX_BLOCKS {
         order.sort_by(|a, b| b.relative_l2().total_cmp(&a.relative_l2()).then(a.id.cmp(&b.id)));
-        say!("the {MOST_BLOCKS} blocks of largest relative error, of {}:", blocks.len());
+        say!("the {MAX_BLOCKS} blocks of largest relative error, of {}:", blocks.len());
     }
     say!("{:>6}  {:<18} {:>11}  largest difference", "block", "pixels", "relative L2");
-    for block in order.iter().take(MOST_BLOCKS) {
+    for block in order.iter().take(MAX_BLOCKS) {
         let rect = block.rect;
         let pixels = format!("{},{},{}x{}", rect.x, rect.y, rect.width, rect.height);
         say!("{:>6}  {pixels:<18} {:>11.2e}  {}", block.id.0, block.relative_l2(), place(&block.worst, job));
@@ -59,8 +59,8 @@ pub(crate) fn print_comparison(blocks: &[BlockComparison], job: &Job) {
     }
 }
 
-fn place(place: &Place, job: &Job) -> String {
-    let Place { x, y, source, packed, .. } = place;
+fn place(place: &WorstEntry, job: &Job) -> String {
+    let WorstEntry { x, y, source, packed, .. } = place;
     let channel = ["red", "green", "blue"][place.channel];
     format!(
         "{:.2e} at pixel {x},{y} {channel}, light {}: {source:.4e} became {packed:.4e}",

@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use ltm::blob_store::Depot;
+use ltm::blob_store::BlobStore;
 use ltm::farm::{FarmJob, Shards};
 use ltm::files::check_output;
-use ltm::resources::{Watch, parse_bytes};
+use ltm::resources::{Progress, parse_bytes};
 use ltm::{Error, Result};
 
 use crate::maintain::Merge;
@@ -66,7 +66,7 @@ pub(crate) fn build(options: &Build, console: &Console) -> Result<()> {
         }
     };
     let said = format!("{}..{}", blocks.start, blocks.end);
-    let depot = Depot::open(&options.out)?;
+    let depot = BlobStore::open(&options.out)?;
     // Before the scene is loaded: a range that is there costs one look.
     if let Some(name) = FarmJob::find(&plan.fingerprint, &blocks, &depot, options.check)? {
         say!("{said}: there already, {name}");
@@ -89,7 +89,7 @@ pub(crate) fn merge(options: &Merge, plan: &Path, console: &Console) -> Result<(
         return Err(Error::input("ltm merge --plan", problem, "name the one place that the shards are in"));
     };
     let plan = Planned::read(plan)?;
-    let depot = Depot::open(&address.to_string_lossy())?;
+    let depot = BlobStore::open(&address.to_string_lossy())?;
     let output = &options.output;
     if options.list.is_none() {
         names::check_container(output)?;

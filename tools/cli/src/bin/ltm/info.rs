@@ -9,7 +9,7 @@ use ltm::container::ContainerReader;
 use ltm::error_estimate::expected_error;
 use ltm::image::{LinearImage, ToneMapping, false_colour, write_toned_png};
 use ltm::light::{Job, Light, LightBasis};
-use ltm::light::{cleaning_errors_line, column_name, expected_error_line, exposed_error_line, light_errors_lines};
+use ltm::light::{column_name, denoise_errors_line, expected_error_line, exposed_error_line, light_errors_lines};
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, MatrixShape};
 use ltm::pipeline::open_container;
 use ltm::resources::{hold_to_memory, human_bytes, parse_bytes};
@@ -22,7 +22,7 @@ use serde_json::{Value, json};
 use crate::input::{Kind, is_scene, kind_of, load_look};
 
 /// Entries of a list that are shown to a person.
-const MOST_LISTED: usize = 40;
+const MAX_LISTED: usize = 40;
 /// Characters of a row of the rank map.
 const MAP_CHARACTERS: u32 = 76;
 /// Bytes of memory for each colour value of the rank map's image: as ranks, in colours, tone mapped and encoded.
@@ -178,7 +178,7 @@ fn print_job(path: &Path, job: &Job) {
 
 fn print_lights(basis: &LightBasis) {
     say!("lights       {}", basis.lights().len());
-    for light in basis.lights().iter().take(MOST_LISTED) {
+    for light in basis.lights().iter().take(MAX_LISTED) {
         let [r, g, b] = light.emission;
         say!("  {:<24} {}, emission {r:.3} {g:.3} {b:.3} {}", light.name, light.kind, light.unit);
     }
@@ -187,8 +187,8 @@ fn print_lights(basis: &LightBasis) {
 
 /// Says how many of a list were left out.
 fn print_more(count: usize) {
-    if count > MOST_LISTED {
-        say!("  … and {} more (all with --json)", count - MOST_LISTED);
+    if count > MAX_LISTED {
+        say!("  … and {} more (all with --json)", count - MAX_LISTED);
     }
 }
 
@@ -239,7 +239,7 @@ fn print_container(container: &ContainerReader, figures: &Figures) {
         known(figures.worst_uniform, format!("at most {:.2e} relative L2 of a block's pixels", figures.worst_uniform))
     );
     if let Some(errors) = &container.errors().cleaning {
-        say!("  {}", cleaning_errors_line(errors));
+        say!("  {}", denoise_errors_line(errors));
     }
     if let Some(error) = &container.errors().exposed {
         say!("  {}", exposed_error_line(error));

@@ -7,7 +7,7 @@ use ltm::container::ContainerReader;
 use ltm::files::check_output;
 use ltm::matrix::BlockId;
 use ltm::pipeline;
-use ltm::resources::{Watch, human_bytes, parse_bytes};
+use ltm::resources::{Progress, human_bytes, parse_bytes};
 use ltm::{Error, Result};
 
 use crate::farm::{self, Listing};

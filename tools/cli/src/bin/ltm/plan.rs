@@ -21,7 +21,7 @@ use ltm_cli::say;
 /// What the file says that it is.
 const FORMAT: &str = "ltm plan 1";
 /// Most bytes of a plan that are read.
-const MOST_BYTES: u64 = 64 << 20;
+const MAX_BYTES: u64 = 64 << 20;
 
 #[derive(Args)]
 pub(crate) struct Plan {
@@ -187,7 +187,7 @@ struct Line {
 
 impl Planned {
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let text = read_input_text(path, "read the plan", MOST_BYTES)?;
+        let text = read_input_text(path, "read the plan", MAX_BYTES)?;
         let refuse = |problem: String| Error::input(path.display().to_string(), problem, "make it again with ltm plan");
         let value: Value = serde_json::from_str(&text).map_err(|e| refuse(format!("is no plan ({e})")))?;
         if value["format"] != FORMAT {
@@ -208,7 +208,7 @@ impl Planned {
         overwrite: bool,
         console: &Console,
     ) -> Result<FarmJob> {
-        use ltm::resources::Watch;
+        use ltm::resources::Progress;
         let place = || self.path.display().to_string();
         let refuse = |what: &str| Error::input(place(), format!("has no usable {what}"), "make it again with ltm plan");
         let named = PathBuf::from(self.value["scene"].as_str().ok_or_else(|| refuse("scene"))?);

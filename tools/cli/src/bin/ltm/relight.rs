@@ -13,7 +13,7 @@ use ltm::pipeline::{
     Device, PASSES, RelightOptions, Relighter, open_container, relight_matrix, relight_passes, relit_layers_need_bytes,
     write_relit_layers,
 };
-use ltm::resources::{Watch, parse_bytes};
+use ltm::resources::{Progress, parse_bytes};
 use ltm::store::StoreReader;
 use ltm::{Error, Result};
 

@@ -9,7 +9,7 @@ use ltm::container::ContainerReader;
 use ltm::error_estimate::{ErrorMonitor, expected_error};
 use ltm::light::{ExposedError, expected_error_line, exposed_error_line};
 use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport};
-use ltm::resources::{Watch, human_bytes, parse_bytes};
+use ltm::resources::{Progress, human_bytes, parse_bytes};
 use ltm::sample_budget::{RenderTo, StopRule, choose_samples, parse_error, parse_seconds};
 use ltm::store::{Precision, StoreReader};
 

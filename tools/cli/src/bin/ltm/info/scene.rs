@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use ltm::Result;
-use ltm::scene::{LoadOptions, Survey, in_file, survey};
+use ltm::scene::{LoadOptions, SceneSurvey, in_file, survey};
 use ltm_cli::say;
 use serde_json::json;
 
-use super::{MOST_LISTED, lights_json, print_json, print_lights, print_more};
+use super::{MAX_LISTED, lights_json, print_json, print_lights, print_more};
 
 pub(super) fn run(path: &Path, as_json: bool, allow_outside: bool, memory_bytes: Option<u64>) -> Result<()> {
     let found = survey(path, &LoadOptions { allow_missing: true, allow_outside, memory_bytes, camera: None })?;
@@ -19,7 +19,7 @@ pub(super) fn run(path: &Path, as_json: bool, allow_outside: bool, memory_bytes:
     Ok(())
 }
 
-fn print(path: &Path, found: &Survey) {
+fn print(path: &Path, found: &SceneSurvey) {
     let (camera, basis) = (&found.scene.camera, &found.scene.basis);
     let degrees = camera.vertical_fov_radians.to_degrees();
     let [x, y, z] = in_file(found.scene.origin, camera.eye).to_array();
@@ -28,14 +28,14 @@ fn print(path: &Path, found: &Survey) {
     say!("camera       at {x:.2} {y:.2} {z:.2}, {degrees:.1}° from the lower to the upper edge");
     if !found.cameras.is_empty() {
         say!("cameras      {}", found.cameras.len());
-        found.cameras.iter().take(MOST_LISTED).for_each(|name| say!("  {name}"));
+        found.cameras.iter().take(MAX_LISTED).for_each(|name| say!("  {name}"));
         print_more(found.cameras.len());
     }
     say!("triangles    {}", found.scene.mesh.triangles.len());
     print_lights(basis);
     say!("columns      {}", basis.column_count());
     say!("materials    {}", found.scene.materials.len());
-    for (material, triangles) in found.materials().take(MOST_LISTED) {
+    for (material, triangles) in found.materials().take(MAX_LISTED) {
         let (name, surface) = (&material.name, material.surface.name());
         let opacity = if material.opacity < 1.0 { format!(", opacity {:.3}", material.opacity) } else { String::new() };
         say!("  {name:<24} {surface}{opacity}, {triangles} triangles");
@@ -50,7 +50,7 @@ fn print(path: &Path, found: &Survey) {
     }
 }
 
-fn print_as_json(path: &Path, found: &Survey) {
+fn print_as_json(path: &Path, found: &SceneSurvey) {
     let camera = &found.scene.camera;
     let materials = found.materials().map(|(material, triangles)| {
         json!({ "name": material.name, "surface": material.surface.name(), "opacity": material.opacity, "triangles": triangles })
