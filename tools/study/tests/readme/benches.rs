@@ -23,7 +23,7 @@ const fn figure(
     table: fn(&[Csv]) -> Vec<Vec<String>>,
     says: fn(&[Csv]) -> Vec<String>,
 ) -> Figure {
-    Figure { page: "formats/figures.md", heading, files, table, says }
+    Figure { page: "docs/figures.md", heading, files, table, says }
 }
 
 /// A case with its numbers as `1,024`.

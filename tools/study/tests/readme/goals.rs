@@ -7,7 +7,7 @@ use super::words::{cells, rounded, span};
 use Wanted::{AtLeast, AtMost};
 
 pub(crate) const FIGURES: &[Figure] = &[Figure {
-    page: "formats/figures.md",
+    page: "docs/figures.md",
     heading: "## Goals of speed",
     files: &[
         "large.csv",

@@ -5,7 +5,7 @@ use super::published::{Csv, dashed};
 use super::words::{cells, list, thousands};
 
 pub(crate) const FIGURES: &[Figure] = &[Figure {
-    page: "formats/figures.md",
+    page: "docs/figures.md",
     heading: "### On a GPU",
     files: &["bench-gpu.csv"],
     table: relighting,

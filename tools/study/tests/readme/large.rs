@@ -6,7 +6,7 @@ use super::tables::Row;
 use super::words::{bytes, cells, shape, span, thousands};
 
 const README: &str = "README.md";
-const FIGURES_PAGE: &str = "formats/figures.md";
+const FIGURES_PAGE: &str = "docs/figures.md";
 
 pub(crate) const FIGURES: &[Figure] = &[
     Figure { page: README, heading: "### Larger than memory", files: &["large.csv"], table: large, says: large_says },

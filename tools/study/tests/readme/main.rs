@@ -27,7 +27,7 @@ use published::{Csv, root};
 use sentences::{PRINTED, PrintedText, ROWS, SENTENCES, TableRow};
 
 /// All pages with figures.
-const PAGES: [&str; 3] = ["README.md", "formats/figures.md", "formats/growth.md"];
+const PAGES: [&str; 3] = ["README.md", "docs/figures.md", "docs/growth.md"];
 
 fn figures() -> impl Iterator<Item = &'static Figure> {
     [
@@ -144,7 +144,7 @@ fn written_by_hand(page: &str) -> String {
 
 #[test]
 fn no_figure_is_written_by_hand() {
-    for page in ["README.md", "formats/figures.md"] {
+    for page in ["README.md", "docs/figures.md"] {
         let rest = written_by_hand(page);
         assert!(rest.len() > 1000, "{page}: {rest}");
         let units = [
@@ -166,7 +166,7 @@ fn every_published_table_is_shown_and_names_a_command_that_exists() {
     let printed = PRINTED.iter().map(|printed| printed.file);
     let shown: BTreeSet<&str> = figures().flat_map(|figure| figure.files).copied().chain(printed).collect();
     let mut count = 0;
-    for entry in fs::read_dir(root().join("formats/plots")).unwrap() {
+    for entry in fs::read_dir(root().join("docs/plots")).unwrap() {
         let name = entry.unwrap().file_name().into_string().unwrap();
         if !name.ends_with(".csv") {
             continue;
@@ -200,7 +200,7 @@ fn anchor(heading: &str) -> String {
 
 #[test]
 fn links_to_figures_lead_to_a_heading_and_to_files() {
-    let text = read("formats/figures.md");
+    let text = read("docs/figures.md");
     let anchors: BTreeSet<String> = text.lines().filter(|line| line.starts_with('#')).map(anchor).collect();
     let mut count = 0;
     for page in PAGES {

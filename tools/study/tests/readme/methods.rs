@@ -23,7 +23,7 @@ const fn figure(
     table: fn(&[Csv]) -> Vec<Vec<String>>,
     says: fn(&[Csv]) -> Vec<String>,
 ) -> Figure {
-    Figure { page: "formats/figures.md", heading, files, table, says }
+    Figure { page: "docs/figures.md", heading, files, table, says }
 }
 
 const KEPT: &str = "+ sparse entries (`--keep-noise`)";

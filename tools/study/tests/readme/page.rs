@@ -8,7 +8,7 @@ pub(crate) struct Figure {
     pub(crate) page: &'static str,
     /// The line of its heading.
     pub(crate) heading: &'static str,
-    /// Tables in `formats/plots` that it is made from.
+    /// Tables in `docs/plots` that it is made from.
     pub(crate) files: &'static [&'static str],
     /// The head and all rows of its table.
     pub(crate) table: fn(&[Csv]) -> Vec<Vec<String>>,
@@ -45,7 +45,7 @@ impl Figure {
 
     /// Commands, machines and commits, each with the tables that came of it.
     fn sources(&self, files: &[Csv]) -> String {
-        let folder = if self.page.starts_with("formats/") { "plots" } else { "formats/plots" };
+        let folder = if self.page.starts_with("formats/") { "plots" } else { "docs/plots" };
         let mut sources: Vec<(String, Vec<String>)> = Vec::new();
         for file in files {
             let commit = file.commit.as_ref().map_or(String::new(), |commit| format!(", commit {commit}"));

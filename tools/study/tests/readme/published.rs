@@ -1,4 +1,4 @@
-//! The tables of published runs, `formats/plots/*.csv`.
+//! The tables of published runs, `docs/plots/*.csv`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub(crate) fn root() -> PathBuf {
 
 impl Csv {
     pub(crate) fn published(name: &str) -> Self {
-        let path = root().join("formats/plots").join(name);
+        let path = root().join("docs/plots").join(name);
         let text = fs::read_to_string(&path).unwrap_or_else(|problem| panic!("{}: {problem}", path.display()));
         let notes: Vec<String> = text.lines().filter_map(|line| line.strip_prefix("# ")).map(str::to_owned).collect();
         let note = |begin: &str| {

@@ -5,7 +5,7 @@ use super::published::{Csv, dashed};
 use super::words::{cells, list};
 
 const OWN: &[&str] = &["bench-relight-own.csv"];
-const FIGURES_PAGE: &str = "formats/figures.md";
+const FIGURES_PAGE: &str = "docs/figures.md";
 
 pub(crate) const FIGURES: &[Figure] = &[
     Figure { page: "README.md", heading: "### Relighting", files: OWN, table: in_short, says: says_of_own },

@@ -3,7 +3,7 @@
 use super::published::{Csv, maybe, number, text};
 use super::words::{CLIP, FLIP, LIN, bytes, losses, only, span, thousands};
 
-const GROWTH: &str = "formats/growth.md";
+const GROWTH: &str = "docs/growth.md";
 
 /// A sentence that a page is to have, as its tables say it today.
 pub(crate) struct Sentence {
@@ -148,13 +148,13 @@ fn growth_block() -> Vec<String> {
     let times = COLUMNS_THERE / number(row, "columns");
     vec![
         format!(
-            "16,384 columns: rendering peaks at {}, packing at {}, two threads (`formats/plots/scaling.csv`, 32 × 32 pixels); 65,559: 2.1 GiB \
+            "16,384 columns: rendering peaks at {}, packing at {}, two threads (`docs/plots/scaling.csv`, 32 × 32 pixels); 65,559: 2.1 GiB \
 (*Columns*)",
             bytes(render),
             bytes(pack)
         ),
         format!(
-            "{} in proportion, 2.1 GiB measured; with blocks of 16 × 16 pixels half (`formats/farm.md`)",
+            "{} in proportion, 2.1 GiB measured; with blocks of 16 × 16 pixels half (`docs/guide/farm.md`)",
             bytes(times * render.max(pack))
         ),
         "machines of little memory: smaller blocks".to_owned(),
@@ -194,7 +194,7 @@ fn growth_container() -> Vec<String> {
     let Containers { each: [few, many], larger, wider, there } = containers();
     vec![
         format!(
-            "{:.1} bytes a row at 1,047 columns, {:.1} at 4,119, mean rank {} (Conference Room, 1024 × 768 pixels, `formats/plots/large.csv`); \
+            "{:.1} bytes a row at 1,047 columns, {:.1} at 4,119, mean rank {} (Conference Room, 1024 × 768 pixels, `docs/plots/large.csv`); \
 65,559 columns take {wider:.1} times the bytes of 4,119 at 256 × 192 pixels (*Columns*)",
             few.0,
             many.0,
@@ -264,7 +264,7 @@ fn growth_factors() -> Vec<String> {
     let [left, right] = relit.there();
     vec![
         format!(
-            "{:.1} bytes a value (Conference Room, 1,047 columns, rank {:.1}, `formats/plots/bench-relight-own.csv`)",
+            "{:.1} bytes a value (Conference Room, 1,047 columns, rank {:.1}, `docs/plots/bench-relight-own.csv`)",
             relit.value_bytes, relit.rank
         ),
         format!(
@@ -286,7 +286,7 @@ fn growth_picture() -> Vec<String> {
     let smaller = gpu.figures("of_memory").into_iter().map(|(_, other)| other).filter(|other| *other < share);
     vec![
         format!(
-            "{:.1} ms for {} rows at rank {:.1} and 1,047 columns, {:.2} of the memory's bandwidth (`formats/plots/bench-relight-own.csv`)",
+            "{:.1} ms for {} rows at rank {:.1} and 1,047 columns, {:.2} of the memory's bandwidth (`docs/plots/bench-relight-own.csv`)",
             relit.full_ms,
             thousands(CONFERENCE.0),
             relit.rank,
@@ -300,7 +300,7 @@ fn growth_picture() -> Vec<String> {
         ),
         format!(
             "not interactive on two cores; one {}: {:.0} ms, if it holds their {:.0} GB, at {share:.2} of the {} GB that it reads of its memory \
-a second, as for {} rows × 4,096 columns; {} for less (`formats/plots/bench-gpu.csv`)",
+a second, as for {} rows × 4,096 columns; {} for less (`docs/plots/bench-gpu.csv`)",
             adapter.split(" (").next().unwrap_or_default(),
             1e3 * (left + right) / (1e9 * memory * share),
             (left + right) / 1e9,
@@ -317,7 +317,7 @@ fn growth_change() -> Vec<String> {
     vec![
         format!(
             "{:.1} ms on the same matrix, {:.0} % of a whole picture: the left factors are read again, of the right ones that column \
-(`formats/plots/bench-relight-own.csv`)",
+(`docs/plots/bench-relight-own.csv`)",
             relit.change_ms,
             100.0 * relit.change_ms / relit.full_ms
         ),

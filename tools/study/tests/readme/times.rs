@@ -11,7 +11,7 @@ use super::words::{
 };
 
 const README: &str = "README.md";
-const FIGURES_PAGE: &str = "formats/figures.md";
+const FIGURES_PAGE: &str = "docs/figures.md";
 const EQUAL: &[&str] = &["equal.csv", "equal-points.csv"];
 
 pub(crate) const FIGURES: &[Figure] = &[
