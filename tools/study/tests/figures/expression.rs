@@ -28,7 +28,7 @@ pub(crate) struct Context<'a> {
 }
 
 /// Columns that say what a row is of: values are combined only where these agree.
-const KEYS: [&str; 6] = ["scene", "lamp", "room", "scenes", "ratio", "samples_per_px"];
+const KEYS: [&str; 5] = ["scene", "lamp", "room", "scenes", "samples_per_px"];
 
 /// Values, and what each is of.
 struct Values {
@@ -276,11 +276,18 @@ fn numbers_are_shown_in_their_formats() {
     let shown = |value: f64, format: &str| span([value].into_iter(), format);
     assert_eq!([shown(2_359_296.0, ","), shown(-1234.0, ",")], ["2,359,296", "-1,234"]);
     assert_eq!([1e3, 5e5, 9.88e9].map(|value| shown(value, "bytes")), ["1000 B", "488 KiB", "9.2 GiB"]);
-    assert_eq!([shown(-0.04, ".1"), shown(0.04, "+1"), shown(1.26, "+1"), shown(-1.26, "+1")], ["0.0", "0.0", "+1.3", "-1.3"]);
-    assert_eq!([shown(0.173, "%0"), shown(62.3, "short"), shown(2.64, "short"), shown(0.02, "short")], ["17", "62", "2.6", "0.02"]);
-    assert_eq!([span([2.2, 38.4].into_iter(), ".0"), span([2.2, 2.4].into_iter(), ".0"), span([].into_iter(), ".0")], [
-        "2 to 38", "2", "–"
-    ]);
+    assert_eq!(
+        [shown(-0.04, ".1"), shown(0.04, "+1"), shown(1.26, "+1"), shown(-1.26, "+1")],
+        ["0.0", "0.0", "+1.3", "-1.3"]
+    );
+    assert_eq!(
+        [shown(0.173, "%0"), shown(62.3, "short"), shown(2.64, "short"), shown(0.02, "short")],
+        ["17", "62", "2.6", "0.02"]
+    );
+    assert_eq!(
+        [span([2.2, 38.4].into_iter(), ".0"), span([2.2, 2.4].into_iter(), ".0"), span([].into_iter(), ".0")],
+        ["2 to 38", "2", "–"]
+    );
 }
 
 #[test]

@@ -219,6 +219,11 @@ fn marks_are_replaced_by_what_the_tables_say() {
     let text = "It is <!--fig t.csv.x as .1-->3<!--/fig--> <!-- kept -->.\n\n<!--table\nwhat | x\nt.csv => {case} | {x as .0}\n-->\nold\n<!--/table-->\n";
     let new = page.renewed(text);
     assert!(new.contains("It is <!--fig t.csv.x as .1-->2.5<!--/fig--> <!-- kept -->."), "{new}");
-    assert!(new.contains("-->\n| what | x |\n|---|---|\n| a | 2 |\n\nMeasured by `c` on m: [t.csv](plots/t.csv).\n\n<!--/table-->"), "{new}");
+    assert!(
+        new.contains(
+            "-->\n| what | x |\n|---|---|\n| a | 2 |\n\nMeasured by `c` on m: [t.csv](plots/t.csv).\n\n<!--/table-->"
+        ),
+        "{new}"
+    );
     assert_eq!(page.renewed(&new), new);
 }
