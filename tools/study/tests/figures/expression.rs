@@ -262,8 +262,11 @@ fn thousands(value: f64) -> String {
     format!("{}{}", &told[..told.len() - digits.len()], groups.join(","))
 }
 
-/// Bytes in the unit that shows them with two digits or three.
+/// Bytes in the unit that shows them with two digits or three; a dash for none.
 fn bytes(bytes: f64) -> String {
+    if bytes == 0.0 {
+        return "–".to_owned();
+    }
     let units = [(1024f64.powi(3), "GiB"), (1024f64.powi(2), "MiB"), (1024.0, "KiB"), (1.0, "B")];
     let (unit, name) = units.into_iter().find(|(unit, _)| bytes >= *unit).unwrap_or((1.0, "B"));
     let value = bytes / unit;
