@@ -42,9 +42,9 @@ else
 fi
 step "licences and advisories of dependencies"
 if cargo deny --version >/dev/null 2>&1; then
-    cargo deny check licenses bans sources
+    cargo deny --workspace check licenses bans sources
     if cargo deny fetch db >/dev/null 2>&1; then
-        cargo deny check advisories
+        cargo deny --workspace check advisories
     else
         echo "no database of advisories can be reached: they are not checked"
     fi
