@@ -13,8 +13,8 @@
 //! entries and nothing else; and what a page-in costs. For the paper's Conference Room, with the folder that holds it in `LTM_SCENES`:
 //!
 //! ```text
-//! ltm render formats/scenes/conference-20.toml --samples 16 -o twenty.ltm && ltm-pack twenty.ltm
-//! ltm render formats/scenes/conference-panel-32.toml --samples 16 -o panel.ltm && ltm-pack panel.ltm
+//! ltm render examples/scenes/conference-20.toml --samples 16 -o twenty.ltm && ltm-pack twenty.ltm
+//! ltm render examples/scenes/conference-panel-32.toml --samples 16 -o panel.ltm && ltm-pack panel.ltm
 //! LTM_BENCH_MATRIX=$PWD/twenty:$PWD/panel cargo bench --bench relight
 //! ```
 

@@ -1,4 +1,7 @@
-//! Rules of the house: who may import whom, which crate is used where, file sizes, no dead files, paths in documents.
+//! Rules of the house: who may import whom, which crate is used where, file sizes, no dead files, paths and links in documents.
+
+#[path = "house/documents.rs"]
+mod documents;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -203,11 +206,12 @@ fn every_source_file_is_part_of_the_build() {
 
 #[test]
 fn paths_named_in_documents_exist() {
-    let documents = files_below("formats", &["md"]).into_iter().chain([root().join("README.md")]);
+    let documents = ["formats", "docs"].into_iter().flat_map(|folder| files_below(folder, &["md"]));
+    let documents = documents.chain(["README.md", "CONTRIBUTING.md", "SECURITY.md"].map(|name| root().join(name)));
     for document in documents {
         let text = fs::read_to_string(&document).unwrap_or_default();
         for word in words_in_backticks(&text) {
-            let ours = ["src/", "tools/", "tests/", "formats/", "shaders/", "benches/"];
+            let ours = ["src/", "tools/", "tests/", "formats/", "shaders/", "benches/", "docs/", "examples/"];
             let plain = !word.contains(['*', '{', '<', ' ', '\n']);
             if plain && ours.iter().any(|folder| word.starts_with(folder)) {
                 assert!(root().join(word).exists(), "{} names {word}, which does not exist", document.display());

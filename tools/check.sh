@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration, the
-# Python package, the shared page, and the Blender add-on where bpy is. The README's test command for the whole workspace; the
-# tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a missing adapter into a failure. LTM_CHECK_PROFILE=release builds what is
-# checked after the tests as its users build it; without it that is built as the tests are, which takes less time.
+# Everything that must hold before a change lands: format, lints, tests, documentation, the package, the demonstration, the Python
+# package, the shared page, and the Blender add-on where bpy is; the oldest Rust, dependencies, the public interface and the book where
+# their tools are. The tests of a real window need Xvfb. LTM_REQUIRE_GPU=1 turns a missing adapter into a failure.
+# LTM_CHECK_PROFILE=release builds what is checked after the tests as its users build it; without it that is built as the tests are, which
+# takes less time.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 profile=${LTM_CHECK_PROFILE:-dev}
@@ -30,6 +31,42 @@ target=${CARGO_TARGET_DIR:-target}
 tar -xzf "$target"/package/ltm-*.crate -C "$packed" --strip-components 1
 # With all features most of what it is built of is what the Python package is built of, and is checked once for both.
 cargo check --manifest-path "$packed/Cargo.toml" --target-dir "$target" --examples --all-features
+step "the oldest Rust"
+oldest=$(sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml | head -n 1)
+if rustc --version | grep -q "^rustc $oldest\."; then
+    echo "rust-version $oldest is that of this toolchain, which has built everything above"
+elif rustup run "$oldest" rustc --version >/dev/null 2>&1; then
+    rustup run "$oldest" cargo check --workspace --locked --target-dir "$target/oldest"
+else
+    echo "no toolchain $oldest: rust-version is not checked"
+fi
+step "licences and advisories of dependencies"
+if cargo deny --version >/dev/null 2>&1; then
+    cargo deny --workspace check licenses bans sources
+    if cargo deny fetch db >/dev/null 2>&1; then
+        cargo deny --workspace check advisories
+    else
+        echo "no database of advisories can be reached: they are not checked"
+    fi
+else
+    echo "no cargo-deny: licences and advisories are not checked"
+fi
+step "the public interface"
+# Against the last release: the newest tag, or what LTM_BASELINE names.
+baseline=${LTM_BASELINE:-$(git describe --tags --abbrev=0 --match 'v*' 2>/dev/null || true)}
+if ! cargo semver-checks --version >/dev/null 2>&1; then
+    echo "no cargo-semver-checks: the public interface is not checked"
+elif [ -z "$baseline" ]; then
+    echo "no released version to compare with (no tag v*, no LTM_BASELINE): the public interface is not checked"
+else
+    cargo semver-checks -p ltm --baseline-rev "$baseline"
+fi
+step "the book"
+if command -v mdbook >/dev/null; then
+    mdbook build --dest-dir "$(realpath "$target")/book"
+else
+    echo "no mdbook: the book is not built"
+fi
 step "the demonstration"
 demo=$(mktemp -d)
 trap 'rm -rf "$packed" "$demo"' EXIT

@@ -1,4 +1,4 @@
-//! The figures of a benchmark as a table: `NAME.csv` in the folder `tmp/figures` of the build, to be published in `formats/plots`.
+//! The figures of a benchmark as a table: `NAME.csv` in the folder `tmp/figures` of the build, to be published in `docs/plots`.
 
 use std::ffi::OsStr;
 use std::fs;

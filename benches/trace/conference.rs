@@ -43,7 +43,7 @@ fn error(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
 }
 
 pub(crate) fn conference() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/scenes/conference-24.toml");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes/conference-24.toml");
     let mut scene = match ltm::scene::load(&path) {
         Ok(loaded) => loaded.scene,
         Err(error) => {

@@ -1,7 +1,7 @@
 //! Shards: what a machine of a farm makes of a range of blocks, as one file that never changes.
 //!
 //! A shard holds, for each block of its range, what the merge needs in place of the block: the planes of a matrix that is cleaned
-//! ([`gather`](super::gather)), else the analysed candidate ([`analysis`](super::analysis)). `formats/farm.md` has the bytes. Its
+//! ([`gather`](super::gather)), else the analysed candidate ([`analysis`](super::analysis)). `docs/guide/farm.md` has the bytes. Its
 //! name says what it is for and what is in it: `PLAN-FIRST-END-SHA256.shard`.
 
 use std::fs::File;
@@ -347,7 +347,7 @@ mod tests {
 
     #[test]
     fn the_head_is_as_documented() {
-        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/formats/farm.md")).unwrap();
+        let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/guide/farm.md")).unwrap();
         let rows = text.lines().skip_while(|line| *line != "| offset | size | field | value |").skip(2);
         let number = |cell: Option<&str>| cell.unwrap().trim().parse::<usize>().unwrap();
         let fields: Vec<(usize, usize, String)> = rows

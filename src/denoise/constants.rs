@@ -46,7 +46,7 @@ pub(super) const DIRECT_DENSE: usize = 3;
 /// the one filter; smaller images lost 1 to 5 % of ꟻLIP by it with all lamps on.
 pub(super) const DIRECT_WIDE: usize = 4;
 pub(super) const DIRECT_NARROW: usize = 4;
-/// Of 1.2, 1.5, 2 and 2.5, for guides of half of the samples, chosen on the bunny under a sky with a sun (`formats/scenes/bunny-city.toml`,
+/// Of 1.2, 1.5, 2 and 2.5, for guides of half of the samples, chosen on the bunny under a sky with a sun (`examples/scenes/bunny-city.toml`,
 /// 640 × 480 pixels) and three lamps of `conference-24` at 1024 × 768 pixels, 16 samples: with 2 the bunny has softer facets and 0.1 dB more in
 /// clip, the lamps' ꟻLIP is 0.7 to 1.1 % higher; with 1.2 it is the other way round, by 0.2 dB and 0.5 %. In `ltm study picture` no row of nine
 /// scenes had a ꟻLIP more than 0.4 % higher than that of cleaner 13, which weighed both halves by guides of all samples.

@@ -4,7 +4,7 @@
     LTM_SCENES=... python tests/references/conference.py tests/references
     LTM_SCENES=... python tests/references/conference.py --times     # beside cargo bench --bench trace -- conference
 
-The room of formats/scenes/conference-24.toml, small, under three lightings of radiance 1: all lamps, and two alone. The
+The room of examples/scenes/conference-24.toml, small, under three lightings of radiance 1: all lamps, and two alone. The
 file holds, as little-endian f32, the mean images, then the variance of those means from independent renders:
 [mean, variance][lighting][channel][y][x].
 """

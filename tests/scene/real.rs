@@ -22,7 +22,7 @@ pub(super) const TESTS: &[(&str, fn())] = &[
 ];
 
 fn scenes() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/scenes")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/scenes")
 }
 
 fn read(name: &str) -> LoadedScene {

@@ -158,7 +158,7 @@ def test_a_matrix_that_was_open_before_the_fork_works_after_it(m):
 
 
 def test_version_and_names():
-    assert ltm.__version__ == "0.1.0"
+    assert ltm.__version__ == "0.2.0"
     assert "mixed" in ltm.BUILT_IN_SCENES
     assert all(hasattr(ltm, name) for name in ltm.__all__)
     for name in ltm.__all__:

@@ -200,7 +200,7 @@ def test_where_no_light_shines_none_is_found(images, tmp_path, fit):
 
 @pytest.mark.skipif("LTM_SCENES" not in os.environ, reason="LTM_SCENES names no folder of real scenes")
 def test_the_lamps_of_the_conference_room_are_recovered(tmp_path, random, fit):
-    scene = Path(__file__).parents[3] / "formats" / "scenes" / "conference-24.toml"
+    scene = Path(__file__).parents[3] / "examples" / "scenes" / "conference-24.toml"
     ltm.render(scene, tmp_path / "a.ltc", samples=1, pack=True, denoise=False)
     with ltm.open(tmp_path / "a.ltc") as m:
         hidden = random.uniform(0, 3, (24, 3)) * (random.random((24, 1)) < 0.6)

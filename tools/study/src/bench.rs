@@ -16,8 +16,8 @@ pub(super) const CONFERENCE: &str = "conference";
 
 /// Its scene files, by texels along a side of the panel.
 const CONFERENCE_FILES: [(u32, &str); 2] = [
-    (32, include_str!("../../../formats/scenes/conference-panel-32.toml")),
-    (64, include_str!("../../../formats/scenes/conference-panel-64.toml")),
+    (32, include_str!("../../../examples/scenes/conference-panel-32.toml")),
+    (64, include_str!("../../../examples/scenes/conference-panel-64.toml")),
 ];
 
 /// The Conference Room with its ceiling luminaires, one column each.
@@ -36,15 +36,15 @@ pub(super) const CORNELL: &str = "cornell-original";
 
 /// Scene files by name. Lights of texels get as many as are wanted.
 const FILES: [(&str, &str); 9] = [
-    (CONFERENCE_LAMPS, include_str!("../../../formats/scenes/conference-24.toml")),
-    (CONFERENCE_CORNER, include_str!("../../../formats/scenes/conference-24-corner.toml")),
+    (CONFERENCE_LAMPS, include_str!("../../../examples/scenes/conference-24.toml")),
+    (CONFERENCE_CORNER, include_str!("../../../examples/scenes/conference-24-corner.toml")),
     (CONFERENCE_PANEL, CONFERENCE_FILES[0].1),
-    (GLOSSY, include_str!("../../../formats/scenes/cornell-glossy.toml")),
-    (MIRROR, include_str!("../../../formats/scenes/cornell-mirror.toml")),
-    (WATER, include_str!("../../../formats/scenes/cornell-water.toml")),
-    (SHIRLEY, include_str!("../../../formats/scenes/erw5-scene3.toml")),
-    (CLASSROOM, include_str!("../../../formats/scenes/erw5-scene8.toml")),
-    (CORNELL, include_str!("../../../formats/scenes/cornell-original.toml")),
+    (GLOSSY, include_str!("../../../examples/scenes/cornell-glossy.toml")),
+    (MIRROR, include_str!("../../../examples/scenes/cornell-mirror.toml")),
+    (WATER, include_str!("../../../examples/scenes/cornell-water.toml")),
+    (SHIRLEY, include_str!("../../../examples/scenes/erw5-scene3.toml")),
+    (CLASSROOM, include_str!("../../../examples/scenes/erw5-scene8.toml")),
+    (CORNELL, include_str!("../../../examples/scenes/cornell-original.toml")),
 ];
 
 /// A scene file as it is published.

@@ -1,4 +1,4 @@
-//! The README's worked example: what the programs print when it is run as it stands there.
+//! The worked example of the guide: what the programs print when it is run as it stands there.
 
 use std::path::Path;
 use std::process::Command;

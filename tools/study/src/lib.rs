@@ -81,7 +81,7 @@ pub enum Study {
     Equal,
     /// Arrays of another renderer at equal bytes.
     Imports,
-    /// The worked example of the README.
+    /// The worked example of the guide.
     Example,
     /// Seconds from a scene to relit images.
     Speed,
