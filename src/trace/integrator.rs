@@ -428,7 +428,7 @@ impl Vertex {
         Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity }
     }
 
-    /// Whether every direction that the surface scatters to is spread, so that no ray shows an emitter unfiltered.
+    /// Whether the surface has no delta lobe, so that no ray from it shows an emitter unfiltered.
     #[inline(always)]
     fn shows_no_emitter(&self) -> bool {
         self.bsdf.is_spread() || matches!(self.bsdf, Bsdf::Black)

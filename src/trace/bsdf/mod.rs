@@ -76,8 +76,8 @@ pub struct Scattered {
     pub singular: bool,
     /// Whether the ray passes straight through.
     pub straight: bool,
-    /// Scale of throughput for Russian roulette: `weight` is lower by this factor, since radiance is higher in the
-    /// denser medium.
+    /// Squared relative index (η²), by which `weight` is below the light kept, since radiance changes with the medium.
+    /// Russian roulette and photons take it out.
     pub compression: f32,
 }
 

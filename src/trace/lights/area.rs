@@ -191,7 +191,7 @@ impl AreaLight {
         }
     }
 
-    /// Turns a point on the light into a light sample for a surface.
+    /// A light sample for a surface at `position`.
     #[inline(always)]
     pub(super) fn sample(&self, scene: &Scene, position: Vec3, pair: Vec2) -> Option<LightSample> {
         let at = self.point(pair);

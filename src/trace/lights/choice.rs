@@ -46,7 +46,7 @@ pub(super) struct Choice {
 /// Probability of each light at a surface.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::trace) struct Chances {
-    /// Probability of each light, if they are computed one by one.
+    /// Probability of each of the first `count` lights, if `even` is `None`.
     each: [f32; MOST],
     /// Probability of every light, if all are equal.
     even: Option<f32>,
