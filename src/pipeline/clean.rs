@@ -1,18 +1,19 @@
-//! Blocks → cleaned blocks: what compresses afterwards sees a matrix without grain.
+//! Denoising of a matrix: blocks in, denoised blocks out.
 //!
-//! Three steps, of which only the first has the blocks:
+//! There are three steps, of which only the first has the blocks:
 //!
-//! 1. *Gathering*: of each block, wherever it comes from, the planes go to a file: light of the clusters of columns in two
-//!    halves, features, emission seen.
-//! 2. *Filtering*, window by window over the whole image, with as much of the neighbourhood as the filter reads: the
-//!    images `D` of the clusters, cleaned. They do not know of blocks. Or the images come from a file, cleaned elsewhere.
-//! 3. *Spreading*, when a block is asked for: `T̂ = D R + C + E`, with the emission `E` as it is (Nyström's approximation, with
-//!    sums of columns as landmarks). `C` is what tells the columns of a cluster apart beside that, as far as it stands above its
-//!    noise ([`Contrasts`](crate::compress::Contrasts)): sharp shadows of single texels, small spots. In `R` each column has its cluster's image, scaled to its own share of the light: a texel
-//!    that lights more than its neighbours keeps its light, and no weight is negative. Beyond that `R` is fitted to what the
-//!    samples say of each column, tile by tile over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
+//! 1. *Gathering*: the planes of each block, wherever it comes from, go to a file. They are the light of the clusters
+//!    of columns in two halves, features, and emission seen by the camera.
+//! 2. *Filtering*: window by window, with the halo that the filter reads, the images `D` of the clusters are denoised.
+//!    Blocks play no part in it. Alternatively the images come from a file that another program denoised.
+//! 3. *Spreading*, when a block is asked for: `T̂ = D R + C + E`, with the emission `E` unchanged (Nyström's
+//!    approximation, with sums of columns as landmarks). `C` is the residual that tells the columns of a cluster apart,
+//!    as far as it is above its noise ([`Contrasts`](crate::compress::Contrasts)): sharp shadows of single texels,
+//!    small spots. In `R` each column starts from its cluster's image, scaled to its own share of the light. So a texel
+//!    brighter than its neighbours keeps its light, and no weight is negative. `R` is then fitted to the samples of
+//!    each column, by tiles over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
 //!
-//! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.
+//! Nothing depends on the lighting, so images of `T̂` add up as those of `T` do.
 
 use std::ops::Range;
 use std::path::Path;
@@ -49,7 +50,7 @@ pub(super) struct Cleaned {
     halo: u32,
     /// `R`: clusters × columns, row-major; the identity until it is fitted.
     map: Vec<f32>,
-    /// Which column is in which cluster.
+    /// The cluster of each column.
     partition: Clusters,
     gathering: Gathering,
     images: ContinuationFile,
@@ -57,8 +58,9 @@ pub(super) struct Cleaned {
 }
 
 impl Cleaned {
-    /// What packing a cleaned matrix takes, for each thread beside the block at hand: first blocks are made, which takes `making_bytes`
-    /// more, and gathered; then windows are filtered; then blocks are spread, and compressed, which takes `compressing_bytes`.
+    /// Memory for packing a denoised matrix, for each thread beside the current block. First blocks are made
+    /// (`making_bytes` more) and gathered; then windows are filtered; then blocks are spread and compressed
+    /// (`compressing_bytes` more).
     pub(super) fn need(job: &Job, making_bytes: u64, compressing_bytes: u64) -> Need {
         let windows = window_blocks(job.shape, Clusters::of_basis(&job.basis).count());
         let stages = Self::need_of_windows(job, making_bytes, windows);
@@ -292,7 +294,7 @@ impl Cleaned {
         Ok(())
     }
 
-    /// What [`MapFit`] needs of all tiles.
+    /// The sums over all tiles from which [`MapFit`] follows.
     fn sum_tiles(&self, watch: &dyn Watch) -> Result<MapFit> {
         let columns = self.shape.columns();
         let mut fit = MapFit::new(self.clusters, columns);

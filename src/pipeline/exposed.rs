@@ -1,9 +1,9 @@
-//! How far exposed images are from the truth, under the probe lightings: what `--error` asks for.
+//! Estimates the error of exposed images under the probe lightings, as `--error` promises it.
 //!
-//! The truth is not known, but samples of some blocks that the images have no part in are unbiased: with `v` a value of the image
-//! and `a`, `b` those of two halves of such samples, `(v − a)(v − b)` is `(v − truth)²` in the mean, whatever their noise. So noise,
-//! what cleaning blurs and what compression leaves out all count, and a firefly in the samples, which is in one half only,
-//! does not.
+//! The truth is unknown, but independent samples of some blocks are unbiased. With a value `v` of the image and the
+//! values `a`, `b` of two halves of such samples, the mean of `(v − a)(v − b)` is `(v − truth)²`, whatever their noise.
+//! So noise, bias of the denoiser and loss by compression all count. A firefly in the samples is in one half only and
+//! does not count.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -33,11 +33,11 @@ pub(super) struct ProbedBlock {
     noise: Vec<f32>,
 }
 
-/// Those of some blocks.
+/// Images of several blocks under the probe lightings.
 pub(super) type Images = BTreeMap<BlockId, ProbedBlock>;
 
 impl ProbedBlock {
-    /// Of a block with all its entries.
+    /// The images of a block with all its entries.
     pub(super) fn of(traced: &TracedBlock, probes: &[f32]) -> Self {
         let rows = traced.block.rows();
         let mut values = vec![0.0f32; PROBES * rows];
@@ -49,7 +49,7 @@ impl ProbedBlock {
         Self { values, noise: traced.noise.as_ref().map_or(Vec::new(), |noise| noise.probes.clone()) }
     }
 
-    /// Of a block's factors.
+    /// The images of a block from its factors.
     pub(super) fn of_factors(block: &FactoredBlock, probes: &[f32]) -> Self {
         let relit = |weights: &[f32]| {
             let weights = weights.iter().enumerate().map(|(column, &w)| (ColumnIndex(column as u32), [w; 3]));
@@ -97,8 +97,8 @@ pub(super) fn error_squares<'a>(images: &Images, references: impl IntoIterator<I
     sums.map(|sum| sum / count)
 }
 
-/// The same by two independent references at once: their noises are multiplied with each other, and so have the mean 0 that no
-/// estimate of them has to be taken off for. Its own noise is 0.7 of that of [`error_squares`] with both.
+/// The squared errors by two independent references. The product of their noises has mean 0, so that no estimate of
+/// noise must be subtracted. Its own noise is 0.7 of that of [`error_squares`] with both.
 fn error_products(images: &Images, first: &Images, second: &Images) -> [f64; PROBES] {
     let value = |of: &Images, id: BlockId, index: usize| of.get(&id).and_then(|block| block.values.get(index)).copied();
     mean_squares(images, |id, index, own| match (value(first, id, index), value(second, id, index)) {
@@ -125,7 +125,7 @@ pub(super) fn spread_windows(shape: MatrixShape, count: usize) -> Vec<Vec<BlockI
     chosen.into_iter().map(|index| all[index].clone()).collect()
 }
 
-/// Some blocks that stand for all of these.
+/// `count` blocks, evenly spread over `blocks`.
 pub(super) fn spread_blocks(shape: MatrixShape, blocks: Vec<BlockId>, count: usize) -> Vec<BlockId> {
     if blocks.len() <= count {
         return blocks;
@@ -145,10 +145,10 @@ fn spread(i: usize, count: usize, across: usize, down: usize) -> usize {
     (2 * i + 1) * down / (2 * count) * across + (turn * across as f64) as usize
 }
 
-/// What a render was asked for, and samples of some blocks, independent of its own, to hold it to that.
+/// The error that a render was asked for, and independent samples of some blocks to measure it.
 #[derive(Debug)]
 pub struct Promise {
-    /// None where that was a time.
+    /// The error asked for; `None` if a time was asked for.
     pub(super) asked: Option<f64>,
     /// Whether it is promised of cleaned images; else of the matrix as it is.
     pub(super) cleans: bool,
@@ -239,7 +239,7 @@ pub(super) struct Blocks<'a> {
 
 /// Images of windows.
 pub(super) struct WindowImages {
-    /// As the samples have them.
+    /// Images of the samples, not denoised.
     pub(super) sampled: Images,
     /// As they are looked at: cleaned where that is asked for.
     pub(super) shown: Images,

@@ -1,8 +1,9 @@
-//! One job on many machines: ranges of blocks built anywhere, in any order, as often as it happens, and merged into the container that
-//! one machine makes of the job by [`render_packed`](super::render_packed).
+//! One job on many machines. Ranges of blocks are built anywhere, in any order, any number of times. They are merged
+//! into the container that one machine makes of the job by [`render_packed`](super::render_packed).
 //!
-//! A range becomes a shard ([`super::shard`]) in a [`Depot`]: complete or not at all, never changed, and the same from whoever builds
-//! it. The merge does what wants to know of all blocks: it cleans the whole picture, chooses the one slope, and cuts.
+//! A range becomes a shard ([`super::shard`]) in a [`Depot`]: complete or absent, never changed, and the same whoever
+//! builds it. The merge does what needs all blocks: it denoises the whole image, chooses the common slope, and cuts the
+//! candidates.
 
 use std::ops::Range;
 use std::path::Path;
@@ -42,12 +43,12 @@ pub struct FarmJob {
 /// A job and how it is packed, without the scene.
 pub(super) struct Terms {
     pub(super) job: Job,
-    /// As [`PackOptions::for_source`] has them.
+    /// The options after [`PackOptions::for_source`].
     pub(super) options: PackOptions,
     pub(super) fingerprint: [u8; 32],
 }
 
-/// What a probe found.
+/// Result of a probe.
 #[derive(Clone, Debug)]
 pub struct Probe {
     /// The blocks that were built, in order.
@@ -56,7 +57,7 @@ pub struct Probe {
     pub setup_seconds: f64,
     /// Anonymous memory that building takes at most with one thread.
     pub memory_bytes: u64,
-    /// What each thread more takes.
+    /// Memory of each further thread, in bytes.
     pub thread_memory_bytes: u64,
     /// Anonymous memory that the merge takes at most with one thread.
     pub merge_memory_bytes: u64,
@@ -65,7 +66,7 @@ pub struct Probe {
 /// A block of a [`Probe`].
 #[derive(Clone, Copy, Debug)]
 pub struct ProbedBlock {
-    /// Which.
+    /// Index of the block.
     pub block: BlockId,
     /// Seconds of one thread for it.
     pub seconds: f64,
@@ -73,7 +74,7 @@ pub struct ProbedBlock {
     pub bytes: u64,
 }
 
-/// What building a range did.
+/// Result of building a range.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
     /// Name of the shard.
@@ -89,13 +90,13 @@ pub struct BuildReport {
 /// A shard that cannot be merged, and why.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RefusedShard {
-    /// Its name in the depot.
+    /// Name of the shard in the depot.
     pub name: String,
-    /// What is wrong with it.
+    /// Why it cannot be merged.
     pub problem: String,
 }
 
-/// What a depot holds of a job.
+/// The shards of a job in a depot.
 pub struct Shards {
     set: ShardSet,
     /// Shards of the job.
@@ -135,7 +136,7 @@ impl FarmJob {
         &self.terms.job
     }
 
-    /// Whether the picture is cleaned, by the merge.
+    /// Whether the merge denoises the image.
     pub fn cleans(&self) -> bool {
         self.terms.options.denoise
     }
@@ -213,8 +214,8 @@ impl FarmJob {
         Ok(None)
     }
 
-    /// Builds a range of blocks into a shard in the depot. What is built waits in a file without a name, in `scratch` or the system's
-    /// folder for such files, until it is whole.
+    /// Builds a range of blocks into a shard in the depot. Until it is complete, it is in an unlinked temporary file in
+    /// `scratch` or the system's temporary folder.
     ///
     /// # Errors
     /// A range that the matrix has not; those of the tracer, the compressor and the depot; [`Error::Interrupted`], with nothing kept.
@@ -261,8 +262,8 @@ impl FarmJob {
         Ok(BuildReport { name, seconds: begun.elapsed().as_secs_f64(), rays, non_finite })
     }
 
-    /// Reads every shard of the depot whole, and tells those of this job from what cannot be merged. Shards that are not files of this
-    /// machine are copied into the folder `cache`, where a copy that is there already is taken.
+    /// Reads every shard of the depot completely, and separates those of this job from those that cannot be merged.
+    /// Shards that are not local files are copied into the folder `cache`, unless a copy is there already.
     ///
     /// # Errors
     /// The depot cannot be read; [`Error::Interrupted`].
@@ -358,7 +359,7 @@ impl FarmJob {
         compressor_of(&self.terms.job, &self.terms.options)
     }
 
-    /// What builds, and what that takes.
+    /// The builder of shards, and its memory.
     fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, Need)> {
         let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, &self.terms.job));
         Ok((Worker::new(&self.terms, compressor, scratch)?, need))

@@ -111,8 +111,8 @@ pub(super) fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
     }
 }
 
-/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances, `Denoising Albedo
-/// Variance.R` beside `Denoising Albedo.R`. Blocks that the file lacks are black. Returns how many those are.
+/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances (`Denoising
+/// Albedo Variance.R` for `Denoising Albedo.R`). Missing blocks are black; returns their number.
 ///
 /// # Errors
 /// The matrix knows nothing of its samples, or not even one block; a block is damaged; the memory is too small;

@@ -14,8 +14,8 @@ use crate::files::folder_of;
 use crate::host::Watch;
 use crate::scene::LoadedScene;
 
-/// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render()) in f32 and then
-/// [`pack`](super::pack()) give, without the space for the matrix. Continues where an interrupted run stopped.
+/// Renders a scene straight into a container at `path`, without space for the matrix. The bytes are those of
+/// [`render`](super::render()) in f32 followed by [`pack`](super::pack()). Continues where an interrupted run stopped.
 ///
 /// # Errors
 /// Those of the tracer, the compressor and the container; a global scope, which needs the matrix more than once; [`crate::Error::Interrupted`] when the watch says so,

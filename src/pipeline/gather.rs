@@ -1,5 +1,6 @@
-//! What cleaning needs of each block, taken while the block is there: the planes of its clusters, its features, the emission
-//! that it sees, means of tiles of all columns, and what tells the columns of a cluster apart. The rest of the block is never needed again.
+//! The inputs of the denoiser, taken from each block while it is in memory: the planes of its clusters, its features,
+//! the emission seen, means of tiles of all columns, and the residual of its clusters. The rest of the block is never
+//! needed again.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -20,29 +21,27 @@ use crate::matrix::{
     decode_unsigned, encode_unsigned,
 };
 
-/// What was gathered of a block.
+/// The denoiser's inputs from one block.
 struct Gathered {
     planes: BlockPlanes,
-    /// Means of tiles of all columns without emission, columns × channels × tiles; empty where every column is a cluster.
+    /// Means of tiles of all columns without emission, columns × channels × tiles; empty if every column is a cluster.
     tiles: Vec<f32>,
-    /// What tells the columns of a cluster apart; empty where every column is a cluster.
+    /// The residual that tells the columns of a cluster apart; empty if every column is a cluster.
     contrasts: Vec<u8>,
 }
 
-/// Takes it, and gives it back block by block.
+/// Writes and reads the per-block inputs of the denoiser.
 pub(super) struct Gathering {
-    /// What its records are beside, for messages.
+    /// Path that the records belong to, for messages.
     pub(super) path: PathBuf,
     pub(super) shape: MatrixShape,
     pub(super) clusters: usize,
     pub(super) records: Records,
-    /// What looks for contrasts; none where every column is a cluster.
+    /// Computes the residual of clusters; `None` if every column is a cluster.
     compressor: Option<Compressor>,
 }
 
-/// Components that contrasts have at most, and how far each must stand above its noise. Chosen on the built-in scene `environment`
-/// at 16, 64 and 256 samples: 24 components are too few at 256, a factor of 4 leaves out what an eye sees, one of 1 brings nothing
-/// more. The scenes `mixed` and `cornell-glossy` do not depend on either.
+/// Largest number of components of the residual of clusters, and least ratio to the noise of each. Tuned: decision 21.
 const CONTRAST_RANK: usize = 64;
 const CONTRAST_OVER_NOISE: f64 = 2.0;
 
@@ -307,7 +306,7 @@ fn add_to(tally: &mut Tally, planes: &BlockPlanes) {
     tally.add(planes.direct.each_ref().map(Vec::as_slice), planes.indirect.each_ref().map(Vec::as_slice));
 }
 
-/// What was gathered of a block, as the file has it ([`encode`]).
+/// The denoiser's inputs from one block, as encoded in the file ([`encode`]).
 pub(super) struct Parts<'a> {
     halves: &'a [u8],
     features: &'a [u8],
@@ -317,7 +316,7 @@ pub(super) struct Parts<'a> {
 }
 
 impl<'a> Parts<'a> {
-    /// None if there is too little of it.
+    /// `None` if the bytes are too few.
     fn of(bytes: &'a [u8], pixels: usize, clusters: usize, tiles: usize) -> Option<Self> {
         let light = pixels * CHANNELS * clusters;
         let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;

@@ -43,7 +43,7 @@ impl<'a> OnGpu<'a> {
         }
     }
 
-    /// Whether the adapter computes on the CPU.
+    /// Whether the adapter is a software renderer on the CPU.
     pub(super) fn is_software(&self) -> bool {
         match self {
             Self::Resident(gpu) => gpu.is_software(),

@@ -19,8 +19,8 @@ use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
 };
 
-/// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
-/// so that blocks of two versions are never mixed.
+/// Version of how entries are made from images, named by matrices of images, so that blocks of two versions are never
+/// mixed. Raise it with every change of the result.
 const IMPORT_VERSION: u32 = 3;
 
 /// Name of the light that holds what the image under all lights has beyond the sum of the lights.
@@ -38,7 +38,7 @@ pub struct ImportedMatrix {
     /// Of each column: the sum of the sizes of its values.
     sizes: Vec<f64>,
     known: Option<KnownNoise>,
-    /// What each layer or file was taken for.
+    /// The role of each layer or file.
     pub matches: Vec<LayerMatch>,
     /// What looks wrong or was added, one line each, for people.
     pub warnings: Vec<String>,
@@ -56,14 +56,14 @@ pub struct SecondImages<'a> {
     pub features: [Option<&'a FeaturePasses>; 2],
 }
 
-/// Where the noise of images is known from.
+/// Source of the noise of images.
 #[derive(Clone, Copy, Debug)]
 pub enum ImageNoise<'a> {
-    /// It is not.
+    /// The noise is not known.
     Unknown,
-    /// From the images themselves: what a pixel differs by from those around it. With the passes of features of the rendering.
+    /// Estimated from differences of neighbouring pixels in the images themselves, with the rendering's feature passes.
     Estimated(Option<&'a FeaturePasses>),
-    /// From a second rendering.
+    /// Measured by a second rendering.
     Measured(SecondImages<'a>),
 }
 
@@ -85,7 +85,7 @@ impl<'a> ImageNoise<'a> {
     }
 }
 
-/// What is known of the noise.
+/// The noise data of an import.
 #[derive(Debug)]
 struct KnownNoise {
     /// The images of the second rendering, if there is one.
@@ -98,14 +98,14 @@ struct KnownNoise {
 }
 
 impl ImportedMatrix {
-    /// Makes a matrix of images, in blocks of `block_side` pixels: of `set`, or of the mean of that and a second rendering from which
-    /// its `noise` is known.
-    /// `source` is their name, for the provenance; the temporary files are made beside `beside`.
+    /// Makes a matrix of images, in blocks of `block_side` pixels: of `set`, or of the mean of that and a second
+    /// rendering, from which its `noise` is known. `source` is their name, for the provenance; temporary files are made
+    /// in the folder of `beside`.
     ///
-    /// The sum of lights is held against the image under all lights, where there is one; what is missing becomes a light of
-    /// its own, called `Rest`.
+    /// The sum of lights is compared with the image under all lights, if there is one. The difference becomes a light
+    /// of its own, called `Rest`.
     ///
-    /// What reading takes and the disk for packing with `options` too is admitted before anything is read.
+    /// Memory for reading, and disk space for packing with `options`, are checked before anything is read.
     ///
     /// # Errors
     /// Values that are not finite, naming the light; sizes beyond what a matrix can have; a second rendering of other lights
@@ -222,12 +222,12 @@ impl ImportedMatrix {
         self.job.basis.set_column_scales(scales)
     }
 
-    /// What the matrix is.
+    /// The job of the matrix.
     pub fn job(&self) -> &Job {
         &self.job
     }
 
-    /// Whether images could be cleaned, were their noise known.
+    /// Whether images could be denoised if their noise were known.
     pub fn wants_noise(&self) -> bool {
         self.known.is_none() && can_be_cleaned(&self.job)
     }
@@ -395,7 +395,7 @@ impl ImportedMatrix {
     }
 }
 
-/// Whether every column is a cluster of its own.
+/// Whether every column is a cluster of its own, as denoising of images needs it.
 fn can_be_cleaned(job: &Job) -> bool {
     Clusters::of_basis(&job.basis).count() == job.shape.columns()
 }
@@ -483,14 +483,14 @@ fn spill_rows(
     Ok((rows, looks))
 }
 
-/// What reading images takes; they wait on disk.
+/// Memory and disk space for reading images, which are kept on disk.
 fn reading_need(set: &LightSet) -> Need {
     let disk_bytes = RowSpill::bytes(set.images(), set.width as usize, set.height as usize);
     let fixed_bytes = PROGRAM_BYTES.saturating_add(set.needs_bytes());
     Need { fixed_bytes, per_thread_bytes: set.needs_bytes_per_thread(), disk_bytes, ..Need::default() }
 }
 
-/// What packing the images takes, cleaned where their noise is known and they are few enough.
+/// Memory and disk space for packing the images. They are denoised if their noise is known and they are few enough.
 ///
 /// # Errors
 /// The memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.

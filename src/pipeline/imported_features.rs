@@ -71,8 +71,8 @@ impl ImportedFeatures {
         Ok(())
     }
 
-    /// The planes of features of a rectangle of pixels, and their variances: of the mean of two renderings a quarter of the
-    /// squared difference, of one zero.
+    /// The features of a rectangle of pixels, and their variances. For the mean of two renderings the variance is a
+    /// quarter of the squared difference; for one rendering it is 0.
     ///
     /// # Errors
     /// Those of the disk.

@@ -1,11 +1,11 @@
-//! What a pack did, and how people are told.
+//! Result of a pack, and its text for people.
 
 use crate::compress::{AUTOMATIC_DB, CandidateSummary, Target};
 use crate::host::human_bytes;
 use crate::light::{CleaningErrors, ExposedError, LightErrors, LightLoss};
 use crate::matrix::{BlockId, ColumnIndex};
 
-/// What a pack did.
+/// Result of a pack.
 #[derive(Clone, Debug)]
 pub struct PackReport {
     /// Wall-clock seconds.
@@ -20,15 +20,15 @@ pub struct PackReport {
     pub sparse_entries: u64,
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`](crate::compress::Residual).
     pub relative_l2: f64,
-    /// What cleaning did, where images were cleaned: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
+    /// Errors of denoising, if images were denoised: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
     pub cleaning: Option<CleaningErrors>,
     /// What exposed images have reached of what was asked for, where that was an error.
     pub exposed: Option<ExposedError>,
-    /// What lightings of every kind lose: see [`light_errors_lines`](crate::light::light_errors_lines).
+    /// Errors of lightings of every kind: see [`light_errors_lines`](crate::light::light_errors_lines).
     pub lights: LightErrors,
     /// Lights that alone come out far from what they are, the worst first.
     pub lossy_lights: Vec<LightLoss>,
-    /// Where the target could not be reached: how near.
+    /// How near the target was reached, if it was not.
     pub short_of_target: Option<Shortfall>,
     /// Entries that could not be computed with, and what they became.
     pub replaced: ReplacedEntries,
@@ -82,7 +82,7 @@ impl std::fmt::Display for ReplacedEntries {
 /// A target that was not reached: what is expected of images under the prior, against the matrix with its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shortfall {
-    /// What was asked for.
+    /// The target asked for.
     pub target: Target,
     /// PSNR in dB that is expected, see [`Target::PsnrDb`].
     pub psnr_db: f64,

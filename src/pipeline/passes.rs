@@ -8,8 +8,8 @@ use crate::light::{Clusters, Lighting};
 use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect};
 use crate::store::StoreReader;
 
-/// The passes of a relit image, in their order: emitters in view, straight or by mirrors and smooth glass; light of one
-/// surface that scatters, come to it straight or through thin sheets; all other light.
+/// The passes of a relit image, in their order. Emission is seen straight or by mirrors and smooth glass. Direct light
+/// is scattered once, and reaches that surface straight or through thin sheets. Indirect light is the rest.
 pub const PASSES: [&str; 3] = ["Emission", "Direct", "Indirect"];
 
 /// Bytes of the passes of an image.
@@ -19,9 +19,10 @@ pub fn passes_need_bytes(shape: MatrixShape) -> u64 {
 
 /// Relights a matrix as the [`PASSES`] of its light, which sum up to the image of [`relight_matrix`].
 ///
-/// A matrix knows which emitters are in view column by column, and direct and indirect light for each cluster of columns
-/// ([`Clusters`]). So emission is exact, and the rest is shared out as the clusters' own light is under the mean weights of
-/// their columns: exact to rounding where each cluster is lit evenly, as always with up to 32 columns, and near it otherwise.
+/// A matrix has the emission seen for each column, and direct and indirect light for each cluster of columns
+/// ([`Clusters`]). So emission is exact. The rest is split in the ratio of direct to indirect light of the clusters
+/// under the mean weights of their columns. That is exact to rounding if each cluster is lit evenly, as always with up
+/// to 32 columns, and an approximation otherwise.
 ///
 /// # Errors
 /// The matrix knows nothing of its samples; those of [`relight_matrix`].

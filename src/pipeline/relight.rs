@@ -17,7 +17,7 @@ use crate::matrix::{BlockSource, CHANNELS, FactorSource, MatrixShape};
 use crate::relight::{CpuRelighter, PagedRelighter, relight_raw};
 use crate::store::{self, StoreReader};
 
-/// Where to relight.
+/// The device to relight on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
     /// The GPU if there is a real one, else the CPU, saying so.
@@ -29,10 +29,10 @@ pub enum Device {
     Gpu,
 }
 
-/// How to relight.
+/// Options of relighting.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RelightOptions {
-    /// Where.
+    /// The device to use.
     pub device: Device,
     /// Anonymous memory to stay within; none: as much as all factors take, or less where the system has less.
     pub memory_bytes: Option<u64>,
@@ -55,8 +55,8 @@ enum Kind<'a> {
 }
 
 impl<'a> Relighter<'a> {
-    /// Makes a container ready: reads its factors to where they will be used or, where a budget is given, leaves that
-    /// to the relighting.
+    /// Prepares a container for relighting. It uploads or reads all factors; with a budget they are read while
+    /// relighting.
     ///
     /// # Errors
     /// Those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
@@ -99,7 +99,7 @@ impl<'a> Relighter<'a> {
         }
     }
 
-    /// What did the work, for people.
+    /// The device that did the work, for people.
     pub fn description(&self) -> String {
         let cpu = match self.threads.count() {
             1 => "CPU (1 thread)".to_owned(),
@@ -145,8 +145,8 @@ fn gpu<'a>(
     }
 }
 
-/// Memory beside the factors that are kept: images on their way to a file, and a block for each thread while it is
-/// decoded (values in f32 twice, and in compact form).
+/// Memory beside the factors: images on their way to a file, and for each thread a block being decoded (two copies in
+/// f32, and one in compact form).
 fn need_of(container: &ContainerReader) -> Need {
     let fixed_bytes = PROGRAM_BYTES + container.index_bytes() + image_bytes(container.job().shape);
     Need { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..Need::default() }
@@ -229,7 +229,7 @@ pub fn relight(
     Ok((images, relighter.description()))
 }
 
-/// The direct product with a stored matrix on the CPU, on as many threads as hold a block each within the memory given.
+/// The direct product with a stored matrix on the CPU, on as many threads as blocks fit into the memory given.
 ///
 /// # Errors
 /// Those of reading the matrix; [`Error::Resources`] where not even one block fits.

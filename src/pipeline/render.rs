@@ -19,7 +19,7 @@ use crate::trace::{BlockStats, Sending, TRACER_VERSION, TraceSettings, Tracer};
 /// Choices of a render that do not change the entries.
 #[derive(Clone, Debug, Default)]
 pub struct RenderOptions {
-    /// How the store keeps the entries.
+    /// Options of the store.
     pub store: StoreOptions,
     /// Only these blocks; all if none.
     pub blocks: Option<Range<u32>>,
@@ -27,7 +27,7 @@ pub struct RenderOptions {
     pub memory_bytes: Option<u64>,
 }
 
-/// What a render did.
+/// Result of a render.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RenderReport {
     /// Wall-clock seconds.
@@ -122,7 +122,8 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
 /// Photons from which on sending them takes seconds.
 const MANY_PHOTONS: u64 = 1 << 22;
 
-/// The tracer of a job, which learns the scales of its columns by it; with photons for which there is no memory in a folder, or the system's for temporary files.
+/// The tracer of a job, whose column scales it sets. Photons beyond the memory limit go to `folder` or the system's
+/// temporary folder.
 ///
 /// # Errors
 /// Those of [`Tracer::sending`].
@@ -211,7 +212,7 @@ pub fn load_scene(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
     scene::load_with(path, LoadOptions { memory_bytes: Some(memory_bytes), ..options })
 }
 
-/// How a loaded scene asks to be traced.
+/// The trace settings of a loaded scene.
 pub(super) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
     TraceSettings {
         samples_per_pixel: loaded.settings.samples_per_pixel,

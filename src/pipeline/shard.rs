@@ -1,8 +1,8 @@
-//! Shards: what a machine of a farm makes of a range of blocks, as one file that never changes.
+//! Shards: a range of blocks built by one machine of a farm, as one file that never changes.
 //!
-//! A shard holds, for each block of its range, what the merge needs in place of the block: the planes of a matrix that is cleaned
-//! ([`gather`](super::gather)), else the analysed candidate ([`analysis`](super::analysis)). `formats/farm.md` has the bytes. Its
-//! name says what it is for and what is in it: `PLAN-FIRST-END-SHA256.shard`.
+//! For each block of its range a shard has what the merge needs instead of the block: the inputs of the denoiser
+//! ([`gather`](super::gather)), or the analysed candidate ([`analysis`](super::analysis)). `formats/farm.md` has the
+//! bytes. The name states the plan, the range and the content: `PLAN-FIRST-END-SHA256.shard`.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -26,12 +26,12 @@ pub(super) const EXTENSION: &str = ".shard";
 /// Bytes that are read at a time while the content is hashed.
 const STEP_BYTES: usize = 1 << 18;
 
-/// What stands at the beginning of a shard.
+/// Head of a shard.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ShardHead {
-    /// Of the job.
+    /// Hash of the job.
     pub(super) job: [u8; 32],
-    /// Of the job, the settings and the versions of all that takes part.
+    /// Hash of the job, the settings and the versions of everything that takes part.
     pub(super) fingerprint: [u8; 32],
     pub(super) blocks: Range<u32>,
     /// Rays traced, and contributions that were not finite.
@@ -39,7 +39,7 @@ pub(super) struct ShardHead {
     pub(super) non_finite: u64,
 }
 
-/// Where the record of a block stands in its shard.
+/// Position of a block's record in its shard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
     offset: u64,
@@ -68,7 +68,8 @@ impl ShardHead {
         Ok(range_prefix(&hex(&self.fingerprint), &self.blocks) + &hex(&hash.0.finalize()) + EXTENSION)
     }
 
-    /// Writes the shard, called `name` in messages: the head, where each record stands, and the records in the order of the blocks.
+    /// Writes the shard, called `name` in messages: the head, the table of records, and the records in the order of the
+    /// blocks.
     ///
     /// # Errors
     /// Those of reading the records and of writing.
@@ -264,7 +265,7 @@ impl Shard {
 
 /// Blocks of a matrix, each in the first of some shards that has it.
 pub(super) struct ShardSet {
-    /// Its depot, for messages.
+    /// Address of the depot, for messages.
     address: String,
     paths: Vec<PathBuf>,
     /// For each block the shard and the place in it.
@@ -272,7 +273,7 @@ pub(super) struct ShardSet {
 }
 
 impl ShardSet {
-    /// Of no shard yet.
+    /// An empty set.
     pub(super) fn new(address: &str, blocks: u32) -> Self {
         Self { address: address.to_owned(), paths: Vec::new(), places: vec![None; blocks as usize] }
     }
@@ -294,7 +295,7 @@ impl ShardSet {
         differs.map(|(key, other)| (key, &*self.paths[other as usize]))
     }
 
-    /// Where the shards are, for messages.
+    /// Address of the depot, for messages.
     pub(super) fn address(&self) -> &str {
         &self.address
     }

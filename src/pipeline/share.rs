@@ -19,7 +19,7 @@ use super::{PackOptions, pack};
 
 /// Pixels of the picture for one of the preview, across and down.
 const SHRINK: u32 = 4;
-/// What the preview reaches against the picture made small: it is looked at for seconds.
+/// PSNR in dB of the preview against the reduced image. It is visible for seconds only.
 const PREVIEW_DB: f64 = 46.0;
 /// Name of the page in its folder.
 pub const PAGE_NAME: &str = "index.html";
@@ -45,7 +45,7 @@ pub struct ShareOptions {
     pub memory_bytes: Option<u64>,
 }
 
-/// What was written.
+/// Result of sharing.
 #[derive(Clone, Debug)]
 pub struct ShareReport {
     /// The file to open.
@@ -58,12 +58,13 @@ pub struct ShareReport {
     pub data: SharedBytes,
 }
 
-/// Writes a container as a page: `index.html` and `picture.lts` in the folder `output`, which is made where it is not there, or one
-/// HTML file `output`.
+/// Writes a container as a web page: `index.html` and `picture.lts` in the folder `output`, which is created if needed,
+/// or a single HTML file `output`.
 ///
 /// # Errors
-/// The container holds a range of blocks only, or is damaged; files are there and may not be replaced; [`Error::Resources`]
-/// where the memory is not enough; the system refuses to write. What stood there before is then as it was, or whole and new.
+/// The container holds only a range of blocks, or is damaged; files exist and may not be replaced; [`Error::Resources`]
+/// if the memory is too small; the system refuses to write. A file that existed is then unchanged, or replaced
+/// completely.
 ///
 /// # Panics
 /// Never: data that were written without an error are counted.
@@ -168,8 +169,8 @@ fn level_of(source: &ContainerReader) -> Result<Level<'_>> {
     Level::new(source, |id| (source.rank(id), source.sparse_entries(id)))
 }
 
-/// Memory beside what the program takes: the index, an image, a block of the preview with what it is made of and what packs it, and
-/// the data three times over where they go into the page.
+/// Memory beside that of the program: the index, an image, a block of the preview with its inputs and its compressor,
+/// and three copies of the data if they go into the page.
 fn needs_bytes(container: &ContainerReader, single: bool) -> u64 {
     let shape = container.job().shape;
     let block = (shape.max_block_rows() * (shape.columns() + 64) * 4) as u64;

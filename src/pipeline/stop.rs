@@ -1,9 +1,10 @@
-//! When a render is good enough: samples per pixel from an error or a time that people state.
+//! Chooses the samples per pixel for a given error or time.
 //!
-//! A pilot traces some windows of the picture, with few samples and, where an error is asked for, twice with more. Cleaned as
-//! packing will clean them, and held against each other ([`exposed`](super::exposed)), they say how the error of packed images
-//! falls with the samples; their seconds say what more samples take. The render itself is then one of so many samples, the same
-//! bytes as with that number given, and goes on with it when it was stopped.
+//! A pilot traces some windows of the image with few samples and, if an error is asked for, twice with more. They are
+//! denoised as packing will do it, and compared with each other ([`exposed`](super::exposed)). This gives the law by
+//! which the error of packed images falls with the samples; the seconds of the pilot give the cost. The render then
+//! uses the number of samples found. Its bytes are those of a render with that number given, and it continues after an
+//! interruption.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -37,7 +38,7 @@ const BLOCKS: usize = 24;
 const PILOT_SHARE: f64 = 0.2;
 /// Part of a stated time that tracing may take: the rest is for reading the scene, the pilot and the disk.
 const TRACING_SHARE: f64 = 0.9;
-/// Slowest fall that is believed: of the squared error, as a power of the samples.
+/// Slowest fall of the squared error that is believed, as a power of the samples.
 const LEAST_POWER: f64 = 0.25;
 
 /// When to stop: the first of these that is reached.
@@ -51,24 +52,25 @@ pub struct StopRule {
     pub packs: bool,
 }
 
-/// Where a render goes, by its finished name.
+/// Destination of a render, by its final name.
 #[derive(Clone, Copy, Debug)]
 pub enum RenderTo<'a> {
-    /// What is unfinished there of the same scene goes on with its own number of samples.
+    /// An unfinished render of the same scene continues with its own number of samples.
     GoOn(&'a Path),
-    /// What is there is not looked at.
+    /// An unfinished render is ignored.
     Anew(&'a Path),
 }
 
-/// A scene with as many samples as a rule wants, and what it is held to where that is an error.
+/// A scene with the number of samples that a rule asks for, and the promise if the rule has an error.
 pub struct Chosen {
     /// The scene.
     pub loaded: LoadedScene,
-    /// What will show whether the error was reached.
+    /// Measures whether the error was reached.
     pub promise: Option<Promise>,
 }
 
-/// How an error falls with the samples: its square as a power of them, and never slower than that of the samples themselves.
+/// The law by which an error falls with the samples: its square is a power of them, and no lower than the noise of the
+/// samples allows.
 #[derive(Clone, Copy, Debug)]
 struct Law {
     /// Squared error of the worst lighting at `samples`.
@@ -79,24 +81,24 @@ struct Law {
     noise: f64,
 }
 
-/// Seconds that a render takes.
+/// Cost of a render in seconds.
 #[derive(Clone, Copy, Debug)]
 struct Seconds {
-    /// Of its tree, and of cleaning.
+    /// For the BVH and for denoising.
     fixed: f64,
     per_photon: f64,
     per_sample: f64,
 }
 
 impl Law {
-    /// Of samples as they are.
+    /// The law of images that are not denoised.
     fn of_noise(noise: f64, samples: u32) -> Self {
         let samples = f64::from(samples);
         Self { square: noise, samples, power: 1.0, noise: noise * samples }
     }
 
-    /// Of squared errors of the probe lightings at few and at more samples, and the noise of those. What is measured at more is
-    /// not believed where it has fallen faster than noise can. The power is one for all lightings.
+    /// The law from squared errors of the probe lightings at few and at more samples. `noise` is the squared noise at
+    /// more samples. A fall faster than that of noise is not believed. One power holds for all lightings.
     fn fitted(few: &[f64; PROBES], more: &[f64; PROBES], noise: f64) -> Self {
         let (of_few, of_more) = (f64::from(SAMPLES.0), f64::from(SAMPLES.1));
         let least = of_few / of_more;
@@ -141,8 +143,8 @@ impl Seconds {
     }
 }
 
-/// Sets the scene's samples per pixel so that the first of a rule's ends is reached, for a matrix that will be packed with these
-/// options. A render that packs has the number written down until it is finished.
+/// Sets the scene's samples per pixel to reach the first limit of a rule, for a matrix that will be packed with these
+/// options. For a render that packs, the number is stored until the render is finished.
 ///
 /// # Errors
 /// A rule without an end, or with one that is not above 0; what tracing refuses; [`Error::Interrupted`].
@@ -221,7 +223,7 @@ pub fn choose_samples(
 /// Windows with independent samples of them.
 type References = (Vec<Vec<BlockId>>, [Images; 2]);
 
-/// What traces some windows of a scene.
+/// Traces windows of a scene.
 struct Pilot<'a> {
     scene: &'a Arc<Scene>,
     settings: TraceSettings,
@@ -231,10 +233,10 @@ struct Pilot<'a> {
     watch: &'a dyn Watch,
 }
 
-/// What a pilot found.
+/// Result of a pilot.
 struct Found {
     law: Law,
-    /// Whether that is of packed, cleaned images.
+    /// Whether the law is that of packed, denoised images.
     of_packed: bool,
     seconds: Seconds,
 }
@@ -331,8 +333,8 @@ impl Found {
             let settings = TraceSettings { samples_per_pixel: samples, ..pilot.settings };
             self.seconds.of(samples, Tracer::photons_sent(pilot.scene, pilot.job.shape, settings))
         };
-        // Pairs of samples, so that the noise is known and there are as many in each half.
-        // With fewer than were tried, what cleaning makes of them is a guess.
+        // Pairs of samples, so that the noise is known and both halves have the same number. Below the pilot's least
+        // number the denoiser's error would be a guess.
         let least = if pilot.cleans { SAMPLES.0 / 2 } else { 1 };
         let by_error = rule.error.map(|error| self.law.pairs(error, (least, most)));
         let by_time = rule.seconds.map(|end| {
@@ -356,7 +358,7 @@ impl Found {
     }
 }
 
-/// Of which images an error is.
+/// Descriptions of the images that an error refers to.
 const PACKED: &str = "in exposed images of the packed, cleaned matrix, the worst of 16 lightings";
 const RAW: &str = "in exposed images of the matrix as it is, not cleaned, the worst of 16 lightings";
 
@@ -538,7 +540,7 @@ mod tests {
         job.shape.blocks().map(image).collect()
     }
 
-    /// Those of a matrix of many samples.
+    /// Images of a matrix with many samples.
     fn converged() -> Images {
         let mut job = job_of(&scene()).unwrap();
         let settings = TraceSettings { samples_per_pixel: 1024, seed: 4711, ..settings_of(&scene()) };
@@ -550,10 +552,11 @@ mod tests {
         blocks.images(false, &threads, ("", &Quiet)).unwrap().sampled
     }
 
-    /// Against a converged reference: what was asked for is kept to a half, and what is stated as reached is right to a quarter, in the
-    /// median over seeds. The samples that it is measured against have a noise of 0.13 to 0.21 under narrow lightings; on so small a
-    /// picture an error below a tenth of that drowns, and the worst of 16 lightings is stated too large: 1.07 times the true one at
-    /// 0.04, 1.5 times at 0.015, over 15 seeds. One statement alone has been wrong by a factor of 5.
+    /// Against a converged reference: the error is within a half of the one asked for, and the stated error within a
+    /// quarter of the true one, in the median over seeds. The reference samples have a noise of 0.13 to 0.21 under
+    /// narrow lightings. In so small an image an error below a tenth of that is lost in noise, and the worst of 16
+    /// lightings is stated too large: 1.07 times at 0.04, 1.5 times at 0.015, over 15 seeds. A single statement has
+    /// been wrong by a factor of 5.
     #[test]
     fn a_promised_error_is_reached_and_what_is_stated_is_true() {
         const SEEDS: u64 = 5;

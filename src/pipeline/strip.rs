@@ -21,7 +21,7 @@ pub(super) struct Strip<F> {
 }
 
 impl<F: FnMut(BlockId) -> Result<Option<Vec<f32>>>> Strip<F> {
-    /// Of nothing yet.
+    /// A strip without any blocks yet.
     pub(super) fn new(shape: MatrixShape, planes: usize, read: F) -> Self {
         Self { shape, planes, read, row_of_blocks: None, values: Vec::new() }
     }

@@ -23,7 +23,7 @@ const NUKE_CHANNELS: usize = 1023;
 /// Choices of unpacking.
 #[derive(Clone, Debug, Default)]
 pub struct UnpackOptions {
-    /// Which part.
+    /// The part of the matrix to unpack.
     pub selection: Selection,
     /// Replace files that exist.
     pub overwrite: bool,
@@ -84,11 +84,9 @@ pub fn unpack_to_store(
 }
 
 /// Writes one layer for each light, as the scene lights it, into one OpenEXR file at `path`, after a layer with all of
-/// them. The layers are named as Blender names light groups, `ViewLayer.Combined_LIGHT`, in one part of 32-bit floats, whose
-/// channels end in `.R`, `.G`, `.B`: OpenEXR's convention, by which Nuke makes layers too (`ViewLayer_Combined_LIGHT`, with
-/// its own `rgba` empty; at most 1,023 channels). Tried: Blender 5.0 shows a pass for each light, and OpenEXR's own Python
-/// module reads the layers, types and values that `.npy` has; Nuke by its documentation only. A path with `{light}` asks for a file of plain RGB for each light instead.
-/// Returns the files written.
+/// them. The layers are named as Blender names light groups, `ViewLayer.Combined_LIGHT`, in one part of 32-bit floats,
+/// with channels that end in `.R`, `.G`, `.B`. Programs that read them: decision 42. A path with `{light}` asks for a
+/// file of plain RGB for each light instead. Returns the files written.
 ///
 /// # Errors
 /// Those of the selection, of reading the source and of writing the files.
@@ -194,8 +192,8 @@ pub fn unpack_to_npy(source: &dyn UnpackSource, path: &Path, options: &UnpackOpt
     image::write_npy(path, options.overwrite, images.len(), size_of_rect(selected.rect), &mut fetch)
 }
 
-/// Lights each block under groups of lights (indices into the selection) and leaves the images on disk, once there is
-/// room for them, and for files of `layers` of them each.
+/// Relights each block under groups of lights (indices into the selection), and keeps the images on disk. The disk
+/// space for these, and for files of `layers` images each, is checked first.
 fn relight_images(
     source: &dyn UnpackSource,
     selected: &Selected,

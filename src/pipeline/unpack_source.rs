@@ -11,7 +11,7 @@ pub type Weights = Vec<(ColumnIndex, [f32; CHANNELS])>;
 
 /// A matrix in a file, block by block.
 pub trait UnpackSource: Sync {
-    /// What it is a matrix of.
+    /// The job of the matrix.
     fn job(&self) -> &Job;
 
     /// Tells one matrix from another: an unpack is continued over the same one only.
@@ -26,7 +26,8 @@ pub trait UnpackSource: Sync {
     /// Memory that reading a block takes at most.
     fn reading_bytes(&self) -> u64;
 
-    /// Gives `work` the place in `columns` (ascending) and the rows of every column of a block that is not black.
+    /// Calls `work` for each column in `columns` (ascending) that is not black in a block, with its position there and
+    /// its rows.
     ///
     /// # Errors
     /// Those of reading: the block is missing or damaged.

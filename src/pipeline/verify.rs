@@ -105,8 +105,8 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Watc
     })
 }
 
-/// Holds joining `parts` to the memory given or, without such, to what the system has: of each part its description and its
-/// index are held, and one block or chunk at a time.
+/// Checks the memory for joining `parts` against the memory given, or against what the system has available. The
+/// description and the index of each part are held, and one block or chunk at a time.
 ///
 /// # Errors
 /// Those of opening the parts; [`Error::Resources`] where the memory is too small.

@@ -18,9 +18,9 @@ use crate::matrix::{BlockId, TracedBlock};
 
 /// Makes the records of a shard.
 pub(super) enum Worker {
-    /// Of a matrix that is cleaned: the merge analyses it.
+    /// For a matrix that is denoised, which the merge then analyses.
     Gathers(Box<Gathering>),
-    /// Of one that is packed as it is.
+    /// For a matrix that is packed without denoising.
     Analyses(Box<Analysis>),
 }
 
@@ -47,7 +47,7 @@ impl Worker {
         })
     }
 
-    /// What working takes, where making a block takes `source`.
+    /// Memory of a worker, where making a block takes `source`.
     pub(super) fn need(terms: &Terms, compressor: &Compressor, source: Need) -> Need {
         let shape = terms.job.shape;
         // Where each record is.
