@@ -1,5 +1,5 @@
-//! What each idea is worth: from a plain block SVD to what `ltm-pack` does today, one idea more in each row, all at the same
-//! bytes; beside them Algorithm 4 and general codecs, each at its best.
+//! The value of each technique: from a plain block SVD to what `ltm-pack` does today, one more technique in each row,
+//! all at the same bytes. Algorithm 4 and general codecs, each at its best, are listed as well.
 
 use std::path::{Path, PathBuf};
 

@@ -33,7 +33,7 @@ struct Room {
     tuned_on: bool,
 }
 
-/// What constants of the cleaning were chosen on.
+/// Lamps on which constants of the denoiser were chosen.
 const TUNED_ON: Room =
     Room { scene: CONFERENCE_LAMPS, lamps: &["lum_03", "lum_10", "lum_17"], texels: 1, tuned_on: true };
 

@@ -90,8 +90,8 @@ impl Figures {
 pub struct Area {
     /// Its corners in order, in pixels from the picture's top left.
     pub corners: Vec<[f32; 2]>,
-    /// Whether four corners are those of a rectangle in the scene, on which points are laid evenly as it lies there; else
-    /// each pixel counts as much as another, near or far.
+    /// Whether four corners are those of a rectangle in the scene, on which points are spread evenly in space.
+    /// Otherwise every pixel counts alike, near or far.
     pub is_rectangle: bool,
 }
 

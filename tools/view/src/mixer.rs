@@ -139,9 +139,9 @@ impl Mix {
         self.lights.iter().any(|light| light.solo) || self.groups.list().iter().any(|group| group.solo)
     }
 
-    /// Whether a light shines. Where nothing is soloed: on, as all groups around it. Else it, or a group around it, is
-    /// soloed, which counts for more than that being off or standing in a group that is: what is off inside a soloed group
-    /// stays off.
+    /// Whether a light shines. If nothing is soloed, it and all groups around it must be on. Otherwise it, or a group
+    /// around it, must be soloed, which overrides that it or its group is off; what is off inside a soloed group stays
+    /// off.
     pub fn shines(&self, light: usize) -> bool {
         self.shines_among(light, self.has_solo())
     }
