@@ -8,7 +8,7 @@ use crate::error::Result;
 const STRIDE: f64 = 3.0;
 /// Largest number of such guesses. Noise or a fixed rank may prevent a bracket, since they do not depend on the slope.
 const MOST_STRIDES: usize = 10;
-/// Bisections of the bracket: to a 40th of a power of two, below 1 % of the bytes.
+/// Bisections of the bracket: to a 40th of a power of two of the slope.
 const HALVINGS: usize = 7;
 
 /// The cut whose file is the largest of at most `target_bytes`. It is that of `start` with another slope; `bytes_at`

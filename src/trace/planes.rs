@@ -1,7 +1,6 @@
 //! Planes of a block: features, and direct and indirect light of clusters, summed while a pixel's samples are traced.
 //!
-//! They cost 0 to 5 % of the time of tracing a block. Such planes for every column would double the matrix (decision
-//! 25).
+//! Their cost, and why not every column has them: decision 25.
 
 use glam::Vec3;
 
