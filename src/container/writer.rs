@@ -128,7 +128,7 @@ impl ContainerWriter {
     }
 
     /// Has the file say what errors there are over the whole picture. Without it the file says nothing of them; those of
-    /// cleaning are said beside those of lights only, those of exposed images beside those of cleaning.
+    /// denoising are said beside those of lights only, those of exposed images beside those of denoising.
     pub fn state_errors(&mut self, errors: StatedErrors) {
         self.errors = errors;
     }

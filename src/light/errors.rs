@@ -26,19 +26,19 @@ pub struct LightErrors {
     pub noise_worst: f32,
 }
 
-/// What cleaning did to the images of the clusters of columns, relative L2, estimated from the two halves of the samples.
+/// What denoising did to the images of the clusters of columns, relative L2, estimated from the two halves of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct CleaningErrors {
     /// The noise of the samples before.
     pub noise_before: f32,
     /// Noise left after denoising.
     pub noise_after: f32,
-    /// What the cleaned images are off beside noise: where they were averaged over what is not alike.
+    /// What the denoised images are off beside noise: where they were averaged over what is not alike.
     pub bias: f32,
 }
 
 impl CleaningErrors {
-    /// Stands where nothing was cleaned.
+    /// Stands where nothing was denoised.
     pub(crate) const NONE: Self = Self { noise_before: f32::NAN, noise_after: f32::NAN, bias: f32::NAN };
 
     pub(crate) fn is_none(&self) -> bool {
@@ -46,7 +46,7 @@ impl CleaningErrors {
     }
 }
 
-/// A line on what cleaning did, for people.
+/// A line on what denoising did, for people.
 pub fn cleaning_errors_line(errors: &CleaningErrors) -> String {
     format!(
         "cleaning, relative L2 of the images of groups of lights: noise {:.2e} before, {:.2e} after, bias {:.2e} (estimated)",
@@ -124,7 +124,7 @@ pub struct StatedErrors {
     pub lights: Option<LightErrors>,
     /// Errors of denoising before that.
     pub cleaning: Option<CleaningErrors>,
-    /// That of exposed images, where one was asked for and images were cleaned.
+    /// That of exposed images, where one was asked for and images were denoised.
     pub exposed: Option<ExposedError>,
 }
 

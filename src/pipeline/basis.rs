@@ -1,4 +1,4 @@
-//! The images that cleaning works on, out to an EXR and back: so that a denoiser of one's own serves every lighting.
+//! The images that denoising works on, out to an EXR and back: so that a denoiser of one's own serves every lighting.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ const LAYER: &str = "basis.";
 
 /// Writes the images of the clusters of columns of a matrix as one EXR of 32-bit channels: layers `basis.00` onwards with R,
 /// G, B, and [`FEATURE_CHANNELS`]. An image is the sum of the columns of a cluster (`light::Clusters`) in their unit, without
-/// the emitters in view, which are exact as they are. `pack` takes the file back, cleaned
+/// the emitters in view, which are exact as they are. `pack` takes the file back, denoised
 /// ([`PackOptions::basis`](super::PackOptions::basis)). Returns the number of images.
 ///
 /// # Errors
@@ -57,7 +57,7 @@ fn images_of(planes: &BlockPlanes, samples: u32) -> Vec<f32> {
     (0..planes.direct[0].len()).map(|i| mean(&planes.direct, i) + mean(&planes.indirect, i)).collect()
 }
 
-/// Cleaned images that a file brings.
+/// Denoised images that a file brings.
 pub(super) struct Basis {
     path: PathBuf,
     set: LightSet,

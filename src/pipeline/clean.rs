@@ -40,7 +40,7 @@ const WINDOW_BYTES: u64 = 512 << 20;
 /// Blocks that are decoded side by side.
 const BLOCKS_AT_HAND: u64 = 4;
 
-/// A matrix whose images are cleaned, block by block.
+/// A matrix whose images are denoised, block by block.
 pub(super) struct Cleaned {
     shape: MatrixShape,
     clusters: usize,
@@ -73,7 +73,7 @@ impl Cleaned {
         }
     }
 
-    /// The same of cleaning alone, with windows of so many blocks across.
+    /// The same of denoising alone, with windows of so many blocks across.
     pub(super) fn need_of_windows(job: &Job, making_bytes: u64, blocks: u32) -> Need {
         let clusters = Clusters::of_basis(&job.basis).count();
         let gathering = making_bytes + Gathering::takes_bytes(job);
@@ -211,7 +211,7 @@ impl Cleaned {
         done
     }
 
-    /// Takes images that were cleaned elsewhere, in place of filtering.
+    /// Takes images that were denoised elsewhere, instead of filtering.
     ///
     /// # Errors
     /// Those of reading the images and of the disk.
@@ -261,7 +261,7 @@ impl Cleaned {
         Ok(())
     }
 
-    /// Appends a block of what was cleaned, which begins at a pixel of the image, unless it is there.
+    /// Appends a block of what was denoised, which begins at a pixel of the image, unless it is there.
     fn keep(&self, id: BlockId, (left, top): (u32, u32), cleaned: &clean::Cleaned) -> Result<()> {
         if self.images.has(id.0) {
             return Ok(());
@@ -279,7 +279,7 @@ impl Cleaned {
         self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])
     }
 
-    /// Fits the map from clusters to columns, where a cluster has several: after the images are cleaned.
+    /// Fits the map from clusters to columns, where a cluster has several: after the images are denoised.
     ///
     /// # Errors
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
@@ -321,13 +321,13 @@ impl Cleaned {
         Ok(fit)
     }
 
-    /// Means of tiles of the cleaned images of a block, clusters × channels × tiles.
+    /// Means of tiles of the denoised images of a block, clusters × channels × tiles.
     fn image_tiles(&self, id: BlockId) -> Result<Vec<f32>> {
         let rect = self.shape.rect(id);
         Ok(clean::tile_means(&self.images_of(id)?, (rect.width as usize, rect.height as usize)))
     }
 
-    /// Mean over tiles and channels of the cleaned image with all columns on.
+    /// Mean over tiles and channels of the denoised image with all columns on.
     fn mean_light(&self) -> Result<f64> {
         let (mut sum, mut count) = (0.0, 0);
         for id in self.blocks() {
@@ -338,7 +338,7 @@ impl Cleaned {
         Ok(sum.max(0.0) / count.max(1) as f64)
     }
 
-    /// Share of each light in the mean of the cleaned image with all columns on.
+    /// Share of each light in the mean of the denoised image with all columns on.
     ///
     /// # Errors
     /// Those of the disk.
@@ -359,7 +359,7 @@ impl Cleaned {
         Ok(basis.lights().iter().map(|light| light.columns().map(of_column).sum::<f64>().max(0.0) / all).collect())
     }
 
-    /// What cleaning did to the whole picture; none where the images come from a file.
+    /// What denoising did to the whole picture; none where the images come from a file.
     ///
     /// # Errors
     /// Those of the disk.
@@ -377,7 +377,7 @@ impl Cleaned {
         }))
     }
 
-    /// The cleaned images of a block as their file has them, and what cleaning did to them, where it was done here.
+    /// The denoised images of a block as their file has them, and what denoising did to them, where it was done here.
     fn image_bytes(&self, id: BlockId) -> Result<(Vec<u8>, Option<ErrorSums>)> {
         let mut bytes = self.images.read(id.0)?;
         let images = 4 * self.shape.rect(id).rows() * self.clusters;
@@ -390,7 +390,7 @@ impl Cleaned {
         Ok((bytes, errors))
     }
 
-    /// The cleaned images of a block, clusters × channels × pixels.
+    /// The denoised images of a block, clusters × channels × pixels.
     fn images_of(&self, id: BlockId) -> Result<Vec<f32>> {
         Ok(self.image_bytes(id)?.0.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
     }
@@ -401,7 +401,7 @@ impl BlockSource for Cleaned {
         self.shape
     }
 
-    /// The cleaned block; of its planes only the emission.
+    /// The denoised block; of its planes only the emission.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let rows = self.shape.rect(id).rows();
         let columns = self.shape.columns();

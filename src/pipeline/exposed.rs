@@ -22,7 +22,7 @@ use crate::store::{self, StoreReader};
 /// Luminance percentile that an image is exposed by.
 const WHITE: f64 = 0.95;
 
-/// Blocks along the side of the windows that are cleaned apart from the rest of the picture.
+/// Blocks along the side of the windows that are denoised apart from the rest of the picture.
 pub(super) const WINDOW: u32 = 3;
 
 /// A block's image under the probe lightings, one after the other.
@@ -150,7 +150,7 @@ fn spread(i: usize, count: usize, across: usize, down: usize) -> usize {
 pub struct Promise {
     /// The error asked for; `None` if a time was asked for.
     pub(super) asked: Option<f64>,
-    /// Whether it is promised of cleaned images; else of the matrix as it is.
+    /// Whether it is promised of denoised images; else of the matrix as it is.
     pub(super) cleans: bool,
     pub(super) windows: Vec<Vec<BlockId>>,
     pub(super) references: [Images; 2],
@@ -159,7 +159,7 @@ pub struct Promise {
 }
 
 impl Promise {
-    /// Whether it is promised of cleaned images, as a container holds them, or of the matrix as it is.
+    /// Whether it is promised of denoised images, as a container holds them, or of the matrix as it is.
     pub fn cleans(&self) -> bool {
         self.cleans
     }
@@ -198,7 +198,7 @@ impl Promise {
         ExposedError { asked: self.asked.unwrap_or(0.0) as f32, reached: square.max(0.0).sqrt() as f32 }
     }
 
-    /// What a stored matrix has reached: as it is, or as it will be when it is cleaned.
+    /// What a stored matrix has reached: as it is, or as it will be when it is denoised.
     ///
     /// # Errors
     /// Those of reading and of the disk; [`Error::Interrupted`].
@@ -241,9 +241,9 @@ pub(super) struct Blocks<'a> {
 pub(super) struct WindowImages {
     /// Images of the samples, not denoised.
     pub(super) sampled: Images,
-    /// As they are looked at: cleaned where that is asked for.
+    /// As they are looked at: denoised where that is asked for.
     pub(super) shown: Images,
-    /// Seconds that cleaning took.
+    /// Seconds that denoising took.
     pub(super) cleaning_seconds: f64,
 }
 

@@ -113,7 +113,7 @@ impl FarmJob {
     /// The job of a scene, packed so.
     ///
     /// # Errors
-    /// A global scope and images cleaned elsewhere, which need the matrix as a whole; those of [`job_of`].
+    /// A global scope and images denoised elsewhere, which need the matrix as a whole; those of [`job_of`].
     pub fn new(loaded: LoadedScene, options: &PackOptions) -> Result<Self> {
         if options.compress.scope == Scope::Global {
             let hint = "render and pack it on one machine";
@@ -324,7 +324,7 @@ impl FarmJob {
     /// interrupted merge is continued by the same call.
     ///
     /// # Errors
-    /// [`Error::Incomplete`] where blocks are missing; those of cleaning, packing and the container; [`Error::Interrupted`].
+    /// [`Error::Incomplete`] where blocks are missing; those of denoising, packing and the container; [`Error::Interrupted`].
     pub fn merge(self, shards: Shards, path: &Path, watch: &dyn Watch) -> Result<PackReport> {
         let measuring = self.measuring_need();
         let Terms { mut job, options, .. } = self.terms;

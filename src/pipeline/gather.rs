@@ -67,7 +67,7 @@ impl Gathering {
         2 * Self::record_bytes(job) + looking
     }
 
-    /// Bytes that one thread takes at most to make a block of what was gathered of it and of its cleaned images, beside the block
+    /// Bytes that one thread takes at most to make a block of what was gathered of it and of its denoised images, beside the block
     /// itself.
     pub(super) fn spreads_bytes(job: &Job) -> u64 {
         let (rows, columns) = (job.shape.max_block_rows() as u64, job.shape.columns() as u64);
@@ -173,7 +173,7 @@ impl Gathering {
     }
 
     /// Puts what was gathered of some rows of a rectangle of the image, which are those of whole blocks as far as they lie in it, where
-    /// cleaning wants it. Their blocks are read a few at a time.
+    /// denoising wants it. Their blocks are read a few at a time.
     ///
     /// # Errors
     /// Those of the disk.

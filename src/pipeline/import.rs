@@ -47,7 +47,7 @@ pub struct ImportedMatrix {
 }
 
 /// The same lights rendered once more, with other random numbers, and what is seen: from them the noise is known, so that images
-/// can be cleaned.
+/// can be denoised.
 #[derive(Clone, Copy, Debug)]
 pub struct SecondImages<'a> {
     /// The images; their lights have the same names.
@@ -93,7 +93,7 @@ struct KnownNoise {
     features: ImportedFeatures,
     /// Columns × probes, see [`probe_lightings`].
     probes: Vec<f32>,
-    /// Whether images can be cleaned: every column is a cluster of its own.
+    /// Whether images can be denoised: every column is a cluster of its own.
     cleans: bool,
 }
 

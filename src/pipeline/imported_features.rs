@@ -1,4 +1,4 @@
-//! What the passes of two renderings say of the surfaces in view, as the planes of features that cleaning reads.
+//! What the passes of two renderings say of the surfaces in view, as the planes of features that denoising reads.
 
 use std::path::Path;
 

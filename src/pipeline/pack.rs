@@ -56,13 +56,13 @@ pub struct PackOptions {
     pub compress: CompressSettings,
     /// Options of the container; its report is made here.
     pub container: ContainerOptions,
-    /// Whether images are cleaned before they are compressed: by [`Method::Auto`], where the samples were kept apart and
-    /// their noise is heeded ([`CompressSettings::noise_factor`]). The container then holds the cleaned matrix, and what is
+    /// Whether images are denoised before they are compressed: by [`Method::Auto`], where the samples were kept apart and
+    /// their noise is heeded ([`CompressSettings::noise_factor`]). The container then holds the denoised matrix, and what is
     /// said of its errors is against that.
     pub denoise: bool,
-    /// Cleaned images to take in place of one's own: an EXR as [`write_basis`](super::write_basis) writes it, same layers, same size.
+    /// Denoised images to take instead of one's own: an EXR as [`write_basis`](super::write_basis) writes it, same layers, same size.
     pub basis: Option<PathBuf>,
-    /// What the container is held to, which is measured and kept where images are cleaned; the blocks are the same.
+    /// What the container is held to, which is measured and kept where images are denoised; the blocks are the same.
     pub promise: Option<Arc<Promise>>,
     /// Whether to write a container, too, in which a light alone is hardly what it is: see [`LightLoss::is_severe`](crate::light::LightLoss::is_severe).
     pub allow_lost_lights: bool,
@@ -469,7 +469,7 @@ fn kept_of(candidate: &Candidate, cut: &Cut, fineness: &Arc<[i8]>) -> FactoredBl
 }
 
 /// What compresses the matrix of a job. Each light alone counts as much as all together: those of columns that are divided by their
-/// scales have equal shares of the picture. A matrix that is cleaned knows them better, once it is.
+/// scales have equal shares of the picture. A matrix that is denoised knows them better, once it is.
 ///
 /// # Errors
 /// Those of [`Compressor::new`].
@@ -482,10 +482,10 @@ pub(super) fn compressor_of(job: &Job, options: &PackOptions) -> Result<Compress
     Ok(compressor.for_lights_alone(&job.basis, &vec![1.0 / lights as f64; lights]))
 }
 
-/// The cleaned images that the options name.
+/// The denoised images that the options name.
 ///
 /// # Errors
-/// The matrix is not cleaned at all; those of [`Basis::open`].
+/// The matrix is not denoised at all; those of [`Basis::open`].
 fn open_basis(options: &PackOptions, job: &Job) -> Result<Option<Basis>> {
     let Some(path) = &options.basis else { return Ok(None) };
     if !options.denoise {

@@ -37,7 +37,7 @@ pub struct ShareOptions {
     pub groups: Vec<(String, Vec<usize>)>,
     /// Exposure that the page begins with, in stops; none: the one that the window begins with.
     pub exposure_stops: Option<f32>,
-    /// One HTML file with the data inside, in place of a folder.
+    /// One HTML file with the data inside, instead of a folder.
     pub single: bool,
     /// Replace files that exist.
     pub overwrite: bool,

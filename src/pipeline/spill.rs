@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::files::{ContinuationFile, check_output, with_suffix};
 
 const MARK: [u8; 8] = *b"LTMspil2";
-/// Ends the name of a result for the files of what is gathered of blocks to clean them, and of the cleaned images.
+/// Ends the name of a result for the files of what is gathered of blocks to clean them, and of the denoised images.
 pub(super) const GATHERED: &str = ".planes";
 /// See [`GATHERED`].
 pub(super) const CLEANED: &str = ".clean";
@@ -17,7 +17,7 @@ pub(super) fn spill_path(result: &Path) -> PathBuf {
     with_suffix(result, ".spill")
 }
 
-/// The files that packing into `path` keeps beside it until it is done, whether or not it cleans.
+/// The files that packing into `path` keeps beside it until it is done, whether or not it denoises.
 pub(super) fn files_of_pack(path: &Path) -> [PathBuf; 4] {
     let of = |name| spill_path(&with_suffix(path, name));
     [spill_path(path), of(GATHERED), of(CLEANED), with_suffix(path, ".part")]

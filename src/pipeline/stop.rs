@@ -283,7 +283,7 @@ impl Pilot<'_> {
         let tracer = self.tracer(self.settings(0, SAMPLES.0))?;
         let (preparing, photons) = (preparing.elapsed().as_secs_f64(), tracer.photon_cost());
         let tracing = Instant::now();
-        // With only a time to keep, cleaning tells no more than how long it takes.
+        // With only a time to keep, denoising tells no more than how long it takes.
         let cleans = self.cleans && (rule.error.is_some() || rule.packs);
         let mut few = self.images(&tracer, &windows, cleans)?;
         let tracing = tracing.elapsed().as_secs_f64() - few.cleaning_seconds;

@@ -113,7 +113,7 @@ enum Source {
 }
 
 impl LightSet {
-    /// Opens images of lights: a folder (each image file is a light), a file name with `{light}` in place of the
+    /// Opens images of lights: a folder (each image file is a light), a file name with `{light}` instead of the
     /// light's name and `*` for any text, an NPY or NPZ file, or an OpenEXR file with light groups.
     ///
     /// `layers` selects the layers of an OpenEXR file that are lights. Without it, the conventions of Blender, Arnold,

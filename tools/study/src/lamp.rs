@@ -29,7 +29,7 @@ struct Room {
     lamps: &'static [&'static str],
     /// Texels along the sides of its lights that have any.
     texels: u32,
-    /// These pictures took part in choosing constants of the cleaning.
+    /// These pictures took part in choosing constants of the denoising.
     tuned_on: bool,
 }
 

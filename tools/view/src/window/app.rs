@@ -114,7 +114,7 @@ impl App {
         app
     }
 
-    /// Opens a container in place of the one that is open, whose work is not kept.
+    /// Opens a container instead of the one that is open, whose work is not kept.
     pub fn open(&mut self, context: &egui::Context, path: &Path) {
         match Document::open(context, path, self.opening.clone()) {
             Ok(document) => {

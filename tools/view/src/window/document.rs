@@ -55,7 +55,7 @@ pub(super) struct Document {
     pub(super) view: ViewState,
     /// What is measured in the picture.
     pub(super) meter: LightMeter,
-    /// What is seen in place of light.
+    /// What is seen instead of light.
     pub(super) features: FeaturesView,
     /// Snapshots and references.
     pub(super) compare: Comparison,

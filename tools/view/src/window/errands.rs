@@ -117,7 +117,7 @@ impl Document {
         }
     }
 
-    /// Takes a lighting file's content in place of the mix, as one step, and of the snapshots.
+    /// Takes a lighting file's content instead of the mix, as one step, and of the snapshots.
     fn take_look(&mut self, saved: Saved) {
         let Saved { mix, snapshots, display, keys } = saved;
         self.work.replace(mix);

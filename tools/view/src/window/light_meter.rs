@@ -33,7 +33,7 @@ type FieldKey = (u64, Measured, bool, u32);
 
 #[derive(Default)]
 pub(super) struct LightMeter {
-    /// What the picture is shown in, in place of its colours.
+    /// What the picture is shown in, instead of its colours.
     pub(super) shows: Option<Measured>,
     /// What was shown last; the area is measured in it.
     measured: Measured,
@@ -63,7 +63,7 @@ impl LightMeter {
         Some(Scale { lines: !self.no_lines, ..scale })
     }
 
-    /// What to draw in place of the picture.
+    /// What to draw instead of the picture.
     pub(super) fn id(&self) -> Option<TextureId> {
         self.shows.and(self.texture.as_ref()).map(TextureHandle::id)
     }

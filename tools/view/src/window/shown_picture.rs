@@ -43,7 +43,7 @@ pub(super) struct ShownPicture {
     pub(super) seen: u64,
     pub(super) valued: u64,
     texture: Option<TextureHandle>,
-    /// The device's own texture, in place of the other, where the device shows the pictures.
+    /// The device's own texture, instead of the other, where the device shows the pictures.
     screen: Option<ScreenTexture>,
     /// The device that draws the window.
     state: Option<RenderState>,
