@@ -12,14 +12,14 @@ use crate::matrix::{BlockId, TracedBlock};
 /// Analyses blocks into records.
 pub(super) struct Analysis {
     pub(super) compressor: Compressor,
-    /// Candidates with what they lack of their blocks.
+    /// Candidates with the residuals of their blocks.
     pub(super) records: Records,
-    /// The result, for messages.
+    /// Path of the result, for messages.
     pub(super) path: PathBuf,
 }
 
 impl Analysis {
-    /// The first pass over a block: its candidate and what that lacks of it go to the spill file, if they are not there.
+    /// The first pass over a block: its candidate and residual go to the records, unless they are there already.
     pub(super) fn analyse(
         &self,
         id: BlockId,
@@ -33,7 +33,7 @@ impl Analysis {
         Ok(summary)
     }
 
-    /// [`analyse`](Self::analyse), and the work that it was.
+    /// [`analyse`](Self::analyse), which also returns the amount of work.
     pub(super) fn take(
         &self,
         id: BlockId,
@@ -55,7 +55,7 @@ impl Analysis {
         Ok((candidate.summary().clone(), work))
     }
 
-    /// A candidate and its residual, back from the records.
+    /// Reads a candidate and its residual from the records.
     pub(super) fn read(&self, id: BlockId) -> Result<(Candidate, Residual)> {
         let bytes = self.records.read(id.0)?;
         let parts = || -> Result<_, String> {

@@ -1,4 +1,4 @@
-//! The images that denoising works on, out to an EXR and back: so that a denoiser of one's own serves every lighting.
+//! Export of the images that are denoised to an EXR, and import of the result of any other denoiser.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use crate::light::{Clusters, Job};
 use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, PixelRect};
 use crate::store::{self, StoreReader};
 
-/// Begins the name of each layer; two or more digits follow, the number of the cluster.
+/// Prefix of layer names; two or more digits follow, the index of the cluster.
 const LAYER: &str = "basis.";
 
 /// Writes the images of the clusters of columns of a matrix as one EXR of 32-bit channels: layers `basis.00` onwards with R,
@@ -49,15 +49,15 @@ pub fn write_basis(matrix: &StoreReader, path: &Path, memory_bytes: Option<u64>,
     written.map(|()| clusters)
 }
 
-/// The images of a block, direct and indirect light together: the mean of the halves, of which the first has one sample more
-/// where their number is odd.
+/// The images of a block with direct and indirect light added up: the mean of the halves, of which the first has one
+/// more sample if their number is odd.
 fn images_of(planes: &BlockPlanes, samples: u32) -> Vec<f32> {
     let second = if samples > 1 { (samples / 2) as f32 / samples as f32 } else { 0.5 };
     let mean = |halves: &[Vec<f32>; 2], i: usize| halves[0][i] + second * (halves[1][i] - halves[0][i]);
     (0..planes.direct[0].len()).map(|i| mean(&planes.direct, i) + mean(&planes.indirect, i)).collect()
 }
 
-/// Denoised images that a file brings.
+/// Denoised images from a file.
 pub(super) struct Basis {
     path: PathBuf,
     set: LightSet,
@@ -68,7 +68,7 @@ pub(super) struct Basis {
 }
 
 impl Basis {
-    /// Looks at a file and checks that it has the images of this job.
+    /// Opens a file and checks that it has the images of this job.
     ///
     /// # Errors
     /// No EXR, another size, an image that is missing or not known.
@@ -110,7 +110,7 @@ impl Basis {
         let (width, height) = (self.set.width as usize, self.set.height as usize);
         let mut values = vec![0.0f32; self.clusters.len() * CHANNELS * width * height];
         self.set.read(&mut |LightRow { image, channel, x, y, values: row }| {
-            // Beyond the clusters' comes the image under all lights, where the file has one.
+            // The layer after those of the clusters, if there is one, is the image under all lights.
             if let Some(cluster) = self.clusters.get(image) {
                 if row.iter().any(|value| !value.is_finite()) {
                     let place = format!("{}, layer {LAYER}{cluster:02}, row {y}", self.path.display());

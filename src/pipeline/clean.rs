@@ -34,19 +34,19 @@ use crate::host::{Need, Threads, Watch};
 use crate::light::{CleaningErrors, Clusters, Job, LightBasis};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
 
-/// Memory that the rows of a window may take that are held at once; a window of one block is filtered whatever it takes.
+/// Memory limit for the rows of a window that are held at once. A window of one block is filtered in any case.
 const WINDOW_BYTES: u64 = 512 << 20;
 
-/// Blocks that are decoded side by side.
+/// Number of blocks decoded in parallel.
 const BLOCKS_AT_HAND: u64 = 4;
 
 /// A matrix whose images are denoised, block by block.
 pub(super) struct Cleaned {
     shape: MatrixShape,
     clusters: usize,
-    /// What is filtered one after the other, each from the top down, several blocks wide.
+    /// Windows of blocks, filtered one after the other, each from the top down.
     windows: Vec<Vec<BlockId>>,
-    /// Pixels around a window that its filter reads.
+    /// Radius, in pixels, that the filter reads around a window.
     halo: u32,
     /// `R`: clusters × columns, row-major; the identity until it is fitted.
     map: Vec<f32>,
@@ -73,12 +73,12 @@ impl Cleaned {
         }
     }
 
-    /// The same of denoising alone, with windows of so many blocks across.
+    /// Memory of denoising alone, with windows at most `blocks` blocks wide.
     pub(super) fn need_of_windows(job: &Job, making_bytes: u64, blocks: u32) -> Need {
         let clusters = Clusters::of_basis(&job.basis).count();
         let gathering = making_bytes + Gathering::takes_bytes(job);
         Need {
-            // The map stays, and what looks for contrasts.
+            // The map, and the compressor that computes residuals.
             fixed_bytes: (size_of::<f32>() * job.shape.columns()) as u64
                 * (clusters as u64 + Compressor::COLUMN_VALUES),
             per_thread_bytes: gathering.max(Gathering::spreads_bytes(job)),
@@ -87,16 +87,16 @@ impl Cleaned {
         }
     }
 
-    /// Bytes that filtering and fitting take at most, with windows of so many blocks across.
+    /// Upper bound of the bytes of filtering and fitting, with windows at most `blocks` blocks wide.
     fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let (planes, tiles) = Gathering::plane_and_tile_bytes(job);
-        // What the map is fitted with; planes and tiles of the blocks at hand.
+        // The sums of the fit; planes and tiles of the current blocks.
         let fit = if tiles > 0 { MapFit::needs_bytes(clusters, job.shape.columns() as u64) } else { 0 };
         window_bytes(job.shape, blocks, clusters as usize) + BLOCKS_AT_HAND * (planes + 3 * tiles) + fit
     }
 
-    /// Bytes of disk that it takes.
+    /// Bytes of disk for the gathered planes and the images.
     fn disk_bytes(job: &Job) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let pixels = job.shape.rows() / CHANNELS as u64;
@@ -106,8 +106,8 @@ impl Cleaned {
         BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64) + tiles + contrasts
     }
 
-    /// Opens the files for it beside `path`, those of an interrupted run of the same fingerprint where there are any. What was
-    /// gathered elsewhere comes as `shards`.
+    /// Opens the files beside `path`, and continues those of an interrupted run of the same fingerprint. `shards` has
+    /// the records that were gathered elsewhere.
     ///
     /// # Errors
     /// Those of the disk.
@@ -129,8 +129,8 @@ impl Cleaned {
         Self::over((windows, reach_in(shape).halo() as u32), job, path, (records, open(CLEANED)?))
     }
 
-    /// For these windows of the image alone, each as if the image ended at its rim. The files are gone with the process, however
-    /// that ends.
+    /// For windows of the image, each filtered as if the image ended at its border. The files are unlinked, so they
+    /// vanish with the process.
     ///
     /// # Errors
     /// Those of the disk.
@@ -140,7 +140,7 @@ impl Cleaned {
         let (path, shape) = (folder.path().join("pilot"), job.shape);
         let open = |name| open_spill(&with_suffix(&path, name), job.hash().0, shape.block_count(), false);
         let files = (Records::File(open(GATHERED)?), open(CLEANED)?);
-        // Without their names the files live as long as they are open.
+        // Unlinked files live as long as they are open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
         Self::over((windows, 0), job, &path, files)
     }
@@ -171,8 +171,8 @@ impl Cleaned {
         self.images.remove()
     }
 
-    /// Takes from each block what filtering needs of it, see [`Gathering::gather`]. Gives the number of blocks that an earlier run had
-    /// left.
+    /// Gathers the denoiser's inputs of each block, see [`Gathering::gather`]. Returns the number of blocks that an
+    /// earlier run had gathered.
     ///
     /// # Errors
     /// Those of [`Gathering::gather`].
@@ -261,7 +261,7 @@ impl Cleaned {
         Ok(())
     }
 
-    /// Appends a block of what was denoised, which begins at a pixel of the image, unless it is there.
+    /// Stores the denoised images of a block, whose origin in the image is (left, top), unless they are stored already.
     fn keep(&self, id: BlockId, (left, top): (u32, u32), cleaned: &clean::Cleaned) -> Result<()> {
         if self.images.has(id.0) {
             return Ok(());
@@ -298,7 +298,7 @@ impl Cleaned {
     fn sum_tiles(&self, watch: &dyn Watch) -> Result<MapFit> {
         let columns = self.shape.columns();
         let mut fit = MapFit::new(self.clusters, columns);
-        // Where it is brighter than the mean errors count by their share, in the dark as they are.
+        // Errors count relatively in tiles brighter than the mean, and absolutely in darker ones.
         let mean = self.mean_light()?;
         let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
         for id in self.blocks() {
@@ -359,7 +359,7 @@ impl Cleaned {
         Ok(basis.lights().iter().map(|light| light.columns().map(of_column).sum::<f64>().max(0.0) / all).collect())
     }
 
-    /// What denoising did to the whole picture; none where the images come from a file.
+    /// The errors of denoising over the whole image; `None` if the images came from a file.
     ///
     /// # Errors
     /// Those of the disk.
@@ -377,7 +377,7 @@ impl Cleaned {
         }))
     }
 
-    /// The denoised images of a block as their file has them, and what denoising did to them, where it was done here.
+    /// The stored bytes of a block's denoised images, and the error sums if they were denoised here.
     fn image_bytes(&self, id: BlockId) -> Result<(Vec<u8>, Option<ErrorSums>)> {
         let mut bytes = self.images.read(id.0)?;
         let images = 4 * self.shape.rect(id).rows() * self.clusters;
@@ -401,7 +401,7 @@ impl BlockSource for Cleaned {
         self.shape
     }
 
-    /// The denoised block; of its planes only the emission.
+    /// Makes the denoised block; of its planes only the emission is filled.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let rows = self.shape.rect(id).rows();
         let columns = self.shape.columns();
@@ -426,18 +426,18 @@ impl BlockSource for Cleaned {
     }
 }
 
-/// Ones where a cluster and a column have the same number.
+/// Ones where cluster and column have the same index.
 fn identity(clusters: usize, columns: usize) -> Vec<f32> {
     (0..clusters * columns).map(|i| if i / columns == i % columns { 1.0 } else { 0.0 }).collect()
 }
 
-/// Most blocks across a window.
+/// Largest number of blocks across a window.
 fn window_blocks(shape: MatrixShape, clusters: usize) -> u32 {
     let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= WINDOW_BYTES;
     (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
 }
 
-/// The windows of an image, of so many blocks across and down at most.
+/// The windows of an image, at most so many blocks wide and high.
 pub(super) fn windows_of(shape: MatrixShape, (most_across, most_down): (u32, u32)) -> Vec<Vec<BlockId>> {
     let (across, down) = (shape.blocks_across(), shape.blocks_down());
     let window = |rows: Range<u32>, columns: Range<u32>| -> Vec<BlockId> {
@@ -447,19 +447,19 @@ pub(super) fn windows_of(shape: MatrixShape, (most_across, most_down): (u32, u32
     equal_parts(down, most_down).flat_map(in_row).collect()
 }
 
-/// As few parts of nearly equal length as there can be with at most `most` each.
+/// The fewest parts of nearly equal length that have at most `most` each.
 fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
     let count = length.div_ceil(most.max(1));
     let border = move |part: u32| (u64::from(part) * u64::from(length) / u64::from(count)) as u32;
     (0..count).map(move |part| border(part)..border(part + 1))
 }
 
-/// Memory of a window of so many blocks across.
+/// Bytes of a window this many blocks wide.
 fn window_bytes(shape: MatrixShape, blocks: u32, clusters: usize) -> u64 {
     let (reach, side) = (reach_in(shape), shape.block_side());
     let across = (u64::from(blocks) * u64::from(side) + 2 * reach.halo() as u64).min(u64::from(shape.width()));
     let bytes = across * Cleaning::bytes_across(reach, clusters, FEATURE_PLANES, side as usize);
-    // And what is kept beside it of other sizes, and of blocks that are decoded.
+    // Buffers of other sizes in the pool, and blocks being decoded.
     bytes + bytes / 10
 }
 

@@ -19,17 +19,17 @@ use crate::light::{ExposedError, Job, LightBasis, PROBES, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, ColumnIndex, FactoredBlock, MatrixShape, TracedBlock};
 use crate::store::{self, StoreReader};
 
-/// Luminance percentile that an image is exposed by.
+/// Luminance percentile that is exposed to white.
 const WHITE: f64 = 0.95;
 
-/// Blocks along the side of the windows that are denoised apart from the rest of the picture.
+/// Side, in blocks, of the windows that are denoised separately.
 pub(super) const WINDOW: u32 = 3;
 
 /// A block's image under the probe lightings, one after the other.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ProbedBlock {
     values: Vec<f32>,
-    /// Half the difference of the two halves of the samples; empty where that is not known.
+    /// Half the difference of the two halves of the samples; empty if unknown.
     noise: Vec<f32>,
 }
 
@@ -59,8 +59,8 @@ impl ProbedBlock {
     }
 }
 
-/// For each probe lighting the mean over the pixels of `square(block, index, value)`, those beyond white left out, in units of white
-/// squared; NaN where it lights nothing.
+/// For each probe lighting the mean over pixels of `square(block, index, value)`, in units of white squared, without
+/// clipped pixels. NaN for a lighting that lights nothing.
 fn mean_squares(images: &Images, square: impl Fn(BlockId, usize, f32) -> f64) -> [f64; PROBES] {
     std::array::from_fn(|probe| {
         let each = images.iter().flat_map(|(&id, block)| {
@@ -75,13 +75,13 @@ fn mean_squares(images: &Images, square: impl Fn(BlockId, usize, f32) -> f64) ->
     })
 }
 
-/// The squares of an image's own noise, as the halves of its samples show it.
+/// Squared noise of the images, from the halves of their samples.
 pub(super) fn noise_squares(images: &Images) -> [f64; PROBES] {
     let noise = |id: BlockId, index: usize| images.get(&id).and_then(|block| block.noise.get(index)).copied();
     mean_squares(images, |id, index, _| noise(id, index).map_or(f64::NAN, |noise| f64::from(noise).powi(2)))
 }
 
-/// The squares of an image's error, by independent samples: see the module. Of few pixels they may come out below 0.
+/// Squared errors of images by independent samples, see the module. For few pixels the estimate may be negative.
 pub(super) fn error_squares<'a>(images: &Images, references: impl IntoIterator<Item = &'a Images>) -> [f64; PROBES] {
     let (mut sums, mut count) = ([0.0; PROBES], 0.0f64);
     for reference in references {
@@ -107,12 +107,12 @@ fn error_products(images: &Images, first: &Images, second: &Images) -> [f64; PRO
     })
 }
 
-/// The largest of those that are known; NaN where none is.
+/// The largest value that is not NaN; NaN if there is none.
 pub(super) fn worst(squares: &[f64; PROBES]) -> f64 {
     squares.iter().copied().fold(f64::NAN, f64::max)
 }
 
-/// Some windows that stand for the picture, spread over it so that no two share a row or a column of windows where that can be.
+/// `count` windows spread over the image. If possible, no two share a row or a column of windows.
 pub(super) fn spread_windows(shape: MatrixShape, count: usize) -> Vec<Vec<BlockId>> {
     let (across, down) = (shape.blocks_across().div_ceil(WINDOW), shape.blocks_down().div_ceil(WINDOW));
     let all = windows_of(shape, (WINDOW, WINDOW));
@@ -139,7 +139,7 @@ pub(super) fn spread_blocks(shape: MatrixShape, blocks: Vec<BlockId>, count: usi
     chosen
 }
 
-/// Index of the `i`-th of `count` places on a grid: evenly down it, and across by the golden section, so that they stand in no line.
+/// Index of the `i`-th of `count` points on a grid: evenly spaced down it, and by the golden section across it.
 fn spread(i: usize, count: usize, across: usize, down: usize) -> usize {
     let turn = (0.5 + i as f64 * 0.618_033_988_749_895).fract();
     (2 * i + 1) * down / (2 * count) * across + (turn * across as f64) as usize
@@ -150,36 +150,36 @@ fn spread(i: usize, count: usize, across: usize, down: usize) -> usize {
 pub struct Promise {
     /// The error asked for; `None` if a time was asked for.
     pub(super) asked: Option<f64>,
-    /// Whether it is promised of denoised images; else of the matrix as it is.
+    /// Whether the error is promised for denoised images, or for the matrix as it is.
     pub(super) cleans: bool,
     pub(super) windows: Vec<Vec<BlockId>>,
     pub(super) references: [Images; 2],
-    /// What has been seen of the container that is packed.
+    /// Images of the packed container, as far as its blocks are written.
     pub(super) packed: Mutex<Images>,
 }
 
 impl Promise {
-    /// Whether it is promised of denoised images, as a container holds them, or of the matrix as it is.
+    /// Whether the error is promised for denoised images, as a container holds them, or for the matrix as it is.
     pub fn cleans(&self) -> bool {
         self.cleans
     }
 
-    /// Bytes that it holds, with what it will see of a container.
+    /// Bytes that it holds, including the images of the container.
     pub fn needs_bytes(&self) -> u64 {
         let held = |images: &Images| images.values().map(|block| block.values.len() + block.noise.len()).sum::<usize>();
         let seen = held(&self.references[0]) / 2;
         4 * (self.references.iter().map(held).sum::<usize>() + seen) as u64
     }
 
-    /// Samples that would do, where so many have missed what was promised by far; none where they have not. By the slowest fall of
-    /// the error that is usual: with the root of the samples.
+    /// The number of samples that would reach an error that was missed by far; `None` if it was reached. It assumes the
+    /// usual slowest fall of the error, with the square root of the samples.
     pub fn samples_instead(error: &ExposedError, samples: u32) -> Option<u32> {
         let ratio = f64::from(error.reached) / f64::from(error.asked);
         let pairs = (f64::from(samples) * ratio.powi(2) / 2.0).ceil() as u32;
         (error.asked > 0.0 && ratio > 1.25).then(|| 2 * pairs.min(u32::MAX / 2))
     }
 
-    /// Notes how a block of a container came out.
+    /// Records the images of a written block.
     pub(super) fn see(&self, id: BlockId, block: &FactoredBlock, basis: &LightBasis) {
         if self.windows.iter().any(|window| window.contains(&id)) {
             let probed = ProbedBlock::of_factors(block, &probe_lightings(basis));
@@ -187,7 +187,7 @@ impl Promise {
         }
     }
 
-    /// What the container has reached of which all blocks were seen.
+    /// The error reached by a container of which all blocks were recorded.
     pub(super) fn reached_packed(&self) -> ExposedError {
         self.reached(&self.packed.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -198,7 +198,7 @@ impl Promise {
         ExposedError { asked: self.asked.unwrap_or(0.0) as f32, reached: square.max(0.0).sqrt() as f32 }
     }
 
-    /// What a stored matrix has reached: as it is, or as it will be when it is denoised.
+    /// The error reached by a stored matrix, as it is or once it is denoised.
     ///
     /// # Errors
     /// Those of reading and of the disk; [`Error::Interrupted`].
@@ -241,14 +241,14 @@ pub(super) struct Blocks<'a> {
 pub(super) struct WindowImages {
     /// Images of the samples, not denoised.
     pub(super) sampled: Images,
-    /// As they are looked at: denoised where that is asked for.
+    /// The displayed images: denoised if asked for.
     pub(super) shown: Images,
     /// Seconds that denoising took.
     pub(super) cleaning_seconds: f64,
 }
 
 impl Blocks<'_> {
-    /// Bytes that images of so many blocks take, of three runs, each with its noise.
+    /// Bytes of the images of `blocks` blocks, for three runs with their noise.
     pub(super) fn images_need_bytes(shape: MatrixShape, blocks: usize) -> u64 {
         6 * 4 * PROBES as u64 * shape.max_block_rows() as u64 * blocks as u64
     }
@@ -328,7 +328,7 @@ mod tests {
         assert!(blocks.len() == 24 && columns.len() > 12, "{blocks:?}");
     }
 
-    /// Noise that the samples' halves share with nothing leaves the mean of the products alone.
+    /// Noise that both references do not share cancels in the mean of the products.
     #[test]
     fn the_error_is_seen_through_the_noise_of_the_samples() {
         let rows = 30_000;
@@ -339,12 +339,12 @@ mod tests {
             let all = |each: &dyn Fn(usize) -> f32| (0..PROBES * rows).map(each).collect::<Vec<_>>();
             Images::from([(BlockId(0), ProbedBlock { values: all(value), noise: all(noise) })])
         };
-        // An error of 0.05 up and down, of an image whose white is near 2; samples with noise of twice its size.
+        // An error of ±0.05 in an image whose white is near 2; samples have twice as much noise.
         let shown = image(&|i| truth(i % rows) + if i % 2 == 0 { 0.05 } else { -0.05 }, &|_| 0.0);
         let (a, b) = (|i: usize| 0.4 * grain[2 * i], |i: usize| 0.4 * grain[2 * i + 1]);
         let samples = image(&|i| truth(i % rows) + 0.5 * (a(i) + b(i)), &|i| 0.5 * (a(i) - b(i)));
         let error = worst(&error_squares(&shown, [&samples])).sqrt();
-        // Of the 95 % that are not beyond white.
+        // The 95 % of the pixels that are not clipped.
         assert!((error / (0.05 * 0.95f64.sqrt() / 1.99) - 1.0).abs() < 0.15, "{error}");
     }
 }

@@ -34,13 +34,13 @@ const PROBED_BLOCKS: u64 = 24;
 /// Wall-clock seconds after which a probe begins no other block.
 const PROBE_SECONDS: f64 = 20.0;
 
-/// A scene and how it is to be packed: what every machine of a farm must agree on.
+/// A scene and its pack options, on which every machine of a farm must agree.
 pub struct FarmJob {
     loaded: LoadedScene,
     terms: Terms,
 }
 
-/// A job and how it is packed, without the scene.
+/// A job and its pack options, without the scene.
 pub(super) struct Terms {
     pub(super) job: Job,
     /// The options after [`PackOptions::for_source`].
@@ -53,7 +53,7 @@ pub(super) struct Terms {
 pub struct Probe {
     /// The blocks that were built, in order.
     pub blocks: Vec<ProbedBlock>,
-    /// Seconds until the tracer stood, of the scene as it was loaded.
+    /// Seconds until the tracer was built, from the loaded scene.
     pub setup_seconds: f64,
     /// Anonymous memory that building takes at most with one thread.
     pub memory_bytes: u64,
@@ -68,9 +68,9 @@ pub struct Probe {
 pub struct ProbedBlock {
     /// Index of the block.
     pub block: BlockId,
-    /// Seconds of one thread for it.
+    /// Seconds of one thread.
     pub seconds: f64,
-    /// Bytes that a shard holds of it.
+    /// Bytes of its record in a shard.
     pub bytes: u64,
 }
 
@@ -110,7 +110,7 @@ pub struct Shards {
 }
 
 impl FarmJob {
-    /// The job of a scene, packed so.
+    /// The job of a scene with these pack options.
     ///
     /// # Errors
     /// A global scope and images denoised elsewhere, which need the matrix as a whole; those of [`job_of`].
@@ -124,7 +124,7 @@ impl FarmJob {
             return Err(Error::input(basis.display().to_string(), "its images exist only after all blocks", hint));
         }
         let job = job_of(&loaded)?;
-        // One sample a pixel has no halves.
+        // One sample per pixel has no halves.
         let has_planes = settings_of(&loaded).samples_per_pixel > 1;
         let options = options.for_source(has_planes);
         let fingerprint = options.fingerprint(&job, b"f32", None);
@@ -141,7 +141,7 @@ impl FarmJob {
         self.terms.options.denoise
     }
 
-    /// What tells the job with its settings, and the versions of all that takes part, from every other: 64 hexadecimal digits.
+    /// Hash of the job, its settings and the versions of everything that takes part: 64 hexadecimal digits.
     pub fn fingerprint(&self) -> String {
         hex(&self.terms.fingerprint)
     }
@@ -196,8 +196,8 @@ impl FarmJob {
         })
     }
 
-    /// The shard of these blocks in the depot, of the job of a fingerprint, if it is there. One look, which trusts the name, unless the
-    /// shard is to be read and held to it (`check`).
+    /// Name of the shard of these blocks in the depot, for the job with this fingerprint, if it exists. The name is
+    /// trusted unless `check` asks to verify the content.
     ///
     /// # Errors
     /// The depot cannot be read.
@@ -279,13 +279,13 @@ impl FarmJob {
             }
             let open = || Shard::open(&depot.local(name, cache)?, name);
             let checked = if !name.starts_with(&plan_prefix(&hex(fingerprint))) {
-                // Only the beginning is read, to say what it is of.
+                // Only the head is read, for the message.
                 let head = ShardHead::of(&*depot.open_file(name)?, &Path::new(depot.address()).join(name))?;
                 let renamed = "its content is not that of its name: it was renamed";
                 head.and_then(|head| self.terms.accept(&head)).and(Err(renamed.to_owned()))
             } else {
                 let checked = match open()? {
-                    // A copy may be bad where the shard is not.
+                    // The copy may be damaged although the shard is not.
                     Err(_) if depot.remove_copies(cache, Some(name))? => open()?,
                     checked => checked,
                 };
@@ -350,7 +350,7 @@ impl FarmJob {
         Need { fixed_bytes: tracing.fixed_bytes, ..Need::default() }
     }
 
-    /// Where copies of shards wait for the merge of a container.
+    /// Folder for copies of shards during the merge of a container.
     pub fn cache_path(container: &Path) -> std::path::PathBuf {
         with_suffix(container, ".shards")
     }
@@ -367,7 +367,7 @@ impl FarmJob {
 }
 
 impl Terms {
-    /// Whether a shard is of these; else what it is of.
+    /// Checks that a shard belongs to this job; the error says what it belongs to.
     fn accept(&self, head: &ShardHead) -> Result<(), String> {
         if head.job != self.job.hash().0 {
             return Err("it is of another job".to_owned());

@@ -1,4 +1,4 @@
-//! Scene → `.ltc` without the matrix in between: each traced block is compressed while the next is traced.
+//! From a scene to `.ltc` without the matrix in between: each traced block is compressed while the next is traced.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -57,9 +57,9 @@ impl Gathering {
         Ok(Self { path, shape: job.shape, clusters, records, compressor: compressor.transpose()? })
     }
 
-    /// Bytes that one thread takes at most to gather a block, beside the block itself.
+    /// Upper bound of the bytes that one thread takes to gather a block, beside the block itself.
     pub(super) fn takes_bytes(job: &Job) -> u64 {
-        // Planes, tiles and contrasts as they come, and as bytes; before them what looks for contrasts.
+        // Planes, tiles and residual, as values and as bytes; before them the compressor that computes the residual.
         let looking = match Self::contrast_bytes(job) {
             0 => 0,
             bytes => Compressor::needs_bytes_for(job.shape, &contrast_settings()) + 2 * bytes,
@@ -67,8 +67,8 @@ impl Gathering {
         2 * Self::record_bytes(job) + looking
     }
 
-    /// Bytes that one thread takes at most to make a block of what was gathered of it and of its denoised images, beside the block
-    /// itself.
+    /// Upper bound of the bytes that one thread takes to make a block from its record and its denoised images, beside
+    /// the block itself.
     pub(super) fn spreads_bytes(job: &Job) -> u64 {
         let (rows, columns) = (job.shape.max_block_rows() as u64, job.shape.columns() as u64);
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
@@ -78,14 +78,14 @@ impl Gathering {
             0 => Self::record_bytes(job) + images,
             bytes => {
                 let rank = CONTRAST_RANK as u64 + 1;
-                // Both sides of the product, their energies in f64, and what keeps entries positive.
+                // Both factors of the product, their energies in f64, and the sums that keep entries positive.
                 let sides = 4 * (rows * (2 * clusters + rank) + columns * (clusters + 2 * rank));
                 Self::record_bytes(job) + bytes + images + sides + 24 * columns * rank + 8 * rows * clusters
             }
         }
     }
 
-    /// Bytes of what is gathered of a block at most, its single entries as many as are likely.
+    /// Upper bound of the bytes of a block's record, with as many sparse entries as are likely.
     fn record_bytes(job: &Job) -> u64 {
         let (planes, tiles) = Self::plane_and_tile_bytes(job);
         planes + tiles + Self::contrast_bytes(job)
@@ -99,7 +99,7 @@ impl Gathering {
         (BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters), 4 * tiles as u64)
     }
 
-    /// Bytes that the contrasts of a block are likely to take at most.
+    /// Likely upper bound of the bytes of a block's residual.
     pub(super) fn contrast_bytes(job: &Job) -> u64 {
         let columns = job.shape.columns() as u64;
         if Clusters::of_basis(&job.basis).count() as u64 == columns {
@@ -108,8 +108,8 @@ impl Gathering {
         Contrasts::bytes(job.shape.max_block_rows() as u64, columns, CONTRAST_RANK as u64)
     }
 
-    /// Takes from each of these blocks what filtering needs of it. `make` puts a block into its target and says how much work that was,
-    /// in `work_unit`. What is there already is read.
+    /// Gathers the denoiser's inputs of these blocks. `make` fills a block and returns the amount of work, in
+    /// `work_unit`. Records that exist are read.
     ///
     /// # Errors
     /// A block without planes; those of `make` and of the disk; [`Error::Interrupted`] when the watch says so.
@@ -136,7 +136,7 @@ impl Gathering {
         Ok(total.into_inner().unwrap_or_else(|e| e.into_inner()))
     }
 
-    /// Takes from one block what filtering needs of it, unless it is there, and adds it to a tally; gives the work that it was.
+    /// Gathers the inputs of one block, unless they exist, and adds them to a tally; returns the amount of work.
     ///
     /// # Errors
     /// Those of [`gather`](Self::gather).
@@ -172,8 +172,8 @@ impl Gathering {
         Ok(work)
     }
 
-    /// Puts what was gathered of some rows of a rectangle of the image, which are those of whole blocks as far as they lie in it, where
-    /// denoising wants it. Their blocks are read a few at a time.
+    /// Fills rows of a rectangle of the image with the gathered planes. The rows are those of whole blocks, as far as
+    /// they lie in the rectangle; blocks are read a few at a time.
     ///
     /// # Errors
     /// Those of the disk.
@@ -214,7 +214,7 @@ impl Gathering {
         Ok(self.parts(id, &bytes)?.decode(self.shape.rect(id), self.clusters))
     }
 
-    /// The parts of what was gathered of a block.
+    /// The parts of a block's record.
     pub(super) fn parts<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<Parts<'a>> {
         let rect = self.shape.rect(id);
         let tiles = tile_values(self.shape, rect, self.clusters as u64);
@@ -283,7 +283,7 @@ pub(super) fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) ->
     CHANNELS * shape.columns() * tiles(rect.width) * tiles(rect.height)
 }
 
-/// What was gathered of a block for the file: light and variances as tracing rounds them, the rest as it is.
+/// Encodes the inputs of a block for the file: light and variances as tracing rounds them, the rest unchanged.
 fn encode(Gathered { planes, tiles, contrasts }: &Gathered) -> Vec<u8> {
     let light = || planes.direct.iter().chain(&planes.indirect).chain([&planes.feature_variance]);
     let halves = 2 * light().map(Vec::len).sum::<usize>();
@@ -331,7 +331,7 @@ impl<'a> Parts<'a> {
         self.emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect()
     }
 
-    /// Puts what lies in `whole` into the rows of a window of it that the block stands in.
+    /// Copies the part inside `whole` into the rows of a window.
     fn put(&self, rect: PixelRect, whole: PixelRect, clusters: usize, strip: &mut Strip<'_>) {
         let light = 2 * CHANNELS * clusters;
         let plane = 2 * rect.pixels();
@@ -359,7 +359,8 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// Puts the planes of a block, one after the other, into the rows of a window that it stands in: those of all planes row by row.
+/// Copies the planes of a block, which come one after the other, into rows of a window, in which all planes are
+/// interleaved by row.
 fn place<const BYTES: usize>(
     from: &[u8],
     (rect, whole): (PixelRect, PixelRect),

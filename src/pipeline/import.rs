@@ -25,17 +25,17 @@ const IMPORT_VERSION: u32 = 3;
 
 /// Name of the light that holds what the image under all lights has beyond the sum of the lights.
 const REST: &str = "Rest";
-/// Relative L2 difference between the sum of lights and the image under all lights that 16-bit files show.
+/// Relative L2 difference, due to 16-bit files, between the sum of lights and the image under all lights.
 const SUM_TOLERANCE: f64 = 2e-3;
 
-/// Images of lights as a matrix: each light is a column. The images wait in a temporary file, not in memory.
+/// Images of lights as a matrix: each light is a column. The images are kept in a temporary file, not in memory.
 #[derive(Debug)]
 pub struct ImportedMatrix {
     job: Job,
     /// Lights that have images of their own.
     images: usize,
     rows: RowSpill,
-    /// Of each column: the sum of the sizes of its values.
+    /// Sum of absolute values of each column.
     sizes: Vec<f64>,
     known: Option<KnownNoise>,
     /// The role of each layer or file.
@@ -46,13 +46,13 @@ pub struct ImportedMatrix {
     pub sum_difference: Option<f64>,
 }
 
-/// The same lights rendered once more, with other random numbers, and what is seen: from them the noise is known, so that images
-/// can be denoised.
+/// A second rendering of the same lights with other random numbers, and its features. The noise follows from both, so
+/// that images can be denoised.
 #[derive(Clone, Copy, Debug)]
 pub struct SecondImages<'a> {
     /// The images; their lights have the same names.
     pub set: &'a LightSet,
-    /// The passes of features of the first and of the second rendering; one alone is taken as without noise.
+    /// The feature passes of the first and of the second rendering. A single one is taken as free of noise.
     pub features: [Option<&'a FeaturePasses>; 2],
 }
 
@@ -169,7 +169,7 @@ impl ImportedMatrix {
         };
         let denoised = |m: &LayerMatch| {
             let (layer, is_light) = (m.layer.to_lowercase(), !matches!(m.role, LayerRole::Ignored));
-            // What denoisers are given is no denoised image.
+            // Inputs of denoisers are no denoised images.
             let given = ["albedo", "normal", "depth"].iter().any(|word| layer.contains(word)) && !is_light;
             ["denois", "noisy"].iter().any(|word| layer.contains(word)) && !given
         };
@@ -189,8 +189,8 @@ impl ImportedMatrix {
         Ok(imported)
     }
 
-    /// Takes the images for those of the texels of one light, row by row: a painted panel, or a sky. What is missing of the image
-    /// under all lights stays a light of its own.
+    /// Treats the images as those of the texels of one light, row by row: a textured panel, or a sky. The rest of the
+    /// image under all lights stays a light of its own.
     ///
     /// # Errors
     /// Another number of images than texels.
@@ -232,8 +232,8 @@ impl ImportedMatrix {
         self.known.is_none() && can_be_cleaned(&self.job)
     }
 
-    /// Goes over all rows once more: holds the sum of lights against the image under all lights, which it replaces by
-    /// what is missing, and makes the job.
+    /// A second pass over all rows: compares the sum of lights with the image under all lights, replaces the latter by
+    /// the difference, and makes the job.
     fn add_up(&mut self, set: &LightSet, source: &str) -> Result<()> {
         let lights = set.lights.len();
         let (mut content, mut squared_rest, mut squared_sum) = (Sha256::new(), 0.0, 0.0);
@@ -321,7 +321,7 @@ impl ImportedMatrix {
         Ok(())
     }
 
-    /// Tells the noise of a block. Of two renderings it becomes the mean.
+    /// Adds the noise of a block. With two renderings the block becomes their mean.
     fn add_noise(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), target: &mut TracedBlock) -> Result<()> {
         let (rows, columns) = (rect.rows(), self.job.shape.columns());
         let (first, other) = match &known.second {
@@ -335,7 +335,7 @@ impl ImportedMatrix {
             }
             None => {
                 let mut more = self.with_grain(known, (id, rect), target.block.entries())?;
-                // Planes hold no light below 0: noise above the light itself would brighten the mean of the two.
+                // Planes hold no negative light: noise above the light itself would brighten the mean of the two.
                 let bound =
                     |(more, &entry): (&mut f32, &f32)| *more = more.clamp(entry.min(0.0) * 2.0, entry.max(0.0) * 2.0);
                 more.iter_mut().zip(target.block.entries()).for_each(bound);
@@ -361,14 +361,14 @@ impl ImportedMatrix {
                 feature_variance,
                 emission: Vec::new(),
             };
-            // As a file of an interrupted pack has them.
+            // Rounded as in the file of an interrupted pack.
             planes.round();
             target.planes = Some(planes);
         }
         Ok(())
     }
 
-    /// These entries of a block, each with what may be its noise.
+    /// The entries of a block with the estimated noise added.
     fn with_grain(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), entries: &[f32]) -> Result<Vec<f32>> {
         let (left, top) = (rect.x.min(1), rect.y.min(1));
         let grown = |at: u32, before: u32, size: u32, end: u32| (size + before + 1).min(end - (at - before));
@@ -400,7 +400,7 @@ fn can_be_cleaned(job: &Job) -> bool {
     Clusters::of_basis(&job.basis).count() == job.shape.columns()
 }
 
-/// The noise of a mean of two, of half their difference: rows × columns, column-major.
+/// The noise of the mean of two renderings, from half their difference: rows × columns, column-major.
 fn noise_of(halves: &[f32], rows: usize, columns: usize, probes: &[f32]) -> BlockNoise {
     let mut noise = BlockNoise {
         row_variance: vec![0.0; rows],
@@ -419,7 +419,7 @@ fn noise_of(halves: &[f32], rows: usize, columns: usize, probes: &[f32]) -> Bloc
     noise
 }
 
-/// A second rendering of other lights, of another size, with other passes.
+/// Refuses a second rendering with other lights, another size, or other passes.
 fn check_second(set: &LightSet, second: &SecondImages<'_>) -> Result<()> {
     let refuse = |problem: String| {
         let hint = "render the same scene twice, with another seed, and nothing else changed";
@@ -442,7 +442,7 @@ fn check_second(set: &LightSet, second: &SecondImages<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Passes of features of another size.
+/// Refuses feature passes of another size.
 fn check_features(set: &LightSet, features: [Option<&FeaturePasses>; 2]) -> Result<()> {
     let differs = |passes: &&FeaturePasses| (passes.width, passes.height) != (set.width, set.height);
     let Some(passes) = features.into_iter().flatten().find(differs) else { return Ok(()) };
@@ -451,7 +451,7 @@ fn check_features(set: &LightSet, features: [Option<&FeaturePasses>; 2]) -> Resu
     Err(Error::input("the features", problem, "take those of the same rendering"))
 }
 
-/// Reads all images of a set into a file, and looks at them on the way.
+/// Reads all images of a set into a file, and collects statistics.
 fn spill_rows(
     set: &LightSet,
     source: &str,
@@ -508,7 +508,7 @@ fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions, is_noise
     Ok(need)
 }
 
-/// `Rest`, or with a number where a light is called so.
+/// `Rest`, with a number if a light has that name.
 fn name_of_rest(names: &[String]) -> String {
     let numbered = (2..).map(|n| format!("{REST} {n}"));
     let free = std::iter::once(REST.to_owned()).chain(numbered).find(|name| !names.contains(name));
@@ -550,19 +550,19 @@ impl BlockSource for ImportedMatrix {
     }
 }
 
-/// Most lights among which one is looked for that is the sum of the others.
+/// Largest number of lights for which sums are detected.
 const MOST_SUMMED: usize = 64;
 
-/// Tells lights that are the sum of all others: such a light is half of the whole sum.
+/// Detects lights that are the sum of all others: such a light is half of the whole sum.
 struct Sums {
     row: Vec<Vec<f32>>,
-    /// Of each light, its square and its product with the sum.
+    /// For each light its square and its product with the sum.
     products: Vec<[f64; 2]>,
     squared_sum: f64,
 }
 
 impl Sums {
-    /// Of so many lights. Two that are equal may be meant so; of very many it is not looked for.
+    /// For this many lights. Two equal lights may be intended; for very many nothing is detected.
     fn of(lights: usize) -> Self {
         let lights = if (3..=MOST_SUMMED).contains(&lights) { lights } else { 0 };
         Self { row: vec![Vec::new(); lights], products: vec![[0.0; 2]; lights], squared_sum: 0.0 }
@@ -591,19 +591,19 @@ impl Sums {
         let differs = |[square, product]: [f64; 2]| 4.0 * square - 4.0 * product + self.squared_sum;
         let most = SUM_TOLERANCE * SUM_TOLERANCE * self.squared_sum;
         let is_sum = move |light: &usize| self.squared_sum > 0.0 && differs(self.products[*light]) < most;
-        // The only light that is not black is no sum.
+        // A single light that is not black is no sum.
         let lit = self.products.iter().filter(|[square, _]| *square > 0.0).count();
         (0..self.products.len()).filter(move |light| lit > 2 && is_sum(light))
     }
 }
 
-/// What is noted of an image while it goes by.
+/// Statistics of an image.
 #[derive(Clone, Debug, Default)]
 struct Look {
     values: usize,
     negative: usize,
     largest: f32,
-    /// Values that are exactly the largest.
+    /// Number of values equal to the largest.
     at_largest: usize,
 }
 
@@ -620,7 +620,7 @@ impl Look {
         }
     }
 
-    /// What looks wrong: many values at exactly the largest, values below zero.
+    /// Warnings on suspicious values: many at exactly the largest, or below zero.
     fn warnings(&self, light: &str) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.largest > 0.0 && self.at_largest > self.values / 500 + 3 {

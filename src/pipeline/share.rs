@@ -1,4 +1,4 @@
-//! `.ltc` → a web page: the preview, the exposure, the files.
+//! A container as a web page: preview, exposure, files.
 
 use std::fs;
 use std::io::Write;
@@ -17,7 +17,7 @@ use crate::share::{Level, SharedBytes, SharedLook, SharedPicture, page, page_wit
 
 use super::{PackOptions, pack};
 
-/// Pixels of the picture for one of the preview, across and down.
+/// Reduction of the preview, across and down.
 const SHRINK: u32 = 4;
 /// PSNR in dB of the preview against the reduced image. It is visible for seconds only.
 const PREVIEW_DB: f64 = 46.0;
@@ -26,22 +26,22 @@ pub const PAGE_NAME: &str = "index.html";
 /// Name of the data in the page's folder.
 pub const DATA_NAME: &str = "picture.lts";
 
-/// Choices of a shared page.
+/// Options of a shared page.
 #[derive(Clone, Debug, Default)]
 pub struct ShareOptions {
     /// Title of the page.
     pub title: String,
     /// Looks that the page offers.
     pub looks: Vec<SharedLook>,
-    /// Groups of lights: name, and indices into the basis. A light is in one at most.
+    /// Groups of lights: name, and indices into the basis. A light is in at most one.
     pub groups: Vec<(String, Vec<usize>)>,
-    /// Exposure that the page begins with, in stops; none: the one that the window begins with.
+    /// Initial exposure of the page in stops; `None` for that of the window.
     pub exposure_stops: Option<f32>,
     /// One HTML file with the data inside, instead of a folder.
     pub single: bool,
     /// Replace files that exist.
     pub overwrite: bool,
-    /// Anonymous memory to stay within; none: what the system has.
+    /// Limit of anonymous memory in bytes; `None` for what the system has available.
     pub memory_bytes: Option<u64>,
 }
 
@@ -100,7 +100,7 @@ pub fn share(
     let folder = tempfile::tempdir().map_err(Error::io(output, "make a temporary folder for"))?;
     let preview = preview_of(container, &folder.path().join("preview.ltc"), options.memory_bytes, watch)?;
     let (small, whole) = (level_of(&preview)?, level_of(container)?);
-    // Within a stage Ctrl-C returns an error and does not end the process, so that the temporary folder is removed.
+    // During a stage Ctrl-C returns an error instead of ending the process, so that the temporary folder is removed.
     watch.begin("sharing", small.bytes() + whole.bytes(), "bytes");
     let exposure_stops = match options.exposure_stops {
         Some(stops) => Ok(stops),
@@ -144,7 +144,7 @@ pub fn share(
                 .and_then(|()| write_file(&page_path, options.overwrite, html.as_bytes()))
                 .inspect_err(|_| {
                     if is_new {
-                        // Not where the data stand in it already.
+                        // Kept if the data are in it already.
                         let _ = fs::remove_dir(output);
                     }
                 })
@@ -178,18 +178,18 @@ fn needs_bytes(container: &ContainerReader, single: bool) -> u64 {
     container.index_bytes() + 2 * shape.rows() * 4 + 6 * block + data
 }
 
-/// What makes luminances cd/m², where a weight 1 on each light is a physical quantity and pixels are radiances.
+/// The factor to cd/m² luminance, if a weight of 1 on each light is a physical quantity and pixels are radiances.
 fn lumens_per_watt(job: &Job) -> Option<f32> {
     let is_known = |unit| match unit {
         LightUnit::Radiance | LightUnit::Irradiance => true,
-        // Intensity falls with the square of a distance, whose unit must be known.
+        // Intensity falls with the squared distance, whose unit must be known.
         LightUnit::Intensity => job.provenance.metres_per_unit > 0.0,
         LightUnit::Multiple => false,
     };
     job.basis.lights().iter().all(|light| is_known(light.unit)).then_some(LUMENS_PER_WATT)
 }
 
-/// Packs the picture made small.
+/// Packs the reduced image.
 fn preview_of(
     container: &ContainerReader,
     path: &Path,
@@ -226,7 +226,7 @@ fn interrupted() -> Error {
     Error::Interrupted("nothing was written".into())
 }
 
-/// Tells how far the preview is, but not what packs say of their files: it is one that nobody knows of.
+/// Reports progress of the preview, but not messages on its temporary files.
 struct Preview<'a>(&'a dyn Watch);
 
 impl Watch for Preview<'_> {
@@ -249,7 +249,7 @@ impl Watch for Preview<'_> {
     }
 }
 
-/// The matrix of a container with pixels joined: each is the mean of a square of them.
+/// The matrix of a container at reduced resolution: each pixel is the mean of a square of pixels.
 struct Shrunk<'a> {
     container: &'a ContainerReader,
     shape: MatrixShape,
@@ -264,7 +264,7 @@ impl BlockSource for Shrunk<'_> {
         let (small, whole) = (self.shape.rect(id), self.container.shape());
         (target.noise, target.planes) = (None, None);
         target.block.reset(small.rows(), whole.columns());
-        // Blocks have the same side in both, so that those of the picture lie within one of the preview.
+        // Blocks have the same side in both, so that those of the image lie within one of the preview.
         let (across, side) = (whole.blocks_across(), whole.block_side());
         let last = |begin: u32, length: u32, whole: u32| ((begin + length) * SHRINK).min(whole).div_ceil(side);
         for row in small.y * SHRINK / side..last(small.y, small.height, whole.height()) {
@@ -272,7 +272,7 @@ impl BlockSource for Shrunk<'_> {
                 let id = BlockId(row * across + column);
                 let rect = whole.rect(id);
                 let mut block = self.container.read_block(id)?;
-                // Where each of its pixels goes, and its share of what is there.
+                // Target and share of each of its pixels.
                 let places: Vec<(usize, f32)> = (0..rect.height)
                     .flat_map(|y| (0..rect.width).map(move |x| (rect.x + x, rect.y + y)))
                     .map(|(x, y)| {

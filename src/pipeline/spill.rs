@@ -1,4 +1,4 @@
-//! Where the analysed blocks of a pack wait for its second pass: `NAME.spill` beside the result, one byte string for each block.
+//! Spill file of a pack: the analysed blocks between both passes, in `NAME.spill` beside the result.
 
 use std::path::{Path, PathBuf};
 
@@ -7,23 +7,23 @@ use crate::error::Result;
 use crate::files::{ContinuationFile, check_output, with_suffix};
 
 const MARK: [u8; 8] = *b"LTMspil2";
-/// Ends the name of a result for the files of what is gathered of blocks to clean them, and of the denoised images.
+/// Suffixes of the files of gathered planes and of denoised images.
 pub(super) const GATHERED: &str = ".planes";
 /// See [`GATHERED`].
 pub(super) const CLEANED: &str = ".clean";
 
-/// The file's name for a result.
+/// Path of the spill file of a result.
 pub(super) fn spill_path(result: &Path) -> PathBuf {
     with_suffix(result, ".spill")
 }
 
-/// The files that packing into `path` keeps beside it until it is done, whether or not it denoises.
+/// The files that packing into `path` keeps beside it until it is done, with or without denoising.
 pub(super) fn files_of_pack(path: &Path) -> [PathBuf; 4] {
     let of = |name| spill_path(&with_suffix(path, name));
     [spill_path(path), of(GATHERED), of(CLEANED), with_suffix(path, ".part")]
 }
 
-/// Opens the file of `result`, going on with an earlier one of the same `fingerprint`.
+/// Opens the spill file of `result`, continuing one of the same `fingerprint`.
 ///
 /// # Errors
 /// Those of [`ContinuationFile::open`].

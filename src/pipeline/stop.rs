@@ -28,27 +28,27 @@ use crate::scene::{LoadedScene, Scene};
 use crate::store::{self, StoreReader, partial_path};
 use crate::trace::{TraceSettings, Tracer};
 
-/// Samples per pixel of the pilot: first few, then more.
+/// Samples per pixel of the pilot's two runs.
 const SAMPLES: (u32, u32) = (8, 32);
-/// Windows of the pilot that stand for the picture.
+/// Number of windows of the pilot.
 const WINDOWS: usize = 4;
-/// Blocks by which the noise of a stored matrix is measured.
+/// Number of blocks from which the noise of a stored matrix is estimated.
 const BLOCKS: usize = 24;
-/// Part of a stated time that the pilot may take.
+/// Part of the given time that the pilot may take.
 const PILOT_SHARE: f64 = 0.2;
-/// Part of a stated time that tracing may take: the rest is for reading the scene, the pilot and the disk.
+/// Part of the given time that tracing may take. The rest is for reading the scene, the pilot and the disk.
 const TRACING_SHARE: f64 = 0.9;
 /// Slowest fall of the squared error that is believed, as a power of the samples.
 const LEAST_POWER: f64 = 0.25;
 
-/// When to stop: the first of these that is reached.
+/// Stopping criteria: the first that is reached ends the render.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StopRule {
     /// Expected error of exposed images, see [`ExposedError`](crate::light::ExposedError).
     pub error: Option<f64>,
-    /// Wall-clock seconds for all.
+    /// Wall-clock seconds in total.
     pub seconds: Option<f64>,
-    /// Whether packing is part of it, or left for later.
+    /// Whether packing is included.
     pub packs: bool,
 }
 
@@ -109,7 +109,8 @@ impl Law {
         Self { square: worst(&believed), samples: of_more, power, noise: noise * of_more }
     }
 
-    /// Below the fewest samples that were measured as fast as noise falls: filters fail where there is too little to compare.
+    /// Below the fewest samples measured, the error falls as that of noise, since filters fail with too little to
+    /// compare.
     fn error(&self, samples: f64) -> f64 {
         let least = f64::from(SAMPLES.0).min(self.samples);
         let few = self.square * (self.samples / samples.max(least)).powf(self.power);
@@ -117,13 +118,13 @@ impl Law {
         cleaned.min(self.noise / samples).max(0.0).sqrt()
     }
 
-    /// Pairs of samples that bring the error down to this, between so many.
+    /// Number of sample pairs that reduces the error to this, within bounds.
     fn pairs(&self, error: f64, (least, most): (u32, u32)) -> u32 {
         first(most, |pairs| pairs >= least && self.error(2.0 * f64::from(pairs)) <= error)
     }
 }
 
-/// The first number from 1 on for which something holds that holds for all above, or `most`.
+/// The least number from 1 on above which `holds` is always true, or `most`.
 fn first(most: u32, holds: impl Fn(u32) -> bool) -> u32 {
     let (mut low, mut high) = (1, most.max(1));
     while low < high {
@@ -163,7 +164,7 @@ pub fn choose_samples(
     }
     let (path, known) = match to {
         RenderTo::GoOn(path) => {
-            // Before a pilot that would be for nothing.
+            // Checked before a pilot that would be useless.
             match rule.packs {
                 true => check_container_output(path, false)?,
                 false => store::check_output(path, false)?,
@@ -220,7 +221,7 @@ pub fn choose_samples(
     Ok(Chosen { loaded, promise })
 }
 
-/// Windows with independent samples of them.
+/// Windows, and two independent sets of images of them.
 type References = (Vec<Vec<BlockId>>, [Images; 2]);
 
 /// Traces windows of a scene.
@@ -242,7 +243,7 @@ struct Found {
 }
 
 impl Pilot<'_> {
-    /// Settings of one of its runs, which share no random numbers with each other or with the render.
+    /// Settings of one of its runs. Runs share no random numbers with each other or with the render.
     fn settings(&self, run: u64, samples_per_pixel: u32) -> TraceSettings {
         let seed = self.settings.seed ^ (run + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         TraceSettings { samples_per_pixel, seed, ..self.settings }
@@ -259,7 +260,7 @@ impl Pilot<'_> {
         blocks.images(cleans, self.threads, ("a pilot", self.watch))
     }
 
-    /// Independent samples of windows and nothing more.
+    /// Independent samples of windows.
     fn references(&self, windows: Vec<Vec<BlockId>>) -> Result<References> {
         let tracer = self.tracer(self.settings(1, SAMPLES.1))?;
         let first = self.images(&tracer, &windows, false)?.sampled;
@@ -283,7 +284,7 @@ impl Pilot<'_> {
         let tracer = self.tracer(self.settings(0, SAMPLES.0))?;
         let (preparing, photons) = (preparing.elapsed().as_secs_f64(), tracer.photon_cost());
         let tracing = Instant::now();
-        // With only a time to keep, denoising tells no more than how long it takes.
+        // If only a time is given, denoising only measures its own duration.
         let cleans = self.cleans && (rule.error.is_some() || rule.packs);
         let mut few = self.images(&tracer, &windows, cleans)?;
         let tracing = tracing.elapsed().as_secs_f64() - few.cleaning_seconds;
@@ -299,7 +300,7 @@ impl Pilot<'_> {
             let in_time = (left / each) as usize;
             windows.truncate(if rule.error.is_some() { in_time.max(1) } else { in_time });
         }
-        // Where no error was asked for, that of packed images is nice to know where there is time for it.
+        // Without an error to reach, that of packed images is still measured if time allows.
         if windows.is_empty() || rule.error.is_none() && !cleans {
             let law = Law::of_noise(worst(&noise_squares(&few.sampled)), SAMPLES.0);
             return Ok((Found { law, of_packed: false, seconds }, None));
@@ -326,7 +327,7 @@ impl Pilot<'_> {
 }
 
 impl Found {
-    /// The samples that a rule wants, and a note on them.
+    /// The number of samples for a rule, and a note on it.
     fn samples(&self, rule: StopRule, begun: Instant, pilot: &Pilot<'_>) -> u32 {
         let most = Tracer::MAX_SAMPLES_PER_PIXEL / 2;
         let takes = |samples: u32| {
@@ -362,31 +363,31 @@ impl Found {
 const PACKED: &str = "in exposed images of the packed, cleaned matrix, the worst of 16 lightings";
 const RAW: &str = "in exposed images of the matrix as it is, not cleaned, the worst of 16 lightings";
 
-/// What measuring the noise of a stored matrix is called.
+/// Name of the stage that measures the noise of a stored matrix.
 const MEASURING: &str = "measuring the noise";
 
-/// Where a render that packs keeps its number of samples until it is finished.
+/// Path of the file with the number of samples of an unfinished render that packs.
 fn samples_path(path: &Path) -> PathBuf {
     with_suffix(path, ".samples")
 }
 
-/// Writes down the samples of a render that packs.
+/// Writes that file.
 fn note_samples(loaded: &LoadedScene, path: &Path) -> Result<()> {
     let text = format!("{} {}", loaded.settings.samples_per_pixel, hex(&job_of(loaded)?.hash().0));
     let path = samples_path(path);
     std::fs::write(&path, text).map_err(Error::io(&path, "write"))
 }
 
-/// Forgets them when the render is finished.
+/// Removes it when the render is finished.
 pub(super) fn forget_samples(path: &Path) {
-    // There is none where the number was given.
+    // It does not exist if the number was given.
     let _ = std::fs::remove_file(samples_path(path));
 }
 
-/// Gives the scene the samples of the unfinished render to `path`, if there is one of this scene.
+/// Sets the samples of the scene to those of an unfinished render to `path`, if there is one of this scene.
 fn samples_of_unfinished(loaded: &mut LoadedScene, path: &Path) -> Result<Option<u32>> {
     let before = loaded.settings.samples_per_pixel;
-    // A pack that was refused after its pilot has begun nothing.
+    // A pack that was refused after its pilot has not begun.
     let is_begun = files_of_pack(path).iter().any(|file| file.exists());
     let noted = is_begun.then(|| std::fs::read_to_string(samples_path(path)).ok()).flatten();
     let noted = noted.as_deref().and_then(|text| text.split_once(' ')).and_then(|(samples, hash)| {
@@ -407,9 +408,9 @@ fn samples_of_unfinished(loaded: &mut LoadedScene, path: &Path) -> Result<Option
     Ok(None)
 }
 
-/// The error of exposed images of a stored matrix as it is, from its own noise, as a fraction of white: see
-/// [`ExposedError`](crate::light::ExposedError). From some blocks that stand for all; none where the matrix does not know its
-/// noise.
+/// The error of exposed images of a stored matrix without denoising, from its own noise, as a fraction of white: see
+/// [`ExposedError`](crate::light::ExposedError). It is estimated from some blocks; `None` if the matrix does not know
+/// its noise.
 ///
 /// # Errors
 /// Those of reading; the memory is too small; [`Error::Interrupted`].
@@ -506,14 +507,14 @@ mod tests {
         };
         let first = chosen(1.0).settings.samples_per_pixel;
         assert!(samples_path(&path).exists());
-        // Nothing was begun with them: they bind nobody.
+        // Nothing was begun with this number, so it is not kept.
         assert_eq!(samples_of_unfinished(&mut scene(), &path).unwrap(), None);
         let [_, gathered, ..] = files_of_pack(&path);
         std::fs::write(gathered, "").unwrap();
-        // Another time would give another number: twice as long at least, were it not for what is begun.
+        // Another time would give at least twice the number, but the unfinished render keeps its own.
         let again = chosen(60.0);
         assert_eq!(again.settings.samples_per_pixel, first);
-        // One that was begun anew can be gone on with as well.
+        // A render that was begun anew can be continued as well.
         std::fs::remove_file(samples_path(&path)).unwrap();
         let rule = StopRule { seconds: Some(1.0), packs: true, ..Default::default() };
         let anew = choose_samples(scene(), RenderTo::Anew(&path), rule, &options, &Quiet).unwrap().loaded;
@@ -601,7 +602,7 @@ mod tests {
         let tracer = Tracer::new(loaded.scene, job.shape, settings).unwrap();
         let cost = tracer.photon_cost();
         assert_eq!(cost.sent, Tracer::photons_sent(tracer.scene(), job.shape, settings));
-        // Each that rests has come by a mirror or glass.
+        // Each stored photon has come by a mirror or glass.
         assert!(cost.rays >= 2 * tracer.photon_count() as u64 && tracer.photon_count() > 0);
         let trace = |id| tracer.trace_block(id, &mut TracedBlock::default()).rays;
         let rays = cost.rays + job.shape.blocks().map(trace).sum::<u64>();

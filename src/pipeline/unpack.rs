@@ -1,4 +1,4 @@
-//! `.ltc` or `.ltm` → `.ltm`, images or arrays, block by block.
+//! Unpacking of `.ltc` or `.ltm` into `.ltm`, images or arrays, block by block.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -17,22 +17,22 @@ use crate::image::{self, ImageSize};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, PixelRect, TracedBlock};
 use crate::store::{self, StoreOptions, StoreWriter};
 
-/// Channels of a Nuke script at most.
+/// Largest number of channels in a Nuke script.
 const NUKE_CHANNELS: usize = 1023;
 
-/// Choices of unpacking.
+/// Options of unpacking.
 #[derive(Clone, Debug, Default)]
 pub struct UnpackOptions {
     /// The part of the matrix to unpack.
     pub selection: Selection,
     /// Replace files that exist.
     pub overwrite: bool,
-    /// Anonymous memory to stay within; none: what the system has.
+    /// Limit of anonymous memory in bytes; `None` for what the system has available.
     pub memory_bytes: Option<u64>,
 }
 
-/// Writes blocks, those of a container multiplied out, into a stored matrix at `path`, which knows nothing of their noise. Returns
-/// the number of blocks that it holds. Continues where an interrupted run over the same file stopped.
+/// Writes blocks, those of a container multiplied out, into a stored matrix at `path` without noise. Returns the number
+/// of blocks that it holds. Continues where an interrupted run over the same file stopped.
 ///
 /// # Errors
 /// Those of the selection, of reading the source and of writing the store.
@@ -124,8 +124,8 @@ pub fn unpack_to_exr(
     Ok(vec![path.to_owned()])
 }
 
-/// Writes a file of plain RGB for each light. Those that an interrupted run over the same source and selection has written, noted in
-/// a file beside them, are written again.
+/// Writes a file of plain RGB for each light. Files that an interrupted run over the same source and selection has
+/// written are recorded beside them, and written again.
 fn unpack_to_files(
     source: &dyn UnpackSource,
     selected: &Selected,
@@ -153,7 +153,7 @@ fn unpack_to_files(
         }
         let overwrite = options.overwrite || begun.has(key);
         if !begun.has(key) {
-            // Before the file has its name: one that is not noted would be taken for someone else's.
+            // Before the file is renamed: an unrecorded file would count as someone else's.
             begun.append(key, &[])?;
         }
         let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((key as usize, channel, y), 0, row);
@@ -206,7 +206,7 @@ fn relight_images(
     let per_thread_bytes = source.reading_bytes() + 16 * shape.max_block_rows() as u64;
     let size = size_of_rect(selected.rect);
     let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(layers, size);
-    // The images in between, and the files, which are not larger.
+    // The images in between, and the files, which are no larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
     let need = Need { fixed_bytes, per_thread_bytes, disk_bytes, ..Need::default() };
     let threads = Threads::new(need.admit("unpacking", beside, &[], options.memory_bytes, watch)?)?;
@@ -243,13 +243,13 @@ fn relight_images(
     Ok(rows)
 }
 
-/// Names that programs can read as layers and files: letters and digits of any script, spaces, and a few signs; each once. Blender
-/// keeps 63 bytes of a pass's name, of which `Combined_` and a number take some.
+/// Unique names that programs can read as layers and files: letters and digits of any script, spaces, and a few other
+/// characters. Blender keeps 63 bytes of a pass's name, part of which are `Combined_` and a number.
 pub(super) fn safe_names<'a>(lights: impl Iterator<Item = &'a str>) -> Vec<String> {
     const MOST_BYTES: usize = 48;
     let mut taken = HashSet::new();
     let mut free_from: HashMap<String, usize> = HashMap::new();
-    // Beyond ASCII all but what is not seen.
+    // Beyond ASCII, every visible character.
     let is_seen = |c: char| !c.is_control() && !c.is_whitespace() && !matches!(c, '\u{2000}'..='\u{206f}' | '\u{feff}');
     let is_safe =
         |c: char| if c.is_ascii() { c.is_ascii_alphanumeric() || " _-+#()[]".contains(c) } else { is_seen(c) };

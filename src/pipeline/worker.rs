@@ -1,4 +1,4 @@
-//! What a machine of a farm does with each block: what the merge needs of it goes to a file without a name.
+//! The worker of a farm: for each block it writes the record that the merge needs to an unlinked temporary file.
 
 use std::path::Path;
 
@@ -25,7 +25,8 @@ pub(super) enum Worker {
 }
 
 impl Worker {
-    /// With its file in `scratch`, or where the system has such files. The file is gone with the process, however that ends.
+    /// A worker whose file is in `scratch`, or in the system's temporary folder. The file vanishes with the process,
+    /// however that ends.
     ///
     /// # Errors
     /// The folder cannot be written.
@@ -38,7 +39,7 @@ impl Worker {
         };
         let (path, shape) = (folder.path().join("shard"), terms.job.shape);
         let records = Records::File(open_spill(&path, terms.fingerprint, shape.block_count(), false)?);
-        // Without its name the file lives as long as it is open.
+        // An unlinked file lives as long as it is open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
         Ok(if terms.options.denoise {
             Self::Gathers(Box::new(Gathering::new(&terms.job, path, records)?))
@@ -50,7 +51,7 @@ impl Worker {
     /// Memory of a worker, where making a block takes `source`.
     pub(super) fn need(terms: &Terms, compressor: &Compressor, source: Need) -> Need {
         let shape = terms.job.shape;
-        // Where each record is.
+        // The positions of all records.
         let places = 64 * u64::from(shape.block_count());
         if !terms.options.denoise {
             let need = need_of(compressor, shape, source, None);
@@ -60,7 +61,7 @@ impl Worker {
         Need { fixed_bytes: source.fixed_bytes + places, per_thread_bytes, ..source }
     }
 
-    /// Makes a block's record, unless it is there; gives the work that it was.
+    /// Makes a block's record, unless it exists; returns the amount of work.
     ///
     /// # Errors
     /// Those of `make` and of the disk; [`Error::Interrupted`].
@@ -88,7 +89,7 @@ impl Worker {
         self.file()?.length_and_checksum(id.0).map(|(bytes, _)| bytes)
     }
 
-    /// Puts the records of a range into a depot, as a shard. Gives its name.
+    /// Writes the records of a range into a depot, as a shard. Returns its name.
     ///
     /// # Errors
     /// A record is missing; those of the disk and of the depot.

@@ -36,10 +36,10 @@
 //! * Checksums are checked as columns are touched; those of a block that is lent as a whole once for each opening.
 //! * The kernel is told the access pattern ([`Access`]): whole blocks, with read-ahead, or single columns.
 //! * Pages are released when a loan ends, so resident memory is that of the current blocks. A file larger than half the
-//! memory also leaves the page cache, block by block as it is written and read, so that it does not evict everything
-//! else and then itself.
+//!   memory also leaves the page cache, block by block as it is written and read, so that it does not evict everything
+//!   else and then itself.
 //! * If a file is cut or written to while a block of it is lent, that is an error; no signal ends the process (see
-//! `guard`). From then on that file is read positioned.
+//!   `guard`). From then on that file is read positioned.
 //! * A file that is still growing, one on a network file system, and one that cannot be mapped are read positioned.
 //!
 //! All access goes through [`Storage`], so that tests can inject a storage that fails, tears and counts.

@@ -41,7 +41,7 @@ pub(super) struct Desk {
 
 struct Kept {
     lighting: Arc<Lighting>,
-    /// What the CPU keeps to change a few columns.
+    /// State kept on the CPU to apply changes of a few columns.
     relit: Relit,
     image: Arc<LinearImage>,
 }

@@ -16,7 +16,7 @@ pub const STOPS_SHOWN: (f32, f32) = (-10.0, 6.0);
 /// Bins of the histogram.
 pub const BINS: usize = 128;
 
-/// How radiance is turned to colours.
+/// Settings by which radiance is displayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Display {
     /// Exposure, white balance and curve.

@@ -138,7 +138,7 @@ impl Groups {
         std::iter::successors(self.of_light(light), |&group| self.list[group].parent)
     }
 
-    /// Whether a group is `outer` or stands in it.
+    /// Whether a group is `outer` or inside it.
     pub fn is_inside(&self, group: usize, outer: usize) -> bool {
         std::iter::successors(Some(group), |&group| self.list[group].parent).any(|group| group == outer)
     }

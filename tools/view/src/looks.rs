@@ -16,14 +16,14 @@ use ltm::image::{LinearImage, ToneMapping, luminance, read_image, write_exr};
 use ltm::light::{Light, LightBasis, Lighting};
 use ltm::look::{self, Look};
 
-/// What a lighting file keeps.
+/// The content of a lighting file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Saved {
-    /// What is on the lights.
+    /// State of the lights.
     pub mix: Mix,
     /// Snapshots by their names: further looks.
     pub snapshots: Vec<(String, Mix)>,
-    /// How the picture is shown.
+    /// Display settings.
     pub display: Option<Display>,
     /// An animation between the snapshots: seconds, and the name of a snapshot.
     pub keys: Vec<(f32, String)>,

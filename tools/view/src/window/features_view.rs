@@ -20,20 +20,20 @@ const WAYS: [(&str, Option<Feature>, &str); 4] = [
 
 #[derive(Default)]
 pub(super) struct FeaturesView {
-    /// What is seen instead of light.
+    /// The feature shown instead of light.
     pub(super) shows: Option<Feature>,
-    /// What the texture shows.
+    /// The content of the texture.
     made: Option<(Feature, Shown)>,
     texture: Option<TextureHandle>,
 }
 
 impl FeaturesView {
-    /// What stands instead of the picture.
+    /// The image shown instead of light.
     pub(super) fn shown(&self) -> Option<&Shown> {
         self.made.as_ref().filter(|(feature, _)| self.shows == Some(*feature)).map(|(_, shown)| shown)
     }
 
-    /// What to draw instead of the picture.
+    /// The texture to draw instead of the image.
     pub(super) fn id(&self) -> Option<TextureId> {
         self.shown().and(self.texture.as_ref()).map(TextureHandle::id)
     }
