@@ -7,8 +7,8 @@ pub(crate) use bincode::{Decode, Encode};
 
 /// Most that encoding and decoding count, and so the longest record.
 pub(crate) const MAX_BYTES: usize = 1 << 30;
-/// Bytes that a decoded item takes in memory for each byte that it takes here, at most: a light without columns is the
-/// worst, with 18 bytes here and some 120 in memory.
+/// Upper bound of the memory of a decoded item for each encoded byte. A light without columns is the worst case, with
+/// 18 bytes encoded and some 120 in memory.
 pub(crate) const MEMORY_PER_BYTE: usize = 8;
 
 /// Encodes a record.
@@ -16,11 +16,11 @@ pub(crate) fn encode(record: impl Encode) -> Vec<u8> {
     bincode::encode_to_vec(record, config()).expect("encoding into memory cannot fail")
 }
 
-/// Decodes a record from the start of some bytes; also says how many it took. What is allocated the bytes at hand have
-/// earned.
+/// Decodes a record from the start of some bytes, and returns how many it used. Allocations are bounded by the bytes at
+/// hand.
 ///
-/// A length field makes bincode allocate for as many items at once, up to its limit, and the limit is a constant. So it is
-/// chosen from a ladder: a damaged length cannot ask for more than 32 times the bytes at hand, or 4 KiB.
+/// A length field makes bincode allocate that many items at once, up to a constant limit. So the limit is chosen from a
+/// ladder: a damaged length cannot ask for more than 32 times the bytes at hand, or 4 KiB.
 ///
 /// # Errors
 /// As text for the caller to place: the bytes are no such record.

@@ -31,9 +31,9 @@ pub enum Error {
     Input {
         /// File, argument or named object that is wrong.
         place: String,
-        /// What is wrong with it.
+        /// The problem.
         problem: String,
-        /// What to do about it, or empty.
+        /// The remedy, or empty.
         hint: String,
     },
     /// A file of ours is damaged or cut short: repair it or make it again.
@@ -43,7 +43,7 @@ pub enum Error {
         path: PathBuf,
         /// What does not hold, naming the block or the offset.
         problem: String,
-        /// What to do about it.
+        /// The remedy.
         hint: String,
     },
     /// The operating system refused: look at permissions, space, the path.
@@ -51,7 +51,7 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What was tried, as a verb phrase ("create", "read block 3").
+        /// The action that failed, as a verb phrase ("create", "read block 3").
         action: String,
         /// The system's reason.
         source: std::io::Error,
@@ -61,21 +61,21 @@ pub enum Error {
     Resources {
         /// The job.
         what: String,
-        /// What it needs, with unit.
+        /// The amount needed, with its unit.
         needed: String,
         /// What there is, as a clause ("only 3.0 GiB are free on /data").
         available: String,
-        /// What to do about it.
+        /// The remedy.
         hint: String,
     },
     /// Parts are missing that others are to make: make them, then go on.
     #[error("{place}: {missing}; {hint}")]
     Incomplete {
-        /// Where they were looked for.
+        /// Where it was looked for.
         place: String,
-        /// What is missing.
+        /// The missing part.
         missing: String,
-        /// What to do about it.
+        /// The remedy.
         hint: String,
     },
     /// The user stopped the work: what is committed is kept.
@@ -100,13 +100,13 @@ impl Error {
         Self::Damaged { path: path.as_ref().to_owned(), problem: problem.into(), hint: hint.into() }
     }
 
-    /// For `map_err`: an [`Error::Io`] that says what was tried on which file.
+    /// For `map_err`: an [`Error::Io`] with the action and the file.
     pub fn io(path: impl AsRef<Path>, action: impl Into<String>) -> impl FnOnce(std::io::Error) -> Self {
         let (path, action) = (path.as_ref().to_owned(), action.into());
         move |source| Self::Io { path, action, source }
     }
 
-    /// What can be done about it.
+    /// Kind of the error, by what can be done about it.
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Input { .. } => ErrorKind::Input,

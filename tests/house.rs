@@ -228,3 +228,162 @@ fn words_that_mean_nothing_are_not_module_names() {
         assert!(!empty.contains(&stem), "{}", path.display());
     }
 }
+
+/// Comments of a source file, each as one line: first line, and the text of adjacent comment lines.
+fn comments(text: &str) -> Vec<(usize, String)> {
+    let mut found: Vec<(usize, String)> = Vec::new();
+    let mut last = 0;
+    for (i, line) in text.lines().enumerate() {
+        let begins = |&at: &usize| line[..at].chars().next_back().is_none_or(char::is_whitespace);
+        let inside = line.trim_start().starts_with("* ").then(|| line.trim_start());
+        let slashes = line.match_indices("//").map(|(at, _)| at).find(begins).map(|at| &line[at..]);
+        let Some(comment) = slashes.or(inside) else { continue };
+        let comment = comment.trim_start_matches(['/', '!', '*']).trim();
+        match found.last_mut() {
+            Some((_, text)) if last == i => *text = format!("{text} {comment}"),
+            _ => found.push((i + 1, comment.to_owned())),
+        }
+        last = i + 1;
+    }
+    found
+}
+
+/// Words by which a comment names a scene of the studies or of the folder of scenes, in lower case.
+const SCENES: [&str; 14] = [
+    "bunny",
+    "classroom",
+    "conference",
+    "cornell-",
+    "diffuse room",
+    "erw5-",
+    "five built-in scenes",
+    "living room",
+    "mixed materials",
+    "mixed room",
+    "shirley's room",
+    "sibenik",
+    "sponza",
+    "two dark halls",
+];
+
+/// Words that tell an experiment; those in lower case stand for any case.
+const TELLS: [&str; 14] = [
+    "FLIP",
+    "H100",
+    "busy cores",
+    "chosen on",
+    "do not pay",
+    "does not pay",
+    "measured in one run",
+    "measured on",
+    "squared error × time",
+    "times the time",
+    "tuned on",
+    "was tried",
+    "were tried",
+    "ꟻlip",
+];
+
+/// Words behind a figure in per cent that make it a result.
+const COMPARED: [&str; 11] =
+    ["better", "faster", "fewer", "higher", "less", "lower", "more", "of the bytes", "of the time", "slower", "worse"];
+
+/// What in a comment belongs to a decision instead.
+fn told_experiments(comment: &str) -> Vec<&str> {
+    let (whole, comment) = (comment, comment.to_lowercase());
+    let stands = |word: &&&str| {
+        let text = if word.contains(char::is_uppercase) { whole } else { comment.as_str() };
+        text.match_indices(**word).any(|(at, _)| {
+            let after = text[at + word.len()..].chars().next();
+            word.ends_with('-') || !after.is_some_and(char::is_alphanumeric)
+        })
+    };
+    let words = SCENES.iter().chain(&TELLS).filter(stands).copied();
+    let after_figure = |unit: &str| {
+        let at = comment.match_indices(unit).map(|(at, _)| (&comment[..at], &comment[at + unit.len()..]));
+        let has_figure = |(before, _): &(&str, _)| before.trim_end().ends_with(|c: char| c.is_ascii_digit());
+        at.filter(has_figure).map(|(_, after)| after.trim_start().to_owned()).collect::<Vec<_>>()
+    };
+    // One step of 8 bits below white is a definition.
+    let decibels = after_figure(" db").iter().any(|after| !after.starts_with("below white"));
+    let shares = after_figure("%").iter().any(|after| COMPARED.iter().any(|word| after.starts_with(word)));
+    words.chain(decibels.then_some("dB")).chain(shares.then_some("%")).collect()
+}
+
+#[test]
+fn comments_tell_no_experiments() {
+    assert_eq!(told_experiments("With 2 the bunny has 0.1 dB more."), ["bunny", "dB"]);
+    assert_eq!(told_experiments("Of 3 and 5, it was tried: 8 % less."), ["was tried", "%"]);
+    assert_eq!(told_experiments("Warns above 5 %, 48.1 dB below white. Tuned: decision 12."), [""; 0]);
+    for folder in ["formats/scenes", "examples/scenes"] {
+        for path in files_below(folder, &["toml"]) {
+            let name = path.file_stem().unwrap().to_str().unwrap();
+            assert!(SCENES.iter().any(|word| name.contains(word)), "comments may name `{name}`: add it to the list");
+        }
+    }
+    let mut told = Vec::new();
+    for path in files_below("src", &["rs", "js"]).into_iter().chain(files_below("shaders", &["wgsl"])) {
+        for (line, comment) in comments(&fs::read_to_string(&path).unwrap()) {
+            let words = told_experiments(&comment);
+            if !words.is_empty() {
+                told.push(format!("{}:{line}: {}", path.display(), words.join(", ")));
+            }
+        }
+    }
+    assert!(told.is_empty(), "these comments tell experiments, which belong to docs/decisions:\n{}", told.join("\n"));
+}
+
+/// The numbers of decisions that a comment names: "decision 3", "Decisions 4 and 5".
+fn named_decisions(comment: &str) -> Vec<u32> {
+    let mut numbers = Vec::new();
+    let words: Vec<&str> = comment.split_whitespace().collect();
+    for (i, word) in words.iter().enumerate() {
+        let word = word.trim_start_matches('(').to_lowercase();
+        if word == "decision" || word == "decisions" {
+            let rest = words[i + 1..].iter().filter(|word| **word != "and");
+            let number = |word: &&str| word.trim_end_matches(|c: char| c.is_ascii_punctuation()).parse::<u32>().ok();
+            numbers.extend(rest.map_while(number));
+        }
+    }
+    numbers
+}
+
+#[test]
+fn decisions_have_their_page_and_their_line_in_the_index() {
+    assert_eq!(
+        named_decisions("Tuned: decision 3. Rejected (decisions 4, 5 and 6): the decision of others"),
+        [3, 4, 5, 6]
+    );
+    let index = fs::read_to_string(root().join("docs/decisions/README.md")).unwrap();
+    let mut pages = BTreeMap::new();
+    for path in files_below("docs/decisions", &["md"]).into_iter().filter(|path| !path.ends_with("README.md")) {
+        let (file, text) = (path.file_name().unwrap().to_str().unwrap(), fs::read_to_string(&path).unwrap());
+        let number: u32 = file.split('-').next().unwrap().parse().unwrap();
+        let title = text.lines().next().unwrap().strip_prefix(&format!("# {number}. "));
+        let title = title.unwrap_or_else(|| panic!("{file}: the first line is not `# {number}. TITLE`"));
+        let headings: Vec<&str> = text.lines().filter_map(|line| line.strip_prefix("## ")).collect();
+        assert_eq!(headings, ["Question", "Set-up", "Measurements", "Result", "Commit"], "{file}");
+        let line = format!("| {number} | [{title}]({file}) |");
+        assert!(index.contains(&line), "the index lacks `{line}`");
+        assert!(file.starts_with(&format!("{number:04}-")), "{file}: four digits");
+        assert!(pages.insert(number, path).is_none(), "two decisions have the number {number}");
+    }
+    assert!(index.lines().filter(|line| line.contains("](")).count() == pages.len(), "the index has other lines");
+    let mut named = BTreeSet::new();
+    let folders = ["src", "shaders", "tools", "benches", "tests"];
+    for path in folders.iter().flat_map(|folder| files_below(folder, &["rs", "js", "wgsl", "py"])) {
+        if path.ends_with("tests/house.rs") {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let text = if path.extension().is_some_and(|e| e == "py") { text.replace('#', "//") } else { text };
+        for (line, comment) in comments(&text) {
+            for number in named_decisions(&comment) {
+                assert!(pages.contains_key(&number), "{}:{line}: there is no decision {number}", path.display());
+                named.insert(number);
+            }
+        }
+    }
+    let idle: Vec<_> = pages.keys().filter(|number| !named.contains(number)).collect();
+    assert!(idle.is_empty(), "no comment names the decisions {idle:?}");
+}

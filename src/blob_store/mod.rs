@@ -66,7 +66,7 @@ pub fn open_object(address: &Path) -> Result<Box<dyn Ranged>> {
 }
 
 impl BlobStore {
-    /// The depot at an address: the path of a folder, which need not be there yet, or `s3://BUCKET/PREFIX`.
+    /// The depot at an address: the path of a folder, which need not exist yet, or `s3://BUCKET/PREFIX`.
     ///
     /// # Errors
     /// An address that is none; settings of a store that cannot be used; this program was built without stores.
@@ -128,7 +128,7 @@ impl BlobStore {
         }
     }
 
-    /// A file of it as one on this machine: itself, or a copy in `cache`, which is kept for the next time.
+    /// A file of the depot as a local file: itself, or a copy in `cache`, which is kept.
     ///
     /// # Errors
     /// It cannot be read, or the copy not be written.

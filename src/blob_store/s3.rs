@@ -26,8 +26,9 @@ use super::read_ahead::{Ahead, HELD_BYTES};
 use crate::error::{Error, Result};
 use crate::files::{Ranged, check_free_space, replace};
 
-/// Retries of a request that the store refuses for now, or that does not reach it, and the pauses before them: the first, the longest,
-/// and how many times as long as the last one is at most. All of them are half a minute, give or take its half.
+/// Retries of a request that the store refuses temporarily, or that does not reach it; then the pauses: the first, the
+/// longest, and the largest ratio of one to the one before. All pauses together take about half a minute, give or take
+/// a half.
 const RETRIES: usize = 10;
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const MAX_PAUSE: Duration = Duration::from_secs(8);

@@ -1,14 +1,14 @@
-//! Byte strings of blocks, wherever they wait: in a file of this process, or in shards that others built.
+//! Byte strings of blocks, in a file of this process or in shards that were built elsewhere.
 
 use super::shard::ShardSet;
 use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
 
-/// One byte string for each block, or for some.
+/// One byte string for each block, or for some blocks.
 pub(crate) enum Records {
-    /// Written here.
+    /// Written by this process.
     File(ContinuationFile),
-    /// Built elsewhere, and complete.
+    /// Built elsewhere; complete.
     Shards(ShardSet),
 }
 
@@ -38,7 +38,7 @@ impl Records {
         }
     }
 
-    /// Like [`read`](Self::read), into memory that was used before where the bytes lie in a file.
+    /// As [`read`](Self::read), into a buffer that is reused if the bytes are in a file.
     ///
     /// # Errors
     /// As there.
@@ -50,7 +50,7 @@ impl Records {
         Ok(())
     }
 
-    /// The error for bytes that came back other than they were written.
+    /// The error for bytes that differ from what was written.
     pub(crate) fn damaged(&self, key: u32, problem: &str) -> Error {
         match self {
             Self::File(file) => file.damaged(key, problem),

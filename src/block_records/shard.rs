@@ -1,8 +1,8 @@
-//! Shards: what a machine of a farm makes of a range of blocks, as one file that never changes.
+//! Shards: a range of blocks built by one machine of a farm, as one file that never changes.
 //!
-//! A shard holds, for each block of its range, what the merge needs in place of the block: the planes of a matrix that is cleaned
-//! ([`gather`](super::gather)), else the analysed candidate ([`analysis`](super::analysis)). `docs/guide/farm.md` has the bytes. Its
-//! name says what it is for and what is in it: `PLAN-FIRST-END-SHA256.shard`.
+//! For each block of its range a shard has what the merge needs instead of the block: the inputs of the denoiser
+//! ([`gather`](super::gather)), or the analysed candidate ([`analysis`](super::analysis)). `formats/farm.md` has the
+//! bytes. The name states the plan, the range and the content: `PLAN-FIRST-END-SHA256.shard`.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -15,23 +15,23 @@ use sha2::{Digest, Sha256};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, Ranged};
 
-/// First bytes of a shard; the last is the version of the format.
+/// Magic bytes of a shard; the last is the version of the format.
 const MARK: [u8; 8] = *b"LTMshrd1";
-/// Written in the machine's byte order, in which all that follows is.
+/// Written in the machine's byte order, to detect it when reading.
 const BYTE_ORDER: u32 = 0x0102_0304;
 const HEAD_BYTES: usize = 128;
 const PLACE_BYTES: usize = 16;
-/// Ends the name of each.
+/// Extension of shard names.
 pub(crate) const EXTENSION: &str = ".shard";
-/// Bytes that are read at a time while the content is hashed.
+/// Bytes read at a time for hashing.
 const STEP_BYTES: usize = 1 << 18;
 
-/// What stands at the beginning of a shard.
+/// Head of a shard.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ShardHead {
-    /// Of the job.
+    /// Hash of the job.
     pub(crate) job: [u8; 32],
-    /// Of the job, the settings and the versions of all that takes part.
+    /// Hash of the job, the settings and the versions of everything that takes part.
     pub(crate) fingerprint: [u8; 32],
     pub(crate) blocks: Range<u32>,
     /// Rays traced, and contributions that were not finite.
@@ -39,7 +39,7 @@ pub(crate) struct ShardHead {
     pub(crate) non_finite: u64,
 }
 
-/// Where the record of a block stands in its shard.
+/// Position of a block's record in its shard.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RecordPlace {
     offset: u64,
@@ -47,12 +47,12 @@ pub(crate) struct RecordPlace {
     checksum: u32,
 }
 
-/// Begins the names of shards of a plan.
+/// Prefix of the names of shards of a plan.
 pub(crate) fn plan_prefix(fingerprint: &str) -> String {
     fingerprint.chars().take(16).collect::<String>() + "-"
 }
 
-/// Begins the names of shards of a range of a plan.
+/// Prefix of the names of shards of a range of a plan.
 pub(crate) fn range_prefix(fingerprint: &str, blocks: &Range<u32>) -> String {
     format!("{}{:08}-{:08}-", plan_prefix(fingerprint), blocks.start, blocks.end)
 }
@@ -68,7 +68,8 @@ impl ShardHead {
         Ok(range_prefix(&hex(&self.fingerprint), &self.blocks) + &hex(&hash.0.finalize()) + EXTENSION)
     }
 
-    /// Writes the shard, called `name` in messages: the head, where each record stands, and the records in the order of the blocks.
+    /// Writes the shard, called `name` in messages: the head, the table of records, and the records in the order of the
+    /// blocks.
     ///
     /// # Errors
     /// Those of reading the records and of writing.
@@ -109,7 +110,7 @@ impl ShardHead {
         head
     }
 
-    /// Of a shard that is not looked at any further; as text what is wrong.
+    /// Reads only the head of a shard. An invalid one gives its fault as text.
     ///
     /// # Errors
     /// It cannot be read.
@@ -117,7 +118,7 @@ impl ShardHead {
         Ok(Reading::head(file, place)?.map(|(head, _)| head))
     }
 
-    /// Head and places; as text what is wrong.
+    /// Reads head and positions. Invalid ones give their fault as text.
     fn read(file: &mut dyn Read, file_bytes: u64) -> Result<(Self, Vec<RecordPlace>), String> {
         let short = |_| "it is cut short".to_owned();
         let mut head = [0; HEAD_BYTES];
@@ -137,7 +138,7 @@ impl ShardHead {
         let head_of =
             |blocks| Self { job: hash(16), fingerprint: hash(48), blocks, rays: long(88), non_finite: long(96) };
         let (first, end) = (word(80), word(84));
-        // Before memory is taken for the places.
+        // Checked before memory is allocated for the positions.
         let index_bytes = u64::from(end.saturating_sub(first)) * PLACE_BYTES as u64;
         if first >= end || long(104) != file_bytes || index_bytes > file_bytes {
             return Err("its head does not fit its length".to_owned());
@@ -182,17 +183,17 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Reads what is ranged from its beginning on.
+/// Reads a ranged source sequentially.
 struct Reading<'a> {
     file: &'a dyn Ranged,
     offset: u64,
     length: u64,
-    /// What tells a shard that cannot be read from one that is cut short.
+    /// Distinguishes a shard that cannot be read from one that is cut short.
     failed: Option<std::io::Error>,
 }
 
 impl<'a> Reading<'a> {
-    /// Head and places of a shard; as text what is wrong.
+    /// Head and positions of a shard. An invalid one gives its fault as text.
     fn head(file: &'a dyn Ranged, place: &Path) -> Result<Result<(ShardHead, Vec<RecordPlace>), String>> {
         let length = file.bytes().map_err(Error::io(place, "look at"))?;
         let mut reading = Self { file, offset: 0, length, failed: None };
@@ -213,7 +214,7 @@ impl Read for Reading<'_> {
     }
 }
 
-/// A shard whose content is that of its name.
+/// A shard whose content matches its name.
 pub(crate) struct Shard {
     path: PathBuf,
     pub(crate) head: ShardHead,
@@ -221,7 +222,7 @@ pub(crate) struct Shard {
 }
 
 impl Shard {
-    /// Reads a shard of this machine whole and holds it to its name; as text what is wrong.
+    /// Reads a local shard completely and checks it against its name. An invalid one gives its fault as text.
     ///
     /// # Errors
     /// The system refuses to read.
@@ -231,7 +232,8 @@ impl Shard {
         Ok(parts.map(|(head, places)| Self { path: path.to_owned(), head, places }))
     }
 
-    /// Reads a shard whole, wherever it lies, and holds it to its name; as text what is wrong. `place` is what messages call it.
+    /// Reads a shard completely, local or not, and checks it against its name. An invalid one gives its fault as text.
+    /// `place` names it in messages.
     ///
     /// # Errors
     /// It cannot be read.
@@ -262,22 +264,23 @@ impl Shard {
     }
 }
 
-/// Blocks of a matrix, each in the first of some shards that has it.
+/// Blocks of a matrix, each read from the first shard that has it.
 pub(crate) struct ShardSet {
-    /// Its depot, for messages.
+    /// Address of the depot, for messages.
     address: String,
     paths: Vec<PathBuf>,
-    /// For each block the shard and the place in it.
+    /// For each block the shard and the position in it.
     places: Vec<Option<(u32, RecordPlace)>>,
 }
 
 impl ShardSet {
-    /// Of no shard yet.
+    /// An empty set.
     pub(crate) fn new(address: &str, blocks: u32) -> Self {
         Self { address: address.to_owned(), paths: Vec::new(), places: vec![None; blocks as usize] }
     }
 
-    /// Adds a shard of the same matrix. Where it has another record of a block than a shard before it: that block, and that shard.
+    /// Adds a shard of the same matrix. If its record of a block differs from that of an earlier shard, returns the
+    /// block and that shard.
     pub(crate) fn add(&mut self, shard: Shard) -> Option<(u32, &Path)> {
         let number = self.paths.len() as u32;
         self.paths.push(shard.path);
@@ -294,7 +297,7 @@ impl ShardSet {
         differs.map(|(key, other)| (key, &*self.paths[other as usize]))
     }
 
-    /// Where the shards are, for messages.
+    /// Address of the depot, for messages.
     pub(crate) fn address(&self) -> &str {
         &self.address
     }
@@ -331,7 +334,7 @@ impl ShardSet {
         }
     }
 
-    /// The error for a record that is not what was built.
+    /// The error for a record that differs from what was built.
     pub(crate) fn damaged(&self, key: u32, problem: &str) -> Error {
         let path = match self.places[key as usize] {
             Some((shard, _)) => self.paths[shard as usize].clone(),

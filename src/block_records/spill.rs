@@ -1,4 +1,4 @@
-//! Where the analysed blocks of a pack wait for its second pass: `NAME.spill` beside the result, one byte string for each block.
+//! Spill file of a pack: the analysed blocks between both passes, in `NAME.spill` beside the result.
 
 use std::path::{Path, PathBuf};
 
@@ -7,23 +7,23 @@ use crate::files::{ContinuationFile, with_suffix};
 use crate::resources::Progress;
 
 const MARK: [u8; 8] = *b"LTMspil2";
-/// Ends the name of a result for the files of what is gathered of blocks to clean them, and of the cleaned images.
+/// Suffixes of the files of gathered planes and of denoised images.
 pub(crate) const GATHERED: &str = ".planes";
 /// See [`GATHERED`].
 pub(crate) const DENOISED: &str = ".clean";
 
-/// The file's name for a result.
+/// Path of the spill file of a result.
 pub(crate) fn spill_path(result: &Path) -> PathBuf {
     with_suffix(result, ".spill")
 }
 
-/// The files that packing into `path` keeps beside it until it is done, whether or not it cleans.
+/// The files that packing into `path` keeps beside it until it is done, with or without denoising.
 pub(crate) fn files_of_pack(path: &Path) -> [PathBuf; 4] {
     let of = |name| spill_path(&with_suffix(path, name));
     [spill_path(path), of(GATHERED), of(DENOISED), with_suffix(path, ".part")]
 }
 
-/// Opens the file of `result`, going on with an earlier one of the same `fingerprint`.
+/// Opens the spill file of `result`, continuing one of the same `fingerprint`.
 ///
 /// # Errors
 /// Those of [`ContinuationFile::open`].

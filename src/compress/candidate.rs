@@ -1,61 +1,63 @@
-//! A block after analysis: over-ranked factors and sparse entries, each with what it brings, small enough to spill.
+//! A block after analysis: more components and sparse entries than will be kept, each with its gain. Small enough to
+//! spill.
 
 use super::Replaced;
 use crate::matrix::{BlockId, ColumnIndex, FactoredBlock, SparseEntry};
 
-/// First bytes of an encoded candidate, with the version of the layout. Spill files live as long as one run.
+/// Magic bytes of an encoded candidate, with the version of the layout. Spill files live as long as one run.
 const MAGIC: [u8; 4] = *b"cnd4";
 
-/// Bins of [`CandidateSummary::sparse_gains`]: powers of two of the gain, from `2^-80`.
+/// Number of bins of [`CandidateSummary::sparse_gains`]: powers of two of the gain, from `2^-80`.
 pub(super) const GAIN_BINS: usize = 160;
 const LOWEST_EXPONENT: f64 = -80.0;
 
 /// A block as components and sparse entries, more of each than will be kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// Which block.
+    /// Index of the block.
     pub id: BlockId,
     pub(super) summary: CandidateSummary,
     /// `U`: rows × rank, column-major.
     pub(super) left: Vec<f32>,
     /// `Uᵀ A`: rank × columns, row-major.
     pub(super) right: Vec<f32>,
-    /// By column, then row.
+    /// Ordered by column, then row.
     pub(super) sparse: Vec<SparseEntry>,
-    /// Distortion that each saves.
+    /// Distortion that each entry saves.
     pub(super) sparse_gain: Vec<f32>,
 }
 
-/// What choosing a cut needs to know of a candidate.
+/// Statistics of a candidate from which the common slope is chosen.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CandidateSummary {
     /// Rows of the block.
     pub rows: u32,
     /// Columns of the block.
     pub columns: u32,
-    /// Whether all components are kept whatever they bring (methods with a rank of their own).
+    /// Whether all components are kept whatever their gain (methods with a fixed rank).
     pub fixed: bool,
     /// Weighted energy `uᵀ A K Aᵀ u` of each component: the distortion that it saves.
     pub gains: Vec<f32>,
-    /// Noise that falls on each component from outside: the mean square of what it adds to an image; 0 where unknown.
+    /// Noise projected on each component's right factor: the mean square that it adds to an image; 0 if unknown.
     pub noise: Vec<f32>,
-    /// What of each gain is noise that the component was fitted to; 0 where unknown.
+    /// Part of each gain that is noise the left factor was fitted to; 0 if unknown.
     pub fitted_noise: Vec<f32>,
-    /// 75th percentile of the noise of rows over its mean, at most 1: small where few rows have nearly all noise.
+    /// 75th percentile of the noise of rows over its mean, at most 1. It is small if few rows have nearly all of the
+    /// noise.
     pub noise_quartile_ratio: f32,
-    /// Energy of the noise of the whole block, as `gains` are; 0 where unknown.
+    /// Energy of the noise of the whole block, in the units of `gains`; 0 if unknown.
     pub noise_energy: f32,
     /// Mean square of each component's row of `R`.
     pub right_mean_square: Vec<f32>,
     /// Weighted energy outside all components.
     pub tail: f32,
-    /// Sum of the gains of the sparse entries, and their number, by powers of two of the gain.
+    /// Sum of the gains of the sparse entries and their number, by powers of two of the gain.
     pub sparse_gains: Vec<(f32, u32)>,
     /// Root mean square of the all-on image.
     pub brightness: f32,
-    /// Values of the all-on image, counted by half powers of two from `2^-40`; the first bin holds all that is smaller.
+    /// Histogram of the all-on image by half powers of two from `2^-40`. The first bin has all smaller values.
     pub histogram: Vec<u32>,
-    /// Entries that were replaced because they could not be computed with.
+    /// Number of entries that were replaced because they were not usable.
     pub replaced: Replaced,
 }
 
@@ -76,24 +78,24 @@ impl CandidateSummary {
         (exponent - LOWEST_EXPONENT).clamp(0.0, (GAIN_BINS - 1) as f64) as usize
     }
 
-    /// Smallest gain of a bin.
+    /// Least gain of a bin.
     pub(super) fn bin_floor(bin: usize) -> f64 {
         (bin as f64 + LOWEST_EXPONENT).exp2()
     }
 }
 
 impl Candidate {
-    /// What choosing a cut needs of it.
+    /// The statistics from which the common slope is chosen.
     pub fn summary(&self) -> &CandidateSummary {
         &self.summary
     }
 
-    /// Components kept for the choice.
+    /// Number of components.
     pub fn rank(&self) -> usize {
         self.summary.gains.len()
     }
 
-    /// All that it holds, before any cut: `L R + S`. What it lacks of its block is orthogonal to the components.
+    /// All of it before any cut: `L R + S`. The residual of the block is orthogonal to the components.
     pub fn whole(&self) -> FactoredBlock {
         FactoredBlock {
             rows: self.summary.rows as usize,
@@ -187,7 +189,7 @@ impl Candidate {
     }
 }
 
-/// Bins of [`CandidateSummary::histogram`]: half powers of two from `2^-40`.
+/// Number of bins of [`CandidateSummary::histogram`]: half powers of two from `2^-40`.
 const VALUE_BINS: usize = 160;
 
 /// Counts of values by half powers of two, up to the last bin in use.
@@ -201,7 +203,7 @@ pub(super) fn histogram(values: &[f32]) -> Vec<u32> {
     counts
 }
 
-/// The value below which a share `p` of counted values lies, interpolated inside its bin; 0 where that is the first bin.
+/// The value below which a share `p` of the counted values lies, interpolated within its bin; 0 for the first bin.
 pub(super) fn percentile(counts: &[u64], p: f64) -> f64 {
     let total: u64 = counts.iter().sum();
     let mut left = total as f64 * p;
@@ -215,7 +217,7 @@ pub(super) fn percentile(counts: &[u64], p: f64) -> f64 {
     0.0
 }
 
-/// Sums and counts of gains by powers of two, up to the last bin in use.
+/// Sums and counts of gains by powers of two, up to the last bin used.
 pub(super) fn gain_bins(gains: &[f32]) -> Vec<(f32, u32)> {
     let mut bins = vec![(0.0f32, 0u32); GAIN_BINS];
     for &gain in gains {

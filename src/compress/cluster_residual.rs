@@ -1,9 +1,9 @@
-//! What tells the columns of a cluster apart, beside the image of the cluster: where that is cleaned, it is kept as far as it stands
-//! above its noise.
+//! The residual that tells the columns of a cluster apart. The cluster's image is denoised; the residual is kept as far
+//! as it is above its noise.
 //!
-//! With the 0/1 matrix `S` (columns × clusters), its images `B = A S` and any map `R` (clusters × columns) a block is
-//! `A = B R + A (I − S R)`. Cleaning makes `B` smooth; of the rest, here, the components are taken that the samples agree on, each
-//! times `1 − noise / energy` (Wiener's filter), and what stands alone.
+//! With the 0/1 matrix `S` (columns × clusters), its images `B = A S` and any map `R` (clusters × columns), a block is
+//! `A = B R + A (I − S R)`. Denoising smooths `B`. Of the second term, this module keeps the components on which the
+//! samples agree, each times `1 − noise / energy` (Wiener's filter), and the outliers.
 
 use faer::{MatMut, MatRef};
 use half::f16;
@@ -15,22 +15,24 @@ use crate::light::Clusters;
 use crate::matrix::{Block, ColumnIndex, SparseEntry};
 use crate::simd::dispatch;
 
-/// A block as the components and single entries that stand above their noise.
+/// The components and sparse entries of a block that are above their noise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClusterResidual {
     rows: usize,
     columns: usize,
-    /// Rows × components, column-major, times the root of the number of rows: near 1, whatever the block.
+    /// Rows × components, column-major, scaled by the square root of the number of rows: values are near 1 for any
+    /// block.
     left: Vec<f16>,
     /// Components × columns, row-major.
     right: Vec<f32>,
-    /// Of each component: the part of its left side's energy that is noise, and the noise that fell on its right side.
+    /// For each component: the noise as a share of its left factor's energy, and the noise projected on its right
+    /// factor.
     noise: Vec<[f32; 2]>,
     sparse: Vec<SparseEntry>,
 }
 
 impl Compressor {
-    /// What of a block stands above its noise, of what was analysed of it; entries that are `seen` are not among it.
+    /// The residual of an analysed block. Entries of emission seen by the camera (`is_seen`) are left out.
     pub fn contrasts(&self, candidate: &Candidate, is_seen: impl Fn(&SparseEntry) -> bool) -> ClusterResidual {
         let s = &candidate.summary;
         let (rows, columns) = (s.rows as usize, s.columns as usize);
@@ -45,12 +47,12 @@ impl Compressor {
         contrasts
     }
 
-    /// Makes `block` of the images of its clusters, rows × clusters, column-major: every column is a mixture of them by `map` (`R`,
-    /// row-major), and beside that what tells the columns apart. No entry is then below 0, and where the image of its cluster is
-    /// not, that stays.
+    /// Fills `block` from the images of its clusters (rows × clusters, column-major): every column is the mixture by
+    /// `map` (`R`, row-major) plus the residual. Negative entries are then removed such that the image of their cluster
+    /// stays, unless that is negative itself.
     ///
     /// # Panics
-    /// If they are of another size.
+    /// If the sizes differ.
     pub fn spread(
         &self,
         mut images: Vec<f32>,
@@ -61,7 +63,7 @@ impl Compressor {
         let (m, n, rank) = (contrasts.rows, contrasts.columns, contrasts.noise.len());
         assert_eq!((m, n), (block.rows(), block.columns()));
         assert_eq!((images.len(), map.len()), (m * clusters.count(), n * clusters.count()));
-        // A single entry tells its column apart from the share that it has of its cluster: that much less is spread.
+        // An entry stored by itself is subtracted from its cluster's image first.
         for entry in &contrasts.sparse {
             images[usize::from(clusters.of_column()[entry.column.index()]) * m + entry.row as usize] -= entry.value;
         }
@@ -81,7 +83,7 @@ impl Compressor {
         keep_positive(clusters, block);
     }
 
-    /// Right sides of the components beside the clusters, row-major, as far as they are no noise.
+    /// Right factors of the residual components, row-major, scaled down by their noise.
     fn trusted(&self, contrasts: &ClusterResidual, (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
         let (n, rank) = (contrasts.columns, contrasts.noise.len());
         let beside = |row: &[f32]| beside_clusters(row, (clusters, map));
@@ -98,13 +100,14 @@ impl Compressor {
 }
 
 impl ClusterResidual {
-    /// Bytes of those of a block at most, of its single entries one a row: as many as are likely.
+    /// Upper bound of the bytes of a block's residual, with one sparse entry for each row, which is more than is
+    /// likely.
     pub fn bytes(rows: u64, columns: u64, rank: u64) -> u64 {
         let rank = (rank + 1).min(rows).min(columns);
         rank * (2 * rows + 4 * columns + 8) + 12 * rows + 64
     }
 
-    /// In the machine's byte order, for a file that the same program reads back.
+    /// Encodes it in the machine's byte order, for a file that the same program reads.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         for count in [self.rows, self.columns, self.noise.len(), self.sparse.len()] {
@@ -119,7 +122,7 @@ impl ClusterResidual {
         bytes
     }
 
-    /// What [`to_bytes`](Self::to_bytes) wrote; none if it is something else.
+    /// Decodes what [`to_bytes`](Self::to_bytes) wrote; `None` for other bytes.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (head, mut rest) = bytes.split_at_checked(4 * size_of::<u64>())?;
         let (head, _) = head.as_chunks::<8>();
@@ -144,7 +147,7 @@ impl ClusterResidual {
     }
 }
 
-/// `v (I − S R)` of a row `v`.
+/// `v (I − S R)` for a row `v`.
 fn beside_clusters(row: &[f32], (clusters, map): (&Clusters, &[f32])) -> Vec<f32> {
     let mut sums = vec![0.0f32; clusters.count()];
     row.iter().zip(clusters.of_column()).for_each(|(v, &cluster)| sums[usize::from(cluster)] += v);
@@ -155,11 +158,11 @@ fn beside_clusters(row: &[f32], (clusters, map): (&Clusters, &[f32])) -> Vec<f32
     rest
 }
 
-/// Takes from each cluster's columns what is below 0, pixel by pixel, and as much from those above: their sum stays, or is 0 where
-/// it was below that.
+/// Raises negative entries of each pixel to 0 and scales down the positive entries of the same cluster. The cluster's
+/// sum stays; a negative sum becomes 0.
 fn keep_positive(clusters: &Clusters, block: &mut Block) {
     let rows = block.rows();
-    // Of each cluster and row: the sum, and that of what is above 0.
+    // For each cluster and row: the sum, and the sum of the positive entries.
     let mut sums = vec![0.0f32; clusters.count() * rows];
     let mut above = sums.clone();
     let part = |cluster: u16| usize::from(cluster) * rows..(usize::from(cluster) + 1) * rows;
@@ -175,7 +178,7 @@ fn keep_positive(clusters: &Clusters, block: &mut Block) {
             }
         },
     );
-    // From here on what each is raised to at least, and what it is then multiplied by.
+    // They now become the least value of each entry, and the factor after that.
     for (sum, above) in sums.iter_mut().zip(&mut above) {
         (*sum, *above) = match (*above > *sum, *sum > 0.0) {
             (false, _) => (f32::NEG_INFINITY, 1.0),
@@ -190,7 +193,7 @@ fn keep_positive(clusters: &Clusters, block: &mut Block) {
             for (entries, &cluster) in block.entries_mut().chunks_exact_mut(rows).zip(clusters.of_column()) {
                 let both = least[part(cluster)].iter().zip(&scale[part(cluster)]);
                 for (entry, (least, scale)) in entries.iter_mut().zip(both) {
-                    // What is no number stays so.
+                    // NaN stays NaN.
                     *entry = if *entry < *least { *least } else { *entry } * scale;
                 }
             }
@@ -205,7 +208,7 @@ mod tests {
 
     const ROWS: usize = 6;
 
-    /// A row each of: columns of both signs, all below 0, both signs with a sum below 0, all 0, all above, none a number.
+    /// One row each: columns of both signs, all negative, both signs with a negative sum, all 0, all positive, all NaN.
     #[test]
     fn nothing_stays_below_zero_and_sums_stay() {
         let mut basis = LightBasis::new();

@@ -1,46 +1,47 @@
-//! Which lights are alike, told by their images: for matrices that come without places of their lights, as arrays do.
+//! Positions of lights estimated from the similarity of their images, for matrices without light positions, such as
+//! arrays.
 //!
-//! Lights that stand near each other make images that are alike. So coarse images of all lights, each cell and each light
-//! brought to the same mean, are laid out by their three strongest principal components: a panel of texels comes out as a
-//! bent sheet, a sky as a sphere. The prior takes these for places.
+//! Lights near each other make similar images. So coarse images of all lights, each cell and each light scaled to the
+//! same mean, are embedded by their three strongest principal components. A panel of texels becomes a bent sheet, a sky
+//! a sphere. The prior uses these as positions.
 
 use faer::{Mat, MatRef};
 
 use super::dense::{eigen, product_f64};
 use crate::matrix::{BlockId, BlockView, CHANNELS, MatrixShape, PixelRect};
 
-/// Cells of all coarse images together, at most.
+/// Largest number of cells of all coarse images together.
 const MAX_CELLS: usize = 512;
-/// Cells along a side of a block, at most.
+/// Largest number of cells along a side of a block.
 const MAX_CELLS_ACROSS: usize = 8;
-/// Blocks that are looked at, at most, spread evenly.
+/// Largest number of blocks that are read, spread evenly.
 const MAX_BLOCKS: usize = 128;
-/// Fewest columns for which places are worth asking for: of fewer a block keeps nearly all anyway.
+/// Least number of columns for which positions are estimated: a block keeps nearly all of fewer anyway.
 const MIN_COLUMNS: usize = 48;
-/// Most: a coarse image of each is held.
+/// Largest number of columns, since a coarse image of each is held.
 const MAX_COLUMNS: usize = 1 << 15;
-/// Dimensions of a place.
+/// Dimensions of a position.
 const DIMENSIONS: usize = 3;
-/// Part of the columns at each end that do not count in the extent.
+/// Share of the columns at each end that is ignored in the extent.
 const OUTER: f64 = 0.01;
 
-/// Whether a matrix of so many columns can be asked.
+/// Whether positions can be estimated for this number of columns.
 pub(super) fn can_tell(columns: usize) -> bool {
     (MIN_COLUMNS..=MAX_COLUMNS).contains(&columns)
 }
 
-/// Bytes that coarse images take.
+/// Bytes of the coarse images.
 pub(super) fn needs_bytes(columns: usize) -> u64 {
     if can_tell(columns) { (MAX_CELLS * (columns * (4 + 8) + MAX_CELLS * 16)) as u64 } else { 0 }
 }
 
-/// Blocks that are looked at.
+/// Blocks that are read.
 pub(super) fn looked_at(shape: MatrixShape) -> Vec<BlockId> {
     let apart = (shape.block_count() as usize).div_ceil(MAX_BLOCKS).max(1);
     shape.blocks().step_by(apart).collect()
 }
 
-/// Coarse images of all columns of a block, one of `blocks` that are looked at: cells × columns, row-major.
+/// Coarse images of all columns of a block, one of `blocks` that are read: cells × columns, row-major.
 pub(super) fn coarse(block: BlockView<'_>, rect: PixelRect, blocks: usize) -> Vec<f32> {
     let across = (MAX_CELLS / blocks.max(1)).isqrt().clamp(1, MAX_CELLS_ACROSS);
     let (width, height) = (rect.width as usize, rect.height as usize);
@@ -60,14 +61,14 @@ pub(super) fn coarse(block: BlockView<'_>, rect: PixelRect, blocks: usize) -> Ve
     cells
 }
 
-/// Places of columns by their coarse images (cells × columns, row-major), in a space of extent 1.
+/// Positions of columns from their coarse images (cells × columns, row-major), in a space of extent 1.
 pub(super) fn places(cells: &[f32], columns: usize) -> Vec<[f64; 3]> {
     let lit: Vec<&[f32]> = cells.chunks_exact(columns).filter(|cell| cell.iter().any(|&v| v > 0.0)).collect();
     let mut of_cell: Vec<Vec<f64>> = lit.into_iter().map(|cell| to_mean_1(cell.iter().map(|&v| v.into()))).collect();
-    // Of a light, how its image is spread, not how bright it is.
+    // The distribution of a light's image counts, not its brightness.
     for column in 0..columns {
         let image = to_mean_1(of_cell.iter().map(|cell| cell[column]));
-        // Roots: neither a lamp in view nor a firefly outweighs all else.
+        // Square roots, so that neither a lamp in view nor a firefly dominates.
         of_cell.iter_mut().zip(image).for_each(|(cell, v)| cell[column] = v.sqrt());
     }
     for cell in &mut of_cell {
@@ -76,7 +77,7 @@ pub(super) fn places(cells: &[f32], columns: usize) -> Vec<[f64; 3]> {
     }
     let images = Mat::from_fn(of_cell.len(), columns, |i, j| of_cell[i][j]);
     let (values, vectors) = eigen(product_f64(images.as_ref(), images.transpose()).as_ref());
-    // What noise alone would have of each direction, as the middle one has it.
+    // The middle eigenvalue estimates the noise in each direction.
     let noise = values.get(values.len() / 2).copied().unwrap_or(0.0);
     let seen = values.iter().take(DIMENSIONS).filter(|&&value| value > 2.0 * noise).count();
     let along = product_f64(vectors.as_ref().subcols(0, seen).transpose(), images.as_ref());

@@ -1,4 +1,4 @@
-//! The driver: analyses blocks one by one, chooses one cut for all.
+//! The compressor: analyses blocks one by one, and chooses one cut for all of them.
 
 use faer::{Mat, MatRef};
 use rand::SeedableRng;
@@ -23,27 +23,24 @@ use crate::matrix::{
     TracedBlock,
 };
 
-/// A direction of a block is not looked for where its noise, as far as the model of it knows, has more than this many times the
-/// energy of its image. Beyond independent columns the model is no more than a bound, so that 1 would be too little: of 937 components
-/// that were kept of 108 blocks (Conference Room with a panel of 64 × 64 texels, 16 samples) 11 had more than 4 and none more than
-/// 8, of those that were looked for in vain six of ten had more than 16. With 8 images of "environment" came up to 1.7 % farther from the
-/// truth in ꟻLIP (`ltm study noise`), with 16 not. Packing takes 8 % less time with it than without.
+/// Ratio of noise to image energy above which a direction of a block is not looked for. It is above 1 because the model
+/// of the noise is only a bound for columns that are not independent. Tuned: decision 28.
 const NOISE_ALONE: f64 = 16.0;
 
-/// Compresses the blocks of one matrix. Shared by threads: analysing changes nothing in it.
+/// Compresses the blocks of one matrix. It is shared by threads; analysis changes nothing in it.
 pub struct Compressor {
     settings: CompressSettings,
     shape: MatrixShape,
     weights: PriorWeights,
     /// Diagonal of `K`.
     variances: Vec<f32>,
-    /// The probe lightings that noise is kept under: columns × probes, column-major.
+    /// The probe lightings of the noise: columns × probes, column-major.
     probes: Vec<f32>,
     global: Option<GlobalCur>,
 }
 
 impl Compressor {
-    /// Values that a compressor holds for each column at most: the prior's factor, the lightings of the sketch and the probes.
+    /// Upper bound of the values held for each column: the prior's factor, the lightings of the sketch and the probes.
     pub const COLUMN_VALUES: u64 = 256;
 
     /// A compressor for matrices of this shape over this basis.
@@ -64,7 +61,7 @@ impl Compressor {
         Ok(Self::with_prior(basis, shape, settings, prior))
     }
 
-    /// This, for lightings of one light alone as well: see [`LightingPrior::of_lights_alone`].
+    /// Adds lightings with one light alone: see [`LightingPrior::of_lights_alone`].
     #[must_use]
     pub fn for_lights_alone(self, basis: &LightBasis, shares: &[f64]) -> Self {
         match self.settings.prior {
@@ -76,9 +73,9 @@ impl Compressor {
         }
     }
 
-    /// Where nothing tells how lights stand to each other: takes those for near that make images which are alike. At most one
-    /// pass over the blocks, on the current thread pool; the same for any number of threads. Does nothing where
-    /// [`asks_images`](Self::asks_images) does not.
+    /// Estimates the proximity of lights from the similarity of their images, for matrices without light positions. It
+    /// takes at most one pass over the blocks, on the current thread pool, with the same result for any number of
+    /// threads. Does nothing if [`asks_images`](Self::asks_images) is false.
     ///
     /// # Errors
     /// Those of reading.
@@ -103,7 +100,7 @@ impl Compressor {
         if self.asks_images(basis) { column_similarity::looked_at(self.shape).len() as u64 } else { 0 }
     }
 
-    /// Whether the prior of a basis wants to know which lights are alike.
+    /// Whether the prior of a basis needs the similarity of lights.
     pub fn asks_images(&self, basis: &LightBasis) -> bool {
         let by_lighting = self.settings.prior == PriorChoice::Lighting && !self.settings.has_fixed_rank();
         by_lighting && basis.is_unplaced() && column_similarity::can_tell(self.shape.columns())
@@ -118,9 +115,9 @@ impl Compressor {
         Self { shape, weights, variances, probes, global: None, settings }
     }
 
-    /// For [`Scope::Global`]: chooses rows and columns of the whole matrix, before any block is analysed; at most three
-    /// passes over the blocks and one over those that hold chosen rows, on the current thread pool. The same for any
-    /// number of threads. Does nothing for [`Scope::Block`].
+    /// For [`Scope::Global`]: chooses rows and columns of the whole matrix before any block is analysed. It takes at
+    /// most three passes over the blocks and one over those with chosen rows, on the current thread pool. The result is
+    /// the same for any number of threads. Does nothing for [`Scope::Block`].
     ///
     /// # Errors
     /// Those of reading, and a source of another shape.
@@ -134,7 +131,7 @@ impl Compressor {
         Ok(())
     }
 
-    /// Times that [`choose_globally`](Self::choose_globally) reads a block at most; 0 for [`Scope::Block`].
+    /// Upper bound of how often [`choose_globally`](Self::choose_globally) reads a block; 0 for [`Scope::Block`].
     pub fn global_passes(&self) -> u32 {
         match (self.settings.scope, self.settings.method) {
             (Scope::Block, _) => 0,
@@ -145,29 +142,30 @@ impl Compressor {
         }
     }
 
-    /// What [`choose_globally`](Self::choose_globally) chose.
+    /// The result of [`choose_globally`](Self::choose_globally).
     pub fn chosen_globally(&self) -> Option<&CurSelection> {
         self.global.as_ref().map(|global| &global.chosen)
     }
 
-    /// Bytes that [`choose_globally`](Self::choose_globally) holds at most beside the blocks at hand, and what it keeps.
+    /// Upper bound of the bytes that [`choose_globally`](Self::choose_globally) holds beside the current blocks, with
+    /// its result.
     pub fn global_needs_bytes(&self) -> u64 {
         if self.settings.scope == Scope::Global { global::needs_bytes(self.shape, &self.settings) } else { 0 }
     }
 
-    /// Bytes that [`ask_images`](Self::ask_images) holds at most beside the blocks at hand.
+    /// Upper bound of the bytes that [`ask_images`](Self::ask_images) holds beside the current blocks.
     pub fn asking_needs_bytes(&self, basis: &LightBasis) -> u64 {
         if self.asks_images(basis) { column_similarity::needs_bytes(self.shape.columns()) } else { 0 }
     }
 
-    /// Energy under the prior of some rows of `R`, row-major.
+    /// Energy under the prior of `count` rows of `R`, row-major.
     pub(super) fn energies(&self, rows: &[f32], count: usize) -> Vec<f64> {
         let rows = MatRef::from_row_major_slice(rows, count, self.shape.columns());
         let gram = self.weights.gram(rows);
         (0..count).map(|k| gram[(k, k)]).collect()
     }
 
-    /// The lightings that it weighs errors by.
+    /// The prior over lightings that weighs errors.
     pub fn prior(&self) -> &LightingPrior {
         self.weights.prior()
     }
@@ -177,8 +175,8 @@ impl Compressor {
         &self.settings
     }
 
-    /// Bytes of working memory that one call of [`analyse`](Self::analyse) takes at most beside the block itself, and
-    /// bytes of the compressor and of a candidate.
+    /// Upper bound of the bytes that one call of [`analyse`](Self::analyse) takes beside the block, including the
+    /// compressor and the candidate.
     pub fn needs_bytes(&self) -> u64 {
         Self::needs_bytes_for(self.shape, &self.settings)
     }
@@ -188,35 +186,36 @@ impl Compressor {
         let (m, n) = (shape.max_block_rows() as u64, shape.columns() as u64);
         let q = (settings.rank + settings.oversampling + 1) as u64;
         let dense = match settings.method {
-            // The block, both sides of its SVD and what the SVD works in, in f64.
+            // The block, both factors of its SVD, and the SVD's working memory, in f64.
             Method::BlockSvd | Method::BlockPca => 8 * (3 * m * n + (m + n) * m.min(n)),
             _ => 0,
         };
-        // A copy of the block where it has entries that cannot be used; factors in f32 and f64; the sketch of its rows,
-        // the prior's factor and the sketch's lightings.
+        // A copy of the block if it has unusable entries; factors in f32 and f64; the sketch of its rows, the prior's
+        // factor and the sketch's lightings.
         let factors = 4 * m * n + dense + 56 * (m + n) * q + 4 * n * (2 * SKETCH_ROWS as u64 + Self::COLUMN_VALUES);
-        // The images under the probes, their comparison, and the candidates of one component.
+        // The images under the probes, their comparison, and the smoothed candidates of one component.
         factors + 4 * m * (3 * super::nlm::WINDOW_PIXELS + 64)
     }
 
-    /// Bytes of an encoded candidate's factors at most.
+    /// Upper bound of the bytes of an encoded candidate's factors.
     pub fn factor_bytes(&self) -> u64 {
         let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
         let rank = (self.settings.rank as u64 + 1).min(m).min(n);
         1024 + 4 * rank * (m + n + 4)
     }
 
-    /// Bytes of an encoded candidate at most.
+    /// Upper bound of the bytes of an encoded candidate.
     pub fn candidate_bytes(&self) -> u64 {
         let (m, n) = (self.shape.max_block_rows() as u64, self.shape.columns() as u64);
-        // A tenth of a row's entries may stand above its 90th percentile, and so many may carry their share of its sum.
+        // At most a tenth of a row's entries are above its 90th percentile, and at most 1 / `fraction` of them exceed
+        // their share.
         let share = self.settings.sparse.map_or(0, |rule| (1.0 / rule.fraction) as u64);
         let sparse = if self.settings.method == Method::Auto { m * share.min(n / 10 + 1) } else { 0 };
         self.factor_bytes() + 16 * sparse
     }
 
-    /// Analyses one block: replaces unusable entries, takes out what stands alone, finds the range, and notes what each
-    /// part brings and how much of it is noise.
+    /// Analyses one block: replaces unusable entries, takes out outliers, finds the range, and records the gain and the
+    /// noise of each part.
     ///
     /// # Panics
     /// If the block has another number of columns than the matrix, or the scope is global and
@@ -230,9 +229,9 @@ impl Compressor {
         self.analyse_smooth(id, smooth, split, (&survey.sums_of.all_on, replaced))
     }
 
-    /// [`analyse`](Self::analyse) without a copy of the block: what stands alone is taken out of it while its range is
-    /// found, and put back. Beside it the sums of the block, where all its entries can be computed with. The entries of
-    /// emission that is `seen` stand alone whatever their values.
+    /// [`analyse`](Self::analyse) without a copy of the block: outliers are taken out of it while its range is found,
+    /// and put back afterwards. It also returns the sums of the block if all its entries are usable. Entries of
+    /// emission `seen` by the camera always count as outliers.
     pub fn analyse_in_place(
         &self,
         id: BlockId,
@@ -259,7 +258,7 @@ impl Compressor {
         (candidate, Some(survey.sums_of))
     }
 
-    /// What of a block stands alone, as far as the noise lets one say so.
+    /// The outliers of a block, classified by its noise.
     fn split<'a>(
         &'a self,
         id: BlockId,
@@ -284,7 +283,7 @@ impl Compressor {
         SplitBlock { sparse, stray, noise }
     }
 
-    /// Analyses a block whose entries are usable and from which `split` has been taken out.
+    /// Analyses a block whose entries are usable and from which the entries of `split` have been taken out.
     fn analyse_smooth(
         &self,
         id: BlockId,
@@ -307,7 +306,7 @@ impl Compressor {
             }
             Method::Auto => {
                 let size = (self.settings.rank.min(m).min(n), self.settings.power_iterations);
-                // A factor below 1 asks for what is less sure.
+                // A factor below 1 also asks for components that are less certain.
                 let heeded = self.settings.noise_factor.unwrap_or(0.0).min(1.0);
                 let wanted = |lightings: MatRef<'_, f32>, energies: &[f64]| match &noise {
                     Some(noise) => {
@@ -338,7 +337,7 @@ impl Compressor {
         cut::choose(&self.settings, self.prior().white_square(), summaries)
     }
 
-    /// The methods that have a rank of their own, brought to orthonormal factors.
+    /// Methods with a fixed rank, turned into orthonormal factors.
     fn by_rank(&self, a: MatRef<'_, f32>, id: BlockId) -> Range {
         let (m, n) = a.shape();
         let rank = self.settings.rank.min(m).min(n);
@@ -370,7 +369,7 @@ impl Compressor {
         self.ordered(left.as_ref(), right.as_ref())
     }
 
-    /// `left · right` over an orthonormal basis, by what each component brings.
+    /// `left · right` over an orthonormal basis, ordered by gain.
     fn ordered(&self, left: MatRef<'_, f32>, right: MatRef<'_, f32>) -> Range {
         let q = orthonormal(left);
         let through = product(product(q.transpose(), left).as_ref(), right);
@@ -385,8 +384,8 @@ impl Compressor {
         }
     }
 
-    /// The range with pixels that are lit alike averaged in its components, and the share of their noise that is left.
-    /// `seen` are the block's images under the probes.
+    /// The range after similar pixels are averaged in its components, and the share of the noise that is left. `seen`
+    /// are the block's images under the probes.
     fn smoothed(
         &self,
         id: BlockId,
@@ -404,7 +403,7 @@ impl Compressor {
             let scaled = |w: f32| match gain as f32 {
                 _ if all_on => 1.0 / length,
                 narrow if narrow.is_normal() => w / narrow,
-                // Of a very dark block.
+                // A very dark block.
                 _ => (f64::from(w) / gain) as f32,
             };
             lightings.col_mut(k).iter_mut().for_each(|w| *w = scaled(*w));
@@ -417,9 +416,8 @@ impl Compressor {
         let images: Vec<Smoothed> = (0..rank).map(|k| alike.smooth(left.col(k), &variances[k])).collect();
         let sum = |noise: &dyn Fn(usize) -> f64| (1..rank).map(|k| range.gains[k] * noise(k)).sum::<f64>();
         let (before, after) = (sum(&|k| variances[k].iter().sum()), sum(&|k| images[k].noise));
-        // Most of what is left of many components is their own noise, which each knows better by itself than the share of
-        // noise over all of them does, by which the cut is made: they go before the block is projected on them. On five
-        // built-in scenes at 16 and 256 samples: 0 to 40 % fewer bytes, from 0.1 dB farther to 0.6 dB nearer to the truth.
+        // Drops components below their own noise before the block is projected on them. Each knows its own noise better
+        // than the common share that the cut uses. Tuned: decision 29.
         let least = 0.5 * self.settings.noise_factor.unwrap_or(0.0);
         let is_seen = |k: usize, image: &Smoothed| k == 0 || image.squared_norm() > least * image.noise;
         let scaled: Vec<(&Smoothed, f64)> = (images.iter().enumerate().zip(&range.gains))
@@ -471,7 +469,7 @@ impl Compressor {
     }
 }
 
-/// `sparse` and the entries at which emission is seen, by column, then row.
+/// `sparse` with the entries of emission seen by the camera, ordered by column, then row.
 fn with_seen(mut sparse: Vec<SparseEntry>, block: BlockView<'_>, seen: &[SeenEmission]) -> Vec<SparseEntry> {
     let pixels = block.rows() / CHANNELS;
     for seen in seen {
@@ -489,11 +487,11 @@ fn with_seen(mut sparse: Vec<SparseEntry>, block: BlockView<'_>, seen: &[SeenEmi
     sparse
 }
 
-/// What is taken out of a block before its range is found.
+/// The entries taken out of a block before its range is found.
 struct SplitBlock<'a> {
-    /// To be stored as it is, by column, then row.
+    /// Entries to be stored as they are, ordered by column, then row.
     sparse: Vec<SparseEntry>,
-    /// Noise: counts in sums, but draws no component.
+    /// Fireflies: they count in sums, but do not shape a component.
     stray: Vec<SparseEntry>,
     noise: Option<NoiseModel<'a>>,
 }

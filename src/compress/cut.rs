@@ -1,78 +1,75 @@
-//! One slope for all blocks: which components and entries are kept, and how finely they are stored.
+//! Rate–distortion optimisation with one slope for all blocks: which components and entries are kept, and their steps.
 //!
 //! With distortion `D` (squared radiance under the prior, times the block's weight) and rate in bits, every decision is
-//! taken where `−dD/dR` passes the same slope `λ`:
+//! taken where `−dD/dR` reaches the common slope `λ`:
 //!
-//! - a component is kept if its gain is above `λ` times its bits;
-//! - a uniform quantiser of step `Δ` makes an error of `Δ²/12` an entry and one bit more quarters it, so
-//!   `−dD/dR = 2 ln 2 · g Δ²/12 = λ` gives its step, `g` being how much an entry's error weighs: the component's gain for
-//!   an entry of `L` (its row of `R` is what the error is multiplied by), the mean of diag `K` for an entry of `R` (whoever stores
-//!   it may store finer what weighs more, see [`FactoredBlock::right_band_steps`], which is not counted on here: what comes is a little
-//!   nearer than what is expected);
-//! - a sparse entry is kept if what it saves is above `λ` times its bits.
+//! - A component is kept if its gain is above `λ` times its bits.
+//! - A uniform quantiser of step `Δ` has the error `Δ²/12` for each entry, and one more bit quarters it. So `−dD/dR = 2
+//!   ln 2 · g Δ²/12 = λ` gives the step, where `g` is the weight of an entry's error. It is the component's gain for an
+//!   entry of `L`, and the mean of diag `K` for an entry of `R`. Bands of `R` may be stored with finer steps (see
+//!   [`FactoredBlock::right_fineness`]). The estimate ignores that, so the result is slightly better than expected.
+//! - A sparse entry is kept if its gain is above `λ` times its bits.
 
 use super::candidate::{Candidate, CandidateSummary, percentile};
 use super::{AUTOMATIC_DB, AUTOMATIC_MAX_DB, CompressSettings, Target};
 use crate::matrix::FactoredBlock;
 
-/// Bits that a sparse entry costs: its place (a dozen) and its value.
+/// Bits of a sparse entry: about twelve for its position, the rest for its value.
 const SPARSE_BITS: f64 = 14.0;
-/// Bits that the codec's transforms take over the bits of independent entries. Measured on five built-in scenes of 192 ×
-/// 128 pixels at ratios of 250 to 1,500: between 0.28 and 0.6.
+/// Bits of the codec's transform relative to the entropy of independent entries. Tuned: decision 30.
 const CODING_GAIN: f64 = 0.45;
-/// Bits that a component costs beside its entries: steps, lengths.
+/// Bits of a component beside its entries: steps and lengths.
 const COMPONENT_BITS: f64 = 96.0;
-/// Quantiser error allowed in `L`, as a multiple of a component's noise variance: the second where noise dominates, falling
-/// with the square root of the noise's part in the component towards the first. It may be above 1 because the DCT of the codec
-/// keeps the signal of smooth components below the noise of single entries. Tuned on five built-in scenes.
+/// Quantiser error allowed in `L`, as a multiple of a component's noise variance. The second value holds where noise
+/// dominates. Towards the first it falls with the square root of the noise's share of the component. It may exceed 1
+/// because the codec's DCT keeps the signal of smooth components below the noise of single entries. Tuned: decision 43.
 const LEFT_NOISE_SHARE: (f64, f64) = (0.3, 2.5);
 /// A component whose noise is at least 1/30 of its energy uses the larger share.
 const NOISE_OF_MOST: f64 = 30.0;
-/// Quantiser error allowed in `R`, as a multiple of its noise variance.
+/// Quantiser error allowed in `R`, as a multiple of its noise variance. Tuned: decision 43.
 const RIGHT_NOISE_SHARE: f64 = 0.5;
-/// [`Target::Automatic`], and a PSNR that noise or rank keep from being reached, stop where what further bytes would save
-/// is this part of the energy of the samples' noise. Five built-in scenes at 4 to 256 samples: 0.01 takes a third of the
-/// bytes again for 0.1 dB, and 2 to 8 % in ꟻLIP.
+/// [`Target::Automatic`], and any PSNR that noise or rank prevent, stop where further bytes would save less than this
+/// part of the energy of the samples' noise. Tuned: decision 31.
 const SAVED_OVER_NOISE: f64 = 0.002;
-/// Steps of at least this fraction of an entry's root mean square: what 16-bit floats would keep.
+/// Least step relative to an entry's root mean square: the precision of 16-bit floats.
 const FINEST_STEP: f64 = 1.0 / 2048.0;
 
-/// Smallest slope that is looked at, over the energy of all blocks.
+/// Least slope considered, relative to the energy of all blocks.
 const MIN_SLOPE: f64 = 1e-22;
 
-/// The choice that holds for all blocks.
+/// The common choice for all blocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cut {
-    /// The slope: squared radiance, weighted, per bit.
+    /// The slope λ: weighted squared radiance for each bit.
     pub slope: f64,
-    /// White: the 95th percentile of the values of the all-on image, or their root mean square where that is 0. What block
-    /// brightness is compared with, and the peak of `expected_psnr_db`.
+    /// White: the 95th percentile of the all-on image, or its root mean square if that is 0. It is the reference of
+    /// block brightness and the peak of `expected_psnr_db`.
     pub white: f64,
     /// See [`CompressSettings::exposure_exponent`].
     pub exposure_exponent: f64,
     /// See [`CompressSettings::noise_factor`].
     pub noise_factor: Option<f64>,
-    /// Error that is expected: of images under the prior, over their norm.
+    /// Expected error of images under the prior, relative to their norm.
     pub expected_relative_l2: f64,
-    /// PSNR that is expected in dB, peak = white; see [`Target::PsnrDb`].
+    /// Expected PSNR in dB with the peak at white; see [`Target::PsnrDb`].
     pub expected_psnr_db: f64,
-    /// Bytes that are expected: an estimate from entropy, without the files' own overhead.
+    /// Expected bytes: an estimate from entropies, without the overhead of a file.
     pub expected_bytes: u64,
-    /// Whether what is expected is what was asked for: noise that is heeded, or the rank of the candidates, may stop it.
+    /// Whether the target is expected to be reached. Noise, or the rank of the candidates, may prevent it.
     pub reaches_target: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Spent {
     distortion: f64,
-    /// Of the distortion, what an exposed image shows; of whole images only.
+    /// Part of the distortion that an exposed image shows; for whole images only.
     shown: f64,
     bits: f64,
 }
 
 impl Cut {
-    /// Weight of a block's squared error in the choice of what to keep: 1 where it is as bright as white, more where it
-    /// is darker, and less where it is brighter, as an image exposed for white shows it.
+    /// Weight of a block's squared error in rate–distortion decisions: 1 at the brightness of white, more if it is
+    /// darker, and less if it is brighter, as in an image exposed for white.
     fn weight(&self, brightness: f32) -> f64 {
         let white = self.white.powi(2);
         if white <= 0.0 {
@@ -81,7 +78,8 @@ impl Cut {
         (white / (f64::from(brightness).powi(2) + 0.01 * white)).powf(self.exposure_exponent)
     }
 
-    /// Share of a block's squared error that an image exposed for white shows: what is brighter is clipped.
+    /// Share of a block's squared error that is visible in an image exposed for white, since brighter values are
+    /// clipped.
     fn shown(&self, brightness: f32) -> f64 {
         if self.white <= 0.0 { 1.0 } else { (self.white / f64::from(brightness).max(self.white)).powi(2) }
     }
@@ -90,19 +88,19 @@ impl Cut {
         self.slope / self.weight(s.brightness)
     }
 
-    /// Squared steps times weight that the slope allows for an entry of either factor.
+    /// Squared step times weight that the slope allows for an entry of either factor.
     fn allowed(&self, s: &CandidateSummary) -> f64 {
         6.0 * self.slope_of(s) / std::f64::consts::LN_2
     }
 
-    /// Steps of component `k` for `L` and `R`.
+    /// Steps of `L` and `R` of component `k`.
     fn steps(&self, s: &CandidateSummary, k: usize) -> (f64, f64) {
         let (gain, rms) = (f64::from(s.gains[k]), f64::from(s.right_mean_square[k]).sqrt());
         let allowed = self.allowed(s);
         let heeded = if self.noise_factor.is_some() { 12.0 } else { 0.0 };
-        // The noise of an entry of R is what falls on the component, spread over the columns.
+        // Noise of an entry of R: the component's projected noise, spread over the columns.
         let fallen = heeded * RIGHT_NOISE_SHARE * f64::from(s.noise[k]) / f64::from(s.columns);
-        // That of an entry of L, what its component was fitted to, spread over the rows.
+        // Noise of an entry of L: what its component was fitted to, spread over the rows.
         let noise_share = f64::from(s.fitted_noise[k]) / gain.max(1e-300);
         let (least, most) = LEFT_NOISE_SHARE;
         let share = (most * (NOISE_OF_MOST * noise_share).sqrt()).clamp(least, most);
@@ -119,7 +117,7 @@ impl Cut {
         let bits = component_bits((m, 1.0 / m, left), (n, f64::from(s.right_mean_square[k]), right));
         let noise = f64::from(s.fitted_noise[k] + s.noise[k]);
         let noisy = k > 0 && self.noise_factor.is_some_and(|factor| gain < factor * noise);
-        // Steps that only pass over noise cost nothing of what the component is kept for.
+        // Steps below the noise cost nothing of the component's gain.
         let lost = (m + n) * self.allowed(s) / 12.0;
         let worth = !noisy && gain - lost > self.slope_of(s) * bits;
         let distortion = (m * gain * left * left + n * right * right) / 12.0;
@@ -138,7 +136,7 @@ impl Cut {
                     spent.bits += part.bits;
                     spent.distortion += part.distortion;
                 }
-                // What is left out because it is noise is no error against the truth, but it is against the matrix.
+                // Dropped noise is no error against the truth, but it is one against the matrix.
                 None => spent.distortion += f64::from(gain),
             }
         }
@@ -153,8 +151,7 @@ impl Cut {
     }
 }
 
-/// Estimated bits of a component in a file: of each of its two sides the number of entries, their variance, and
-/// their step.
+/// Estimated bits of a component in a file. For each factor: number of entries, their variance, and their step.
 pub fn component_bits(left: (f64, f64, f64), right: (f64, f64, f64)) -> f64 {
     let independent = |(count, variance, step): (f64, f64, f64)| count * entropy(variance, step);
     CODING_GAIN * (independent(left) + independent(right)) + COMPONENT_BITS
@@ -166,7 +163,7 @@ fn entropy(v: f64, step: f64) -> f64 {
     0.5 * (1.0 + 17.08 * v / (step * step)).log2()
 }
 
-/// The 95th percentile of the values of the all-on image: what an image is exposed for, whatever lamps are in view.
+/// The 95th percentile of the all-on image, to which images are exposed whatever lamps are in view.
 fn white_of<'a>(summaries: impl Iterator<Item = &'a CandidateSummary> + Clone) -> f64 {
     let mut counts: Vec<u64> = Vec::new();
     let (mut rows, mut squares) = (0.0, 0.0);
@@ -180,14 +177,15 @@ fn white_of<'a>(summaries: impl Iterator<Item = &'a CandidateSummary> + Clone) -
     if white > 0.0 || rows == 0.0 { white } else { (squares / rows).sqrt() }
 }
 
-/// What all blocks are together.
+/// Statistics of all blocks together.
 struct Whole<I> {
     summaries: I,
     rows: f64,
     energy: f64,
-    /// Squared white of a typical lighting: that of all-on, scaled as is known or else by the ratio of what they show of the image.
+    /// Squared white of a typical lighting: that of all-on times a known factor, or else times the ratio of their
+    /// visible energies.
     white_square: f64,
-    /// Energy of the noise, as far as an exposed image shows it.
+    /// Energy of the noise that is visible in an exposed image.
     noise: f64,
 }
 
@@ -210,7 +208,7 @@ impl<'a, I: Iterator<Item = &'a CandidateSummary> + Clone> Whole<I> {
         }
     }
 
-    /// What a cut spends and loses.
+    /// Rate and distortion of a cut.
     fn spent(&self, cut: &Cut) -> Spent {
         self.summaries.clone().fold(Spent::default(), |sum, s| {
             let spent = cut.spent_on(s);
@@ -222,19 +220,19 @@ impl<'a, I: Iterator<Item = &'a CandidateSummary> + Clone> Whole<I> {
         })
     }
 
-    /// Distortion, as far as it is shown, of images of this PSNR.
+    /// Visible distortion of images with this PSNR.
     fn shown_at(&self, db: f64) -> f64 {
         self.rows * self.white_square * 10f64.powf(-db / 10.0)
     }
 
-    /// Slopes between which every target lies, as powers of two.
+    /// Exponents of two between which the slope of every target lies.
     fn exponents(&self) -> (f64, f64) {
         ((self.energy * MIN_SLOPE).log2(), self.energy.log2())
     }
 }
 
-/// Chooses the slope by bisection so that the target is just met. `white_square` is that of a typical lighting over that of all on,
-/// where it is known.
+/// Chooses the slope by bisection so that the target is just met. `white_square` is the squared white of a typical
+/// lighting over that of all-on, if known.
 pub(super) fn choose<'a>(
     settings: &CompressSettings,
     white_square: Option<f64>,
@@ -260,7 +258,7 @@ pub(super) fn choose<'a>(
         reaches_target: true,
     };
     let whole = Whole::new(summaries.clone(), &cut, white_square);
-    // Error that no slope takes away, and what more of it the noise makes worthless to take away.
+    // Error that no slope removes, and the part of it that the noise makes not worth removing.
     let mut worthless = 0.0;
     if let Target::PsnrDb(db) = target {
         cut.slope = whole.energy * MIN_SLOPE;
@@ -279,7 +277,7 @@ pub(super) fn choose<'a>(
         Target::Slope(slope) => cut.slope = slope,
         _ if whole.energy <= 0.0 => {}
         _ => {
-            // The largest slope at which the target still holds (for bytes: the smallest that fits).
+            // The largest slope that meets the target (for bytes: the smallest that fits).
             let (mut low, mut high) = whole.exponents();
             for _ in 0..50 {
                 let middle = 0.5 * (low + high);
@@ -299,14 +297,14 @@ pub(super) fn choose<'a>(
         _ if whole.energy <= 0.0 || summaries.clone().all(|s| s.fixed) => true,
         Target::PsnrDb(db) => spent.shown <= whole.shown_at(db),
         Target::RelativeL2(_) => fits(spent),
-        // Bytes are a limit, and a slope is what it is.
+        // Bytes are a limit, and a slope is given.
         Target::Bytes(_) | Target::Slope(_) | Target::Automatic => true,
     };
     cut
 }
 
 impl Candidate {
-    /// The block as the cut wants it: components and entries that are worth their bits, and the steps to store them with.
+    /// Applies the cut: components and entries that are worth their bits, and the steps to store them with.
     pub fn cut(&self, cut: &Cut) -> FactoredBlock {
         let s = &self.summary;
         let (m, n) = (s.rows as usize, s.columns as usize);
@@ -325,7 +323,7 @@ impl Candidate {
             if cut.keeps_entry(s, CandidateSummary::bin_floor(CandidateSummary::sparse_bin(gain))) {
                 block.sparse.push(*entry);
             } else {
-                // What is not stored on its own goes back to the range, as far as the range holds it.
+                // Entries that are not stored by themselves return to the range, as far as it contains them.
                 for k in 0..kept.len() {
                     block.right[k * n + entry.column.index()] += block.left[k * m + entry.row as usize] * entry.value;
                 }

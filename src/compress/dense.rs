@@ -1,8 +1,8 @@
-//! Dense algebra on one thread: f32 for what is as large as a block, f64 for what is small.
+//! Dense linear algebra on one thread: f32 for block-sized data, f64 for small matrices.
 //!
-//! faer 0.24's f32 `qr()` and `thin_svd()` drop columns whose residual is below about `ε · 16 · (rows − j)` of the norm
-//! (0.6 % at 3,072 rows). So nothing here factorises in f32: Gram matrices are summed in f64 and their eigenvectors
-//! taken in f64, twice, and small matrices go through the f64 SVD.
+//! faer 0.24's f32 `qr()` and `thin_svd()` drop columns whose residual is below about `ε · 16 · (rows − j)` of the
+//! norm, which is 0.6 % at 3,072 rows. So nothing here is factorised in f32. Gram matrices are summed in f64, their
+//! eigenvectors computed in f64, twice; small matrices use the f64 SVD.
 
 use faer::diag::DiagMut;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -10,7 +10,7 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::{evd, svd};
 use faer::{Accum, ColMut, Mat, MatMut, MatRef, Par, unzip, zip};
 
-/// Squared singular values below this fraction of the largest are not told apart from rounding of the f32 input.
+/// Squared singular values below this fraction of the largest are rounding of the f32 input.
 const RANK_CUT: f64 = 1e-13;
 
 /// `a b` in f32.
@@ -37,7 +37,7 @@ pub(super) fn subtract_product(c: &mut Mat<f32>, a: MatRef<'_, f32>, b: MatRef<'
     matmul(c.as_mut(), Accum::Add, a, b, -1.0, Par::Seq);
 }
 
-/// Rows that are widened to f64 at a time: they stay in the cache and take no memory from the system.
+/// Rows converted to f64 at a time: they stay in the cache and need no allocation.
 const STRIP_ROWS: usize = 256;
 
 fn strips(a: MatRef<'_, f32>) -> impl Iterator<Item = (usize, Mat<f64>)> {
@@ -135,8 +135,8 @@ pub(super) fn solve_least_squares(a: MatRef<'_, f64>, b: MatRef<'_, f64>, trunca
     product_f64(v.as_ref(), x.as_ref())
 }
 
-/// An orthonormal basis of the range of `y` (rows × rank), largest directions first; what cannot be told from rounding
-/// is left out.
+/// An orthonormal basis of the range of `y` (rows × rank), largest directions first. Directions at the level of
+/// rounding are left out.
 pub(super) fn orthonormal(y: MatRef<'_, f32>) -> Mat<f32> {
     let mut q = None;
     for pass in 0..2 {
@@ -146,8 +146,8 @@ pub(super) fn orthonormal(y: MatRef<'_, f32>) -> Mat<f32> {
         let rank = values.iter().take_while(|&&v| v > cut && v > 0.0).count();
         let scaled = Mat::from_fn(vectors.nrows(), rank, |i, j| vectors[(i, j)] / values[j].sqrt());
         q = Some(product_in_f64(from, scaled.as_ref()));
-        // One pass loses orthogonality where `y` is badly conditioned, the second restores it. With a condition of
-        // 10⁴ in the Gram matrix what is lost of f64 is far below what f32 keeps.
+        // One pass loses orthogonality if `y` is badly conditioned; a second restores it. With a condition of 10⁴ in
+        // the Gram matrix the loss in f64 is far below the precision of f32.
         if rank > 0 && values[rank - 1] > 1e-4 * values[0] {
             break;
         }
@@ -159,7 +159,7 @@ pub(super) fn orthonormal(y: MatRef<'_, f32>) -> Mat<f32> {
 mod tests {
     use super::*;
 
-    /// Tall matrices whose columns decay to 1e-6 are what faer's f32 QR cuts at 0.6 %.
+    /// Tall matrices whose columns decay to 1e-6, which faer's f32 QR cuts at 0.6 %.
     #[test]
     fn the_basis_of_a_tall_decaying_matrix_reproduces_it_to_rounding() {
         let (m, n) = (3072, 12);

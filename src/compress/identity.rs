@@ -1,12 +1,12 @@
-//! Settings in words that never change: they are part of what tells one pack from another, and stand in the container.
+//! Stable names of settings. They identify a pack and are stored in containers.
 
 use super::{CompressSettings, Core, PriorChoice, Ranks, Scope, Target};
 
 impl CompressSettings {
-    /// These settings as `name=value`, in one order. Programs and files compare it, so that the words stay whatever fields are called;
-    /// numbers are the shortest that give the same value back.
+    /// These settings as `name=value` pairs in a fixed order. Programs and files compare it, so the names stay whatever
+    /// fields are called. Numbers are printed in the shortest form that parses to the same value.
     pub fn identity(&self) -> String {
-        // Each field by name, so that none can be added and forgotten here.
+        // Destructured, so that a new field cannot be forgotten.
         let Self {
             method,
             target,
@@ -58,7 +58,7 @@ impl CompressSettings {
 }
 
 impl PriorChoice {
-    /// One word that never changes.
+    /// A stable name.
     pub fn identity(self) -> &'static str {
         match self {
             Self::Lighting => "lighting",
@@ -81,7 +81,7 @@ fn of_target(target: Target) -> String {
 mod tests {
     use super::*;
 
-    /// These words stand in files: a change of them is a change of what a pack is.
+    /// These names are stored in files: changing one changes the identity of packs.
     #[test]
     fn the_words_of_the_default_never_change() {
         assert_eq!(

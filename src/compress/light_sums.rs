@@ -1,25 +1,25 @@
-//! What lightings of every kind lose over the whole image, summed block by block.
+//! Errors of lightings of every kind over the whole image, summed block by block.
 
 use std::sync::{Mutex, MutexGuard};
 
 use crate::light::{Light, LightBasis, LightErrors, LightLoss};
 
-/// What is known of the columns of one block, as squared norms.
+/// Squared norms of the columns of one block.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ColumnErrors {
-    /// Of what is stored against the block.
+    /// Of the stored block minus the block.
     pub error: Vec<f64>,
     /// Of the block.
     pub norm: Vec<f64>,
-    /// Of the noise of its samples; NaN where it is not known.
+    /// Of the noise of its samples; NaN if unknown.
     pub noise: Vec<f64>,
-    /// Error and norm of the block's image with all lights on.
+    /// Squared error and squared norm of the block's image with all lights on.
     pub all_on: (f64, f64),
 }
 
-/// Sums over blocks that come in any order, from any thread, to the same bits: in fixed point.
+/// Sums over blocks in any order, from any thread, with the same bits: they are kept in fixed point.
 pub struct LightErrorSums {
-    /// What one counts.
+    /// Value of one unit of the sums.
     unit: f64,
     sums: Mutex<LightSums>,
 }
@@ -33,9 +33,9 @@ struct LightSums {
 }
 
 impl LightErrorSums {
-    /// For so many columns; `energy` is about the squared norm of the whole matrix.
+    /// For `columns` columns. `energy` is roughly the squared norm of the whole matrix.
     pub fn new(columns: usize, energy: f64) -> Self {
-        // 70 bits below the whole, and 57 above it.
+        // 70 bits below the total, and 57 above it.
         let unit = if energy > 0.0 && energy.is_finite() { (energy.log2().floor() - 70.0).exp2() } else { 1.0 };
         let sums = LightSums { columns: vec![[0; 3]; columns], all_on: [0; 2], noise_known: true };
         Self { unit, sums: Mutex::new(sums) }
@@ -57,7 +57,7 @@ impl LightErrorSums {
         add(&mut sums.all_on[1], block.all_on.1);
     }
 
-    /// What all blocks together say. `prior` is what is expected under the prior.
+    /// The errors over all blocks. `prior` is the expected error under the prior.
     pub fn errors(&self, prior: f64) -> LightErrors {
         let sums = self.lock();
         let ratio = |error: i128, norm: i128| if error <= 0 { 0.0 } else { (error as f64 / norm as f64).sqrt() };
@@ -73,7 +73,7 @@ impl LightErrorSums {
         let mean = |part: fn(&(usize, f64, f64)) -> f64| {
             if lit.is_empty() { 0.0 } else { lit.iter().map(part).sum::<f64>() / lit.len() as f64 }
         };
-        // The first of equals.
+        // The first of equal ones.
         let worst = lit.iter().rev().copied().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
         // A weight between 0 and 1 has the mean 1/2 and the variance 1/12.
         let random = |which: usize| {
@@ -93,14 +93,14 @@ impl LightErrorSums {
         }
     }
 
-    /// The lights of a basis that alone come out far from what they are, the worst first.
+    /// The lights whose images alone have large errors, the worst first.
     pub fn lossy_lights(&self, basis: &LightBasis) -> Vec<LightLoss> {
         let sums = self.lock();
         let loss = |light: &Light| {
             let of = |which: usize| -> f64 {
                 light.columns().map(|column| sums.columns[column as usize][which] as f64).sum()
             };
-            // Images of texels add up, their errors hardly: of a light as a whole their squares count once for all.
+            // Images of texels add up, but their errors hardly do. For a light as a whole, squared errors count once.
             let share = 1.0 / light.places.len() as f64;
             let noise = if sums.noise_known { of(2) } else { 0.0 };
             LightLoss::notable(&light.name, [share * of(0), share * noise, of(1)])
@@ -111,7 +111,7 @@ impl LightErrorSums {
     }
 
     fn lock(&self) -> MutexGuard<'_, LightSums> {
-        // A panic inside leaves sums that nobody will read.
+        // After a panic in another thread the sums are not read any more.
         self.sums.lock().unwrap_or_else(|e| e.into_inner())
     }
 }

@@ -1,52 +1,49 @@
-//! Pixels that are lit alike share their samples.
+//! Non-local means over the pixels of a block: pixels that are lit alike share their samples.
 //!
-//! At few samples most of what a component shows is the noise of its pixels. Neighbours whose rows are alike under every
-//! probe lighting, as far as the noise lets one say so, are averaged before the range is made: non-local means (Buades,
-//! Coll, Morel 2005) with the rows of the matrix in place of patches, so that what is an edge under any lighting stays
-//! one. How far a component may be averaged is asked of itself, pixel by pixel: of a few window sizes the one with the
-//! least estimated risk ‖W u − u‖² + 2 Σ σᵢ² Wᵢᵢ (Stein 1981; Mallows' C_p for a linear smoother). The noise `σᵢ` of a
-//! component is known from the two half-sample estimates, so that at many samples nothing is averaged.
+//! At few samples most of a component is the noise of its pixels. Before the range is computed, pixels whose rows agree
+//! under every probe lighting, relative to the noise, are averaged. This is non-local means (Buades, Coll, Morel 2005)
+//! with rows of the matrix instead of patches, so that an edge under any lighting stays one. The window size is chosen
+//! for each component and pixel: the one with the least estimated risk ‖W u − u‖² + 2 Σ σᵢ² Wᵢᵢ (Stein 1981; Mallows'
+//! C_p for a linear smoother). The noise `σᵢ` of a component is known from the two half-sample estimates, so that at
+//! many samples nothing is averaged.
 //!
-//! What it does not mend: each block has its own components, and the noise that is left in them is a tone of the whole
-//! block. At 16 samples below caustics (96 × 64 pixels, 256 columns, 4,096 samples as truth) smooth lightings come 2 to 3 dB
-//! nearer and yet show seams of blocks, which ꟻLIP sees more than grain (0.13 to 0.15 → 0.15 to 0.18), while small spots and
-//! single texels gain in both (9 to 23 → 29 to 31 dB, 0.31 to 0.68 → 0.26 to 0.43). Components that agree across the edges of
-//! blocks would be needed.
+//! Noise that is left gives a block a tone of its own, and seams between blocks remain: decision 27.
 
 use faer::{ColRef, Mat, MatRef};
 
 use crate::matrix::CHANNELS;
 use crate::simd::dispatch;
 
-/// Largest distance in pixels that is averaged over, across and down; risks are summed over as large a window.
+/// Radius of the largest window in pixels. Risks are summed over a window of the same size.
 const RADIUS: usize = 3;
 
-/// Pixels that one is compared with, itself among them.
+/// Pixels of that window, the centre included.
 pub(super) const WINDOW_PIXELS: u64 = (2 * RADIUS as u64 + 1).pow(2);
 
-/// Which pixels of a block are lit alike.
+/// The weights between pixels of a block that are lit alike.
 pub(super) struct SimilarPixels {
     width: usize,
     height: usize,
-    /// Offsets across and down by growing window, the pixel itself first, and the weight of each pixel's neighbour there.
+    /// For each growing window its offsets across and down, the centre first, with the weight of every pixel's
+    /// neighbour there.
     rings: Vec<Vec<(isize, isize, Vec<f32>)>>,
-    /// For each window and pixel: one over the sum of its weights, which is what the pixel itself keeps, and what
-    /// of independent noise is left.
+    /// For each window and pixel one over the sum of its weights. This is the weight of the pixel itself, and the share
+    /// of independent noise that is left.
     own: Vec<Vec<f32>>,
     left: Vec<Vec<f32>>,
 }
 
-/// An image made smoother.
+/// A smoothed component.
 pub(super) struct Smoothed {
-    /// One value a row.
+    /// One value for each row.
     pub(super) image: Vec<f32>,
     /// Squared norm of the noise that is left in it.
     pub(super) noise: f64,
 }
 
 impl SimilarPixels {
-    /// Compares the pixels of a block of `width` × `height` by its images under the probes and their noise, both rows ×
-    /// probes.
+    /// Compares the pixels of a block of `width` × `height` by its images under the probes and by their noise, both
+    /// rows × probes.
     pub(super) fn new(seen: MatRef<'_, f32>, noise: MatRef<'_, f32>, (width, height): (usize, usize)) -> Self {
         let pixels = width * height;
         let mut noise_of = vec![0.0f32; pixels];
@@ -94,7 +91,7 @@ impl SimilarPixels {
         alike
     }
 
-    /// Averages the pixels of `image`, one value a row, whose noise has the variance `variance`.
+    /// Averages the pixels of `image`, one value for each row. `variance` is that of its noise.
     pub(super) fn smooth(&self, image: ColRef<'_, f32>, variance: &[f64]) -> Smoothed {
         let pixels = self.width * self.height;
         let image: Vec<f32> = image.iter().copied().collect();
@@ -152,14 +149,15 @@ impl SimilarPixels {
     }
 }
 
-/// How much of a neighbour counts, from the squared difference of their rows over the noise `v + v` of both. Its mean is
-/// `1 + s² / 2v` where the rows themselves differ by `s`, and the mean of the two, of error `s² / 4 + v / 2`, is nearer to
-/// either than its own value as long as that is below 2; from there to 3 the weight falls to nothing.
+/// The weight of a neighbour, from the squared difference of the rows over the noise `v + v` of both.
+///
+/// Its mean is `1 + s² / 2v` if the rows themselves differ by `s`. The mean of the two values has the error `s² / 4 + v
+/// / 2`, and is better than either value while that ratio is below 2. From 2 to 3 the weight falls to 0.
 fn likeness(difference: f32, noise: f32) -> f32 {
     if difference <= 2.0 * noise { 1.0 } else { (3.0 - difference / noise).max(0.0) }
 }
 
-/// Where a picture moved by an offset lies over itself: first pixel, its neighbour, and their number, row by row.
+/// The overlap of an image with itself moved by an offset: first pixel, its neighbour, and their number, row by row.
 #[inline(always)]
 fn overlap(
     (width, height): (usize, usize),
@@ -180,7 +178,7 @@ impl Smoothed {
     }
 }
 
-/// Images as columns, each scaled.
+/// The smoothed images as scaled columns of a matrix.
 pub(super) fn joined(images: &[(&Smoothed, f64)]) -> Mat<f32> {
     let rows = images.first().map_or(0, |(first, _)| first.image.len());
     Mat::from_fn(rows, images.len(), |i, k| images[k].0.image[i] * images[k].1 as f32)
@@ -195,7 +193,8 @@ mod tests {
     const SIDE: usize = 16;
     const ROWS: usize = CHANNELS * SIDE * SIDE;
 
-    /// Left half dark, right half bright, under eight probes of other strengths; uniform noise of variance `noise²`.
+    /// Left half dark, right half bright, under eight probes of different strengths. The noise is uniform, of variance
+    /// `noise²`.
     fn noisy(noise: f64) -> (Mat<f32>, Mat<f32>, Mat<f32>) {
         let mut random = Pcg64Mcg::seed_from_u64(1);
         let mut draw = || (random.random::<f64>() - 0.5) * 12f64.sqrt() * noise;
@@ -214,8 +213,8 @@ mod tests {
         let alike = SimilarPixels::new(seen.as_ref(), noise.as_ref(), (SIDE, SIDE));
         let smoothed = alike.smooth(seen.col(3), &[0.25; ROWS]);
         let error = squared_error(&smoothed.image, &truth);
-        // Windows of 49 pixels; at the rim of the block and beside the edge a third of that, a mean of about 1/30 of the
-        // noise; the estimate of what is left may miss the few neighbours that are not quite alike.
+        // Windows have 49 pixels, and a third of that at the border and the edge: on average 1/30 of the noise is left.
+        // The estimate may miss the few neighbours that are not quite alike.
         let raw = 0.25 * ROWS as f64;
         assert!(error < raw / 15.0, "{error} of {raw}");
         assert!((0.5..2.0).contains(&(smoothed.noise / error)), "{} of {error}", smoothed.noise);
@@ -234,7 +233,7 @@ mod tests {
     fn a_component_of_little_noise_stays_where_the_draws_are_noisy() {
         let (truth, seen, noise) = noisy(0.5);
         let alike = SimilarPixels::new(seen.as_ref(), noise.as_ref(), (SIDE, SIDE));
-        // A checkerboard that the probes do not show: averaged, it would be lost.
+        // A checkerboard that the probes do not show: averaging would remove it.
         let board = Mat::from_fn(ROWS, 1, |i, _| truth[(i, 3)] + ((i + i / SIDE) % 2) as f32);
         let smoothed = alike.smooth(board.col(0), &[1e-3; ROWS]);
         assert!(smoothed.image.iter().zip(board.col(0).iter()).all(|(a, b)| a == b));

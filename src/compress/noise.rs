@@ -1,10 +1,9 @@
-//! How much of what a block shows is the noise of its samples.
+//! The noise model of a block: how much of it is noise of its samples.
 //!
-//! A component `u`, `R = uᵀ A` meets the noise `N` of `A` twice. Its right side is `uᵀ (S + N)`: the noise that falls on
-//! `u`, small, because `u` is one direction of very many. Its left side is itself made from the block: `u = A w` with
-//! the lighting `w = K Rᵀ / g` that calls it up (`A K Aᵀ u = g u`), so that of its gain `g` the part `‖N w‖² g` was never
-//! there: the range finder fits the noise that it sees. A component brings the image nearer to the truth only where its
-//! signal is above this noise.
+//! A component `u`, `R = uᵀ A`, is affected by the noise `N` of `A` twice. Its right factor is `uᵀ (S + N)`. That
+//! noise, projected on `u`, is small, since `u` is one direction of very many. Its left factor is made from the block
+//! itself: `u = A w` with the lighting `w = K Rᵀ / g`, where `A K Aᵀ u = g u`. So of its gain `g` the part `‖N w‖² g`
+//! is no signal: the range finder fits noise. A component improves the image only if its signal is above this noise.
 
 use faer::{Mat, MatRef};
 
@@ -12,34 +11,35 @@ use super::dense::{product, product_f64, solve_least_squares, subtract_product, 
 use super::range::PriorWeights;
 use crate::matrix::{BlockNoise, SparseEntry};
 
-/// Entries that stand out are noise if the squares of those of a row do not sum to more than this many times the row's
-/// noise. A path that one of two half-sample estimates lacks has a ratio of 1; a light that many samples see, of half
-/// the number of samples.
+/// Outliers are noise unless the sum of their squares over a row exceeds this many times the row's noise. The ratio is
+/// 1 for a path that one of the two half-sample estimates lacks. For a light that many samples see, it is half the
+/// number of samples.
 const SEEN_OVER_NOISE: f64 = 1.3;
-/// The same of the pixel and its eight neighbours together: of few samples, some meet in a texel by chance, but not so in
-/// all pixels around.
+/// The same for a pixel and its eight neighbours. With few samples, some meet in a texel by chance, but not in all
+/// pixels around.
 const SEEN_AROUND_OVER_NOISE: f64 = 2.0;
-/// With few samples, two half-estimates may hit different texels of one light and seem uncorrelated. Then the pixel is tested
-/// under the probe lightings: its entries are kept if their energy there is above this many times that of its noise.
+/// With few samples, the two half-sample estimates may hit different texels of one light and seem uncorrelated. Then
+/// the pixel is tested under the probe lightings: its entries are kept if their energy exceeds this many times that of
+/// the noise.
 const SHOWN_OVER_NOISE: f64 = 2.0;
-/// The same of the pixel and its neighbours: an entry by itself agrees under wide lightings by chance, as 4 samples do in some
-/// pixels below caustics, with ratios of up to about 10 around them. A light in view has 10 to 40.
+/// The same for a pixel and its neighbours, since a single entry agrees by chance under wide lightings. Tuned: decision
+/// 33.
 const SHOWN_AROUND_OVER_NOISE: f64 = 12.0;
 
-/// `‖N w‖²` for any lighting `w`, from the noise of single columns and what the probes show of noise that they share.
+/// `‖N w‖²` for any lighting `w`, from the noise of single columns and, by the probes, the noise that they share.
 pub(super) struct NoiseModel<'a> {
     noise: &'a BlockNoise,
     probes: &'a [f32],
     /// Squared norm of the noise of each row and of each column.
     rows: Vec<f64>,
     columns: Vec<f64>,
-    /// Weight of `(Σ wⱼ σⱼ)²`, noise that all columns share; negative where columns take samples from each other.
+    /// Weight of `(Σ wⱼ σⱼ)²`, the noise shared by all columns; negative where columns compete for samples.
     shared: f64,
 }
 
 impl<'a> NoiseModel<'a> {
-    /// The model of a block of (rows, columns) under `probes` (columns × probes, column-major, the first all-on). None if
-    /// the noise is not of this block.
+    /// The model of a block of (rows, columns) under `probes` (columns × probes, column-major, the first all-on).
+    /// `None` if the noise is of another block.
     pub(super) fn new(
         noise: &'a BlockNoise,
         probes: &'a [f32],
@@ -59,9 +59,10 @@ impl<'a> NoiseModel<'a> {
         })
     }
 
-    /// Splits entries that stand out in a block of `size` (width, height) into those that samples agree on and those that
-    /// are noise, takes the latter out of the model, and fits what columns share to what the probes show beside them. What
-    /// is neither stays in the block: of few samples each stands out in its row, and together they are all that there is.
+    /// Classifies the outliers of a block of `size` (width, height): those that the samples agree on, and noise. Noise
+    /// is taken out of the model, and the shared noise is fitted to the rest of the probes' noise. Outliers of neither
+    /// class stay in the block. At few samples each stands out in its row, but together they are all the light there
+    /// is.
     pub(super) fn split(
         &mut self,
         entries: Vec<SparseEntry>,
@@ -77,7 +78,7 @@ impl<'a> NoiseModel<'a> {
             let ([seen_around, noise_around], i) = (around[e.row as usize % pixels], e.row as usize);
             seen[i] > SEEN_OVER_NOISE * self.rows[i] && seen_around > SEEN_AROUND_OVER_NOISE * noise_around
         };
-        // Noise that is not more than what half of the rows have is no stray path.
+        // A row is a firefly only if its noise is above that of half of the rows.
         let usual = self.usual(0.5);
         let alone: Vec<SparseEntry> = entries.iter().copied().filter(|e| square(e) > usual).collect();
         let in_view = self.in_view(&alone, size);
@@ -89,8 +90,8 @@ impl<'a> NoiseModel<'a> {
                 stray.push(entry);
             }
         }
-        // A stray path that one of the two estimates lacks is as large in their half difference as in their mean. It has
-        // its place already and must not stand for the noise of all others; some of it may be signal.
+        // A firefly that one of the two estimates lacks is as large in their half difference as in their mean. It is
+        // stored separately, and must not count as noise of all others; part of it may be signal.
         for entry in &stray {
             for (norms, at) in [(&mut self.rows, entry.row as usize), (&mut self.columns, entry.column.index())] {
                 norms[at] = (norms[at] - square(entry)).max(0.02 * norms[at]);
@@ -111,7 +112,7 @@ impl<'a> NoiseModel<'a> {
         (agreed, stray)
     }
 
-    /// For each pixel of a block of `size`, whether the samples agree on what `entries` show of it under the probes.
+    /// For each pixel of a block of `size`: whether the samples agree on the energy of `entries` under the probes.
     fn in_view(&self, entries: &[SparseEntry], size: (usize, usize)) -> Vec<bool> {
         let (rows, pixels) = (self.rows.len(), size.0 * size.1);
         let mut own = vec![[0.0f64; 2]; pixels];
@@ -145,15 +146,15 @@ impl<'a> NoiseModel<'a> {
         })
     }
 
-    /// The noise of a row that this share of all does not pass.
+    /// The quantile `share` of the noise of rows.
     fn usual(&self, share: f64) -> f64 {
         let mut rows = self.rows.clone();
         let at = ((rows.len() - 1) as f64 * share) as usize;
         *rows.select_nth_unstable_by(at, f64::total_cmp).1
     }
 
-    /// 75th percentile of the noise of rows over its mean, at most 1: small where few rows have nearly all of it, as below
-    /// caustics, whose noise is no measure for the others.
+    /// 75th percentile of the noise of rows over its mean, at most 1. It is small if few rows have nearly all of the
+    /// noise, which then says nothing of the others.
     pub(super) fn quartile_ratio(&self) -> f32 {
         let mean = self.rows.iter().sum::<f64>() / self.rows.len() as f64;
         let usual = self.usual(0.75);
@@ -166,8 +167,8 @@ impl<'a> NoiseModel<'a> {
         MatRef::from_column_major_slice(&self.noise.probes, rows, self.noise.probes.len() / rows)
     }
 
-    /// For each of the images `A w` under `lightings` (columns × images), the variance of the noise of each row: what
-    /// the probes show of it as far as they span `w`, and beside them independent columns.
+    /// The variance of the noise of each row of the images `A w` under `lightings` (columns × images). The part of `w`
+    /// that the probes span uses their noise; the rest counts as independent columns.
     pub(super) fn of_images(&self, lightings: MatRef<'_, f32>) -> Vec<Vec<f64>> {
         let (spanned, beside) = self.spanned(lightings);
         let seen = product(self.under_probes(), spanned.as_ref());
@@ -179,14 +180,14 @@ impl<'a> NoiseModel<'a> {
         (0..lightings.ncols()).map(variances).collect()
     }
 
-    /// Squared norm of the noise of each of the images `A w`, as [`of_images`](Self::of_images) has it, but for that of `stray`
-    /// entries, which are taken out of `A`.
+    /// Squared norm of the noise of each of the images `A w`, as in [`of_images`](Self::of_images), without that of
+    /// `stray` entries, which are taken out of `A`.
     pub(super) fn energies_of_images(&self, lightings: MatRef<'_, f32>, stray: &[SparseEntry]) -> Vec<f64> {
         let (spanned, beside) = self.spanned(lightings);
         let seen = product(self.under_probes(), spanned.as_ref());
         let columns = self.columns.len();
         let energy = |k: usize| {
-            // As much of the probes' images as of their noise: one of the two estimates lacks it.
+            // The same in the images of the probes as in their noise, since one of the two estimates lacks it.
             let of_stray = |entry: &SparseEntry| {
                 let probes = self.probes[entry.column.index()..].iter().step_by(columns);
                 let weight: f32 = probes.zip(spanned.col(k).iter()).map(|(probe, share)| probe * share).sum();
@@ -198,7 +199,7 @@ impl<'a> NoiseModel<'a> {
         (0..lightings.ncols()).map(energy).collect()
     }
 
-    /// Lightings as mixtures of the probes, and what of them these do not span.
+    /// Lightings as mixtures of the probes, and the part that these do not span.
     fn spanned(&self, lightings: MatRef<'_, f32>) -> (Mat<f32>, Mat<f32>) {
         let columns = self.columns.len();
         let probes = MatRef::from_column_major_slice(self.probes, columns, self.probes.len() / columns);
@@ -213,12 +214,12 @@ impl<'a> NoiseModel<'a> {
         (spanned, beside)
     }
 
-    /// `‖N w‖²` of independent columns, of one of several lightings.
+    /// `‖N w‖²` of independent columns, for one of several lightings.
     fn own_of(&self, lightings: MatRef<'_, f32>, which: usize) -> f64 {
         self.parts(&lightings.col(which).iter().copied().collect::<Vec<f32>>()).0
     }
 
-    /// Of each gain, what the left side was fitted to.
+    /// The part of each gain that is noise the left factor was fitted to.
     pub(super) fn fitted(&self, weights: &PriorWeights, right: &[f32], gains: &[f64]) -> Vec<f32> {
         let columns = self.columns.len();
         let right = MatRef::from_row_major_slice(right, gains.len(), columns);
@@ -229,14 +230,14 @@ impl<'a> NoiseModel<'a> {
             }
             let lighting: Vec<f32> = (0..columns).map(|j| lightings[(j, k)]).collect();
             let (own, sum) = self.parts(&lighting);
-            // Columns that take samples from each other make each other's sum steadier, never exact.
+            // Columns that compete for samples make each other's sum less noisy, but never exact.
             let energy = (own + self.shared * sum * sum).max(0.05 * own) / gain;
             if energy.is_finite() { energy.min(gain) as f32 } else { 0.0 }
         };
         gains.iter().enumerate().map(fitted).collect()
     }
 
-    /// What falls on each component from outside: the mean of `(uᵀ N ω)²` over the probes.
+    /// Noise projected on each component: the mean of `(uᵀ N ω)²` over the probes.
     pub(super) fn fallen(&self, left: &[f32], rank: usize) -> Vec<f32> {
         let rows = self.rows.len();
         let probes = &self.noise.probes[rows..];
@@ -248,7 +249,7 @@ impl<'a> NoiseModel<'a> {
     }
 }
 
-/// Sums over the channels of each pixel, of what is seen and of its noise; none where nothing is seen.
+/// For each pixel the sum over channels of the signal and of its noise; zeros without signal.
 fn of_pixels(of_rows: impl Iterator<Item = [f64; 2]>, pixels: usize) -> Vec<[f64; 2]> {
     let mut sums = vec![[0.0f64; 2]; pixels];
     for (i, [seen, noise]) in of_rows.enumerate().filter(|(_, [seen, _])| *seen > 0.0) {

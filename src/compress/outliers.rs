@@ -1,33 +1,33 @@
-//! The sparse remainder: directly seen and mirrored lights, and fireflies.
+//! The sparse remainder: lights seen directly or in mirrors, and fireflies.
 //!
-//! A pixel that sees texel `j` has one entry far above all others of its row: near-identity blocks, which no low rank
-//! holds. Such entries are taken out before the range is found.
+//! A pixel that sees texel `j` has one entry far above all others of its row. That is a near-identity block, which has
+//! no low rank. Such entries are taken out before the range is computed.
 
 use std::borrow::Cow;
 
 use crate::matrix::{BlockView, ColumnIndex, SparseEntry};
 use crate::simd::dispatch;
 
-/// A column with more of its rows standing out than this is a component, not a set of single entries: as a component it
-/// costs a value a row, as entries about three times that each.
+/// Share of a column's rows that are outliers above which the column is left to a component. As a component it costs
+/// one value for each row; as sparse entries it costs about three for each.
 const DENSE_COLUMN: f64 = 0.3;
 
-/// Entries that carry more than `fraction` of their row's absolute sum (`sums`, one a row) and stand more than `contrast`
-/// times above the row's 90th percentile, by column, then row.
+/// Outliers of a block, ordered by column, then row. They carry more than `fraction` of their row's absolute sum
+/// (`sums`, one for each row), and exceed `contrast` times the row's 90th percentile.
 pub(super) fn find_outliers(block: BlockView<'_>, sums: &[f32], fraction: f64, contrast: f64) -> Vec<SparseEntry> {
     let (m, n) = (block.rows(), block.columns());
     if fraction <= 0.0 || n < 4 {
         return Vec::new();
     }
-    // A row of equal entries carries 1/n in each: with few columns the fraction must stay above that.
+    // In a row of equal entries each carries 1/n, so the fraction must stay above that for few columns.
     let fraction = fraction.max(2.0 / n as f64) as f32;
     let thresholds: Vec<f32> = sums.iter().map(|s| (s * fraction).max(f32::MIN_POSITIVE)).collect();
     let mut found = above(block, &thresholds);
     if found.is_empty() {
         return found;
     }
-    // The 90th percentile is below the row's least candidate over the contrast wherever at most a tenth of the row is
-    // above that: counting is one pass, and few rows are left to look at in full.
+    // If at most a tenth of a row exceeds its least candidate over the contrast, the 90th percentile is below that
+    // value. Counting takes one pass, and few rows must be examined in full.
     let contrast = contrast as f32;
     let mut limits = vec![f32::INFINITY; m];
     for entry in &found {
@@ -53,7 +53,7 @@ pub(super) fn find_outliers(block: BlockView<'_>, sums: &[f32], fraction: f64, c
     found
 }
 
-/// Entries of a larger magnitude than the threshold of their row, by column, then row.
+/// Entries with a larger magnitude than their row's threshold, ordered by column, then row.
 fn above(block: BlockView<'_>, thresholds: &[f32]) -> Vec<SparseEntry> {
     let mut found: Vec<SparseEntry> = Vec::new();
     dispatch(
@@ -77,8 +77,8 @@ fn above(block: BlockView<'_>, thresholds: &[f32]) -> Vec<SparseEntry> {
     found
 }
 
-/// For each row, how many of its entries have a larger magnitude than its limit. Rows without a finite limit are passed
-/// over, as far as they stand together.
+/// For each row the number of entries with a larger magnitude than its limit. Adjacent rows without a finite limit are
+/// skipped.
 fn counts_above(block: BlockView<'_>, limits: &[f32]) -> Vec<u32> {
     const TOGETHER: usize = 64;
     let mut counts = vec![0u32; block.rows()];
@@ -103,7 +103,7 @@ fn counts_above(block: BlockView<'_>, limits: &[f32]) -> Vec<u32> {
     counts
 }
 
-/// The entries with the sparse ones set to 0; not copied where there are none.
+/// The entries with the sparse ones set to 0; borrowed if there are none.
 pub(super) fn without<'a, 'b>(
     entries: Cow<'a, [f32]>,
     sparse: impl Iterator<Item = &'b SparseEntry>,
@@ -136,7 +136,7 @@ mod tests {
         let mut entries: Vec<f32> = (0..m * n).map(|i| 1.0 + 0.3 * ((i % 7) as f32)).collect();
         assert!(found(BlockView::new(m, n, &entries)).is_empty());
         entries[5 * m + 3] = 100.0;
-        // Above the threshold of its row's sum, but not above the row's other entries by enough.
+        // Above the threshold from its row's sum, but not by enough above the row's other entries.
         entries[9 * m + 3] = 10.0;
         let one = [SparseEntry { column: ColumnIndex(5), row: 3, value: 100.0 }];
         assert_eq!(found(BlockView::new(m, n, &entries)), one);

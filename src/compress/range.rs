@@ -1,8 +1,8 @@
-//! The range of a block as lightings see it: a randomized range finder weighted by the prior.
+//! The range of a block under the prior: a randomized range finder weighted by the covariance of lightings.
 //!
-//! The best `U` of given rank for `‖(A − U Uᵀ A) K^½‖` are the left singular vectors of `A K^½`. They are found from a
-//! sketch `A · (draws of K)`, improved by power iterations `A K Aᵀ` (Halko, Martinsson, Tropp 2011, Algorithm 4.4, with
-//! `K` in the middle), and an eigenproblem as small as the sketch.
+//! The best `U` of given rank for `‖(A − U Uᵀ A) K^½‖` are the left singular vectors of `A K^½`. They are computed from
+//! a sketch `A · (draws of K)`, improved by power iterations `A K Aᵀ` (Halko, Martinsson, Tropp 2011, Algorithm 4.4,
+//! with `K` in the middle), and an eigenproblem of the sketch's size.
 
 use faer::{Mat, MatRef, unzip, zip};
 use rand::{RngExt, SeedableRng};
@@ -27,13 +27,13 @@ pub(super) struct Range {
     pub(super) tail: f64,
 }
 
-/// Of lightings (columns × any), with the energies of the images that they show: which of them are wanted.
+/// Selects lightings (columns × any) by the energies of their images.
 pub(super) type Wanted<'a> = dyn Fn(MatRef<'_, f32>, &[f64]) -> Vec<bool> + 'a;
 
-/// The prior in the form that products want.
+/// The prior in the form that products use.
 pub(super) struct PriorWeights {
     prior: LightingPrior,
-    /// The sketch's lightings: all-on, then draws; all-on alone where there are no more columns than draws.
+    /// Lightings of the sketch: all-on, then random draws; all-on alone if there are no more columns than draws.
     sketch: Mat<f32>,
 }
 
@@ -41,7 +41,7 @@ impl PriorWeights {
     pub(super) fn new(prior: LightingPrior, sketch_columns: usize, seed: u64) -> Self {
         let n = prior.columns();
         let mut sketch = vec![1.0f32; n];
-        // As many lightings as columns: the columns themselves lose nothing.
+        // With as many lightings as columns, the columns themselves lose nothing.
         let draws = if sketch_columns >= n { 0 } else { sketch_columns - 1 };
         sketch.extend(prior.draws(draws, seed));
         let sketch = MatRef::from_column_major_slice(&sketch, n, sketch.len() / n).to_owned();
@@ -57,7 +57,7 @@ impl PriorWeights {
         MatRef::from_column_major_slice(self.prior.factor(), self.prior.columns(), self.prior.width())
     }
 
-    /// Whether columns are so few that a sketch of them saves nothing.
+    /// Whether the sketch would be no smaller than the columns.
     pub(super) fn holds_all_columns(&self) -> bool {
         self.sketch.ncols() == 1
     }
@@ -73,8 +73,8 @@ impl PriorWeights {
         weighed
     }
 
-    /// Lightings, columns × (1 + width of the range), that show the range of a block best, as a sketch of its rows
-    /// (`few`) tells: all-on, then those that call up the strongest directions beside it, as far as these are `wanted`.
+    /// The lightings, columns × (1 + width of the range), that show the range of a block best, estimated from a sketch
+    /// of its rows (`few`). All-on comes first, then those of the strongest directions beside it, filtered by `wanted`.
     fn lightings_that_show(&self, few: MatRef<'_, f32>, power_iterations: usize, wanted: &Wanted<'_>) -> Mat<f32> {
         let mut y = product(few, self.sketch.as_ref());
         let all_on = orthonormal(y.as_ref().subcols(0, 1));
@@ -84,7 +84,8 @@ impl PriorWeights {
             if q.ncols() == 0 {
                 break;
             }
-            // Turned to the axes of `Qᵀ A K Aᵀ Q` and scaled to equal energy, or weak directions would fall below rounding.
+            // Rotated to the axes of `Qᵀ A K Aᵀ Q` and scaled to equal energy; otherwise weak directions would be lost
+            // in rounding.
             let through = product(q.transpose(), few);
             let (values, vectors) = eigen(self.gram(through.as_ref()).as_ref());
             let strong = values.iter().take_while(|&&v| v > 1e-14 * values[0] && v > 0.0).count();
@@ -98,7 +99,7 @@ impl PriorWeights {
         Mat::from_fn(lightings.nrows(), 1 + kept.len(), |j, k| if k == 0 { 1.0 } else { lightings[(j, kept[k - 1])] })
     }
 
-    /// Mean energy that the sketch's draws show of `rest` (rows × columns).
+    /// Mean energy of `rest` (rows × columns) under the sketch's draws.
     fn seen_of(&self, rest: MatRef<'_, f32>) -> f64 {
         let draws = self.sketch.as_ref().subcols(1, self.sketch.ncols() - 1);
         if draws.ncols() == 0 {
@@ -117,14 +118,14 @@ impl PriorWeights {
     }
 }
 
-/// Finds the weighted range of `a` (rows × columns), at most `rank` wide, with the all-on image inside it exactly. The
-/// entries of `stray`, in any order, are to be added to `a`: they count in the all-on image and in `Uᵀ A`, but do not draw
-/// the range.
+/// Finds the weighted range of `a` (rows × columns), at most `rank` wide, that contains the all-on image exactly. The
+/// entries of `stray`, in any order, are to be added to `a`. They count in the all-on image and in `Uᵀ A`, but do not
+/// shape the range.
 ///
-/// Which lightings show the range best is asked of a sketch of the rows, so that the block itself is multiplied twice
-/// only, by those lightings and by the basis that they give. Of the former only those are taken that are `wanted`, which is
-/// asked with the energies of the images that they show. With them it is multiplied by `seen_under` (columns × any) too:
-/// those images, without `stray`, are returned beside.
+/// The lightings that show the range best come from a sketch of the rows. So the block itself is multiplied only twice:
+/// by those lightings, and by the basis of their images. Lightings are filtered by `wanted`, which gets the energies of
+/// their images. The block is multiplied by `seen_under` (columns × any) as well; these images, without `stray`, are
+/// returned too.
 pub(super) fn find_range(
     a: MatRef<'_, f32>,
     stray: &[SparseEntry],
@@ -145,7 +146,7 @@ pub(super) fn find_range(
     let q = orthonormal_beside(all_on.as_ref(), &mut others);
     let basis = beside(all_on.as_ref(), q.as_ref());
     let mut through = product(basis.transpose(), a);
-    // What stands alone is no part of what the range was to hold.
+    // Outliers are not to be represented by the range.
     let mut missed = few;
     subtract_product(&mut missed, sketch.rows_of(basis.as_ref()).as_ref(), through.as_ref());
     add_seen_of(&mut through, basis.as_ref(), stray);
@@ -154,8 +155,8 @@ pub(super) fn find_range(
     (range, seen)
 }
 
-/// The range of given images, the first of them all-on: as many components as images, at most. The entries of `stray`
-/// count in `Uᵀ A`. Leaves the tail at 0.
+/// The range of given images, the first of them all-on, with at most as many components as images. The entries of
+/// `stray` count in `Uᵀ A`. The tail is left at 0.
 pub(super) fn range_of(
     mut images: Mat<f32>,
     a: MatRef<'_, f32>,
@@ -179,8 +180,9 @@ fn add_seen_of(through: &mut Mat<f32>, basis: MatRef<'_, f32>, few: &[SparseEntr
     }
 }
 
-/// The components of the range of `all_on` and `q`, orthonormal together, with `through = [all_on q]ᵀ A`: the all-on
-/// direction as it is, the others turned to the axes of the weighted energy. The tail is what goes beyond `rank`.
+/// The components of the range of `all_on` and `q`, which are orthonormal together, with `through = [all_on q]ᵀ A`. The
+/// all-on direction stays, the others are rotated to the axes of the weighted energy. The tail is the energy beyond
+/// `rank`.
 fn components(
     all_on: MatRef<'_, f32>,
     q: MatRef<'_, f32>,
@@ -205,14 +207,14 @@ fn components(
     Range { left, right, gains, tail: values[kept..].iter().sum() }
 }
 
-/// Few rows that stand for all of a block: each a sum of rows far apart, with random signs, so that squared norms keep
-/// their mean (the sparse embedding of Clarkson and Woodruff 2013, with as many rows in every sum).
+/// A sketch of a block's rows: each of its rows is a sum of distant rows with random signs, so that squared norms keep
+/// their mean (the sparse embedding of Clarkson and Woodruff 2013, with the same number of rows in every sum).
 struct RowSketch {
-    /// 1 or −1 for each row; none where rows are too few to gain by it.
+    /// 1 or −1 for each row; empty if there are too few rows to sketch.
     signs: Vec<f32>,
 }
 
-/// Rows of a sketch: several times the widest range that is asked of it.
+/// Rows of a sketch: several times the widest range that is computed from it.
 pub(super) const SKETCH_ROWS: usize = 256;
 
 impl RowSketch {
@@ -248,14 +250,14 @@ impl RowSketch {
     }
 }
 
-/// [`find_range`] for blocks of few columns, without a sketch: with the eigenvectors `V Λ Vᵀ` of `AᵀA`, `A = Q B` where
-/// `Q = A V Λ^−½` is orthonormal and `B = Λ^½ Vᵀ` is as small as the columns are few, so that all is done on `B`.
+/// [`find_range`] for blocks of few columns, without a sketch. With the eigenvectors `V Λ Vᵀ` of `AᵀA`, `A = Q B` where
+/// `Q = A V Λ^−½` is orthonormal. `B = Λ^½ Vᵀ` is small, so that all further work is done on `B`.
 pub(super) fn exact_range(a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &PriorWeights, rank: usize) -> Range {
     let n = a.ncols();
     let mut whole = to_f64(a);
     stray.iter().for_each(|e| whole[(e.row as usize, e.column.index())] += f64::from(e.value));
     let (values, v) = eigen(product_f64(whole.transpose(), whole.as_ref()).as_ref());
-    // Below this lies the rounding of the f32 entries.
+    // Smaller eigenvalues are rounding of the f32 entries.
     let rank_of_all = values.iter().take_while(|&&x| x > 1e-13 * values[0] && x > 0.0).count();
     let b = Mat::from_fn(rank_of_all, n, |k, j| v[(j, k)] * values[k].sqrt());
     let lit = Mat::from_fn(rank_of_all, 1, |k, _| (0..n).map(|j| b[(k, j)]).sum::<f64>());
@@ -264,7 +266,7 @@ pub(super) fn exact_range(a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &P
     let mut turn = Mat::<f64>::zeros(rank_of_all, 0);
     let mut gains = Vec::new();
     if length > 0.0 {
-        // All-on first, as it is; the rest beside it.
+        // All-on stays first, the rest follows.
         let first = Mat::from_fn(rank_of_all, 1, |k, _| lit[(k, 0)] / length);
         let through = product_f64(energy.as_ref(), first.as_ref());
         let gain = product_f64(first.transpose(), through.as_ref())[(0, 0)];
@@ -296,7 +298,7 @@ pub(super) fn exact_range(a: MatRef<'_, f32>, stray: &[SparseEntry], weights: &P
     }
 }
 
-/// Orthonormal basis of `y` beside the orthonormal `fixed`.
+/// Orthonormal basis of the part of `y` that is orthogonal to the orthonormal `fixed`.
 fn orthonormal_beside(fixed: MatRef<'_, f32>, y: &mut Mat<f32>) -> Mat<f32> {
     let scale = y.norm_l2();
     let part = product(fixed.transpose(), y.as_ref());
@@ -307,12 +309,12 @@ fn orthonormal_beside(fixed: MatRef<'_, f32>, y: &mut Mat<f32>) -> Mat<f32> {
     let mut q = orthonormal(y.as_ref());
     let part = product(fixed.transpose(), q.as_ref());
     subtract_product(&mut q, fixed, part.as_ref());
-    // What was taken away squared is what unit lengths lack: less than an f32 tells.
+    // The square of the removed part is what unit length lacks: here less than f32 resolves.
     if part.norm_l2() < 1e-4 {
         return q;
     }
-    // Directions that were only the rounding of the first subtraction lie in `fixed` again, and little of their unit
-    // length is left now: normalising them would count the same direction twice.
+    // Directions that were only rounding of the first subtraction lie in `fixed` again and have little length left.
+    // Normalising them would count the same direction twice.
     let (values, vectors) = eigen(gram(q.as_ref()).as_ref());
     let rank = values.iter().take_while(|&&v| v > 0.25).count();
     let scaled = Mat::from_fn(vectors.nrows(), rank, |i, j| vectors[(i, j)] / values[j].sqrt());

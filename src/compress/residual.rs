@@ -1,18 +1,20 @@
-//! The error of what a container stores, measured without the block at hand.
+//! The error of stored blocks, measured after the block itself is gone.
 //!
-//! While a block is in memory, the residual of its candidate is measured: `E = A − (U R + S)`. Later the block is
-//! gone, and of the stored `P = L' R' + S'` follows
+//! While a block is in memory, the residual of its candidate is measured: `E = A − (U R + S)`. Later, for the stored `P
+//! = L' R' + S'`,
 //!
 //! ```text
 //! ‖A − P‖² = ‖E‖² + 2 ⟨E, X⟩ + ‖X‖²,   X = (U R − L' R') + (S − S')
 //! ```
 //!
-//! `‖E‖²` is `‖A − S‖² − 2 ‖R‖² + ‖U R‖²` where `R = Uᵀ (A − S)`, else summed entry by entry. `‖X‖²` comes from the Gram matrices of the factors, `⟨E, S − S'⟩` from the values of `E` at the single entries, and
-//! `⟨E, U R⟩ = 0` because `E` is orthogonal to the components. Only `⟨E, (L' − U) R'⟩` is left out: the rounding of `L`
-//! does not know `E`, so its mean is 0 and its standard deviation at most `1 / √rows` of the whole (Cauchy–Schwarz, with
-//! rounding errors independent from row to row). So a matrix that never was in one place has the same report as one that
-//! was stored, and packing reads a stored matrix once. All of it holds for each column by itself too, which is what an
-//! image under one light alone loses.
+//! `‖E‖²` is `‖A − S‖² − 2 ‖R‖² + ‖U R‖²` if `R = Uᵀ (A − S)`, otherwise it is summed entry by entry. `‖X‖²` comes from
+//! the Gram matrices of the factors, and `⟨E, S − S'⟩` from the values of `E` at the sparse entries. `⟨E, U R⟩ = 0`
+//! because `E` is orthogonal to the components. Only `⟨E, (L' − U) R'⟩` is neglected: the rounding of `L` is
+//! independent of `E`, so its mean is 0 and its standard deviation at most `1 / √rows` of the whole (Cauchy–Schwarz,
+//! with independent rounding errors in each row).
+//!
+//! So a matrix that never existed as a whole has the same report as a stored one, and packing reads a stored matrix
+//! once. All of this holds for each column by itself as well, which gives the error under one light alone.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
@@ -21,37 +23,37 @@ use super::{BlockSums, ColumnErrors};
 use crate::matrix::{BlockNoise, BlockReport, FactoredBlock, SparseEntry, TracedBlock};
 use crate::simd::dispatch;
 
-/// Columns that are multiplied out at a time: with 3,072 rows they fit a second-level cache.
+/// Columns multiplied at a time: with 3,072 rows they fit a second-level cache.
 const STRIP: usize = 64;
 
-/// Bytes of an encoded one before its lists.
+/// Bytes of an encoded residual before its lists.
 const HEAD_BYTES: usize = 32;
 
-/// Residual `E = A − (U R + S)` of a candidate, as norms, and what else a report needs of the block.
+/// Norms of a candidate's residual `E = A − (U R + S)`, and the other statistics of the block that a report needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Residual {
     squared_norm: f64,
     squared_error: f64,
     noise_variance: f64,
-    /// Of each column: `‖E‖²`, `‖A‖²`, and the squared norm of its noise, NaN where that is not known.
+    /// For each column: `‖E‖²`, `‖A‖²`, and the squared norm of its noise (NaN if unknown).
     column_error: Vec<f32>,
     column_norm: Vec<f32>,
     column_noise: Vec<f32>,
-    /// The block with all lights on: one value a row.
+    /// The block's image with all lights on: one value for each row.
     all_on: Vec<f32>,
-    /// `E` at the candidate's single entries, in their order.
+    /// `E` at the candidate's sparse entries, in their order.
     at_sparse: Vec<f32>,
 }
 
 impl Residual {
-    /// Bytes that one takes in a spill file at most, with so many rows, columns and single entries.
+    /// Upper bound of the bytes of an encoded residual.
     pub fn max_bytes(rows: u64, columns: u64, sparse: u64) -> u64 {
         HEAD_BYTES as u64 + 4 * (rows + 3 * columns + sparse)
     }
 
-    /// Measures `block` against all that its candidate holds. Entries that are not finite count as 0, as they do in
-    /// the candidate or nearly so. `projected` says that the components' `R` is `Uᵀ (A − S)`, to rounding.
-    /// `sums` are those of the block, where they are known already.
+    /// Measures `block` against its whole candidate. Entries that are not finite count as 0, as they do in the
+    /// candidate, or nearly. `projected` says that the components' `R` is `Uᵀ (A − S)`, to rounding. `sums` are those
+    /// of the block, if known already.
     pub fn measure(block: &TracedBlock, whole: &FactoredBlock, projected: bool, sums: Option<BlockSums>) -> Self {
         let (m, n) = (whole.rows, whole.columns);
         let noise = block.noise.as_ref().map(|noise| &noise.column_variance).filter(|noise| noise.len() == n);
@@ -92,8 +94,9 @@ impl Residual {
             residual.squared_norm += norm + taken;
             rest_norms.push(norm);
         }
-        // A product less than the difference itself. Sums of f32 over the rows of a lamp in view, all alike, round off up
-        // to 4e-6 of the squared norm: where the error is not far above that, it is summed.
+        // This saves one product over the difference itself. In f32, sums over the equal rows of a lamp in view have
+        // rounding errors of up to 4e-6 of the squared norm. If the error is not far above that, it is summed entry by
+        // entry.
         let by_norms: Vec<f64> =
             rest_norms.iter().zip(components_beyond(whole)).map(|(rest, own)| rest + own).collect();
         let well_told = projected && by_norms.iter().sum::<f64>() > 1e-3 * rest_norms.iter().sum::<f64>();
@@ -103,7 +106,7 @@ impl Residual {
         residual
     }
 
-    /// The report of what is stored of the block: `whole` is what the candidate held, `stored` what a reader will get.
+    /// The report of a stored block. `whole` is the candidate, `stored` is what a reader will decode.
     pub fn report(&self, whole: &FactoredBlock, stored: &FactoredBlock) -> (BlockReport, ColumnErrors) {
         let (m, n) = (whole.rows, whole.columns);
         let (k, l) = (whole.rank(), stored.rank());
@@ -119,7 +122,7 @@ impl Residual {
         matmul(left_gram.as_mut(), Accum::Replace, left.transpose(), left.as_ref(), 1.0, Par::Seq);
         let mut turned = Mat::<f64>::zeros(k + l, n);
         matmul(turned.as_mut(), Accum::Replace, left_gram.as_ref(), right.as_ref(), 1.0, Par::Seq);
-        // What each column's error has beside `‖E‖²`.
+        // The terms of each column's error beside `‖E‖²`.
         let mut beside: Vec<f64> =
             (0..n).map(|c| (0..k + l).map(|j| right[(j, c)] * turned[(j, c)]).sum::<f64>().max(0.0)).collect();
         let mut rest = stored.sparse.iter().peekable();
@@ -181,10 +184,10 @@ impl Residual {
         }
     }
 
-    /// Reads what [`append_to`](Self::append_to) wrote.
+    /// Decodes what [`append_to`](Self::append_to) wrote.
     ///
     /// # Panics
-    /// Never: the slices have the lengths that are asked for.
+    /// Never: the slices have the lengths asked for.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (fixed, rest) = bytes.split_at_checked(HEAD_BYTES)?;
         let scalar = |i: usize| f64::from_le_bytes(fixed[8 * i..][..8].try_into().expect("8 bytes"));
@@ -263,7 +266,7 @@ fn squared_difference(block: &TracedBlock, whole: &FactoredBlock) -> Vec<f64> {
     errors
 }
 
-/// Running sums of squares: as many for every machine, so that the order of adding, and with it the bits, is the same.
+/// Number of running sums of squares. It is the same on every machine, so that the order of additions and the bits are.
 const LANES: usize = 16;
 
 /// The sum of the squares of the finite values.
@@ -273,7 +276,7 @@ fn squared_norm(values: &[f32]) -> f64 {
         #[inline(always)]
         || {
             let square = |value: f32| f64::from(finite(value)) * f64::from(finite(value));
-            // Of arrays, or the sums would not stay in registers.
+            // Fixed-size arrays keep the sums in registers.
             let (arrays, rest) = values.as_chunks::<LANES>();
             for values in arrays {
                 sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += square(*value));

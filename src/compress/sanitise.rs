@@ -1,20 +1,21 @@
-//! Entries that cannot be computed with are found before anything else sees them.
+//! Replaces unusable entries (NaN, infinite, huge) before anything else reads them.
 
 use std::borrow::Cow;
 
 use crate::matrix::{BlockView, ColumnIndex};
 use crate::simd::dispatch;
 
-/// Largest magnitude that is computed with: the squares of 3.4e8 such entries still sum up within an f32. Sums over more, and
-/// all sums of squares over a block, are taken in f64.
+/// Largest usable magnitude: the squares of 3.4e8 such entries still sum up within an f32. Sums over more entries, and
+/// all sums of squares over a block, use f64.
 const LARGEST: f32 = 1e15;
 
-/// What had to be replaced in a block.
+/// Counts of the entries that were replaced in a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Replaced {
-    /// Entries that were not a number, now 0.
+    /// NaN entries, now 0.
     pub nan: u32,
-    /// Entries that were infinite or above 1e15 in magnitude, now at the block's largest usable magnitude of their sign.
+    /// Entries that were infinite or above 1e15 in magnitude, now the largest usable magnitude of the block with their
+    /// sign.
     pub huge: u32,
     /// Column and row of the first.
     pub first: Option<(ColumnIndex, u32)>,
@@ -27,7 +28,7 @@ impl Replaced {
     }
 }
 
-/// Sums over a block that is all finite, which a pass over it makes on the way.
+/// Sums over a block without unusable entries, from one pass over it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlockSums {
     /// Sum of each row: the image with all lights on.
@@ -36,16 +37,16 @@ pub struct BlockSums {
     pub column_norms: Vec<f64>,
 }
 
-/// Running sums of squares: as many for every machine, so that the order of adding, and with it the bits, is the same.
+/// Number of running sums of squares. It is the same on every machine, so that the order of additions and the bits are.
 const LANES: usize = 16;
 
-/// What one pass over a block tells.
+/// The results of one pass over a block.
 pub(super) struct BlockSurvey {
     /// Sum of each row, and squared norm of each column.
     pub(super) sums_of: BlockSums,
     /// Sum of the magnitudes of each row.
     pub(super) sums: Vec<f32>,
-    /// Whether every entry can be computed with.
+    /// Whether every entry is usable.
     pub(super) usable: bool,
 }
 
@@ -54,7 +55,7 @@ fn square(value: f32) -> f64 {
     f64::from(value) * f64::from(value)
 }
 
-/// Sums the rows of a block and looks for entries that cannot be computed with.
+/// Sums the rows of a block and looks for unusable entries.
 pub(super) fn survey(block: BlockView<'_>) -> BlockSurvey {
     let sums_of = BlockSums { all_on: vec![0.0; block.rows()], column_norms: Vec::with_capacity(block.columns()) };
     let mut survey = BlockSurvey { sums_of, sums: vec![0.0; block.rows()], usable: true };
@@ -68,7 +69,7 @@ pub(super) fn survey(block: BlockView<'_>) -> BlockSurvey {
                     lit.iter_mut().zip(values).for_each(|(sum, v)| *sum += v);
                     sums.iter_mut().zip(values).for_each(|(sum, v)| *sum += v.abs());
                     *usable &= values.iter().fold(true, |all, v| all & (v.abs() <= LARGEST));
-                    // Of arrays, or the sums would not stay in registers.
+                    // Fixed-size arrays keep the sums in registers.
                     let (arrays, rest) = values.as_chunks::<LANES>();
                     for values in arrays {
                         squares.iter_mut().zip(values).for_each(|(sum, v)| *sum += square(*v));
@@ -82,7 +83,7 @@ pub(super) fn survey(block: BlockView<'_>) -> BlockSurvey {
     survey
 }
 
-/// The entries of a block with every unusable one replaced, borrowed where there is none, and their sums.
+/// The entries of a block with every unusable one replaced, borrowed if there are none, and their sums.
 pub(super) fn sanitise(block: BlockView<'_>) -> (Cow<'_, [f32]>, BlockSurvey, Replaced) {
     let found = survey(block);
     let mut replaced = Replaced::default();

@@ -1,4 +1,4 @@
-//! What can be asked of the compressor.
+//! Settings of the compressor.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 /// How a block is turned into factors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Method {
-    /// Sparse entries out, then the range weighted by the lighting prior, projected with the whole block.
+    /// Takes out sparse entries, then projects the block on its range weighted by the lighting prior.
     Auto,
     /// The paper, §3.2, Algorithm 1: columns by k-means over a random set of rows.
     Algorithm1,
@@ -19,7 +19,7 @@ pub enum Method {
     Algorithm3,
     /// Algorithm 4: rounds of Algorithm 2 with fresh columns; the union of all rows and columns.
     Algorithm4,
-    /// The paper, §3.4: blocks, Algorithm 4 and Nyström, with as many rows again for a stable core.
+    /// The paper, §3.4: blocks, Algorithm 4 and Nyström, with twice as many rows for a stable core.
     Proposed,
     /// Principal components of a block's rows about their mean (Mahajan et al. 2007); the mean is one component.
     BlockPca,
@@ -38,69 +38,69 @@ pub enum Core {
     Projection,
 }
 
-/// What rows and columns are chosen for.
+/// The unit for which rows and columns are chosen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scope {
     /// Each block on its own (the paper, §3.3).
     #[default]
     Block,
     /// The whole matrix, by [`Compressor::choose_globally`](super::Compressor::choose_globally) (the paper, §3.2);
-    /// Algorithms 1–4 only. Every block still stores its own right factor: `U R` turned to the block's components.
+    /// Algorithms 1–4 only. Every block still stores its own right factor: `U R` rotated to the block's components.
     Global,
 }
 
-/// What [`Target::Automatic`] reaches at most, as [`Target::PsnrDb`]: an error of less than one step of an 8-bit display
+/// Largest PSNR that [`Target::Automatic`] aims at, as [`Target::PsnrDb`]: an error below one step of an 8-bit display
 /// (48.1 dB below white).
 pub const AUTOMATIC_MAX_DB: f64 = 50.0;
-/// What [`Target::Automatic`] is where the noise is not known or not heeded.
+/// The PSNR of [`Target::Automatic`] if the noise is unknown or ignored.
 pub const AUTOMATIC_DB: f64 = 45.0;
 
-/// What the result is to reach.
+/// What the result must reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
-    /// As near to the matrix as the noise of its samples lets it be of use, so that what is packed is not farther from the
-    /// truth than the matrix, up to [`AUTOMATIC_MAX_DB`]: it stops where further bytes would save a 500th of the energy
-    /// that the noise has. Where the noise is not known or not heeded, [`AUTOMATIC_DB`].
+    /// As near to the matrix as the noise of its samples makes useful, up to [`AUTOMATIC_MOST_DB`], so that the packed
+    /// matrix is no farther from the truth than the matrix. It stops where further bytes would save a 500th of the
+    /// energy of the noise. If the noise is unknown or ignored, it is [`AUTOMATIC_DB`].
     Automatic,
-    /// Mean PSNR in dB over the prior's lightings of images exposed so that the 95th percentile of their values is white,
-    /// peak = white. A lamp in view is far above white: it neither loosens the target for what it lights, nor is what
-    /// cannot be seen of it counted.
+    /// Mean PSNR in dB over the prior's lightings, of images exposed so that the 95th percentile of their values is
+    /// white, with the peak at white. A lamp in view is far above white. It does not loosen the target for what it
+    /// lights, and its invisible error does not count.
     PsnrDb(f64),
     /// Error of images over their norm, over the prior's lightings.
     RelativeL2(f64),
-    /// Bytes of all factors, estimated from their entropy. A pack scales to the whole file by encoding a sample of up to 48
-    /// blocks, and says so where the file has become larger.
+    /// Bytes of all factors, estimated from their entropy. A pack calibrates the estimate by encoding up to 48 blocks,
+    /// and reports if the file has become larger.
     Bytes(u64),
     /// The slope itself: squared radiance per bit.
     Slope(f64),
 }
 
-/// The covariance of lightings that the error is weighed by.
+/// The covariance of lightings that weighs errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PriorChoice {
     /// How people light, see [`LightingPrior::of_basis`](crate::light::LightingPrior::of_basis).
     Lighting,
-    /// Every column alike and independent: plain least squares.
+    /// All columns equal and independent: plain least squares.
     Flat,
 }
 
-/// How many components a block keeps by a method that has a rank of its own; [`Method::Auto`] always goes by rate.
+/// How many components a block keeps by a method with a fixed rank; [`Method::Auto`] always chooses by rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Ranks {
-    /// All [`rank`](CompressSettings::rank) of them whatever they bring, as 16-bit floats.
+    /// All [`rank`](CompressSettings::rank) of them whatever their gain, as 16-bit floats.
     #[default]
     Fixed,
-    /// Those of the first [`rank`](CompressSettings::rank) that are worth their bits at the slope of all blocks, each with steps
-    /// of its own: the codec and the choice of the product over another method's components.
+    /// Those of the first [`rank`](CompressSettings::rank) that are worth their bits at the common slope, each with its
+    /// own steps. This is the product's choice and codec applied to the components of another method.
     ByRate,
 }
 
-/// Which entries of a block are looked at as sparse ones.
+/// Which entries of a block may be stored as sparse ones: both conditions must hold.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SparseRule {
-    /// They carry more than this fraction of their row's sum,
+    /// Least share of the row's absolute sum.
     pub fraction: f64,
-    /// and stand this many times above the 90th percentile of their row.
+    /// Least ratio to the 90th percentile of the row.
     pub contrast: f64,
 }
 
@@ -113,15 +113,15 @@ pub struct CompressSettings {
     pub target: Target,
     /// What the error is weighed by.
     pub prior: PriorChoice,
-    /// Components kept in a candidate at most; for the methods of the paper, for PCA and for SVD: the rank itself.
+    /// Largest number of components of a candidate; for the paper's methods, PCA and SVD the rank itself.
     pub rank: usize,
     /// For all but [`Method::Auto`]: how many of the `rank` components a block keeps.
     pub ranks: Ranks,
     /// `Auto`: columns of the sketch beyond `rank`.
     pub oversampling: usize,
-    /// `Auto`: power iterations; 0 loses about 10 dB, 2 gain little.
+    /// `Auto`: power iterations. Tuned: decision 34.
     pub power_iterations: usize,
-    /// Algorithm 4: columns looked at in each round (`c₀`); none: `rank / rounds`.
+    /// Algorithm 4: columns of each round (`c₀`); `None` for `rank / rounds`.
     pub columns_per_round: Option<usize>,
     /// Algorithms 1–4: rows per column, at least 1. 2 makes the core stable.
     pub rows_per_column: f64,
@@ -131,26 +131,28 @@ pub struct CompressSettings {
     pub kmeans_iterations: usize,
     /// Algorithms 1–4: whether rows and columns are chosen for each block or once for all.
     pub scope: Scope,
-    /// Global scope: rows looked at together when k-means begins, at least as many as rows are chosen; a matrix of no
-    /// more rows is clustered in memory.
+    /// Global scope: rows that k-means starts from, at least as many as are chosen. A matrix with no more rows is
+    /// clustered in memory.
     pub sample_rows: usize,
     /// Algorithms 1–4: the core.
     pub core: Core,
     /// Singular values of the core below this fraction of its largest are dropped.
     pub truncation: f64,
-    /// `Auto`: entries that are stored by themselves; none: no entry is.
+    /// `Auto`: which entries are stored as sparse ones; `None` for no entry.
     pub sparse: Option<SparseRule>,
-    /// How strongly dark blocks are favoured: a block's squared error weighs `1 / brightness^(2 · exponent)`. 0: not.
+    /// Exponent that favours dark blocks: a block's squared error has the weight `1 / brightness^(2 · exponent)`. 0
+    /// turns it off.
     pub exposure_exponent: f64,
-    /// A component is kept if its energy `g` is above this many times its noise `f`. Keeping it brings its signal `g − f`
-    /// and costs `f`, so 2 where `f` is right; 4, because `f` is what is left after pixels were averaged that were chosen
-    /// by the same noise, and so too low. What seems to be noise many times over is not even looked for, unless the factor is
-    /// far below one. Where there is a factor, pixels that are lit alike are averaged too, an entry that stands out is kept if
-    /// samples agree on it, and nothing is quantised much finer than its noise. None: noise is not looked at, the matrix is
-    /// followed as it is.
+    /// A component is kept if its energy `g` is above this many times its noise `f`. `None` ignores the noise.
+    ///
+    /// Keeping a component gains its signal `g − f` and costs `f`, so that 2 would be right for a correct `f`. The
+    /// default is 4, because `f` is what is left after pixels were averaged by weights with the same noise, and so too
+    /// low. Directions that are clearly noise are not even looked for, unless the factor is far below 1. With a factor,
+    /// similar pixels are averaged too, outliers are kept only if the samples agree on them, and nothing is quantised
+    /// much finer than its noise.
     pub noise_factor: Option<f64>,
-    /// Seed of the lightings that the range is sketched with, and of every choice of Algorithms 1–4. The sketch of rows and the
-    /// probe lightings of noise are the same for every seed.
+    /// Seed of the sketch's lightings, and of every random choice of Algorithms 1–4. The sketch of rows and the probe
+    /// lightings of noise do not depend on it.
     pub seed: u64,
 }
 
@@ -187,7 +189,7 @@ impl CompressSettings {
         Self { method, rank, ..Self::default() }
     }
 
-    /// Errors: a parameter out of its range.
+    /// Checks every parameter against its range.
     pub(super) fn check(&self) -> Result<()> {
         let refuse = |what: &str, hint: &str| Err(Error::input("compression settings", what, hint));
         if self.rank == 0 || self.rank > 4096 {
@@ -228,7 +230,7 @@ impl CompressSettings {
         Ok(())
     }
 
-    /// Whether each block keeps a rank that is given, whatever its components bring.
+    /// Whether each block keeps a fixed rank, whatever the gains of its components.
     pub fn has_fixed_rank(&self) -> bool {
         self.method != Method::Auto && self.ranks == Ranks::Fixed
     }

@@ -1,18 +1,18 @@
-//! The cut for a file of so many bytes. What bits cost is estimated from entropies when a slope is chosen, which may be off
-//! by a factor of several; here some blocks are really encoded.
+//! The cut for a file of a given size. The entropies by which a slope is chosen may be wrong by a factor of several, so
+//! some blocks are encoded.
 
 use super::Cut;
 use crate::error::Result;
 
-/// Between one guess and the next while the slope is not yet enclosed, in powers of two.
+/// Exponent of two from one guess to the next while the slope is not bracketed.
 const STRIDE: f64 = 3.0;
-/// Guesses at most until it is: what noise or a fixed rank decide does not depend on the slope.
+/// Largest number of such guesses. Noise or a fixed rank may prevent a bracket, since they do not depend on the slope.
 const MAX_STRIDES: usize = 10;
-/// Halvings of the enclosed range: to a 40th of a power of two, which is less than 1 % of the bytes.
+/// Bisections of the bracket: to a 40th of a power of two of the slope.
 const HALVINGS: usize = 7;
 
-/// The cut, at another slope than that of `start`, of the largest file of at most `target_bytes`, where `bytes_at` says how large
-/// a cut makes it.
+/// The cut whose file is the largest of at most `target_bytes`. It is that of `start` with another slope; `bytes_at`
+/// gives the size of a cut's file.
 ///
 /// # Errors
 /// Those of `bytes_at`.

@@ -29,7 +29,7 @@ pub(super) struct ContainerHeader {
 }
 
 impl ContainerHeader {
-    /// Its bytes.
+    /// Encodes the header.
     pub(super) fn encode(&self) -> [u8; HEADER_BYTES] {
         let mut bytes = [0; HEADER_BYTES];
         bytes[0..8].copy_from_slice(&HEADER_MAGIC);
@@ -78,7 +78,7 @@ pub(super) struct Trailer {
 }
 
 impl Trailer {
-    /// Its bytes.
+    /// Encodes the trailer.
     pub(super) fn encode(&self) -> [u8; TRAILER_BYTES] {
         let mut bytes = [0; TRAILER_BYTES];
         bytes[0..8].copy_from_slice(&TRAILER_MAGIC);
@@ -156,7 +156,7 @@ pub(super) struct BlockRecord {
 }
 
 impl BlockRecord {
-    /// Its bytes.
+    /// Encodes the record.
     pub(super) fn encode(&self) -> [u8; BLOCK_RECORD_BYTES] {
         let mut bytes = [0; BLOCK_RECORD_BYTES];
         bytes[0..4].copy_from_slice(&self.first_layer.to_le_bytes());
@@ -205,7 +205,7 @@ pub(super) struct LayerRecord {
 }
 
 impl LayerRecord {
-    /// Its bytes.
+    /// Encodes the record.
     pub(super) fn encode(&self) -> [u8; LAYER_RECORD_BYTES] {
         let mut bytes = [0; LAYER_RECORD_BYTES];
         bytes[0..8].copy_from_slice(&self.offset.to_le_bytes());

@@ -60,7 +60,7 @@ impl Index {
         LayerRecord::decode(&self.bytes[self.layers.clone()][index * LAYER_RECORD_BYTES..][..LAYER_RECORD_BYTES])
     }
 
-    /// Where the base layers end.
+    /// End of the base layers in the file.
     pub(super) fn base_end(&self) -> u64 {
         self.base_end
     }

@@ -12,7 +12,7 @@ pub struct LightLayout {
     columns: usize,
 }
 
-/// Some columns as a little image.
+/// A group of columns as a small image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LightPlane {
     /// Texels across.

@@ -10,9 +10,9 @@ use crate::files::check_output;
 use crate::light::StatedErrors;
 use crate::matrix::BlockId;
 
-/// Joins containers of the same job into one at `target`; each block is taken, byte for byte, from the first part that
-/// holds it undamaged. The report is the first part's. The result may itself lack blocks and be merged again.
-/// `progress` is told (steps done, steps), of which half are looking at blocks and half writing them, and says whether to go on.
+/// Joins containers of the same job into one at `target`; each block is copied unchanged from the first part that holds
+/// it undamaged. The report is the first part's. The result may lack blocks and be merged again. `progress` gets (steps
+/// done, steps), half of which are for checking blocks and half for writing them, and returns whether to continue.
 ///
 /// # Errors
 /// No parts; parts of different jobs or made with different settings; two parts that hold different bytes for the same

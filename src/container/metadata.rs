@@ -1,4 +1,4 @@
-//! The metadata of a container: the job, the report and, where they are known, the errors of single lights, of cleaning and
+//! The metadata of a container: the job, the report and, where they are known, the errors of single lights, of denoising and
 //! of exposed images, compressed together.
 
 use super::format::u32_at;
@@ -19,7 +19,7 @@ pub(super) fn encode(job: &Job, report: &ContainerReport, errors: &StatedErrors)
     let mut report = encode_record(report);
     if let Some(lights) = &errors.lights {
         report.extend(encode_record(lights));
-        // The errors of exposed images stand behind those of cleaning, which are no numbers where nothing was cleaned.
+        // The errors of exposed images stand behind those of denoising, which are no numbers where nothing was denoised.
         let cleaning = errors.cleaning.or(errors.exposed.map(|_| DenoiseErrors::NONE));
         cleaning.iter().for_each(|cleaning| report.extend(encode_record(cleaning)));
         errors.exposed.iter().for_each(|exposed| report.extend(encode_record(exposed)));

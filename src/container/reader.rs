@@ -20,8 +20,8 @@ use crate::files::{Ranged, open_input};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixShape};
 
-/// The first read takes this share of the file (between the two bounds), which covers the index of any container
-/// whose blocks have 4 KiB and more in two layers; where it does not, a second read follows.
+/// The first read takes this share of the file, within the two bounds. That covers the index of any container whose
+/// blocks have 4 KiB and more in two layers; otherwise a second read follows.
 const TAIL_SHARE: u64 = 64;
 const TAIL_MIN: u64 = 1 << 16;
 const TAIL_MAX: u64 = 1 << 26;
@@ -122,7 +122,7 @@ impl ContainerReader {
         })
     }
 
-    /// What the matrix is.
+    /// The job of the matrix.
     pub fn job(&self) -> &Job {
         &self.job
     }
@@ -381,7 +381,7 @@ fn usable(block: FactoredBlock) -> Result<FactoredBlock, String> {
 
 type Metadata = (Job, ContainerReport, StatedErrors);
 
-/// What the end of a file says.
+/// Decodes the index and the metadata from the end of a file.
 fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Metadata), String> {
     let (index, metadata) = Index::of(end, trailer)?;
     let metadata = metadata::decode(&metadata)?;
@@ -405,14 +405,14 @@ pub struct BlockFault {
     pub problem: String,
 }
 
-/// What [`ContainerReader::verify`] found.
+/// Result of [`ContainerReader::verify`].
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Verification {
     /// Blocks looked at.
     pub blocks: u32,
     /// Chunks looked at.
     pub chunks: u64,
-    /// What is wrong; empty for a sound file.
+    /// The faults found; empty for a sound file.
     pub faults: Vec<BlockFault>,
 }
 

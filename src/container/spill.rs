@@ -19,7 +19,7 @@ pub(super) struct Spilled {
 
 #[derive(Clone, Copy, Debug)]
 struct SpilledLayer {
-    /// From the start of the block's bytes.
+    /// Offset from the start of the block's bytes.
     offset: u64,
     bytes: u32,
     /// CRC-32 of the layer as it was written.
@@ -91,7 +91,7 @@ impl Spilled {
         Self { record, layers: layers.iter().map(place).collect() }
     }
 
-    /// What stands before the layers.
+    /// The bytes before the layers.
     fn head(&self) -> Vec<u8> {
         let lengths = self.layers.iter().flat_map(|layer| layer.bytes.to_le_bytes());
         self.record.encode().into_iter().chain(lengths).collect()

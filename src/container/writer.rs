@@ -23,7 +23,7 @@ use crate::matrix::{BlockId, BlockReport, FactoredBlock};
 /// Of [`StatedErrors`] in the file at most: 53 bytes that zstd may not make shorter, and its words for a second kind of data.
 const ERRORS_BYTES: u64 = 64;
 
-/// How a container is to be written.
+/// Options of writing a container.
 #[derive(Clone, Debug, Default)]
 pub struct ContainerOptions {
     /// Settings of the codec.
@@ -46,37 +46,37 @@ pub struct EncodedBlock {
     sparse_entries: usize,
 }
 
-/// What is known of a written block.
+/// Statistics of a written block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrittenBlock {
     /// Components of all its layers.
     pub rank: usize,
     /// Sparse entries of all its layers.
     pub sparse_entries: usize,
-    /// Its error and noise, as 32-bit floats keep them.
+    /// Its error and noise, rounded to f32.
     pub report: BlockReport,
 }
 
 /// Bytes of an encoded block.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct EncodedSize {
-    /// Of each layer, the base layer first.
+    /// Bytes of each layer, the base layer first.
     pub layer_bytes: Vec<usize>,
 }
 
 impl EncodedSize {
-    /// Of all layers.
+    /// Bytes of all layers.
     pub fn bytes(&self) -> usize {
         self.layer_bytes.iter().sum()
     }
 }
 
-/// What [`ContainerWriter::finish`] wrote.
+/// Result of [`ContainerWriter::finish`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContainerSummary {
     /// Bytes of the file.
     pub file_bytes: u64,
-    /// Of these: index, metadata, header, trailer.
+    /// Of these, the bytes of index, metadata, header and trailer.
     pub overhead_bytes: u64,
     /// Bytes from the start of the file to the end of the base layers.
     pub base_bytes: u64,
@@ -108,7 +108,7 @@ pub struct ContainerWriter {
 }
 
 impl ContainerWriter {
-    /// Starts, or continues, a container at `path`. One of another job, report, codec or origin is not continued.
+    /// Starts or continues a container at `path`. One of another job, report, codec or origin is not continued.
     ///
     /// # Errors
     /// The file exists and may not be replaced; its folder cannot be written; another process packs into it.
@@ -128,7 +128,7 @@ impl ContainerWriter {
     }
 
     /// Has the file say what errors there are over the whole picture. Without it the file says nothing of them; those of
-    /// cleaning are said beside those of lights only, those of exposed images beside those of cleaning.
+    /// denoising are said beside those of lights only, those of exposed images beside those of denoising.
     pub fn state_errors(&mut self, errors: StatedErrors) {
         self.errors = errors;
     }

@@ -1,4 +1,4 @@
-//! The albedo that filtered light is multiplied by.
+//! Demodulation: the albedo that light is divided by before filtering, and multiplied by afterwards.
 
 use pulp::Simd;
 
@@ -10,30 +10,33 @@ use super::pixel_tile::{PixelTile, TILE_PIXELS};
 use super::surfaces::{SPECULAR, Surfaces, SurfacesCut};
 
 const CHANNELS: usize = 3;
-/// Pixels to each side over which noise and differences are means.
+/// Radius, in pixels, of the box over which noise and squared differences are averaged.
 const MEAN_REACH: usize = 1;
-/// Pixels around a region of which features are read.
+/// Radius, in pixels, within which features are read.
 pub(super) const READ: usize = MEAN_REACH + MIRRORED;
 
-/// Values that are held for each column of pixels while so many rows are cleaned: the albedo, its means, and noise and differences in three
-/// steps of averaging.
+/// Number of `f32` held for each pixel column while `step` rows are denoised: the albedo, its means, and noise and
+/// squared differences in three steps of averaging.
 pub(super) fn passing_rows(step: usize) -> usize {
     let compared = step + 2 * MEAN_REACH;
     CHANNELS * (compared + 2 * MIRRORED) + CHANNELS * compared + 2 * (2 * compared + step)
 }
 
-/// What light is divided by: a channel of the albedo that a row's own samples saw.
+/// One channel of the albedo of row `y`, as the row's own samples measured it. Light is divided by it.
 pub(super) fn of_samples(features: &ImageRows, channel: usize, y: usize) -> impl Iterator<Item = f32> {
     features.row(channel, y).iter().map(|albedo| albedo.max(MIN_ALBEDO))
 }
 
-/// What light is multiplied by again once it is filtered, in a region: three planes.
+/// The albedo that filtered light of a region is multiplied by: three planes.
 ///
-/// Light is divided by the albedo of its own samples, with whose noise its own goes. But where these go by a mirror or through smooth
-/// glass, each takes one of two ways by chance, and the albedo of few samples has grain that would come back with it. There a pixel takes
-/// the mean `m` of those alike, as far as what it differs by is noise: `a + α (m − a)` with `α = (v / d² − L) / (1 − L)` from 0 to 1, where
-/// `v` is the variance of the albedo, `d²` the square of `a − m`, both means around the pixel, and `L` is
-/// [`MIN_MIRRORED_NOISE`]; with `L = 0` that is the share of least risk (Stein 1981). Elsewhere it stays as sharp as surfaces are.
+/// Light is divided by the albedo of its own samples, so that the noise of both cancels. Behind mirrors and smooth
+/// glass each sample takes one of two branches at random. The albedo of few samples is then noisy, and would bring that
+/// noise back.
+///
+/// For such pixels the albedo `a` becomes `a + α (m − a)`, where `m` is the mean of similar neighbours. The weight is
+/// `α = (v / d² − L) / (1 − L)`, clamped to 0 to 1. Here `v` is the variance of the albedo, `d²` the square of `a − m`
+/// (both averaged around the pixel), and `L` is [`LEAST_MIRRORED_NOISE`]. With `L = 0` this is the weight of least risk
+/// (Stein 1981). All other pixels keep their albedo.
 pub(super) fn of_filtered(
     (features, variance): (&ImageRows, &ImageRows),
     region: &Region,
@@ -53,7 +56,7 @@ pub(super) fn of_filtered(
     let mut means = pool.rows_like(features, CHANNELS, compared.y.clone());
     let (offsets, by) = (Offsets::disc(MIRRORED, 1), BySurfaces(surfaces));
     Means { images: &albedo, offsets: &offsets, slope: SLOPE, weigher: &by }.fill(&compared, &mut means);
-    // Noise, then squared differences.
+    // Plane 0: noise. Plane 1: squared differences.
     let mut terms = pool.rows_like(features, 2, compared.y.clone());
     terms.fill_rows(&compared, |y, term, out| {
         for channel in 0..CHANNELS {
@@ -78,7 +81,7 @@ pub(super) fn of_filtered(
     albedo
 }
 
-/// Weights by what is seen alone.
+/// Neighbour weights from features alone.
 struct BySurfaces<'a>(&'a Surfaces);
 
 impl Weigh for BySurfaces<'_> {

@@ -1,119 +1,106 @@
-//! Every constant of the filter that was tuned. All were chosen on `conference-24` at 384 × 288 pixels and on the built-in room
-//! `mixed` at 256 × 192 pixels, 16 and 64 samples, seed 1; the relative widths of indirect light and the weight of colour also on
-//! `cornell-glossy` at 192 × 192 pixels, seed 0; the slopes on those three and `cornell-mirror`, the agreement on the panels among
-//! them, `cornell-water` and `erw5-scene3`, all as `ltm study picture` has them. The cells of risks were chosen on the demonstration's
-//! room at 256 samples. All that came later was kept only where no row of all nine scenes of that study became visibly worse, so
-//! these are not wholly strangers; or it says what it was measured on.
+//! Tuned constants of the denoiser. How they were chosen: decision 11, unless a constant names another page.
+//!
+//! Radii and steps are in pixels, widths of range weights in units of the noise's standard deviation σ.
 
-/// Light is divided by no albedo below this.
+/// Least albedo that light is divided by.
 pub(super) const MIN_ALBEDO: f32 = 0.02;
-/// Guides of each kind of light.
+/// Number of guides for each kind of light, direct and indirect.
 pub(super) const GUIDES: usize = 6;
-/// Weight of the colour of the first of them.
+/// Weight of the chroma of the first guide, relative to its luminance.
 pub(super) const CHROMA: f32 = 2.0;
 
-/// Radius of the filter of albedo that is seen by a mirror or through smooth glass.
+/// Radius of the filter of the albedo that is seen in mirrors or through smooth glass.
 pub(super) const MIRRORED: usize = 3;
-/// Share of noise in what that takes away from the albedo below which nothing is taken away: the variance of the samples is more than their noise, for they are
-/// spread over the pixel. Of 0, 0.5 and 0.8, chosen on `erw5-scene5` at 640 × 480 pixels (a ball of glass, which was grainy), and on
-/// `mixed` and `cornell-water` as the picture study has them, all at 16 samples: with 0 ꟻLIP of the two rose by 1 %.
+/// Least share of noise in the difference between an albedo and its filtered value for that value to count. Tuned:
+/// decision 13.
 pub(super) const MIN_MIRRORED_NOISE: f32 = 0.5;
 
-/// Differences of what pixels see at which a weight is 1/e.
+/// Differences of features (normal, albedo, shares) at which a weight falls to 1/e.
 pub(super) const NORMAL_WIDTH: f32 = 0.2;
 pub(super) const ALBEDO_WIDTH: f32 = 0.25;
 pub(super) const SHARE_WIDTH: f32 = 0.25;
-/// Variances of normal, albedo and shares count so many times: a pixel on the edge of two surfaces is like both of them, for
-/// of its own kind there is only the edge, too little to average. Chosen with one lamp of `conference-24` at 1024 × 768 pixels,
-/// 16 and 64 samples; the same of depths was worse. Not where a pixel looks through glass or by a mirror: waves would make all that
-/// is behind them alike (`cornell-water` at 128 × 128 pixels).
+/// Factor on the variance of normal, albedo and shares in feature distances. It makes a pixel on the edge of two
+/// surfaces similar to both, since it has few neighbours of its own kind. Not applied to pixels that look through glass
+/// or by a mirror. Tuned: decision 14.
 pub(super) const FEATURE_NOISE: f32 = 16.0;
-/// Relative, of the inverse depth against the plane of the surface.
+/// Width for the relative difference of inverse depth from the plane of the surface.
 pub(super) const DEPTH_WIDTH: f32 = 0.03;
 
-/// Pixels to each side of those that guides are compared over together.
+/// Radius of the patches over which guides are compared.
 pub(super) const PATCH: usize = 1;
 
-/// Radius of the filter of the guides of direct light, and of direct light itself.
+/// Radii, range widths and relative widths of the filter of the guides of direct light, and of direct light itself.
 pub(super) const DIRECT_PILOT: usize = 5;
 pub(super) const DIRECT_PILOT_NOISE: f32 = 0.7;
 pub(super) const DIRECT_PILOT_RELATIVE: f32 = 0.05;
 pub(super) const DIRECT: usize = 7;
-/// Beyond so many pixels both read every second one, or fewer of larger radii.
+/// Distance beyond which both filters read only every second pixel, or fewer at larger radii.
 pub(super) const DIRECT_DENSE: usize = 3;
-/// In larger images direct light has a wide filter and a narrow one as indirect light has: steps that the wide one reaches, and
-/// radius of the narrow one. Chosen on `conference-24` at 1024 × 768 pixels and 16 samples, of which single lamps had mottle of the size of
-/// the one filter; smaller images lost 1 to 5 % of ꟻLIP by it with all lamps on.
+/// Filters of direct light in larger images: steps that the wide one reaches, and radius of the narrow one after it.
+/// Tuned: decision 15.
 pub(super) const DIRECT_WIDE: usize = 4;
 pub(super) const DIRECT_NARROW: usize = 4;
-/// Of 1.2, 1.5, 2 and 2.5, for guides of half of the samples, chosen on the bunny under a sky with a sun (`examples/scenes/bunny-city.toml`,
-/// 640 × 480 pixels) and three lamps of `conference-24` at 1024 × 768 pixels, 16 samples: with 2 the bunny has softer facets and 0.1 dB more in
-/// clip, the lamps' ꟻLIP is 0.7 to 1.1 % higher; with 1.2 it is the other way round, by 0.2 dB and 0.5 %. In `ltm study picture` no row of nine
-/// scenes had a ꟻLIP more than 0.4 % higher than that of cleaner 13, which weighed both halves by guides of all samples.
+/// Range-weight width of direct light in units of the noise's σ. Tuned: decision 12.
 pub(super) const DIRECT_NOISE: f32 = 1.5;
 pub(super) const DIRECT_RELATIVE: f32 = 0.05;
 
-/// The wide filter of indirect light reads every third pixel across and down, in larger images every fourth; a narrow one
-/// follows, which must reach farther than that. The first was chosen as all the rest, of 3, 4 and 5; the second, and the side of an image
-/// for each, on `conference-24` at 1024 × 768 pixels, of which single lamps looked blotched.
+/// The wide filter of indirect light reads every `INDIRECT_STRIDE.0`th pixel across and down, and every
+/// `INDIRECT_STRIDE.1`th in larger images. The stride is the image's side, the square root of its number of pixels,
+/// over `SIDE_OF_STRIDE`. A narrow filter follows, whose radius must exceed the stride. Tuned: decision 16.
 pub(super) const INDIRECT_PILOT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_PILOT_RELATIVE: f32 = 0.05;
 pub(super) const INDIRECT_STRIDE: (usize, usize) = (3, 4);
 pub(super) const SIDE_OF_STRIDE: f64 = 110.0;
-/// Steps of that size that it reaches.
+/// Radius of the wide filter, in strides.
 pub(super) const INDIRECT_WIDE: usize = 6;
 pub(super) const INDIRECT_NARROW: usize = 4;
 pub(super) const INDIRECT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_RELATIVE: f32 = 0.03;
 
-/// Each image of indirect light by itself, after that: steps that its filter reaches and pixels of a step, widths and the slope. Chosen on
-/// `conference-24`, `mixed` and `cornell-glossy` at 16 samples, as the picture study has them. The same of direct light gained a
-/// thousandth of FLIP there, took as long again, and under a sky of 64 samples lost 6 dB.
+/// Filter of each image of indirect light by itself: radius in steps, and step in pixels; then range width, slope and
+/// relative width. Tuned: decision 17.
 pub(super) const ALONE: (usize, usize) = (6, 4);
 pub(super) const ALONE_NOISE: f32 = 1.4;
 pub(super) const ALONE_SLOPE: f32 = 0.03;
 pub(super) const ALONE_RELATIVE: f32 = 0.03;
-/// Large images have two passes of that in place of one: a near pass, then a far pass. Steps that the near pass reaches and pixels of a
-/// step, and its width. All constants of both passes were chosen on three lamps of `conference-24` at 1024 × 768 pixels, 16 and 64
-/// samples, which had soft blotches: ꟻLIP fell by 12 to 8 % and by 7 to 2 %.
+/// Near pass of that filter in large images, which have two passes: radius in steps, and step in pixels; then the range
+/// width. Tuned: decision 18.
 pub(super) const ALONE_NEAR: (usize, usize) = (4, 5);
 pub(super) const ALONE_NEAR_NOISE: f32 = 2.0;
-/// Steps that the far pass reaches, and its width.
+/// Far pass: radius in steps; then the range width.
 pub(super) const ALONE_FAR: usize = 4;
 pub(super) const ALONE_FAR_NOISE: f32 = 4.0;
-/// A step of the far pass is the image's side, the root of its pixels, over this.
+/// The far pass has steps of the image's side, the square root of its number of pixels, over this.
 pub(super) const SIDE_OF_FAR_STEP: f64 = 59.0;
-/// Pixels of a step: where it would be less than the first there is one pass only, and it is never more than the second. With 9 as the first,
-/// 512 × 512 and 640 × 480 pixels would have two passes: of `erw5-scene8`, `cornell-glossy` and `cornell-water` ꟻLIP fell by up to
-/// 1.3 % at 16 samples then, and rose by up to 1.3 % at 64.
+/// Bounds of that step in pixels. An image whose step would be below the first has one pass only; no step exceeds the
+/// second. Tuned: decision 18.
 pub(super) const FAR_STEP: (usize, usize) = (12, 15);
-/// What an image is scaled by at most, and at least by its inverse, for their sum to stay.
+/// Largest factor, and inverse of the smallest, that an image is scaled by to keep the sum of all images.
 pub(super) const MAX_SCALE: f32 = 4.0;
 
-/// Leverage of the correction for slopes that each sample of a mean pays for: of the guides, of what is filtered by them; and
-/// the most there is.
+/// Leverage of the slope correction for each effective sample of a mean: of the guides, and of what they filter. The
+/// last is the upper bound of the leverage.
 pub(super) const PILOT_SLOPE: f32 = 0.1;
 pub(super) const SLOPE: f32 = 0.01;
 pub(super) const MAX_LEVERAGE: f32 = 3.0;
 
-/// Reach of the squares over which the noise of raw and of filtered guides are means.
+/// Radii of the boxes over which the noise of raw and of filtered guides is averaged.
 pub(super) const RAW_NOISE_REACH: usize = 2;
 pub(super) const FILTERED_NOISE_REACH: usize = 3;
-/// Cells of 3 × 3 pixels to each side over which risks are means.
+/// Radius, in cells of 3 × 3 pixels, over which the estimated risk is averaged.
 pub(super) const RISK_CELLS: usize = 2;
-/// A pixel is an outlier of its cell, and left out, where its change less its gain is more than so many times what the others
-/// change together. Of 1 and 3, chosen on the sky of the built-in `environment` at 48 × 40 pixels and 64 samples, where to leave out a
-/// pixel of every cell lost detail; kept since no row of all nine scenes of `ltm study picture` became worse by more than 0.2 % of ꟻLIP.
+/// A pixel is an outlier of its cell, and left out, where its change less its gain exceeds this many times the change
+/// of the others together. Tuned: decision 19.
 pub(super) const OUTLIER: f32 = 3.0;
-/// Estimated best shares of the mean below which none of it is taken, and from which on all.
+/// Estimated best weight of the filtered value: below the first it counts 0, from the second on 1.
 pub(super) const MIN_KEPT_SHARE: f32 = 0.1;
 pub(super) const WHOLE_SHARE: f32 = 0.5;
 
-/// Correlation of what two halves of the tiles say of the columns from which on it is believed, and that from which on wholly.
+/// Correlation of the two halves of the tiles: up to the first they are not believed, from the second on wholly.
 pub(super) const MIN_AGREEMENT: f64 = 0.25;
 pub(super) const WHOLE_AGREEMENT: f64 = 0.75;
 
-/// Added to the weight of the pixels beside one: it counts only where none is alike.
+/// Weight added to the direct neighbours of a pixel. It counts only where no neighbour is similar.
 pub(super) const BESIDE: f32 = 1e-3;
-/// Share of the radius at which the distance itself takes a weight to 1/√e.
+/// Spatial σ as a share of the filter's radius.
 pub(super) const NEARNESS: f32 = 1.0 / 1.7;

@@ -1,5 +1,6 @@
-//! What cleaning needs of each block, taken while the block is there: the planes of its clusters, its features, the emission
-//! that it sees, means of tiles of all columns, and what tells the columns of a cluster apart. The rest of the block is never needed again.
+//! The inputs of the denoiser, taken from each block while it is in memory: the planes of its clusters, its features,
+//! the emission seen, means of tiles of all columns, and the residual of its clusters. The rest of the block is never
+//! needed again.
 
 use std::collections::HashSet;
 use std::ops::Range;
@@ -19,29 +20,27 @@ use crate::matrix::{
 };
 use crate::resources::{Progress, Threads};
 
-/// What was gathered of a block.
+/// The denoiser's inputs from one block.
 struct BlockInputs {
     planes: BlockPlanes,
-    /// Means of tiles of all columns without emission, columns × channels × tiles; empty where every column is a cluster.
+    /// Means of tiles of all columns without emission, columns × channels × tiles; empty if every column is a cluster.
     tiles: Vec<f32>,
-    /// What tells the columns of a cluster apart; empty where every column is a cluster.
+    /// The residual that tells the columns of a cluster apart; empty if every column is a cluster.
     contrasts: Vec<u8>,
 }
 
-/// Takes it, and gives it back block by block.
+/// Writes and reads the per-block inputs of the denoiser.
 pub(crate) struct DenoiseInputs {
-    /// What its records are beside, for messages.
+    /// Path that the records belong to, for messages.
     pub(crate) path: PathBuf,
     pub(crate) shape: MatrixShape,
     pub(crate) clusters: usize,
     pub(crate) records: Records,
-    /// What looks for contrasts; none where every column is a cluster.
+    /// Computes the residual of clusters; `None` if every column is a cluster.
     compressor: Option<Compressor>,
 }
 
-/// Components that contrasts have at most, and how far each must stand above its noise. Chosen on the built-in scene `environment`
-/// at 16, 64 and 256 samples: 24 components are too few at 256, a factor of 4 leaves out what an eye sees, one of 1 brings nothing
-/// more. The scenes `mixed` and `cornell-glossy` do not depend on either.
+/// Largest number of components of the residual of clusters, and least ratio to the noise of each. Tuned: decision 21.
 const CONTRAST_RANK: usize = 64;
 const CONTRAST_OVER_NOISE: f64 = 2.0;
 
@@ -57,9 +56,9 @@ impl DenoiseInputs {
         Ok(Self { path, shape: job.shape, clusters, records, compressor: compressor.transpose()? })
     }
 
-    /// Bytes that one thread takes at most to gather a block, beside the block itself.
+    /// Upper bound of the bytes that one thread takes to gather a block, beside the block itself.
     pub(crate) fn takes_bytes(job: &Job) -> u64 {
-        // Planes, tiles and contrasts as they come, and as bytes; before them what looks for contrasts.
+        // Planes, tiles and residual, as values and as bytes; before them the compressor that computes the residual.
         let looking = match Self::contrast_bytes(job) {
             0 => 0,
             bytes => Compressor::needs_bytes_for(job.shape, &contrast_settings()) + 2 * bytes,
@@ -67,8 +66,8 @@ impl DenoiseInputs {
         2 * Self::record_bytes(job) + looking
     }
 
-    /// Bytes that one thread takes at most to make a block of what was gathered of it and of its cleaned images, beside the block
-    /// itself.
+    /// Upper bound of the bytes that one thread takes to make a block from its record and its denoised images, beside
+    /// the block itself.
     pub(crate) fn spreads_bytes(job: &Job) -> u64 {
         let (rows, columns) = (job.shape.max_block_rows() as u64, job.shape.columns() as u64);
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
@@ -78,14 +77,14 @@ impl DenoiseInputs {
             0 => Self::record_bytes(job) + images,
             bytes => {
                 let rank = CONTRAST_RANK as u64 + 1;
-                // Both sides of the product, their energies in f64, and what keeps entries positive.
+                // Both factors of the product, their energies in f64, and the sums that keep entries positive.
                 let sides = 4 * (rows * (2 * clusters + rank) + columns * (clusters + 2 * rank));
                 Self::record_bytes(job) + bytes + images + sides + 24 * columns * rank + 8 * rows * clusters
             }
         }
     }
 
-    /// Bytes of what is gathered of a block at most, its single entries as many as are likely.
+    /// Upper bound of the bytes of a block's record, with as many sparse entries as are likely.
     fn record_bytes(job: &Job) -> u64 {
         let (planes, tiles) = Self::plane_and_tile_bytes(job);
         planes + tiles + Self::contrast_bytes(job)
@@ -99,7 +98,7 @@ impl DenoiseInputs {
         (BlockPlanes::fixed_bytes(u64::from(side).pow(2), clusters), 4 * tiles as u64)
     }
 
-    /// Bytes that the contrasts of a block are likely to take at most.
+    /// Likely upper bound of the bytes of a block's residual.
     pub(crate) fn contrast_bytes(job: &Job) -> u64 {
         let columns = job.shape.columns() as u64;
         if Clusters::of_basis(&job.basis).count() as u64 == columns {
@@ -108,8 +107,8 @@ impl DenoiseInputs {
         ClusterResidual::bytes(job.shape.max_block_rows() as u64, columns, CONTRAST_RANK as u64)
     }
 
-    /// Takes from each of these blocks what filtering needs of it. `make` puts a block into its target and says how much work that was,
-    /// in `work_unit`. What is there already is read.
+    /// Gathers the denoiser's inputs of these blocks. `make` fills a block and returns the amount of work, in
+    /// `work_unit`. Records that exist are read.
     ///
     /// # Errors
     /// A block without planes; those of `make` and of the disk; [`Error::Interrupted`] when the watch says so.
@@ -136,7 +135,7 @@ impl DenoiseInputs {
         Ok(total.into_inner().unwrap_or_else(|e| e.into_inner()))
     }
 
-    /// Takes from one block what filtering needs of it, unless it is there, and adds it to a tally; gives the work that it was.
+    /// Gathers the inputs of one block, unless they exist, and adds them to a tally; returns the amount of work.
     ///
     /// # Errors
     /// Those of [`gather`](Self::gather).
@@ -172,8 +171,8 @@ impl DenoiseInputs {
         Ok(work)
     }
 
-    /// Puts what was gathered of some rows of a rectangle of the image, which are those of whole blocks as far as they lie in it, where
-    /// cleaning wants it. Their blocks are read a few at a time.
+    /// Fills rows of a rectangle of the image with the gathered planes. The rows are those of whole blocks, as far as
+    /// they lie in the rectangle; blocks are read a few at a time.
     ///
     /// # Errors
     /// Those of the disk.
@@ -214,7 +213,7 @@ impl DenoiseInputs {
         Ok(self.parts(id, &bytes)?.decode(self.shape.rect(id), self.clusters))
     }
 
-    /// The parts of what was gathered of a block.
+    /// The parts of a block's record.
     pub(crate) fn parts<'a>(&self, id: BlockId, bytes: &'a [u8]) -> Result<EncodedInputs<'a>> {
         let rect = self.shape.rect(id);
         let tiles = tile_values(self.shape, rect, self.clusters as u64);
@@ -283,7 +282,7 @@ pub(crate) fn tile_values(shape: MatrixShape, rect: PixelRect, clusters: u64) ->
     CHANNELS * shape.columns() * tiles(rect.width) * tiles(rect.height)
 }
 
-/// What was gathered of a block for the file: light and variances as tracing rounds them, the rest as it is.
+/// Encodes the inputs of a block for the file: light and variances as tracing rounds them, the rest unchanged.
 fn encode(BlockInputs { planes, tiles, contrasts }: &BlockInputs) -> Vec<u8> {
     let light = || planes.direct.iter().chain(&planes.indirect).chain([&planes.feature_variance]);
     let halves = 2 * light().map(Vec::len).sum::<usize>();
@@ -306,7 +305,7 @@ fn add_to(tally: &mut GuideStatistics, planes: &BlockPlanes) {
     tally.add(planes.direct.each_ref().map(Vec::as_slice), planes.indirect.each_ref().map(Vec::as_slice));
 }
 
-/// What was gathered of a block, as the file has it ([`encode`]).
+/// The denoiser's inputs from one block, as encoded in the file ([`encode`]).
 pub(crate) struct EncodedInputs<'a> {
     halves: &'a [u8],
     features: &'a [u8],
@@ -316,7 +315,7 @@ pub(crate) struct EncodedInputs<'a> {
 }
 
 impl<'a> EncodedInputs<'a> {
-    /// None if there is too little of it.
+    /// `None` if the bytes are too few.
     fn of(bytes: &'a [u8], pixels: usize, clusters: usize, tiles: usize) -> Option<Self> {
         let light = pixels * CHANNELS * clusters;
         let (halves, rest) = bytes.split_at_checked(2 * (4 * light + FEATURE_PLANES * pixels))?;
@@ -331,7 +330,7 @@ impl<'a> EncodedInputs<'a> {
         self.emission.chunks_exact(size_of::<SeenEmission>()).map(bytemuck::pod_read_unaligned).collect()
     }
 
-    /// Puts what lies in `whole` into the rows of a window of it that the block stands in.
+    /// Copies the part inside `whole` into the rows of a window.
     fn put(&self, rect: PixelRect, whole: PixelRect, clusters: usize, strip: &mut DenoiserRows<'_>) {
         let light = 2 * CHANNELS * clusters;
         let plane = 2 * rect.pixels();
@@ -359,7 +358,8 @@ impl<'a> EncodedInputs<'a> {
     }
 }
 
-/// Puts the planes of a block, one after the other, into the rows of a window that it stands in: those of all planes row by row.
+/// Copies the planes of a block, which come one after the other, into rows of a window, in which all planes are
+/// interleaved by row.
 fn place<const BYTES: usize>(
     from: &[u8],
     (rect, whole): (PixelRect, PixelRect),

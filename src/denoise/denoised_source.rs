@@ -1,18 +1,19 @@
-//! Blocks → cleaned blocks: what compresses afterwards sees a matrix without grain.
+//! Denoising of a matrix: blocks in, denoised blocks out.
 //!
-//! Three steps, of which only the first has the blocks:
+//! There are three steps, of which only the first has the blocks:
 //!
-//! 1. *DenoiseInputs*: of each block, wherever it comes from, the planes go to a file: light of the clusters of columns in two
-//!    halves, features, emission seen.
-//! 2. *Filtering*, window by window over the whole image, with as much of the neighbourhood as the filter reads: the
-//!    images `D` of the clusters, cleaned. They do not know of blocks. Or the images come from a file, cleaned elsewhere.
-//! 3. *Spreading*, when a block is asked for: `T̂ = D R + C + E`, with the emission `E` as it is (Nyström's approximation, with
-//!    sums of columns as landmarks). `C` is what tells the columns of a cluster apart beside that, as far as it stands above its
-//!    noise ([`Contrasts`](crate::compress::Contrasts)): sharp shadows of single texels, small spots. In `R` each column has its cluster's image, scaled to its own share of the light: a texel
-//!    that lights more than its neighbours keeps its light, and no weight is negative. Beyond that `R` is fitted to what the
-//!    samples say of each column, tile by tile over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
+//! 1. *Gathering*: the planes of each block, wherever it comes from, go to a file. They are the light of the clusters
+//!    of columns in two halves, features, and emission seen by the camera.
+//! 2. *Filtering*: window by window, with the halo that the filter reads, the images `D` of the clusters are denoised.
+//!    Blocks play no part in it. Alternatively the images come from a file that another program denoised.
+//! 3. *Spreading*, when a block is asked for: `T̂ = D R + C + E`, with the emission `E` unchanged (Nyström's
+//!    approximation, with sums of columns as landmarks). `C` is the residual that tells the columns of a cluster apart,
+//!    as far as it is above its noise ([`Contrasts`](crate::compress::Contrasts)): sharp shadows of single texels,
+//!    small spots. In `R` each column starts from its cluster's image, scaled to its own share of the light. So a texel
+//!    brighter than its neighbours keeps its light, and no weight is negative. `R` is then fitted to the samples of
+//!    each column, by tiles over the whole image, as far as two halves of the tiles agree ([`MapFit`]).
 //!
-//! Nothing in it depends on the lighting, so images of `T̂` add up as those of `T` do.
+//! Nothing depends on the lighting, so images of `T̂` add up as those of `T` do.
 
 use std::ops::Range;
 use std::path::Path;
@@ -32,23 +33,23 @@ use crate::light::{Clusters, DenoiseErrors, Job, LightBasis};
 use crate::matrix::{BlockId, BlockPlanes, BlockSource, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, TracedBlock};
 use crate::resources::{Progress, ResourceEstimate, Threads};
 
-/// Memory that the rows of a window may take that are held at once; a window of one block is filtered whatever it takes.
+/// Memory limit for the rows of a window that are held at once. A window of one block is filtered in any case.
 const WINDOW_BYTES: u64 = 512 << 20;
 
-/// Blocks that are decoded side by side.
+/// Number of blocks decoded in parallel.
 const BLOCKS_AT_HAND: u64 = 4;
 
-/// A matrix whose images are cleaned, block by block.
+/// A matrix whose images are denoised, block by block.
 pub(crate) struct DenoisedSource {
     shape: MatrixShape,
     clusters: usize,
-    /// What is filtered one after the other, each from the top down, several blocks wide.
+    /// Windows of blocks, filtered one after the other, each from the top down.
     windows: Vec<Vec<BlockId>>,
-    /// Pixels around a window that its filter reads.
+    /// Radius, in pixels, that the filter reads around a window.
     halo: u32,
     /// `R`: clusters × columns, row-major; the identity until it is fitted.
     map: Vec<f32>,
-    /// Which column is in which cluster.
+    /// The cluster of each column.
     partition: Clusters,
     gathering: DenoiseInputs,
     images: ContinuationFile,
@@ -56,8 +57,9 @@ pub(crate) struct DenoisedSource {
 }
 
 impl DenoisedSource {
-    /// What packing a cleaned matrix takes, for each thread beside the block at hand: first blocks are made, which takes `making_bytes`
-    /// more, and gathered; then windows are filtered; then blocks are spread, and compressed, which takes `compressing_bytes`.
+    /// Memory for packing a denoised matrix, for each thread beside the current block. First blocks are made
+    /// (`making_bytes` more) and gathered; then windows are filtered; then blocks are spread and compressed
+    /// (`compressing_bytes` more).
     pub(crate) fn need(job: &Job, making_bytes: u64, compressing_bytes: u64) -> ResourceEstimate {
         let windows = window_blocks(job.shape, Clusters::of_basis(&job.basis).count());
         let stages = Self::need_of_windows(job, making_bytes, windows);
@@ -70,12 +72,12 @@ impl DenoisedSource {
         }
     }
 
-    /// The same of cleaning alone, with windows of so many blocks across.
+    /// Memory of denoising alone, with windows at most `blocks` blocks wide.
     pub(crate) fn need_of_windows(job: &Job, making_bytes: u64, blocks: u32) -> ResourceEstimate {
         let clusters = Clusters::of_basis(&job.basis).count();
         let gathering = making_bytes + DenoiseInputs::takes_bytes(job);
         ResourceEstimate {
-            // The map stays, and what looks for contrasts.
+            // The map, and the compressor that computes residuals.
             fixed_bytes: (size_of::<f32>() * job.shape.columns()) as u64
                 * (clusters as u64 + Compressor::COLUMN_VALUES),
             per_thread_bytes: gathering.max(DenoiseInputs::spreads_bytes(job)),
@@ -84,16 +86,16 @@ impl DenoisedSource {
         }
     }
 
-    /// Bytes that filtering and fitting take at most, with windows of so many blocks across.
+    /// Upper bound of the bytes of filtering and fitting, with windows at most `blocks` blocks wide.
     fn windows_need_bytes(job: &Job, blocks: u32) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let (planes, tiles) = DenoiseInputs::plane_and_tile_bytes(job);
-        // What the map is fitted with; planes and tiles of the blocks at hand.
+        // The sums of the fit; planes and tiles of the current blocks.
         let fit = if tiles > 0 { ColumnUpsampler::needs_bytes(clusters, job.shape.columns() as u64) } else { 0 };
         window_bytes(job.shape, blocks, clusters as usize) + BLOCKS_AT_HAND * (planes + 3 * tiles) + fit
     }
 
-    /// Bytes of disk that it takes.
+    /// Bytes of disk for the gathered planes and the images.
     fn disk_bytes(job: &Job) -> u64 {
         let clusters = Clusters::of_basis(&job.basis).count() as u64;
         let pixels = job.shape.rows() / CHANNELS as u64;
@@ -103,8 +105,8 @@ impl DenoisedSource {
         BlockPlanes::fixed_bytes(pixels, clusters) + pixels * (4 * CHANNELS as u64 * clusters + 64) + tiles + contrasts
     }
 
-    /// Opens the files for it beside `path`, those of an interrupted run of the same fingerprint where there are any. What was
-    /// gathered elsewhere comes as `shards`.
+    /// Opens the files beside `path`, and continues those of an interrupted run of the same fingerprint. `shards` has
+    /// the records that were gathered elsewhere.
     ///
     /// # Errors
     /// Those of the disk.
@@ -126,8 +128,8 @@ impl DenoisedSource {
         Self::over((windows, reach_in(shape).halo() as u32), job, path, (records, open(DENOISED)?))
     }
 
-    /// For these windows of the image alone, each as if the image ended at its rim. The files are gone with the process, however
-    /// that ends.
+    /// For windows of the image, each filtered as if the image ended at its border. The files are unlinked, so they
+    /// vanish with the process.
     ///
     /// # Errors
     /// Those of the disk.
@@ -137,7 +139,7 @@ impl DenoisedSource {
         let (path, shape) = (folder.path().join("pilot"), job.shape);
         let open = |name| open_spill(&with_suffix(&path, name), job.hash().0, shape.block_count(), false);
         let files = (Records::File(open(GATHERED)?), open(DENOISED)?);
-        // Without their names the files live as long as they are open.
+        // Unlinked files live as long as they are open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
         Self::over((windows, 0), job, &path, files)
     }
@@ -168,8 +170,8 @@ impl DenoisedSource {
         self.images.remove()
     }
 
-    /// Takes from each block what filtering needs of it, see [`DenoiseInputs::gather`]. Gives the number of blocks that an earlier run had
-    /// left.
+    /// Gathers the denoiser's inputs of each block, see [`Gathering::gather`]. Returns the number of blocks that an
+    /// earlier run had gathered.
     ///
     /// # Errors
     /// Those of [`DenoiseInputs::gather`].
@@ -208,7 +210,7 @@ impl DenoisedSource {
         done
     }
 
-    /// Takes images that were cleaned elsewhere, in place of filtering.
+    /// Takes images that were denoised elsewhere, instead of filtering.
     ///
     /// # Errors
     /// Those of reading the images and of the disk.
@@ -258,7 +260,7 @@ impl DenoisedSource {
         Ok(())
     }
 
-    /// Appends a block of what was cleaned, which begins at a pixel of the image, unless it is there.
+    /// Stores the denoised images of a block, whose origin in the image is (left, top), unless they are stored already.
     fn keep(&self, id: BlockId, (left, top): (u32, u32), cleaned: &DenoisedRows) -> Result<()> {
         if self.images.has(id.0) {
             return Ok(());
@@ -276,7 +278,7 @@ impl DenoisedSource {
         self.images.append(id.0, &[&bytes, bytemuck::bytes_of(&errors)])
     }
 
-    /// Fits the map from clusters to columns, where a cluster has several: after the images are cleaned.
+    /// Fits the map from clusters to columns, where a cluster has several: after the images are denoised.
     ///
     /// # Errors
     /// Those of the disk; [`crate::Error::Interrupted`] when the watch says so.
@@ -291,11 +293,11 @@ impl DenoisedSource {
         Ok(())
     }
 
-    /// What [`MapFit`] needs of all tiles.
+    /// The sums over all tiles from which [`MapFit`] follows.
     fn sum_tiles(&self, watch: &dyn Progress) -> Result<ColumnUpsampler> {
         let columns = self.shape.columns();
         let mut fit = ColumnUpsampler::new(self.clusters, columns);
-        // Where it is brighter than the mean errors count by their share, in the dark as they are.
+        // Errors count relatively in tiles brighter than the mean, and absolutely in darker ones.
         let mean = self.mean_light()?;
         let (mut of_images, mut of_columns) = (vec![0.0; self.clusters], vec![0.0; columns]);
         for id in self.blocks() {
@@ -318,13 +320,13 @@ impl DenoisedSource {
         Ok(fit)
     }
 
-    /// Means of tiles of the cleaned images of a block, clusters × channels × tiles.
+    /// Means of tiles of the denoised images of a block, clusters × channels × tiles.
     fn image_tiles(&self, id: BlockId) -> Result<Vec<f32>> {
         let rect = self.shape.rect(id);
         Ok(tile_means(&self.images_of(id)?, (rect.width as usize, rect.height as usize)))
     }
 
-    /// Mean over tiles and channels of the cleaned image with all columns on.
+    /// Mean over tiles and channels of the denoised image with all columns on.
     fn mean_light(&self) -> Result<f64> {
         let (mut sum, mut count) = (0.0, 0);
         for id in self.blocks() {
@@ -335,7 +337,7 @@ impl DenoisedSource {
         Ok(sum.max(0.0) / count.max(1) as f64)
     }
 
-    /// Share of each light in the mean of the cleaned image with all columns on.
+    /// Share of each light in the mean of the denoised image with all columns on.
     ///
     /// # Errors
     /// Those of the disk.
@@ -356,7 +358,7 @@ impl DenoisedSource {
         Ok(basis.lights().iter().map(|light| light.columns().map(of_column).sum::<f64>().max(0.0) / all).collect())
     }
 
-    /// What cleaning did to the whole picture; none where the images come from a file.
+    /// The errors of denoising over the whole image; `None` if the images came from a file.
     ///
     /// # Errors
     /// Those of the disk.
@@ -374,7 +376,7 @@ impl DenoisedSource {
         }))
     }
 
-    /// The cleaned images of a block as their file has them, and what cleaning did to them, where it was done here.
+    /// The stored bytes of a block's denoised images, and the error sums if they were denoised here.
     fn image_bytes(&self, id: BlockId) -> Result<(Vec<u8>, Option<ErrorSums>)> {
         let mut bytes = self.images.read(id.0)?;
         let images = 4 * self.shape.rect(id).rows() * self.clusters;
@@ -387,7 +389,7 @@ impl DenoisedSource {
         Ok((bytes, errors))
     }
 
-    /// The cleaned images of a block, clusters × channels × pixels.
+    /// The denoised images of a block, clusters × channels × pixels.
     fn images_of(&self, id: BlockId) -> Result<Vec<f32>> {
         Ok(self.image_bytes(id)?.0.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect())
     }
@@ -398,7 +400,7 @@ impl BlockSource for DenoisedSource {
         self.shape
     }
 
-    /// The cleaned block; of its planes only the emission.
+    /// Makes the denoised block; of its planes only the emission is filled.
     fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
         let rows = self.shape.rect(id).rows();
         let columns = self.shape.columns();
@@ -423,18 +425,18 @@ impl BlockSource for DenoisedSource {
     }
 }
 
-/// Ones where a cluster and a column have the same number.
+/// Ones where cluster and column have the same index.
 fn identity(clusters: usize, columns: usize) -> Vec<f32> {
     (0..clusters * columns).map(|i| if i / columns == i % columns { 1.0 } else { 0.0 }).collect()
 }
 
-/// Most blocks across a window.
+/// Largest number of blocks across a window.
 fn window_blocks(shape: MatrixShape, clusters: usize) -> u32 {
     let fits = |&blocks: &u32| window_bytes(shape, blocks, clusters) <= WINDOW_BYTES;
     (1..=shape.blocks_across()).rev().find(fits).unwrap_or(1)
 }
 
-/// The windows of an image, of so many blocks across and down at most.
+/// The windows of an image, at most so many blocks wide and high.
 pub(crate) fn windows_of(shape: MatrixShape, (most_across, most_down): (u32, u32)) -> Vec<Vec<BlockId>> {
     let (across, down) = (shape.blocks_across(), shape.blocks_down());
     let window = |rows: Range<u32>, columns: Range<u32>| -> Vec<BlockId> {
@@ -444,19 +446,19 @@ pub(crate) fn windows_of(shape: MatrixShape, (most_across, most_down): (u32, u32
     equal_parts(down, most_down).flat_map(in_row).collect()
 }
 
-/// As few parts of nearly equal length as there can be with at most `most` each.
+/// The fewest parts of nearly equal length that have at most `most` each.
 fn equal_parts(length: u32, most: u32) -> impl Iterator<Item = Range<u32>> {
     let count = length.div_ceil(most.max(1));
     let border = move |part: u32| (u64::from(part) * u64::from(length) / u64::from(count)) as u32;
     (0..count).map(move |part| border(part)..border(part + 1))
 }
 
-/// Memory of a window of so many blocks across.
+/// Bytes of a window this many blocks wide.
 fn window_bytes(shape: MatrixShape, blocks: u32, clusters: usize) -> u64 {
     let (reach, side) = (reach_in(shape), shape.block_side());
     let across = (u64::from(blocks) * u64::from(side) + 2 * reach.halo() as u64).min(u64::from(shape.width()));
     let bytes = across * Denoiser::bytes_across(reach, clusters, FEATURE_PLANES, side as usize);
-    // And what is kept beside it of other sizes, and of blocks that are decoded.
+    // Buffers of other sizes in the pool, and blocks being decoded.
     bytes + bytes / 10
 }
 

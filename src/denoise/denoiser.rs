@@ -1,4 +1,4 @@
-//! Denoiser of an image, or of a window of it, from the top down.
+//! Denoising of an image or a window of it, a strip of rows at a time from the top down.
 
 use std::ops::Range;
 
@@ -15,58 +15,58 @@ use super::row_stages::{Stage, Step};
 use super::shrinkage::mixed;
 use super::surfaces::Surfaces;
 
-/// Rows that are cleaned at once, at least.
+/// Least number of rows denoised in one step.
 const STEP: usize = 64;
 
-/// Rows of an image from one to another, to be filled: of each row the rows of all planes.
+/// Rows of the input, for the caller to fill. For each row of pixels come the rows of all planes.
 pub struct DenoiserRows<'a> {
-    /// Light that falls straight from emitters on what a pixel sees: two halves of the samples, of each all clusters, of each three
-    /// channels.
+    /// Light straight from emitters at the surface that a pixel sees. Planes are ordered by half of the samples, then
+    /// cluster, then channel.
     pub direct: &'a mut [f32],
-    /// All other light but emission seen.
+    /// All other light, without the emission seen by the camera. Ordered as `direct`.
     pub indirect: &'a mut [f32],
-    /// What a pixel sees, see `matrix::Feature`.
+    /// The features of each pixel, see `matrix::Feature`.
     pub features: &'a mut [f32],
-    /// Variances of those.
+    /// Variance of the mean of each feature.
     pub feature_variance: &'a mut [f32],
 }
 
-/// What [`Denoiser`] makes of some rows.
+/// The denoised rows of one step of [`Cleaning`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct DenoisedRows {
-    /// Three planes for each cluster, direct and indirect light together.
+    /// Three channels for each cluster, direct and indirect light added up.
     pub images: ImageRows,
     squares: ImageRows,
 }
 
 impl DenoisedRows {
-    /// The rows that were cleaned.
+    /// The range of rows that was denoised.
     pub fn rows(&self) -> Range<usize> {
         self.images.held()
     }
 
-    /// What cleaning did to a part of them.
+    /// Error estimates of a region of these rows.
     pub fn errors(&self, region: &Region) -> ErrorSums {
         ErrorSums::of(&self.images, &self.squares, region)
     }
 
-    /// Gives its memory back.
+    /// Returns the memory to the pool.
     pub fn keep_in(self, pool: &Pool) {
         pool.keep(self.images);
         pool.keep(self.squares);
     }
 }
 
-/// Images of clusters that are being cleaned, from the top of the image down: [`wants`](Self::wants) says which rows come next,
-/// [`strips`](Self::strips) takes them, [`clean`](Self::clean) gives what has been cleaned.
+/// A denoiser that works down an image: [`wants`](Self::wants) says which rows it needs next, [`strips`](Self::strips)
+/// lends them for filling, [`clean`](Self::clean) returns the denoised rows.
 ///
-/// Right for a region that is [`Reach::halo`] away from the image's rim, or where the image itself ends there; elsewhere there is
-/// anything.
+/// The result is valid in a region that is at least [`Reach::halo`] pixels away from the window's border, or ends where
+/// the image ends. Elsewhere it is unspecified.
 pub struct Denoiser<'a> {
     region: Region,
-    /// The rows that are cleaned next.
+    /// The rows that are denoised next.
     next: Range<usize>,
-    /// Rows are taken up to one of this multiple.
+    /// Block height in pixels; rows are asked for up to a multiple of it.
     block: usize,
     read: Input,
     direct: Direct<'a>,
@@ -75,21 +75,22 @@ pub struct Denoiser<'a> {
     pool: &'a Pool,
 }
 
-/// What is known of the image: light over the albedo, and features.
+/// The part of the input that is held: demodulated light, and features.
 struct Input {
     direct: ImageRows,
     indirect: ImageRows,
     features: ImageRows,
     feature_variance: ImageRows,
-    /// The row after the last that has come.
+    /// One past the last row that has been filled.
     end: usize,
-    /// How far around what is cleaned rows are read, and which are kept.
+    /// Which rows of light are read around a step, and which are held.
     light: Stage,
     of_features: Stage,
 }
 
 impl<'a> Denoiser<'a> {
-    /// Of a region of an image of pixels across and down, whose blocks are so high, with so many clusters and planes of features.
+    /// A denoiser of a region of an image. `block` is the height of its blocks in pixels; `clusters` and `features` are
+    /// counts.
     pub fn new(
         (size, block): ((usize, usize), usize),
         region: Region,
@@ -124,8 +125,7 @@ impl<'a> Denoiser<'a> {
         }
     }
 
-    /// Bytes that it takes at most for each column of pixels, with so many clusters and planes of features and blocks so high, where the
-    /// region begins at the top.
+    /// Upper bound of the bytes held for each pixel column, for a region that begins at the image's top.
     pub fn bytes_across(reach: FilterRadii, clusters: usize, features: usize, block: usize) -> u64 {
         let (step, light) = (step_of(block), reach.light(2 * 3 * clusters));
         let mixtures = mixture_planes(GUIDES.min(clusters));
@@ -133,10 +133,10 @@ impl<'a> Denoiser<'a> {
         let read = 2 * bytes(&light) + 2 * bytes(&reach.features(features));
         let held: u64 = reach.direct_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>()
             + reach.indirect_stages(light.planes, mixtures).all().iter().map(bytes).sum::<u64>();
-        // Rows come by whole blocks.
+        // Rows arrive in whole blocks.
         let more = 4 * block * (2 * light.planes + 2 * features);
-        // The mixed means, the cleaned images, terms of the risk in three steps; guides of some images alone, and what each is made of;
-        // the albedo.
+        // The mixed means, the denoised images, and the terms of the risk in three steps; the guides of several images
+        // filtered by themselves, and the terms of each; the albedo.
         let passing = 4
             * (step * (light.planes + light.planes / 2 + errors::PLANES + 9)
                 + per_image_filter::passing_rows(reach, step)
@@ -144,14 +144,14 @@ impl<'a> Denoiser<'a> {
         read + held + (more + passing) as u64
     }
 
-    /// The rows that it wants next, before anything can be cleaned; none where all is cleaned. The range is empty where it has all rows
-    /// already.
+    /// The rows that are needed before the next step can be denoised, or `None` at the end. The range is empty if they
+    /// are all here already.
     pub fn wants(&mut self) -> Option<Range<usize>> {
         let begin = self.next.end;
         if begin >= self.region.y.end {
             return None;
         }
-        // Up to a border of blocks.
+        // Ends at a border of blocks.
         let borders = (begin + step_of(self.block)).next_multiple_of(self.block);
         let borders = if borders - begin > step_of(self.block) { borders - self.block } else { borders };
         self.next = begin..borders.clamp(begin + 1, self.region.y.end);
@@ -172,7 +172,7 @@ impl<'a> Denoiser<'a> {
         Some(wanted)
     }
 
-    /// Rows that it wants, to be filled, cut before each of the borders but the first, which is where they begin.
+    /// Lends the rows for filling, as one strip for each border. `borders` are the first rows of the strips.
     pub fn strips(&mut self, rows: &Range<usize>, borders: &[usize]) -> Vec<DenoiserRows<'_>> {
         let Input { direct, indirect, features, feature_variance, .. } = &mut self.read;
         let light = direct.strips_mut(rows, borders).into_iter().zip(indirect.strips_mut(rows, borders));
@@ -188,7 +188,7 @@ impl<'a> Denoiser<'a> {
             .collect()
     }
 
-    /// Cleans the next rows, after those that it wanted, which these are, were filled.
+    /// Denoises the next rows, once the rows `came` that [`wants`](Self::wants) asked for are filled.
     pub fn clean(&mut self, came: &Range<usize>) -> DenoisedRows {
         let step = Step { region: &self.region, y: self.next.clone() };
         let part = step.part();
@@ -227,7 +227,7 @@ impl<'a> Denoiser<'a> {
 
 #[cfg(test)]
 impl Denoiser<'_> {
-    /// Bytes of all rows that are held.
+    /// Bytes of all rows held.
     fn held_bytes(&self) -> usize {
         let Input { direct, indirect, features, feature_variance, .. } = &self.read;
         let read = [direct, indirect, features, feature_variance, self.surfaces.rows()];
@@ -250,11 +250,11 @@ mod tests {
 
     const CLUSTERS: usize = 2;
     const REACH: FilterRadii = FilterRadii { stride: 3, far_step: None };
-    /// That, and those of larger images.
+    /// The radii of small, larger and large images.
     const REACHES: [FilterRadii; 3] =
         [REACH, FilterRadii { stride: 4, far_step: None }, FilterRadii { stride: 4, far_step: Some(12) }];
 
-    /// What is known of an image, all rows.
+    /// The complete input of an image.
     #[derive(Clone)]
     struct Window {
         direct: ImageRows,
@@ -263,7 +263,7 @@ mod tests {
         feature_variance: ImageRows,
     }
 
-    /// A floor and a wall that meet in the middle; cluster 1 lights the left third alone. Each half has noise of this size.
+    /// A floor and a wall that meet in the middle. Cluster 1 lights the left third only. `noise` is the σ of each half.
     fn room((width, height): (usize, usize), noise: f32) -> (Window, ImageRows) {
         let mut random = Pcg64Mcg::seed_from_u64(3);
         let rows = |planes| ImageRows::zeros(width, height, planes);
@@ -314,7 +314,7 @@ mod tests {
         mean
     }
 
-    /// In steps of blocks so high, with memory that others have used: of the image and of the squares all rows.
+    /// Denoises in steps of the given block height with a used pool. Returns all rows of the image and of the squares.
     fn clean_in_steps(
         window: &Window,
         region: &Region,
@@ -382,7 +382,7 @@ mod tests {
         assert!(after < before / 15.0, "{after} of {before}");
     }
 
-    /// What the halves say of noise and bias, against the truth.
+    /// Estimates of noise and bias from the two halves, against the truth.
     #[test]
     fn noise_and_bias_are_known_from_the_halves() {
         let (window, truth) = room((48, 40), 0.5);
@@ -393,7 +393,7 @@ mod tests {
         assert!((sums.noise_before / raw_error - 1.0).abs() < 0.1, "{sums:?}, not {raw_error}");
         let error = squared_error(&cleaned.images, &truth);
         let bias = (sums.changed - sums.noise_of_change).max(0.0);
-        // Of the noise that was there both are a small part, and so is the error of either.
+        // Both are a small part of the initial noise, and so is the error of either.
         assert!((sums.noise_after + bias - error).abs() < 0.02 * raw_error, "{sums:?}, not {error}");
         let halves = [0..20, 20..40].map(|y| cleaned.errors(&Region { x: 0..48, y }));
         let mut both = halves[0];
@@ -401,7 +401,7 @@ mod tests {
         assert!((both.light / sums.light - 1.0).abs() < 1e-9 && (both.changed / sums.changed - 1.0).abs() < 1e-9);
     }
 
-    /// What one image has of its own and the sum of all has not: the far pass averages it farther.
+    /// The far pass averages noise that one image has and the sum of all images has not.
     #[test]
     fn noise_of_single_images_is_less_with_a_far_pass() {
         let size = (160, 130);
@@ -432,7 +432,7 @@ mod tests {
         assert!(images.row(0, 30)[20] < 3.0, "a mean of 25.8 became {}", images.row(0, 30)[20]);
     }
 
-    /// It looks like a detail: the grain around it must not stay for that.
+    /// A firefly looks like a detail, but the noise around it must not stay because of it.
     #[test]
     fn a_firefly_of_both_halves_keeps_no_grain_around_it() {
         let (window, truth) = room((48, 40), 0.5);
@@ -441,7 +441,7 @@ mod tests {
         for plane in [0, 1, 2, 3 * CLUSTERS, 3 * CLUSTERS + 1, 3 * CLUSTERS + 2] {
             struck.indirect.row_mut(plane, 30)[36] += 15.0;
         }
-        // Light is even there: what neighbours differ by is grain.
+        // The light is uniform there, so differences of neighbours are noise.
         let grain = |window: Window| -> f32 {
             let images = clean(window, &truth.whole(), &guides).images;
             let pairs =
@@ -452,8 +452,8 @@ mod tests {
         assert!(with < 3.0 * without, "{with}, without the firefly {without}");
     }
 
-    /// Scales light, in each half of the samples of a pixel, by the first of two where it is the one in so many that chance takes, else by the
-    /// second.
+    /// Scales the light of a pixel, in each half of the samples: by `bright` with probability 1 / `one_in`, else by
+    /// `other`.
     fn in_few_samples(light: &mut ImageRows, seed: u64, one_in: u32, [bright, other]: [f32; 2]) {
         let mut random = Pcg64Mcg::seed_from_u64(seed);
         for y in 0..light.height() {
@@ -468,7 +468,7 @@ mod tests {
         }
     }
 
-    /// Half of the indirect light comes in a few bright samples: together they keep it.
+    /// Half of the indirect light comes in a few bright samples. Their sum must be kept.
     #[test]
     fn fireflies_are_spread_and_not_cut() {
         let (mut window, _) = room((48, 40), 0.3);
@@ -476,11 +476,11 @@ mod tests {
         let sum = |rows: &ImageRows| rows.values().iter().map(|&v| f64::from(v)).sum::<f64>();
         let before = sum(&raw(&window));
         let kept = sum(&clean_all(&window)) / before;
-        // Their own noise is 2 % of the sum.
+        // The noise of that sum itself is 2 %.
         assert!((0.96..1.04).contains(&kept), "{kept} of the light");
     }
 
-    /// All indirect light comes in one sample of some: the dark between them is no detail.
+    /// All indirect light comes in a few samples. The dark pixels between them are no detail.
     #[test]
     fn light_of_few_samples_is_averaged_everywhere() {
         let (mut window, truth) = room((96, 80), 0.0);
@@ -491,19 +491,20 @@ mod tests {
         }
     }
 
-    /// Direct light comes in one sample of some, as that of a sun among the texels of a sky: guides favour bright samples, and what they make
-    /// of them are no edges of the light.
+    /// Direct light comes in a few samples, like that of a sun among the texels of a sky. A guide favours bright
+    /// samples of its own half. The edges that this makes must not count as edges of the light.
     #[test]
     fn direct_light_of_few_samples_has_no_edges_of_its_own() {
         let (mut window, truth) = room((96, 80), 0.0);
         in_few_samples(&mut window.direct, 6, 6, [6.0, 0.0]);
         let error = squared_error(&clean_all(&window), &truth);
         let light = squared_error(&truth, &ImageRows::zeros(96, 80, 3 * CLUSTERS));
-        // 0.020; where both halves are weighed by the guides of all samples, 0.116.
+        // 0.020; if both halves were weighted by the guides of all samples, 0.116.
         assert!(error < 0.05 * light, "{error} of {light}");
     }
 
-    /// Through smooth glass, some samples of a pixel see what it mirrors, and no pixel has as many of them as the next.
+    /// Behind smooth glass a random part of a pixel's samples sees the reflection, and neighbours differ in how many
+    /// do.
     #[test]
     fn the_albedo_of_few_samples_brings_no_grain_back_through_glass() {
         let (mut window, truth) = room((48, 40), 0.0);
@@ -527,7 +528,7 @@ mod tests {
         assert!(found < 0.2 * without, "{found}, without glass {without}");
     }
 
-    /// Pixels on the edge of two surfaces, which see more of the one or of the other, may be averaged with both.
+    /// Pixels on the edge of two surfaces see parts of both, and may be averaged with either.
     #[test]
     fn the_edge_of_two_surfaces_keeps_no_grain() {
         let (mut window, _) = room((48, 40), 0.5);
@@ -554,7 +555,7 @@ mod tests {
         assert!(known < 0.5 * certain, "{known}, as one surface {certain}");
     }
 
-    /// A lamp's housing against a ceiling: what pixels on the edge see of black says nothing of the light on what is not.
+    /// A lamp's housing against a ceiling: the black part of a pixel on the edge says nothing of the light on the rest.
     #[test]
     fn what_is_black_takes_no_light_from_the_edge_beside_it() {
         let (mut window, mut truth) = room((48, 40), 1.0);
@@ -579,7 +580,7 @@ mod tests {
         assert!((0.97..1.03).contains(&kept), "{kept} of the edge's light");
     }
 
-    /// On an edge a pixel may see a bit of each surface, and be like none of its neighbours.
+    /// On an edge a pixel may see a small part of each surface, and be like none of its neighbours.
     #[test]
     fn a_pixel_like_no_other_does_not_keep_its_grain() {
         let (mut window, _) = room((48, 40), 0.3);
@@ -592,7 +593,7 @@ mod tests {
         assert!((found - beside).abs() < 2.0, "{found}, and {beside} beside it");
     }
 
-    /// A strip of mirror down the room, of which the samples know the albedo badly.
+    /// A vertical strip of mirror, whose albedo the samples know badly.
     fn mirrored(size: (usize, usize)) -> Window {
         let (mut window, _) = room(size, 0.5);
         for y in 0..size.1 {
@@ -612,7 +613,7 @@ mod tests {
                 let cleaned = clean_in_steps(&window, &window.features.whole(), &guides, (block, reach));
                 assert_eq!(cleaned, whole, "blocks of {block}, {reach:?}");
             }
-            // A part of it, from where what is around it lies within the image.
+            // A part of it whose surroundings lie within the image.
             let part = Region { x: 0..40, y: 150..200 };
             let cleaned = clean_in_steps(&window, &part, &guides, (32, reach));
             for y in part.y {
@@ -633,7 +634,7 @@ mod tests {
             let mut cleaning = Denoiser::new(((width, 500), block), window.features.whole(), 10, &guides, settings);
             let said = Denoiser::bytes_across(reach, CLUSTERS, 10, block) as usize * width;
             while let Some(wanted) = cleaning.wants() {
-                // Mirrors everywhere: what is made of their albedo is held as well.
+                // Mirrors everywhere, so that the filtered albedo is held as well.
                 cleaning.strips(&wanted, &[wanted.start]).into_iter().for_each(|strip| strip.features.fill(1.0));
                 let cleaned = cleaning.clean(&wanted);
                 cleaned.keep_in(&pool);
@@ -652,7 +653,7 @@ mod tests {
         let whole = clean(window.clone(), &window.features.whole(), &guides).images;
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         assert_eq!(pool.install(|| clean(window.clone(), &window.features.whole(), &guides).images), whole);
-        // Its right part, with as much around it as is needed.
+        // Its right part, with the halo it needs.
         let (inside, left) = (130, 130 - REACH.halo());
         let cut = |rows: &ImageRows| {
             let mut part = ImageRows::zeros(size.0 - left, size.1, rows.planes());

@@ -1,29 +1,28 @@
-//! What cleaning does to images, estimated from the two halves of their samples: the noise that goes, that which stays, and the
-//! bias that comes.
+//! Error estimates of denoising from the two halves of the samples: noise removed, noise left, and bias added.
 
 use super::image_rows::{ImageRows, Region};
 
-/// Planes that [`add_squares`] fills.
+/// Number of planes that [`add_squares`] fills.
 pub(super) const PLANES: usize = 4;
 
 /// Sums over pixels, channels and clusters of squares, from which [`CleaningErrors`](crate::light::CleaningErrors) follow.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct ErrorSums {
-    /// Of the cleaned images.
+    /// Squared light of the denoised images.
     pub light: f64,
-    /// The noise of the images before.
+    /// Squared noise of the input images.
     pub noise_before: f64,
-    /// The noise of the cleaned images.
+    /// Squared noise of the denoised images.
     pub noise_after: f64,
-    /// What was changed.
+    /// Squared difference between denoised and input images.
     pub changed: f64,
-    /// The noise of what was changed.
+    /// Squared noise of that difference.
     pub noise_of_change: f64,
 }
 
 impl ErrorSums {
-    /// Adds a part of the image.
+    /// Adds the sums of another part of the image.
     pub fn add(&mut self, part: &Self) {
         self.light += part.light;
         self.noise_before += part.noise_before;
@@ -32,7 +31,7 @@ impl ErrorSums {
         self.noise_of_change += part.noise_of_change;
     }
 
-    /// Of a region of images and of the squares that [`add_squares`] has summed for them.
+    /// The sums over a region of the denoised images and of the squares from [`add_squares`].
     pub(super) fn of(images: &ImageRows, squares: &ImageRows, region: &Region) -> Self {
         let sum = |rows: &ImageRows, plane: usize, of: fn(f64) -> f64| -> f64 {
             region.y.clone().flat_map(|y| &rows.row(plane, y)[region.x.clone()]).map(|&v| of(f64::from(v))).sum()
@@ -44,9 +43,9 @@ impl ErrorSums {
     }
 }
 
-/// Adds to the planes of `squares`, pixel by pixel over all images, what [`ErrorSums`] are made of: with `r` what was there and
-/// `s` what it became, of each two halves. The noise of a mean of two halves is half their difference, squared. Light that falls
-/// straight from emitters and other light are taken as independent.
+/// Adds the terms of [`ErrorSums`] of each pixel, summed over all images, to the planes of `squares`. `r` is the input
+/// and `s` the denoised image, each in two halves. The squared noise of a mean of two halves is the square of half
+/// their difference. Direct and indirect light are taken as independent.
 pub(super) fn add_squares(
     raw: &ImageRows,
     cleaned: &ImageRows,

@@ -1,4 +1,4 @@
-//! Images of clusters that another denoiser has made, read from an EXR.
+//! Export of the images that are denoised to an EXR, and import of the result of any other denoiser.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ use crate::image::{LayerPattern, LightRow, LightSet};
 use crate::light::{Clusters, Job};
 use crate::matrix::{CHANNELS, PixelRect};
 
-/// Begins the name of each layer; two or more digits follow, the number of the cluster.
+/// Prefix of layer names; two or more digits follow, the index of the cluster.
 pub(crate) const BASIS_LAYER: &str = "basis.";
 
-/// Cleaned images that a file brings.
+/// Denoised images from a file.
 pub(crate) struct ExternalImages {
     path: PathBuf,
     set: LightSet,
@@ -25,7 +25,7 @@ pub(crate) struct ExternalImages {
 }
 
 impl ExternalImages {
-    /// Looks at a file and checks that it has the images of this job.
+    /// Opens a file and checks that it has the images of this job.
     ///
     /// # Errors
     /// No EXR, another size, an image that is missing or not known.
@@ -67,7 +67,7 @@ impl ExternalImages {
         let (width, height) = (self.set.width as usize, self.set.height as usize);
         let mut values = vec![0.0f32; self.clusters.len() * CHANNELS * width * height];
         self.set.read(&mut |LightRow { image, channel, x, y, values: row }| {
-            // Beyond the clusters' comes the image under all lights, where the file has one.
+            // The layer after those of the clusters, if there is one, is the image under all lights.
             if let Some(cluster) = self.clusters.get(image) {
                 if row.iter().any(|value| !value.is_finite()) {
                     let place = format!("{}, layer {BASIS_LAYER}{cluster:02}, row {y}", self.path.display());

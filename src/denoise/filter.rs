@@ -1,4 +1,4 @@
-//! The stages that direct and indirect light are filtered in.
+//! The filter stages of direct and of indirect light.
 
 use pulp::Simd;
 
@@ -13,7 +13,7 @@ use super::pixel_tile::{PixelTile, TILE_PIXELS};
 use super::row_stages::{Stage, Step, Track};
 use super::surfaces::{Surfaces, SurfacesCut};
 
-/// Means of a stage, and how far they are.
+/// Filtered images of a stage, and how far down the image they are computed.
 struct StageMeans {
     rows: ImageRows,
     track: Track,
@@ -25,13 +25,13 @@ impl StageMeans {
         Self { rows, track }
     }
 
-    /// What is to be filled in a step.
+    /// The region to fill in a step.
     fn advance(&mut self, step: &Step<'_>) -> Region {
         self.track.advance(&mut self.rows, step)
     }
 }
 
-/// A guide of a stage, and how far it is.
+/// A guide of a stage, and how far down the image it is computed.
 struct HeldGuide {
     guide: Guide,
     reach: GuideReach,
@@ -60,10 +60,10 @@ impl HeldGuide {
 
 /// The stages of direct light.
 ///
-/// Each half of the samples is weighed by the filtered guides of the other half, which are made of nothing else: cross-filtering (Rousselle,
-/// Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*, which keeps two buffers for it). So no weight knows the
-/// noise of what it weighs. Else weights would favour bright samples of both halves at once, as those of a sun among the texels of a sky,
-/// and these would pass for edges of the light.
+/// Each half of the samples is weighted by the filtered guides of the other half, which use no samples of the first
+/// (cross-filtering: Rousselle, Knaus, Zwicker 2012, *Adaptive rendering with non-local means filtering*). So weights
+/// are independent of the noise that they weigh. Otherwise they would favour bright samples in both halves at once,
+/// such as those of a sun among the texels of a sky, and these would pass for edges of the light.
 pub(super) struct Direct<'a> {
     reach: FilterRadii,
     mix: &'a [f32],
@@ -98,19 +98,19 @@ impl<'a> Direct<'a> {
         }
     }
 
-    /// What comes out.
+    /// The filtered direct light.
     pub(super) fn means(&self) -> &ImageRows {
         &self.narrow.rows
     }
 
-    /// All rows that are held.
+    /// All rows held, for tests of memory.
     #[cfg(test)]
     pub(super) fn all_rows(&self) -> Vec<&ImageRows> {
         let means = [&self.mixtures, &self.pilot, &self.wide, &self.narrow].map(|held| &held.rows);
         means.into_iter().chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
-    /// Takes all stages as far as a step needs them.
+    /// Computes all stages as far as a step needs them.
     pub(super) fn advance(&mut self, light: &ImageRows, step: &Step<'_>, (surfaces, pool): (&Surfaces, &Pool)) {
         let region = self.mixtures.advance(step);
         fill_mixtures(light, self.mix, &region, &mut self.mixtures.rows);
@@ -139,7 +139,7 @@ pub(super) struct Indirect<'a> {
     guide: HeldGuide,
     wide: StageMeans,
     narrow: StageMeans,
-    /// One for each pass.
+    /// One for each pass of the filter of single images.
     alone: Vec<StageMeans>,
 }
 
@@ -168,12 +168,12 @@ impl<'a> Indirect<'a> {
         }
     }
 
-    /// What comes out.
+    /// The filtered indirect light.
     pub(super) fn means(&self) -> &ImageRows {
         &self.alone.last().unwrap_or(&self.narrow).rows
     }
 
-    /// All rows that are held.
+    /// All rows held, for tests of memory.
     #[cfg(test)]
     pub(super) fn all_rows(&self) -> Vec<&ImageRows> {
         let means = [&self.mixtures, &self.pilot_wide, &self.pilot, &self.wide, &self.narrow];
@@ -181,7 +181,7 @@ impl<'a> Indirect<'a> {
         means.chain([&self.raw_guide, &self.guide].map(|held| held.guide.rows())).collect()
     }
 
-    /// Takes all stages as far as a step needs them.
+    /// Computes all stages as far as a step needs them.
     pub(super) fn advance(&mut self, light: &ImageRows, step: &Step<'_>, seen: (&Surfaces, &Pool)) {
         let (surfaces, pool) = seen;
         let region = self.mixtures.advance(step);
@@ -207,7 +207,7 @@ impl<'a> Indirect<'a> {
     }
 }
 
-/// A wide filter, which may pass pixels over, then a narrow one that reads all.
+/// A wide filter, which may read a subset of the pixels, then a narrow one that reads all.
 fn wide_then_narrow(
     (light, (wide, narrow)): (&ImageRows, (&mut StageMeans, &mut StageMeans)),
     step: &Step<'_>,
@@ -222,11 +222,11 @@ fn wide_then_narrow(
     alike.means(&wide.rows, of_narrow, slope).fill(&region, &mut narrow.rows);
 }
 
-/// Weights by the guide, by what is seen, and by the distance within a radius.
+/// Neighbour weights from the guide, the features and the spatial distance within a radius.
 struct CommonWeights<'a> {
     surfaces: &'a Surfaces,
     guide: &'a Guide,
-    /// Whether each half of the samples is weighed by the guides of the other half, in place of its own.
+    /// Whether each half of the samples is weighted by the guides of the other half instead of its own.
     crossed: bool,
     widths: GuideWidths,
     radius: Option<usize>,

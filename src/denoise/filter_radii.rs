@@ -1,4 +1,4 @@
-//! How far filtering reaches.
+//! Filter radii.
 
 use super::albedo;
 use super::constants::*;
@@ -9,18 +9,17 @@ use super::row_stages::Stage;
 use super::shrinkage::RISK_REACH;
 use super::surfaces;
 
-/// How far the wide filter of indirect light reaches, and with it all filtering: farther in larger images, where the same surface has
-/// more pixels.
+/// Filter radii for an image size. Larger images have larger radii, since a surface covers more pixels in them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FilterRadii {
-    /// The wide filter reads every so many pixels across and down.
+    /// Stride, in pixels, of the wide filter of indirect light.
     pub(super) stride: usize,
-    /// Pixels of a step of the far pass of each image by itself, which only large images have.
+    /// Step, in pixels, of the far pass of the filter of single images. `None` in images that have no far pass.
     pub(super) far_step: Option<usize>,
 }
 
 impl FilterRadii {
-    /// That for an image of this size in pixels.
+    /// The radii for an image of this size in pixels.
     pub fn of_image(width: u32, height: u32) -> Self {
         let side = (f64::from(width) * f64::from(height)).sqrt();
         let far_step = ((side / SIDE_OF_FAR_STEP).round() as usize).min(FAR_STEP.1);
@@ -34,7 +33,7 @@ impl FilterRadii {
         self.stride > INDIRECT_STRIDE.0
     }
 
-    /// What the filter of direct light reads.
+    /// Offsets of the filter of direct light.
     pub(super) fn direct(self) -> Offsets {
         if self.is_far() {
             Offsets::disc(DIRECT_WIDE * self.stride, self.stride)
@@ -43,28 +42,28 @@ impl FilterRadii {
         }
     }
 
-    /// What the filter after that reads, which is there where the first passes pixels over.
+    /// Offsets of the narrow filter after it. It is used where the first one passes pixels over.
     pub(super) fn direct_narrow(self) -> Offsets {
         Offsets::disc(if self.is_far() { DIRECT_NARROW } else { 0 }, 1)
     }
 
-    /// What the filter of the guides of direct light reads.
+    /// Offsets of the filter of the guides of direct light.
     pub(super) fn direct_pilot(self) -> Offsets {
         let radius = DIRECT_PILOT * self.stride / INDIRECT_STRIDE.0;
         Offsets::thinned(radius, DIRECT_DENSE, if self.is_far() { 5 } else { 2 })
     }
 
-    /// What the wide filter of indirect light reads.
+    /// Offsets of the wide filter of indirect light.
     pub(super) fn wide(self) -> Offsets {
         Offsets::disc(INDIRECT_WIDE * self.stride, self.stride)
     }
 
-    /// What the narrow one after it reads.
+    /// Offsets of the narrow filter after it.
     pub(super) fn narrow(self) -> Offsets {
         Offsets::disc(INDIRECT_NARROW, 1)
     }
 
-    /// How each image of indirect light is filtered by itself, one pass after the other.
+    /// The passes of the filter of single images of indirect light, in order.
     pub(super) fn alone(self) -> Vec<Pass> {
         let pass = |steps, step, noise| Pass { offsets: Offsets::disc(steps * step, step), noise };
         match self.far_step {
@@ -75,12 +74,12 @@ impl FilterRadii {
         }
     }
 
-    /// Pixels around a region that what comes out of it depends on.
+    /// Radius, in pixels, within which the result of a region depends on the input.
     pub fn halo(self) -> usize {
         self.light(0).reach
     }
 
-    /// What is read: light of so many planes, of either kind.
+    /// Which rows of light are read and held, for `planes` planes of direct or indirect light.
     pub(super) fn light(self, planes: usize) -> Stage {
         let (direct, indirect) = (self.direct_stages(planes, 0), self.indirect_stages(planes, 0));
         let halo = direct.mixtures.reach.max(indirect.mixtures.reach);
@@ -93,13 +92,13 @@ impl FilterRadii {
         Stage::new(planes, halo, &readers)
     }
 
-    /// What is read of features, and of their variance: for surfaces, and the albedo of light that comes in and goes out.
+    /// Which rows of features, or of their variance, are read and held: for feature distances and for the albedo.
     pub(super) fn features(self, planes: usize) -> Stage {
         let halo = self.halo();
         Stage::new(planes, halo, &[(halo, 0), (self.indirect_stages(0, 0).surfaces.reach, 1), (0, albedo::READ)])
     }
 
-    /// The stages of direct light of so many planes, which make so many of mixtures.
+    /// The stages of direct light. `planes` and `mixtures` are numbers of planes.
     pub(super) fn direct_stages(self, planes: usize, mixtures: usize) -> DirectStages {
         let [of_wide, of_narrow, of_pilot] =
             [self.direct(), self.direct_narrow(), self.direct_pilot()].map(|offsets| offsets.radius());
@@ -109,7 +108,7 @@ impl FilterRadii {
         let pilot = guide + FILTERED.read();
         let raw_guide = pilot + of_pilot;
         let all = raw_guide + RAW.read();
-        // Those of each half, their noise and their squares.
+        // The guides of each half, their noise and their squares.
         let guides = mixtures + 2;
         DirectStages {
             mixtures: Stage::new(mixtures, all, &[(raw_guide, RAW.read()), (pilot, of_pilot)]),
@@ -121,7 +120,7 @@ impl FilterRadii {
         }
     }
 
-    /// The stages of indirect light.
+    /// The stages of indirect light. `planes` and `mixtures` are numbers of planes.
     pub(super) fn indirect_stages(self, planes: usize, mixtures: usize) -> IndirectStages {
         let (of_wide, of_narrow) = (self.wide().radius(), self.narrow().radius());
         let passes = self.alone();
@@ -155,7 +154,7 @@ impl FilterRadii {
                 let of_passes = alone.iter().zip(&passes).map(|(stage, pass)| (stage.reach, pass.offsets.radius()));
                 let mut readers: Vec<_> = of_passes.collect();
                 readers.extend([(raw_guide, 0), (direct.wide.reach, self.direct().radius()), (0, albedo::READ)]);
-                // Whoever weighs neighbours reads both pixels.
+                // Both pixels of a comparison are read.
                 Stage::new(surfaces::PLANES, raw_guide, &readers)
             },
             alone,
@@ -163,12 +162,12 @@ impl FilterRadii {
     }
 }
 
-/// Reaches of guides: of raw light; of filtered light, compared patch by patch, and pixel by pixel.
+/// Radii of guides: of raw light, of filtered light compared by patches, and of filtered light compared by pixels.
 pub(super) const RAW: GuideReach = GuideReach { noise: RAW_NOISE_REACH, patch: PATCH };
 pub(super) const FILTERED: GuideReach = GuideReach { noise: FILTERED_NOISE_REACH, patch: PATCH };
 pub(super) const FILTERED_PIXELS: GuideReach = GuideReach { noise: FILTERED_NOISE_REACH, patch: 0 };
 
-/// The stages that direct light goes through; what is mixed in the end is not held.
+/// Row ranges of the stages of direct light. The final mix holds no rows.
 pub(super) struct DirectStages {
     pub(super) mixtures: Stage,
     pub(super) raw_guide: Stage,
@@ -185,7 +184,7 @@ impl DirectStages {
     }
 }
 
-/// The stages that indirect light goes through, and what all weights need of surfaces.
+/// Row ranges of the stages of indirect light, and of the features that all weights use.
 pub(super) struct IndirectStages {
     pub(super) mixtures: Stage,
     pub(super) raw_guide: Stage,
@@ -194,7 +193,7 @@ pub(super) struct IndirectStages {
     pub(super) guide: Stage,
     pub(super) wide: Stage,
     pub(super) narrow: Stage,
-    /// One for each pass.
+    /// One for each pass of the filter of single images.
     pub(super) alone: Vec<Stage>,
     pub(super) surfaces: Stage,
 }

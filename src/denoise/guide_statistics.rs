@@ -1,4 +1,4 @@
-//! Which mixtures of the clusters' images tell pixels apart best, learnt from all blocks in any order.
+//! Second moments of the cluster images, and the guides that follow from them. Blocks may be added in any order.
 
 use faer::linalg::solvers::SelfAdjointEigen;
 use faer::{Mat, Side};
@@ -8,11 +8,11 @@ use super::constants::GUIDES;
 /// Colour channels of each image.
 const CHANNELS: usize = 3;
 
-/// Sums are kept in units of this, as integers, so that they do not depend on the order of blocks.
+/// Fixed-point unit of the sums. Integers make them independent of the order of blocks.
 const UNIT: f64 = 1.0 / (1u64 << 30) as f64;
 
-/// Second moments of the clusters' images over pixels, each pixel scaled to the same brightness, between the two halves of
-/// the samples: the noise of one half does not show in the other.
+/// Second moments of the cluster images over pixels, with each pixel scaled to the same brightness. Products are taken
+/// between the two halves of the samples, so that noise does not bias them.
 #[derive(Clone, Debug)]
 pub struct GuideStatistics {
     clusters: usize,
@@ -42,23 +42,22 @@ impl Guides {
 }
 
 impl GuideStatistics {
-    /// Of nothing yet.
+    /// No pixels yet.
     pub fn new(clusters: usize) -> Self {
         let moments = Moments { products: vec![0; clusters * clusters], sums: vec![0; clusters] };
         Self { clusters, direct: moments.clone(), indirect: moments }
     }
 
-    /// Adds some pixels: two halves of direct and of indirect light, of each all clusters, of each three channels, of each
-    /// the pixels.
+    /// Adds pixels: two halves of direct and of indirect light, each ordered by cluster, then channel, then pixel.
     pub fn add(&mut self, direct: [&[f32]; 2], indirect: [&[f32]; 2]) {
         self.direct.add(direct, self.clusters);
         self.indirect.add(indirect, self.clusters);
     }
 
-    /// Adds what another has seen.
+    /// Adds the sums of another tally.
     ///
     /// # Panics
-    /// If that is of another number of clusters.
+    /// If the numbers of clusters differ.
     pub fn merge(&mut self, other: &Self) {
         assert_eq!(self.clusters, other.clusters);
         for (into, from) in [(&mut self.direct, &other.direct), (&mut self.indirect, &other.indirect)] {
@@ -67,7 +66,7 @@ impl GuideStatistics {
         }
     }
 
-    /// The guides that follow.
+    /// The guides of the pixels added so far.
     pub fn guides(&self) -> Guides {
         let [direct, indirect] = [&self.direct, &self.indirect].map(|moments| moments.guides(self.clusters));
         Guides { clusters: self.clusters, direct, indirect }
@@ -79,7 +78,7 @@ impl Moments {
         let pixels = halves[0].len() / (CHANNELS * clusters);
         let mut products = vec![0.0f64; clusters * clusters];
         let mut sums = vec![0.0f64; clusters];
-        // Pixel by pixel, sums over channels: of all clusters in one half, then in the other.
+        // For each pixel, summed over channels: all clusters in one half, then in the other.
         let mut light = vec![0.0f64; 2 * clusters * pixels];
         for (half, images) in halves.iter().enumerate() {
             for (cluster, channels) in images.chunks_exact((CHANNELS * pixels).max(1)).enumerate() {
@@ -107,7 +106,7 @@ impl Moments {
         self.sums.iter_mut().zip(sums).for_each(|(sum, v)| *sum += whole(v));
     }
 
-    /// Principal components of the images, each image scaled to the same mean.
+    /// Principal components of the images, with each image scaled to the same mean.
     fn guides(&self, clusters: usize) -> Vec<f32> {
         let scale: Vec<f64> =
             self.sums.iter().map(|&sum| if sum > 0 { 1.0 / (sum as f64 * UNIT) } else { 0.0 }).collect();
@@ -120,7 +119,7 @@ impl Moments {
         let guides = GUIDES.min(clusters);
         let component = |guide: usize| {
             let vector = eigen.U().col(clusters - 1 - guide);
-            // One scale for all: the first cluster's share of the light.
+            // One common scale: the first cluster's share of the light.
             (0..clusters).map(|c| (vector[c] * scale[c] * clusters as f64) as f32).collect::<Vec<_>>()
         };
         (0..guides).flat_map(component).collect()

@@ -1,4 +1,4 @@
-//! A few images that stand for all: what pixels are compared by.
+//! Guides: a few images that represent all, by which pixels are compared.
 
 use pulp::Simd;
 
@@ -7,24 +7,25 @@ use super::image_rows::{ImageRows, Pool, Region};
 use super::kernel::Offset;
 use super::pixel_tile::{PixelTile, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TileWindow, load, whole_vectors};
 
-/// Guides that say how the first of them is coloured.
+/// Number of planes for the chroma of the first guide.
 const COLOURS: usize = 2;
 
-/// Guides of each part, then over the patch around each pixel the mean of the sum of their variances, and of that of their squares.
+/// The guides of each part. Two more planes hold the sum of their variances, averaged over the patch around each pixel,
+/// and that of their squares.
 pub(super) struct Guide {
     rows: ImageRows,
     of: GuideOf,
-    /// Of a part.
+    /// Number of guides of a part.
     guides: usize,
     patch: usize,
 }
 
-/// What guides are made of.
+/// Which samples guides are computed from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum GuideOf {
-    /// All samples.
+    /// All samples: one part.
     All,
-    /// Each half of the samples: two parts.
+    /// Each half of the samples by itself: two parts.
     EachHalf,
 }
 
@@ -38,13 +39,13 @@ impl GuideOf {
 }
 
 pub(super) struct GuideWidths {
-    /// Of the noise: larger averages more.
+    /// Range-weight width in units of the noise's σ. A larger width averages more.
     pub(super) noise: f32,
-    /// Of the value itself: relative differences below this are none.
+    /// Relative differences of values below this count as none.
     pub(super) relative: f32,
 }
 
-/// Pixels to each side of a guide's: of the squares over which its noise is a mean, and of the patches that are compared.
+/// Radii, in pixels: of the box over which a guide's noise is averaged, and of the patches that are compared.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct GuideReach {
     pub(super) noise: usize,
@@ -52,29 +53,29 @@ pub(super) struct GuideReach {
 }
 
 impl GuideReach {
-    /// Pixels around those that are compared of which the halves are read.
+    /// Radius, in pixels, within which the halves are read around pixels that are compared.
     pub(super) fn read(self) -> usize {
         self.noise + self.patch
     }
 }
 
 impl Guide {
-    /// Without any pixels yet, in rows of `guides + 2` planes, or `2 · guides + 2` of each half.
+    /// A guide without any pixels yet. Rows have `guides + 2` planes, or `2 · guides + 2` for guides of each half.
     pub(super) fn over(rows: ImageRows, patch: usize, of: GuideOf) -> Self {
         let guides = (rows.planes() - 2) / of.parts();
         Self { rows, of, guides, patch }
     }
 
-    /// Which parts there are.
+    /// Which samples it is computed from.
     pub(super) fn of(&self) -> GuideOf {
         self.of
     }
 
-    /// Makes ready to compare the pixels of a region, from two halves, one after the other in `halves`: their mean or each of them, and the
-    /// variance of that. The rows of the patches around them must be held.
+    /// Fills the guides of a region. `halves` has two halves, one after the other. A guide is their mean or each of
+    /// them, with the variance of that. The rows of the patches around the region must be held.
     pub(super) fn fill(&mut self, halves: &ImageRows, reach: GuideReach, region: &Region, pool: &Pool) {
         let (of, guides) = (self.of, self.guides);
-        // Of the mean, and of a half.
+        // Variance from the squared difference of the halves: of their mean, and of one half.
         let of_square = 0.25 * of.parts() as f32;
         let pairs = |y: usize, plane: usize, region: &Region| {
             let [a, b] = [plane, guides + plane].map(|plane| &halves.row(plane, y)[region.x.clone()]);
@@ -103,7 +104,7 @@ impl Guide {
             None => {
                 out.iter_mut().zip(pairs(y, plane, &patches)).for_each(|(o, (a, b))| *o = 0.5 * (a + b));
             }
-            // Those of rows that are done stay.
+            // Rows that are complete are kept.
             Some(term) if region.y.contains(&y) => {
                 out.copy_from_slice(&of_patches[term].row(0, y)[patches.x.clone()]);
             }
@@ -126,7 +127,7 @@ impl Guide {
         self.rows
     }
 
-    /// Makes `around` what a tile's neighbours are compared by in a part.
+    /// Fills `around` with the guides of one part that the neighbours of a tile are compared by.
     pub(super) fn cut(&self, part: usize, tile: PixelTile, reach: usize, around: &mut GuideCut) {
         (around.guides, around.patch) = (self.guides, self.patch);
         let noise = self.of.parts() * self.guides;
@@ -141,12 +142,13 @@ pub(super) struct GuideCut {
     cut: TileWindow,
     guides: usize,
     patch: usize,
-    /// Squared differences of the tile and what its patches reach, row by row.
+    /// Squared differences for the tile and the patches around its pixels, row by row.
     squares: Vec<f32>,
 }
 
 impl GuideCut {
-    /// The sum over guides of the squared differences of the patches around both pixels, less their noise, over the noise.
+    /// The squared distance of the patches around two pixels, summed over guides, less its noise, in units of the
+    /// noise.
     #[inline(always)]
     pub(super) fn distances<S: Simd>(
         &mut self,
@@ -161,7 +163,7 @@ impl GuideCut {
         for (row, squares) in self.squares.chunks_exact_mut(length).enumerate() {
             let begin = (-patch, row as isize - patch);
             self.cut.squared_differences(simd, self.guides, begin, (across, down), squares);
-            // Sums across, each in the place of its first term.
+            // Sums along rows; each replaces its first term.
             for x in (0..TILE_WIDTH).step_by(S::F32_LANES) {
                 let mut sum = load::<S>(squares, x);
                 for next in x + 1..x + side {
@@ -174,7 +176,7 @@ impl GuideCut {
         let noise = simd.splat_f32s(widths.noise * widths.noise);
         let relative = simd.splat_f32s(widths.relative * widths.relative);
         let least = simd.splat_f32s(1e-12);
-        // No closures: they would not be compiled for the vectors of the machine.
+        // No closures: these would not be compiled for the chosen instruction set.
         let values = self.cut.values();
         let (noise_plane, plane) = (self.guides * self.cut.plane_length(), self.cut.plane_length());
         for (row, out) in out.chunks_exact_mut(TILE_WIDTH).enumerate() {
@@ -197,8 +199,8 @@ impl GuideCut {
     }
 }
 
-/// Mixtures of the clusters' images, summed over channels, of each half: `mix` is clusters × guides, guide by guide. Two more
-/// say how the first of them is coloured: red and blue less green, [`CHROMA`] times.
+/// Mixtures of the clusters' images, summed over channels, for each half. `mix` is clusters × guides, guide by guide.
+/// Two more planes hold the chroma of the first: red and blue less green, times [`CHROMA`].
 pub(super) fn fill_mixtures(halves: &ImageRows, mix: &[f32], region: &Region, images: &mut ImageRows) {
     let clusters = halves.planes() / 6;
     let guides = mix.len() / clusters;
@@ -218,15 +220,15 @@ pub(super) fn fill_mixtures(halves: &ImageRows, mix: &[f32], region: &Region, im
     });
 }
 
-/// Planes of so many mixtures, and of those that say how the first is coloured: two halves.
+/// Number of planes of `mixtures` guides with the chroma of the first, for two halves.
 pub(super) fn mixture_planes(mixtures: usize) -> usize {
     2 * (mixtures + COLOURS)
 }
 
-/// Weights from distances.
+/// Turns distances into weights.
 #[inline(always)]
 pub(super) fn weights(distances: &mut [f32]) {
-    // (1 − d/8)⁸ is near exp(−d) and needs no table; far distances count nothing.
+    // (1 − d/8)⁸ approximates exp(−d) without a table, and is 0 from d = 8 on.
     for d in distances {
         let base = (1.0 - d.max(0.0) * 0.125).max(0.0);
         let square = base * base;

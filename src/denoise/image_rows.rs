@@ -1,12 +1,12 @@
-//! Images in rows: for each row of pixels, the row of every plane.
+//! Images stored by rows: for each row of pixels the rows of all planes.
 
 use std::cell::RefCell;
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-/// Planes of one size, of which some rows of pixels are held, stored row by row: with `f` the first row that is held, row `y` of
-/// plane `p` begins at `((y − f) · planes + p) · width`.
+/// Planes of one size of which a range of rows is held, row by row. If `f` is the first row held, row `y` of plane `p`
+/// begins at `((y − f) · planes + p) · width`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImageRows {
     width: usize,
@@ -16,7 +16,8 @@ pub struct ImageRows {
     values: Vec<f32>,
 }
 
-/// Memory of images that are done with, for the next of about their size: the system takes its time to give new pages.
+/// A pool of buffers of finished images, reused for images of about their size, since fresh memory from the system is
+/// slow.
 #[derive(Debug, Default)]
 pub struct Pool(RefCell<Vec<Vec<f32>>>);
 
@@ -30,7 +31,7 @@ pub struct Region {
 }
 
 impl Region {
-    /// What of the image lies within `reach` of the region.
+    /// The region grown by `reach` pixels to each side, clipped to the image.
     pub(super) fn grown(&self, reach: usize, image: &ImageRows) -> Self {
         let grow = |range: &Range<usize>, size: usize| range.start.saturating_sub(reach)..(range.end + reach).min(size);
         Self { x: grow(&self.x, image.width), y: grow(&self.y, image.height) }
@@ -38,7 +39,7 @@ impl Region {
 }
 
 impl Pool {
-    /// Planes of an image of the same size, of which these rows are held, with any values.
+    /// Planes of the size of `image` with the rows `held`. The values are unspecified.
     pub(super) fn rows_like(&self, image: &ImageRows, planes: usize, held: Range<usize>) -> ImageRows {
         let (width, height) = (image.width, image.height);
         let length = width * held.len() * planes;
@@ -52,7 +53,7 @@ impl Pool {
             values.resize(length, 0.0);
             values
         } else {
-            // One that is too small by less makes room.
+            // Otherwise one that is too small by less than half is grown.
             if let Some(small) = find(&kept, length.div_ceil(2)..length) {
                 kept.swap_remove(small);
             }
@@ -61,13 +62,13 @@ impl Pool {
         ImageRows { width, height, planes, first: held.start, values }
     }
 
-    /// Bytes that are kept.
+    /// Bytes in the pool.
     #[cfg(test)]
     pub(super) fn bytes(&self) -> usize {
         self.0.borrow().iter().map(|kept| 4 * kept.capacity()).sum()
     }
 
-    /// Keeps the memory of an image that is done with.
+    /// Returns the memory of a finished image to the pool.
     pub fn keep(&self, rows: ImageRows) {
         self.0.borrow_mut().push(rows.values);
     }
@@ -79,12 +80,12 @@ impl ImageRows {
         Self { width, height, planes, first: 0, values: vec![0.0; width * height * planes] }
     }
 
-    /// Planes of which no row is held yet, and room for so many.
+    /// Planes of which no row is held yet, with capacity for `room` values.
     pub(super) fn none_yet((width, height): (usize, usize), planes: usize, room: usize) -> Self {
         Self { width, height, planes, first: 0, values: Vec::with_capacity(width * planes * room.min(height)) }
     }
 
-    /// Bytes of its room.
+    /// Bytes of its capacity.
     #[cfg(test)]
     pub(super) fn room_bytes(&self) -> usize {
         4 * self.values.capacity()
@@ -95,7 +96,7 @@ impl ImageRows {
         self.first..self.first + self.values.len() / (self.planes * self.width).max(1)
     }
 
-    /// Holds these rows, of which those that are new have any values, and forgets all before them.
+    /// Holds these rows and drops all before them. The values of new rows are unspecified.
     pub(super) fn hold(&mut self, rows: Range<usize>) {
         let row = self.planes * self.width;
         if self.values.is_empty() {
@@ -138,7 +139,7 @@ impl ImageRows {
         &mut self.values[begin..][..self.width]
     }
 
-    /// Where in the values a row of a plane begins.
+    /// Index of the first value of a row of a plane.
     #[inline(always)]
     pub(super) fn begin_of(&self, plane: usize, y: usize) -> usize {
         ((y - self.first) * self.planes + plane) * self.width
@@ -154,7 +155,7 @@ impl ImageRows {
         &mut self.values
     }
 
-    /// Fills rows of all planes by a function of the row, with all threads.
+    /// Fills rows of all planes by a function of the row, on all threads.
     pub(super) fn fill_whole_rows(&mut self, rows: &Range<usize>, fill: impl Fn(usize, &mut [f32]) + Sync) {
         let row = self.planes * self.width;
         if row > 0 && !rows.is_empty() {
@@ -164,8 +165,8 @@ impl ImageRows {
         }
     }
 
-    /// Fills a region tile by tile by a function of where each begins, with all threads. It is given the pixels of the tile, of
-    /// each row of pixels the rows of all planes, and memory that it may leave as it likes for the next tile.
+    /// Fills a region tile by tile, on all threads. The function gets the tile's origin, its pixels (for each row of
+    /// pixels the rows of all planes), and scratch memory that is passed on to the next tile.
     pub(super) fn fill_tiles<T: Default + Send>(
         &mut self,
         region: &Region,
@@ -191,8 +192,8 @@ impl ImageRows {
         tiles.into_par_iter().for_each_init(T::default, |memory, (begin, rows)| fill(memory, begin, rows));
     }
 
-    /// Fills each row of all planes in a region by a function of the row and the plane, with all threads. It is given those
-    /// pixels of the row that lie in the region, all zero.
+    /// Fills each row of each plane in a region by a function of the row and the plane, on all threads. The function
+    /// gets the row's pixels in the region, all zero.
     pub(super) fn fill_rows(&mut self, region: &Region, fill: impl Fn(usize, usize, &mut [f32]) + Sync) {
         self.change_rows(region, |y, plane, out| {
             out.fill(0.0);
@@ -200,12 +201,12 @@ impl ImageRows {
         });
     }
 
-    /// Makes all pixels of a region zero.
+    /// Sets all pixels of a region to zero.
     pub(super) fn clear(&mut self, region: &Region) {
         self.fill_rows(region, |_, _, _| {});
     }
 
-    /// The same, but it is given what the pixels were.
+    /// As [`fill_rows`](Self::fill_rows), but the function gets the previous values.
     pub(super) fn change_rows(&mut self, region: &Region, fill: impl Fn(usize, usize, &mut [f32]) + Sync) {
         let width = self.width;
         self.fill_whole_rows(&region.y, |y, row| {
@@ -215,14 +216,14 @@ impl ImageRows {
         });
     }
 
-    /// For each pixel of a region the mean of the square of `2 · reach + 1` pixels around it, as far as it lies in the image.
+    /// Mean over the square of `2 · reach + 1` pixels around each pixel of a region, clipped to the image.
     pub(super) fn box_mean(&self, reach: usize, region: &Region, pool: &Pool) -> Self {
         let around = Region { x: region.x.clone(), y: region.grown(reach, self).y };
         let mut across = pool.rows_like(self, self.planes, around.y.clone());
         across.fill_rows(&around, |y, plane, out| {
             let row = self.row(plane, y);
             let near = |x: usize| x.saturating_sub(reach)..(x + reach + 1).min(self.width);
-            // Shifted rows are added, for sums along a row would wait for one another.
+            // Adds shifted rows, since sums along a row would wait for one another.
             for (from, to) in shifts(&region.x, (reach, 1), self.width) {
                 out[to].iter_mut().zip(&row[from]).for_each(|(o, v)| *o += v);
             }
@@ -240,7 +241,7 @@ impl ImageRows {
         mean
     }
 
-    /// These rows, which are held, of all planes, cut before each of the borders but the first, which is where they begin.
+    /// These rows of all planes, which must be held, cut into strips. `borders` are the first rows of the strips.
     pub fn strips_mut(&mut self, rows: &Range<usize>, borders: &[usize]) -> Vec<&mut [f32]> {
         let row = self.planes * self.width;
         let begin = self.begin_of(0, rows.start);
@@ -256,8 +257,8 @@ impl ImageRows {
     }
 }
 
-/// For each shift of at most `reach` to either side, from one to the next a step: which pixels of a row of `width` go to which
-/// of those in `columns`.
+/// For each shift from `−reach` to `reach` in equal steps: which pixels of a row of `width` map to which of those in
+/// `columns`.
 pub(super) fn shifts(
     columns: &Range<usize>,
     (reach, step): (usize, usize),

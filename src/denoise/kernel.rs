@@ -1,5 +1,5 @@
-//! Weighted means of neighbours, and values of planes laid through them: for each tile of pixels the weights of every offset,
-//! then the same weights for every image.
+//! Weighted means of neighbours, and local linear fits. For each tile of pixels the weights of every offset are
+//! computed once, and then applied to every image.
 
 use pulp::{Simd, WithSimd};
 
@@ -7,52 +7,52 @@ use super::constants::{BESIDE, MAX_LEVERAGE};
 use super::image_rows::{ImageRows, Region};
 use super::pixel_tile::{PixelTile, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TileWindow, load};
 
-/// What weighs less is not there: sums of such have no inverse.
+/// Weights below this count as 0, since sums of them would have no inverse.
 const MIN_WEIGHT: f32 = 1e-20;
 
-/// How much the neighbours of pixels weigh.
+/// A source of neighbour weights.
 pub(super) trait Weigh: Sync {
-    /// What is made ready for a tile.
+    /// Inputs of the weights around one tile.
     type Ready: Default + Send;
 
-    /// What has weights of its own.
+    /// Which planes have weights of their own.
     fn weighed(&self) -> Weighed {
         Weighed::Together
     }
 
-    /// Makes ready what [`weigh`](Self::weigh) needs for the neighbours of a tile within a reach, in place of that of another tile.
+    /// Fills `ready` for the neighbours of a tile within a radius, replacing those of another tile.
     fn make_ready(&self, tile: PixelTile, reach: usize, ready: &mut Self::Ready);
 
-    /// The weights of neighbours of the pixels of a tile, row by row; of all parts that are asked for the first comes first. What
-    /// it says of neighbours beyond the image counts nothing. To be inlined, so that it is compiled for the vectors of the machine.
+    /// Writes the weights of one offset for the pixels of a tile, row by row. The first part is asked for first.
+    /// Weights of neighbours outside the image are ignored. Implementations are to be inlined, so that they are
+    /// compiled for the chosen instruction set.
     fn weigh<S: Simd>(&self, simd: S, ready: &mut Self::Ready, of: Neighbours, out: &mut [f32; TILE_PIXELS]);
 }
 
-/// Those of which weights are asked for.
+/// One weight query: filter part, offset, and the offset's index.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Neighbours {
-    /// Which of the parts that have weights of their own.
+    /// Index of the part, among those that have weights of their own.
     pub(super) part: usize,
-    /// How far they are.
+    /// Distance from the pixel to the neighbour.
     pub(super) offset: Offset,
-    /// Which of the offsets that is.
+    /// Index of that offset.
     pub(super) index: usize,
 }
 
-/// Which parts of what is filtered have weights of their own. Images lie in two halves of the samples, of each all images, of each
-/// three channels ([`plane_of`]).
+/// Which planes share weights. Planes are ordered by half of the samples, then image, then channel ([`plane_of`]).
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Weighed {
-    /// All planes have the same.
+    /// One set of weights for all planes.
     Together,
-    /// Each half of the samples.
+    /// One set for each half of the samples.
     Halves,
-    /// So many images each, from one on.
+    /// One set for each of `count` images, from `first` on.
     Images { first: usize, count: usize },
 }
 
 impl Weighed {
-    /// How many parts.
+    /// Number of sets of weights.
     fn parts(self) -> usize {
         match self {
             Self::Together => 1,
@@ -61,7 +61,7 @@ impl Weighed {
         }
     }
 
-    /// How many planes a part has, of so many.
+    /// Number of planes in one part, of `all` planes.
     fn planes(self, all: usize) -> usize {
         match self {
             Self::Together => all,
@@ -70,7 +70,7 @@ impl Weighed {
         }
     }
 
-    /// Which of all planes is this one of a part.
+    /// Index, among all planes, of one plane of a part.
     fn plane(self, part: usize, plane: usize, all: usize) -> usize {
         match self {
             Self::Together => plane,
@@ -80,24 +80,24 @@ impl Weighed {
     }
 }
 
-/// Pixels across and down.
+/// Offset in pixels, across and down.
 pub(super) type Offset = (isize, isize);
 
-/// Offsets that a filter reads.
+/// The offsets that a filter reads.
 pub(super) struct Offsets {
     radius: usize,
     each: Vec<Offset>,
 }
 
 impl Offsets {
-    /// A square of these pixels to each side, of which every `stride`th is read; the middle is among them.
+    /// A square of the given radius in pixels, of which every `stride`th pixel is read. The centre is included.
     fn square(radius: usize, stride: usize) -> Self {
         debug_assert!(radius.is_multiple_of(stride));
         let steps = || (-(radius as isize)..=radius as isize).step_by(stride);
         Self { radius, each: steps().flat_map(|y| steps().map(move |x| (x, y))).collect() }
     }
 
-    /// Those of a square that lie within a circle through the middle of its sides.
+    /// The offsets of such a square that lie within its inscribed circle.
     pub(super) fn disc(radius: usize, stride: usize) -> Self {
         let Self { radius, mut each } = Self::square(radius, stride);
         let reach = radius as f32 + 0.5 * stride as f32;
@@ -105,17 +105,17 @@ impl Offsets {
         Self { radius, each }
     }
 
-    /// How far they are at most, across or down.
+    /// Largest distance in pixels, across or down.
     pub(super) fn radius(&self) -> usize {
         self.radius
     }
 
-    /// How many there are.
+    /// Number of offsets.
     pub(super) fn count(&self) -> usize {
         self.each.len()
     }
 
-    /// A disc of which beyond `dense` pixels only one in `thin` is read: 2 as on a chessboard, 5 as a knight goes on it.
+    /// A disc of which beyond `dense` pixels only one in `thin` is read: 2 as on a chessboard, 5 in knight's moves.
     pub(super) fn thinned(radius: usize, dense: usize, thin: usize) -> Self {
         let Self { radius, mut each } = Self::disc(radius, 1);
         let (dense, thin) = (dense as isize, thin as isize);
@@ -124,36 +124,36 @@ impl Offsets {
     }
 }
 
-/// How far each is from a pixel in a plane of rows that are so far from one another.
+/// Distance of each offset in memory, in a plane whose rows are `row` values apart.
 fn taps(offsets: &[Offset], row: usize) -> Vec<isize> {
     offsets.iter().map(|(across, down)| down * row as isize + across).collect()
 }
 
-/// What a filter makes means of.
+/// The arguments of one filter.
 #[derive(Clone, Copy)]
 pub(super) struct Means<'a, W> {
     pub(super) images: &'a ImageRows,
     pub(super) offsets: &'a Offsets,
-    /// How much of the correction for slopes is allowed ([`Moments::tilts`]).
+    /// Leverage of the slope correction for each effective sample ([`Moments::tilts`]).
     pub(super) slope: f32,
     pub(super) weigher: &'a W,
 }
 
-/// Planes of an image: three channels in two halves.
+/// Planes of one image: three channels in two halves.
 pub(super) const IMAGE: usize = 6;
 
-/// The plane of an image, where there are so many planes: two halves, of each all images, of each three channels.
+/// Index of a plane of an image among `planes` planes, which are ordered by half, then image, then channel.
 pub(super) fn plane_of(image: usize, plane: usize, planes: usize) -> usize {
     plane / 3 * (planes / 2) + 3 * image + plane % 3
 }
 
 impl<W: Weigh> Means<'_, W> {
-    /// Fills for each pixel of a region the mean of its neighbours in each plane, corrected for their slope. A pixel weighs for itself
-    /// as much as the one most alike, so that one that is like no other, on the edge of two surfaces say, does not keep its grain: it
-    /// becomes what is beside it.
+    /// Fills each pixel of a region with the weighted mean of its neighbours in each plane, corrected for slope. The
+    /// pixel itself has the weight of its most similar neighbour. So one that is like none, on the edge of two surfaces
+    /// say, loses its noise and takes the value of its direct neighbours.
     pub(super) fn fill(&self, region: &Region, means: &mut ImageRows) {
         let (width, planes) = (self.images.width(), self.images.planes());
-        // Those of tiles at the image's edge, and of others.
+        // Taps of tiles at the image's border, and of all others.
         let taps = [TileWindow::stride(self.offsets.radius), planes * width].map(|row| taps(&self.offsets.each, row));
         let taps = taps.each_ref().map(Vec::as_slice);
         means.fill_tiles(region, (TILE_WIDTH, TILE_HEIGHT), |memory: &mut TileScratch<W::Ready>, (x, y), out| {
@@ -163,14 +163,14 @@ impl<W: Weigh> Means<'_, W> {
     }
 }
 
-/// From the weights of one offset to those of the next: a line of the cache more than they are, for else those of a pixel would all
-/// want the same few lines.
+/// Values from the weights of one offset to those of the next. A cache line is added, since otherwise the weights of
+/// one pixel would compete for the same few cache lines.
 const WEIGHTS: usize = TILE_PIXELS + 16;
 
-/// What goes from one tile to the next, to be filled anew: the system takes its time to give memory.
+/// Buffers reused from tile to tile, since fresh memory from the system is slow.
 struct TileScratch<R> {
     ready: R,
-    /// [`WEIGHTS`] for each offset.
+    /// [`WEIGHTS`] values for each offset.
     weights: Vec<f32>,
     cut: TileWindow,
 }
@@ -184,10 +184,10 @@ impl<R: Default> Default for TileScratch<R> {
 struct TileOfMeans<'a, W: Weigh> {
     of: &'a Means<'a, W>,
     tile: PixelTile,
-    /// How far each offset is in a plane of a cut, and of the images.
+    /// Distance of each offset in a plane of a cut, and in a plane of the images.
     taps: [&'a [isize]; 2],
     memory: &'a mut TileScratch<W::Ready>,
-    /// Of each row of pixels the rows of all planes.
+    /// The rows of all planes, for each row of pixels.
     out: Vec<&'a mut [f32]>,
 }
 
@@ -211,7 +211,7 @@ impl<W: Weigh> WithSimd for TileOfMeans<'_, W> {
 }
 
 impl<W: Weigh> TileOfMeans<'_, W> {
-    /// Fills the weights of a part: they add up to 1 for each pixel, and are those of a plane.
+    /// Fills the weights of a part, normalised to 1 for each pixel and corrected for slope.
     #[inline(always)]
     fn weigh<S: Simd>(&mut self, simd: S, part: usize) {
         let TileScratch { ready, weights: all, .. } = &mut *self.memory;
@@ -220,7 +220,7 @@ impl<W: Weigh> TileOfMeans<'_, W> {
         for (index, (&offset, weights)) in offsets.each.iter().zip(all.chunks_exact_mut(WEIGHTS)).enumerate() {
             let Some(weights) = weights.first_chunk_mut::<TILE_PIXELS>() else { continue };
             if offset == (0, 0) {
-                // Not among those that are summed below.
+                // The centre is not among the offsets that are summed below.
                 own = index;
                 weights.fill(0.0);
                 continue;
@@ -246,14 +246,14 @@ impl<W: Weigh> TileOfMeans<'_, W> {
         }
     }
 
-    /// Whether all that is read lies within the rows that are held, vectors that begin in it too.
+    /// Whether all reads lie within the rows held, including vectors that begin in them.
     fn is_inside(&self) -> bool {
         let (PixelTile { x, y }, images, radius) = (self.tile, self.of.images, self.of.offsets.radius);
         let (right, bottom, held) = (x + TILE_WIDTH + radius, y + TILE_HEIGHT + radius, images.held());
         x >= radius && y >= radius + held.start && right <= images.width() && bottom <= held.end
     }
 
-    /// Adds up the weighted neighbours in these planes, of which one may come several times.
+    /// Adds up the weighted neighbours in these planes. A plane may be listed several times.
     #[inline(always)]
     fn add_up<S: Simd>(&mut self, simd: S, some: [usize; IMAGE]) {
         let images = self.of.images;
@@ -287,8 +287,8 @@ impl<W: Weigh> TileOfMeans<'_, W> {
     }
 }
 
-/// Weighted sums of two vectors of pixels in each of six planes, which begin there. `taps` says how far each neighbour is from them.
-/// Written out, for the sums to stay in registers; fused on every machine, for the same bits.
+/// Weighted sums of two vectors of pixels in each of six planes. `taps` has the distance of each neighbour in memory.
+/// Written out so that the sums stay in registers; fused multiply–add on every machine, so that the bits are the same.
 #[inline(always)]
 fn add_up_vectors<S: Simd>(
     simd: S,
@@ -315,7 +315,7 @@ fn add_up_vectors<S: Simd>(
     [of_a, of_b, of_c, of_d, of_e, of_f]
 }
 
-/// Neighbours beyond the image weigh nothing.
+/// Sets the weights of neighbours outside the image to 0.
 #[inline(always)]
 fn forget_outside(images: &ImageRows, tile: PixelTile, (across, down): Offset, weights: &mut [f32; TILE_PIXELS]) {
     let (width, height) = (images.width() as isize, images.height() as isize);
@@ -333,16 +333,16 @@ fn forget_outside(images: &ImageRows, tile: PixelTile, (across, down): Offset, w
     }
 }
 
-/// Sums over the neighbours of a row of a tile's pixels, without the pixel itself: of the weights, of them times the offset, its
-/// products; of their squares; and the largest.
+/// Sums over the neighbours of a row of pixels, without the pixel itself: the weights; the weights times the offset and
+/// its products; the squared weights; and the largest weight.
 #[derive(Default)]
 struct Moments([[f32; TILE_WIDTH]; 8]);
 
-/// What weights are multiplied by for each offset: `constant − across · x − down · y`.
+/// Factor on the weight of an offset: `constant − across · x − down · y`.
 struct Tilts([[f32; TILE_WIDTH]; 3]);
 
 impl Moments {
-    /// Adds up a vector of pixels that begins at `x`.
+    /// Adds a vector of pixels that begins at `x`.
     #[inline(always)]
     fn add_up<S: Simd>(&mut self, simd: S, weights: &[f32], x: usize, offsets: &[Offset]) {
         let zero = simd.splat_f32s(0.0);
@@ -366,24 +366,25 @@ impl Moments {
         }
     }
 
-    /// Factors that make the weights add up to 1 together with `own`, those of the pixels themselves, which are set to the largest.
-    /// They also turn weights of a mean into those of the value at the pixel of a plane laid through its neighbours by weighted
-    /// least squares: local linear regression (Fan and Gijbels 1996,
-    /// section 2.2; Bitterli et al. 2016 for images of samples). A mean is wrong where neighbours lie to one side and light has a
-    /// slope, on the rim of a surface above all; the plane is not, but it has more noise: by the factor `1 + t`, where
-    /// `t = mᵀ C⁻¹ m` is the leverage of the mean offset `m` with the covariance `C` of the offsets. So the correction is scaled down
-    /// to a leverage of at most `slope` times the number of samples that a mean with these weights is worth, and never above
-    /// [`MAX_LEVERAGE`].
+    /// Factors that normalise the weights to a sum of 1, together with `own`, the weights of the pixels themselves,
+    /// which become the largest weight.
+    ///
+    /// They also turn the weights of a mean into those of a local linear fit (Fan and Gijbels 1996, section 2.2;
+    /// Bitterli et al. 2016 for images of samples). A mean is biased where neighbours lie to one side and the light has
+    /// a slope, above all at the border of a surface. The fit is not, but its noise is higher by the factor `1 + t`.
+    /// Here `t = mᵀ C⁻¹ m` is the leverage of the mean offset `m` with the covariance `C` of the offsets. So the
+    /// correction is scaled down to a leverage of at most `slope` times the effective number of samples of the mean,
+    /// and never above [`MOST_LEVERAGE`].
     #[inline(always)]
     fn tilts(&self, own: &mut [f32], slope: f32) -> Tilts {
         let Self([sums, m_x, m_y, m_xx, m_xy, m_yy, squares, most]) = self;
         let mut tilts = [[0.0f32; TILE_WIDTH]; 3];
         for (i, own) in own.iter_mut().enumerate() {
-            // A pixel without any other keeps its value.
+            // A pixel without any neighbour keeps its value.
             *own = if most[i] > MIN_WEIGHT { most[i] } else { 1.0 };
             let scale = 1.0 / (sums[i] + *own);
             let squares = (squares[i] + *own * *own) * scale * scale;
-            // Each weight is multiplied by `1 − (C⁻¹ m)ᵀ (offset − m)`, or by less of it.
+            // Each weight is multiplied by `1 − (C⁻¹ m)ᵀ (offset − m)`, or by a smaller correction.
             let moments = [m_x[i], m_y[i], m_xx[i], m_xy[i], m_yy[i]].map(|moment| moment * scale);
             let tilt = tilt(moments, squares, slope);
             for term in 0..3 {
@@ -395,7 +396,7 @@ impl Moments {
 }
 
 impl Tilts {
-    /// Multiplies a vector of weights that begins at `x`, those of all offsets.
+    /// Multiplies a vector of weights that begins at `x`, for all offsets.
     #[inline(always)]
     fn apply<S: Simd>(&self, simd: S, weights: &mut [f32], x: usize, offsets: &[Offset]) {
         let [tilt_x, tilt_y, constant] = self.0.each_ref().map(|tilts| load::<S>(tilts, x));
@@ -409,13 +410,13 @@ impl Tilts {
     }
 }
 
-/// What the offset across and the offset down are multiplied by, and what their sum is taken from.
+/// Factors of the offset across and the offset down, and the constant that their sum is subtracted from.
 #[inline(always)]
 fn tilt([x, y, xx, xy, yy]: [f32; 5], squares: f32, slope: f32) -> [f32; 3] {
     if squares <= 0.0 {
         return [0.0, 0.0, 1.0];
     }
-    // Where all neighbours lie on a line the covariance has no inverse.
+    // Where all neighbours lie on a line, the covariance has no inverse.
     let ridge = 1e-2 + 1e-3 * (xx + yy);
     let (a, b, c) = (xx - x * x + ridge, xy - x * y, yy - y * y + ridge);
     let determinant = a * c - b * b;
@@ -430,7 +431,7 @@ fn tilt([x, y, xx, xy, yy]: [f32; 5], squares: f32, slope: f32) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// Weights by the place of a pixel and its neighbour.
+    /// Test weights from the positions of a pixel and its neighbour.
     struct ByPlace<F>(F);
 
     impl<F: Fn((usize, usize), Offset) -> f32 + Sync> Weigh for ByPlace<F> {
@@ -453,7 +454,7 @@ mod tests {
         means
     }
 
-    /// Light that rises from the rim of a surface: a mean brightens the rim, a plane does not.
+    /// Light that rises from the border of a surface: a mean brightens the border, a linear fit does not.
     #[test]
     fn a_slope_at_the_rim_is_no_bias() {
         let (width, height) = (20, 3);
@@ -463,7 +464,7 @@ mod tests {
         let rim = |slope: f32| means(&ramp, &ramp.whole(), &Offsets::square(5, 1), slope, &even).row(0, 1)[0];
         assert!((rim(0.0) - 2.5).abs() < 0.1, "{}", rim(0.0));
         assert!(rim(1.0).abs() < 0.05, "{}", rim(1.0));
-        // What the mean of few samples is worth pays for a part of it only.
+        // A mean of few samples can afford only a part of the correction.
         assert!((0.5..2.0).contains(&rim(0.02)), "{}", rim(0.02));
     }
 
@@ -479,7 +480,7 @@ mod tests {
         assert!(means.values().iter().all(|v| (v - 3.0).abs() < 1e-3), "{means:?}");
     }
 
-    /// The first half of the samples looks to the left, the second to the right.
+    /// Test weights: the first half of the samples looks to the left, the second to the right.
     struct ByHalf;
 
     impl Weigh for ByHalf {
@@ -514,7 +515,7 @@ mod tests {
         }
     }
 
-    /// Weights that are hardly there have sums without an inverse.
+    /// Tiny weights, whose sums have no inverse.
     #[test]
     fn a_pixel_that_is_hardly_like_any_other_keeps_its_value() {
         let mut images = ImageRows::zeros(20, 9, 1);
@@ -525,7 +526,7 @@ mod tests {
         assert!(is_kept, "{means:?}");
     }
 
-    /// Against sums over neighbours pixel by pixel, for images of several planes that are larger than a tile, and regions.
+    /// Against plain sums over neighbours, for images of several planes that are larger than a tile, and for regions.
     #[test]
     fn means_are_those_of_the_neighbours_with_their_weights() {
         let (width, height, planes) = (71, 19, 9);

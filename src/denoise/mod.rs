@@ -1,24 +1,23 @@
-//! Denoiser: the grain of few samples taken out of images, for all lightings at once.
+//! Denoising of images from few samples, for all lightings at once.
 //!
-//! What is cleaned are the images of a few clusters of columns (`light::Clusters`), from the top of the image down;
-//! every lighting's image is then a sum of these. Light that comes straight from emitters and all other light are
-//! filtered apart, each divided by the albedo of what it falls on:
+//! The input are the images of a few clusters of columns (`light::Clusters`); every lighting's image is a sum of these.
+//! The image is worked on from the top down. Light straight from emitters (direct) and all other light (indirect) are
+//! filtered separately, each divided by the albedo:
 //!
-//! 1. A few *guides*, mixtures of the clusters' images by principal components ([`Tally`]), are filtered first.
-//! 2. Each pixel of every image becomes the value of a plane through its neighbours, weighted by how alike they are: in what
-//!    they see (normal, albedo, inverse depth on the plane of the surface, shares) and in the filtered guides, as far as the
-//!    noise lets one say so: non-local means (Buades, Coll, Morel 2005) with features and guides in place of patches
-//!    (Rousselle, Manzi, Zwicker 2013). The noise is known from the two halves of the samples; of direct light each half is weighed by
-//!    the guides of the other.
-//! 3. What is left of grain in one cluster's image, where weights that are common to all may not average it, its own finds
-//!    (`alone`): a lamp has no edges where the others have their shadows. In large images near first, then far. The sum of all stays
-//!    as it was.
-//! 4. Pixel by pixel and cluster by cluster the mean is mixed with what was there, as far as the estimated risk falls
-//!    (Stein 1981), so that at many samples nothing is averaged.
+//! 1. A few *guides*, mixtures of the cluster images by principal components ([`Tally`]), are filtered first.
+//! 2. Each pixel of every image becomes the value of a local linear fit to its neighbours. Weights come from features
+//!    (normal, albedo, inverse depth on the plane of the surface, shares) and from the filtered guides, relative to the
+//!    noise. This is non-local means (Buades, Coll, Morel 2005) with features and guides instead of patches (Rousselle,
+//!    Manzi, Zwicker 2013). The noise is known from the two halves of the samples. Each half of direct light is
+//!    weighted by the guides of the other half.
+//! 3. Each cluster image of indirect light is filtered again with weights of its own (`alone`), since one lamp has no
+//!    edges where another has its shadows. Large images have a near and a far pass. The sum of all images is unchanged.
+//! 4. For each pixel and cluster the filtered value is mixed with the input to minimise the estimated risk (Stein
+//!    1981). So at many samples nothing is averaged.
 //!
-//! Weights add up to one, so that fireflies are spread over what is alike, not cut; one that stands alone has no like and loses
-//! much of its light to the weights. Of whole images about 1 % is lost at worst, as by other denoisers. A plane, not a mean, so
-//! that corners and contact shadows, where all that is alike lies to one side, are not brightened (`kernel`).
+//! Weights add up to 1: a firefly is spread over similar pixels, not clipped. An isolated firefly has no similar
+//! pixels, and loses much of its light (decision 20). A linear fit instead of a mean keeps corners and contact shadows
+//! dark, where all similar pixels lie to one side (`kernel`).
 
 mod albedo;
 mod constants;
@@ -40,7 +39,7 @@ mod shrinkage;
 mod surfaces;
 mod upsample_columns;
 
-/// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
+/// Version of the denoiser's results, named by every interrupted pack. Raise it with every change of the results.
 pub const DENOISER_VERSION: u32 = 18;
 
 pub(crate) use denoise_inputs::DenoiseInputs;

@@ -1,4 +1,4 @@
-//! Each image by itself: what weights that are common to all images leave of its grain.
+//! Filters each image with weights of its own, to remove the noise that weights common to all images had to leave.
 
 use pulp::Simd;
 
@@ -11,37 +11,40 @@ use super::kernel::{IMAGE, Means, Neighbours, Offsets, Weigh, Weighed, plane_of}
 use super::pixel_tile::{PixelTile, TILE_PIXELS};
 use super::surfaces::{Surfaces, SurfacesCut};
 
-/// Images that are filtered at once: they share what surfaces say.
+/// Number of images filtered at once. They share the feature distances.
 const TOGETHER: usize = 4;
-/// Planes of a guide: the image in grey, its noise and its square.
+/// Planes of a guide: the sum of the image's channels, its noise, and its square.
 const GUIDE_PLANES: usize = 3;
 
-/// Values that it holds for each column of pixels while so many rows are filtered.
+/// Number of `f32` held for each pixel column while `step` rows are filtered.
 pub(super) fn passing_rows(reach: FilterRadii, step: usize) -> usize {
     let read = step + 2 * reach.alone().iter().map(Pass::read).max().unwrap_or(0);
-    // Guides, and of one what it is made of: the image in grey, means of its noise and squares; sums before and after.
+    // The guides; for one guide the sum of channels and the means of noise and squares; then the sums before and after
+    // filtering.
     read * (TOGETHER * GUIDE_PLANES + 2 + 5) + 2 * IMAGE * step
 }
 
-/// A filter of each image, which has its own weights: from the image itself, all channels together, and from what is seen.
+/// A filter of single images. Each has its own weights, from the sum of its channels and from the
+/// features.
 ///
-/// Images that were filtered with common weights keep grain where any of them has an edge: what is alike there under one light is not
-/// under another. Alone each could be averaged farther, but then what all share, and what their sum shows free of noise, is
-/// averaged with it. So the sum of all stays what it was, in each half of the samples: each image is scaled to that.
+/// Common weights keep noise in every image where any image has an edge, since pixels that are alike under one light
+/// are not alike under another. A filter of one image can average over more pixels there. But it would also blur what
+/// all images share, which their sum shows without noise. So each filtered image is scaled such that the sum of all
+/// images stays the same, in each half of the samples.
 pub(super) struct PerImageFilter<'a> {
     pub(super) surfaces: &'a Surfaces,
     pub(super) pass: Pass,
 }
 
-/// One of its passes.
+/// One pass of that filter.
 pub(super) struct Pass {
     pub(super) offsets: Offsets,
-    /// How much the noise counts, see [`GuideWidths::noise`].
+    /// Range-weight width in units of the noise's σ, see [`GuideWidths::noise`].
     pub(super) noise: f32,
 }
 
 impl Pass {
-    /// Pixels around those that it fills of which it reads images.
+    /// Radius, in pixels, within which a pass reads images.
     pub(super) fn read(&self) -> usize {
         self.offsets.radius() + FILTERED.read()
     }
@@ -52,7 +55,8 @@ impl Pass {
 }
 
 impl PerImageFilter<'_> {
-    /// Filters images in a region into `filtered`. They hold two halves, of each all images, of each three channels.
+    /// Filters the images of a region into `filtered`. Planes are ordered by half of the samples, then image, then
+    /// channel.
     pub(super) fn filter(&self, images: &ImageRows, region: &Region, filtered: &mut ImageRows, pool: &Pool) {
         let all = images.planes() / IMAGE;
         for first in (0..all).step_by(TOGETHER) {
@@ -75,7 +79,7 @@ impl PerImageFilter<'_> {
         sums.into_iter().for_each(|done| pool.keep(done));
     }
 
-    /// What neighbours in an image are compared by.
+    /// The guide of one image: what its pixels are compared by.
     fn guide(&self, images: &ImageRows, image: usize, region: &Region, pool: &Pool) -> Guide {
         let compared = region.grown(self.pass.offsets.radius(), images);
         let read = compared.grown(FILTERED.read(), images);
@@ -95,7 +99,7 @@ impl PerImageFilter<'_> {
     }
 }
 
-/// The sums over all images, of each half three channels.
+/// The sum over all images: three channels for each half of the samples.
 fn sums(images: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     let half = images.planes() / 2;
     let mut sums = pool.rows_like(images, IMAGE, region.y.clone());
@@ -108,21 +112,21 @@ fn sums(images: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     sums
 }
 
-/// What makes a sum what it was before, as far as that is sensible.
+/// The factor from `after` to `before`, limited by [`MOST_SCALE`].
 fn scale(before: f32, after: f32) -> f32 {
     if before > 0.0 && after > 0.0 { (before / after).clamp(1.0 / MAX_SCALE, MAX_SCALE) } else { 1.0 }
 }
 
-/// Weights of some images, each from its own guide.
+/// Neighbour weights of several images, each from its own guide.
 struct PerImageWeights<'a> {
     alone: &'a PerImageFilter<'a>,
-    /// The first of them.
+    /// Index of the first of these images.
     first: usize,
     guides: Vec<Guide>,
 }
 
-/// What is known around a tile: of each image, of surfaces, and, once the first image was weighed, what those and distances add for
-/// each offset.
+/// Inputs of the weights around a tile: each image's guide, the features, and the sum of feature distance and spatial
+/// distance for each offset. That sum is computed for the first image and reused by the others.
 #[derive(Default)]
 struct Around {
     guides: Vec<GuideCut>,

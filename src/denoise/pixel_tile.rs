@@ -1,27 +1,28 @@
-//! Tiles of pixels that are filtered at once: small enough that their weights and what they read stay in the caches.
+//! Tiles of pixels that are filtered at once. Their weights and inputs fit the processor's caches.
 
 use pulp::Simd;
 
 use super::image_rows::ImageRows;
 use super::kernel::Offset;
 
-/// Pixels across a tile; two vectors of any width that machines have divide it.
+/// Width of a tile in pixels; divisible by two vectors of any supported width.
 pub(super) const TILE_WIDTH: usize = 32;
-/// Pixels down a tile.
+/// Height of a tile in pixels.
 pub(super) const TILE_HEIGHT: usize = 32;
 /// Pixels of a tile.
 pub(super) const TILE_PIXELS: usize = TILE_WIDTH * TILE_HEIGHT;
-/// A vector that begins in the last pixels that are read may reach so far beyond them.
+/// Values after the last pixel that a vector load may touch.
 const SLACK: usize = 16;
 
-/// Where a tile of an image begins. It may reach beyond the image.
+/// Origin of a tile in pixels. The tile may extend beyond the image.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PixelTile {
     pub(super) x: usize,
     pub(super) y: usize,
 }
 
-/// Pixels of some planes within a reach of a tile. Beyond the image, and the rows of it that are held, its edge goes on.
+/// Pixels of several planes within a radius of a tile. Beyond the image and its held rows, the border values are
+/// repeated.
 #[derive(Default)]
 pub(super) struct TileWindow {
     reach: usize,
@@ -36,7 +37,7 @@ impl TileWindow {
         TILE_WIDTH + 2 * reach + SLACK
     }
 
-    /// Becomes the pixels of these planes within `reach` of a tile.
+    /// Copies the pixels of `planes` within `reach` of a tile.
     pub(super) fn fill(
         &mut self,
         image: &ImageRows,
@@ -64,33 +65,33 @@ impl TileWindow {
         }
     }
 
-    /// Values of one plane.
+    /// All values of one plane.
     #[inline(always)]
     pub(super) fn plane_length(&self) -> usize {
         self.rows * self.stride
     }
 
-    /// Where in a plane the pixel at `x`, `y` of the tile is, which may be outside of it by the reach.
+    /// Index in a plane of the pixel at `x`, `y` of the tile, which may lie outside of it by the radius.
     #[inline(always)]
     pub(super) fn at(&self, (x, y): Offset) -> usize {
         let reach = self.reach as isize;
         (y + reach) as usize * self.stride + (x + reach) as usize
     }
 
-    /// All planes.
+    /// The values of all planes.
     #[inline(always)]
     pub(super) fn values(&self) -> &[f32] {
         &self.values
     }
 
-    /// `length` pixels of a plane that begin at one of the tile.
+    /// `length` pixels of a plane, from the given pixel of the tile on.
     #[inline(always)]
     pub(super) fn pixels(&self, plane: usize, begin: Offset, length: usize) -> &[f32] {
         &self.values[plane * self.plane_length() + self.at(begin)..][..length]
     }
 
-    /// Sums over the first `planes` planes of the squared differences between pixels and those at an offset, for the pixels
-    /// from `begin` on of which `out` has room; a whole number of vectors.
+    /// Sums over the first `planes` planes of the squared differences between pixels and those at an offset. It starts
+    /// at `begin` and fills `out`, a whole number of vectors.
     #[inline(always)]
     pub(super) fn squared_differences<S: Simd>(
         &self,
@@ -115,13 +116,13 @@ impl TileWindow {
     }
 }
 
-/// The vector of values that begins there.
+/// Loads the vector that begins there.
 #[inline(always)]
 pub(super) fn load<S: Simd>(values: &[f32], at: usize) -> S::f32s {
     S::as_simd_f32s(&values[at..at + S::F32_LANES]).0[0]
 }
 
-/// Pixels of a row that at least so many need, in whole vectors.
+/// `pixels` rounded up to whole vectors.
 #[inline(always)]
 pub(super) fn whole_vectors<S: Simd>(pixels: usize) -> usize {
     pixels.next_multiple_of(S::F32_LANES)

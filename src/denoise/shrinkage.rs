@@ -1,4 +1,4 @@
-//! How far a filter may be trusted: pixel by pixel and image by image.
+//! Mixes filtered with raw values by an estimate of the risk, for each pixel and image.
 
 use std::ops::Range;
 
@@ -6,21 +6,23 @@ use super::constants::{MIN_KEPT_SHARE, OUTLIER, RISK_CELLS, WHOLE_SHARE};
 use super::image_rows::{ImageRows, Pool, Region, shifts};
 use crate::simd::dispatch;
 
-/// Pixels to each side of the middle of a cell, and across it.
+/// Radius of a cell, and its diameter in pixels.
 const CELL_REACH: usize = 1;
 const CELL: usize = 2 * CELL_REACH + 1;
-/// Pixels to each side over which shares are means.
+/// Radius, in pixels, over which mixing weights are averaged.
 const SHARE_REACH: usize = 1;
 
-/// Pixels to each side that [`mixed`] reads.
+/// Radius, in pixels, that [`mixed`] reads.
 pub(super) const RISK_REACH: usize = CELL * RISK_CELLS + CELL_REACH + SHARE_REACH;
 
-/// `smooth` mixed into `raw`, in a region, pixel by pixel and for each cluster, as far as the estimated risk falls (Stein 1981): of
-/// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both hold two
-/// halves, one after the other. Expectations are means over cells of 3 × 3 pixels around a pixel, of which one counts the less
-/// the brighter it is than the pixel: else the error of a caustic would decide for the shadow around it. An outlier has no
-/// say in its cell ([`OUTLIER`]): a firefly that both halves happen to have looks like a detail, but a detail has more than one pixel.
-/// Where its own cell allows it a pixel takes as much as those beside it do in the mean.
+/// Mixes `smooth` into `raw`, in a region, for each pixel and cluster, to minimise the estimated risk (Stein 1981). Of
+/// `r + α (s − r)` the best is `α = E[n (n − F n)] / E[(r − s)²]`, with the noise `n` of `r` from its halves. Both
+/// images hold two halves, one after the other.
+///
+/// Expectations are means over cells of 3 × 3 pixels. A cell counts less the brighter it is than the pixel: otherwise
+/// the error of a caustic would decide for the shadow around it. An outlier is left out of its cell ([`OUTLIER`]). A
+/// firefly that both halves have looks like a detail, but a detail has more than one pixel. A pixel's weight is at least
+/// the mean weight of its neighbours, as far as its own cell alone allows.
 pub(super) fn mixed(raw: &ImageRows, smooth: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     let (width, planes) = (raw.width(), raw.planes() / 2);
     let mut mixed = pool.rows_like(raw, raw.planes(), region.y.clone());
@@ -45,11 +47,11 @@ pub(super) fn mixed(raw: &ImageRows, smooth: &ImageRows, region: &Region, pool: 
     mixed
 }
 
-/// Of the cell around each pixel, in the image of one cluster: what is gained, what is changed, and the squared light.
+/// Terms of the risk of the cell around each pixel, in the image of one cluster: gain, change, and squared light.
 struct Cells(ImageRows);
 
 impl Cells {
-    /// Of the cluster whose first plane is this.
+    /// The cells of the cluster whose first plane is `first`.
     fn new(raw: &ImageRows, smooth: &ImageRows, first: usize, region: &Region, pool: &Pool) -> Self {
         let around = region.grown(RISK_REACH, raw);
         let mut terms = pool.rows_like(raw, 3, around.y.clone());
@@ -83,14 +85,14 @@ impl Cells {
         Self(cells)
     }
 
-    /// How much of the smooth image the pixels of a region take.
+    /// The mixing weight α of each pixel of a region.
     fn shares(&self, region: &Region, pool: &Pool) -> ImageRows {
         let mut shares = pool.rows_like(&self.0, 1, region.y.clone());
         shares.fill_rows(region, |y, _, out| out.copy_from_slice(&self.shares_of_row(y, region)));
         shares
     }
 
-    /// How much the cells of a row would take, each by itself.
+    /// The mixing weight of each cell of a row by itself.
     fn own_shares(&self, y: usize) -> Vec<f32> {
         let [gained, changed] = [0, 1].map(|term| self.0.row(term, y));
         gained.iter().zip(changed).map(|(gained, changed)| share(*gained, *changed)).collect()
@@ -123,7 +125,7 @@ impl Cells {
     }
 }
 
-/// Around each pixel of a region the means of the terms: of what is gained and changed without an outlier.
+/// Means of the terms over the cell around each pixel of a region. Gain and change leave out outliers.
 fn of_cells(terms: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     let (width, height) = (terms.width(), terms.height());
     let mut cells = pool.rows_like(terms, terms.planes(), region.y.clone());
@@ -132,7 +134,7 @@ fn of_cells(terms: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
         let (gained, rest) = row.split_at_mut(width);
         let (changed, squared) = rest.split_at_mut(width);
         let [gained, changed, squared] = [gained, changed, squared].map(|row| &mut row[region.x.clone()]);
-        // Kept out of the sums: gain and change of the pixel whose change exceeds its gain by most.
+        // Gain and change of the pixel whose change exceeds its gain by most: it is kept out of the sums.
         let [mut most_gain, mut most_change, mut count] = [0, 1, 2].map(|_| vec![0.0f32; region.x.len()]);
         for y in y.saturating_sub(CELL_REACH)..(y + CELL_REACH + 1).min(height) {
             let from = [0, 1, 2].map(|term| terms.row(term, y));
@@ -175,7 +177,7 @@ fn of_cells(terms: &ImageRows, region: &Region, pool: &Pool) -> ImageRows {
     cells
 }
 
-/// The halves of a channel: some pixels of a row.
+/// The two halves of a channel, for some pixels of a row.
 fn halves<'a>(rows: &'a ImageRows, channel: usize, (x, y): (&Range<usize>, usize)) -> [&'a [f32]; 2] {
     [channel, rows.planes() / 2 + channel].map(|plane| &rows.row(plane, y)[x.clone()])
 }
@@ -184,8 +186,8 @@ fn share(gained: f32, changed: f32) -> f32 {
     if changed > 0.0 { trusted(gained / changed) } else { 1.0 }
 }
 
-/// The share that is taken where an estimate says `best`. The mean alone is no worse than what was there from a half on, and
-/// what is left of grain is seen more than what is lost: so that is taken whole, and below it falls off.
+/// The mixing weight for an estimate `best` of the optimum. From 0.5 on the filtered value alone is no worse than the
+/// input. Since noise is more visible than lost detail, it is then taken whole. Below, the weight falls off.
 fn trusted(best: f32) -> f32 {
     ((best - MIN_KEPT_SHARE) / (WHOLE_SHARE - MIN_KEPT_SHARE)).clamp(0.0, 1.0)
 }

@@ -1,4 +1,4 @@
-//! How far two pixels see one surface: the part of the weights that no light has a say in.
+//! Feature distances: how far two pixels see the same surface, whatever the light.
 
 use pulp::Simd;
 
@@ -13,14 +13,15 @@ const DEPTH: usize = 6;
 pub(super) const SPECULAR: usize = 8;
 const SURFACE: usize = 9;
 
-/// Planes that are compared: normal, albedo, shares.
+/// Number of planes compared: normal, albedo, shares.
 const COMPARED: usize = 8;
 const WIDTHS: [f32; COMPARED] =
     [NORMAL_WIDTH, NORMAL_WIDTH, NORMAL_WIDTH, ALBEDO_WIDTH, ALBEDO_WIDTH, ALBEDO_WIDTH, SHARE_WIDTH, SHARE_WIDTH];
 
-/// What pixels see, made ready for comparing: the compared planes, each in units of its width; the variance of the sum of
-/// those as [`FEATURE_NOISE`] takes it; the inverse depth, its slope across, its slope down (planes are planes in it, whatever
-/// their tilt) and its variance; the albedo that light was divided by, its channels' mean.
+/// Features prepared for comparison. The compared planes come in units of their widths; then the variance of their sum,
+/// scaled by [`FEATURE_NOISE`]; then inverse depth, its slope across and down, and its variance. A plane in space is a
+/// plane in inverse depth, whatever its tilt. Last comes the mean over channels of the albedo that light was divided
+/// by.
 pub(super) struct Surfaces {
     planes: ImageRows,
     track: Track,
@@ -32,17 +33,17 @@ const SLOPE_ACROSS: usize = COMPARED + 2;
 const SLOPE_DOWN: usize = COMPARED + 3;
 const INVERSE_DEPTH_NOISE: usize = COMPARED + 4;
 const ALBEDO: usize = COMPARED + 5;
-/// Planes that are held.
+/// Number of planes held.
 pub(super) const PLANES: usize = COMPARED + 6;
 
 impl Surfaces {
-    /// None yet.
+    /// No rows yet.
     pub(super) fn begin(stage: Stage, region: &Region, size: (usize, usize), step: usize) -> Self {
         let (track, planes) = Track::begin(stage, region, size, step);
         Self { planes, track }
     }
 
-    /// Makes ready what a step needs. Of features and their variance it reads a row more to either side.
+    /// Prepares the rows that a step needs. It reads one more row of features and variance to either side.
     pub(super) fn advance(&mut self, features: &ImageRows, variance: &ImageRows, step: &Step<'_>, pool: &Pool) {
         let region = Region { x: 0..features.width(), ..self.track.advance(&mut self.planes, step) };
         let order = [NORMAL, NORMAL + 1, NORMAL + 2, 0, 1, 2, SPECULAR, SURFACE];
@@ -108,26 +109,26 @@ impl Surfaces {
         &self.planes
     }
 
-    /// Makes `around` what a tile's neighbours are compared by.
+    /// Fills `around` with the features around a tile.
     pub(super) fn cut(&self, tile: PixelTile, reach: usize, around: &mut SurfacesCut) {
         around.0.fill(&self.planes, 0..PLANES, tile, reach);
     }
 }
 
-/// What pixels around a tile see.
+/// The features around a tile.
 #[derive(Default)]
 pub(super) struct SurfacesCut(TileWindow);
 
 impl SurfacesCut {
-    /// A row of a tile's width that begins at a pixel.
+    /// A row of a tile's width that begins at the given pixel.
     #[inline(always)]
     fn row(&self, plane: usize, begin: Offset) -> &[f32] {
         self.0.pixels(plane, begin, TILE_WIDTH)
     }
 
-    /// Multiplies the weights of the neighbours at one offset by their albedo. What is averaged is light over albedo: so weighted the
-    /// mean is the light of all over the albedo of all, a ratio estimator (Cochran, *Sampling Techniques*, 3rd edition, §6.2), and a
-    /// pixel that says little of the light, since its surface is nearly black, has little say.
+    /// Multiplies the weights of the neighbours at one offset by their albedo. What is averaged is light over albedo.
+    /// So weighted, the mean is total light over total albedo: a ratio estimator (Cochran, *Sampling Techniques*, 3rd
+    /// edition, §6.2). A pixel on a nearly black surface, which says little of the light, then has little weight.
     #[inline(always)]
     pub(super) fn times_albedo(&self, (across, down): Offset, out: &mut [f32; TILE_PIXELS]) {
         for (row, out) in out.chunks_exact_mut(TILE_WIDTH).enumerate() {
@@ -136,7 +137,7 @@ impl SurfacesCut {
         }
     }
 
-    /// Adds the distances of the pixels of a tile from their neighbours at one offset.
+    /// Adds the feature distances between the pixels of a tile and their neighbours at one offset.
     #[inline(always)]
     pub(super) fn add_distances<S: Simd>(&self, simd: S, (across, down): Offset, out: &mut [f32; TILE_PIXELS]) {
         let mut sums = [0.0f32; TILE_WIDTH];
@@ -162,13 +163,13 @@ impl SurfacesCut {
     }
 }
 
-/// A slope, shrunk where it may be noise.
+/// A slope, shrunk by its noise.
 fn certain(slope: f32, noise: f32) -> f32 {
     let square = slope * slope;
     if square > 0.0 { slope * square / (square + 8.0 * noise) } else { 0.0 }
 }
 
-/// The gentler of two one-sided slopes.
+/// The smaller of two one-sided slopes.
 fn gentle(before: Option<f32>, here: f32, after: Option<f32>) -> f32 {
     match (before, after) {
         (Some(before), Some(after)) if (here - before).abs() < (after - here).abs() => here - before,

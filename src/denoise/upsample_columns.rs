@@ -1,4 +1,4 @@
-//! From the images of clusters to those of all columns, as the samples themselves say.
+//! Fits the map from cluster images to the columns of all lights, from the samples themselves.
 
 use faer::linalg::solvers::SelfAdjointEigen;
 use faer::{Mat, Side};
@@ -6,11 +6,11 @@ use faer::{Mat, Side};
 use super::constants::{MIN_AGREEMENT, WHOLE_AGREEMENT};
 use crate::light::Clusters;
 
-/// Side of the squares of pixels whose means are compared: in them the noise of a column is an eighth of a pixel's.
+/// Side, in pixels, of the tiles whose means are compared. The noise of a tile mean is an eighth of a pixel's.
 pub const TILE: usize = 8;
 
-/// Means of tiles of [`TILE`] × [`TILE`] pixels of planes of `width` × `height` pixels, one after the other; tiles row by row,
-/// those at the right and lower edge may be smaller.
+/// Means of tiles of [`TILE`] × [`TILE`] pixels of planes of `width` × `height` pixels, plane by plane. Tiles are
+/// ordered row by row; those at the right and lower border may be smaller.
 pub fn tile_means(planes: &[f32], (width, height): (usize, usize)) -> Vec<f32> {
     let (across, down) = (width.div_ceil(TILE), height.div_ceil(TILE));
     let mut means = Vec::with_capacity(planes.len() / (width * height) * across * down);
@@ -19,7 +19,7 @@ pub fn tile_means(planes: &[f32], (width, height): (usize, usize)) -> Vec<f32> {
             let rows_here = rows.len() / width;
             for left in (0..width).step_by(TILE) {
                 let columns = TILE.min(width - left);
-                // Column by column of the tile, for sums along a row would wait for one another.
+                // By columns of the tile: sums along a row would wait for one another.
                 let mut sums = [0.0f32; TILE];
                 for row in rows.chunks_exact(width) {
                     sums.iter_mut().zip(&row[left..left + columns]).for_each(|(sum, value)| *sum += value);
@@ -31,8 +31,8 @@ pub fn tile_means(planes: &[f32], (width, height): (usize, usize)) -> Vec<f32> {
     means
 }
 
-/// Sums over tiles from which the map `R`, clusters × columns, of `T ≈ D R` follows: `D` are the cleaned images of the clusters.
-/// Two halves of the tiles are summed apart: what only one of them says is noise.
+/// Sums over tiles for the map `R`, clusters × columns, of `T ≈ D R`. `D` are the denoised cluster images. Two halves
+/// of the tiles are summed separately: what only one of them shows is noise.
 #[derive(Clone, Debug)]
 pub struct ColumnUpsampler {
     clusters: usize,
@@ -51,7 +51,7 @@ struct ClusterSums {
 }
 
 impl ColumnUpsampler {
-    /// Of nothing yet.
+    /// No tiles yet.
     pub fn new(clusters: usize, columns: usize) -> Self {
         let sums = ClusterSums { gram: vec![0.0; clusters * clusters], cross: vec![0.0; clusters * columns] };
         Self { clusters, columns, halves: [sums.clone(), sums], light: vec![0.0; columns] }
@@ -59,12 +59,12 @@ impl ColumnUpsampler {
 
     /// Bytes that a fit takes.
     pub fn needs_bytes(clusters: u64, columns: u64) -> u64 {
-        // Both halves' sums, what they say of each direction, the map and its change.
+        // The sums of both halves, their steps along each direction, the map and its change.
         clusters * columns * (2 * 8 + 2 * 8 + 2 * 8 + 4)
     }
 
-    /// Adds one row to one of the halves, 0 or 1: a tile and channel of every cluster's image and of every column, with the
-    /// weight of its squared error.
+    /// Adds one row to half 0 or 1: one tile and channel of every cluster image and of every column, with the weight of
+    /// its squared error.
     pub fn add(&mut self, half: usize, images: &[f32], columns: &[f32], weight: f64) {
         let ClusterSums { gram, cross } = &mut self.halves[half];
         for (i, &image) in images.iter().enumerate() {
@@ -80,10 +80,10 @@ impl ColumnUpsampler {
         self.light.iter_mut().zip(columns).for_each(|(light, value)| *light += root * f64::from(*value));
     }
 
-    /// The map, clusters × columns, row-major. It begins with the shares of the light and is moved towards least squares in the
-    /// directions, eigenvectors of `Dᵀ W D`, in which both halves of the tiles say the same of the columns: not at all where the
-    /// correlation of what they say, over all columns, is small, and wholly where it is large. Columns of a cluster add up to
-    /// the cluster.
+    /// The map, clusters × columns, row-major. It starts from the columns' shares of the light, and moves towards the
+    /// least-squares solution along the eigenvectors of `Dᵀ W D`. The step along a direction is scaled by how well both
+    /// halves of the tiles agree: 0 for a small correlation over all columns, 1 for a large one. The columns of a
+    /// cluster still add up to the cluster.
     pub fn fit(&self, clusters: &Clusters) -> Vec<f32> {
         let (k, n) = (self.clusters, self.columns);
         let mut map = self.shares(clusters);
@@ -113,7 +113,8 @@ impl ColumnUpsampler {
         map.into_iter().map(|v| v as f32).collect()
     }
 
-    /// How far one half of the tiles wants each column moved along an eigenvector of `Dᵀ W D`, of which it has half.
+    /// The step of each column along an eigenvector of `Dᵀ W D` that one half of the tiles asks for. It has half of
+    /// `value`.
     fn steps(&self, half: &ClusterSums, vector: &[f64], value: f64, (clusters, map): (&Clusters, &[f64])) -> Vec<f64> {
         let (k, n) = (self.clusters, self.columns);
         let step = |(column, &own): (usize, &u16)| {
@@ -124,7 +125,7 @@ impl ColumnUpsampler {
         clusters.of_column().iter().enumerate().map(step).collect()
     }
 
-    /// Each column has its cluster's image, scaled to its share of the light.
+    /// Each column as its cluster's image, scaled to its share of the light.
     fn shares(&self, clusters: &Clusters) -> Vec<f64> {
         let mut map = vec![0.0; self.clusters * self.columns];
         for (cluster, members) in members(clusters).iter().enumerate() {
@@ -135,7 +136,7 @@ impl ColumnUpsampler {
         map
     }
 
-    /// What the columns of a cluster lack of their sum is given to them by their share of its light.
+    /// Distributes what the columns of a cluster lack of their sum, by their shares of its light.
     fn keep_sums(&self, clusters: &Clusters, map: &mut [f64]) {
         let n = self.columns;
         for (cluster, members) in members(clusters).iter().enumerate() {
@@ -190,8 +191,8 @@ mod tests {
         Clusters::of_basis(&basis)
     }
 
-    /// The fit to tiles of which each has images of the clusters between 0.2 and 1.2, and columns as `column` makes them of
-    /// those, with noise of this size.
+    /// The fit to tiles whose cluster images lie between 0.2 and 1.2. `column` computes each column from these; `noise`
+    /// is the σ added to it.
     fn fitted(clusters: &Clusters, tiles: usize, noise: f32, column: impl Fn(usize, &[f32]) -> f32) -> Vec<f32> {
         let (k, n) = (clusters.count(), clusters.of_column().len());
         let mut random = Pcg64Mcg::seed_from_u64(5);
@@ -209,7 +210,7 @@ mod tests {
         a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
     }
 
-    /// Columns of one cluster that differ in brightness by much, with noise: each keeps its own light.
+    /// Noisy columns of one cluster that differ much in brightness: each keeps its own light.
     #[test]
     fn a_dark_and_a_bright_column_of_one_cluster_keep_their_light() {
         let clusters = panel();
@@ -237,7 +238,7 @@ mod tests {
         for (cluster, members) in members(&clusters).iter().enumerate() {
             for (at, &j) in members.iter().enumerate() {
                 right[cluster * n + j] = 1.0 / members.len() as f32;
-                // Every other member leans to the next cluster, the one after it away from it.
+                // Every other member mixes in the next cluster, the one after it subtracts it.
                 let lean = if at + 1 == members.len() && at % 2 == 0 { 0.0 } else { [0.05, -0.05][at % 2] };
                 right[(cluster + 1) % k * n + j] += lean;
             }

@@ -1,9 +1,9 @@
-//! How far exposed images are from the truth, under the probe lightings: what `--error` asks for.
+//! Estimates the error of exposed images under the probe lightings, as `--error` promises it.
 //!
-//! The truth is not known, but samples of some blocks that the images have no part in are unbiased: with `v` a value of the image
-//! and `a`, `b` those of two halves of such samples, `(v − a)(v − b)` is `(v − truth)²` in the mean, whatever their noise. So noise,
-//! what cleaning blurs and what compression leaves out all count, and a firefly in the samples, which is in one half only,
-//! does not.
+//! The truth is unknown, but independent samples of some blocks are unbiased. With a value `v` of the image and the
+//! values `a`, `b` of two halves of such samples, the mean of `(v − a)(v − b)` is `(v − truth)²`, whatever their noise.
+//! So noise, bias of the denoiser and loss by compression all count. A firefly in the samples is in one half only and
+//! does not count.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -19,29 +19,29 @@ use crate::matrix::{BlockId, BlockSource, ColumnIndex, FactoredBlock, MatrixShap
 use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads};
 use crate::store::{self, StoreReader};
 
-/// What measuring the noise of a stored matrix is called.
+/// Name of the stage that measures the noise of a stored matrix.
 const MEASURING: &str = "measuring the noise";
-/// Blocks by which the noise of a stored matrix is measured.
+/// Number of blocks from which the noise of a stored matrix is estimated.
 const BLOCKS: usize = 24;
-/// Luminance percentile that an image is exposed by.
+/// Luminance percentile that is exposed to white.
 const WHITE: f64 = 0.95;
 
-/// Blocks along the side of the windows that are cleaned apart from the rest of the picture.
+/// Side, in blocks, of the windows that are denoised separately.
 pub(crate) const WINDOW: u32 = 3;
 
 /// A block's image under the probe lightings, one after the other.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ProbedBlock {
     values: Vec<f32>,
-    /// Half the difference of the two halves of the samples; empty where that is not known.
+    /// Half the difference of the two halves of the samples; empty if unknown.
     noise: Vec<f32>,
 }
 
-/// Those of some blocks.
+/// Images of several blocks under the probe lightings.
 pub(crate) type ProbedImages = BTreeMap<BlockId, ProbedBlock>;
 
 impl ProbedBlock {
-    /// Of a block with all its entries.
+    /// The images of a block with all its entries.
     pub(crate) fn of(traced: &TracedBlock, probes: &[f32]) -> Self {
         let rows = traced.block.rows();
         let mut values = vec![0.0f32; PROBES * rows];
@@ -53,7 +53,7 @@ impl ProbedBlock {
         Self { values, noise: traced.noise.as_ref().map_or(Vec::new(), |noise| noise.probes.clone()) }
     }
 
-    /// Of a block's factors.
+    /// The images of a block from its factors.
     pub(crate) fn of_factors(block: &FactoredBlock, probes: &[f32]) -> Self {
         let relit = |weights: &[f32]| {
             let weights = weights.iter().enumerate().map(|(column, &w)| (ColumnIndex(column as u32), [w; 3]));
@@ -63,8 +63,8 @@ impl ProbedBlock {
     }
 }
 
-/// For each probe lighting the mean over the pixels of `square(block, index, value)`, those beyond white left out, in units of white
-/// squared; NaN where it lights nothing.
+/// For each probe lighting the mean over pixels of `square(block, index, value)`, in units of white squared, without
+/// clipped pixels. NaN for a lighting that lights nothing.
 fn mean_squares(images: &ProbedImages, square: impl Fn(BlockId, usize, f32) -> f64) -> [f64; PROBES] {
     std::array::from_fn(|probe| {
         let each = images.iter().flat_map(|(&id, block)| {
@@ -79,13 +79,13 @@ fn mean_squares(images: &ProbedImages, square: impl Fn(BlockId, usize, f32) -> f
     })
 }
 
-/// The squares of an image's own noise, as the halves of its samples show it.
+/// Squared noise of the images, from the halves of their samples.
 pub(crate) fn noise_squares(images: &ProbedImages) -> [f64; PROBES] {
     let noise = |id: BlockId, index: usize| images.get(&id).and_then(|block| block.noise.get(index)).copied();
     mean_squares(images, |id, index, _| noise(id, index).map_or(f64::NAN, |noise| f64::from(noise).powi(2)))
 }
 
-/// The squares of an image's error, by independent samples: see the module. Of few pixels they may come out below 0.
+/// Squared errors of images by independent samples, see the module. For few pixels the estimate may be negative.
 pub(crate) fn error_squares<'a>(
     images: &ProbedImages,
     references: impl IntoIterator<Item = &'a ProbedImages>,
@@ -104,8 +104,8 @@ pub(crate) fn error_squares<'a>(
     sums.map(|sum| sum / count)
 }
 
-/// The same by two independent references at once: their noises are multiplied with each other, and so have the mean 0 that no
-/// estimate of them has to be taken off for. Its own noise is 0.7 of that of [`error_squares`] with both.
+/// The squared errors by two independent references. The product of their noises has mean 0, so that no estimate of
+/// noise must be subtracted. Its own noise is 0.7 of that of [`error_squares`] with both.
 fn error_products(images: &ProbedImages, first: &ProbedImages, second: &ProbedImages) -> [f64; PROBES] {
     let value =
         |of: &ProbedImages, id: BlockId, index: usize| of.get(&id).and_then(|block| block.values.get(index)).copied();
@@ -115,12 +115,12 @@ fn error_products(images: &ProbedImages, first: &ProbedImages, second: &ProbedIm
     })
 }
 
-/// The largest of those that are known; NaN where none is.
+/// The largest value that is not NaN; NaN if there is none.
 pub(crate) fn worst(squares: &[f64; PROBES]) -> f64 {
     squares.iter().copied().fold(f64::NAN, f64::max)
 }
 
-/// Some windows that stand for the picture, spread over it so that no two share a row or a column of windows where that can be.
+/// `count` windows spread over the image. If possible, no two share a row or a column of windows.
 pub(crate) fn spread_windows(shape: MatrixShape, count: usize) -> Vec<Vec<BlockId>> {
     let (across, down) = (shape.blocks_across().div_ceil(WINDOW), shape.blocks_down().div_ceil(WINDOW));
     let all = windows_of(shape, (WINDOW, WINDOW));
@@ -133,7 +133,7 @@ pub(crate) fn spread_windows(shape: MatrixShape, count: usize) -> Vec<Vec<BlockI
     chosen.into_iter().map(|index| all[index].clone()).collect()
 }
 
-/// Some blocks that stand for all of these.
+/// `count` blocks, evenly spread over `blocks`.
 pub(crate) fn spread_blocks(shape: MatrixShape, blocks: Vec<BlockId>, count: usize) -> Vec<BlockId> {
     if blocks.len() <= count {
         return blocks;
@@ -147,32 +147,32 @@ pub(crate) fn spread_blocks(shape: MatrixShape, blocks: Vec<BlockId>, count: usi
     chosen
 }
 
-/// Index of the `i`-th of `count` places on a grid: evenly down it, and across by the golden section, so that they stand in no line.
+/// Index of the `i`-th of `count` points on a grid: evenly spaced down it, and by the golden section across it.
 fn spread(i: usize, count: usize, across: usize, down: usize) -> usize {
     let turn = (0.5 + i as f64 * 0.618_033_988_749_895).fract();
     (2 * i + 1) * down / (2 * count) * across + (turn * across as f64) as usize
 }
 
-/// What a render was asked for, and samples of some blocks, independent of its own, to hold it to that.
+/// The error that a render was asked for, and independent samples of some blocks to measure it.
 #[derive(Debug)]
 pub struct ErrorMonitor {
-    /// None where that was a time.
+    /// The error asked for; `None` if a time was asked for.
     pub(crate) asked: Option<f64>,
-    /// Whether it is promised of cleaned images; else of the matrix as it is.
+    /// Whether the error is promised for denoised images, or for the matrix as it is.
     pub(crate) cleans: bool,
     pub(crate) windows: Vec<Vec<BlockId>>,
     pub(crate) references: [ProbedImages; 2],
-    /// What has been seen of the container that is packed.
+    /// Images of the packed container, as far as its blocks are written.
     pub(crate) packed: Mutex<ProbedImages>,
 }
 
 impl ErrorMonitor {
-    /// Whether it is promised of cleaned images, as a container holds them, or of the matrix as it is.
+    /// Whether the error is promised for denoised images, as a container holds them, or for the matrix as it is.
     pub fn cleans(&self) -> bool {
         self.cleans
     }
 
-    /// Bytes that it holds, with what it will see of a container.
+    /// Bytes that it holds, including the images of the container.
     pub fn needs_bytes(&self) -> u64 {
         let held =
             |images: &ProbedImages| images.values().map(|block| block.values.len() + block.noise.len()).sum::<usize>();
@@ -180,15 +180,15 @@ impl ErrorMonitor {
         4 * (self.references.iter().map(held).sum::<usize>() + seen) as u64
     }
 
-    /// Samples that would do, where so many have missed what was promised by far; none where they have not. By the slowest fall of
-    /// the error that is usual: with the root of the samples.
+    /// The number of samples that would reach an error that was missed by far; `None` if it was reached. It assumes the
+    /// usual slowest fall of the error, with the square root of the samples.
     pub fn samples_instead(error: &ExposedError, samples: u32) -> Option<u32> {
         let ratio = f64::from(error.reached) / f64::from(error.asked);
         let pairs = (f64::from(samples) * ratio.powi(2) / 2.0).ceil() as u32;
         (error.asked > 0.0 && ratio > 1.25).then(|| 2 * pairs.min(u32::MAX / 2))
     }
 
-    /// Notes how a block of a container came out.
+    /// Records the images of a written block.
     pub(crate) fn see(&self, id: BlockId, block: &FactoredBlock, basis: &LightBasis) {
         if self.windows.iter().any(|window| window.contains(&id)) {
             let probed = ProbedBlock::of_factors(block, &probe_lightings(basis));
@@ -196,7 +196,7 @@ impl ErrorMonitor {
         }
     }
 
-    /// What the container has reached of which all blocks were seen.
+    /// The error reached by a container of which all blocks were recorded.
     pub(crate) fn reached_packed(&self) -> ExposedError {
         self.reached(&self.packed.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -207,7 +207,7 @@ impl ErrorMonitor {
         ExposedError { asked: self.asked.unwrap_or(0.0) as f32, reached: square.max(0.0).sqrt() as f32 }
     }
 
-    /// What a stored matrix has reached: as it is, or as it will be when it is cleaned.
+    /// The error reached by a stored matrix, as it is or once it is denoised.
     ///
     /// # Errors
     /// Those of reading and of the disk; [`Error::Interrupted`].
@@ -248,16 +248,16 @@ pub(crate) struct Blocks<'a> {
 
 /// Images of windows.
 pub(crate) struct WindowImages {
-    /// As the samples have them.
+    /// Images of the samples, not denoised.
     pub(crate) sampled: ProbedImages,
-    /// As they are looked at: cleaned where that is asked for.
+    /// The displayed images: denoised if asked for.
     pub(crate) shown: ProbedImages,
-    /// Seconds that cleaning took.
+    /// Seconds that denoising took.
     pub(crate) cleaning_seconds: f64,
 }
 
 impl Blocks<'_> {
-    /// Bytes that images of so many blocks take, of three runs, each with its noise.
+    /// Bytes of the images of `blocks` blocks, for three runs with their noise.
     pub(crate) fn images_need_bytes(shape: MatrixShape, blocks: usize) -> u64 {
         6 * 4 * PROBES as u64 * shape.max_block_rows() as u64 * blocks as u64
     }
@@ -315,9 +315,8 @@ impl Blocks<'_> {
     }
 }
 
-/// The error of exposed images of a stored matrix as it is, from its own noise, as a fraction of white: see
-/// [`ExposedError`]. From some blocks that stand for all; none where the matrix does not know its
-/// noise.
+/// The error of exposed images of a stored matrix without denoising, from its own noise, as a fraction of white: see
+/// [`ExposedError`]. It is estimated from some blocks; `None` if the matrix does not know its noise.
 ///
 /// # Errors
 /// Those of reading; the memory is too small; [`Error::Interrupted`].
@@ -358,7 +357,7 @@ mod tests {
         assert!(blocks.len() == 24 && columns.len() > 12, "{blocks:?}");
     }
 
-    /// Noise that the samples' halves share with nothing leaves the mean of the products alone.
+    /// Noise that both references do not share cancels in the mean of the products.
     #[test]
     fn the_error_is_seen_through_the_noise_of_the_samples() {
         let rows = 30_000;
@@ -369,12 +368,12 @@ mod tests {
             let all = |each: &dyn Fn(usize) -> f32| (0..PROBES * rows).map(each).collect::<Vec<_>>();
             ProbedImages::from([(BlockId(0), ProbedBlock { values: all(value), noise: all(noise) })])
         };
-        // An error of 0.05 up and down, of an image whose white is near 2; samples with noise of twice its size.
+        // An error of ±0.05 in an image whose white is near 2; samples have twice as much noise.
         let shown = image(&|i| truth(i % rows) + if i % 2 == 0 { 0.05 } else { -0.05 }, &|_| 0.0);
         let (a, b) = (|i: usize| 0.4 * grain[2 * i], |i: usize| 0.4 * grain[2 * i + 1]);
         let samples = image(&|i| truth(i % rows) + 0.5 * (a(i) + b(i)), &|i| 0.5 * (a(i) - b(i)));
         let error = worst(&error_squares(&shown, [&samples])).sqrt();
-        // Of the 95 % that are not beyond white.
+        // The 95 % of the pixels that are not clipped.
         assert!((error / (0.05 * 0.95f64.sqrt() / 1.99) - 1.0).abs() < 0.15, "{error}");
     }
 }

@@ -1,8 +1,9 @@
-//! One job on many machines: ranges of blocks built anywhere, in any order, as often as it happens, and merged into the container that
-//! one machine makes of the job by [`render_packed`](crate::pipeline::render_packed).
+//! One job on many machines. Ranges of blocks are built anywhere, in any order, any number of times. They are merged
+//! into the container that one machine makes of the job by [`render_packed`](super::render_packed).
 //!
-//! A range becomes a shard ([`super::shard`]) in a [`Depot`]: complete or not at all, never changed, and the same from whoever builds
-//! it. The merge does what wants to know of all blocks: it cleans the whole picture, chooses the one slope, and cuts.
+//! A range becomes a shard ([`super::shard`]) in a [`Depot`]: complete or absent, never changed, and the same whoever
+//! builds it. The merge does what needs all blocks: it denoises the whole image, chooses the common slope, and cuts the
+//! candidates.
 
 use std::ops::Range;
 use std::path::Path;
@@ -33,30 +34,30 @@ const PROBED_BLOCKS: u64 = 24;
 /// Wall-clock seconds after which a probe begins no other block.
 const PROBE_SECONDS: f64 = 20.0;
 
-/// A scene and how it is to be packed: what every machine of a farm must agree on.
+/// A scene and its pack options, on which every machine of a farm must agree.
 pub struct FarmJob {
     loaded: LoadedScene,
     terms: Terms,
 }
 
-/// A job and how it is packed, without the scene.
+/// A job and its pack options, without the scene.
 pub(super) struct Terms {
     pub(super) job: Job,
-    /// As [`PackOptions::for_source`] has them.
+    /// The options after [`PackOptions::for_source`].
     pub(super) options: PackOptions,
     pub(super) fingerprint: [u8; 32],
 }
 
-/// What a probe found.
+/// Result of a probe.
 #[derive(Clone, Debug)]
 pub struct Probe {
     /// The blocks that were built, in order.
     pub blocks: Vec<TimedBlock>,
-    /// Seconds until the tracer stood, of the scene as it was loaded.
+    /// Seconds until the tracer was built, from the loaded scene.
     pub setup_seconds: f64,
     /// Anonymous memory that building takes at most with one thread.
     pub memory_bytes: u64,
-    /// What each thread more takes.
+    /// Memory of each further thread, in bytes.
     pub thread_memory_bytes: u64,
     /// Anonymous memory that the merge takes at most with one thread.
     pub merge_memory_bytes: u64,
@@ -65,15 +66,15 @@ pub struct Probe {
 /// A block of a [`Probe`].
 #[derive(Clone, Copy, Debug)]
 pub struct TimedBlock {
-    /// Which.
+    /// Index of the block.
     pub block: BlockId,
-    /// Seconds of one thread for it.
+    /// Seconds of one thread.
     pub seconds: f64,
-    /// Bytes that a shard holds of it.
+    /// Bytes of its record in a shard.
     pub bytes: u64,
 }
 
-/// What building a range did.
+/// Result of building a range.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
     /// Name of the shard.
@@ -89,13 +90,13 @@ pub struct BuildReport {
 /// A shard that cannot be merged, and why.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RefusedShard {
-    /// Its name in the depot.
+    /// Name of the shard in the depot.
     pub name: String,
-    /// What is wrong with it.
+    /// Why it cannot be merged.
     pub problem: String,
 }
 
-/// What a depot holds of a job.
+/// The shards of a job in a depot.
 pub struct Shards {
     set: ShardSet,
     /// Shards of the job.
@@ -109,10 +110,10 @@ pub struct Shards {
 }
 
 impl FarmJob {
-    /// The job of a scene, packed so.
+    /// The job of a scene with these pack options.
     ///
     /// # Errors
-    /// A global scope and images cleaned elsewhere, which need the matrix as a whole; those of [`job_of`].
+    /// A global scope and images denoised elsewhere, which need the matrix as a whole; those of [`job_of`].
     pub fn new(loaded: LoadedScene, options: &PackOptions) -> Result<Self> {
         if options.compress.scope == Scope::Global {
             let hint = "render and pack it on one machine";
@@ -123,7 +124,7 @@ impl FarmJob {
             return Err(Error::input(basis.display().to_string(), "its images exist only after all blocks", hint));
         }
         let job = job_of(&loaded)?;
-        // One sample a pixel has no halves.
+        // One sample per pixel has no halves.
         let has_planes = settings_of(&loaded).samples_per_pixel > 1;
         let options = options.for_source(has_planes);
         let fingerprint = options.fingerprint(&job, b"f32", None);
@@ -135,12 +136,12 @@ impl FarmJob {
         &self.terms.job
     }
 
-    /// Whether the picture is cleaned, by the merge.
+    /// Whether the merge denoises the image.
     pub fn cleans(&self) -> bool {
         self.terms.options.denoise
     }
 
-    /// What tells the job with its settings, and the versions of all that takes part, from every other: 64 hexadecimal digits.
+    /// Hash of the job, its settings and the versions of everything that takes part: 64 hexadecimal digits.
     pub fn fingerprint(&self) -> String {
         hex(&self.terms.fingerprint)
     }
@@ -195,8 +196,8 @@ impl FarmJob {
         })
     }
 
-    /// The shard of these blocks in the depot, of the job of a fingerprint, if it is there. One look, which trusts the name, unless the
-    /// shard is to be read and held to it (`check`).
+    /// Name of the shard of these blocks in the depot, for the job with this fingerprint, if it exists. The name is
+    /// trusted unless `check` asks to verify the content.
     ///
     /// # Errors
     /// The depot cannot be read.
@@ -213,8 +214,8 @@ impl FarmJob {
         Ok(None)
     }
 
-    /// Builds a range of blocks into a shard in the depot. What is built waits in a file without a name, in `scratch` or the system's
-    /// folder for such files, until it is whole.
+    /// Builds a range of blocks into a shard in the depot. Until it is complete, it is in an unlinked temporary file in
+    /// `scratch` or the system's temporary folder.
     ///
     /// # Errors
     /// A range that the matrix has not; those of the tracer, the compressor and the depot; [`Error::Interrupted`], with nothing kept.
@@ -261,8 +262,8 @@ impl FarmJob {
         Ok(BuildReport { name, seconds: begun.elapsed().as_secs_f64(), rays, non_finite })
     }
 
-    /// Reads every shard of the depot whole, and tells those of this job from what cannot be merged. Shards that are not files of this
-    /// machine are copied into the folder `cache`, where a copy that is there already is taken.
+    /// Reads every shard of the depot completely, and separates those of this job from those that cannot be merged.
+    /// Shards that are not local files are copied into the folder `cache`, unless a copy is there already.
     ///
     /// # Errors
     /// The depot cannot be read; [`Error::Interrupted`].
@@ -278,13 +279,13 @@ impl FarmJob {
             }
             let open = || Shard::open(&depot.local(name, cache)?, name);
             let checked = if !name.starts_with(&plan_prefix(&hex(fingerprint))) {
-                // Only the beginning is read, to say what it is of.
+                // Only the head is read, for the message.
                 let head = ShardHead::of(&*depot.open_file(name)?, &Path::new(depot.address()).join(name))?;
                 let renamed = "its content is not that of its name: it was renamed";
                 head.and_then(|head| self.terms.accept(&head)).and(Err(renamed.to_owned()))
             } else {
                 let checked = match open()? {
-                    // A copy may be bad where the shard is not.
+                    // The copy may be damaged although the shard is not.
                     Err(_) if depot.remove_copies(cache, Some(name))? => open()?,
                     checked => checked,
                 };
@@ -323,7 +324,7 @@ impl FarmJob {
     /// interrupted merge is continued by the same call.
     ///
     /// # Errors
-    /// [`Error::Incomplete`] where blocks are missing; those of cleaning, packing and the container; [`Error::Interrupted`].
+    /// [`Error::Incomplete`] where blocks are missing; those of denoising, packing and the container; [`Error::Interrupted`].
     pub fn merge(self, shards: Shards, path: &Path, watch: &dyn Progress) -> Result<PackReport> {
         let measuring = self.measuring_need();
         let Terms { mut job, options, .. } = self.terms;
@@ -350,7 +351,7 @@ impl FarmJob {
         ResourceEstimate { fixed_bytes: tracing.fixed_bytes, ..ResourceEstimate::default() }
     }
 
-    /// Where copies of shards wait for the merge of a container.
+    /// Folder for copies of shards during the merge of a container.
     pub fn cache_path(container: &Path) -> std::path::PathBuf {
         with_suffix(container, ".shards")
     }
@@ -359,7 +360,7 @@ impl FarmJob {
         compressor_of(&self.terms.job, &self.terms.options)
     }
 
-    /// What builds, and what that takes.
+    /// The builder of shards, and its memory.
     fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, ResourceEstimate)> {
         let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, &self.terms.job));
         Ok((Worker::new(&self.terms, compressor, scratch)?, need))
@@ -367,7 +368,7 @@ impl FarmJob {
 }
 
 impl Terms {
-    /// Whether a shard is of these; else what it is of.
+    /// Checks that a shard belongs to this job; the error says what it belongs to.
     fn accept(&self, head: &ShardHead) -> Result<(), String> {
         if head.job != self.job.hash().0 {
             return Err("it is of another job".to_owned());

@@ -1,4 +1,4 @@
-//! What a machine of a farm does with each block: what the merge needs of it goes to a file without a name.
+//! The worker of a farm: for each block it writes the record that the merge needs to an unlinked temporary file.
 
 use std::path::Path;
 
@@ -15,14 +15,15 @@ use crate::resources::{Progress, ResourceEstimate};
 
 /// Makes the records of a shard.
 pub(super) enum Worker {
-    /// Of a matrix that is cleaned: the merge analyses it.
+    /// For a matrix that is denoised, which the merge then analyses.
     Gathers(Box<DenoiseInputs>),
-    /// Of one that is packed as it is.
+    /// For a matrix that is packed without denoising.
     Analyses(Box<Analysis>),
 }
 
 impl Worker {
-    /// With its file in `scratch`, or where the system has such files. The file is gone with the process, however that ends.
+    /// A worker whose file is in `scratch`, or in the system's temporary folder. The file vanishes with the process,
+    /// however that ends.
     ///
     /// # Errors
     /// The folder cannot be written.
@@ -35,7 +36,7 @@ impl Worker {
         };
         let (path, shape) = (folder.path().join("shard"), terms.job.shape);
         let records = Records::File(open_spill(&path, terms.fingerprint, shape.block_count(), false)?);
-        // Without its name the file lives as long as it is open.
+        // An unlinked file lives as long as it is open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
         Ok(if terms.options.denoise {
             Self::Gathers(Box::new(DenoiseInputs::new(&terms.job, path, records)?))
@@ -44,10 +45,10 @@ impl Worker {
         })
     }
 
-    /// What working takes, where making a block takes `source`.
+    /// Memory of a worker, where making a block takes `source`.
     pub(super) fn need(terms: &Terms, compressor: &Compressor, source: ResourceEstimate) -> ResourceEstimate {
         let shape = terms.job.shape;
-        // Where each record is.
+        // The positions of all records.
         let places = 64 * u64::from(shape.block_count());
         if !terms.options.denoise {
             let need = need_of(compressor, shape, source, None);
@@ -57,7 +58,7 @@ impl Worker {
         ResourceEstimate { fixed_bytes: source.fixed_bytes + places, per_thread_bytes, ..source }
     }
 
-    /// Makes a block's record, unless it is there; gives the work that it was.
+    /// Makes a block's record, unless it exists; returns the amount of work.
     ///
     /// # Errors
     /// Those of `make` and of the disk; [`Error::Interrupted`].
@@ -85,7 +86,7 @@ impl Worker {
         self.file()?.length_and_checksum(id.0).map(|(bytes, _)| bytes)
     }
 
-    /// Puts the records of a range into a depot, as a shard. Gives its name.
+    /// Writes the records of a range into a depot, as a shard. Returns its name.
     ///
     /// # Errors
     /// A record is missing; those of the disk and of the depot.

@@ -15,13 +15,14 @@ const HEAD_BYTES: usize = 40;
 const OWNER_BYTES: usize = 7;
 /// Key, CRC-32 of the bytes, their number, CRC-32 of these three.
 const RECORD_BYTES: usize = 20;
-/// What a loss of power may cost.
+/// Largest time of work that a power failure may cost.
 const SYNC_PERIOD: Duration = Duration::from_secs(5);
 
-/// One byte string for each key below a bound, appended from any thread, with checksums: whatever instant the process was stopped
-/// at, the whole strings are taken up again by a job of the same mark and fingerprint.
+/// A file with one byte string for each key below a bound, appended from any thread, with checksums. Wherever the
+/// process stopped, a job of the same mark and fingerprint continues with the complete strings.
 ///
-/// The file is locked while it is open, [removed](Self::remove) when the result stands, and when dropped without a record.
+/// The file is locked while it is open. It is [removed](Self::remove) once the result is complete, and when dropped
+/// without a record.
 #[derive(Debug)]
 pub struct ContinuationFile {
     path: PathBuf,
@@ -44,9 +45,9 @@ struct RecordSpan {
 }
 
 impl ContinuationFile {
-    /// Opens the file of a job that knows `keys` keys: goes on with one of the same `mark` and `fingerprint`, or begins one. The first
-    /// seven bytes of the mark say whose the file is. One of the same owner but another fingerprint is begun anew only with
-    /// `overwrite`; a file of anyone else is left as it is.
+    /// Opens the file of a job with `keys` keys: continues one of the same `mark` and `fingerprint`, or begins one. The
+    /// first seven bytes of the mark identify the owner. A file of the same owner but another fingerprint is replaced
+    /// only with `overwrite`. A file of any other owner is left as it is.
     ///
     /// # Errors
     /// The folder cannot be written; another process holds the file; it is of another job or of another program.
@@ -76,8 +77,8 @@ impl ContinuationFile {
         Self::recovered(path, file, keys)
     }
 
-    /// Removes a file that a job left which was killed between giving its result the final name, `finished`, and cleaning up: one of
-    /// this mark with every key, last written before the result was, that no process holds.
+    /// Removes the file of a job that was killed between renaming its result to `finished` and cleaning up. It must
+    /// have this mark and every key, be older than the result, and be locked by no process.
     pub fn remove_leftover(path: &Path, mark: [u8; 8], keys: u32, finished: &Path) {
         let written = |path: &Path| std::fs::metadata(path).and_then(|found| found.modified()).ok();
         let is_older = written(path).zip(written(finished)).is_some_and(|(left, finished)| left <= finished);
@@ -103,7 +104,7 @@ impl ContinuationFile {
         Ok(continuation)
     }
 
-    /// Whether a key's bytes are there.
+    /// Whether the bytes of a key are present.
     pub fn has(&self, key: u32) -> bool {
         self.lock().places[key as usize].is_some()
     }
@@ -178,10 +179,10 @@ impl ContinuationFile {
         self.place(key).map(|place| (place.bytes, place.checksum))
     }
 
-    /// Reads some of the bytes of a key, of which the caller knows the checksum.
+    /// Reads part of the bytes of a key. The caller knows the checksum of that part.
     ///
     /// # Errors
-    /// They are not there, cannot be read, or are not those that were written.
+    /// They are missing, cannot be read, or fail the checksum.
     pub fn read_part(&self, key: u32, from: u64, bytes: usize, checksum: u32) -> Result<Vec<u8>> {
         let place = self.place(key)?;
         let mut part = vec![0; bytes];

@@ -7,8 +7,8 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// Opens a file for reading: `action` says for what ("open the image"). Never waits: a pipe without a writer would have
-/// the program wait for ever.
+/// Opens a file for reading; `action` says for what ("open the image"). It never blocks, as opening a pipe without a
+/// writer would.
 ///
 /// # Errors
 /// There is no such file, it may not be read, or it is a folder, pipe or device.

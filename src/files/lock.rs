@@ -15,7 +15,7 @@ type Teller = Box<dyn Fn(&str) + Send + Sync>;
 static TELLER: OnceLock<Teller> = OnceLock::new();
 static TOLD: OnceLock<()> = OnceLock::new();
 
-/// What trying to lock a file came to.
+/// Result of trying to lock a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lock {
     /// This process holds it, until the file is closed or the process ends.
@@ -86,7 +86,7 @@ pub(super) fn try_lock(file: &File) -> Result<Lock, Errno> {
     }
 }
 
-/// Whether `path` is the name of this very file.
+/// Whether `path` names this very file.
 pub(super) fn is_named(file: &File, path: &Path) -> bool {
     let identity = |found: std::io::Result<std::fs::Metadata>| found.ok().map(|found| (found.dev(), found.ino()));
     let open = identity(file.metadata());

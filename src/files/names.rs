@@ -47,7 +47,7 @@ fn number(text: &str) -> (&str, &str) {
     (digits.trim_start_matches('0'), rest)
 }
 
-/// Refuses an output that could not be given its name in the end, before any work is done for it.
+/// Checks, before any work is done, that an output can be given its name in the end.
 ///
 /// # Errors
 /// The folder is not there; a folder or device stands under the name; a file does, and may not be replaced (`overwrite`).

@@ -107,8 +107,8 @@ pub fn write_file(path: &Path, overwrite: bool, bytes: &[u8]) -> Result<()> {
     replace(path, overwrite, |file| file.write_all(bytes).map_err(Error::io(path, "write")))
 }
 
-/// Gives a finished, durable file its final name, and makes the name durable. The file gets no permissions that the one it replaces
-/// did not have.
+/// Renames a finished, durable file to its final name, and makes the name durable. The file gets no permissions that
+/// the one it replaces did not have.
 ///
 /// # Errors
 /// `to` exists and may not be replaced, even if it was made only now; the system refuses.

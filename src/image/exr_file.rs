@@ -73,13 +73,13 @@ const MAX_NAME_BYTES: usize = 255;
 /// Chunks of more bytes than this are cut down to one line.
 const LARGE_CHUNK_BYTES: usize = 32 << 20;
 
-/// Writes 32-bit linear RGB images as the layers of one part, asking `fetch` for their rows as they are needed. A layer's
-/// channels are `NAME.R`, `NAME.G`, `NAME.B`, or `R`, `G`, `B` where its name is empty: what programs of all ages read.
-/// `overwrite`: a file of that name is replaced, whole.
+/// Writes 32-bit linear RGB images as the layers of one part; `fetch` gives their rows as they are needed. A layer's
+/// channels are `NAME.R`, `NAME.G`, `NAME.B`, or `R`, `G`, `B` for an empty name, which all programs read. `overwrite`:
+/// an existing file is replaced, as a whole.
 ///
 /// # Errors
-/// No layers, two of one name; the file exists and may not be replaced; the system refuses to write; those of `fetch`. Then the old
-/// file stands.
+/// No layers, or two of one name; the file exists and may not be replaced; the system refuses to write; errors of
+/// `fetch`. The old file then stays.
 pub fn write_exr_rows(
     path: &Path,
     overwrite: bool,

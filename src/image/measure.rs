@@ -1,4 +1,4 @@
-//! How far an image is from its reference.
+//! Error of an image against its reference.
 
 use super::LinearImage;
 

@@ -1,8 +1,8 @@
-//! NumPy arrays: the header of a file, and writing one.
+//! NumPy arrays: reading the header of a file, and writing a file.
 //!
 //! Format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>. The header is a Python dictionary
-//! with three keys. It is read here, without recursion and with a bound on its length, for a general reader of Python
-//! literals takes time or stack without end on a few dozen forged bytes.
+//! with three keys. It is parsed here without recursion and with a bound on its length, since a general parser of
+//! Python literals may take unbounded time or stack on a few dozen forged bytes.
 
 use std::io::{BufWriter, Read, Write};
 use std::path::Path;
@@ -20,12 +20,12 @@ const MAX_DIMENSIONS: usize = 64;
 /// Multiple of bytes at which the values begin.
 const ALIGNMENT: usize = 64;
 
-/// What the header of an NPY file says.
+/// The header of an NPY file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct NpyHeader {
     /// Type of a value as NumPy writes it, for example `<f4`.
     pub(super) descr: String,
-    /// Whether the first index runs fastest.
+    /// Whether the first index varies fastest.
     pub(super) fortran_order: bool,
     /// Length of each dimension.
     pub(super) shape: Vec<u64>,

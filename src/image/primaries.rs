@@ -56,8 +56,8 @@ impl Primaries {
         }
     }
 
-    /// The matrix from these primaries to Rec. 709; none where they are its own. White is adapted by Bradford's method;
-    /// tristimulus values are not, for they are colours and no shares of a white.
+    /// The matrix from these primaries to Rec. 709; `None` if they are Rec. 709. White is adapted by Bradford's method.
+    /// Tristimulus values are not, since they are absolute colours.
     ///
     /// # Errors
     /// As text for the caller to place: numbers that span no colour space.
@@ -90,7 +90,7 @@ impl Primaries {
     }
 }
 
-/// From CIE XYZ to Rec. 709, as it is.
+/// The matrix from CIE XYZ to Rec. 709, without adaptation.
 pub(super) fn xyz_to_rec_709() -> ColourMatrix {
     XYZ.to_rec_709().ok().flatten().unwrap_or(IDENTITY)
 }

@@ -1,7 +1,8 @@
 //! Radiance pictures (RGBE and XYZE).
 //!
-//! Format: Ward, *Radiance file formats*, chapter "Picture file format (.hdr)": a head of text lines up to an empty one, a line
-//! with the order of the axes, then scanlines, each by itself flat, run-length encoded as of 1985 or as of 1991.
+//! Format: Ward, *Radiance file formats*, chapter "Picture file format (.hdr)". A header of text lines ends with an
+//! empty line; then comes a line with the order of the axes. The scanlines follow: each flat, or run-length encoded as
+//! of 1985 or as of 1991.
 
 use std::io::{BufRead, Read};
 use std::path::Path;
@@ -17,7 +18,7 @@ const MAX_HEAD_BYTES: usize = 1 << 16;
 /// Lengths of scanlines that may be encoded component by component.
 const NEW_LENGTHS: std::ops::RangeInclusive<usize> = 8..=0x7fff;
 
-/// Which way an axis runs in the file.
+/// Direction of an axis in the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Axis {
     /// 0 for X, which runs to the right, 1 for Y, here from the top.
@@ -27,7 +28,7 @@ struct Axis {
     is_reversed: bool,
 }
 
-/// What stands before the pixels.
+/// The header.
 #[derive(Clone, Debug)]
 struct RadianceHead {
     /// What a stored value is divided by: `EXPOSURE` and `COLORCORR`, each time they stand there.
@@ -178,7 +179,7 @@ fn factors<const N: usize>(text: &str) -> Option<[f64; N]> {
     numbers(text).filter(|numbers: &[f64; N]| numbers.iter().all(|v| *v > 0.0))
 }
 
-/// So many finite numbers.
+/// Parses `N` finite numbers.
 fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
     let numbers: Option<Vec<f64>> = text.split_whitespace().take(N + 1).map(|word| word.parse().ok()).collect();
     let numbers: [f64; N] = numbers?.try_into().ok()?;

@@ -44,8 +44,8 @@ pub fn read_image(path: &Path) -> Result<LinearImage> {
     Ok(LinearImage { width, height, pixels: pixels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect() })
 }
 
-/// Reads an image with its alpha. The format is told from the content, not from the name. An OpenEXR file's picture is its display
-/// window, black and clear where it has no pixels.
+/// Reads an image with its alpha. The format is detected from the content, not from the name. An OpenEXR file's image
+/// is its display window, black and transparent where it has no pixels.
 ///
 /// # Errors
 /// A file that cannot be opened, is no image of a known format, is damaged, has no pixels, or is larger than 16,384 pixels
@@ -56,7 +56,7 @@ pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
     opened.read(path, None)
 }
 
-/// What an image file says of itself.
+/// Properties of an image file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ImageFacts {
     /// Width in pixels.
@@ -107,7 +107,7 @@ impl ImageReader {
         })
     }
 
-    /// Where its pixels lie, and the picture's frame.
+    /// The windows of its pixels and of the whole frame.
     pub(super) fn windows(&self) -> (Window, Window) {
         match self {
             Self::Exr(picture) => (picture.data, picture.display),
@@ -228,7 +228,7 @@ fn kind_by_name(bytes: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// What a file is, by its content.
+/// File formats, detected by content.
 enum Format {
     Exr,
     Hdr,

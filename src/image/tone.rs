@@ -1,4 +1,4 @@
-//! From linear radiance to a display.
+//! Tone mapping: from linear radiance to a display.
 
 use std::path::Path;
 
@@ -18,7 +18,7 @@ pub fn encode_srgb(linear: f32) -> f32 {
 /// cd·m⁻².
 pub const LUMENS_PER_WATT: f32 = 179.0;
 
-/// How linear values become displayed ones.
+/// Tone mapping operators and their parameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ToneCurve {
     /// Values above 1 are cut.
@@ -132,8 +132,8 @@ pub(super) fn neutral(color: [f32; 3]) -> [f32; 3] {
     color.map(|v| v * new_peak / peak * (1.0 - mix) + new_peak * mix)
 }
 
-/// Shows the luminance of an image in colours, from black over blue, green and red to white, one step for each factor
-/// of `(high / low)^⅙`; the image that comes back is linear, for [`ToneMapping::default`].
+/// Maps the luminance of an image to colours, from black over blue, green and red to white, one step for each factor of
+/// `(high / low)^⅙`. The result is linear, for [`ToneMapping::default`].
 ///
 /// Luminance is Rec. 709's of the pixel, in its unit: where that is W·sr⁻¹·m⁻², [`LUMENS_PER_WATT`] makes it cd·m⁻².
 ///
@@ -171,9 +171,9 @@ pub fn false_colour_scale(low: f32, high: f32) -> [(&'static str, f32); 7] {
     std::array::from_fn(|i| (names[i], low * (high / low).powf(i as f32 / 6.0)))
 }
 
-/// Exposure, in stops, that brings the 85th percentile of pixels' largest channels to 0.7, so that lamps in view do not darken
-/// the room; lower by a stop at most where more than a twentieth of the pixels would be above white. Black pixels do not count,
-/// nor do parts that are still to come. 0 for a black picture.
+/// Exposure, in stops, that brings the 85th percentile of pixels' largest channels to 0.7, so that lamps in view do not
+/// darken the room. It is lower by at most one stop if more than a twentieth of the pixels would exceed white. Black
+/// pixels and missing parts do not count. 0 for a black image.
 pub fn exposure_for(image: &LinearImage) -> f32 {
     // Luminance would leave coloured light burnt out: of pure blue it is a fourteenth of the channel.
     let peak = |pixel: &[f32; 3]| pixel.iter().copied().fold(f32::NEG_INFINITY, f32::max);
@@ -196,7 +196,8 @@ pub fn write_toned_png(path: &Path, image: &LinearImage, tone: ToneMapping) -> R
     write_rgb_png(path, image.width, image.height, tone.bytes(image).into_flattened())
 }
 
-/// Writes an 8-bit sRGB PNG, exposed so that the 95th luminance percentile maps to `white`; a file of that name is replaced, whole.
+/// Writes an 8-bit sRGB PNG, exposed so that the 95th luminance percentile maps to `white`. An existing file is
+/// replaced, as a whole.
 ///
 /// # Errors
 /// The system refuses to write; then the old file stands.
@@ -206,7 +207,7 @@ pub fn write_png(path: &Path, image: &LinearImage, white: f32) -> Result<()> {
     write_rgb_png(path, image.width, image.height, bytes)
 }
 
-/// Writes 8-bit sRGB pixels, 3 bytes each, row by row from the top, as a PNG; a file of that name is replaced, whole.
+/// Writes 8-bit sRGB pixels, 3 bytes each, row by row from the top, as a PNG. An existing file is replaced, as a whole.
 ///
 /// # Errors
 /// The bytes do not make an image of that size; the system refuses to write. Then the old file stands.

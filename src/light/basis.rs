@@ -95,7 +95,7 @@ impl Light {
         }
     }
 
-    /// Its columns.
+    /// The columns of the light.
     pub fn columns(&self) -> Range<u32> {
         self.first_column..self.first_column + self.places.len() as u32
     }
@@ -107,7 +107,7 @@ impl Light {
 }
 
 impl LightKind {
-    /// Whether its texels are directions all around.
+    /// Whether its texels are directions of an environment.
     pub fn is_environment(self) -> bool {
         matches!(self, Self::LatLong { .. } | Self::Octahedral { .. })
     }
@@ -254,7 +254,7 @@ impl LightBasis {
         }
     }
 
-    /// What [`set_scene_weights`](Self::set_scene_weights) set, in column order.
+    /// The weights given to [`set_scene_weights`](Self::set_scene_weights), in column order.
     pub(crate) fn own_scene_weights(&self) -> &[(u32, Vec<[f32; 3]>)] {
         &self.scene_weights
     }
@@ -269,7 +269,7 @@ impl LightBasis {
         weights
     }
 
-    /// Says how bright each column makes the picture, see [`column_scales`](Self::column_scales); none: not known.
+    /// Sets the scales of the columns, see [`column_scales`](Self::column_scales); empty if unknown.
     ///
     /// # Errors
     /// Another number than that of the columns, a scale that is not finite and above 0, or several within a light.
@@ -291,9 +291,10 @@ impl LightBasis {
         Ok(())
     }
 
-    /// What each column is divided by before columns are compared, cleaned and compressed: the mean of its image under a weight of
-    /// 1, one value for all columns of a light. Columns of any unit then count alike (column equilibration; Golub and Van Loan,
-    /// *Matrix Computations*, §3.5.2). Empty where it is not known: columns then count as they are.
+    /// Divisor of each column before columns are compared, denoised and compressed: the mean of its image under a
+    /// weight of 1, with one value for all columns of a light. Columns of any unit then count alike (column
+    /// equilibration; Golub and Van Loan, *Matrix Computations*, §3.5.2). Empty if unknown; columns then count as they
+    /// are.
     pub fn column_scales(&self) -> &[f32] {
         &self.column_scales
     }

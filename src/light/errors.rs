@@ -18,7 +18,7 @@ pub struct LightErrors {
     pub single_mean: f32,
     /// One column on alone: the worst.
     pub single_worst: f32,
-    /// Which column that is.
+    /// Index of that column.
     pub worst_column: u32,
     /// The noise of the samples in the stored images of single columns, in the same mean.
     pub noise_mean: f32,
@@ -26,19 +26,19 @@ pub struct LightErrors {
     pub noise_worst: f32,
 }
 
-/// What cleaning did to the images of the clusters of columns, relative L2, estimated from the two halves of the samples.
+/// What denoising did to the images of the clusters of columns, relative L2, estimated from the two halves of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct DenoiseErrors {
     /// The noise of the samples before.
     pub noise_before: f32,
-    /// What is left of it.
+    /// Noise left after denoising.
     pub noise_after: f32,
-    /// What the cleaned images are off beside noise: where they were averaged over what is not alike.
+    /// What the denoised images are off beside noise: where they were averaged over what is not alike.
     pub bias: f32,
 }
 
 impl DenoiseErrors {
-    /// Stands where nothing was cleaned.
+    /// Stands where nothing was denoised.
     pub(crate) const NONE: Self = Self { noise_before: f32::NAN, noise_after: f32::NAN, bias: f32::NAN };
 
     pub(crate) fn is_none(&self) -> bool {
@@ -46,7 +46,7 @@ impl DenoiseErrors {
     }
 }
 
-/// A line on what cleaning did, for people.
+/// A line on what denoising did, for people.
 pub fn denoise_errors_line(errors: &DenoiseErrors) -> String {
     format!(
         "cleaning, relative L2 of the images of groups of lights: noise {:.2e} before, {:.2e} after, bias {:.2e} (estimated)",
@@ -54,14 +54,14 @@ pub fn denoise_errors_line(errors: &DenoiseErrors) -> String {
     )
 }
 
-/// The error of exposed images in units of white: the image under each of the probe lightings
-/// ([`probe_lightings`](super::probe_lightings)) is exposed so that its 95th percentile is white, the error is the root mean square
-/// over its pixels, those beyond white left out, which are clipped; of all lightings the worst.
+/// The error of exposed images in units of white. The image under each probe lighting
+/// ([`probe_lightings`](super::probe_lightings)) is exposed so that its 95th percentile is white. The error is the root
+/// mean square over pixels that are not clipped; of all lightings the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
 pub struct ExposedError {
     /// What was asked for; 0 where that was a time.
     pub asked: f32,
-    /// What was reached: of some blocks, against samples of their own.
+    /// The error reached, measured for some blocks against independent samples.
     pub reached: f32,
 }
 
@@ -97,7 +97,8 @@ impl LightLoss {
     /// Error from which on there is little left of the light.
     const SEVERE: f64 = 0.5;
 
-    /// The loss of a light of this name with this squared error, noise of the samples and norm, if people should know of it.
+    /// The loss of a light with this squared error, noise of the samples and norm, or `None` if it is not worth a
+    /// warning.
     pub fn notable(light: &str, [error, noise, norm]: [f64; 3]) -> Option<Self> {
         let error = ((error - noise).max(0.0) / norm.max(f64::MIN_POSITIVE)).sqrt();
         (error > Self::NOTABLE).then(|| Self { light: light.to_owned(), error })
@@ -116,14 +117,14 @@ impl std::fmt::Display for LightLoss {
     }
 }
 
-/// What is known of errors over the whole picture.
+/// The errors that are known over the whole image.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StatedErrors {
-    /// What compression loses.
+    /// Errors of compression.
     pub lights: Option<LightErrors>,
-    /// What cleaning did before that.
+    /// Errors of denoising before that.
     pub cleaning: Option<DenoiseErrors>,
-    /// That of exposed images, where one was asked for and images were cleaned.
+    /// That of exposed images, where one was asked for and images were denoised.
     pub exposed: Option<ExposedError>,
 }
 

@@ -13,7 +13,7 @@ use crate::matrix::MatrixShape;
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct JobHash(pub [u8; 32]);
 
-/// Where a matrix comes from.
+/// Provenance of a matrix.
 #[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
 pub struct Provenance {
     /// Scene name or source file name, without its folder.
@@ -37,9 +37,9 @@ pub struct Provenance {
 pub struct Job {
     /// Shape and block grid.
     pub shape: MatrixShape,
-    /// Which column is which light.
+    /// The light of each column.
     pub basis: LightBasis,
-    /// Where the entries come from.
+    /// Provenance of the entries.
     pub provenance: Provenance,
 }
 

@@ -3,7 +3,7 @@
 /// Whether `name` fits `pattern`, where `*` stands for any letters and `?` for one.
 pub fn fits(pattern: &str, name: &str) -> bool {
     let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
-    // The last star seen and the letter it was tried up to: on a mismatch it takes one more.
+    // The last star, and the letter up to which it matches: on a mismatch it takes one more.
     let (mut p, mut n, mut star) = (0, 0, None);
     while n < name.len() {
         if p < pattern.len() && pattern[p] == '*' {

@@ -1,7 +1,7 @@
-//! How people light: a covariance over the columns, and the lightings by which results are judged.
+//! The lighting prior: a covariance over the columns, and the lightings by which results are evaluated.
 //!
 //! The error that matters is that of relit images. If `K = E[ℓ ℓᵀ]` over the lightings that will be used, the expected
-//! squared error of a block `A` replaced by `B` is `‖(A − B) K^½‖²`: so compression weighs the columns by `K`.
+//! squared error of a block `A` replaced by `B` is `‖(A − B) K^½‖²`. So compression weighs the columns by `K`.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -23,9 +23,8 @@ const WHITE_BOUNDS: (f64, f64) = (0.002, 0.3);
 const FACTOR_WIDTH: usize = 128;
 /// Share of a light in the image with all on below which its own image is not exposed any brighter.
 const MIN_SHARE: f64 = 1e-3;
-/// Lamps that a light of texels counts for where lights are alone: it is not switched, it is painted. With 4 what is painted on it comes as near
-/// as lamps do: of the Conference Room with a panel of 32 × 32 texels beside 23 lamps, 800 × 600 pixels, 16 samples, the panel alone and discs of 0.3
-/// and 0.2 of its side are 61, 55 and 50 dB in clip from what is packed at 90 dB, lamps alone 50 to 61 dB.
+/// Number of lamps that a textured light counts for if each light alone is weighted. It is above 1 because users paint
+/// textured lights instead of switching them. Tuned: decision 37.
 const PAINTED: f64 = 4.0;
 /// Entries of the factor, at most.
 const FACTOR_ENTRIES: usize = 1 << 26;
@@ -82,9 +81,10 @@ impl LightingPrior {
         Self { columns: sites.len(), factor, independent, white_square: None }
     }
 
-    /// The same, and each light alone, exposed as all of them together are: an image under one lamp counts as much as one under all,
-    /// however little of it is seen. A light of texels alone is one under every lighting of the prior of its texels. `shares` are those of the
-    /// lights in the mean of the image with all on. Of one light there is nothing to choose between.
+    /// The prior with each light alone added, exposed as all of them together are. An image under one lamp counts as
+    /// much as one under all, however little of it is visible. A textured light alone gets every lighting of its
+    /// texels' prior. `shares` are the lights' shares of the mean image with all on. With a single light nothing
+    /// changes.
     ///
     /// # Panics
     /// If there are not as many shares as lights.
@@ -274,10 +274,10 @@ fn pivoted_cholesky(sites: &[Site], kernel: impl Fn(&Site, &Site) -> f64) -> (Ve
     (factor, rest)
 }
 
-/// The twelve lightings by which a compressed matrix is judged, with their names. Eight are smooth or coarse: all on,
-/// the scene's own, two gradients, one half, two wide soft spots in colour, a wide spot, a coarse coloured pattern;
-/// four are not: a narrow spot (width 0.06 of the light), a tiny one (0.04), a single column, and every column at
-/// random. Each acts on all lights at once; places and colours are drawn from `seed`.
+/// The twelve lightings by which a compressed matrix is evaluated, with their names. Eight are smooth or coarse: all
+/// on, the scene's own, two gradients, one half, two wide soft spots in colour, a wide spot, a coarse coloured pattern.
+/// Four are narrow: a spot (width 0.06 of the light), a tiny one (0.04), a single column, and every column at random.
+/// Each acts on all lights at once; positions and colours are drawn from `seed`.
 ///
 /// # Panics
 /// Never: the weights are finite.
@@ -368,8 +368,8 @@ mod tests {
 
     const TEXELS: LightKind = LightKind::AreaTexels { across: 4, down: 4 };
 
-    /// A panel, a lamp as bright, and one of which a hundredth is seen: under each alone an error of a hundredth of its light counts
-    /// the same, under the panel four times as much in each of its lightings.
+    /// A panel, an equally bright lamp, and a lamp of which a hundredth is visible. Alone, an error of a hundredth of
+    /// each light counts the same; under the panel it counts four times as much in each of its lightings.
     #[test]
     fn each_light_alone_counts_as_exposed_as_all_together() {
         let basis = with(&[("panel", TEXELS), ("near", LightKind::Lamp), ("far", LightKind::Lamp)]);

@@ -10,9 +10,9 @@ const SEED: u64 = 0x6c74_6d70_726f_6265;
 
 /// The probe lightings `Ω`: columns × probes, column-major, the same for the same basis.
 ///
-/// Probe 0 is all-on. The others are draws of the [`LightingPrior`] of the basis, so that for a direction `u` of the
-/// block's range their mean of `(uᵀ D ω)²` estimates `uᵀ D K Dᵀ u`: the noise that this direction brings into the
-/// images that people make.
+/// Probe 0 is all-on. The others are draws of the basis's [`LightingPrior`]. For a direction `u` of the block's range,
+/// their mean of `(uᵀ D ω)²` estimates `uᵀ D K Dᵀ u`: the noise that this direction brings into images under typical
+/// lightings.
 pub fn probe_lightings(basis: &LightBasis) -> Vec<f32> {
     let mut probes = vec![1.0; basis.column_count()];
     probes.extend(LightingPrior::of_basis(basis).draws(PROBES - 1, SEED));

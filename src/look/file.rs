@@ -1,4 +1,4 @@
-//! What a look file says, word for word.
+//! The text of a look file.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ pub(super) struct LookFile {
     pub look: Vec<NamedLook>,
     #[serde(default)]
     pub key: Vec<Key>,
-    /// What the window keeps for itself.
+    /// State of the window, which other readers ignore.
     #[serde(default, rename = "mixer")]
     pub _mixer: IgnoredAny,
 }

@@ -18,10 +18,11 @@ pub struct BlockView<'a> {
     entries: &'a [f32],
 }
 
-/// A block with what tracing knows of its noise and of its samples.
+/// A block with the noise and the features that tracing measured.
 ///
-/// Entries, and the emission of the planes, are those of a weight 1 on each column. Noise and the light of clusters are of columns
-/// divided by their scales, where the light basis knows them: sums over columns of different units would be those of one alone.
+/// Entries, and the emission in the planes, are those of a weight 1 on each column. Noise and the light of clusters are
+/// of columns divided by their scales, if the light basis has them: otherwise sums over columns of different units
+/// would be dominated by one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TracedBlock {
     /// The entries: the mean of the two half-sample estimates.

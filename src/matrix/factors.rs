@@ -11,7 +11,7 @@ pub struct SparseEntry {
     pub column: ColumnIndex,
     /// Row of the entry inside its block.
     pub row: u32,
-    /// What is added to the low-rank part there.
+    /// The value added to the low-rank part.
     pub value: f32,
 }
 

@@ -1,12 +1,12 @@
-//! The vocabulary of `T`: its shape and block grid, indices, blocks of entries, blocks of factors, and the seams
-//! between the stages that make and use them.
+//! Types of `T`: its shape and block grid, indices, blocks of entries, blocks of factors, and the traits between
+//! stages.
 //!
 //! # Layout of a block
 //!
 //! A block covers a square of pixels (smaller at the right and bottom edges) with three channels and all columns. Its
 //! rows are channel-planar: row `channel · pixels + y · width + x`, with `x, y` counted inside the block. So the rows
-//! of one colour channel are contiguous, which is what a product with an RGB lighting wants. Its entries are
-//! column-major: each column's rows are contiguous.
+//! of one colour channel are contiguous, as a product with an RGB lighting needs them. Its entries are column-major:
+//! each column's rows are contiguous.
 
 mod block;
 mod factors;

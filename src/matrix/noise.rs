@@ -1,13 +1,15 @@
-//! What tracing knows of a block's noise.
+//! The noise of a block, as tracing measures it.
 
 /// Noise of a block, from its two half-sample estimates `A` and `B`.
 ///
-/// The block is the mean of all samples. `D = √(m n) / (m + n) · (A − B)`, where the halves have `m` and `n` samples, has the
-/// variance of that mean and, the halves being independent, no signal; with as many in both it is `(A − B) / 2`.
-/// Emitters in view are no part of it: their entries are listed one by one ([`SeenEmission`](super::SeenEmission)) and kept as they are.
-/// What is kept is small beside the block: marginals of `D²`, and `D Ω` for a few *probe* lightings `Ω`
-/// (`light::probe_lightings`), which show noise that columns share and
-/// independent entries would hide. All of it is of columns divided by their scales, see [`TracedBlock`](super::TracedBlock).
+/// The block is the mean of all samples. With `m` and `n` samples in the halves, `D = √(m n) / (m + n) · (A − B)` has
+/// the variance of that mean and, since the halves are independent, no signal. For equal halves it is `(A − B) / 2`.
+/// Emitters in view are not included: their entries are listed one by one ([`SeenEmission`](super::SeenEmission)) and
+/// kept as they are.
+///
+/// The stored data are small beside the block: marginals of `D²`, and `D Ω` for a few *probe* lightings `Ω`
+/// (`light::probe_lightings`), which show noise shared by columns. All of it is of columns divided by their scales, see
+/// [`TracedBlock`](super::TracedBlock).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlockNoise {
     /// For each row, the mean over columns of `D²`.

@@ -29,9 +29,9 @@ pub enum Feature {
     Specular,
     /// Part of the samples that end on a surface: `Depth / Surface` is the mean over those alone.
     Surface,
-    /// Number of the surface's material, from 1 on in the order of the scene's; 0 where there is no surface. A mean of numbers
-    /// would name a third material, so it is the first sample's; its variance is that of the mean of numbers, 0 where all
-    /// samples show one material. 0 too where a file of an earlier version, or an import, does not know.
+    /// Index of the surface's material, from 1 on in the order of the scene; 0 without a surface. A mean of indices
+    /// would name another material, so it is that of the first sample. Its variance is that of the mean of indices, 0
+    /// if all samples show one material. 0 as well if a file of an earlier version, or an import, does not know it.
     Material,
 }
 
@@ -48,13 +48,12 @@ pub struct SeenEmission {
     pub value: [f32; CHANNELS],
 }
 
-/// What the samples of a block are, beside the block: for some clusters of columns (`light::Clusters`), whose 0/1
-/// matrix is `S`.
+/// The planes of a block's samples, for clusters of columns (`light::Clusters`) whose 0/1 matrix is `S`.
 ///
-/// `T S = mean of halves (direct + indirect) + emission S`, to rounding, where the columns of `T` and `emission` are divided by their
-/// scales as direct and indirect light are (see [`TracedBlock`](super::TracedBlock)). With an odd number of samples the first half
-/// has one more, and the mean is weighted so. Light and variances are kept to nine significant bits
-/// ([`encode_unsigned`]), in memory too, so that files give back what they were given.
+/// `T S = mean of halves (direct + indirect) + emission S`, to rounding. Here the columns of `T` and `emission` are
+/// divided by their scales as direct and indirect light are (see [`TracedBlock`](super::TracedBlock)). With an odd
+/// number of samples the first half has one more, and the mean is weighted accordingly. Light and variances are rounded
+/// to nine significant bits ([`encode_unsigned`]) in memory too, so that files return what they were given.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlockPlanes {
     /// For each half of the samples, rows × clusters, column-major: the mean of light that reaches the first surface
@@ -76,7 +75,7 @@ impl Feature {
     pub const ALL: [Self; 7] =
         [Self::Albedo, Self::Normal, Self::Depth, Self::Emitter, Self::Specular, Self::Surface, Self::Material];
 
-    /// Its planes.
+    /// The planes of the feature.
     pub fn planes(self) -> Range<usize> {
         match self {
             Self::Albedo => 0..3,
@@ -149,9 +148,9 @@ impl BlockPlanes {
 /// Drop of bits from an f32 to the 16 that are kept: 8 of exponent, 8 of fraction, no sign.
 const DROPPED: u32 = 15;
 
-/// The 16-bit float nearest to a value that is not negative: the upper half of an f32 without its sign, so of the same
-/// range and of nine significant bits, an error of 2⁻⁹ at most. Negative values and NaN give 0, what is too large the
-/// largest.
+/// Rounds a non-negative value to a 16-bit float with the range of f32 and nine significant bits: the upper half of an
+/// f32 without its sign. The relative error is at most 2⁻⁹. Negative values and NaN give 0, values that are too large
+/// the largest.
 #[inline]
 pub fn encode_unsigned(value: f32) -> u16 {
     // Also of −0, whose sign would be a bit.

@@ -59,15 +59,15 @@ pub trait BlockSource: Sync {
 
 /// A block that a source lends.
 pub enum LentBlock<'a> {
-    /// In the scratch block, which may be changed.
+    /// In the scratch block, which may be modified.
     Scratch(&'a mut TracedBlock),
-    /// Where the source keeps it.
+    /// Borrowed from the source.
     Source {
         /// The entries.
         block: BlockView<'a>,
         /// The noise.
         noise: Option<&'a BlockNoise>,
-        /// What its samples are.
+        /// The planes of its samples.
         planes: Option<&'a BlockPlanes>,
         /// The scratch block, whose content is of no use: for a copy.
         spare: &'a mut Block,
@@ -91,7 +91,7 @@ impl LentBlock<'_> {
         }
     }
 
-    /// What its samples are.
+    /// The planes of its samples.
     pub fn planes(&self) -> Option<&BlockPlanes> {
         match self {
             Self::Scratch(traced) => traced.planes.as_ref(),

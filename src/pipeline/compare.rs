@@ -6,18 +6,18 @@ use crate::error::{Error, Result};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, ColumnIndex, FactorSource, PixelRect, TracedBlock};
 use crate::resources::Progress;
 
-/// How far a block is from its source.
+/// Difference of a block from its source.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BlockComparison {
     /// The block.
     pub id: BlockId,
-    /// Its pixels.
+    /// The block's pixels.
     pub rect: PixelRect,
     /// `Σ (packed − source)²` over its entries.
     pub squared_error: f64,
     /// `Σ source²` over its entries.
     pub squared_norm: f64,
-    /// Where the two differ most.
+    /// The entry with the largest difference.
     pub worst: WorstEntry,
 }
 

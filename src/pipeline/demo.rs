@@ -19,7 +19,7 @@ use crate::store::StoreReader;
 /// Positions of the moving spot.
 const SPOT_FRAMES: usize = 4;
 
-/// What the demonstration did; displays as its closing table.
+/// Result of the demonstration; displays as its closing table.
 #[derive(Clone, Debug)]
 pub struct DemoReport {
     stages: Vec<DemoStage>,

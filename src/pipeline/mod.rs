@@ -1,7 +1,7 @@
-//! Joins the stages: the only module that knows them all.
+//! Jobs: the only module that knows all stages.
 //!
-//! Each job is a function from paths and settings to a report; what a person sees while it runs is the business of the
-//! [`Watch`](crate::resources::Watch) that the caller passes in.
+//! Each job is a function from paths and settings to a report. Progress goes to the [`Watch`](crate::host::Watch) that
+//! the caller passes in.
 
 mod column_scales;
 mod compare;

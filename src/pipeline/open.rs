@@ -1,4 +1,4 @@
-//! Opening what is named by a path or by an address.
+//! Opens containers by path or by address.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! `.ltc` → a web page: the preview, the exposure, the files.
+//! A container as a web page: preview, exposure, files.
 
 use std::fs;
 use std::io::Write;
@@ -17,35 +17,35 @@ use crate::share::{Level, SharedBytes, SharedLook, SharedPicture, page, page_wit
 
 use super::{PackOptions, pack};
 
-/// Pixels of the picture for one of the preview, across and down.
+/// Reduction of the preview, across and down.
 const SHRINK: u32 = 4;
-/// What the preview reaches against the picture made small: it is looked at for seconds.
+/// PSNR in dB of the preview against the reduced image. It is visible for seconds only.
 const PREVIEW_DB: f64 = 46.0;
 /// Name of the page in its folder.
 pub const PAGE_NAME: &str = "index.html";
 /// Name of the data in the page's folder.
 pub const DATA_NAME: &str = "picture.lts";
 
-/// Choices of a shared page.
+/// Options of a shared page.
 #[derive(Clone, Debug, Default)]
 pub struct ShareOptions {
     /// Title of the page.
     pub title: String,
     /// Looks that the page offers.
     pub looks: Vec<SharedLook>,
-    /// Groups of lights: name, and indices into the basis. A light is in one at most.
+    /// Groups of lights: name, and indices into the basis. A light is in at most one.
     pub groups: Vec<(String, Vec<usize>)>,
-    /// Exposure that the page begins with, in stops; none: the one that the window begins with.
+    /// Initial exposure of the page in stops; `None` for that of the window.
     pub exposure_stops: Option<f32>,
-    /// One HTML file with the data inside, in place of a folder.
+    /// One HTML file with the data inside, instead of a folder.
     pub single: bool,
     /// Replace files that exist.
     pub overwrite: bool,
-    /// Anonymous memory to stay within; none: what the system has.
+    /// Limit of anonymous memory in bytes; `None` for what the system has available.
     pub memory_bytes: Option<u64>,
 }
 
-/// What was written.
+/// Result of sharing.
 #[derive(Clone, Debug)]
 pub struct ShareReport {
     /// The file to open.
@@ -58,12 +58,13 @@ pub struct ShareReport {
     pub data: SharedBytes,
 }
 
-/// Writes a container as a page: `index.html` and `picture.lts` in the folder `output`, which is made where it is not there, or one
-/// HTML file `output`.
+/// Writes a container as a web page: `index.html` and `picture.lts` in the folder `output`, which is created if needed,
+/// or a single HTML file `output`.
 ///
 /// # Errors
-/// The container holds a range of blocks only, or is damaged; files are there and may not be replaced; [`Error::Resources`]
-/// where the memory is not enough; the system refuses to write. What stood there before is then as it was, or whole and new.
+/// The container holds only a range of blocks, or is damaged; files exist and may not be replaced; [`Error::Resources`]
+/// if the memory is too small; the system refuses to write. A file that existed is then unchanged, or replaced
+/// completely.
 ///
 /// # Panics
 /// Never: data that were written without an error are counted.
@@ -102,7 +103,7 @@ pub fn share(
     let folder = tempfile::tempdir().map_err(Error::io(output, "make a temporary folder for"))?;
     let preview = preview_of(container, &folder.path().join("preview.ltc"), options.memory_bytes, watch)?;
     let (small, whole) = (level_of(&preview)?, level_of(container)?);
-    // Within a stage Ctrl-C returns an error and does not end the process, so that the temporary folder is removed.
+    // During a stage Ctrl-C returns an error instead of ending the process, so that the temporary folder is removed.
     watch.begin("sharing", small.bytes() + whole.bytes(), "bytes");
     let exposure_stops = match options.exposure_stops {
         Some(stops) => Ok(stops),
@@ -146,7 +147,7 @@ pub fn share(
                 .and_then(|()| write_file(&page_path, options.overwrite, html.as_bytes()))
                 .inspect_err(|_| {
                     if is_new {
-                        // Not where the data stand in it already.
+                        // Kept if the data are in it already.
                         let _ = fs::remove_dir(output);
                     }
                 })
@@ -171,8 +172,8 @@ fn level_of(source: &ContainerReader) -> Result<Level<'_>> {
     Level::new(source, |id| (source.rank(id), source.sparse_entries(id)))
 }
 
-/// Memory beside what the program takes: the index, an image, a block of the preview with what it is made of and what packs it, and
-/// the data three times over where they go into the page.
+/// Memory beside that of the program: the index, an image, a block of the preview with its inputs and its compressor,
+/// and three copies of the data if they go into the page.
 fn needs_bytes(container: &ContainerReader, single: bool) -> u64 {
     let shape = container.job().shape;
     let block = (shape.max_block_rows() * (shape.columns() + 64) * 4) as u64;
@@ -180,18 +181,18 @@ fn needs_bytes(container: &ContainerReader, single: bool) -> u64 {
     container.index_bytes() + 2 * shape.rows() * 4 + 6 * block + data
 }
 
-/// What makes luminances cd/m², where a weight 1 on each light is a physical quantity and pixels are radiances.
+/// The factor to cd/m² luminance, if a weight of 1 on each light is a physical quantity and pixels are radiances.
 fn lumens_per_watt(job: &Job) -> Option<f32> {
     let is_known = |unit| match unit {
         LightUnit::Radiance | LightUnit::Irradiance => true,
-        // Intensity falls with the square of a distance, whose unit must be known.
+        // Intensity falls with the squared distance, whose unit must be known.
         LightUnit::Intensity => job.provenance.metres_per_unit > 0.0,
         LightUnit::Multiple => false,
     };
     job.basis.lights().iter().all(|light| is_known(light.unit)).then_some(LUMENS_PER_WATT)
 }
 
-/// Packs the picture made small.
+/// Packs the reduced image.
 fn preview_of(
     container: &ContainerReader,
     path: &Path,
@@ -228,7 +229,7 @@ fn interrupted() -> Error {
     Error::Interrupted("nothing was written".into())
 }
 
-/// Tells how far the preview is, but not what packs say of their files: it is one that nobody knows of.
+/// Reports progress of the preview, but not messages on its temporary files.
 struct Preview<'a>(&'a dyn Progress);
 
 impl Progress for Preview<'_> {
@@ -251,7 +252,7 @@ impl Progress for Preview<'_> {
     }
 }
 
-/// The matrix of a container with pixels joined: each is the mean of a square of them.
+/// The matrix of a container at reduced resolution: each pixel is the mean of a square of pixels.
 struct Shrunk<'a> {
     container: &'a ContainerReader,
     shape: MatrixShape,
@@ -266,7 +267,7 @@ impl BlockSource for Shrunk<'_> {
         let (small, whole) = (self.shape.rect(id), self.container.shape());
         (target.noise, target.planes) = (None, None);
         target.block.reset(small.rows(), whole.columns());
-        // Blocks have the same side in both, so that those of the picture lie within one of the preview.
+        // Blocks have the same side in both, so that those of the image lie within one of the preview.
         let (across, side) = (whole.blocks_across(), whole.block_side());
         let last = |begin: u32, length: u32, whole: u32| ((begin + length) * SHRINK).min(whole).div_ceil(side);
         for row in small.y * SHRINK / side..last(small.y, small.height, whole.height()) {
@@ -274,7 +275,7 @@ impl BlockSource for Shrunk<'_> {
                 let id = BlockId(row * across + column);
                 let rect = whole.rect(id);
                 let mut block = self.container.read_block(id)?;
-                // Where each of its pixels goes, and its share of what is there.
+                // Target and share of each of its pixels.
                 let places: Vec<(usize, f32)> = (0..rect.height)
                     .flat_map(|y| (0..rect.width).map(move |x| (rect.x + x, rect.y + y)))
                     .map(|(x, y)| {

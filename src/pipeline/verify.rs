@@ -13,16 +13,16 @@ use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
 use crate::resources::{PeakMemory, Progress, human_bytes};
 use crate::store::{self, StoreReader};
 
-/// What checking a matrix or a container found and took. Displayed as one line, without what is wrong.
+/// Result of checking a matrix or a container. Displays as one line without the faults.
 #[derive(Clone, Debug)]
 pub struct Verified {
-    /// Blocks that were looked at.
+    /// Number of blocks checked.
     pub blocks: u32,
-    /// What is damaged, each naming its place; empty for a sound file.
+    /// The faults, each with its position; empty for a sound file.
     pub faults: Vec<String>,
     /// Blocks of a matrix that were never written.
     pub missing: usize,
-    /// Bytes that were read: of a matrix those found good, of a container all.
+    /// Bytes read: the good ones of a matrix, all of a container.
     pub verified_bytes: u64,
     /// Wall-clock seconds.
     pub seconds: f64,
@@ -44,7 +44,7 @@ impl fmt::Display for Verified {
     }
 }
 
-/// Checks every byte of a stored matrix, block by block: the disk is slower than one thread.
+/// Checks every byte of a stored matrix on one thread, which is faster than the disk.
 ///
 /// # Errors
 /// Those of [`store::verify`]; [`Error::Resources`] where the memory is too small.
@@ -73,7 +73,7 @@ pub fn verify(path: &Path, memory_bytes: Option<u64>, watch: &dyn Progress) -> R
     })
 }
 
-/// Reads and decodes every byte of a container, blocks side by side on all threads that the memory allows.
+/// Reads and decodes every byte of a container, with blocks in parallel on as many threads as the memory allows.
 ///
 /// # Errors
 /// Those of [`open_container`]; [`Error::Resources`] where the memory is too small; [`Error::Interrupted`].
@@ -106,8 +106,8 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Prog
     })
 }
 
-/// Holds joining `parts` to the memory given or, without such, to what the system has: of each part its description and its
-/// index are held, and one block or chunk at a time.
+/// Checks the memory for joining `parts` against the memory given, or against what the system has available. The
+/// description and the index of each part are held, and one block or chunk at a time.
 ///
 /// # Errors
 /// Those of opening the parts; [`Error::Resources`] where the memory is too small.
@@ -119,7 +119,7 @@ pub fn admit_merge(parts: &[PathBuf], memory_bytes: Option<u64>) -> Result<()> {
             let reader = ContainerReader::open(path)?;
             let shape = reader.job().shape;
             let chunk = shape.blocks().map(|id| reader.encoded_bytes(id, 0..reader.layer_count(id))).max();
-            // Each part's index, the records of the whole, and the index that is written.
+            // Each part's index, the records of the whole, and the index being written.
             fixed_bytes += 2 * reader.index_bytes() + u64::from(shape.block_count()) * 128;
             largest = largest.max(chunk.unwrap_or(0));
         } else {

@@ -24,9 +24,9 @@ const STRIP: usize = 32;
 const LANES: usize = 64;
 
 impl CpuRelighter {
-    /// `Tᵀ x` for each channel: one value a column. `images` has any number of images of the matrix's size, one after the
-    /// other, each row by row; the result has as many times its columns. Of a damaged block what stands is taken, as in
-    /// relighting; a hole gives nothing.
+    /// `Tᵀ x` for each channel: one value for each column. `images` has any number of images of the matrix's size, one
+    /// after the other, each row by row; the result has one set of columns for each. Of a damaged block the readable
+    /// part counts, as in relighting; a missing block counts 0.
     ///
     /// # Errors
     /// A number of pixels that is no whole number of images; a value that is not finite.
@@ -75,7 +75,7 @@ pub fn adjoint_raw(source: &dyn BlockSource, images: &[[f32; CHANNELS]]) -> Resu
     })
 }
 
-/// Runs `set` over all blocks with the block's pixels (images × channels × pixels), and adds up what it sets (images ×
+/// Calls `set` for all blocks with the block's pixels (images × channels × pixels). Adds up its results (images ×
 /// channels × columns), each column multiplied by its scale.
 fn sum_blocks(
     (shape, scales): (MatrixShape, &[f32]),

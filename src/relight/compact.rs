@@ -6,16 +6,16 @@ use std::ops::Range;
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, CHANNELS, FactoredBlock, MatrixShape};
 
-/// Values whose 16-bit floats are scaled so that the largest has this size: the smallest normal 16-bit float is then
-/// 2⁻²⁹ of it, and what is smaller is stored as 0, so that kernels never meet a subnormal number.
+/// Largest magnitude that 16-bit values are scaled to. The smallest normal 16-bit float is then 2⁻²⁹ of it. Smaller
+/// values are stored as 0, so that kernels never meet a subnormal number.
 const WIDE_PEAK: f64 = 32_768.0;
 
 /// Largest size of an 8-bit value. −128 is not used, so that signs are alike.
 const NARROW_PEAK: f64 = 127.0;
 
-/// Largest 8-bit scale, as a fraction of the quantiser step: rounding then adds at most 1/16 of the step's error power, 1/8
-/// where sums are kept.
-/// (The stored error is that of transform coefficients, many of them exactly 0; rounding errs in every value.)
+/// Largest 8-bit scale, as a fraction of the quantiser step. Rounding then adds at most 1/16 of the step's error power,
+/// and 1/8 with carried errors. (The stored error is that of transform coefficients, many of them exactly 0; rounding
+/// affects every value.)
 const FINEST_SHARE: f64 = 0.25;
 
 /// A stored value that kernels turn into f32 without branches.
@@ -59,16 +59,15 @@ impl Quantum for Wide {
 enum Rounding {
     /// Each by itself: pixels are looked at one by one.
     Nearest,
-    /// What one loses is added to the eighth after it, so that the sum over the 1,024 texels of a panel is as wrong as one of them and
-    /// not 32 times. Of a lamp that the file holds finer than its component's step most of that is lost: in the Conference Room with a
-    /// panel and 23 lamps, whose bands are up to 8 times finer, not 0.1 dB of a lamp alone, as weak components alone fit 8 bits.
+    /// The rounding error of a value is carried to the eighth value after it. So the sum over the 1,024 texels of a
+    /// panel has the error of one texel and not 32 times that. Loss for single lamps: decision 38.
     Sums,
 }
 
 /// The components of one factor that are stored in one precision.
 #[derive(Clone, Debug)]
 pub(crate) struct FactorPart<Q> {
-    /// Which component of the block each of these is.
+    /// Index of each of these components in the block.
     pub components: Vec<u32>,
     /// Their values, component after component.
     pub values: Vec<Q>,
@@ -110,7 +109,7 @@ impl<Q: Copy> FactorPart<Q> {
         Self { components: Vec::new(), values: Vec::new() }
     }
 
-    /// Where some components stand. They stand in rising order.
+    /// Positions of some components, given in ascending order.
     #[cfg(feature = "gpu")]
     fn places(&self, components: &Range<u32>) -> Range<usize> {
         let place_of = |component| self.components.partition_point(|&k| k < component);
@@ -335,8 +334,8 @@ impl CompactBlock {
         self.left.bytes() + self.right.bytes() + self.scales.len() * size_of::<f32>() + sparse
     }
 
-    /// Some of its components as a block of their own, with the sparse entries in the piece that begins at the first: the
-    /// pieces of a block add up to it.
+    /// Some of its components as a block of their own. The sparse entries are in the piece that begins at the first
+    /// component, so that the pieces of a block add up to it.
     #[cfg(feature = "gpu")]
     pub(crate) fn piece(&self, components: Range<u32>) -> Self {
         let sparse = if components.start == 0 { self.sparse.clone() } else { SparseEntries::default() };
@@ -344,7 +343,7 @@ impl CompactBlock {
         Self { scales, left: self.left.piece(&components), right: self.right.piece(&components), sparse }
     }
 
-    /// Whether any relit pixel can be other than black.
+    /// Whether every relit pixel is black.
     pub(crate) fn is_empty(&self) -> bool {
         self.scales.is_empty() && self.sparse.rows.is_empty()
     }

@@ -13,7 +13,7 @@ use crate::image::LinearImage;
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS, ColumnIndex, FactorSource, MatrixShape};
 
-/// All factors of a matrix, resident in compact form.
+/// All factors of a matrix, in memory in compact form.
 pub struct CpuRelighter {
     shape: MatrixShape,
     /// One for each block; none where nothing of it could be read.
@@ -28,7 +28,7 @@ pub struct CpuRelighter {
 pub struct Relit {
     /// The image.
     pub image: LinearImage,
-    /// What is on the lights.
+    /// The current weights of the lights.
     weights: Vec<[f32; CHANNELS]>,
     /// `R ℓ` of each block, kept in f64 so that any number of changes adds no visible rounding.
     projected: Vec<Vec<[f64; CHANNELS]>>,
@@ -51,8 +51,7 @@ impl CpuRelighter {
         Ok(Self { shape, blocks, scales, damage: damage.into_iter().flatten().collect() })
     }
 
-    /// Reads some blocks again, with the layers that `source` gives by now: how a picture grows while its container
-    /// streams in.
+    /// Reads some blocks again with the layers that `source` has by now, as a container streams in.
     ///
     /// # Errors
     /// As [`load`](Self::load); the blocks stay as they were then.

@@ -4,11 +4,11 @@ use super::compact::CompactBlock;
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, FactorSource, FactoredBlock, MatrixShape};
 
-/// What could be read of a block.
+/// The readable part of a block.
 struct Readable {
     /// The factors of the layers that stand, none if not even the base layer does.
     block: Option<FactoredBlock>,
-    /// What is wrong with the rest.
+    /// The error of the rest.
     damage: Option<Error>,
 }
 
@@ -34,7 +34,7 @@ fn read_what_stands(source: &dyn FactorSource, id: BlockId) -> Result<Readable> 
     }
 }
 
-/// What stands of a block, in compact form, and what was damaged of it, in words.
+/// The readable part of a block in compact form, and a description of the damage.
 ///
 /// # Errors
 /// As [`read_what_stands`], and factors that do not fit the shape or are not finite.

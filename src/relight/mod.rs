@@ -1,12 +1,12 @@
 //! Relighting: `c = T ℓ` from factors, block by block.
 //!
 //! A block `L R + S` gives the pixels of colour channel `ch` as `c_ch = L_ch (R ℓ_ch) + S_ch ℓ_ch` (the paper, §3.4,
-//! "on-fly reconstruction"), where `L_ch` are the rows of that channel. Three kernels do the work, each once for the CPU
-//! and once in `shaders/` under the same name: `project` makes `y = R ℓ` for the three channels in one pass over `R`,
-//! `reconstruct` makes `L y`, and `scatter` adds the sparse entries.
+//! "on-fly reconstruction"), where `L_ch` are the rows of that channel. Three kernels do the work, each once for the
+//! CPU and once in `shaders/` under the same name. `project` computes `y = R ℓ` for the three channels in one pass over
+//! `R`, `reconstruct` computes `L y`, and `scatter` adds the sparse entries.
 //!
-//! Factors stay in the compact form of [`CompactBlock`], 8 or 16 bits a value, wherever they are kept. What does not fit
-//! into a budget passes through: [`Pager`] decides what stays.
+//! Factors are always kept in the compact form of [`CompactBlock`], 8 or 16 bits for each value. If they exceed a
+//! budget they are streamed; [`Pager`] decides which stay.
 
 mod adjoint;
 mod compact;

@@ -42,7 +42,7 @@ pub struct PagedRelighter<'a> {
     state: Mutex<State>,
 }
 
-/// What is read from, and who owns it.
+/// The source of factors, borrowed or shared.
 enum BlockReader<'a> {
     Borrowed(&'a dyn FactorSource),
     Shared(Arc<dyn FactorSource>),
@@ -72,7 +72,7 @@ struct State {
 
 /// A block in memory.
 pub(super) struct HeldBlock {
-    /// None where nothing of it could be read.
+    /// `None` if nothing of it could be read.
     pub(super) block: Option<Arc<CompactBlock>>,
     pub(super) detail: Detail,
 }
@@ -93,7 +93,7 @@ struct Fetched {
 /// The stored layers of a block.
 struct Chunks {
     chunks: Vec<Arc<Vec<u8>>>,
-    /// What ended them before the last that was wanted.
+    /// The damage that ended the layers early.
     damage: Option<Error>,
     /// Whether all of them stay in memory.
     is_kept: bool,
@@ -151,9 +151,9 @@ impl<'a> PagedRelighter<'a> {
         Ok(image)
     }
 
-    /// Sets the pixels of the blocks in view; those blocks stay in memory as far as the budget goes. With
-    /// [`Detail::Base`], blocks of which more is at hand show it, and of the others only base layers are read: a first
-    /// picture, to be followed by one with [`Detail::Whole`].
+    /// Computes the pixels of the blocks in view; these stay in memory as far as the budget allows. With
+    /// [`Detail::Base`], blocks that are in memory show all they have, and of the others only base layers are read: a
+    /// first image before one with [`Detail::Whole`].
     ///
     /// # Errors
     /// As [`relight`](Self::relight), and an image of another size than the matrix.
@@ -186,8 +186,8 @@ impl<'a> PagedRelighter<'a> {
         state.pager.set_view(view.iter().copied());
     }
 
-    /// Decodes what the view lacks and then what lies nearby, base layers before the rest, until the budget is full;
-    /// then reads of what is left the chunks for which there is room. Evicts nothing that is in view.
+    /// Decodes first what the view lacks, then nearby blocks, base layers before the rest, until the budget is full.
+    /// Then reads as many of the remaining chunks as there is room for. Evicts nothing that is in view.
     ///
     /// # Errors
     /// As [`relight`](Self::relight).
@@ -331,7 +331,7 @@ impl<'a> PagedRelighter<'a> {
         state.stored.used_bytes() + state.pager.used_bytes()
     }
 
-    /// What was read so far.
+    /// Counts of the reads so far.
     pub fn reads(&self) -> Reads {
         self.lock().reads
     }

@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::hash::Hash;
 
-/// How much of a page is there.
+/// How many layers of a page are present.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Detail {
     /// Its base layer.
@@ -28,10 +28,10 @@ pub fn plan<K: Copy>(view: &[K], nearby: &[K], at_hand: impl Fn(K) -> Option<Det
     steps.into_iter().flat_map(missing).collect()
 }
 
-/// What became of a page that was offered.
+/// What happened to a page that was offered.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Admission<K> {
-    /// Whether it stays.
+    /// Whether it is kept.
     pub kept: bool,
     /// Pages that had to go, the least recently used first.
     pub evicted: Vec<K>,
@@ -113,7 +113,7 @@ impl<K: Copy + Eq + Hash> Pager<K> {
         Some(detail)
     }
 
-    /// What is there of a page, without using it.
+    /// The detail of a page that is present. Does not count as a use.
     pub fn detail(&self, key: K) -> Option<Detail> {
         self.pages.get(&key).map(|page| page.detail)
     }
@@ -187,7 +187,7 @@ impl<K: Copy + Eq + Hash> Pager<K> {
         self.pages.len()
     }
 
-    /// Whether no page is there.
+    /// Whether there are no pages.
     pub fn is_empty(&self) -> bool {
         self.pages.is_empty()
     }

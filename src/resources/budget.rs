@@ -12,12 +12,12 @@ use crate::files::{folder_of, free_bytes};
 /// The program itself, its threads and its tables.
 pub(crate) const PROGRAM_BYTES: u64 = 24 << 20;
 
-/// Of what a thread takes, at most one part in so many is in pieces small enough for the allocator to keep: blocks and copies of them
-/// are most of it.
+/// One over the share of a thread's memory that is in pieces small enough for the allocator to keep. Most of it are
+/// blocks and copies of them.
 const KEPT_PART: u64 = 4;
 
-/// What a job takes: anonymous memory at most, as a fixed part and a part for each thread that works on a block or, where that is
-/// more, for a stage by itself; and disk.
+/// Resources that a job needs: an upper bound of anonymous memory (a fixed part plus a part for each thread that works
+/// on a block, or a separate stage if that is more), and disk space.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ResourceEstimate {
     pub(crate) fixed_bytes: u64,
@@ -83,8 +83,8 @@ impl ResourceEstimate {
         Ok(threads)
     }
 
-    /// The number of threads, at most those of the current pool, that stay within a budget; without one, within the
-    /// memory that the system, and the container around the program, have available.
+    /// The number of threads, at most those of the current pool, whose memory fits a budget. Without one, it must fit
+    /// the memory that the system, and the container around the program, have available.
     ///
     /// # Errors
     /// Not even one thread does.

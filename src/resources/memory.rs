@@ -6,8 +6,8 @@ use std::path::Path;
 /// A limit of cgroups version 1 from here on means none: "unlimited" is written as a number near 2⁶³.
 const UNLIMITED: u64 = 1 << 60;
 
-/// Anonymous memory that could be had now without swapping: the least of what the system has available and of what each
-/// limit of the program's cgroup (version 1 or 2), or of one above it, leaves. None where nothing is known.
+/// Anonymous memory available now without swapping: the least of what the system has available and what each limit of
+/// the program's cgroup (version 1 or 2), or of one above it, leaves. `None` if nothing is known.
 ///
 /// `root` is the folder that `/proc` and `/sys` lie in: `/`, but for tests.
 pub(super) fn available_bytes(root: &Path) -> Option<u64> {
@@ -24,7 +24,7 @@ fn left_in_system(root: &Path) -> Option<u64> {
 
 /// The names of a memory controller's files.
 struct Controller {
-    /// Where the controller may be mounted, below `/sys/fs/cgroup`.
+    /// Mount points of the controller, below `/sys/fs/cgroup`.
     mounts: &'static [&'static str],
     limits: &'static [&'static str],
     usage: &'static str,

@@ -3,12 +3,13 @@
 use crate::error_estimate::worst;
 use crate::light::PROBES;
 
-/// Samples per pixel of the pilot: first few, then more.
+/// Samples per pixel of the pilot's two runs.
 pub(super) const SAMPLES: (u32, u32) = (8, 32);
-/// Slowest fall that is believed: of the squared error, as a power of the samples.
+/// Slowest fall of the squared error that is believed, as a power of the samples.
 const MIN_POWER: f64 = 0.25;
 
-/// How an error falls with the samples: its square as a power of them, and never slower than that of the samples themselves.
+/// The law by which an error falls with the samples: its square is a power of them, and no lower than the noise of the
+/// samples allows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ErrorModel {
     /// Squared error of the worst lighting at `samples`.
@@ -19,24 +20,24 @@ pub(super) struct ErrorModel {
     noise: f64,
 }
 
-/// Seconds that a render takes.
+/// Cost of a render in seconds.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seconds {
-    /// Of its tree, and of cleaning.
+    /// For the BVH and for denoising.
     pub(super) fixed: f64,
     pub(super) per_photon: f64,
     pub(super) per_sample: f64,
 }
 
 impl ErrorModel {
-    /// Of samples as they are.
+    /// The law of images that are not denoised.
     pub(super) fn of_noise(noise: f64, samples: u32) -> Self {
         let samples = f64::from(samples);
         Self { square: noise, samples, power: 1.0, noise: noise * samples }
     }
 
-    /// Of squared errors of the probe lightings at few and at more samples, and the noise of those. What is measured at more is
-    /// not believed where it has fallen faster than noise can. The power is one for all lightings.
+    /// The law from squared errors of the probe lightings at few and at more samples. `noise` is the squared noise at
+    /// more samples. A fall faster than that of noise is not believed. One power holds for all lightings.
     pub(super) fn fitted(few: &[f64; PROBES], more: &[f64; PROBES], noise: f64) -> Self {
         let (of_few, of_more) = (f64::from(SAMPLES.0), f64::from(SAMPLES.1));
         let least = of_few / of_more;
@@ -47,7 +48,8 @@ impl ErrorModel {
         Self { square: worst(&believed), samples: of_more, power, noise: noise * of_more }
     }
 
-    /// Below the fewest samples that were measured as fast as noise falls: filters fail where there is too little to compare.
+    /// Below the fewest samples measured, the error falls as that of noise, since filters fail with too little to
+    /// compare.
     pub(super) fn error(&self, samples: f64) -> f64 {
         let least = f64::from(SAMPLES.0).min(self.samples);
         let few = self.square * (self.samples / samples.max(least)).powf(self.power);
@@ -55,13 +57,13 @@ impl ErrorModel {
         cleaned.min(self.noise / samples).max(0.0).sqrt()
     }
 
-    /// Pairs of samples that bring the error down to this, between so many.
+    /// Number of sample pairs that reduces the error to this, within bounds.
     pub(super) fn pairs(&self, error: f64, (least, most): (u32, u32)) -> u32 {
         first(most, |pairs| pairs >= least && self.error(2.0 * f64::from(pairs)) <= error)
     }
 }
 
-/// The first number from 1 on for which something holds that holds for all above, or `most`.
+/// The least number from 1 on above which `holds` is always true, or `most`.
 pub(super) fn first(most: u32, holds: impl Fn(u32) -> bool) -> u32 {
     let (mut low, mut high) = (1, most.max(1));
     while low < high {

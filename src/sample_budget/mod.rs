@@ -1,9 +1,10 @@
-//! When a render is good enough: samples per pixel from an error or a time that people state.
+//! Chooses the samples per pixel for a given error or time.
 //!
-//! A pilot traces some windows of the picture, with few samples and, where an error is asked for, twice with more. DenoisedSource as
-//! packing will clean them, and held against each other ([`exposed`](crate::error_estimate)), they say how the error of packed images
-//! falls with the samples; their seconds say what more samples take. The render itself is then one of so many samples, the same
-//! bytes as with that number given, and goes on with it when it was stopped.
+//! A pilot traces some windows of the image with few samples and, if an error is asked for, twice with more. They are
+//! denoised as packing will do it, and compared with each other ([`error_estimate`](crate::error_estimate)). This gives the
+//! model by which the error of packed images falls with the samples; the seconds of the pilot give the cost. The render then
+//! uses the number of samples found. Its bytes are those of a render with that number given, and it continues after an
+//! interruption.
 
 mod error_model;
 mod pilot;
@@ -25,38 +26,38 @@ use crate::resources::{Progress, ResourceEstimate, Threads};
 use crate::scene::LoadedScene;
 use crate::store;
 
-/// Windows of the pilot that stand for the picture.
+/// Number of windows of the pilot.
 const WINDOWS: usize = 4;
-/// When to stop: the first of these that is reached.
+/// Stopping criteria: the first that is reached ends the render.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StopRule {
     /// Expected error of exposed images, see [`ExposedError`](crate::light::ExposedError).
     pub error: Option<f64>,
-    /// Wall-clock seconds for all.
+    /// Wall-clock seconds in total.
     pub seconds: Option<f64>,
-    /// Whether packing is part of it, or left for later.
+    /// Whether packing is included.
     pub packs: bool,
 }
 
-/// Where a render goes, by its finished name.
+/// Destination of a render, by its final name.
 #[derive(Clone, Copy, Debug)]
 pub enum RenderTo<'a> {
-    /// What is unfinished there of the same scene goes on with its own number of samples.
+    /// An unfinished render of the same scene continues with its own number of samples.
     GoOn(&'a Path),
-    /// What is there is not looked at.
+    /// An unfinished render is ignored.
     Anew(&'a Path),
 }
 
-/// A scene with as many samples as a rule wants, and what it is held to where that is an error.
+/// A scene with the number of samples that a rule asks for, and the promise if the rule has an error.
 pub struct ChosenSamples {
     /// The scene.
     pub loaded: LoadedScene,
-    /// What will show whether the error was reached.
+    /// Measures whether the error was reached.
     pub promise: Option<ErrorMonitor>,
 }
 
-/// Sets the scene's samples per pixel so that the first of a rule's ends is reached, for a matrix that will be packed with these
-/// options. A render that packs has the number written down until it is finished.
+/// Sets the scene's samples per pixel to reach the first limit of a rule, for a matrix that will be packed with these
+/// options. For a render that packs, the number is stored until the render is finished.
 ///
 /// # Errors
 /// A rule without an end, or with one that is not above 0; what tracing refuses; [`Error::Interrupted`].
@@ -75,7 +76,7 @@ pub fn choose_samples(
     }
     let (path, known) = match to {
         RenderTo::GoOn(path) => {
-            // Before a pilot that would be for nothing.
+            // Checked before a pilot that would be useless.
             match rule.packs {
                 true => check_container_output(path, false)?,
                 false => store::check_output(path, false)?,
@@ -179,14 +180,14 @@ mod tests {
         };
         let first = chosen(1.0).settings.samples_per_pixel;
         assert!(samples_path(&path).exists());
-        // Nothing was begun with them: they bind nobody.
+        // Nothing was begun with this number, so it is not kept.
         assert_eq!(samples_of_unfinished(&mut scene(), &path).unwrap(), None);
         let [_, gathered, ..] = files_of_pack(&path);
         std::fs::write(gathered, "").unwrap();
-        // Another time would give another number: twice as long at least, were it not for what is begun.
+        // Another time would give at least twice the number, but the unfinished render keeps its own.
         let again = chosen(60.0);
         assert_eq!(again.settings.samples_per_pixel, first);
-        // One that was begun anew can be gone on with as well.
+        // A render that was begun anew can be continued as well.
         std::fs::remove_file(samples_path(&path)).unwrap();
         let rule = StopRule { seconds: Some(1.0), packs: true, ..Default::default() };
         let anew = choose_samples(scene(), RenderTo::Anew(&path), rule, &options, &NoProgress).unwrap().loaded;
@@ -213,7 +214,7 @@ mod tests {
         job.shape.blocks().map(image).collect()
     }
 
-    /// Those of a matrix of many samples.
+    /// Images of a matrix with many samples.
     fn converged() -> ProbedImages {
         let mut job = job_of(&scene()).unwrap();
         let settings = TraceSettings { samples_per_pixel: 1024, seed: 4711, ..settings_of(&scene()) };
@@ -225,10 +226,11 @@ mod tests {
         blocks.images(false, &threads, ("", &NoProgress)).unwrap().sampled
     }
 
-    /// Against a converged reference: what was asked for is kept to a half, and what is stated as reached is right to a quarter, in the
-    /// median over seeds. The samples that it is measured against have a noise of 0.13 to 0.21 under narrow lightings; on so small a
-    /// picture an error below a tenth of that drowns, and the worst of 16 lightings is stated too large: 1.07 times the true one at
-    /// 0.04, 1.5 times at 0.015, over 15 seeds. One statement alone has been wrong by a factor of 5.
+    /// Against a converged reference: the error is within a half of the one asked for, and the stated error within a
+    /// quarter of the true one, in the median over seeds. The reference samples have a noise of 0.13 to 0.21 under
+    /// narrow lightings. In so small an image an error below a tenth of that is lost in noise, and the worst of 16
+    /// lightings is stated too large: 1.07 times at 0.04, 1.5 times at 0.015, over 15 seeds. A single statement has
+    /// been wrong by a factor of 5.
     #[test]
     fn a_promised_error_is_reached_and_what_is_stated_is_true() {
         const SEEDS: u64 = 5;

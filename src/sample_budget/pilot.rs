@@ -13,15 +13,15 @@ use crate::resources::{Progress, Threads};
 use crate::scene::Scene;
 use crate::trace::{TraceSettings, Tracer};
 
-/// Part of a stated time that the pilot may take.
+/// Part of the given time that the pilot may take.
 const PILOT_SHARE: f64 = 0.2;
-/// Part of a stated time that tracing may take: the rest is for reading the scene, the pilot and the disk.
+/// Part of the given time that tracing may take. The rest is for reading the scene, the pilot and the disk.
 const TRACING_SHARE: f64 = 0.9;
 
-/// Windows with independent samples of them.
+/// Windows, and two independent sets of images of them.
 pub(super) type References = (Vec<Vec<BlockId>>, [ProbedImages; 2]);
 
-/// What traces some windows of a scene.
+/// Traces windows of a scene.
 pub(super) struct Pilot<'a> {
     pub(super) scene: &'a Arc<Scene>,
     pub(super) settings: TraceSettings,
@@ -31,16 +31,16 @@ pub(super) struct Pilot<'a> {
     pub(super) watch: &'a dyn Progress,
 }
 
-/// What a pilot found.
+/// Result of a pilot.
 pub(super) struct PilotResult {
     law: ErrorModel,
-    /// Whether that is of packed, cleaned images.
+    /// Whether the law is that of packed, denoised images.
     of_packed: bool,
     seconds: Seconds,
 }
 
 impl Pilot<'_> {
-    /// Settings of one of its runs, which share no random numbers with each other or with the render.
+    /// Settings of one of its runs. Runs share no random numbers with each other or with the render.
     fn settings(&self, run: u64, samples_per_pixel: u32) -> TraceSettings {
         let seed = self.settings.seed ^ (run + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         TraceSettings { samples_per_pixel, seed, ..self.settings }
@@ -57,7 +57,7 @@ impl Pilot<'_> {
         blocks.images(cleans, self.threads, ("a pilot", self.watch))
     }
 
-    /// Independent samples of windows and nothing more.
+    /// Independent samples of windows.
     pub(super) fn references(&self, windows: Vec<Vec<BlockId>>) -> Result<References> {
         let tracer = self.tracer(self.settings(1, SAMPLES.1))?;
         let first = self.images(&tracer, &windows, false)?.sampled;
@@ -81,7 +81,7 @@ impl Pilot<'_> {
         let tracer = self.tracer(self.settings(0, SAMPLES.0))?;
         let (preparing, photons) = (preparing.elapsed().as_secs_f64(), tracer.photon_cost());
         let tracing = Instant::now();
-        // With only a time to keep, cleaning tells no more than how long it takes.
+        // If only a time is given, denoising only measures its own duration.
         let cleans = self.cleans && (rule.error.is_some() || rule.packs);
         let mut few = self.images(&tracer, &windows, cleans)?;
         let tracing = tracing.elapsed().as_secs_f64() - few.cleaning_seconds;
@@ -97,7 +97,7 @@ impl Pilot<'_> {
             let in_time = (left / each) as usize;
             windows.truncate(if rule.error.is_some() { in_time.max(1) } else { in_time });
         }
-        // Where no error was asked for, that of packed images is nice to know where there is time for it.
+        // Without an error to reach, that of packed images is still measured if time allows.
         if windows.is_empty() || rule.error.is_none() && !cleans {
             let law = ErrorModel::of_noise(worst(&noise_squares(&few.sampled)), SAMPLES.0);
             return Ok((PilotResult { law, of_packed: false, seconds }, None));
@@ -124,15 +124,15 @@ impl Pilot<'_> {
 }
 
 impl PilotResult {
-    /// The samples that a rule wants, and a note on them.
+    /// The number of samples for a rule, and a note on it.
     pub(super) fn samples(&self, rule: StopRule, begun: Instant, pilot: &Pilot<'_>) -> u32 {
         let most = Tracer::MAX_SAMPLES_PER_PIXEL / 2;
         let takes = |samples: u32| {
             let settings = TraceSettings { samples_per_pixel: samples, ..pilot.settings };
             self.seconds.of(samples, Tracer::photons_sent(pilot.scene, pilot.job.shape, settings))
         };
-        // Pairs of samples, so that the noise is known and there are as many in each half.
-        // With fewer than were tried, what cleaning makes of them is a guess.
+        // Pairs of samples, so that the noise is known and both halves have the same number. Below the pilot's least
+        // number the denoiser's error would be a guess.
         let least = if pilot.cleans { SAMPLES.0 / 2 } else { 1 };
         let by_error = rule.error.map(|error| self.law.pairs(error, (least, most)));
         let by_time = rule.seconds.map(|end| {
@@ -156,6 +156,6 @@ impl PilotResult {
     }
 }
 
-/// Of which images an error is.
+/// Descriptions of the images that an error refers to.
 const PACKED: &str = "in exposed images of the packed, cleaned matrix, the worst of 16 lightings";
 const RAW: &str = "in exposed images of the matrix as it is, not cleaned, the worst of 16 lightings";

@@ -30,8 +30,7 @@ impl Default for BuiltIn {
     }
 }
 
-/// The room that is shown when no scene is asked for: a ceiling light of 32 × 32 texels in view, a mirror ball and a
-/// glass ball, 256 × 192 pixels.
+/// The default scene: a ceiling light of 32 × 32 texels in view, a mirror ball and a glass ball, 256 × 192 pixels.
 ///
 /// # Panics
 /// Never: the scene is valid.

@@ -114,9 +114,9 @@ impl Camera {
         )
     }
 
-    /// The camera whose words stand in a job's settings, of an image of this size, without a filter; none where there are
-    /// none, or where the matrix is a part of what was rendered. Its eye is counted from the origin that they state, as the lights'
-    /// places are ([`stated_origin`](super::stated_origin)).
+    /// The camera described in a job's settings, for an image of this size, without a pixel filter. `None` without a
+    /// description, or if the matrix is a part of what was rendered. Its position is relative to the stated origin, as
+    /// the lights' positions are ([`stated_origin`](super::stated_origin)).
     pub fn of_words(settings: &str, size: (u32, u32)) -> Option<Self> {
         let words = settings.split_once(WORDS)?.1;
         if words.contains(';') {
@@ -136,7 +136,7 @@ impl Camera {
     }
 }
 
-/// How the words of [`Camera::in_words`] begin.
+/// Prefix of the text of [`Camera::in_words`].
 const WORDS: &str = "camera: ";
 
 #[cfg(test)]

@@ -43,7 +43,7 @@ pub fn content_hash(scene: &Scene, max_depth: u32) -> [u8; 32] {
     parts.0.finalize().into()
 }
 
-/// What has been hashed so far.
+/// The hash of the parts so far.
 struct Parts(Sha256);
 
 impl Parts {

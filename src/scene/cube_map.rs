@@ -24,13 +24,13 @@ pub(super) struct CubeMap {
     pub(super) side: usize,
     /// The pixels of each face, row by row from the top.
     pub(super) faces: [Vec<[f32; 3]>; 6],
-    /// From the cube's axes to the world's.
+    /// Rotation from the cube's axes to the world's.
     pub(super) rotation: Quat,
 }
 
 impl CubeMap {
-    /// The weights with which an environment's columns, in the cube's axes, show the cube: the mean over each texel, scaled so
-    /// that the whole energy `∫ L dω` of every channel is the cube's own.
+    /// The weights of an environment's columns, in the cube's axes, that represent the cube: the mean over each texel,
+    /// scaled so that the total energy `∫ L dω` of every channel is the cube's own.
     pub(super) fn weights(&self, mapping: EnvironmentMapping) -> Vec<[f32; 3]> {
         let texels = mapping.texel_count() as usize;
         let pixels = self.faces.len() * self.side * self.side;

@@ -35,9 +35,9 @@ pub enum AreaLayout {
 pub struct AreaEmitter {
     /// Indices of its triangles in the mesh.
     pub triangles: Vec<u32>,
-    /// How its columns lie on it.
+    /// Layout of its columns on the surface.
     pub layout: AreaLayout,
-    /// Whether the back emits too.
+    /// Whether the back emits as well.
     pub two_sided: bool,
     /// Pattern that multiplies the emission, where the source gives one (`map_Ke`).
     pub pattern: Option<Paint>,
@@ -94,7 +94,7 @@ pub struct IesProfile {
 /// Light from infinitely far in every direction; radiance 1 over each column's texel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnvironmentEmitter {
-    /// How its columns lie on the sphere.
+    /// Layout of its columns on the sphere.
     pub mapping: EnvironmentMapping,
     /// Rotation from the environment's own axes to the world's.
     pub world_from_environment: Mat3,

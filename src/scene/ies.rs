@@ -26,8 +26,8 @@ pub(super) fn parse(path: &Path, text: &str) -> Result<Photometry> {
     let separated: Vec<&str> = words.iter().flat_map(|word| word.split(',')).filter(|word| !word.is_empty()).collect();
     let read = |words: &mut dyn Iterator<Item = &str>| Table::read(words, includes_tilt).map_err(&refuse);
     let mut table = read(&mut separated.iter().copied());
-    // A comma may be a decimal one, where no number has a point: then it stands between digits, once in a word, and read as a
-    // separator it makes too many numbers.
+    // A comma may be a decimal one if no number has a point. It then stands between digits, once in each word, and as a
+    // separator it would make too many numbers.
     if has_decimal_commas(&words) && !table.as_ref().is_ok_and(|table| table.is_all) {
         let decimal: Vec<String> = words.iter().map(|word| word.replace(',', ".")).collect();
         table = read(&mut decimal.iter().map(String::as_str)).or(table);
@@ -67,7 +67,7 @@ fn tilt_of(line: &str) -> Option<&str> {
     key.trim().eq_ignore_ascii_case("TILT").then(|| tilt.trim())
 }
 
-/// What the number after the ballast factor means.
+/// Meaning of the number after the ballast factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Edition {
     /// To 1995: the factor of ballast and lamp together.
@@ -112,7 +112,7 @@ struct Table {
     multiplier: f32,
     kind: f32,
     ballast: f32,
-    /// What stands after the ballast factor.
+    /// The number after the ballast factor.
     second: f32,
     web: Web,
     /// Whether no number is left over.
@@ -203,8 +203,8 @@ fn count(value: f32) -> Option<usize> {
     (value.fract() == 0.0 && (1.0..=MAX_ANGLES as f32).contains(&value)).then_some(value as usize)
 }
 
-/// Unfolds the symmetries that type C lets a file leave out. A half or a quarter of the circle may lie anywhere on it; what is no
-/// half or quarter is the whole one, which may be open where it ends as its planes follow each other.
+/// Unfolds the symmetries that type C lets a file omit. A half or a quarter of the circle may start at any angle. Any
+/// other range is the whole circle, which may be open at its end, as the spacing of its planes shows.
 fn unfold(web: Web) -> Option<Web> {
     let angles = &web.horizontal;
     let (first, last) = (*angles.first()?, *angles.last()?);

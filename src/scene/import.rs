@@ -31,9 +31,9 @@ const MAX_GUESSES: usize = 10_000;
 #[derive(Debug, Default)]
 pub(super) struct Geometry {
     pub(super) mesh: Mesh,
-    /// What f32 leaves of each vertex's position.
+    /// Difference between each vertex's position and its f32 rounding.
     residuals: Vec<Vec3>,
-    /// What [`MaterialId`]s mean.
+    /// The materials that [`MaterialId`]s refer to.
     pub(super) materials: Vec<SourceMaterial>,
     /// Object names.
     pub(super) objects: NameList,
@@ -48,7 +48,7 @@ pub(super) struct SourceMaterial {
     pub(super) description: Description,
 }
 
-/// What a file says of a material.
+/// A material of a source file.
 #[derive(Debug)]
 pub(super) enum Description {
     /// An MTL file, with the folder of its textures and the shape of what has it.
@@ -290,8 +290,8 @@ fn spellings(name: &str) -> impl Iterator<Item = &str> {
     [name, bare, unquoted(name)].into_iter()
 }
 
-/// The names that a statement `mtllib` may mean, in the order in which they are looked for: all of it as one name, what stands
-/// in quotation marks or has its blanks escaped, what ends in `.mtl`, and each word.
+/// File names that a statement `mtllib` may mean, in the order of the search: the whole statement as one name; parts in
+/// quotation marks or with escaped blanks; parts that end in `.mtl`; and each word.
 fn library_names(statement: &str) -> [Vec<String>; 3] {
     let statement = statement.trim();
     let mut quoted = vec![String::new()];

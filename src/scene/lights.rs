@@ -29,13 +29,13 @@ const COLUMN_BYTES: u64 = 64;
 /// A scene under construction, with what its lights are chosen by.
 pub(super) struct LightBuilder<'a> {
     pub(super) assembly: &'a mut Assembly,
-    /// What each material emits.
+    /// Emission of each material.
     pub(super) emissions: &'a [Option<Emission>],
     pub(super) objects: &'a [String],
     /// Index into `objects` for every triangle.
     pub(super) object_of: &'a [u32],
     pub(super) folders: &'a Folders,
-    /// From which the scene's places are counted.
+    /// Origin that positions in the scene are relative to.
     pub(super) origin: DVec3,
     /// Weights that differ from their light's emission: first column, weights.
     pub(super) weights: Vec<(u32, Vec<[f32; 3]>)>,
@@ -310,7 +310,7 @@ impl LightBuilder<'_> {
         Ok(())
     }
 
-    /// What the photometric file of an entry says.
+    /// Reads the photometric file of an entry.
     fn photometry(&mut self, entry: &LightEntry, place: &str) -> Result<Photometry> {
         let file = entry.file.as_ref().ok_or_else(|| missing("file", place))?;
         let path = self.folders.find(file, place)?;
@@ -390,8 +390,8 @@ fn axis(entry: &LightEntry, place: &str) -> Result<Vec3> {
     Ok(direction(entry.direction.unwrap_or([0.0, -1.0, 0.0]), "direction", place)?.normalize())
 }
 
-/// Axes of a luminaire whose nadir points along `down`, turned about it: x lies as near to the world's +x as that
-/// allows (to +z if the luminaire points along x).
+/// Axes of a luminaire whose nadir points along `down`, turned about it. x is as near to the world's +x as possible (to
+/// +z if the luminaire points along x).
 fn hung(down: Vec3, turn_radians: f32) -> Mat3 {
     let reference = if down.x.abs() < 0.999 { Vec3::X } else { Vec3::Z };
     let z = -down;

@@ -7,7 +7,7 @@ use std::io::{BufRead, ErrorKind};
 /// Longest line. A line is held as text.
 pub(super) const MAX_LINE_BYTES: usize = 16 << 20;
 
-/// What stands in place of a line.
+/// Why a line could not be read.
 #[derive(Debug)]
 pub(super) enum LineError {
     /// The system refuses to read.

@@ -97,7 +97,7 @@ pub(super) fn unchecked(path: &Path, options: &LoadOptions) -> Result<(Scene, Ve
 struct Unchecked {
     scene: Scene,
     settings: RenderSettings,
-    /// Of a glTF file, by their nodes' names.
+    /// Cameras of a glTF file, by the names of their nodes.
     cameras: Vec<String>,
     warnings: Vec<String>,
 }

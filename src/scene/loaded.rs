@@ -19,7 +19,7 @@ pub struct LoadedScene {
     pub content: [u8; 32],
 }
 
-/// How a scene asks to be rendered.
+/// Render settings of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RenderSettings {
     /// Paths per pixel.

@@ -9,7 +9,7 @@ pub struct TextureId(pub u32);
 /// An RGB image over texture coordinates, repeated in both directions, linear Rec. 709.
 #[derive(Clone, Debug)]
 pub struct Texture {
-    /// Where it came from, for messages.
+    /// Its origin, for messages.
     pub name: String,
     /// Width in texels.
     pub width: u32,
@@ -22,7 +22,7 @@ pub struct Texture {
 /// A colour that may vary over the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Paint {
-    /// The same everywhere.
+    /// One value for the whole surface.
     Constant(Vec3),
     /// A texture times a factor.
     Textured(TextureId, Vec3),
@@ -80,7 +80,7 @@ pub enum Surface {
 pub struct Material {
     /// Name in the MTL file.
     pub name: String,
-    /// How it scatters.
+    /// Its scattering.
     pub surface: Surface,
     /// Cut-out: where the texture's alpha (its fourth channel) is below one half, the surface is not there.
     pub cutout: Option<TextureId>,

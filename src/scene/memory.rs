@@ -12,7 +12,7 @@ pub(super) struct MemoryBound {
 }
 
 impl MemoryBound {
-    /// All of `limit_bytes`.
+    /// A budget of `limit_bytes`, all of it free.
     pub(super) fn of(limit_bytes: u64) -> Self {
         Self { limit_bytes, taken_bytes: 0 }
     }
@@ -39,7 +39,7 @@ impl MemoryBound {
         })
     }
 
-    /// As [`check`](Self::check), and keeps them.
+    /// As [`check`](Self::check), and reserves the bytes.
     pub(super) fn take(&mut self, bytes: u64, path: &Path) -> Result<()> {
         self.check(bytes, path)?;
         self.taken_bytes += bytes;

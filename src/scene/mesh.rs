@@ -11,14 +11,14 @@ pub struct MaterialId(pub u32);
 pub struct Triangle {
     /// Indices into the mesh's vertices.
     pub vertices: [u32; 3],
-    /// Its material.
+    /// Material of the triangle.
     pub material: MaterialId,
     /// The light it belongs to, as an index into [`Scene::emitters`](super::Scene::emitters).
     pub emitter: Option<u32>,
 }
 
-/// A vertex. What a hit reads of one lies in one half of a cache line: with an array for each of the three, tracing rooms takes 1.02 to
-/// 1.05 of the time.
+/// A vertex. All that a hit reads of it lies in one half of a cache line, which is faster than an array for each
+/// attribute (decision 4).
 #[repr(C, align(32))]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Vertex {

@@ -37,12 +37,12 @@ impl NameList {
 /// Names of which none is given twice.
 #[derive(Default)]
 pub(super) struct UniqueNames {
-    /// How often each was asked for or given.
+    /// How often each name was asked for or given.
     taken: HashMap<String, usize>,
 }
 
 impl UniqueNames {
-    /// None of these is given.
+    /// Reserves these names.
     pub(super) fn beside(names: impl Iterator<Item = String>) -> Self {
         Self { taken: names.map(|name| (name, 1)).collect() }
     }

@@ -1,8 +1,8 @@
-//! OBJ files: text to triangles with one material and one object name each.
+//! OBJ files: from text to triangles, each with a material and an object name.
 //!
-//! One pass over the lines keeps the three vertex streams and the corners of the faces, which may stand before their
-//! vertices; the parts are then made one at a time. What is not as it should be is left out and counted. Errors and counts
-//! name the line, and quote nothing else: the file may be any file that a scene from elsewhere names.
+//! One pass over the lines keeps the three vertex streams and the corners of the faces, which may precede their
+//! vertices. The parts are then made one at a time. Invalid elements are left out and counted. Errors and counts name
+//! the line and quote nothing else, since the file may be any file that a scene from elsewhere names.
 
 use std::collections::HashMap;
 use std::io::BufRead;
@@ -46,7 +46,7 @@ impl ObjPart {
     }
 }
 
-/// Something that is left out or mended.
+/// A kind of element that is left out or repaired.
 #[derive(Clone, Copy, Debug)]
 enum ObjFault {
     Vertex,
@@ -111,7 +111,7 @@ impl Faults {
     }
 }
 
-/// What an OBJ file holds.
+/// The content of an OBJ file.
 #[derive(Debug, Default)]
 pub(super) struct ObjFile {
     /// What follows `mtllib`, as it stands: one name or several.
@@ -130,7 +130,7 @@ pub(super) struct ObjFile {
     groups: Vec<Group>,
     /// Largest index of a vertex that is used, counted from 1, with its line.
     largest: (i64, usize),
-    /// What its lines have; parts have more.
+    /// Faults of its lines; those of its parts come later.
     pub(super) faults: Faults,
 }
 
@@ -144,7 +144,7 @@ struct Group {
     corners: usize,
 }
 
-/// Whether a face's corners have texture coordinates and normals.
+/// Whether a face's corners have texture coordinates, and normals.
 type CornerFormat = (bool, bool);
 
 /// The place of what a face names and no file can have.
@@ -282,7 +282,7 @@ impl ObjFile {
         (part, faults)
     }
 
-    /// Whether there is a vertex at this place.
+    /// Whether a vertex of this index exists.
     fn has(&self, place: u32) -> bool {
         self.positions.get(place as usize).is_some_and(|position| position.is_finite())
     }

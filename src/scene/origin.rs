@@ -1,7 +1,8 @@
-//! Where a scene's own zero lies.
+//! The origin of a scene.
 //!
-//! Geometry is traced in f32, which keeps seven digits: metres of a survey's millions are rounded to halves. So what stands far away for
-//! its size is read in f64 and moved near zero before it is rounded; what is told of the scene speaks in its file's coordinates again.
+//! Geometry is traced in f32, which has seven digits: coordinates of millions of metres would be rounded to half
+//! metres. So geometry that is far away for its size is read in f64 and moved near zero before it is rounded. Messages
+//! and metadata use the coordinates of the scene's file.
 
 use glam::{DVec3, Vec3};
 

@@ -12,7 +12,7 @@ pub(super) const MAX_ANGLES: usize = 4096;
 /// Finest and coarsest step of the sphere that a web with other axes is sampled on, in degrees.
 const STEPS: [f32; 2] = [0.25, 1.0];
 
-/// What a photometric file says.
+/// The content of a photometric file.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Photometry {
     /// Intensity relative to its largest value, over the full horizontal circle or one angle.

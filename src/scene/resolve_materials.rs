@@ -38,7 +38,7 @@ const NO_REFRACTION: f32 = 1e-3;
 /// Smallest GGX α that is told from a perfect mirror.
 const MIN_ALPHA: f32 = 1e-3;
 
-/// What a material emits.
+/// Emission of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Emission {
     pub(super) radiance: Vec3,
@@ -63,7 +63,7 @@ struct UnresolvedMaterial {
     look: SurfaceParams,
     cutout: Option<TextureId>,
     opacity: f32,
-    /// What it would be if it were opaque.
+    /// The surface without its transparency.
     opaque: SurfaceEntry,
     /// The colour that its file gives beside a map, whether it multiplies that or not.
     beside_map: Vec3,
@@ -117,7 +117,7 @@ impl MaterialResolver<'_> {
         self.finish(draft, &source.name)
     }
 
-    /// What a glTF material means here. `formats/scene.md` states it.
+    /// Converts a glTF material, as `formats/scene.md` states.
     fn of_gltf(&mut self, source: &GltfMaterial, name: &str) -> Result<UnresolvedMaterial> {
         let asked_by = format!("material '{name}'");
         let usage = match source.alpha {
@@ -224,7 +224,7 @@ impl MaterialResolver<'_> {
         factor
     }
 
-    /// Whether the scene file says something of a material.
+    /// Whether the scene file overrides a property of a material.
     fn says(&self, name: &str, what: impl Fn(&MaterialEntry) -> bool) -> bool {
         self.overrides.iter().any(|entry| fits(&entry.pattern, name) && what(entry))
     }
@@ -296,7 +296,7 @@ pub(super) fn normal_reflectance(ior: f32) -> f32 {
 }
 
 impl SurfaceParams {
-    /// What an MTL material looks like, over this base.
+    /// Converts an MTL material over this base colour.
     fn of_mtl(look: &MtlLook, base: Paint) -> Self {
         let &MtlLook { kind, reflectance, specular, alpha, ior, transmittance } = look;
         Self { kind, reflectance: reflectance.map_or(base, Paint::Constant), specular, alpha, ior, transmittance }

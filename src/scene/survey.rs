@@ -13,7 +13,7 @@ pub struct SceneSurvey {
     pub scene: Scene,
     /// The perspective cameras of a glTF file by their nodes' names, the one that is used first by default; none for a scene file.
     pub cameras: Vec<String>,
-    /// How many triangles have each material.
+    /// Number of triangles of each material.
     pub triangles: Vec<usize>,
     /// What is mended, left out or looks wrong, one line each.
     pub warnings: Vec<String>,
@@ -47,7 +47,7 @@ impl SceneSurvey {
 }
 
 impl Surface {
-    /// Its name, as scene files write it.
+    /// Its name in scene files.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Lambert { .. } => "lambert",

@@ -19,7 +19,7 @@ const LARGE_BYTES: u64 = 256 << 20;
 /// Entries of a folder that are looked at for the files of one that was moved.
 const MAX_SEARCHED_ENTRIES: usize = 10_000;
 
-/// What a texture is read for.
+/// The use that a texture is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum TextureUse {
     /// Reflectance: clamped to [0, 1].
@@ -55,9 +55,9 @@ impl Textures {
         Self { list: Vec::new(), memory, reach, known, bytes: 0, missing, respelled, moved }
     }
 
-    /// The texture that a material names in a folder: `name` as it is written, else the file whose name differs in upper
-    /// and lower case or has `/` for `\` only, as on the machines of other systems, else the file of its last name in the folder,
-    /// as of whoever moved files together. None where there is no such file, which [`report`](Self::report) will say.
+    /// The texture that a material names in a folder. First `name` as it is written is tried; then names that differ
+    /// only in case or have `/` for `\`, as on other systems; then the last part of the name in the folder, for files
+    /// that were moved together. `None` if there is no such file, which [`report`](Self::report) then tells.
     ///
     /// # Errors
     /// A file that is no image or may not be opened, or more textures than fit.
@@ -259,8 +259,8 @@ impl Textures {
     }
 }
 
-/// The file of this name in a folder, each part of it spelled as written if that is there, else in any case, and with
-/// backslashes between the parts as well.
+/// The file of this name in a folder. Each part is matched exactly if possible, otherwise in any case; backslashes may
+/// separate parts.
 pub(super) fn find_as_elsewhere(folder: &Path, name: &str) -> Option<PathBuf> {
     let written = folder.join(name);
     if written.is_file() {
@@ -286,8 +286,8 @@ pub(super) fn find_as_elsewhere(folder: &Path, name: &str) -> Option<PathBuf> {
     path.is_file().then_some(path)
 }
 
-/// The file that someone moved to a folder or to one within it: by as many of the last parts of its name as are found, at least its
-/// last one.
+/// A file that was moved to a folder or into a subfolder, matched by as many of the last parts of its name as possible,
+/// at least one.
 pub(super) fn find_moved(folder: &Path, name: &str) -> Option<PathBuf> {
     let name = name.replace('\\', "/");
     let parts: Vec<&str> = name.split('/').filter(|part| !matches!(*part, "" | "." | "..")).collect();

@@ -8,18 +8,18 @@ use crate::light::{Job, Light, Lighting};
 /// A lighting of the author's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SharedLook {
-    /// What its button says.
+    /// Text of its button.
     pub name: String,
     /// The light.
     pub lighting: Lighting,
 }
 
-/// What is said of the picture beside its factors.
+/// Metadata of the image beside its factors.
 #[derive(Clone, Debug)]
 pub struct SharedPicture<'a> {
     /// Title of the page.
     pub title: &'a str,
-    /// What the matrix is.
+    /// The job of the matrix.
     pub job: &'a Job,
     /// The author's looks; the scene's own lighting is always offered before them.
     pub looks: &'a [SharedLook],

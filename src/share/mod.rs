@@ -1,12 +1,12 @@
-//! A matrix as a web page: `formats/share.md` says what each byte means.
+//! A matrix as a web page; `formats/share.md` defines every byte.
 //!
-//! The page is one HTML file that needs nothing but what lies beside it, and the data are one file in the order in which a
-//! browser wants it: a head, a small *preview* of the whole picture, the base layers of all blocks, what refines them. Chunks are
-//! those of the container, byte for byte, since nothing that a browser decompresses by itself comes near their size; the page
-//! decodes them in a worker. Preview and picture are two [`Level`]s of one kind.
+//! The page is one HTML file that needs only its data file. The data come in the order in which a browser needs them: a
+//! header, a small *preview* of the whole image, the base layers of all blocks, and their refinements. Chunks are those
+//! of the container, byte for byte, since no compression built into browsers comes near their size; the page decodes
+//! them in a worker. Preview and image are two [`Level`]s of one kind.
 //!
-//! The page's sources are plain modules of JavaScript, typed by comments that the TypeScript compiler checks, so that building
-//! needs no Node; [`page()`] joins them into one script.
+//! The page's sources are plain JavaScript modules, with types in comments that the TypeScript compiler checks, so that
+//! building needs no Node; [`page()`] joins them into one script.
 
 mod base64;
 mod head;
@@ -31,7 +31,7 @@ pub const FORMAT_VERSION: u32 = 1;
 /// Bytes before the head: magic, version, length and checksum of the head.
 const START_BYTES: usize = 20;
 
-/// What was written, in bytes.
+/// Sizes of what was written, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SharedBytes {
     /// The whole file.

@@ -72,7 +72,7 @@ fn assemble(title: &str, data: &str) -> String {
         .replace("%title%", &escaped(title))
 }
 
-/// All modules as one script.
+/// All modules joined into one script.
 fn script() -> String {
     let kernels = KERNELS.map(|(name, parts)| format!("{name}: `{}`", lean(&parts.concat())));
     let mut script = format!("'use strict';\nconst KERNELS = {{ {} }};\n", kernels.join(",\n"));

@@ -1,11 +1,11 @@
-//! A memory map that outlives the file's end: a file that is cut under it is an error and not a signal.
+//! Memory maps that survive truncation of their file: a file cut under a map is an error and not a signal.
 //!
-//! A page that a map shows and the file no longer has raises SIGBUS where it is touched, which by default ends the
-//! process; so does a disk that fails to read it. Asking for the length before each access leaves a gap between question
-//! and access. So one handler for SIGBUS is installed with the first map: where the touched address lies in one of our
-//! maps, it notes from where on the map is lost, puts zeros in the place of the rest, and returns; whoever borrowed from
-//! the map asks afterwards whether what was borrowed lay before that. Any other address is left to the handler that was
-//! there before. A handler that is installed after ours must pass on what is not its own in the same way.
+//! Touching a page that the file no longer has raises SIGBUS, which by default ends the process; so does a disk that
+//! fails to read it. Checking the length before each access would leave a gap between check and access. So one handler
+//! for SIGBUS is installed with the first map. If the address lies in one of our maps, the handler records from where
+//! on the map is lost, maps zeros in place of the rest, and returns. Borrowers check afterwards whether their range
+//! lies before that. Any other address is passed to the previous handler. A handler that is installed later must
+//! likewise pass on what is not its own.
 #![expect(unsafe_code, reason = "memory maps, and the signal that comes with them")]
 
 use std::fs::File;
@@ -58,8 +58,8 @@ impl GuardedMap {
         let claim =
             |slot: &&Slot| slot.taken.compare_exchange(false, true, Ordering::Acquire, Ordering::Relaxed).is_ok();
         let slot = SLOTS.iter().find(claim).ok_or(io::ErrorKind::QuotaExceeded)?;
-        // SAFETY: the file may be changed by others while it is mapped: every value of a byte is valid for the types
-        // that are read, what is read is checked by its checksum, and a page that vanishes becomes zeros, see above.
+        // SAFETY: others may change the file while it is mapped. Every value of a byte is valid for the types that are
+        // read, the content is checked by its checksum, and a page that vanishes becomes zeros, see above.
         let map = unsafe { Mmap::map(file) }.inspect_err(|_| slot.taken.store(false, Ordering::Release))?;
         let start = map.as_ptr() as usize;
         slot.lost.store(usize::MAX, Ordering::SeqCst);

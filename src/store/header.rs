@@ -130,7 +130,7 @@ impl UnverifiedHeader {
         Ok(page.iter().all(|&byte| byte == 0))
     }
 
-    /// Whether the file begins as one of ours.
+    /// Whether the file begins with our magic bytes.
     pub(super) fn is_ours(storage: &impl Storage) -> std::io::Result<bool> {
         let mut start = [0; MAGIC.len()];
         if storage.length()? < start.len() as u64 {
@@ -140,8 +140,8 @@ impl UnverifiedHeader {
         Ok(start == MAGIC)
     }
 
-    /// Believes the header once its checksum holds, its version is known, every field is in range and agrees with the
-    /// layout, and the job description's checksum holds and describes the same shape.
+    /// Verifies the header: its checksum, a known version, every field in range and consistent with the layout, and the
+    /// job description's checksum and shape.
     pub(super) fn verify(self, storage: &impl Storage, path: &Path) -> Result<StoreHeader> {
         let damaged = |problem: String| Error::damaged(path, problem, "render it again, or take it from a copy");
         let fields: HeaderBytes = bytemuck::pod_read_unaligned(&self.0[..size_of::<HeaderBytes>()]);

@@ -30,7 +30,7 @@ pub struct StoreLayout {
     pub(super) job_bytes: u64,
 }
 
-/// What a store needs, in bytes.
+/// Bytes that a store needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Requirements {
     /// Anonymous memory of the store itself for one thread that writes or reads a block; the block is the caller's.

@@ -8,14 +8,14 @@ use crate::matrix::{BlockId, BlockSource};
 use super::record::BlockRecord;
 use super::{BlockDamage, FileStorage, StoreReader, StoreWriter, partial_path};
 
-/// What merging found.
+/// Result of a merge.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MergeReport {
     /// Blocks of the matrix.
     pub blocks: u32,
     /// Blocks that were copied from an input.
     pub copied: u32,
-    /// Of these: blocks that the output had held damaged.
+    /// Of these, blocks that were damaged in the output.
     pub mended: u32,
     /// Blocks that were there before, and were kept.
     pub present: u32,
@@ -25,12 +25,13 @@ pub struct MergeReport {
     pub damaged: Vec<(PathBuf, BlockDamage)>,
 }
 
-/// Joins the blocks of `inputs` (finished or partial files of the same job and precision) into `output`. `progress` is told (blocks
-/// done, blocks), and says whether to go on.
+/// Joins the blocks of `inputs` (finished or partial files of the same job and precision) into `output`. `progress`
+/// gets (blocks done, blocks) and returns whether to continue.
 ///
-/// Merging is idempotent: an output that exists already is kept and given what it lacks, so the same merge again
-/// changes nothing, and inputs may come one after the other. Blocks that the output and an input both hold are compared; a damaged one
-/// of the output is replaced by a good one. Other damaged blocks are left as they are, and listed unless another file has them.
+/// Merging is idempotent: an existing output is kept and completed, so the same merge again changes nothing, and inputs
+/// may come one after the other. Blocks that the output and an input both hold are compared; a damaged one of the
+/// output is replaced by a good one. Other damaged blocks are left as they are, and listed unless another file has
+/// them.
 ///
 /// # Errors
 /// Inputs of different jobs or precisions; two files that hold different bytes for the same block; an output of another job or

@@ -26,8 +26,8 @@ pub fn partial_path(path: &Path) -> PathBuf {
     with_suffix(path, ".part")
 }
 
-/// As [`files::check_output`], of a matrix: where the finished file is in the way, what a process left beside it that was killed
-/// right after it had given it its name is removed.
+/// As [`files::check_output`], for a matrix. If the finished file exists, removes the leftovers of a process that was
+/// killed right after it had renamed it.
 ///
 /// # Errors
 /// Those of [`files::check_output`].
@@ -47,7 +47,7 @@ impl StorePaths {
     }
 }
 
-/// Makes sure that the partial file of `path`, if there is one, holds blocks of this origin, and notes the origin beside it in
+/// Checks that the partial file of `path`, if there is one, holds blocks of this origin, and stores the origin in
 /// `NAME.part.origin`. With `anew` the partial file is about to be begun again, whatever it holds.
 ///
 /// # Errors

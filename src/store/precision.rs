@@ -33,7 +33,7 @@ pub enum Precision {
 }
 
 impl Precision {
-    /// All of them.
+    /// Every precision.
     pub const ALL: [Self; 3] = [Self::F32, Self::F16, Self::Bf16];
 
     /// The number that stands for it in the header.

@@ -30,13 +30,13 @@ pub struct StoreReader<S: Storage = MappedStorage> {
     storage: S,
     path: PathBuf,
     header: StoreHeader,
-    /// Whether read pages leave the page cache.
+    /// Whether pages that were read leave the page cache.
     releases: bool,
     /// By block, whether all its columns have passed their checksums where they lie: once for each opening.
     checked: Vec<AtomicBool>,
 }
 
-/// What a file's commit records say.
+/// Counts from a file's commit records.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StoreCounts {
     /// Blocks with a sound record.
@@ -110,13 +110,13 @@ impl<S: Storage> StoreReader<S> {
         Ok(Self { storage, path: path.to_owned(), header, releases, checked })
     }
 
-    /// What was rendered.
+    /// The job of the matrix.
     pub fn job(&self) -> &Job {
         &self.header.job
     }
 
-    /// What tells this matrix from any other of its job: a hash of its precision and of the record of each block, which has the checksums
-    /// of what is stored.
+    /// Distinguishes this matrix from any other of its job: a hash of its precision and of the record of each block,
+    /// which has the checksums of the stored data.
     ///
     /// # Errors
     /// The system refuses to read.
@@ -143,7 +143,7 @@ impl<S: Storage> StoreReader<S> {
         StoreOptions { precision, max_probes, planes: self.header.layout.has_planes(), ..StoreOptions::default() }
     }
 
-    /// Where everything stands in the file.
+    /// The layout of the file.
     pub fn layout(&self) -> &StoreLayout {
         &self.header.layout
     }
@@ -162,8 +162,8 @@ impl<S: Storage> StoreReader<S> {
         !matches!(self.record(id), Ok(None))
     }
 
-    /// Counts the committed blocks and their bytes, by their commit records alone: a record that is damaged counts as
-    /// such, and the others all the same.
+    /// Counts the committed blocks and their bytes from their commit records. Damaged records are counted as such and
+    /// do not affect the others.
     ///
     /// # Errors
     /// The system refuses to read.

@@ -43,7 +43,7 @@ const _: () = assert!(size_of::<RecordBytes>() as u64 == RECORD_BYTES);
 #[derive(Clone, Copy)]
 pub(super) struct UnverifiedRecord(pub(super) [u8; RECORD_BYTES as usize]);
 
-/// What a believed record says of its block.
+/// The content of a verified record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct BlockRecord {
     /// Bytes of the tile, from the start of the slot; 0 for a block that holds nothing.
@@ -60,7 +60,7 @@ pub(super) struct BlockRecord {
     pub(super) planes: Option<PlanesRecord>,
 }
 
-/// What a believed record says of a block's planes.
+/// The planes of a block, from its verified record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct PlanesRecord {
     /// Emitters in view that they list.

@@ -15,11 +15,11 @@ use super::{PAGE_BYTES, StoreReader, StoreWriter};
 pub struct BlockDamage {
     /// The block.
     pub block: BlockId,
-    /// What does not hold.
+    /// The fault.
     pub problem: String,
 }
 
-/// What checking a file found.
+/// Result of checking a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct VerifyReport {
     /// Blocks of the matrix.
@@ -40,25 +40,27 @@ impl VerifyReport {
         self.damaged.is_empty() && self.stray.is_empty()
     }
 
-    /// Whether every block is there and sound.
+    /// Whether every block is present and sound.
     pub fn is_complete(&self) -> bool {
         self.is_sound() && self.missing.is_empty()
     }
 }
 
-/// Reads and checks every byte of a file. `progress` is told (blocks done, bytes found good), and says whether to go on.
+/// Reads and checks every byte of a file. `progress` gets (blocks done, bytes found good) and returns whether to
+/// continue.
 ///
 /// # Errors
-/// The header or the job description is damaged, so that nothing can be read; the system refuses; [`Error::Interrupted`]. Damaged
-/// blocks are not an error but listed.
+/// The header or the job description is damaged, so that nothing can be read; the system refuses;
+/// [`Error::Interrupted`]. Damaged blocks are listed, and are no error.
 pub fn verify(path: &Path, progress: impl FnMut(u32, u64) -> bool) -> Result<VerifyReport> {
     verify_storage(&StoreReader::open_positioned(path)?, progress)
 }
 
-/// Opens a finished file to be mended where it stands: checks it, forgets what is damaged, and returns the writer with
-/// the blocks that are to be made again (damaged ones, then missing ones) and the job that they belong to.
+/// Opens a finished file to be repaired in place: checks it, discards what is damaged, and returns the writer. Also
+/// returns the blocks to be made again (damaged ones, then missing ones) and their job.
 ///
-/// The file is valid at every instant; stopped half way, it lacks blocks, and mending it again goes on.
+/// The file is valid at every instant. If the repair stops half way, the file lacks blocks, and repairing it again
+/// continues.
 ///
 /// # Errors
 /// Those of [`verify`]; a file whose header or description is damaged cannot be mended.

@@ -19,7 +19,7 @@ use super::storage::{FileStorage, Storage, read_exact, write_all};
 use super::tile_writer::TileWriter;
 use super::{PAGE_BYTES, Precision, RECORD_BYTES, StoreLayout};
 
-/// How a matrix is to be stored.
+/// Options of a stored matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StoreOptions {
     /// How entries are stored.
@@ -44,7 +44,7 @@ impl Default for StoreOptions {
     }
 }
 
-/// What a finished file holds.
+/// Summary of a finished file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StoreSummary {
     /// Blocks of the matrix.
@@ -148,7 +148,7 @@ impl StoreWriter<FileStorage> {
         }
     }
 
-    /// Opens the finished file `path` where it stands, to fill in blocks that it lacks or to mend damaged ones (see
+    /// Opens the finished file `path` in place, to fill in missing blocks or to replace damaged ones (see
     /// [`discard`](Self::discard)). It is a valid file at every instant.
     ///
     /// # Errors
@@ -296,8 +296,8 @@ impl<S: Storage> StoreWriter<S> {
         Ok(chosen)
     }
 
-    /// Reserves disk space for a range of blocks: what a writer does that was opened without
-    /// [`reserve`](StoreOptions::reserve), or over a file that gave back what it did not use.
+    /// Reserves disk space for a range of blocks. A writer opened without [`reserve`](StoreOptions::reserve), or over a
+    /// file that released its unused space, needs this.
     ///
     /// # Errors
     /// The disk has no room for them, or there are no such blocks.
@@ -407,8 +407,8 @@ impl<S: Storage> StoreWriter<S> {
         Ok(())
     }
 
-    /// Ends the writing: gives back the space of blocks that were not committed, makes all durable, and gives the file
-    /// its name.
+    /// Finishes the file: releases the space of blocks that were not committed, makes everything durable, and renames
+    /// it to its final name.
     ///
     /// # Errors
     /// The system refuses to write or to rename; the partial file is kept.

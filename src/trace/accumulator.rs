@@ -1,20 +1,20 @@
-//! From samples, which come pixel by pixel and scattered over columns, to a block, which is column by column.
+//! Collects samples, which come by pixel and column, into a block, which is stored column by column.
 //!
-//! A pixel's samples reach only some columns: one for each light that a path finds or samples, whatever number of
-//! columns there is. So a pixel is summed in a table with one record a column, only the records that were touched are
-//! read again, and what comes of them goes to a tile of a short run of pixels. A full tile is carried into the block a
-//! cache line at a time. The one cost that grows with all columns is that of writing the block once.
+//! A pixel's samples reach only some columns: one for each light that a path finds or samples. So a pixel is summed in
+//! a table with one record for each column. Only the records that were touched are read again. Their means go to a tile
+//! for a short run of pixels, and a full tile is copied into the block one cache line at a time. Only writing the block
+//! once has a cost that grows with the number of columns.
 
 use glam::Vec3;
 
 use crate::light::PROBES;
 use crate::matrix::{BlockNoise, CHANNELS, TracedBlock};
 
-/// Pixels in a full run: a row of a block of the usual size. As many as f32 fit a cache line would do, but a block's
+/// Pixels in a full run: a row of a block of the usual size. One cache line of f32 would be enough. But a block's
 /// columns lie pages apart, and each visit to a page costs more than the line that is written there.
 pub(super) const RUN: usize = 32;
 
-/// Probes that are worked on at once: as many as registers hold for three channels.
+/// Probe lightings that are processed at once: as many as fit the registers for three channels.
 const PROBE_LANES: usize = 16;
 
 /// Columns that share a word of bits.
@@ -25,7 +25,7 @@ const WORD: usize = u64::BITS as usize;
 #[derive(Clone, Copy, Debug, Default)]
 struct ColumnSums([[f32; 4]; 2]);
 
-/// Sums of the two half-sample estimates over one pixel.
+/// Sums of the two half-sample estimates of one pixel, for all columns.
 #[derive(Debug)]
 pub(super) struct PixelSums {
     records: Vec<ColumnSums>,
@@ -46,7 +46,7 @@ pub(super) struct PixelMeans {
 #[derive(Clone, Copy, Debug)]
 struct Line([f32; RUN]);
 
-/// Where a run of pixels stands in its block.
+/// Position of a run of pixels in its block.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Run {
     /// First pixel.
@@ -57,19 +57,19 @@ pub(super) struct Run {
     pub(super) pixels: usize,
 }
 
-/// What becomes of a block's noise while its pixels come in.
+/// Sums for the noise of a block, filled pixel by pixel.
 pub(super) struct NoiseSums<'a> {
     /// Columns × probes, probe fastest.
     probes_of_column: &'a [f32],
     probes: usize,
-    /// What each column is multiplied by before its noise is counted; empty where all are 1.
+    /// Factor on each column before its noise is counted; empty if all are 1.
     factors: &'a [f32],
     /// Sum of `D²` over pixels for each column, RGB and padding. Some thousand squares at most: f32 keeps four digits.
     entry_squares: Vec<[f32; 4]>,
     row_sums: Vec<f32>,
     /// Rows × probes, column-major.
     products: Vec<f32>,
-    /// `D` of one pixel where it is not zero: columns and RGB.
+    /// The nonzero entries of `D` for one pixel: column and RGB.
     differences: Vec<(u32, [f32; CHANNELS])>,
 }
 
@@ -94,7 +94,7 @@ impl PixelSums {
         }
     }
 
-    /// Empties the sums into `each`: columns, and the sums of both halves together.
+    /// Passes each touched column with the sum of both halves to `each`, and clears the sums.
     pub(super) fn drain(&mut self, mut each: impl FnMut(usize, Vec3)) {
         for (at, word) in self.touched.iter_mut().enumerate() {
             while *word != 0 {
@@ -107,8 +107,9 @@ impl PixelSums {
     }
 }
 
-/// What the sums of both halves are multiplied by so that the expected square of their difference is the variance of the mean
-/// of all samples: `√(m n) / (m + n)` over the count of each. Half over it where both have as many.
+/// Factors on the sums of the two halves for which the expected square of their difference is the variance of the mean
+/// of all samples: `√(m n) / (m + n)` divided by the number of samples in each half. With equal halves it is `1 / (2
+/// m)`.
 fn difference_scales(samples: [u32; 2]) -> [f32; 2] {
     let [m, n] = samples.map(f64::from);
     let share = (m * n).sqrt() / (m + n);
@@ -125,8 +126,8 @@ impl PixelMeans {
         (size_of::<Line>() * CHANNELS) as u64 * columns + columns / 8 + 8
     }
 
-    /// Takes the means of pixel `pixel` of `run` out of `sums`, which it leaves empty, and their noise without that of the emission
-    /// among them. `samples` are those of each half; with none in the second there is no noise to know.
+    /// Moves the means of pixel `pixel` of `run` out of `sums`, with their noise; the emission seen has none. `samples`
+    /// are the numbers of samples in each half. If the second is 0, the noise is unknown.
     pub(super) fn take(
         &mut self,
         sums: &mut PixelSums,
@@ -173,7 +174,7 @@ impl PixelMeans {
         }
     }
 
-    /// Carries a run into the block, of which it writes every entry, and empties the tile.
+    /// Copies a run into the block, every entry of it, and clears the tile.
     pub(super) fn carry(&mut self, target: &mut TracedBlock, run: Run) {
         let whole = run.count == RUN;
         let columns = target.block.entries_mut().chunks_exact_mut(CHANNELS * run.pixels);
@@ -197,8 +198,8 @@ impl PixelMeans {
 }
 
 impl<'a> NoiseSums<'a> {
-    /// For a block of (rows, columns), probe lightings as [`interleave`] gives them and their number, and what each column is
-    /// multiplied by.
+    /// For a block of (rows, columns). `probes` are as [`interleave`] gives them, with their number; `factors` apply to
+    /// columns.
     pub(super) fn new(
         (rows, columns): (usize, usize),
         (probes_of_column, probes): (&'a [f32], usize),
@@ -261,7 +262,7 @@ pub(super) fn interleave(probes: &[f32], columns: usize) -> (Vec<f32>, usize) {
 
 type Projected = [[f32; PROBE_LANES]; CHANNELS];
 
-/// Sums over columns of a difference times the column's weights: those that stand at `column · stride` of `weights`.
+/// Sums over columns of a difference times the column's weights, which begin at `column · stride` of `weights`.
 #[inline(always)]
 fn project_lanes(differences: &[(u32, [f32; CHANNELS])], weights: &[f32], stride: usize) -> Projected {
     let [mut red, mut green, mut blue] = [[0.0f32; PROBE_LANES]; CHANNELS];
@@ -283,7 +284,8 @@ fn project_avx2(differences: &[(u32, [f32; CHANNELS])], weights: &[f32], stride:
     project_lanes(differences, weights, stride)
 }
 
-/// [`project_lanes`] with the widest vectors there are. Lanes never mix, so the result is the same with any width.
+/// [`project_lanes`] with the widest vectors of the processor. Lanes never mix, so the result is the same with any
+/// width.
 fn project(differences: &[(u32, [f32; CHANNELS])], weights: &[f32], stride: usize) -> Projected {
     #[cfg(target_arch = "x86_64")]
     if std::arch::is_x86_feature_detected!("avx2") {
@@ -301,7 +303,7 @@ mod tests {
 
     use super::*;
 
-    /// Over many pixels of samples with a known variance, with as many in both halves and with one more in the first.
+    /// Over many pixels of samples with a known variance, with equal halves and with one more sample in the first.
     #[test]
     fn the_stated_variance_is_that_of_the_mean_for_any_number_of_samples() {
         const PIXELS: usize = 20_000;
@@ -320,7 +322,7 @@ mod tests {
             }
             let stated = f64::from(noise.finish().column_variance[0]);
             let expected = 1.0 / 3.0 / f64::from(halves[0] + halves[1]);
-            // A square of 20,000 varies by its own size: a deviation of 1 %.
+            // A mean of 20,000 squares has a relative standard deviation of 1 %.
             assert!((stated / expected - 1.0).abs() < 0.05, "{halves:?}: {stated} for {expected}");
         }
     }

@@ -1,12 +1,14 @@
-//! Path tracing of all columns at once (the paper, §3.1): one set of paths, and every light that a path finds or
-//! samples goes to that light's column.
+//! Path tracing of all columns at once (the paper, §3.1): one set of paths; each light that a path finds or samples
+//! contributes to its own column.
 //!
-//! Next-event estimation and the light that scattered rays find by themselves are joined by multiple importance
-//! sampling with the power heuristic (Veach 1997, §9.2). A thin sheet that a ray passes straight through is no vertex:
-//! shadow rays pass it too, and both ways of finding a light must see the same path. Light that comes by mirrors and smooth
-//! glass is found by scattered rays and by photons, which are weighed likewise ([`photons`](super::photons)). Emitters that the
-//! camera sees by mirrors and smooth glass are looked for both ways from every boundary, and each way shows its share: what is seen
-//! is never filtered, and a choice between the ways would leave grain.
+//! Next-event estimation and emitters hit by scattered rays are combined by multiple importance sampling with the power
+//! heuristic (Veach 1997, §9.2). A thin sheet that a ray passes straight through is no vertex. Shadow rays pass it too,
+//! so that both techniques see the same paths. Light that comes by mirrors and smooth glass is found by scattered rays
+//! and by photons, which are weighted likewise ([`photons`](super::photons)).
+//!
+//! Emitters that the camera sees by mirrors and smooth glass are looked for along both branches of every boundary, each
+//! weighted by its share. What is seen of emitters is never filtered, and a random choice of the branch would leave
+//! noise in it.
 
 use std::f32::consts::FRAC_1_PI;
 
@@ -22,41 +24,25 @@ use super::sampler::{Dimension, Sampler};
 use super::world::{MAX_PASSES, SurfacePoint, World};
 use crate::scene::{Camera, PixelFilter};
 
-/// Light samples at the first surface that scatters; later ones get one each. They cost a shadow ray, not a path, and
-/// what is lit directly has the most noise.
-///
-/// Two or four ways on from there in place of one help an image with all lights on and hurt a lamp alone. Squared error × time of
-/// two, all lamps on and the mean lamp: 1.01 and 1.03 of the Conference Room's 24 lamps, 0.95 and 1.13 of mixed materials under
-/// a panel of texels, 0.71 and 1.12 of the diffuse room. Four ways on: 1.29 and 1.30 of the Conference Room. More light
-/// samples, so that a surface serves several lamps, do not pay either: eight here and four at later ones are equal at equal time.
-///
-/// Nor does path guiding: three paths in five sent to where a first 65,536 paths found light, by places and how surfaces face there
-/// (128 directions, each column's light of equal worth). Raw squared error × time at 64 samples, all lamps on and the mean lamp: 0.99 and 0.85 of the
-/// Conference Room's 24 lamps, 0.80 and 0.78 one dark hall away from the lamps, 0.64 and 0.73 two away, and 1.05 and 1.19 of the diffuse
-/// room. But once cleaned, three lamps of the Conference Room gain 0.2 dB of clip in the mean at 16 samples and 0.1 dB at 64, for 1.07
-/// times the time, and one of them loses; and what the first paths see does not foretell where guiding loses.
+/// Light samples at the first non-specular vertex; later vertices take one each. More samples and splitting of paths
+/// were rejected (decision 7), path guiding as well (decision 8).
 const FIRST_LIGHT_SAMPLES: u32 = 4;
 
-/// Vertices that a path has before its end is left to chance.
+/// Vertices that a path has before Russian roulette begins.
 const CERTAIN_VERTICES: u32 = 3;
-/// How likely a path goes on after those, in units of its throughput. A path that ends early is paid for by the fireflies of those that
-/// go on in its place. Squared error × time of images with all lights on, against 1 (2 and 8 beside): 0.96 of the Conference Room
-/// (0.95, 1.04), 0.81 of a glossy box (0.84, 0.89), 0.63 of the classroom (0.73, 0.62), 0.41 of Shirley's room (0.60, 0.35), and 0.68 two
-/// dark halls away from the lamp (0.80, 0.68). The mean of twelve lightings, narrow ones with it, of the built-in room
-/// and the Conference Room is even (0.9 to 1.1 in clip), and so is a lamp alone (1.03). A higher `CERTAIN_VERTICES` or the throughput's root in its place gained less.
+/// Survival probability of Russian roulette, in units of the path's throughput. Tuned: decision 9.
 const SURVIVAL: f32 = 4.0;
 
-/// Added to the vertices of rays that look aside, for random numbers that no path uses.
+/// Added to the vertex number of delta branches, so that they use random numbers of their own.
 const DELTA_BRANCH_DIMENSION: u32 = 1 << 16;
 
-/// Rays that look aside look both ways from a boundary where the share of each is above this, and one way by chance elsewhere: a lamp that a
-/// ball of glass mirrors twice inside still had grain with a hundredth.
+/// Share from which on a delta branch follows both branches of a boundary. Below it, one branch is drawn. Tuned:
+/// decision 10.
 const MIN_BRANCH_SHARE: f32 = 0.001;
-/// Most boundaries from which those of a sample look both ways. Three show that lamp without grain; ten panes behind one another, which fill
-/// the picture, take 1.3 times the time of none, 1.7 with six, and 3.4 without a limit.
+/// Largest number of boundaries for each sample at which both branches are followed. Tuned: decision 10.
 const MAX_FORKS: u32 = 3;
 
-/// What one path cost.
+/// The cost of one path.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct PathCost {
     pub(super) rays: u64,
@@ -64,7 +50,7 @@ pub(super) struct PathCost {
     pub(super) non_finite: u64,
 }
 
-/// What paths are traced through, and how far.
+/// What paths are traced through, and their length.
 #[derive(Clone, Copy)]
 pub(super) struct Paths<'a> {
     pub(super) world: &'a World,
@@ -73,44 +59,44 @@ pub(super) struct Paths<'a> {
     pub(super) max_depth: u32,
 }
 
-/// The last surface that scattered the path, for the weights of the light it finds.
+/// The last non-specular vertex of a path, for the MIS weights of the light it finds.
 struct Last {
     position: Vec3,
     /// Shading normal.
     normal: Vec3,
-    /// Density over solid angle with which the direction was chosen; None where no light sample could have made it.
+    /// Solid-angle density of the sampled direction. `None` if no light sample could have made it.
     pdf: Option<f32>,
     cosine: f32,
     light_samples: f32,
-    /// Where photons were gathered at the last surface with more than single directions: within what radius, and with what
-    /// density over projected solid angle the path goes on from there.
+    /// The photon gathering at the last non-delta vertex: its radius, and the density over projected solid angle with
+    /// which the path continues.
     gathered: Option<(f32, f32)>,
 }
 
 impl Last {
-    /// Where a ray begins that no light sample could have made.
+    /// The start of a ray that no light sample could have made.
     #[inline(always)]
     fn only(position: Vec3, normal: Vec3) -> Self {
         Self { position, normal, pdf: None, cosine: 0.0, light_samples: 0.0, gathered: None }
     }
 }
 
-/// A ray that leaves a boundary the way that the path itself does not take.
+/// A delta branch: the ray that leaves a boundary along the branch that the path does not take.
 #[derive(Clone, Copy)]
 struct DeltaBranch {
     ray: (Vec3, Vec3),
     throughput: Vec3,
-    /// How likely the path would have taken it, and all that it took before.
+    /// Probability that the path would have taken this branch and all branches before it.
     share: f32,
     eta_scale: f32,
-    /// Of the path up to there.
+    /// Number of vertices of the path up to there.
     vertex: u32,
     passes: u32,
 }
 
 impl DeltaBranch {
-    /// The ray that goes on by a way from the surface that this one has come to, with this share of what it shows. None where it does not
-    /// leave the surface, or the path has its `max_depth`: then it may pass straight on only.
+    /// Continues along one scattered direction of the surface that the branch has reached, with a share of its light.
+    /// `None` if that direction does not leave the surface. At `max_depth` only straight transmission continues.
     #[inline(always)]
     fn onward(&self, at: &PathVertex, (way, share): (&Scattered, f32), max_depth: u32) -> Option<Self> {
         if self.vertex + 1 >= max_depth && !way.pass_through {
@@ -126,27 +112,27 @@ impl DeltaBranch {
         })
     }
 
-    /// Straight on behind the surface that it has come to, as if that were not there.
+    /// Continues straight through the surface that it has reached, as if that were absent.
     #[inline(always)]
     fn past(self, at: &PathVertex) -> Self {
         Self { ray: (at.point.start(self.ray.1), self.ray.1), passes: self.passes + 1, ..self }
     }
 
-    /// The same with the share of what the surface lets through.
+    /// Likewise, with the surface's transmittance.
     #[inline(always)]
     fn through(self, at: &PathVertex) -> Self {
         Self { share: self.share * (1.0 - at.opacity), ..self.past(at) }
     }
 }
 
-/// How likely a path goes on whose end is left to chance. Radiance inside glass is larger by the square of its index, which says nothing
-/// about the path's worth.
+/// Survival probability in Russian roulette. Radiance inside glass is larger by the square of the index, which says
+/// nothing about the path's contribution, so that factor is taken out.
 #[inline(always)]
 fn survival(throughput: Vec3, eta_scale: f32) -> f32 {
     (SURVIVAL * throughput.max_element() * eta_scale).min(1.0)
 }
 
-/// Where the contributions of one path go.
+/// Where the contributions of one path are added.
 struct PathRecord<'a, 'b> {
     sums: &'a mut PixelSums,
     planes: Option<&'a mut PlaneSums<'b>>,
@@ -155,7 +141,7 @@ struct PathRecord<'a, 'b> {
     cost: PathCost,
 }
 
-/// A surface that a path has come to, seen from where it came.
+/// A vertex of a path, seen from the vertex before.
 pub(super) struct PathVertex {
     pub(super) point: SurfacePoint,
     pub(super) bsdf: Bsdf,
@@ -164,7 +150,7 @@ pub(super) struct PathVertex {
     frame: ShadingFrame,
     /// Direction to the viewer in the frame.
     pub(super) wo: Vec3,
-    /// How likely a ray meets the surface; otherwise it passes straight through.
+    /// Probability that a ray hits the surface; otherwise it passes straight through.
     pub(super) opacity: f32,
 }
 
@@ -185,7 +171,7 @@ impl PathRecord<'_, '_> {
     }
 }
 
-/// Traces a sample of the pixel at image position (x, y) into its half of `sums`, and of `planes` where wanted.
+/// Traces one sample of the pixel at image position (x, y) into its half of `sums`, and of `planes` if given.
 #[inline(always)]
 pub(super) fn trace_sample(
     paths: &Paths<'_>,
@@ -207,21 +193,21 @@ pub(super) fn trace_sample(
 }
 
 impl Paths<'_> {
-    /// Follows the path of a ray, which gathers photons of the first of `maps` where it is first scattered, and of the second
-    /// later.
+    /// Traces a path from a camera ray. `maps` are the photon maps for the first non-specular vertex and for later
+    /// ones.
     #[inline(always)]
     fn follow(&self, ray: (Vec3, Vec3), maps: [u32; 2], sampler: &Sampler, record: &mut PathRecord<'_, '_>) {
         let (world, (mut origin, mut direction)) = (self.world, ray);
         let (mut throughput, mut eta_scale) = (Vec3::ONE, 1.0);
         let mut last = Last::only(origin, direction);
-        // The layer of an emitter that the next ray finds: emission until a surface has scattered the path.
+        // The layer of an emitter that the next ray finds. It is emission until a surface has scattered the path.
         let mut layer = LightPath::Emission;
-        // The share of such emission that this way shows: boundaries that it came by were looked along both ways.
+        // Share of such emission that this path shows; delta branches at the boundaries before show the rest.
         let mut seen = 1.0;
         let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MAX_FORKS);
         loop {
             let Some(at) = self.arrive((origin, direction), &last, (layer, throughput * seen), record) else { return };
-            // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
+            // Paths of full length may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Dimension::Choice, vertex + passes);
             if layer == LightPath::Emission {
@@ -285,7 +271,8 @@ impl Paths<'_> {
                 return;
             }
             if next.singular {
-                // A mirror or glass: what is seen in it is emission still, what lights by it is no longer direct.
+                // A mirror or glass: emitters seen in it are still emission, but what they light by it is no longer
+                // direct.
                 match layer {
                     LightPath::Emission => record.features.specular = true,
                     LightPath::Direct | LightPath::Indirect => layer = LightPath::Indirect,
@@ -311,8 +298,8 @@ impl Paths<'_> {
         }
     }
 
-    /// Where a ray comes to, after the emitter there, or those beyond everything, have been added to a layer with the path's
-    /// throughput. None beyond everything.
+    /// Finds the next vertex, and adds the emission there, or that of distant lights, to a layer with the path's
+    /// throughput. `None` if the ray leaves the scene.
     #[inline(always)]
     fn arrive(
         &self,
@@ -346,8 +333,8 @@ impl Paths<'_> {
         Some(PathVertex::new(world, point, direction))
     }
 
-    /// Whether a path meets a surface that lets some pass, by a uniform number, which is uniform again where it does. What emits
-    /// behind it is seen whole, as by boundaries: with its share by `seen`, or by a ray aside.
+    /// Whether a path hits a partly transparent surface, by a uniform number, which is rescaled to be uniform again.
+    /// Emission behind the surface is seen whole, as behind boundaries: with the share `seen`, and by a delta branch.
     #[cold]
     fn meets(
         &self,
@@ -370,9 +357,9 @@ impl Paths<'_> {
         meets
     }
 
-    /// Follows a ray aside as far as mirrors and boundaries lead, and only for the emitters that are seen there: one that is
-    /// mirrored in glass, which few samples mirror, would be dotted else, and no filter touches what is seen of emitters. It looks
-    /// both ways too where each is likely enough, from at most `forks` more boundaries.
+    /// Follows a delta branch through mirrors and boundaries for emitters only. A lamp mirrored in glass is hit by few
+    /// samples, and no filter removes noise from emission that is seen. Where both branches are likely enough, both are
+    /// followed, at no more than `forks` further boundaries.
     fn trace_delta_branch(
         &self,
         mut aside: DeltaBranch,
@@ -425,8 +412,8 @@ impl Paths<'_> {
         }
     }
 
-    /// Weight of light that a ray has found beside light samples at the last surface, or beside the photons that came from it to
-    /// the last surface that scatters.
+    /// MIS weight of light that a ray has found: against light samples at the last vertex, or against the photons that
+    /// came from the light to the last non-specular vertex.
     #[inline(always)]
     fn weight_of_found(&self, last: &Last, found: &SeenLight, hit: &EmitterHit) -> f32 {
         match (last.pdf, self.photons, last.gathered) {
@@ -447,13 +434,13 @@ impl PathVertex {
         Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity }
     }
 
-    /// Whether no ray that the surface itself sends on shows an emitter as it is.
+    /// Whether the surface has no delta lobe, so that no ray from it shows an emitter unfiltered.
     #[inline(always)]
     fn shows_no_emitter(&self) -> bool {
         self.bsdf.is_non_specular() || matches!(self.bsdf, Bsdf::Black)
     }
 
-    /// What a camera path shows that has come to this surface.
+    /// The features of a sample at its first non-specular vertex.
     #[inline(always)]
     fn show(&self, world: &World, features: &mut SampleFeatures, throughput: Vec3, depth: f32) {
         features.albedo = throughput * self.bsdf.albedo(self.wo);
@@ -492,7 +479,7 @@ impl PathVertex {
         }
     }
 
-    /// Gathers the photons around, whose paths have `most_segments` at most. Returns the radius.
+    /// Gathers nearby photons whose paths have at most `most_segments` segments. Returns the radius.
     #[inline(always)]
     fn gather(
         &self,
@@ -509,15 +496,15 @@ impl PathVertex {
         radius
     }
 
-    /// The ray of what was scattered, where the path came by `direction`. None where it does not leave the surface.
+    /// The ray of a scattered direction of a path that came along `direction`. `None` if it does not leave the surface.
     #[inline(always)]
     fn onward(&self, direction: Vec3, next: &Scattered) -> Option<(Vec3, Vec3)> {
         let direction = if next.pass_through { direction } else { self.leaving(next)? };
         Some((self.point.start(direction), direction))
     }
 
-    /// The world direction of what was scattered. None where the shading normal allows it and the surface itself does
-    /// not.
+    /// The world direction of a scattered direction. `None` if it is above the shading normal's plane but not above the
+    /// surface.
     #[inline(always)]
     pub(super) fn leaving(&self, next: &Scattered) -> Option<Vec3> {
         let direction = self.frame.to_world(next.wi).normalize();
@@ -531,7 +518,7 @@ impl PathVertex {
 /// A surface that photons light.
 struct Lit<'a, 'b, 'c> {
     vertex: &'a PathVertex,
-    /// What a photon of density one is expected to bring.
+    /// Number of photons of density 1 expected within the radius.
     expected: f32,
     throughput: Vec3,
     record: &'a mut PathRecord<'b, 'c>,
@@ -547,7 +534,7 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
             x[lane] * axis.x + y[lane] * axis.y + z[lane] * axis.z
         };
         if let Bsdf::Lambert { reflectance } = vertex.bsdf {
-            // As `Bsdf::eval`, all lanes at once.
+            // As `Bsdf::eval`, for all lanes at once.
             for lane in 0..LANES {
                 let z = along(vertex.frame.z, lane);
                 let pdf = if z > 0.0 && vertex.wo.z > 0.0 { FRAC_1_PI * z } else { 0.0 };
@@ -562,7 +549,7 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
                 (0..3).for_each(|channel| values[channel][lane] = value[channel]);
             }
         }
-        // Photons lie as the surface itself faces them, not as its shading normal does.
+        // Photon cosines refer to the geometric normal, not to the shading normal.
         let (mut cosines, mut spread) = ([0.0f32; LANES], [0.0f32; LANES]);
         for lane in 0..LANES {
             cosines[lane] = along(vertex.normal, lane);
@@ -590,15 +577,15 @@ impl PhotonVisitor for Lit<'_, '_, '_> {
     }
 }
 
-/// Height above the surface of a direction that would have gone below it, as a sine.
+/// Sine of the elevation that a direction below the surface is raised to.
 const GRAZING: f32 = 1e-3;
 
 /// The geometric normal on the viewer's side, and the shading frame there.
 ///
-/// At the rim of a coarse mesh an interpolated normal may turn away from the viewer, or mirror the view into the
+/// At the border of a coarse mesh an interpolated normal may turn away from the viewer, or mirror the view into the
 /// surface. Surfaces with a lobe about the mirror direction then get the nearest normal that mirrors it just above the
-/// surface (Keller et al. 2017, *The Iray light transport simulation and rendering system*, §A.3), so that nothing
-/// they reflect is lost; others the geometric normal, where theirs turns away.
+/// surface (Keller et al. 2017, *The Iray light transport simulation and rendering system*, §A.3), so that no
+/// reflection is lost. Other surfaces get the geometric normal if theirs turns away.
 #[inline(always)]
 fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) -> (Vec3, ShadingFrame) {
     let side = if front { 1.0 } else { -1.0 };
@@ -619,7 +606,8 @@ fn lifted(direction: Vec3, normal: Vec3) -> Vec3 {
     (direction + (GRAZING - direction.dot(normal)) * normal).try_normalize().unwrap_or(normal)
 }
 
-/// Weight of the technique with expected density `a` beside one with `b`, which are counts times densities.
+/// Power heuristic: weight of the technique with expected density `a` beside one with `b`, each a count times a
+/// density.
 #[inline(always)]
 pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
     // As a ratio, so that large densities do not overflow.
@@ -627,7 +615,7 @@ pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
     if a > 0.0 { 1.0 / (1.0 + ratio * ratio) } else { 0.0 }
 }
 
-/// Where in the image a sample falls, from the middle of its pixel: drawn from the filter's shape.
+/// Offset of a sample from the centre of its pixel, drawn from the pixel filter.
 #[inline(always)]
 fn filter_offset(camera: &Camera, pair: Vec2) -> Vec2 {
     match camera.filter {
@@ -637,7 +625,7 @@ fn filter_offset(camera: &Camera, pair: Vec2) -> Vec2 {
             radius * Vec2::new(tent(pair.x), tent(pair.y))
         }
         PixelFilter::Gaussian { deviation } => {
-            // Box and Muller over a disc cut at three deviations.
+            // Box–Muller transform over a disc cut at three standard deviations.
             let inside = 1.0 - (-4.5f32).exp();
             let radius = (-2.0 * (1.0 - pair.x * inside).ln()).sqrt();
             let (sin, cos) = (std::f32::consts::TAU * pair.y).sin_cos();
@@ -654,7 +642,7 @@ mod tests {
     use super::super::statistics::chi_square_p_value;
     use super::*;
 
-    /// Bins of `draws` values from 0 to `end`, against the share of each below its upper edge.
+    /// Compares a histogram of `draws` values from 0 to `end` with the expected share below each bin's upper edge.
     fn holds(filter: PixelFilter, end: f32, value: impl Fn(Vec2) -> f32, below: impl Fn(f64) -> f64) {
         let camera = Camera::looking(Vec3::ZERO, Vec3::Z, Vec3::Y, 1.0, (1, 1), filter).unwrap();
         let (bins, draws) = (40usize, 200_000);
@@ -679,7 +667,7 @@ mod tests {
         let (deviation, cut) = (0.5, 1.0 - (-4.5f64).exp());
         let radial = |r: f64| (1.0 - (-0.5 * (r / f64::from(deviation)).powi(2)).exp()) / cut;
         holds(PixelFilter::Gaussian { deviation }, 3.0 * deviation, |o| o.length(), radial);
-        // A quarter of the turn each.
+        // A quarter of the full angle each.
         let turn = |o: Vec2| o.y.atan2(o.x).rem_euclid(std::f32::consts::TAU);
         let even = |angle: f64| angle / std::f64::consts::TAU;
         holds(PixelFilter::Gaussian { deviation }, std::f32::consts::TAU, turn, even);

@@ -27,6 +27,6 @@ mod world;
 pub use photons::{PhotonCost, Sending};
 pub use tracer::{BlockStats, TraceSettings, Tracer};
 
-/// Version of what the tracer makes of a scene, which every matrix names: to be raised with every change of an entry, so that
-/// blocks of two versions are never mixed in one matrix.
+/// Version of the tracer's results, named by every matrix, so that blocks of two versions are never mixed. Raise it
+/// with every change of an entry.
 pub const TRACER_VERSION: u32 = 13;

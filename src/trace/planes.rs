@@ -1,8 +1,6 @@
-//! What the samples of a pixel are, summed while they are traced and written to the block's planes.
+//! Planes of a block: features, and direct and indirect light of clusters, summed while a pixel's samples are traced.
 //!
-//! Of the time of tracing a block this takes 1.00 to 1.05 (mixed materials 1.00, diffuse room 1.03, Conference Room 1.02 to 1.05;
-//! 16, 64 and 16 samples; 1,024, 1,024 and 24 columns). Layers of every column in place of the clusters' would double the matrix,
-//! and cleaning does with the clusters'.
+//! Their cost, and why not every column has them: decision 25.
 
 use glam::Vec3;
 
@@ -10,18 +8,18 @@ use super::accumulator::{PixelSums, RUN, Run};
 use crate::light::Clusters;
 use crate::matrix::{BlockPlanes, CHANNELS, FEATURE_PLANES, Feature, SeenEmission};
 
-/// How light came to the camera.
+/// How light reached the camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum LightPath {
-    /// From an emitter straight, or by mirrors and smooth glass alone.
+    /// Emission seen straight, or by mirrors and smooth glass only.
     Emission,
-    /// By the first surface that scatters, and to that straight or through thin sheets.
+    /// Scattered once; the light reached that surface straight or through thin sheets.
     Direct,
-    /// Any other way.
+    /// All other paths.
     Indirect,
 }
 
-/// What one sample shows, beside its light, at the first surface that scatters.
+/// The features of one sample at its first non-specular vertex.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SampleFeatures {
     pub(super) albedo: Vec3,
@@ -29,7 +27,7 @@ pub(super) struct SampleFeatures {
     pub(super) depth: f32,
     pub(super) sees_emitter: bool,
     pub(super) specular: bool,
-    /// Whether the path came to a surface where it stops or scatters.
+    /// Whether the path reached a surface that scatters or absorbs it.
     pub(super) on_surface: bool,
     /// Number of the surface's material, from 1 on.
     pub(super) material: u32,
@@ -38,22 +36,23 @@ pub(super) struct SampleFeatures {
 /// Light of one cluster in one pixel: by half, then direct and indirect; RGB and padding.
 type ClusterLight = [[[f32; 4]; 2]; 2];
 
-/// Sums over the samples of one pixel, the clusters that they go to, and means of a run of pixels.
+/// Sums over the samples of one pixel, the clusters of the columns, and the means of a run of pixels.
 pub(super) struct PlaneSums<'a> {
     of_column: &'a [u16],
-    /// What each column is multiplied by before clusters are summed; empty where all are 1.
+    /// Factor on each column before clusters are summed; empty if all are 1.
     factors: &'a [f32],
     light: Vec<ClusterLight>,
     emission: PixelSums,
     features: FeatureSums,
-    /// The planes of the run: light by half, direct before indirect, then cluster and channel; features, and their variances.
-    /// A pixel's values lie pages apart in the block, and each visit to a page costs more than what is written there.
+    /// Planes of the run. Light is ordered by half, direct before indirect, then cluster and channel; then come
+    /// features and their variances. A pixel's values lie pages apart in the block, and each visit to a page costs more
+    /// than what is written there.
     lines: Vec<[f32; RUN]>,
-    /// Pixels of the run that are in the block already.
+    /// Number of pixels already copied into the block.
     carried: usize,
 }
 
-/// Sums of features as differences from the first sample's, so that squares of large depths keep their digits.
+/// Sums of features as differences from the first sample, so that squares of large depths keep their precision.
 #[derive(Clone, Copy, Debug, Default)]
 struct FeatureSums {
     first: [f32; FEATURE_PLANES],
@@ -101,17 +100,17 @@ impl<'a> PlaneSums<'a> {
         }
     }
 
-    /// The emission of the pixel at hand.
+    /// The emission seen by the current pixel.
     pub(super) fn emission(&self) -> &PixelSums {
         &self.emission
     }
 
-    /// Empties the emission into `each`: columns, and sums of all samples.
+    /// Passes each column of the emission with the sum of all samples to `each`, and clears it.
     pub(super) fn drain_emission(&mut self, each: impl FnMut(usize, Vec3)) {
         self.emission.drain(each);
     }
 
-    /// Adds what a sample shows.
+    /// Adds the features of one sample.
     #[inline(always)]
     pub(super) fn add_features(&mut self, sample: &SampleFeatures) {
         let share = |is: bool| if is { 1.0 } else { 0.0 };
@@ -132,7 +131,8 @@ impl<'a> PlaneSums<'a> {
         sums.count += 1;
     }
 
-    /// Takes the means of pixel `pixel` of `run` and empties the sums. `samples` are those of each half, none of them 0.
+    /// Moves the means of pixel `pixel` of `run` out of the sums. `samples` are the numbers in each half, neither of
+    /// them 0.
     pub(super) fn take(&mut self, planes: &mut BlockPlanes, run: Run, pixel: usize, samples: [u32; 2]) {
         let (clusters, scales) = (self.light.len(), samples.map(|count| 1.0 / count as f32));
         let (light_lines, feature_lines) = self.lines.split_at_mut(LIGHTS * CHANNELS * clusters);
@@ -167,7 +167,7 @@ impl<'a> PlaneSums<'a> {
         }
     }
 
-    /// Carries a run into the block, of which it writes every value.
+    /// Copies a run into the block, every value of it.
     pub(super) fn carry(&mut self, planes: &mut BlockPlanes, run: Run) {
         self.carry_until(planes, run, run.count);
         self.carried = 0;
@@ -188,31 +188,31 @@ impl<'a> PlaneSums<'a> {
 /// Planes of light for each cluster and channel: two halves, direct and indirect.
 const LIGHTS: usize = 4;
 
-/// Planes of a block of so many clusters.
+/// Number of planes of a block with this many clusters.
 fn lines(clusters: usize) -> usize {
     LIGHTS * CHANNELS * clusters + 2 * FEATURE_PLANES
 }
 
-/// Bytes of a block's emission while it is traced: twice what is kept, and what one pixel may add.
+/// Bytes of a block's emission while it is traced: twice what is kept, plus what one pixel may add.
 fn emission_bytes(pixels: u64, columns: u64) -> u64 {
     size_of::<SeenEmission>() as u64 * (2 * BlockPlanes::most_seen(pixels, columns) + columns)
 }
 
-/// Empties `planes` for a block of `pixels` and makes room for what its samples may see.
+/// Clears `planes` for a block of `pixels` and reserves memory for the emission that its samples may see.
 pub(super) fn begin(planes: &mut BlockPlanes, clusters: &Clusters, pixels: usize) {
     planes.reset(pixels, clusters.count());
     let most = emission_bytes(pixels as u64, clusters.of_column().len() as u64);
     planes.emission.reserve_exact(most as usize / size_of::<SeenEmission>());
 }
 
-/// Brings the planes of a traced block to what is kept of them.
+/// Reduces the planes of a traced block to what is stored.
 pub(super) fn finish(planes: &mut BlockPlanes, clusters: &Clusters, factors: &[f32]) {
     let most = BlockPlanes::most_seen(planes.pixels() as u64, clusters.of_column().len() as u64);
     keep_brightest(planes, (clusters.of_column(), factors), most as usize);
     planes.round();
 }
 
-/// Keeps the brightest of the emission, each column multiplied by its factor, and counts the rest as indirect.
+/// Keeps the brightest emission, with each column scaled by its factor, and counts the rest as indirect.
 fn keep_brightest(planes: &mut BlockPlanes, (of_column, factors): (&[u16], &[f32]), most: usize) {
     if planes.emission.len() <= most {
         return;
@@ -225,7 +225,7 @@ fn keep_brightest(planes: &mut BlockPlanes, (of_column, factors): (&[u16], &[f32
     };
     planes.emission.select_nth_unstable_by(most, brighter);
     let pixels = planes.pixels();
-    // In one order, so that sums come out the same.
+    // In a fixed order, so that sums are the same.
     planes.emission[most..].sort_unstable_by_key(place);
     for seen in planes.emission.drain(most..) {
         let (cluster, factor) = (usize::from(of_column[seen.column as usize]), factor(&seen));

@@ -30,8 +30,8 @@ pub(super) struct Sampler {
 }
 
 impl Sampler {
-    /// Sample `sample` of pixel `pixel`. Even and odd samples are two independent sequences, so that their means differ
-    /// by what the noise of each is.
+    /// Sample `sample` of pixel `pixel`. Even and odd samples are two independent sequences, so that the difference of
+    /// their means shows the noise of each.
     #[inline(always)]
     pub(super) fn new(seed: u64, pixel: u64, sample: u32) -> Self {
         let half = u64::from(sample & 1);
@@ -59,9 +59,9 @@ impl Sampler {
     }
 }
 
-/// Owen scrambling of bits whose most significant one decides first: the hash of Laine and Karras (2011) with
-/// Vegdahl's constants, in which every bit is changed by a function of the higher ones only. Works on the reversed
-/// number, where "higher" becomes "lower" and multiplication carries the right way.
+/// Owen scrambling in which the most significant bit decides first: the hash of Laine and Karras (2011) with Vegdahl's
+/// constants. Every bit is changed by a function of the higher bits only. It works on the reversed number, in which
+/// multiplication carries from higher to lower bits.
 #[inline(always)]
 fn scramble(bits: u32, seed: u32) -> u32 {
     let mut x = bits.reverse_bits();

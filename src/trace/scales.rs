@@ -1,4 +1,4 @@
-//! How bright each light makes the picture, measured by a few paths before any block is traced.
+//! Brightness of each light in the image, estimated from a few paths before any block is traced.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -10,20 +10,22 @@ use super::sampler::Sampler;
 use crate::light::{Clusters, Light};
 use crate::scene::Scene;
 
-/// Paths that are followed: they take some hundredths of a second. What comes of them only weighs columns, so that a mean that is
-/// off by a third costs nothing.
+/// Number of paths; they take some hundredths of a second. The result only weighs columns, so that a relative error of
+/// a third does no harm.
 const PATHS: u32 = 1 << 14;
-/// Paths that are summed in one go; sums are added in order, whatever thread made them.
+/// Paths that are summed together. The sums are added in order, so that the result does not depend on the threads.
 const AT_ONCE: u32 = 1 << 11;
-/// Seed of the paths: their own, so that neither the scene's seed nor its number of samples changes what a job is.
+/// Seed of these paths. It is fixed, so that neither the scene's seed nor its number of samples changes a job's
+/// identity.
 const SEED: u64 = 0x7363_616c_6573;
 
-/// Light of a light: all of it, and that of its emitters in view.
+/// Total light of a light source, and the part of its emitters in view.
 type Seen = [f64; 2];
 
-/// The scales of the columns of a scene, see [`LightBasis::column_scales`](crate::light::LightBasis::column_scales): means over the
-/// picture of what a surface scatters, since emitters in view tell little of the rest; of lights that are seen alone, of what is seen.
-/// A light that no path finds has the mean scale of its unit. One value for all columns of a light.
+/// The scales of the columns of a scene, see [`LightBasis::column_scales`](crate::light::LightBasis::column_scales). A
+/// scale is the image's mean of the light that surfaces scatter, since an emitter in view says little of the rest.
+/// Lights of which only the emitter is visible use the emission. Lights that no path finds get the mean scale of their
+/// unit. All columns of a light share one value.
 pub(super) fn measure(paths: &Paths<'_>) -> Vec<f32> {
     let Scene { basis, camera, .. } = &*paths.world.scene;
     let size = (camera.width, camera.height);
@@ -51,7 +53,7 @@ pub(super) fn measure(paths: &Paths<'_>) -> Vec<f32> {
     let parts: Vec<Vec<Seen>> = (0..PATHS / AT_ONCE).into_par_iter().map(|i| part(i * AT_ONCE)).collect();
     let mean = |(i, light): (usize, &Light)| {
         let [all, in_view] = [0, 1].map(|which| parts.iter().map(|part| part[i][which]).sum::<f64>());
-        // What is left of a difference of equal sums is their rounding.
+        // A difference of equal sums is only rounding.
         let scattered = if all - in_view > 1e-4 * all { all - in_view } else { 0.0 };
         let light_values = f64::from(3 * PATHS) * light.places.len() as f64;
         let told = if scattered > 0.0 { scattered } else { all };
@@ -71,7 +73,7 @@ pub(super) fn measure(paths: &Paths<'_>) -> Vec<f32> {
     lights().zip(&means).flat_map(scale).collect()
 }
 
-/// Pixel of a path: the points of Roberts' sequence in two dimensions (2018), which are evenly spread however many there are.
+/// Pixel of a path: Roberts' two-dimensional sequence (2018), which is evenly distributed for any number of points.
 fn pixel(path: u32, (width, height): (u32, u32)) -> (u32, u32) {
     let place = |step: f64, length: u32| (((f64::from(path) + 0.5) * step).fract() * f64::from(length)) as u32;
     (place(0.754_877_666_246_692_7, width), place(0.569_840_290_998_053_2, height))

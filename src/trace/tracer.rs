@@ -1,4 +1,4 @@
-//! Blocks of `T` by tracing them.
+//! Tracing of the blocks of `T`.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ use crate::light::{Clusters, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 use crate::scene::{RenderSettings, Scene};
 
-/// How well to trace.
+/// Quality of tracing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TraceSettings {
     /// Paths for each pixel. Powers of two from 2 on cover texels most evenly; with 1 the noise is unknown.
@@ -30,7 +30,7 @@ pub struct TraceSettings {
     pub max_depth: u32,
 }
 
-/// What tracing a block took.
+/// Cost of tracing a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BlockStats {
     /// Rays traced, to surfaces and to lights; those of photons are the tracer's ([`Tracer::photon_cost`]).
@@ -43,11 +43,11 @@ pub struct BlockStats {
 
 /// Traces blocks of the light transport matrix of a scene.
 ///
-/// A block is a function of the scene, the shape and the settings alone: the same bytes on any thread, in any order.
+/// A block depends on the scene, the shape and the settings alone: the same bytes on any thread, in any order.
 #[derive(Debug)]
 pub struct Tracer {
     world: World,
-    /// None where none are wanted, or no mirror and no glass sends light to anything.
+    /// `None` if they are disabled, or if no mirror and no glass reflects light to a surface.
     photons: Option<Photons>,
     photon_cost: PhotonCost,
     wants_photons: bool,
@@ -57,7 +57,7 @@ pub struct Tracer {
     probes_of_column: Vec<f32>,
     probes: usize,
     clusters: Clusters,
-    /// See [`Tracer::column_scales`], and their inverses.
+    /// See [`Tracer::column_scales`]; then their inverses.
     column_scales: Vec<f32>,
     column_factors: Vec<f32>,
 }
@@ -66,20 +66,21 @@ impl Tracer {
     /// Most samples per pixel.
     pub const MAX_SAMPLES_PER_PIXEL: u32 = RenderSettings::MAX_SAMPLES_PER_PIXEL;
 
-    /// Prepares a scene for tracing: builds its tree, which takes about a second for each million triangles and core, and sends photons
-    /// where there are mirrors or smooth glass. Those for which there is no memory lie in the system's folder for temporary files.
+    /// Prepares a scene for tracing. It builds the BVH, in about one second for each million triangles and core, and
+    /// sends photons if there are mirrors or smooth glass. Photons beyond the memory limit go to a file in the system's
+    /// temporary folder.
     ///
     /// # Errors
-    /// A shape that is not the camera's and the basis's, settings out of range, a scene whose parts do not fit
-    /// each other, lights of no area; the folder for photons has no room.
+    /// A shape that does not match the camera and the basis, settings out of range, a scene whose parts do not match
+    /// each other, lights without area, no room for photons in the temporary folder.
     pub fn new(scene: impl Into<Arc<Scene>>, shape: MatrixShape, settings: TraceSettings) -> Result<Self> {
         Self::sending(scene, shape, settings, Sending::default())
     }
 
-    /// The same where photons lie in a folder of the caller's, who hears how many have been sent.
+    /// As [`new`](Self::new), with the folder for photons and a progress callback from the caller.
     ///
     /// # Errors
-    /// As [`new`](Self::new); [`Error::Interrupted`] where the caller says so.
+    /// As [`new`](Self::new); [`Error::Interrupted`] if the callback says so.
     pub fn sending(
         scene: impl Into<Arc<Scene>>,
         shape: MatrixShape,
@@ -116,18 +117,18 @@ impl Tracer {
         })
     }
 
-    /// The scales of the columns of a scene ([`crate::light::LightBasis::column_scales`]) for paths of this length, measured by a few:
-    /// those of a tracer, for who traces no blocks.
+    /// Estimates the scales of the columns of a scene ([`crate::light::LightBasis::column_scales`]) from a few paths of
+    /// at most `max_depth` segments. They equal those of a tracer, for callers that trace no blocks.
     ///
     /// # Errors
-    /// A scene whose parts do not fit each other, lights of no area.
+    /// A scene whose parts do not match each other, lights without area.
     pub fn measure_column_scales(scene: impl Into<Arc<Scene>>, max_depth: u32) -> Result<Vec<f32>> {
         let world = World::new(scene.into())?;
         Ok(scales::measure(&Paths { world: &world, photons: None, max_depth }))
     }
 
-    /// The same with noise and light of clusters of columns divided by their scales ([`crate::light::LightBasis::column_scales`]),
-    /// which are measured by a few paths.
+    /// The same tracer with noise and cluster light divided by the scales of columns
+    /// ([`crate::light::LightBasis::column_scales`]), which it estimates from a few paths.
     #[must_use]
     pub fn with_column_scales(mut self) -> Self {
         let paths = Paths { world: &self.world, photons: None, max_depth: self.settings.max_depth };
@@ -136,40 +137,40 @@ impl Tracer {
         self
     }
 
-    /// What noise and light of clusters are divided by, column by column; empty where all are 1.
+    /// Divisors of noise and cluster light for each column; empty if all are 1.
     pub fn column_scales(&self) -> &[f32] {
         &self.column_scales
     }
 
-    /// The same by paths from the camera alone, which do not find what mirrors and glass throw of lamps without extent. An
-    /// independent estimate of the same image for all others.
+    /// The same tracer without photons. Camera paths alone do not find light that mirrors and glass throw from lamps
+    /// without extent; for all other light they are an independent estimate of the same image.
     #[must_use]
     pub fn without_photons(self) -> Self {
         Self { photons: None, photon_cost: PhotonCost::default(), wants_photons: false, ..self }
     }
 
-    /// Photons that light what is seen by mirrors and smooth glass: none where no light does.
+    /// Number of photons stored; 0 if no light reaches a surface by mirrors and smooth glass.
     pub fn photon_count(&self) -> usize {
         self.photons.as_ref().map_or(0, Photons::count)
     }
 
-    /// What sending the photons took, whether or not any came to rest: rays that no block counts.
+    /// Cost of sending the photons, whether or not any was stored. Blocks do not count these rays.
     pub fn photon_cost(&self) -> PhotonCost {
         self.photon_cost
     }
 
-    /// Photons that leave the lights of a scene with these settings.
+    /// Number of photons emitted by the lights of a scene with these settings.
     pub fn photons_sent(scene: &Scene, shape: MatrixShape, settings: TraceSettings) -> u64 {
         Photons::sent(scene, pixels(shape), settings)
     }
 
-    /// Bytes of memory that the photons of a scene take at most, beside the blocks.
+    /// Upper bound of the bytes of memory that the photons of a scene take, beside the blocks.
     pub fn photons_need_bytes(scene: &Scene, shape: MatrixShape, settings: TraceSettings) -> u64 {
         Photons::needs_bytes(scene, pixels(shape), settings)
     }
 
-    /// Bytes that tracing a block of this shape takes at most beside the block: sums and means of the pixels at hand, and
-    /// the noise and the planes of so many clusters, which stay with the block.
+    /// Upper bound of the bytes that tracing a block takes beside the block: sums and means of the current pixels,
+    /// noise, and the planes of `clusters` clusters. Noise and planes stay with the block.
     pub fn block_needs_bytes(shape: MatrixShape, clusters: usize) -> u64 {
         let (rows, columns) = (shape.max_block_rows() as u64, shape.columns() as u64);
         let sums = PixelSums::needs_bytes(columns) + PixelMeans::needs_bytes(columns);
@@ -180,7 +181,7 @@ impl Tracer {
     /// The same scene with other settings.
     ///
     /// # Errors
-    /// Settings out of range; the system's folder for temporary files has no room for photons.
+    /// Settings out of range; no room for photons in the temporary folder.
     pub fn with_settings(mut self, settings: TraceSettings) -> Result<Self> {
         check(settings)?;
         drop(self.photons.take());
@@ -202,17 +203,18 @@ impl Tracer {
         self.settings
     }
 
-    /// The tree over the scene's triangles.
+    /// The BVH over the scene's triangles.
     pub fn bvh(&self) -> &Bvh {
         self.world.bvh()
     }
 
-    /// Traces one block, on this thread, into `target`, whose allocations are reused. Panics if there is no such block.
+    /// Traces one block into `target` on the current thread; its allocations are reused. Panics if there is no such
+    /// block.
     pub fn trace_block(&self, id: BlockId, target: &mut TracedBlock) -> BlockStats {
         let rect = self.shape.rect(id);
         let (pixels, columns) = (rect.pixels(), self.shape.columns());
         if (target.block.rows(), target.block.columns()) != (rect.rows(), columns) {
-            // Every entry is written below, so a block of the right shape need not be emptied.
+            // Every entry is written below, so a block of the right shape need not be cleared.
             target.block.reset(rect.rows(), columns);
         }
         let spp = self.settings.samples_per_pixel;
@@ -252,8 +254,8 @@ impl Tracer {
         stats
     }
 
-    /// The image under a lighting, one weight for each column, without its matrix: pixels row by row, in linear RGB. By
-    /// all threads; none where `stop` says so. Panics if there are fewer weights than columns.
+    /// Renders the image under a lighting (one weight for each column) without a matrix. Pixels are row by row, in
+    /// linear RGB, on all threads. `None` if `stop` returns true. Panics if there are fewer weights than columns.
     pub fn trace_image(&self, weights: &[[f32; 3]], stop: impl Fn() -> bool + Sync) -> Option<Vec<[f32; 3]>> {
         let (width, height) = (self.shape.width(), self.shape.height());
         let scale = 1.0 / self.settings.samples_per_pixel as f32;
@@ -282,9 +284,8 @@ impl Tracer {
     }
 }
 
-/// All samples of a pixel, by code compiled for the vector units that the machine turns out to have: path, surfaces and lights are
-/// inlined into it, and the registers and instructions of AVX2 or AVX-512 serve vectors of three, too. The diffuse room takes 0.87 of
-/// the time that code for any x86-64 takes, the Conference Room 0.92, for the same bytes: nothing is fused or reordered.
+/// All samples of one pixel, compiled for several instruction sets and chosen at run time. The code of path, surfaces
+/// and lights is inlined into it. The bytes are the same for all of them: nothing is fused or reordered (decision 3).
 struct Pixel<'a, 'b> {
     tracer: &'a Tracer,
     at: (u32, u32),

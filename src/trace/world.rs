@@ -1,4 +1,4 @@
-//! The scene as rays see it: surface points, cut-outs, and what passes between two points.
+//! The scene for rays: surface points, cut-outs, and transmittance between two points.
 
 use std::sync::Arc;
 
@@ -10,33 +10,37 @@ use super::lights::LightSampler;
 use crate::error::{Error, Result};
 use crate::scene::{Material, Scene, Surface};
 
-/// Surfaces that a ray may pass straight through, cut-outs and thin sheets, before it is given up: more than any scene
-/// has in a row, and a bound on the time that a bad one can take.
+/// Largest number of cut-outs and thin sheets that a ray passes straight through. It is more than any scene has in a
+/// row, and bounds the time of a bad scene.
 pub(super) const MAX_PASSES: u32 = 256;
 
-/// A surface is not there where the map that cuts it out is below this.
+/// A surface is absent where its cut-out map is below this.
 pub(super) const CUT_OUT: f32 = 0.5;
 
-/// Half the distance between 1 and the next f32: how far a number is rounded at most, in units of itself.
+/// Half the distance between 1 and the next f32: the largest relative rounding error.
 const ROUNDING: f32 = 0.5 * f32::EPSILON;
 
-/// How far rays start off a surface, in units of what its normal times its largest coordinates is, axis by axis. A point of a triangle
-/// is rounded off its plane by seven roundings of those at most, what is put beside it by one, and its distance to the planes of the
-/// triangle and of those around it, as the tree works it out, by six (the way of Pharr, Jakob and Humphreys, *Physically Based Rendering*, 4th
-/// edition, §6.8): fourteen, twice over. Along an axis on which a triangle lies at 0 nothing is rounded, and nothing is added.
+/// Offset of a ray's origin from its surface, for each axis, in units of the normal times the triangle's largest
+/// coordinate.
+///
+/// A point on a triangle is rounded off its plane by at most seven such roundings, and the offset point by one. Its
+/// distances to the planes of this and neighbouring triangles, as the BVH computes them, are rounded by six. That makes
+/// fourteen, doubled for safety (the method of Pharr, Jakob and Humphreys, *Physically Based Rendering*, 4th edition,
+/// §6.8). Along an axis on which a triangle lies at 0 nothing is rounded, and nothing is added.
 const OFF_SURFACE: f32 = 32.0 * ROUNDING;
 
-/// The same at the light's end of a ray, of the coordinates of both ends: the tree knows that end by its distance from the start.
+/// The same at the light's end of a ray, in units of the coordinates of both ends, since the BVH computes that end from
+/// the start.
 pub(super) const OFF_LIGHT: f32 = 16.0 * ROUNDING;
 
-/// How far points are kept from the edges of their triangle, in units of its largest coordinate: more than a point is rounded, so that
-/// none lies beyond the wall that meets its floor there. A point that near is moved.
+/// Distance that points keep from the edges of their triangle, in units of its largest coordinate. It exceeds the
+/// rounding of a point, so that none lies beyond an adjacent wall. Points that are nearer are moved.
 const OFF_EDGES: f32 = 64.0 * ROUNDING;
 
-/// Most that a corner's weight is raised for that, on triangles that are hardly wider than their roundings.
+/// Largest amount that a corner's barycentric weight is raised for that, on triangles hardly wider than their rounding.
 const MAX_RAISED: f32 = 1.0 / 64.0;
 
-/// A scene with its tree and lights.
+/// A scene with its BVH and lights.
 #[derive(Debug)]
 pub(super) struct World {
     pub(super) scene: Arc<Scene>,
@@ -44,7 +48,7 @@ pub(super) struct World {
     bvh: Bvh,
 }
 
-/// Where a ray has met a surface.
+/// A point where a ray hits a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SurfacePoint {
     pub(super) position: Vec3,
@@ -58,7 +62,7 @@ pub(super) struct SurfacePoint {
 }
 
 impl World {
-    /// Builds the tree and prepares the lights. Errors: indices that point outside, lights of no area.
+    /// Builds the BVH and prepares the lights. Errors: indices out of range, lights without area.
     pub(super) fn new(scene: Arc<Scene>) -> Result<Self> {
         let mesh = &scene.mesh;
         let vertices = mesh.vertices.len();
@@ -82,12 +86,12 @@ impl World {
         Ok(Self { scene, lights, bvh })
     }
 
-    /// The tree.
+    /// The BVH.
     pub(super) fn bvh(&self) -> &Bvh {
         &self.bvh
     }
 
-    /// The first surface that a ray meets, passing through what is cut out.
+    /// The first surface that a ray hits; cut-outs are passed through.
     #[inline(always)]
     pub(super) fn intersect(&self, mut origin: Vec3, direction: Vec3, rays: &mut u64) -> Option<SurfacePoint> {
         for _ in 0..MAX_PASSES {
@@ -102,8 +106,7 @@ impl World {
         None
     }
 
-    /// What light keeps on the way from `origin` to `end`: one where nothing stands, the transmittance of thin sheets, zero
-    /// behind anything else.
+    /// Transmittance from `origin` to `end`: 1 if unoccluded, that of thin sheets, 0 behind anything else.
     #[inline(always)]
     pub(super) fn transmittance(&self, origin: Vec3, end: End, rays: &mut u64) -> Vec3 {
         *rays += 1;
@@ -131,7 +134,7 @@ impl World {
             }
             let next = end.ray_from(point.start(ray.direction));
             if next.direction.dot(ray.direction) <= 0.0 {
-                // The last surface stood at the end.
+                // The last surface was at the end itself.
                 return kept;
             }
             ray = next;
@@ -139,7 +142,7 @@ impl World {
         Vec3::ZERO
     }
 
-    /// Place of a point's material among the scene's.
+    /// Index of a point's material in the scene.
     pub(super) fn material_index(&self, point: &SurfacePoint) -> u32 {
         self.scene.mesh.triangles[point.triangle as usize].material.0
     }
@@ -149,7 +152,7 @@ impl World {
         &self.scene.materials[self.material_index(point) as usize]
     }
 
-    /// Scattering at a point seen from its front or back.
+    /// The BSDF at a point seen from its front or back.
     #[inline(always)]
     pub(super) fn bsdf(&self, point: &SurfacePoint, front: bool) -> Bsdf {
         Bsdf::resolve(&self.material(point).surface, &self.scene.textures, point.uv, front)
@@ -192,7 +195,7 @@ impl World {
     }
 }
 
-/// Weights of the second and third corner, of which none, and not that of the first, is much below `least`.
+/// Barycentric weights of the second and third corner, raised so that no weight of the three is much below `least`.
 #[cold]
 fn off_edges(u: f32, v: f32, least: f32) -> (f32, f32) {
     let raised = |weight: f32| weight.max(least.min(MAX_RAISED));
@@ -201,12 +204,12 @@ fn off_edges(u: f32, v: f32, least: f32) -> (f32, f32) {
     (u / sum, v / sum)
 }
 
-/// Where the way from a surface to a light ends.
+/// End of the segment from a surface to a light.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum End {
-    /// At a point, off the light's own surface.
+    /// A point, offset from the light's own surface.
     At(Vec3),
-    /// Beyond everything, along this unit vector.
+    /// At infinity along this unit vector.
     Beyond(Vec3),
 }
 
@@ -221,7 +224,7 @@ impl End {
 }
 
 impl SurfacePoint {
-    /// Where a ray that leaves along `direction` starts: off the surface, on the side that it leaves to.
+    /// Origin of a ray that leaves along `direction`: offset from the surface to that side.
     #[inline(always)]
     pub(super) fn start(&self, direction: Vec3) -> Vec3 {
         self.position + self.normal * self.offset.copysign(self.normal.dot(direction))

@@ -20,23 +20,23 @@ pub struct CurSelection {
     pub rows: Vec<usize>,
 }
 
-/// Mixed into the seed of the selections.
+/// Combined with the seed of the selections.
 pub(in crate::compress) const SEED: u64 = 0x0063_7572;
 
-/// What of a selection is drawn at random, and what k-means is to find.
+/// The random part of a selection, and what k-means must find.
 pub(in crate::compress) enum Plan {
-    /// Algorithm 1: so many columns by k-means, as these rows show them.
+    /// Algorithm 1: the sampled rows, and the number of columns to find by k-means over them.
     ByRows { rows: Vec<usize>, columns: usize },
-    /// Algorithms 2 and 4: each round's columns, and how many rows k-means is to find as these columns show them.
+    /// Algorithms 2 and 4: for each round its columns, and the number of rows to find by k-means over them.
     ByColumns { rounds: Vec<(Vec<usize>, usize)> },
     /// Algorithm 3: nothing is left to find.
     Both(CurSelection),
 }
 
-/// `count` of `0..of` at random, rising; in memory for `count` alone.
+/// `count` distinct numbers of `0..of` at random, ascending; memory grows with `count` only.
 pub(in crate::compress) fn at_random(of: usize, count: usize, random: &mut Pcg64Mcg) -> Vec<usize> {
     let count = count.min(of);
-    // A shuffle that keeps only the places that were swapped.
+    // A sparse Fisher–Yates shuffle that stores only swapped positions.
     let mut swapped = HashMap::new();
     let mut drawn: Vec<usize> = (0..count)
         .map(|i| {

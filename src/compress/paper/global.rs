@@ -28,7 +28,7 @@ const BATCH_BLOCKS: usize = 32;
 /// A choice of rows and columns for the whole matrix, with what every block has in common.
 #[derive(Clone, Debug)]
 pub(in crate::compress) struct GlobalCur {
-    /// Columns, and rows counted through all blocks in their order.
+    /// Chosen columns and rows; rows are numbered through all blocks in order.
     pub(in crate::compress) chosen: CurSelection,
     /// `U R`: chosen columns × columns.
     pub(in crate::compress) right: Mat<f32>,
@@ -89,7 +89,7 @@ impl GlobalCur {
     }
 }
 
-/// A matrix that is read block by block, its rows counted through.
+/// A matrix that is read block by block, with rows numbered through all blocks.
 struct Matrix<'a> {
     source: &'a dyn BlockSource,
     shape: MatrixShape,
@@ -112,7 +112,7 @@ impl<'a> Matrix<'a> {
         self.first[self.first.len() - 1]
     }
 
-    /// Works on blocks in parallel; results in the order of `blocks`.
+    /// Processes blocks in parallel; results come in the order of `blocks`.
     fn each<T: Send>(&self, blocks: &[BlockId], work: impl Fn(BlockId, BlockView<'_>) -> T + Sync) -> Result<Vec<T>> {
         let one = |block: &mut TracedBlock, &id: &BlockId| {
             let mut done = None;

@@ -148,7 +148,7 @@ fn assign(points: MatRef<'_, f32>, centres: &Mat<f32>) -> (Vec<usize>, Vec<f32>)
     let dots = product(centres.transpose(), points);
     let mut to_centre = vec![0.0f32; centre_norms.len()];
     let nearest = |j: usize| {
-        // The least of all first, then the first that has it: without a chain from centre to centre.
+        // First the minimum, then the first index that has it: without a dependency from centre to centre.
         for ((d, norm), dot) in to_centre.iter_mut().zip(&centre_norms).zip(dots.col_as_slice(j)) {
             *d = norm - 2.0 * dot;
         }
@@ -159,7 +159,7 @@ fn assign(points: MatRef<'_, f32>, centres: &Mat<f32>) -> (Vec<usize>, Vec<f32>)
     (0..points.ncols()).map(nearest).unzip()
 }
 
-/// The smallest of some values; infinite where there is none that is a number.
+/// The smallest of some values; infinite if all are NaN.
 fn smallest(values: &[f32]) -> f32 {
     let mut lanes = [f32::INFINITY; 16];
     let (whole, rest) = values.as_chunks::<16>();

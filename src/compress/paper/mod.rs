@@ -1,5 +1,5 @@
-//! What the paper describes, and the rivals that it names: Algorithms 1–4 and the CUR decompositions over them, per block or
-//! for the whole matrix. For comparison: the product's method uses nothing of it.
+//! The paper's Algorithms 1–4 and the CUR decompositions over them, for single blocks or the whole matrix. For
+//! comparison only: the default method uses none of it.
 
 mod cur;
 pub(in crate::compress) mod global;

@@ -1,7 +1,7 @@
-//! An adaptive binary range coder for what is small beside the coefficients: steps, classes, sparse entries.
+//! An adaptive binary range coder for data that are small beside the coefficients: steps, classes, sparse entries.
 //!
-//! The carry-less coder of Subbotin with 32-bit bounds; each context is a 12-bit probability that moves by a share of its
-//! error, a quarter at first and a 32nd in the long run.
+//! The carry-less coder of Subbotin with 32-bit bounds. Each context is a 12-bit probability that moves by a share of
+//! its error, a quarter at first and a 32nd in the long run.
 
 /// An adaptive probability that the next bit is 0.
 #[derive(Clone, Copy, Debug)]

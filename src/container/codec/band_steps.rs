@@ -9,14 +9,13 @@ use crate::light::LightingPrior;
 /// Bands are finer by at most this many half octaves: a step 1,024 times smaller.
 const FINEST: i32 = 20;
 
-/// How much finer than its component's step each band of a right side is to be stored, in half octaves: for each image of texels its ten
-/// zones of frequency, for each light of one column that column. Empty where all bands are alike.
+/// Step refinement of each band of a right factor relative to its component's step, in half octaves. An image of texels
+/// has ten bands, its zones of frequency; each light of one column is a band. Empty if all bands are alike.
 ///
-/// An error `e` of a band's coefficient changes images by `e² bᵀ K b` in the mean, where `K = F Fᵀ + diag(d)` is the covariance of the prior's
-/// lightings and `b` what the coefficient adds to the columns. So the step of a band of the mean weight `w` is that of the component over
-/// `√w`: one for all bands would make of the sum over a panel's 1,024 texels 32 times the error of a single lamp. Weights below 1
-/// count as 1: coarser bands saved 1 % of the bytes of the Conference Room with a panel of 32 × 32 texels, and made single texels up to
-/// twice as wrong.
+/// An error `e` of a band's coefficient changes images by `e² bᵀ K b` in the mean. `K = F Fᵀ + diag(d)` is the
+/// covariance of the prior's lightings, and `b` what the coefficient adds to the columns. So a band of mean weight `w`
+/// gets the component's step over `√w`. With one step for all bands, the sum over a panel's 1,024 texels would have 32
+/// times the error of a single lamp. Weights below 1 count as 1: decision 35.
 ///
 /// # Panics
 /// If the lights and the prior have different numbers of columns.

@@ -18,7 +18,7 @@ const LONG_COMPONENT_BYTES: usize = 6;
 /// Bytes of a chunk for each component at least; a writer fills up with zeros.
 pub(super) const MIN_COMPONENT_BYTES: usize = 4;
 
-/// What a chunk holds and where.
+/// Content and layout of a chunk.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Chunk {
     pub(super) coding: u8,

@@ -1,10 +1,10 @@
-//! The fixed probabilities that quantised coefficients are coded with.
+//! Fixed probabilities of quantised coefficients.
 //!
 //! A band of coefficients is coded with one *class*, the member of a family of discrete Laplace distributions that
-//! codes it best. Class 0 means that the whole band is zero. The classes that follow stand a factor √2 apart in scale;
-//! from `FIRST_SHIFTED` on, the lowest `shift` bits of a value are stored as they are and the rest is coded by one of
-//! two tables centred on −½. Everything is made from the decimal constants below by operations that IEEE 754 rounds
-//! alike everywhere, so the tables are part of the format.
+//! codes it best. Class 0 means that the whole band is zero. The following classes are a factor √2 apart in scale. From
+//! `FIRST_SHIFTED` on, the lowest `shift` bits of a value are stored as they are, and the rest is coded by one of two
+//! tables centred on −½. All tables are computed from the decimal constants below by operations that IEEE 754 rounds
+//! alike everywhere, so they are part of the format.
 
 use std::sync::OnceLock;
 

@@ -70,7 +70,7 @@ impl QuantisedComponent {
         Self { head: ComponentHead { tile: tile as u32, left_step, right_step, rotation: rotation.0 }, left, right }
     }
 
-    /// Its images in the order of coding.
+    /// Its images in coding order.
     pub(super) fn planes(&self) -> impl Iterator<Item = (PlaneKind, &PlanePlan)> {
         let left = self.left.iter().enumerate().map(|(c, plane)| (PlaneKind::left(c), plane));
         left.chain(self.right.iter().map(|plane| (PlaneKind::Right, plane)))

@@ -25,7 +25,7 @@ pub fn shared_components(bytes: &[u8]) -> usize {
 pub(crate) struct Claims {
     /// Components beyond those that refine the base layer's.
     pub(crate) components: usize,
-    /// All of its components.
+    /// Number of its components.
     pub(crate) rank: usize,
     pub(crate) sparse_entries: usize,
 }

@@ -1,5 +1,5 @@
-//! What of coefficients is stored as it is, the lowest bits in wide bands and the values that no symbol stands for: one
-//! string of bits, lowest first in each byte.
+//! Bits of coefficients that are stored as they are: the lowest bits in wide bands, and values without a symbol. They
+//! are one bit string, lowest bit first in each byte.
 
 /// Collects bits.
 #[derive(Default)]

@@ -5,7 +5,7 @@ use super::rans::{RansDecoder, RansEncoder};
 use super::step::{Steps, step_of};
 use super::transform::{MAX_TILE, Scan, ZONES, forward, inverse};
 
-/// How an image is cut and transformed.
+/// Tiling and transform of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct PlaneShape {
     pub(super) width: usize,
@@ -186,7 +186,7 @@ fn quantise(band: &[f32], lambda: f32) -> (u32, Vec<i32>) {
     (0, values)
 }
 
-/// How coefficients become whole numbers.
+/// Rounding of coefficients to integers.
 #[derive(Clone, Copy)]
 struct Rounding {
     /// Magnitudes below this become 0.
@@ -387,6 +387,6 @@ pub(super) struct Scratch {
     /// What the tiles are those of: the next image is often cut like it.
     cut: Option<PlaneShape>,
     tiles: Vec<(CoefficientTile, &'static Scan)>,
-    /// For the transform.
+    /// Scratch memory of the transform.
     rows: Vec<f32>,
 }

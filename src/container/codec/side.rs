@@ -9,7 +9,7 @@ use super::transform::ZONES;
 /// Bits of the index of a tile's side.
 pub(super) const TILE_BITS: u32 = 2;
 
-/// What is said of a component before its classes.
+/// Parameters of a component that come before its classes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct ComponentHead {
     /// Index of the side of its tiles of pixels.
@@ -73,7 +73,7 @@ pub(super) fn code_band_steps(coder: &mut impl BitCoder, band_steps: &mut [i8]) 
     }
 }
 
-/// Which statistics an image's classes share.
+/// The statistics that an image's classes share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PlaneKind {
     /// The strongest colour axis.

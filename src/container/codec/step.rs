@@ -37,7 +37,7 @@ impl Steps<'_> {
         Self { index, band_steps: &[] }
     }
 
-    /// Whether all bands have the same.
+    /// Whether all bands have the same step.
     pub(super) fn are_even(self) -> bool {
         self.band_steps.is_empty()
     }

@@ -11,7 +11,7 @@ pub(in crate::image) type ChannelPlace = (usize, usize);
 /// A channel of a file.
 #[derive(Clone, Debug)]
 pub(in crate::image) struct Channel {
-    /// What stands before the last dot of its name.
+    /// The part of its name before the last dot.
     pub(in crate::image) layer: String,
     pub(in crate::image) name: String,
     pub(in crate::image) view: Option<String>,
@@ -21,9 +21,9 @@ pub(in crate::image) struct Channel {
 /// Channels that are one picture.
 #[derive(Clone, Debug)]
 pub(in crate::image) struct ExrLayer {
-    /// As the file has it.
+    /// Name in the file.
     pub(in crate::image) name: String,
-    /// Without the name of its view.
+    /// Name without that of its view.
     pub(in crate::image) stem: String,
     /// Whose eye it is, in a file of several.
     pub(in crate::image) view: Option<String>,
@@ -32,7 +32,7 @@ pub(in crate::image) struct ExrLayer {
     pub(in crate::image) alpha: Option<ChannelPlace>,
 }
 
-/// How a layer holds colours.
+/// Colour model of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::image) enum Colours {
     /// Red, green and blue.
@@ -103,7 +103,7 @@ fn without_view(layer: &str, view: Option<&str>) -> String {
     stem.unwrap_or(layer).to_owned()
 }
 
-/// What a layer's channels are called, so far.
+/// The channels of a layer found so far.
 #[derive(Clone, Debug, Default)]
 struct Slots {
     rgb: [Option<ChannelPlace>; 3],

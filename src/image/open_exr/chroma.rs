@@ -14,13 +14,13 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// Without samples yet, which are 0.
+    /// A plane of zeros.
     pub(super) fn new(width: usize, height: usize) -> Self {
         Self { width, height, values: vec![0.0; width * height] }
     }
 
-    /// The plane with `by` times as many samples across and down, the first of each on the ones that were: windowed sinc
-    /// functions between them, the outermost samples beyond the edges.
+    /// The plane upsampled by these factors, with the first of each group at an original sample. Interpolation is by
+    /// windowed sinc, and the outermost samples continue beyond the edges.
     pub(super) fn grown(&self, (across, down): (usize, usize)) -> Self {
         let wide = Self { width: self.width * across, ..Self::new(self.width * across, self.height) };
         let wide = self.filled(wide, across, |plane, x, y| (y * plane.width, 1, x));

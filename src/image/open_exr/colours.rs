@@ -1,4 +1,4 @@
-//! Which colours the values of a part mean.
+//! Colour spaces of OpenEXR parts.
 
 use std::path::Path;
 
@@ -13,11 +13,11 @@ use crate::image::primaries::{ColourMatrix, Primaries, converted, known};
 /// Attributes in which programs name the colour space by a word.
 const NAMES: [&str; 2] = ["colorInteropID", "oiio:ColorSpace"];
 
-/// What a part says of its colours.
+/// Colour attributes of a part.
 pub(super) struct Space {
     pub(super) primaries: Primaries,
     pub(super) matrix: Option<ColourMatrix>,
-    /// What was made of it, for people.
+    /// A note on how they were interpreted, for people.
     pub(super) note: Option<String>,
 }
 

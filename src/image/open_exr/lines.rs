@@ -95,8 +95,8 @@ fn read_from(
         UncompressedBlock::decompress_chunk(chunk, &meta, false).map(ChunkRows::Plain)
     };
     let mut values = Vec::new();
-    // As many chunks at a time as there are threads to decompress them: the library's own way takes a thread for each
-    // core, and more chunks than that, whatever the pool.
+    // As many chunks at a time as there are threads. The library's own parallel decoder would start one thread for each
+    // core, and hold more chunks than that, whatever the pool.
     loop {
         let batch: Vec<_> = chunks.by_ref().take(rayon::current_num_threads()).collect();
         if batch.is_empty() {

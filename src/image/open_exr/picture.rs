@@ -32,11 +32,11 @@ pub(in crate::image) struct ExrPicture {
     weights: [f32; 3],
     matrix: Option<ColourMatrix>,
     chunk_bytes: u64,
-    /// Where its pixels lie.
+    /// Window of its pixels.
     pub(in crate::image) data: Window,
     /// The whole picture.
     pub(in crate::image) display: Window,
-    /// What was chosen and is converted, for people.
+    /// Notes on what was chosen and converted, for people.
     pub(in crate::image) notes: Vec<String>,
 }
 
@@ -90,7 +90,7 @@ impl ExrPicture {
         })
     }
 
-    /// What becomes of pixels that its frame has and the file has not, or the other way round; none where they agree.
+    /// A note on how pixels are padded or cropped if the frame and the file's pixels differ; `None` if they agree.
     ///
     /// # Errors
     /// The file has no pixel of its frame.

@@ -1,5 +1,5 @@
-//! Channels with fewer samples than pixels, which the library that decodes does not read by itself: it is given the file as if all
-//! channels had a sample for each pixel, and their chunks are unpacked here.
+//! Channels with fewer samples than pixels, which the decoding library does not support. The library gets a header in
+//! which all channels have a sample for each pixel, and their chunks are unpacked here.
 
 use std::io::{BufRead, BufReader, Read, Result as IoResult, Seek, SeekFrom};
 
@@ -11,7 +11,7 @@ use exr::meta::attribute::{ChannelList, IntegerBounds};
 use exr::meta::header::Header;
 use exr::prelude::Vec2;
 
-/// Whether a part has such channels.
+/// Whether a part has subsampled channels.
 pub(super) fn is_subsampled(header: &Header) -> bool {
     header.channels.list.iter().any(|channel| channel.sampling != Vec2(1, 1))
 }
@@ -28,7 +28,7 @@ const SEVERAL_PARTS: u32 = 1 << 12;
 pub(super) struct FullySampled<R> {
     inner: R,
     at: u64,
-    /// Where the samplings of channels stand.
+    /// Offsets of the sampling fields of channels.
     places: Vec<u64>,
 }
 

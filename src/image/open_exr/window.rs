@@ -1,4 +1,4 @@
-//! Where pixels lie in the frame of the camera.
+//! Windows of pixels in the camera's frame.
 
 use std::fmt;
 
@@ -26,8 +26,8 @@ pub(in crate::image) fn windows_of(header: &Header) -> (Window, Window) {
     (data, if display.width == 0 || display.height == 0 { data } else { display })
 }
 
-/// The frame of images that are to be one size: what they all show where they show the same part, else the whole picture, and
-/// what lies beyond it.
+/// The frame of images that must have one size: their common pixels if all have the same, otherwise the whole frame
+/// with everything beyond.
 ///
 /// # Errors
 /// The first image whose picture has another frame than the first.
@@ -83,18 +83,18 @@ impl Window {
         Self { x, y, width: (right - x) as u64, height: (bottom - y) as u64 }
     }
 
-    /// Whether all of `other` lies inside.
+    /// Whether it contains all of `other`.
     pub(in crate::image) fn holds(&self, other: &Self) -> bool {
         self.around(other) == *self
     }
 
-    /// Whether the two share a pixel.
+    /// Whether the two overlap.
     pub(in crate::image) fn meets(&self, other: &Self) -> bool {
         self.x < other.right() && other.x < self.right() && self.y < other.bottom() && other.y < self.bottom()
     }
 
-    /// Of a run of `length` pixels from `(x, y)` of this window on: how many of its pixels lie before `frame`, and the place
-    /// in `frame` and the length of those inside. None where there are none inside.
+    /// For a run of `length` pixels of this window from `(x, y)` on: how many lie before `frame`, and the position in
+    /// `frame` and the length of those inside. `None` if there are none inside.
     pub(in crate::image) fn clip(&self, frame: &Self, (x, y): (usize, usize), length: usize) -> Option<Clipped> {
         let (x, y) = (self.x + x as i64 - frame.x, self.y + y as i64 - frame.y);
         let skipped = (-x).max(0);

@@ -40,8 +40,8 @@ enum Kind {
     F64,
 }
 
-/// Looks at an array `[lights, height, width, 3]` in an NPY file, or at `images` and optionally `lights` (names) in an
-/// NPZ file.
+/// Inspects an array `[lights, height, width, 3]` in an NPY file, or `images` and optionally `lights` (names) in an NPZ
+/// file.
 ///
 /// # Errors
 /// A file that cannot be read or is shorter than its header says, an array of another shape or type than f16, f32 or f64,
@@ -125,7 +125,7 @@ fn opened(path: &Path) -> Result<BufReader<File>> {
 
 const SAVE: &str = "save it as float32 [lights, height, width, 3]";
 
-/// What is wrong, and what to do.
+/// A problem and its remedy.
 type Problem = (String, &'static str);
 
 fn refuse(path: &Path, problem: impl Into<String>) -> Error {
@@ -233,7 +233,7 @@ fn layout(header: &NpyHeader, names: Option<u64>) -> Result<ArrayLayout, Problem
     Ok(ArrayLayout { lights: lights as usize, height: height as usize, width: width as usize, kind })
 }
 
-/// What brings an array of another shape into order.
+/// A hint on how to transpose an array of another shape.
 fn how_to_turn(shape: &[u64]) -> &'static str {
     match *shape {
         [_, _, 3, _] => "save numpy.moveaxis(a, -1, 0): lights come first, not last as in ltm.open",

@@ -1,4 +1,4 @@
-//! What renderers' passes say of the surfaces in view.
+//! Feature passes of renderers: albedo, normals, depth.
 
 use std::path::Path;
 

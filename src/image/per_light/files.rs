@@ -41,8 +41,8 @@ pub(super) struct Files {
     needs_bytes: u64,
 }
 
-/// Looks at the files of the folder of `pattern` whose names match its last part, `{light}` standing for the light's name
-/// and `*` for anything: in the order in which people count, without those that are hidden.
+/// Inspects the files of `pattern`'s folder whose names match its last part, where `{light}` stands for the light's
+/// name and `*` for any text. They are in natural order, without hidden files.
 pub(super) fn open(pattern: &Path) -> Result<LightSet> {
     let folder = folder_of(pattern);
     let (matches, lights, paths) = listed(pattern)?;

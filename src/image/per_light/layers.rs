@@ -13,7 +13,7 @@ use crate::image::open_exr::{
 };
 use crate::image::primaries::ColourMatrix;
 
-/// Where the images stand in a file.
+/// Positions of the images in a file.
 #[derive(Clone, Debug)]
 pub(super) struct Layers {
     path: PathBuf,
@@ -30,9 +30,9 @@ pub(super) struct Layers {
 #[derive(Clone, Debug)]
 struct ExrPart {
     channels: usize,
-    /// Where its pixels lie.
+    /// Window of its pixels.
     data: Window,
-    /// To Rec. 709, where its values are not.
+    /// Matrix to Rec. 709, if it has other primaries.
     matrix: Option<ColourMatrix>,
 }
 

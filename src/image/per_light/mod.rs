@@ -1,7 +1,7 @@
-//! Images of single lights as other programs write them: layers of an OpenEXR file, a file for each light, an array.
+//! Images of single lights written by other programs: layers of an OpenEXR file, a file for each light, an array.
 //!
-//! [`LightSet::open`] looks at names and sizes only; [`LightSet::read`] then hands the values over row by row, so that
-//! a set may be larger than memory.
+//! [`LightSet::open`] reads only names and sizes. [`LightSet::read`] then gives the values row by row, so that a set
+//! may be larger than memory.
 
 mod array;
 mod features;
@@ -49,7 +49,7 @@ impl LayerPattern {
     }
 }
 
-/// What a layer, file or array was taken for.
+/// Role of a layer, file or array.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LayerRole {
     /// The image of the light of this name.
@@ -65,7 +65,7 @@ pub enum LayerRole {
 pub struct LayerMatch {
     /// Name of the layer or file.
     pub layer: String,
-    /// What it was taken for.
+    /// Its role.
     pub role: LayerRole,
 }
 
@@ -84,7 +84,7 @@ pub struct LightRow<'a> {
     pub values: &'a [f32],
 }
 
-/// What takes the rows.
+/// Receives the rows.
 pub type TakeRow<'a> = dyn FnMut(LightRow<'_>) -> Result<()> + Send + 'a;
 
 /// A set of per-light images of one size.
@@ -96,9 +96,9 @@ pub struct LightSet {
     pub height: u32,
     /// Names of the lights, in the order of the table of matches.
     pub lights: Vec<String>,
-    /// Whether there is an image under all lights too.
+    /// Whether there is an image under all lights as well.
     pub has_sum: bool,
-    /// What each layer was taken for.
+    /// The role of each layer.
     pub matches: Vec<LayerMatch>,
     /// What looks wrong with the choice of layers, one line each, for people.
     pub warnings: Vec<String>,
@@ -113,11 +113,11 @@ enum Source {
 }
 
 impl LightSet {
-    /// Looks at images of lights: a folder (each image file is a light), a file name with `{light}` in the light's place
-    /// and `*` for anything, an NPY or NPZ file, or an OpenEXR file with light groups.
+    /// Opens images of lights: a folder (each image file is a light), a file name with `{light}` instead of the
+    /// light's name and `*` for any text, an NPY or NPZ file, or an OpenEXR file with light groups.
     ///
-    /// `layers` says which layers of an OpenEXR file are lights. Without it the conventions of Blender, Arnold, V-Ray and
-    /// LuxCore are tried, then any layer of three colours beside the one under all lights.
+    /// `layers` selects the layers of an OpenEXR file that are lights. Without it, the conventions of Blender, Arnold,
+    /// V-Ray and LuxCore apply in this order, then any layer of three colours beside the one under all lights.
     ///
     /// # Errors
     /// What cannot be read, nothing that looks like a light, two lights of one name, images of different sizes, more

@@ -44,26 +44,26 @@ const PASS_WORDS: &str = " adaptive albedo alpha ambient ao asset atmosphere bac
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Named<'a> {
     pub(super) name: &'a str,
-    /// Without the name of its view.
+    /// Name without that of its view.
     pub(super) stem: &'a str,
     pub(super) view: Option<&'a str>,
-    /// Whether it has one channel for three.
+    /// Whether it has a single channel.
     pub(super) is_grey: bool,
 }
 
 /// What is wrong with a choice of layers, and what to do.
 pub(super) type Refusal = (String, String);
 
-/// What layers were found to be.
+/// The roles found.
 #[derive(Debug)]
 pub(super) struct Roles {
-    /// For each layer.
+    /// One for each layer.
     pub(super) roles: Vec<LayerRole>,
     /// Whether lights are those that no name tells to be anything else.
     pub(super) is_by_elimination: bool,
 }
 
-/// What each layer is: lights, and the one sum of theirs where there is one.
+/// The role of each layer: the lights, and their sum if there is one.
 ///
 /// # Errors
 /// Lights of several view layers or of several views: added up they would show the scene twice.

@@ -1,4 +1,4 @@
-//! The images that cleaning works on, out to an EXR and back: so that a denoiser of one's own serves every lighting.
+//! Export of the images that are denoised to an EXR, and import of the result of any other denoiser.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::store::{self, StoreReader};
 
 /// Writes the images of the clusters of columns of a matrix as one EXR of 32-bit channels: layers `basis.00` onwards with R,
 /// G, B, and [`FEATURE_CHANNELS`]. An image is the sum of the columns of a cluster (`light::Clusters`) in their unit, without
-/// the emitters in view, which are exact as they are. `pack` takes the file back, cleaned
+/// the emitters in view, which are exact as they are. `pack` takes the file back, denoised
 /// ([`PackOptions::basis`](crate::pipeline::PackOptions::basis)). Returns the number of images.
 ///
 /// # Errors
@@ -48,8 +48,8 @@ pub fn write_basis(
     written.map(|()| clusters)
 }
 
-/// The images of a block, direct and indirect light together: the mean of the halves, of which the first has one sample more
-/// where their number is odd.
+/// The images of a block with direct and indirect light added up: the mean of the halves, of which the first has one
+/// more sample if their number is odd.
 fn images_of(planes: &BlockPlanes, samples: u32) -> Vec<f32> {
     let second = if samples > 1 { (samples / 2) as f32 / samples as f32 } else { 0.5 };
     let mean = |halves: &[Vec<f32>; 2], i: usize| halves[0][i] + second * (halves[1][i] - halves[0][i]);

@@ -1,19 +1,19 @@
-//! Rows of blocks as planes, one row of blocks at a time: what an EXR is written from, row by row of the image.
+//! Planes of the image, one row of blocks at a time, for writing an EXR row by row.
 
 use crate::error::{Error, Result};
 use crate::matrix::{BlockId, MatrixShape};
 use crate::resources::Progress;
 
-/// Bytes that the planes of a row of blocks take.
+/// Bytes of the planes of one row of blocks.
 pub(super) fn strip_bytes(shape: MatrixShape, planes: usize) -> u64 {
     planes as u64 * u64::from(shape.width()) * u64::from(shape.block_side()) * 4
 }
 
-/// Planes of the image as far as one row of blocks goes.
+/// Planes of the image for one row of blocks.
 pub(super) struct BlockRow<F> {
     shape: MatrixShape,
     planes: usize,
-    /// Gives the planes of a block, one after the other; none where the block is missing, which is black then.
+    /// Returns the planes of a block, one after the other; `None` for a missing block, which becomes black.
     read: F,
     row_of_blocks: Option<u32>,
     /// Planes × side of a block × width.
@@ -21,7 +21,7 @@ pub(super) struct BlockRow<F> {
 }
 
 impl<F: FnMut(BlockId) -> Result<Option<Vec<f32>>>> BlockRow<F> {
-    /// Of nothing yet.
+    /// A strip without any blocks yet.
     pub(super) fn new(shape: MatrixShape, planes: usize, read: F) -> Self {
         Self { shape, planes, read, row_of_blocks: None, values: Vec::new() }
     }

@@ -1,4 +1,4 @@
-//! What the pixels of a `.ltm` show beside light: in memory, or as an EXR for denoisers and for compositing.
+//! Features of a `.ltm`, in memory or as an EXR for denoisers and compositing.
 
 use std::path::Path;
 
@@ -38,7 +38,7 @@ fn variance_channels() -> [String; FEATURE_PLANES] {
     })
 }
 
-/// What the pixels of a whole image show beside light, or the variance of that.
+/// The features of a whole image, or their variances.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
     size: (u32, u32),
@@ -46,12 +46,12 @@ pub struct Features {
 }
 
 impl Features {
-    /// Bytes of those of an image.
+    /// Bytes of the features of an image.
     pub fn needs_bytes(shape: MatrixShape) -> u64 {
         (FEATURE_PLANES * size_of::<f32>()) as u64 * u64::from(shape.width()) * u64::from(shape.height())
     }
 
-    /// Reads those of all blocks. Blocks that the file lacks are zero.
+    /// Reads the features of all blocks. Missing blocks are zero.
     ///
     /// # Errors
     /// The matrix knows nothing of its samples, or not even one block; a block is damaged.
@@ -59,7 +59,7 @@ impl Features {
         Self::read_planes(matrix, |planes| planes.features)
     }
 
-    /// Reads the variances of what [`read`](Self::read) reads, as if samples were independent.
+    /// Reads the variances of the features, assuming independent samples.
     ///
     /// # Errors
     /// As [`read`](Self::read).
@@ -98,7 +98,7 @@ impl Features {
     }
 }
 
-/// The planes of a block; none where the file lacks it.
+/// The planes of a block; `None` if the block is missing.
 fn of_block(matrix: &StoreReader, id: BlockId) -> Result<Option<BlockPlanes>> {
     match matrix.is_committed(id) {
         true => Ok(matrix.read_planes(id, None)?),
@@ -106,7 +106,7 @@ fn of_block(matrix: &StoreReader, id: BlockId) -> Result<Option<BlockPlanes>> {
     }
 }
 
-/// Refuses a matrix that does not know what its samples are, by the name of what asks. All blocks of a file know, or none.
+/// Checks that a matrix has planes; `asks` names the operation. All blocks of a file have them, or none.
 pub(super) fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
     let first = BlockSource::shape(matrix).blocks().find(|&id| matrix.is_committed(id));
     match first.map(|first| of_block(matrix, first)).transpose()?.flatten() {
@@ -115,8 +115,8 @@ pub(super) fn check_known(matrix: &StoreReader, asks: &str) -> Result<()> {
     }
 }
 
-/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances, `Denoising Albedo
-/// Variance.R` beside `Denoising Albedo.R`. Blocks that the file lacks are black. Returns how many those are.
+/// Writes the features of a matrix as one EXR of 32-bit channels, [`FEATURE_CHANNELS`], and their variances (`Denoising
+/// Albedo Variance.R` for `Denoising Albedo.R`). Missing blocks are black; returns their number.
 ///
 /// # Errors
 /// The matrix knows nothing of its samples, or not even one block; a block is damaged; the memory is too small;
@@ -146,7 +146,7 @@ pub fn write_features(
     Ok(shape.blocks().filter(|&id| !matrix.is_committed(id)).count() as u32)
 }
 
-/// What is asked of a matrix that was rendered without knowing what its samples are.
+/// The error for a matrix that was rendered without planes.
 pub(super) fn unknown(place: String) -> Error {
     let hint = "render it again with this program and at least 2 samples per pixel";
     Error::input(place, "the matrix does not know what its samples are", hint)

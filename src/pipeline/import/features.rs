@@ -1,4 +1,4 @@
-//! What the passes of two renderings say of the surfaces in view, as the planes of features that cleaning reads.
+//! Feature planes for denoising, from the passes of two renderings.
 
 use std::path::Path;
 
@@ -12,20 +12,20 @@ use crate::resources::Threads;
 
 /// Images of one rendering: albedo, normal, depth.
 const IMAGES: usize = 3;
-/// Depths from here on mean that nothing is seen: Blender writes 10¹⁰ there.
+/// Depths from here on mean that nothing is visible: Blender writes 10¹⁰ there.
 const FARTHEST: f32 = 1e9;
 
-/// Albedo, normal and depth of one or two renderings, waiting in a file.
+/// Albedo, normal and depth of one or two renderings, kept in a file.
 #[derive(Debug)]
 pub(super) struct ImportedFeatures {
     rows: RowSpill,
     size: (usize, usize),
-    /// Which rendering has which image; none is of albedo 1, everywhere alike.
+    /// Which rendering has which image. Without any, albedo is 1 and all pixels are alike.
     has: [[bool; IMAGES]; 2],
 }
 
 impl ImportedFeatures {
-    /// Disk that they take.
+    /// Bytes of disk for the images.
     pub(super) fn disk_bytes(width: u32, height: u32) -> u64 {
         RowSpill::bytes(2 * IMAGES, width as usize, height as usize)
     }
@@ -47,7 +47,7 @@ impl ImportedFeatures {
             let Some(passes) = passes else { continue };
             let mut take = |row: LightRow<'_>| {
                 has[rendering][row.image] = true;
-                // What is not finite is not seen.
+                // Values that are not finite count as not visible.
                 let values: Vec<f32> = row.values.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect();
                 rows.write((rendering * IMAGES + row.image, row.channel, row.y), row.x, &values)
             };
@@ -56,7 +56,7 @@ impl ImportedFeatures {
         Ok(Self { rows, size, has })
     }
 
-    /// Adds them to the hash of what a matrix is made of.
+    /// Adds the images to the content hash of a matrix.
     ///
     /// # Errors
     /// Those of the disk.
@@ -71,8 +71,8 @@ impl ImportedFeatures {
         Ok(())
     }
 
-    /// The planes of features of a rectangle of pixels, and their variances: of the mean of two renderings a quarter of the
-    /// squared difference, of one zero.
+    /// The features of a rectangle of pixels, and their variances. For the mean of two renderings the variance is a
+    /// quarter of the squared difference; for one rendering it is 0.
     ///
     /// # Errors
     /// Those of the disk.

@@ -22,26 +22,26 @@ use crate::matrix::{
 };
 use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads};
 
-/// Version of how entries are made of images, which a matrix of them names: to be raised with every change of what comes out,
-/// so that blocks of two versions are never mixed.
+/// Version of how entries are made from images, named by matrices of images, so that blocks of two versions are never
+/// mixed. Raise it with every change of the result.
 const IMPORT_VERSION: u32 = 3;
 
 /// Name of the light that holds what the image under all lights has beyond the sum of the lights.
 const REST: &str = "Rest";
-/// Relative L2 difference between the sum of lights and the image under all lights that 16-bit files show.
+/// Relative L2 difference, due to 16-bit files, between the sum of lights and the image under all lights.
 const SUM_TOLERANCE: f64 = 2e-3;
 
-/// Images of lights as a matrix: each light is a column. The images wait in a temporary file, not in memory.
+/// Images of lights as a matrix: each light is a column. The images are kept in a temporary file, not in memory.
 #[derive(Debug)]
 pub struct ImportedMatrix {
     job: Job,
     /// Lights that have images of their own.
     images: usize,
     rows: RowSpill,
-    /// Of each column: the sum of the sizes of its values.
+    /// Sum of absolute values of each column.
     sizes: Vec<f64>,
     known: Option<KnownNoise>,
-    /// What each layer or file was taken for.
+    /// The role of each layer or file.
     pub matches: Vec<LayerMatch>,
     /// What looks wrong or was added, one line each, for people.
     pub warnings: Vec<String>,
@@ -49,24 +49,24 @@ pub struct ImportedMatrix {
     pub sum_difference: Option<f64>,
 }
 
-/// The same lights rendered once more, with other random numbers, and what is seen: from them the noise is known, so that images
-/// can be cleaned.
+/// A second rendering of the same lights with other random numbers, and its features. The noise follows from both, so
+/// that images can be denoised.
 #[derive(Clone, Copy, Debug)]
 pub struct SecondImages<'a> {
     /// The images; their lights have the same names.
     pub set: &'a LightSet,
-    /// The passes of features of the first and of the second rendering; one alone is taken as without noise.
+    /// The feature passes of the first and of the second rendering. A single one is taken as free of noise.
     pub features: [Option<&'a FeaturePasses>; 2],
 }
 
-/// Where the noise of images is known from.
+/// Source of the noise of images.
 #[derive(Clone, Copy, Debug)]
 pub enum ImageNoise<'a> {
-    /// It is not.
+    /// The noise is not known.
     Unknown,
-    /// From the images themselves: what a pixel differs by from those around it. With the passes of features of the rendering.
+    /// Estimated from differences of neighbouring pixels in the images themselves, with the rendering's feature passes.
     Estimated(Option<&'a FeaturePasses>),
-    /// From a second rendering.
+    /// Measured by a second rendering.
     Measured(SecondImages<'a>),
 }
 
@@ -88,7 +88,7 @@ impl<'a> ImageNoise<'a> {
     }
 }
 
-/// What is known of the noise.
+/// The noise data of an import.
 #[derive(Debug)]
 struct KnownNoise {
     /// The images of the second rendering, if there is one.
@@ -96,19 +96,19 @@ struct KnownNoise {
     features: ImportedFeatures,
     /// Columns × probes, see [`probe_lightings`].
     probes: Vec<f32>,
-    /// Whether images can be cleaned: every column is a cluster of its own.
+    /// Whether images can be denoised: every column is a cluster of its own.
     cleans: bool,
 }
 
 impl ImportedMatrix {
-    /// Makes a matrix of images, in blocks of `block_side` pixels: of `set`, or of the mean of that and a second rendering from which
-    /// its `noise` is known.
-    /// `source` is their name, for the provenance; the temporary files are made beside `beside`.
+    /// Makes a matrix of images, in blocks of `block_side` pixels: of `set`, or of the mean of that and a second
+    /// rendering, from which its `noise` is known. `source` is their name, for the provenance; temporary files are made
+    /// in the folder of `beside`.
     ///
-    /// The sum of lights is held against the image under all lights, where there is one; what is missing becomes a light of
-    /// its own, called `Rest`.
+    /// The sum of lights is compared with the image under all lights, if there is one. The difference becomes a light
+    /// of its own, called `Rest`.
     ///
-    /// What reading takes and the disk for packing with `options` too is admitted before anything is read.
+    /// Memory for reading, and disk space for packing with `options`, are checked before anything is read.
     ///
     /// # Errors
     /// Values that are not finite, naming the light; sizes beyond what a matrix can have; a second rendering of other lights
@@ -172,7 +172,7 @@ impl ImportedMatrix {
         };
         let denoised = |m: &LayerMatch| {
             let (layer, is_light) = (m.layer.to_lowercase(), !matches!(m.role, LayerRole::Ignored));
-            // What denoisers are given is no denoised image.
+            // Inputs of denoisers are no denoised images.
             let given = ["albedo", "normal", "depth"].iter().any(|word| layer.contains(word)) && !is_light;
             ["denois", "noisy"].iter().any(|word| layer.contains(word)) && !given
         };
@@ -192,8 +192,8 @@ impl ImportedMatrix {
         Ok(imported)
     }
 
-    /// Takes the images for those of the texels of one light, row by row: a painted panel, or a sky. What is missing of the image
-    /// under all lights stays a light of its own.
+    /// Treats the images as those of the texels of one light, row by row: a textured panel, or a sky. The rest of the
+    /// image under all lights stays a light of its own.
     ///
     /// # Errors
     /// Another number of images than texels.
@@ -225,18 +225,18 @@ impl ImportedMatrix {
         self.job.basis.set_column_scales(scales)
     }
 
-    /// What the matrix is.
+    /// The job of the matrix.
     pub fn job(&self) -> &Job {
         &self.job
     }
 
-    /// Whether images could be cleaned, were their noise known.
+    /// Whether images could be denoised if their noise were known.
     pub fn wants_noise(&self) -> bool {
         self.known.is_none() && can_be_cleaned(&self.job)
     }
 
-    /// Goes over all rows once more: holds the sum of lights against the image under all lights, which it replaces by
-    /// what is missing, and makes the job.
+    /// A second pass over all rows: compares the sum of lights with the image under all lights, replaces the latter by
+    /// the difference, and makes the job.
     fn add_up(&mut self, set: &LightSet, source: &str) -> Result<()> {
         let lights = set.lights.len();
         let (mut content, mut squared_rest, mut squared_sum) = (Sha256::new(), 0.0, 0.0);
@@ -324,7 +324,7 @@ impl ImportedMatrix {
         Ok(())
     }
 
-    /// Tells the noise of a block. Of two renderings it becomes the mean.
+    /// Adds the noise of a block. With two renderings the block becomes their mean.
     fn add_noise(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), target: &mut TracedBlock) -> Result<()> {
         let (rows, columns) = (rect.rows(), self.job.shape.columns());
         let (first, other) = match &known.second {
@@ -338,7 +338,7 @@ impl ImportedMatrix {
             }
             None => {
                 let mut more = self.with_grain(known, (id, rect), target.block.entries())?;
-                // Planes hold no light below 0: noise above the light itself would brighten the mean of the two.
+                // Planes hold no negative light: noise above the light itself would brighten the mean of the two.
                 let bound =
                     |(more, &entry): (&mut f32, &f32)| *more = more.clamp(entry.min(0.0) * 2.0, entry.max(0.0) * 2.0);
                 more.iter_mut().zip(target.block.entries()).for_each(bound);
@@ -364,14 +364,14 @@ impl ImportedMatrix {
                 feature_variance,
                 emission: Vec::new(),
             };
-            // As a file of an interrupted pack has them.
+            // Rounded as in the file of an interrupted pack.
             planes.round();
             target.planes = Some(planes);
         }
         Ok(())
     }
 
-    /// These entries of a block, each with what may be its noise.
+    /// The entries of a block with the estimated noise added.
     fn with_grain(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), entries: &[f32]) -> Result<Vec<f32>> {
         let (left, top) = (rect.x.min(1), rect.y.min(1));
         let grown = |at: u32, before: u32, size: u32, end: u32| (size + before + 1).min(end - (at - before));
@@ -398,12 +398,12 @@ impl ImportedMatrix {
     }
 }
 
-/// Whether every column is a cluster of its own.
+/// Whether every column is a cluster of its own, as denoising of images needs it.
 fn can_be_cleaned(job: &Job) -> bool {
     Clusters::of_basis(&job.basis).count() == job.shape.columns()
 }
 
-/// The noise of a mean of two, of half their difference: rows × columns, column-major.
+/// The noise of the mean of two renderings, from half their difference: rows × columns, column-major.
 fn noise_of(halves: &[f32], rows: usize, columns: usize, probes: &[f32]) -> BlockNoise {
     let mut noise = BlockNoise {
         row_variance: vec![0.0; rows],
@@ -422,7 +422,7 @@ fn noise_of(halves: &[f32], rows: usize, columns: usize, probes: &[f32]) -> Bloc
     noise
 }
 
-/// A second rendering of other lights, of another size, with other passes.
+/// Refuses a second rendering with other lights, another size, or other passes.
 fn check_second(set: &LightSet, second: &SecondImages<'_>) -> Result<()> {
     let refuse = |problem: String| {
         let hint = "render the same scene twice, with another seed, and nothing else changed";
@@ -445,7 +445,7 @@ fn check_second(set: &LightSet, second: &SecondImages<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Passes of features of another size.
+/// Refuses feature passes of another size.
 fn check_features(set: &LightSet, features: [Option<&FeaturePasses>; 2]) -> Result<()> {
     let differs = |passes: &&FeaturePasses| (passes.width, passes.height) != (set.width, set.height);
     let Some(passes) = features.into_iter().flatten().find(differs) else { return Ok(()) };
@@ -454,7 +454,7 @@ fn check_features(set: &LightSet, features: [Option<&FeaturePasses>; 2]) -> Resu
     Err(Error::input("the features", problem, "take those of the same rendering"))
 }
 
-/// Reads all images of a set into a file, and looks at them on the way.
+/// Reads all images of a set into a file, and collects statistics.
 fn spill_rows(
     set: &LightSet,
     source: &str,
@@ -486,7 +486,7 @@ fn spill_rows(
     Ok((rows, looks))
 }
 
-/// What reading images takes; they wait on disk.
+/// Memory and disk space for reading images, which are kept on disk.
 fn reading_need(set: &LightSet) -> ResourceEstimate {
     let disk_bytes = RowSpill::bytes(set.images(), set.width as usize, set.height as usize);
     let fixed_bytes = PROGRAM_BYTES.saturating_add(set.needs_bytes());
@@ -498,7 +498,7 @@ fn reading_need(set: &LightSet) -> ResourceEstimate {
     }
 }
 
-/// What packing the images takes, cleaned where their noise is known and they are few enough.
+/// Memory and disk space for packing the images. They are denoised if their noise is known and they are few enough.
 ///
 /// # Errors
 /// The memory that `options` allow is too small; sizes beyond what a matrix can have; unusable settings.
@@ -521,7 +521,7 @@ fn packing_need(
     Ok(need)
 }
 
-/// `Rest`, or with a number where a light is called so.
+/// `Rest`, with a number if a light has that name.
 fn name_of_rest(names: &[String]) -> String {
     let numbered = (2..).map(|n| format!("{REST} {n}"));
     let free = std::iter::once(REST.to_owned()).chain(numbered).find(|name| !names.contains(name));
@@ -563,19 +563,19 @@ impl BlockSource for ImportedMatrix {
     }
 }
 
-/// Most lights among which one is looked for that is the sum of the others.
+/// Largest number of lights for which sums are detected.
 const MAX_SUMMED: usize = 64;
 
-/// Tells lights that are the sum of all others: such a light is half of the whole sum.
+/// Detects lights that are the sum of all others: such a light is half of the whole sum.
 struct SumOfLights {
     row: Vec<Vec<f32>>,
-    /// Of each light, its square and its product with the sum.
+    /// For each light its square and its product with the sum.
     products: Vec<[f64; 2]>,
     squared_sum: f64,
 }
 
 impl SumOfLights {
-    /// Of so many lights. Two that are equal may be meant so; of very many it is not looked for.
+    /// For this many lights. Two equal lights may be intended; for very many nothing is detected.
     fn of(lights: usize) -> Self {
         let lights = if (3..=MAX_SUMMED).contains(&lights) { lights } else { 0 };
         Self { row: vec![Vec::new(); lights], products: vec![[0.0; 2]; lights], squared_sum: 0.0 }
@@ -604,19 +604,19 @@ impl SumOfLights {
         let differs = |[square, product]: [f64; 2]| 4.0 * square - 4.0 * product + self.squared_sum;
         let most = SUM_TOLERANCE * SUM_TOLERANCE * self.squared_sum;
         let is_sum = move |light: &usize| self.squared_sum > 0.0 && differs(self.products[*light]) < most;
-        // The only light that is not black is no sum.
+        // A single light that is not black is no sum.
         let lit = self.products.iter().filter(|[square, _]| *square > 0.0).count();
         (0..self.products.len()).filter(move |light| lit > 2 && is_sum(light))
     }
 }
 
-/// What is noted of an image while it goes by.
+/// Statistics of an image.
 #[derive(Clone, Debug, Default)]
 struct ImageNotes {
     values: usize,
     negative: usize,
     largest: f32,
-    /// Values that are exactly the largest.
+    /// Number of values equal to the largest.
     at_largest: usize,
 }
 
@@ -633,7 +633,7 @@ impl ImageNotes {
         }
     }
 
-    /// What looks wrong: many values at exactly the largest, values below zero.
+    /// Warnings on suspicious values: many at exactly the largest, or below zero.
     fn warnings(&self, light: &str) -> Vec<String> {
         let mut warnings = Vec::new();
         if self.largest > 0.0 && self.at_largest > self.values / 500 + 3 {

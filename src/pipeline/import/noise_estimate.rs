@@ -1,4 +1,4 @@
-//! The noise of an image that was rendered once, estimated from the image itself.
+//! Estimates the noise of an image that was rendered once, from the image itself.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -7,34 +7,35 @@ use crate::matrix::CHANNELS;
 
 /// A pixel is compared with the mean of its two neighbours in each of these directions.
 const DIRECTIONS: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
-/// How large the noise is beside the least of those four differences: of normal noise 1.18 times, where each channel has its own, to
-/// 1.54, where all have the same. Chosen on the first room of `tools/blender/measure_light_groups.py`; the other took no part.
+/// Ratio of the noise to the least of those four differences. For normal noise it lies between 1.18, if each channel
+/// has its own noise, and 1.54, if all have the same. Tuned: decision 22.
 const SCALE: f32 = 1.3;
-/// Albedos below this are taken for it, when light is told from what it falls on.
+/// Least albedo that light is divided by.
 const MIN_ALBEDO: f32 = 0.05;
 
-/// A rectangle of pixels, in a larger one that goes a pixel farther where the image does.
+/// A rectangle of pixels inside a larger one, which extends one pixel farther where the image does.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inside {
     /// Pixels across and down.
     pub(super) size: (usize, usize),
-    /// Where it begins in the larger one.
+    /// Its origin in the larger rectangle.
     pub(super) at: (usize, usize),
-    /// Pixels across and down of that.
+    /// Size of the larger rectangle.
     pub(super) around: (usize, usize),
 }
 
-/// Adds to each pixel of an image what may be its noise: of its size, of a random sign. `around` are the image's three channels in the
-/// larger rectangle, one after the other, `albedo` likewise; `image` those in the inner one.
+/// Adds noise of the estimated size and a random sign to each pixel of an image. `around` are the image's three
+/// channels in the larger rectangle, one after the other; `albedo` likewise. `image` is in the inner rectangle.
 ///
-/// The size is the least difference, in four directions, to the mean of the two pixels beside it: an edge or a line along one of the
-/// directions has none, a pixel that stands alone has all. With `x + n` and `x − n` a filter's risk follows as from two renderings,
-/// since what a filter does to noise, it does to random noise of that size (Ramani, Blu and Unser 2008).
+/// The size is the least difference, in four directions, to the mean of the two neighbours. An edge or a line along one
+/// of the directions has none; an isolated pixel has all of it. With `x + n` and `x − n` the risk of a filter follows
+/// as from two renderings, since a filter treats random noise of that size as it treats the real noise (Ramani, Blu and
+/// Unser 2008).
 pub(super) fn add_noise(image: &mut [f32], (around, albedo): (&[f32], &[f32]), inside: Inside, seed: u64) {
     let Inside { size: (width, height), at: (left, top), around: (across, down) } = inside;
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let under = |channel: usize, pixel: usize| albedo[channel * across * down + pixel].max(MIN_ALBEDO);
-    // Of a pixel that may lie a step outside, the light of a channel.
+    // Light of a channel at a neighbour of a pixel, clamped to the larger rectangle.
     let light = |channel: usize, (x, y): (usize, usize), (right, below): (isize, isize)| {
         let place = |v: usize, step: isize, end: usize| v.saturating_add_signed(step).min(end - 1);
         let pixel = place(y, below, down) * across + place(x, right, across);
@@ -77,7 +78,7 @@ mod tests {
         (values.iter().map(|v| v * v).sum::<f32>() / values.len() as f32).sqrt()
     }
 
-    /// Sums of twelve uniform numbers: of variance 1, the same in all channels or in each its own.
+    /// Sums of twelve uniform numbers, of variance 1; the same in all channels, or independent.
     fn noise(is_grey: bool) -> Vec<f32> {
         let mut random = Pcg64Mcg::seed_from_u64(3);
         let mut draw = |_| (0..12).map(|_| random.random::<f32>()).sum::<f32>() - 6.0;
@@ -105,7 +106,7 @@ mod tests {
         };
         let white = vec![1.0; CHANNELS * PIXELS];
         let edge = |is_bright: bool| if is_bright { 8.0 } else { 1.0 };
-        // The image's rim is its own neighbour, where edges and lines that meet it may look like noise.
+        // The image's border has no neighbours outside, so edges and lines that meet it may look like noise.
         let inner = |grain: Vec<f32>| -> Vec<f32> {
             let is_inner = |at: usize| (1..SIDE - 1).contains(&(at % SIDE)) && (1..SIDE - 1).contains(&(at / SIDE));
             grain.into_iter().enumerate().filter(|(at, _)| is_inner(at % PIXELS)).map(|(_, v)| v).collect()
@@ -126,7 +127,7 @@ mod tests {
         assert!(root_mean_square(&inner(grain_of(&lit, &white))) > 1.0, "a texture that is not known looks like noise");
     }
 
-    /// What is said of a pixel does not depend on the rectangle that it is read in, but for its sign.
+    /// Apart from its sign, the noise of a pixel does not depend on the rectangle that it is read in.
     #[test]
     fn rectangles_fit_together() {
         let (image, white) = (noise(false), vec![1.0; CHANNELS * PIXELS]);

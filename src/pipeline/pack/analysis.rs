@@ -11,14 +11,14 @@ use crate::resources::Progress;
 /// Analyses blocks into records.
 pub(crate) struct Analysis {
     pub(crate) compressor: Compressor,
-    /// Candidates with what they lack of their blocks.
+    /// Candidates with the residuals of their blocks.
     pub(crate) records: Records,
-    /// The result, for messages.
+    /// Path of the result, for messages.
     pub(crate) path: PathBuf,
 }
 
 impl Analysis {
-    /// The first pass over a block: its candidate and what that lacks of it go to the spill file, if they are not there.
+    /// The first pass over a block: its candidate and residual go to the records, unless they are there already.
     pub(crate) fn analyse(
         &self,
         id: BlockId,
@@ -32,7 +32,7 @@ impl Analysis {
         Ok(summary)
     }
 
-    /// [`analyse`](Self::analyse), and the work that it was.
+    /// [`analyse`](Self::analyse), which also returns the amount of work.
     pub(crate) fn take(
         &self,
         id: BlockId,
@@ -54,7 +54,7 @@ impl Analysis {
         Ok((candidate.summary().clone(), work))
     }
 
-    /// A candidate and its residual, back from the records.
+    /// Reads a candidate and its residual from the records.
     pub(crate) fn read(&self, id: BlockId) -> Result<(Candidate, Residual)> {
         let bytes = self.records.read(id.0)?;
         let parts = || -> Result<_, String> {

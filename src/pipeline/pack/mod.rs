@@ -1,12 +1,11 @@
-//! Blocks → `.ltc`: one pass over the blocks to learn what each offers, one over what was learnt to keep what one slope
-//! allows.
+//! Packing: blocks in, `.ltc` out. One pass over the blocks, one over the candidates.
 //!
-//! The first pass analyses blocks in parallel, wherever they come from: read from a store ([`pack`]), or traced on the
-//! spot ([`render_packed`](super::render_packed)), so that the matrix never exists as a whole. Each candidate goes to a
-//! spill file with what it lacks of its block, so that memory does not grow with the matrix. The second pass cuts every
-//! candidate at the common slope, encodes it, and states the error of what was really stored ([`Residual`]). It does not
+//! The first pass analyses blocks in parallel. They are read from a store ([`pack`]), or traced on the spot
+//! ([`render_packed`](super::render_packed)), so that the matrix never exists as a whole. Each candidate goes to a
+//! spill file with the residual of its block, so that memory does not grow with the matrix. The second pass cuts every
+//! candidate at the common slope, encodes it, and measures the error of the stored block ([`Residual`]). It does not
 //! need the blocks again, so both ways give the same bytes. Choosing rows and columns for the whole matrix
-//! ([`Scope::Global`](crate::compress::Scope::Global)) takes passes of its own before these, over a stored matrix only.
+//! ([`Scope::Global`](crate::compress::Scope::Global)) takes further passes before these, over a stored matrix only.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -40,43 +39,45 @@ use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
 use crate::resources::{PeakMemory, Progress};
 use crate::store;
 
-/// Blocks that are encoded for each guess at a slope that makes a file of a given size, spread evenly; all of a small image.
+/// Blocks, spread evenly, that are encoded for each guess at the slope for a file of a given size; all blocks of a
+/// small image.
 const SAMPLE_BLOCKS: usize = 48;
 
-/// What [`Target::Automatic`] is for cleaned images: there is no noise that would hide more. Of several lights each alone counts as
-/// much as all together ([`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone)).
-///
-/// Chosen on `conference-24` (1024 × 768 pixels, 32 samples): at 66 dB the faintest lamps alone show the borders of blocks and lose
-/// shadows on the floor, at 72 dB they do not.
+/// PSNR in dB of [`Target::Automatic`] for denoised images, which have no noise that would hide errors. Each of several
+/// lights alone counts as much as all together
+/// ([`LightingPrior::of_lights_alone`](crate::light::LightingPrior::of_lights_alone)). Tuned: decision 32.
 const CLEANED_DB: f64 = 72.0;
 
-/// Components of a block of cleaned images at most, unless another number is chosen: those of the clusters and of what tells the
-/// columns of each apart.
+/// Largest number of components of a block of denoised images, unless another number is chosen: those of the clusters
+/// and of their residual.
 const CLEANED_RANK: usize = 64;
 
 /// Choices of a pack.
 #[derive(Clone, Debug, Default)]
 pub struct PackOptions {
-    /// How blocks are compressed.
+    /// Settings of the compressor.
     pub compress: CompressSettings,
-    /// How factors are written; the report is made here.
+    /// Options of the container; its report is made here.
     pub container: ContainerOptions,
-    /// Whether images are cleaned before they are compressed: by [`Method::Auto`], where the samples were kept apart and
-    /// their noise is heeded ([`CompressSettings::noise_factor`]). The container then holds the cleaned matrix, and what is
-    /// said of its errors is against that.
+    /// Whether images are denoised before compression. This needs [`Method::Auto`], halves of the samples, and a noise
+    /// factor ([`CompressSettings::noise_factor`]). The container then holds the denoised matrix, and its errors are
+    /// against that.
     pub denoise: bool,
-    /// DenoisedSource images to take in place of one's own: an EXR as [`write_basis`](super::write_basis) writes it, same layers, same size.
+    /// Images denoised by another program, used instead of our denoiser: an EXR with the layers and size of
+    /// [`write_basis`](super::write_basis).
     pub basis: Option<PathBuf>,
-    /// What the container is held to, which is measured and kept where images are cleaned; the blocks are the same.
+    /// Error promised for the container. It is measured and stored if images are denoised, and does not change the
+    /// blocks.
     pub promise: Option<Arc<ErrorMonitor>>,
-    /// Whether to write a container, too, in which a light alone is hardly what it is: see [`LightLoss::is_severe`](crate::light::LightLoss::is_severe).
+    /// Whether to write a container even if single lights lose too much: see
+    /// [`LightLoss::is_severe`](crate::light::LightLoss::is_severe).
     pub allow_lost_lights: bool,
-    /// Anonymous memory to stay within; none: what the system has.
+    /// Limit of anonymous memory in bytes; `None` for what the system has available.
     pub memory_bytes: Option<u64>,
 }
 
 impl PackOptions {
-    /// What tells a pack of a job by these, as [`for_source`](Self::for_source) has them, from every other.
+    /// Distinguishes this pack of a job from every other. The options are those after [`for_source`](Self::for_source).
     pub(crate) fn fingerprint(&self, job: &Job, variant: &[u8], basis: Option<&ExternalImages>) -> [u8; 32] {
         let mut hash = Sha256::new();
         hash.update(job.hash().0);
@@ -94,7 +95,7 @@ impl PackOptions {
         hash.finalize().into()
     }
 
-    /// These, for blocks that come with planes or without.
+    /// These options as they apply to blocks with or without planes.
     pub(crate) fn for_source(&self, has_planes: bool) -> Self {
         let mut options = self.clone();
         let compress = &mut options.compress;
@@ -109,8 +110,8 @@ impl PackOptions {
     }
 }
 
-/// Compresses `source`, the matrix of `job`, into a container at `path`. Continues where an interrupted run over the same
-/// entries with the same settings stopped.
+/// Compresses `source`, the matrix of `job`, into a container at `path`. Continues where an interrupted run over the
+/// same entries with the same settings stopped.
 ///
 /// # Errors
 /// Those of reading, compressing and writing; [`Error::Interrupted`] when the watch says so, with every analysed
@@ -123,7 +124,7 @@ pub fn pack(
     watch: &dyn Progress,
 ) -> Result<PackReport> {
     let reading = store::requirements(job, &store::StoreOptions { planes: true, ..Default::default() }).memory_bytes;
-    // Before anything is said of memory and disk.
+    // Before any message on memory and disk.
     check_container_output(path, options.container.overwrite)?;
     let has_planes = options.denoise && {
         let block_bytes = (job.shape.max_block_rows() * job.shape.columns() * size_of::<f32>()) as u64;
@@ -148,7 +149,7 @@ pub fn pack(
     })
 }
 
-/// A pack that has been admitted and whose files are open.
+/// A pack whose resources were checked and whose files are open.
 pub(crate) struct Packing {
     begun: Instant,
     memory: PeakMemory,
@@ -156,7 +157,7 @@ pub(crate) struct Packing {
     job: Job,
     analysis: Analysis,
     writer: ContainerWriter,
-    /// Of the job, its entries, and the settings.
+    /// Hash of the job, its entries, and the settings.
     fingerprint: [u8; 32],
     denoise: bool,
     cleaning: Option<DenoiseErrors>,
@@ -168,8 +169,8 @@ pub(crate) struct Packing {
 }
 
 impl Packing {
-    /// Refuses what cannot be done and opens the files. `variant` is that of the blocks' source, `source` what making them takes, and
-    /// whether they come with planes.
+    /// Checks the options and opens the files. `variant` identifies the blocks' source. `source` has the resources for
+    /// making them, and whether they come with planes.
     pub(crate) fn begin(
         job: &Job,
         variant: &[u8],
@@ -188,7 +189,7 @@ impl Packing {
         need.fixed_bytes += if options.denoise { 0 } else { compressor.asking_needs_bytes(&job.basis) };
         need.fixed_bytes += options.promise.as_ref().map_or(0, |promise| promise.needs_bytes());
         let overwrite = container.overwrite;
-        // Before anything is said of memory and disk.
+        // Before any message on memory and disk.
         check_container_output(path, overwrite)?;
         let there = files_of_pack(path);
         let there = there.each_ref().map(PathBuf::as_path);
@@ -216,7 +217,7 @@ impl Packing {
         })
     }
 
-    /// Packs what shards hold of all blocks.
+    /// Packs the records that shards hold of all blocks.
     #[cfg(feature = "scene")]
     pub(crate) fn run_shards(mut self, shards: ShardSet, watch: &dyn Progress) -> Result<PackReport> {
         let address = shards.address().to_owned();
@@ -230,7 +231,8 @@ impl Packing {
         self.compress("reading shards", "B", watch, absent)
     }
 
-    /// Takes scales of columns that are known only now, see [`LightBasis::column_scales`](crate::light::LightBasis::column_scales).
+    /// Sets scales of columns that were measured after the start, see
+    /// [`LightBasis::column_scales`](crate::light::LightBasis::column_scales).
     ///
     /// # Errors
     /// They are not those of these columns.
@@ -239,8 +241,8 @@ impl Packing {
         self.writer.set_column_scales(scales)
     }
 
-    /// Where nobody knows the scales of columns, and neither noise nor light of clusters has been summed without them: reads the matrix
-    /// once for them.
+    /// Measures the scales of columns in one pass, if they are unknown and neither noise nor cluster light has been
+    /// summed without them.
     fn measure_column_scales(&mut self, source: &dyn BlockSource, watch: &dyn Progress) -> Result<()> {
         if !self.job.basis.column_scales().is_empty() {
             return Ok(());
@@ -252,7 +254,7 @@ impl Packing {
         Ok(())
     }
 
-    /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
+    /// For a global scope: reads the matrix, as often as the method needs, to choose rows and columns.
     fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Progress) -> Result<()> {
         let passes = u64::from(self.analysis.compressor.global_passes());
         if passes == 0 || self.job.shape.blocks().all(|id| self.analysis.records.has(id.0)) {
@@ -265,7 +267,7 @@ impl Packing {
         done
     }
 
-    /// Where nothing tells how lights stand to each other: looks which are alike.
+    /// Estimates the similarity of lights from their images, if the light positions are unknown.
     fn ask_images(&mut self, source: &dyn BlockSource, watch: &dyn Progress) -> Result<()> {
         let blocks = self.analysis.compressor.blocks_asked(&self.job.basis);
         if self.denoise || blocks == 0 {
@@ -278,8 +280,8 @@ impl Packing {
         done
     }
 
-    /// Cleans the blocks where that is asked for, and compresses them. `make` puts a block into its target and says how much
-    /// work that was, in `work_unit`.
+    /// Denoises the blocks if asked for, and compresses them. `make` fills a block and returns the amount of work, in
+    /// `work_unit`.
     pub(crate) fn run(
         self,
         stage: &str,
@@ -299,7 +301,7 @@ impl Packing {
         self.run_cleaned(None, (stage, work_unit), watch, make)
     }
 
-    /// Cleans blocks, of which the planes come as `shards` or are taken from what `make` makes, and compresses them.
+    /// Denoises blocks, whose planes come from `shards` or are gathered from what `make` makes, and compresses them.
     fn run_cleaned(
         mut self,
         shards: Option<ShardSet>,
@@ -307,7 +309,7 @@ impl Packing {
         watch: &dyn Progress,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
-        // What is made here on is of columns divided by their scales, and so is all that is learnt of it.
+        // From here on columns are divided by their scales.
         let mut cleaned = DenoisedSource::begin(&self.job, &self.path, self.fingerprint, self.overwrite, shards)?;
         let blocks_kept = cleaned.gather(&self.threads, (stage, work_unit), watch, make)?;
         match &self.basis {
@@ -326,7 +328,7 @@ impl Packing {
         Ok(PackReport { blocks_kept, ..packed })
     }
 
-    /// Runs both passes over blocks that are as they shall be stored.
+    /// Both passes over blocks as they are to be stored.
     fn compress(
         mut self,
         stage: &str,
@@ -363,7 +365,7 @@ impl Packing {
         watch.end();
         let stored = stored?;
         let lossy_lights = lights.lossy_lights(&self.job.basis);
-        // What was replaced is no light, and who gives a rank has said what it may cost.
+        // Replaced entries are no light, and a fixed rank accepts its loss.
         let asked = replaced.count() > 0 || self.analysis.compressor.settings().has_fixed_rank();
         let refuses = !(self.allow_lost_lights || asked);
         if let Some(lost) = lossy_lights.first().filter(|loss| loss.is_severe() && refuses) {
@@ -379,7 +381,7 @@ impl Packing {
         let (error, norm) = (sum(|s| s.report.squared_error), sum(|s| s.report.squared_norm));
         let target = self.analysis.compressor.settings().target;
         let is_reached = match target {
-            // What blocks take together was estimated from some of them.
+            // The total of all blocks was estimated from a sample.
             Target::Bytes(bytes) => summary.file_bytes <= bytes,
             _ => cut.reaches_target,
         };
@@ -407,8 +409,8 @@ impl Packing {
         })
     }
 
-    /// How much finer bands of right sides are stored: by what their errors do to the lightings of the prior. Where a rank is given there
-    /// are no steps that they could be finer than.
+    /// Step refinement of the bands of right factors, by the effect of their errors under the prior. A fixed rank has
+    /// no steps to refine.
     fn right_band_steps(&self) -> Arc<[i8]> {
         let compressor = &self.analysis.compressor;
         if compressor.settings().has_fixed_rank() {
@@ -417,7 +419,7 @@ impl Packing {
         band_steps(&LightLayout::of(&self.job.basis), compressor.prior()).into()
     }
 
-    /// The second pass over a block: cuts its candidate, writes it, and adds what it lost to `lights`.
+    /// The second pass over a block: cuts its candidate, writes it, and adds its errors to `lights`.
     fn store(
         &self,
         id: BlockId,
@@ -435,7 +437,7 @@ impl Packing {
         if let Some(promise) = &self.promise {
             promise.see(id, &stored, &self.job.basis);
         }
-        // What an earlier run wrote of it is the same.
+        // An earlier run has written the same bytes.
         let bytes = match self.writer.written(id) {
             Some(_) => 0,
             None => self.writer.write_encoded(id, &encoded, &report)?.bytes(),
@@ -444,7 +446,7 @@ impl Packing {
         Ok(WrittenBlock { rank: factored.rank(), sparse_entries: factored.sparse.len(), report })
     }
 
-    /// The cut for the target; where that is a number of bytes, the one of the largest file that is not larger.
+    /// The cut for the target. For a number of bytes, the one with the largest file that fits.
     fn choose(&self, analysed: &[CandidateSummary], band_steps: &Arc<[i8]>) -> Result<Cut> {
         let cut = self.analysis.compressor.choose(analysed.iter());
         match self.analysis.compressor.settings().target {
@@ -455,7 +457,7 @@ impl Packing {
         }
     }
 
-    /// Bytes of the file that a cut makes, from those of the blocks of the sample.
+    /// Estimated bytes of a cut's file, from the sample of blocks.
     fn bytes_at(&self, cut: &Cut, band_steps: &Arc<[i8]>) -> Result<f64> {
         let blocks = self.job.shape.block_count() as usize;
         let sample: Vec<BlockId> =
@@ -472,13 +474,13 @@ impl Packing {
     }
 }
 
-/// What a cut keeps of a candidate, and how finely it is to be stored.
+/// The factors that a cut keeps of a candidate, with their step refinement.
 fn kept_of(candidate: &Candidate, cut: &Cut, band_steps: &Arc<[i8]>) -> FactoredBlock {
     FactoredBlock { right_band_steps: Arc::clone(band_steps), ..candidate.cut(cut) }
 }
 
-/// What compresses the matrix of a job. Each light alone counts as much as all together: those of columns that are divided by their
-/// scales have equal shares of the picture. A matrix that is cleaned knows them better, once it is.
+/// The compressor for the matrix of a job. Each light alone counts as much as all together. Lights have equal shares of
+/// the image if columns are divided by their scales; denoising a matrix measures the shares.
 ///
 /// # Errors
 /// Those of [`Compressor::new`].
@@ -491,10 +493,10 @@ pub(crate) fn compressor_of(job: &Job, options: &PackOptions) -> Result<Compress
     Ok(compressor.for_lights_alone(&job.basis, &vec![1.0 / lights as f64; lights]))
 }
 
-/// The cleaned images that the options name.
+/// The images denoised by another program that the options name.
 ///
 /// # Errors
-/// The matrix is not cleaned at all; those of [`ExternalImages::open`].
+/// The matrix is not denoised at all; those of [`Basis::open`].
 fn open_basis(options: &PackOptions, job: &Job) -> Result<Option<ExternalImages>> {
     let Some(path) = &options.basis else { return Ok(None) };
     if !options.denoise {
@@ -508,7 +510,7 @@ fn open_basis(options: &PackOptions, job: &Job) -> Result<Option<ExternalImages>
     ExternalImages::open(path, job).map(Some)
 }
 
-/// A source whose reads are counted and can be stopped, with its columns divided by their scales.
+/// A source that counts its reads, can be stopped, and divides columns by their scales.
 struct Watched<'a> {
     source: &'a dyn BlockSource,
     watch: &'a dyn Progress,
@@ -530,7 +532,8 @@ impl BlockSource for Watched<'_> {
     }
 }
 
-/// What packing a matrix of this shape takes, or that of the job that is `cleaned`. `source` is what making its blocks takes.
+/// Resources of packing a matrix of this shape, or of the job that is denoised (`cleaned`). `source` is for making its
+/// blocks.
 pub(crate) fn need_of(
     compressor: &Compressor,
     shape: MatrixShape,
@@ -542,14 +545,14 @@ pub(crate) fn need_of(
     let candidate =
         compressor.candidate_bytes() + Residual::max_bytes(rows, columns, compressor.candidate_bytes() / 16);
     let block_bytes = rows * columns * 4;
-    // Single entries may be fifty to a row, where fifty texels are seen through it alone; one is usual where any is.
+    // There may be fifty sparse entries in a row where a pixel sees only texels; usual is at most one.
     let sparse = if compressor.settings().method == Method::Auto { rows } else { 0 };
     let likely = compressor.factor_bytes() + 16 * sparse + Residual::max_bytes(rows, columns, sparse);
-    // A rank of its own is stored whole, as 16-bit floats, in two places until it is done. Ours keeps what is worth its
-    // bits: a fiftieth at the default target, a fourth where all is asked for.
+    // A fixed rank is stored completely, as 16-bit floats, in two places until the pack is done. By rate, only
+    // components worth their bits are kept: a fiftieth at the default target, a fourth without loss.
     let fixed = compressor.settings().has_fixed_rank();
     let stored = if fixed { likely } else { likely / 4 };
-    // The analysis of a block, and its candidate: as it is, encoded, and multiplied out in strips.
+    // The analysis of a block; its candidate as values, encoded, and multiplied out in strips.
     let compressing = compressor.needs_bytes() + 3 * candidate;
     let cleaning = match cleaned {
         Some(job) => DenoisedSource::need(job, source.per_thread_bytes, compressing),
@@ -566,12 +569,12 @@ pub(crate) fn need_of(
         per_thread_bytes: block_bytes + cleaning.per_thread_bytes,
         alone_bytes: cleaning.alone_bytes,
         disk_bytes: source.disk_bytes + blocks * (likely + stored) + cleaning.disk_bytes,
-        // The spill file; then the waiting blocks and the container, each half as large as a candidate at most.
+        // The spill file; then the waiting blocks and the container, each at most half as large as a candidate.
         most_disk_bytes: source.disk_bytes + 2 * blocks * candidate + cleaning.most_disk_bytes,
     }
 }
 
-/// What the container says of how it was made.
+/// The container's report of how it was made.
 fn report_of(options: &PackOptions) -> ContainerReport {
     let settings = &options.compress;
     let target = match settings.target {

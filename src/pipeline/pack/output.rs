@@ -7,8 +7,8 @@ use crate::container::ContainerReader;
 use crate::error::Result;
 use crate::files::check_output;
 
-/// Refuses a container that is in the way, as [`check_output`] does, and removes what a pack left beside it that was killed after its
-/// last step.
+/// Refuses a container that exists, as [`check_output`] does. Removes temporary files of a pack that was killed after
+/// its last step.
 ///
 /// # Errors
 /// Those of [`check_output`].

@@ -1,11 +1,11 @@
-//! What a pack did, and how people are told.
+//! Result of a pack, and its text for people.
 
 use crate::compress::{AUTOMATIC_DB, CandidateSummary, Target};
 use crate::light::{DenoiseErrors, ExposedError, LightErrors, LightLoss};
 use crate::matrix::{BlockId, ColumnIndex};
 use crate::resources::human_bytes;
 
-/// What a pack did.
+/// Result of a pack.
 #[derive(Clone, Debug)]
 pub struct PackReport {
     /// Wall-clock seconds.
@@ -20,17 +20,17 @@ pub struct PackReport {
     pub sparse_entries: u64,
     /// `‖T − T'‖_F / ‖T‖_F` of the stored container against the source, measured to about 1 %: see [`Residual`](crate::compress::Residual).
     pub relative_l2: f64,
-    /// What cleaning did, where images were cleaned: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
+    /// Errors of denoising, if images were denoised: see [`cleaning_errors_line`](crate::light::cleaning_errors_line).
     pub cleaning: Option<DenoiseErrors>,
-    /// What exposed images have reached of what was asked for, where that was an error.
+    /// The error of exposed images that was reached, if one was asked for.
     pub exposed: Option<ExposedError>,
-    /// What lightings of every kind lose: see [`light_errors_lines`](crate::light::light_errors_lines).
+    /// Errors of lightings of every kind: see [`light_errors_lines`](crate::light::light_errors_lines).
     pub lights: LightErrors,
-    /// Lights that alone come out far from what they are, the worst first.
+    /// Lights whose images alone have large errors, the worst first.
     pub lossy_lights: Vec<LightLoss>,
-    /// Where the target could not be reached: how near.
+    /// How near the target was reached, if it was not.
     pub short_of_target: Option<Shortfall>,
-    /// Entries that could not be computed with, and what they became.
+    /// Unusable entries, and their replacements.
     pub replaced: ReplacedEntries,
     /// Blocks found analysed by an earlier, interrupted run.
     pub blocks_kept: u64,
@@ -38,14 +38,14 @@ pub struct PackReport {
     pub peak_memory_bytes: Option<u64>,
 }
 
-/// Entries of a matrix that could not be computed with: the container holds others in their place.
+/// Counts of unusable entries of a matrix. The container has other values in their place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReplacedEntries {
     /// Entries that were no number, now 0.
     pub nan: u64,
     /// Entries that were infinite or too large, now the largest of their block that is usable.
     pub huge: u64,
-    /// Where the first stands: block, column, and row in the block.
+    /// Position of the first: block, column, and row in the block.
     pub first: Option<(BlockId, ColumnIndex, u32)>,
 }
 
@@ -79,22 +79,22 @@ impl std::fmt::Display for ReplacedEntries {
     }
 }
 
-/// A target that was not reached: what is expected of images under the prior, against the matrix with its noise.
+/// A target that was not reached, and the expected error of images under the prior, against the matrix with its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shortfall {
-    /// What was asked for.
+    /// The target asked for.
     pub target: Target,
-    /// PSNR in dB that is expected, see [`Target::PsnrDb`].
+    /// Expected PSNR in dB, see [`Target::PsnrDb`].
     pub psnr_db: f64,
-    /// Relative L2 error that is expected.
+    /// Expected relative L2 error.
     pub relative_l2: f64,
     /// Bytes of the container.
     pub file_bytes: u64,
-    /// Whether heeding the noise may be what stopped it; else the rank did.
+    /// Whether the noise may have prevented it; otherwise it was the rank.
     pub noise_heeded: bool,
 }
 
-/// One line for people: how near, and what goes further.
+/// One line for people: how near, and which option goes further.
 impl std::fmt::Display for Shortfall {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let (reached, asked) = match self.target {
@@ -131,7 +131,7 @@ impl std::fmt::Display for Shortfall {
     }
 }
 
-/// One line on what a pack reached, for people, and one more where it is short of its target.
+/// One line for people on the result of a pack, and one more if it missed its target.
 impl std::fmt::Display for PackReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ratio = self.raw_bytes as f64 / self.packed_bytes as f64;

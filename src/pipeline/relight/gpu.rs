@@ -1,4 +1,4 @@
-//! Relighting on a GPU, whether its memory holds all factors or some.
+//! Relighting on a GPU that holds all factors or pages them.
 
 use super::RelightOptions;
 use crate::container::ContainerReader;
@@ -43,7 +43,7 @@ impl<'a> OnGpu<'a> {
         }
     }
 
-    /// Whether the adapter computes on the CPU.
+    /// Whether the adapter is a software renderer on the CPU.
     pub(super) fn is_software(&self) -> bool {
         match self {
             Self::Resident(gpu) => gpu.is_software(),
@@ -51,7 +51,7 @@ impl<'a> OnGpu<'a> {
         }
     }
 
-    /// Which adapter relit, and with how much of its memory.
+    /// Name of the adapter, and how much of its memory is used.
     pub(super) fn description(&self) -> String {
         match self {
             Self::Resident(gpu) => format!("GPU ({})", gpu.adapter()),
@@ -69,7 +69,7 @@ impl<'a> OnGpu<'a> {
         }
     }
 
-    /// What pages factors in, where not all of them fit.
+    /// The pager of factors, if not all of them fit.
     pub(super) fn host(&self) -> Option<&PagedRelighter<'a>> {
         match self {
             Self::Resident(_) => None,

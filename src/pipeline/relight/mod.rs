@@ -1,4 +1,4 @@
-//! `.ltc` + lighting → image.
+//! Relighting of a container.
 
 use std::path::Path;
 
@@ -24,10 +24,10 @@ use crate::relight::{CpuRelighter, PagedRelighter, relight_raw};
 use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate, Threads, budget_bytes, human_bytes};
 use crate::store::{self, StoreReader};
 
-/// Where to relight.
+/// The device to relight on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
-    /// The GPU if there is a real one, else the CPU, saying so.
+    /// The GPU if there is a hardware adapter, otherwise the CPU with a note.
     #[default]
     Auto,
     /// The CPU.
@@ -36,20 +36,20 @@ pub enum Device {
     Gpu,
 }
 
-/// How to relight.
+/// Options of relighting.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RelightOptions {
-    /// Where.
+    /// The device to use.
     pub device: Device,
-    /// Anonymous memory to stay within; none: as much as all factors take, or less where the system has less.
+    /// Limit of anonymous memory in bytes; `None` for the size of all factors, or less if the system has less.
     pub memory_bytes: Option<u64>,
-    /// Of that memory: what the caller holds beside relighting one image.
+    /// Part of that memory which the caller needs beside relighting one image.
     pub beside_bytes: u64,
-    /// Memory of the GPU to stay within; none: as much as all factors take.
+    /// Limit of GPU memory in bytes; `None` for the size of all factors.
     pub gpu_memory_bytes: Option<u64>,
 }
 
-/// A container that is ready to be relit any number of times.
+/// A container prepared to be relit any number of times.
 pub struct Relighter<'a> {
     kind: Kind<'a>,
     threads: Threads,
@@ -62,8 +62,8 @@ enum Kind<'a> {
 }
 
 impl<'a> Relighter<'a> {
-    /// Makes a container ready: reads its factors to where they will be used or, where a budget is given, leaves that
-    /// to the relighting.
+    /// Prepares a container for relighting. It uploads or reads all factors; with a budget they are read while
+    /// relighting.
     ///
     /// # Errors
     /// Those of reading the container; [`Error::Resources`] for a budget in which not even one block can be
@@ -96,8 +96,8 @@ impl<'a> Relighter<'a> {
         })
     }
 
-    /// One line for each block that is shown with fewer layers than it has, or as a hole; where budgets are given, of
-    /// the blocks that were looked at.
+    /// One line for each block that has fewer layers than it should, or none. With a budget, only of blocks that were
+    /// read.
     pub fn damage(&self) -> Vec<String> {
         match &self.kind {
             Kind::Cpu(cpu) => cpu.damage().to_vec(),
@@ -106,7 +106,7 @@ impl<'a> Relighter<'a> {
         }
     }
 
-    /// What did the work, for people.
+    /// The device that did the work, for people.
     pub fn description(&self) -> String {
         let cpu = match self.threads.count() {
             1 => "CPU (1 thread)".to_owned(),
@@ -127,7 +127,7 @@ impl<'a> Relighter<'a> {
     }
 }
 
-/// The GPU if it is wanted and there is one that is faster than the CPU.
+/// The GPU, if it is wanted and faster than the CPU.
 fn gpu<'a>(
     container: &'a ContainerReader,
     options: &RelightOptions,
@@ -138,7 +138,7 @@ fn gpu<'a>(
         return Ok(None);
     }
     match OnGpu::open(container, options, paged) {
-        // A driver that computes on the CPU is slower than our own code there.
+        // A software renderer is slower than our own CPU code.
         Ok(gpu) if gpu.is_software() && options.device == Device::Auto => {
             watch.note(&format!("the only adapter is a software one ({}); relighting on the CPU", gpu.adapter()));
             Ok(None)
@@ -152,14 +152,14 @@ fn gpu<'a>(
     }
 }
 
-/// Memory beside the factors that are kept: images on their way to a file, and a block for each thread while it is
-/// decoded (values in f32 twice, and in compact form).
+/// Memory beside the factors: images on their way to a file, and for each thread a block being decoded (two copies in
+/// f32, and one in compact form).
 fn need_of(container: &ContainerReader) -> ResourceEstimate {
     let fixed_bytes = PROGRAM_BYTES + container.index_bytes() + image_bytes(container.job().shape);
     ResourceEstimate { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..ResourceEstimate::default() }
 }
 
-/// Memory of all factors as they are held for relighting: 16 bits a value at most.
+/// Bytes of all factors in memory: at most 16 bits for each value.
 fn factors_bytes(container: &ContainerReader) -> u64 {
     let shape = container.job().shape;
     let block = |id| {
@@ -169,7 +169,7 @@ fn factors_bytes(container: &ContainerReader) -> u64 {
     shape.blocks().map(block).sum()
 }
 
-/// Memory of the largest block while it is decoded.
+/// Bytes of the largest block while it is decoded.
 pub(super) fn decoding_bytes(container: &ContainerReader) -> u64 {
     let shape = container.job().shape;
     let block = |id| {
@@ -180,14 +180,14 @@ pub(super) fn decoding_bytes(container: &ContainerReader) -> u64 {
     shape.blocks().map(block).max().unwrap_or(0)
 }
 
-/// The image, and what an encoder makes of it.
+/// Bytes of the image and of its encoder.
 fn image_bytes(shape: MatrixShape) -> u64 {
     3 * shape.rows() * 4
 }
 
-/// Writes one layer for each name into one OpenEXR file at `path`: the images that `relight` gives for their indices, one
-/// after the other. They wait in a temporary file beside it, so that memory holds one of them and what
-/// [`relit_layers_need_bytes`] says. Signs that other programs cannot read in names are replaced.
+/// Writes one layer for each name into one OpenEXR file at `path`: the images that `relight` returns for their indices,
+/// in order. They are kept in a temporary file beside it, so that memory holds one of them plus
+/// [`relit_layers_need_bytes`]. Characters in names that other programs cannot read are replaced.
 ///
 /// # Errors
 /// Those of `relight`; the system refuses to write.
@@ -215,12 +215,13 @@ pub fn write_relit_layers(
     })
 }
 
-/// Bytes of memory that [`write_relit_layers`] takes at most beside an image.
+/// Upper bound of the bytes of memory that [`write_relit_layers`] takes beside an image.
 pub fn relit_layers_need_bytes(layers: usize, shape: MatrixShape) -> u64 {
     image::exr_rows_need_bytes(layers, ImageSize { width: shape.width() as usize, height: shape.height() as usize })
 }
 
-/// Relights a container under each lighting. Also says, as text, what did it. Damage is noted to `watch`.
+/// Relights a container under each lighting. Also returns the name of the device, for people. Damage is reported to
+/// `watch`.
 ///
 /// # Errors
 /// As [`Relighter::open`] and [`Relighter::relight`].
@@ -236,13 +237,13 @@ pub fn relight(
     Ok((images, relighter.description()))
 }
 
-/// The direct product with a stored matrix on the CPU, on as many threads as hold a block each within the memory given.
+/// The direct product with a stored matrix on the CPU, on as many threads as blocks fit into the memory given.
 ///
 /// # Errors
 /// Those of reading the matrix; [`Error::Resources`] where not even one block fits.
 pub fn relight_matrix(matrix: &StoreReader, lighting: &Lighting, options: RelightOptions) -> Result<LinearImage> {
     let shape = BlockSource::shape(matrix);
-    // A block with its noise, as it is stored and as it is multiplied, and its sums.
+    // A block with its noise, as stored and as multiplied, and its sums.
     let block_bytes = (shape.max_block_rows() * (shape.columns() * 4 + 8)) as u64;
     let per_thread_bytes = block_bytes + store::requirements(matrix.job(), &matrix.options()).memory_bytes;
     let need = ResourceEstimate {

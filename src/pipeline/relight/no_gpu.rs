@@ -1,4 +1,4 @@
-//! What stands for [`OnGpu`] in a build without the feature `gpu`: opening one is an error, so there is none.
+//! Stand-in for [`OnGpu`] in a build without the feature `gpu`: opening it is an error.
 
 use std::convert::Infallible;
 use std::marker::PhantomData;

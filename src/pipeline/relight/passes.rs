@@ -1,4 +1,4 @@
-//! How the light of a relit image came to its pixels: seen in the emitters themselves, by one surface, or by more.
+//! Passes of a relit image: emission, direct and indirect light.
 
 use super::{RelightOptions, relight_matrix};
 use crate::error::Result;
@@ -8,8 +8,8 @@ use crate::matrix::{BlockPlanes, BlockSource, CHANNELS, MatrixShape, PixelRect};
 use crate::pipeline::features::check_known;
 use crate::store::StoreReader;
 
-/// The passes of a relit image, in their order: emitters in view, straight or by mirrors and smooth glass; light of one
-/// surface that scatters, come to it straight or through thin sheets; all other light.
+/// The passes of a relit image, in their order. Emission is seen straight or by mirrors and smooth glass. Direct light
+/// is scattered once, and reaches that surface straight or through thin sheets. Indirect light is the rest.
 pub const PASSES: [&str; 3] = ["Emission", "Direct", "Indirect"];
 
 /// Bytes of the passes of an image.
@@ -19,9 +19,10 @@ pub fn passes_need_bytes(shape: MatrixShape) -> u64 {
 
 /// Relights a matrix as the [`PASSES`] of its light, which sum up to the image of [`relight_matrix`].
 ///
-/// A matrix knows which emitters are in view column by column, and direct and indirect light for each cluster of columns
-/// ([`Clusters`]). So emission is exact, and the rest is shared out as the clusters' own light is under the mean weights of
-/// their columns: exact to rounding where each cluster is lit evenly, as always with up to 32 columns, and near it otherwise.
+/// A matrix has the emission seen for each column, and direct and indirect light for each cluster of columns
+/// ([`Clusters`]). So emission is exact. The rest is split in the ratio of direct to indirect light of the clusters
+/// under the mean weights of their columns. That is exact to rounding if each cluster is lit evenly, as always with up
+/// to 32 columns, and an approximation otherwise.
 ///
 /// # Errors
 /// The matrix knows nothing of its samples; those of [`relight_matrix`].
@@ -54,7 +55,7 @@ pub fn relight_passes(
                 let row = channel * rect.pixels() + pixel;
                 let rest = total.pixels[place][channel] - emission;
                 let sum = direct[row] + indirect[row];
-                // Where no cluster has light, what is left is rounding of emission.
+                // Without light in any cluster, the rest is rounding of the emission.
                 let first = if sum > 0.0 { rest * (direct[row] / sum) } else { 0.0 };
                 let parts = [emission, first, rest - first];
                 images.iter_mut().zip(parts).for_each(|(image, part)| image.pixels[place][channel] = part);
@@ -64,13 +65,13 @@ pub fn relight_passes(
     Ok(images)
 }
 
-/// Place in the image of a pixel of a block.
+/// Index in the image of a pixel of a block.
 fn index_in(rect: PixelRect, pixel: usize, shape: MatrixShape) -> usize {
     let (across, down) = (pixel % rect.width as usize, pixel / rect.width as usize);
     (rect.y as usize + down) * shape.width() as usize + rect.x as usize + across
 }
 
-/// Mean weight of the columns of each cluster, whose light is of columns divided by their scales.
+/// Mean weight of the columns of each cluster. Cluster light is of columns divided by their scales.
 fn cluster_weights((clusters, scales): (&Clusters, &[f32]), lighting: &Lighting) -> Vec<[f32; CHANNELS]> {
     let mut sums = vec![([0.0f64; CHANNELS], 0u32); clusters.count()];
     for (column, (&cluster, weight)) in clusters.of_column().iter().zip(lighting.weights()).enumerate() {
@@ -82,7 +83,7 @@ fn cluster_weights((clusters, scales): (&Clusters, &[f32]), lighting: &Lighting)
     sums.into_iter().map(|(sum, count)| sum.map(|sum| (sum / f64::from(count.max(1))) as f32)).collect()
 }
 
-/// Rows of a block of clusters' light, both halves of the samples together, under a weight for each cluster.
+/// The rows of a block's cluster light, both halves of the samples added up, under a weight for each cluster.
 fn lit(halves: &[Vec<f32>; 2], clusters: &[[f32; CHANNELS]], rows: usize) -> Vec<f32> {
     let mut sums = vec![0.0f32; rows];
     for half in halves {

@@ -1,4 +1,4 @@
-//! Scene → `.ltc` without the matrix in between: each traced block is compressed while the next is traced.
+//! From a scene to `.ltc` without the matrix in between: each traced block is compressed while the next is traced.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,8 +13,8 @@ use crate::pipeline::{PackOptions, PackReport, Packing};
 use crate::resources::Progress;
 use crate::scene::LoadedScene;
 
-/// Renders a scene straight into a container at `path`: byte for byte what [`render`](super::render()) in f32 and then
-/// [`pack`](super::pack()) give, without the space for the matrix. Continues where an interrupted run stopped.
+/// Renders a scene straight into a container at `path`, without space for the matrix. The bytes are those of
+/// [`render`](super::render()) in f32 followed by [`pack`](super::pack()). Continues where an interrupted run stopped.
 ///
 /// # Errors
 /// Those of the tracer, the compressor and the container; a global scope, which needs the matrix more than once; [`crate::Error::Interrupted`] when the watch says so,
@@ -78,7 +78,7 @@ mod tests {
         let tracer = Tracer::new(loaded.scene, job.shape, settings).unwrap();
         let cost = tracer.photon_cost();
         assert_eq!(cost.sent, Tracer::photons_sent(tracer.scene(), job.shape, settings));
-        // Each that rests has come by a mirror or glass.
+        // Each stored photon has come by a mirror or glass.
         assert!(cost.rays >= 2 * tracer.photon_count() as u64 && tracer.photon_count() > 0);
         let trace = |id| tracer.trace_block(id, &mut TracedBlock::default()).rays;
         let rays = cost.rays + job.shape.blocks().map(trace).sum::<u64>();

@@ -1,4 +1,4 @@
-//! Scene → `.ltm`: blocks traced in parallel, each committed when it is done.
+//! Rendering of a scene into `.ltm`: blocks are traced in parallel, and each is committed when it is done.
 
 mod fused;
 mod preview;
@@ -27,18 +27,18 @@ use crate::scene::{self, LoadOptions, LoadedScene, Triangle};
 use crate::store::{self, StoreOptions, StoreWriter, partial_path};
 use crate::trace::{BlockStats, Sending, TRACER_VERSION, TraceSettings, Tracer};
 
-/// Choices of a render that do not change the entries.
+/// Options of a render that do not change the entries.
 #[derive(Clone, Debug, Default)]
 pub struct RenderOptions {
-    /// How the store keeps the entries.
+    /// Options of the store.
     pub store: StoreOptions,
-    /// Only these blocks; all if none.
+    /// Only these blocks; `None` for all.
     pub blocks: Option<Range<u32>>,
-    /// Anonymous memory to stay within; none: what the system has.
+    /// Limit of anonymous memory in bytes; `None` for what the system has available.
     pub memory_bytes: Option<u64>,
 }
 
-/// What a render did.
+/// Result of a render.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RenderReport {
     /// Wall-clock seconds.
@@ -93,17 +93,17 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     let memory = PeakMemory::start();
     let mut job = job_of(&loaded)?;
     let wanted = options.blocks.clone().unwrap_or(0..job.shape.block_count());
-    // One sample a pixel has no halves.
+    // One sample per pixel has no halves.
     let stored = StoreOptions { planes: loaded.settings.samples_per_pixel > 1, ..options.store };
     let requirements = store::requirements_of(&job, &stored, wanted.clone())?;
     let mut need = tracing_need(&loaded, &job);
     need.fixed_bytes += need.per_thread_bytes + requirements.memory_bytes;
     need.disk_bytes = if options.store.reserve { requirements.disk_bytes } else { 0 };
-    // A finished file that lacks blocks is filled in where it stands, part by part.
+    // A finished file with missing blocks is completed in place.
     let fill_in = options.blocks.is_some() && path.exists() && !options.store.overwrite;
     let lazy = StoreOptions { reserve: false, ..stored };
     if !fill_in {
-        // Before anything is said of memory and disk.
+        // Before any message on memory and disk.
         store::check_output(path, options.store.overwrite)?;
     }
     let there = if fill_in { path.to_owned() } else { partial_path(path) };
@@ -130,10 +130,11 @@ pub fn render(loaded: LoadedScene, path: &Path, options: &RenderOptions, watch: 
     Ok(report)
 }
 
-/// Photons from which on sending them takes seconds.
+/// Number of photons from which on sending them takes seconds.
 const MANY_PHOTONS: u64 = 1 << 22;
 
-/// The tracer of a job, which learns the scales of its columns by it; with photons for which there is no memory in a folder, or the system's for temporary files.
+/// The tracer of a job, whose column scales it sets. Photons beyond the memory limit go to `folder` or the system's
+/// temporary folder.
 ///
 /// # Errors
 /// Those of [`Tracer::sending`].
@@ -164,7 +165,7 @@ pub(crate) fn tracer_of(
     Ok(tracer)
 }
 
-/// Traces blocks in parallel; one thread more commits them, so that no core waits for the disk. At most one block more
+/// Traces blocks in parallel. One more thread commits them, so that no core waits for the disk. At most one block more
 /// than there are threads is in memory.
 pub(crate) fn trace_into(
     writer: &StoreWriter,
@@ -201,7 +202,7 @@ pub(crate) fn trace_into(
             }
             let mut block = spare.lock().expect("no panic holds it").pop().unwrap_or_default();
             let stats = tracer.trace_block(id, &mut block);
-            // Fails where the committer has stopped for an error, which it returns.
+            // Fails if the committing thread has stopped with an error, which it returns.
             to_commit.send((id, block, stats)).map_err(|_| stopped())
         };
         let tracing = threads.run(|| blocks.par_iter().try_for_each(trace_one));
@@ -222,7 +223,7 @@ pub fn load_scene(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
     scene::load_with(path, LoadOptions { memory_bytes: Some(memory_bytes), ..options })
 }
 
-/// How a loaded scene asks to be traced.
+/// The trace settings of a loaded scene.
 pub(crate) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
     TraceSettings {
         samples_per_pixel: loaded.settings.samples_per_pixel,
@@ -231,7 +232,7 @@ pub(crate) fn settings_of(loaded: &LoadedScene) -> TraceSettings {
     }
 }
 
-/// What tracing takes, wherever the blocks go: the scene and its photons, and for each thread a block.
+/// Resources of tracing, wherever the blocks go: the scene and its photons, and a block for each thread.
 pub(crate) fn tracing_need(loaded: &LoadedScene, job: &Job) -> ResourceEstimate {
     let photons = Tracer::photons_need_bytes(&loaded.scene, job.shape, settings_of(loaded));
     ResourceEstimate {
@@ -241,8 +242,8 @@ pub(crate) fn tracing_need(loaded: &LoadedScene, job: &Job) -> ResourceEstimate 
     }
 }
 
-/// Memory of a scene while it is traced: its arrays, its textures, and the tree, whose nodes and building take about
-/// 450 bytes for each triangle.
+/// Bytes of a scene while it is traced: its arrays, its textures, and the BVH, which takes about 450 bytes for each
+/// triangle while it is built.
 fn scene_bytes(loaded: &LoadedScene) -> u64 {
     let mesh = &loaded.scene.mesh;
     let texels: usize = loaded.scene.textures.iter().map(|texture| texture.texels.len()).sum();
@@ -250,7 +251,7 @@ fn scene_bytes(loaded: &LoadedScene) -> u64 {
     (vertices + texels * 16 + mesh.triangles.len() * (450 + size_of::<Triangle>())) as u64 + PROGRAM_BYTES
 }
 
-/// Memory of a thread that traces a block: the block, and what tracing it takes beside it.
+/// Bytes of a thread that traces a block: the block, and the tracer's working memory.
 fn block_need(job: &Job) -> u64 {
     let block = job.shape.max_block_rows() as u64 * job.shape.columns() as u64 * 4;
     block + Tracer::block_needs_bytes(job.shape, Clusters::of_basis(&job.basis).count())

@@ -23,7 +23,7 @@ const MAX_SAMPLES: u32 = 256;
 /// Time for the second, better image, which is left out where it would take longer.
 const PATIENCE_SECS: f64 = 3.0;
 
-/// What a preview is.
+/// Result of a preview.
 #[derive(Clone, Debug)]
 pub struct PreviewReport {
     /// The image: PNG, exposed like those of `ltm demo`.
@@ -40,8 +40,8 @@ pub struct PreviewReport {
     pub seconds: f64,
 }
 
-/// Writes a small, noisy image of a scene under its own lighting (all lights at 1 where it gives none) to `path`: first
-/// with four samples per pixel, then once more with as many as a few seconds allow.
+/// Writes a small, noisy image of a scene under its own lighting (all lights at 1 if it has none) to `path`: first with
+/// four samples per pixel, then with as many as a few seconds allow.
 ///
 /// # Errors
 /// Those of the tracer, and of writing the image; [`Error::Interrupted`] when the watch says so.

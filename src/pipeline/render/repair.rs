@@ -11,12 +11,12 @@ use crate::resources::{PROGRAM_BYTES, Progress, ResourceEstimate};
 use crate::scene::LoadedScene;
 use crate::store::{self, StoreReader};
 
-/// Renders the damaged and missing blocks of a finished matrix again, where it stands. Returns which ones.
+/// Renders the damaged and missing blocks of a finished matrix again, in place. Returns their indices.
 ///
 /// # Errors
-/// The matrix was made from another scene or with other settings; its header cannot be read; what tracing and
-/// writing refuse; [`Error::Interrupted`]: then the file lacks the blocks that are still to be repaired, and the same
-/// command goes on.
+/// The matrix was made from another scene or with other settings; its header cannot be read; errors of tracing and
+/// writing; [`Error::Interrupted`]. After an interruption the remaining blocks are missing from the file, and the same
+/// command continues.
 pub fn repair(
     loaded: LoadedScene,
     path: &Path,

@@ -10,28 +10,28 @@ use crate::scene::LoadedScene;
 use crate::store::{StoreReader, partial_path};
 use crate::trace::Tracer;
 
-/// Where a render that packs keeps its number of samples until it is finished.
+/// Path of the file with the number of samples of an unfinished render that packs.
 pub(crate) fn samples_path(path: &Path) -> PathBuf {
     with_suffix(path, ".samples")
 }
 
-/// Writes down the samples of a render that packs.
+/// Writes that file.
 pub(crate) fn note_samples(loaded: &LoadedScene, path: &Path) -> Result<()> {
     let text = format!("{} {}", loaded.settings.samples_per_pixel, hex(&job_of(loaded)?.hash().0));
     let path = samples_path(path);
     std::fs::write(&path, text).map_err(Error::io(&path, "write"))
 }
 
-/// Forgets them when the render is finished.
+/// Removes it when the render is finished.
 pub(crate) fn forget_samples(path: &Path) {
-    // There is none where the number was given.
+    // It does not exist if the number was given.
     let _ = std::fs::remove_file(samples_path(path));
 }
 
-/// Gives the scene the samples of the unfinished render to `path`, if there is one of this scene.
+/// Sets the samples of the scene to those of an unfinished render to `path`, if there is one of this scene.
 pub(crate) fn samples_of_unfinished(loaded: &mut LoadedScene, path: &Path) -> Result<Option<u32>> {
     let before = loaded.settings.samples_per_pixel;
-    // A pack that was refused after its pilot has begun nothing.
+    // A pack that was refused after its pilot has not begun.
     let is_begun = files_of_pack(path).iter().any(|file| file.exists());
     let noted = is_begun.then(|| std::fs::read_to_string(samples_path(path)).ok()).flatten();
     let noted = noted.as_deref().and_then(|text| text.split_once(' ')).and_then(|(samples, hash)| {

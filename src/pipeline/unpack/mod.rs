@@ -1,4 +1,4 @@
-//! `.ltc` or `.ltm` → `.ltm`, images or arrays, block by block.
+//! Unpacking of `.ltc` or `.ltm` into `.ltm`, images or arrays, block by block.
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -21,22 +21,22 @@ use crate::resources::Progress;
 use crate::resources::{PROGRAM_BYTES, ResourceEstimate, Threads};
 use crate::store::{self, StoreOptions, StoreWriter};
 
-/// Channels of a Nuke script at most.
+/// Largest number of channels in a Nuke script.
 const NUKE_CHANNELS: usize = 1023;
 
-/// Choices of unpacking.
+/// Options of unpacking.
 #[derive(Clone, Debug, Default)]
 pub struct UnpackOptions {
-    /// Which part.
+    /// The part of the matrix to unpack.
     pub selection: Selection,
     /// Replace files that exist.
     pub overwrite: bool,
-    /// Anonymous memory to stay within; none: what the system has.
+    /// Limit of anonymous memory in bytes; `None` for what the system has available.
     pub memory_bytes: Option<u64>,
 }
 
-/// Writes blocks, those of a container multiplied out, into a stored matrix at `path`, which knows nothing of their noise. Returns
-/// the number of blocks that it holds. Continues where an interrupted run over the same file stopped.
+/// Writes blocks, those of a container multiplied out, into a stored matrix at `path` without noise. Returns the number
+/// of blocks that it holds. Continues where an interrupted run over the same file stopped.
 ///
 /// # Errors
 /// Those of the selection, of reading the source and of writing the store.
@@ -93,11 +93,9 @@ pub fn unpack_to_store(
 }
 
 /// Writes one layer for each light, as the scene lights it, into one OpenEXR file at `path`, after a layer with all of
-/// them. The layers are named as Blender names light groups, `ViewLayer.Combined_LIGHT`, in one part of 32-bit floats, whose
-/// channels end in `.R`, `.G`, `.B`: OpenEXR's convention, by which Nuke makes layers too (`ViewLayer_Combined_LIGHT`, with
-/// its own `rgba` empty; at most 1,023 channels). Tried: Blender 5.0 shows a pass for each light, and OpenEXR's own Python
-/// module reads the layers, types and values that `.npy` has; Nuke by its documentation only. A path with `{light}` asks for a file of plain RGB for each light instead.
-/// Returns the files written.
+/// them. The layers are named as Blender names light groups, `ViewLayer.Combined_LIGHT`, in one part of 32-bit floats,
+/// with channels that end in `.R`, `.G`, `.B`. Programs that read them: decision 42. A path with `{light}` asks for a
+/// file of plain RGB for each light instead. Returns the files written.
 ///
 /// # Errors
 /// Those of the selection, of reading the source and of writing the files.
@@ -135,8 +133,8 @@ pub fn unpack_to_exr(
     Ok(vec![path.to_owned()])
 }
 
-/// Writes a file of plain RGB for each light. Those that an interrupted run over the same source and selection has written, noted in
-/// a file beside them, are written again.
+/// Writes a file of plain RGB for each light. Files that an interrupted run over the same source and selection has
+/// written are recorded beside them, and written again.
 fn unpack_to_files(
     source: &dyn UnpackSource,
     selected: &Selected,
@@ -164,7 +162,7 @@ fn unpack_to_files(
         }
         let overwrite = options.overwrite || begun.has(key);
         if !begun.has(key) {
-            // Before the file has its name: one that is not noted would be taken for someone else's.
+            // Before the file is renamed: an unrecorded file would count as someone else's.
             begun.append(key, &[])?;
         }
         let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((key as usize, channel, y), 0, row);
@@ -213,8 +211,8 @@ pub fn unpack_to_npy(
     image::write_npy(path, options.overwrite, images.len(), size_of_rect(selected.rect), &mut fetch)
 }
 
-/// Lights each block under groups of lights (indices into the selection) and leaves the images on disk, once there is
-/// room for them, and for files of `layers` of them each.
+/// Relights each block under groups of lights (indices into the selection), and keeps the images on disk. The disk
+/// space for these, and for files of `layers` images each, is checked first.
 fn relight_images(
     source: &dyn UnpackSource,
     selected: &Selected,
@@ -227,7 +225,7 @@ fn relight_images(
     let per_thread_bytes = source.reading_bytes() + 16 * shape.max_block_rows() as u64;
     let size = size_of_rect(selected.rect);
     let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(layers, size);
-    // The images in between, and the files, which are not larger.
+    // The images in between, and the files, which are no larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
     let need = ResourceEstimate { fixed_bytes, per_thread_bytes, disk_bytes, ..ResourceEstimate::default() };
     let threads = Threads::new(need.admit("unpacking", beside, &[], options.memory_bytes, watch)?)?;
@@ -264,13 +262,13 @@ fn relight_images(
     Ok(rows)
 }
 
-/// Names that programs can read as layers and files: letters and digits of any script, spaces, and a few signs; each once. Blender
-/// keeps 63 bytes of a pass's name, of which `Combined_` and a number take some.
+/// Unique names that programs can read as layers and files: letters and digits of any script, spaces, and a few other
+/// characters. Blender keeps 63 bytes of a pass's name, part of which are `Combined_` and a number.
 pub(super) fn safe_names<'a>(lights: impl Iterator<Item = &'a str>) -> Vec<String> {
     const MAX_BYTES: usize = 48;
     let mut taken = HashSet::new();
     let mut free_from: HashMap<String, usize> = HashMap::new();
-    // Beyond ASCII all but what is not seen.
+    // Beyond ASCII, every visible character.
     let is_seen = |c: char| !c.is_control() && !c.is_whitespace() && !matches!(c, '\u{2000}'..='\u{206f}' | '\u{feff}');
     let is_safe =
         |c: char| if c.is_ascii() { c.is_ascii_alphanumeric() || " _-+#()[]".contains(c) } else { is_seen(c) };

@@ -1,4 +1,4 @@
-//! Which part of a matrix is asked for: some blocks or a crop of the picture, some lights.
+//! Selection of a part of a matrix: blocks or a crop of the image, and lights.
 
 use std::ops::Range;
 
@@ -11,15 +11,15 @@ use crate::matrix::{BlockId, CHANNELS, ColumnIndex, MatrixShape, PixelRect};
 /// A part of a matrix; the default is all of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// Only these blocks: the rest of the picture stays black, or missing in a stored matrix.
+    /// Only these blocks. The rest of the image stays black, or missing in a stored matrix.
     pub blocks: Option<Range<u32>>,
-    /// Only these pixels: the result is as large as they are.
+    /// Only these pixels: the result has their size.
     pub crop: Option<PixelRect>,
-    /// Only lights whose names fit one of these patterns (`*` stands for anything); all if none.
+    /// Only lights whose names match one of these patterns (`*` stands for any text); all if empty.
     pub lights: Vec<String>,
 }
 
-/// A selection made sure to lie inside a job.
+/// A selection checked against a job.
 #[derive(Clone, Debug)]
 pub(super) struct Selected {
     pub(super) rect: PixelRect,
@@ -29,7 +29,7 @@ pub(super) struct Selected {
 }
 
 impl Selection {
-    /// Errors: blocks or pixels outside the image, a pattern that fits no light.
+    /// Errors: blocks or pixels outside the image, a pattern that matches no light.
     pub(super) fn of(&self, job: &Job) -> Result<Selected> {
         let shape = job.shape;
         let whole = PixelRect { x: 0, y: 0, width: shape.width(), height: shape.height() };
@@ -68,7 +68,7 @@ impl Selection {
 }
 
 impl Selected {
-    /// The job of the selected pixels and lights: the same one if that is all of them.
+    /// The job of the selected pixels and lights: unchanged if that is all of them.
     pub(super) fn job(&self, job: &Job) -> Result<Job> {
         if self.is_whole {
             return Ok(job.clone());
@@ -88,12 +88,12 @@ impl Selected {
         Ok(Job { shape, basis, provenance })
     }
 
-    /// Columns of the whole matrix that are selected, in order.
+    /// The selected columns of the whole matrix, in order.
     pub(super) fn columns(&self) -> Vec<ColumnIndex> {
         self.lights.iter().flat_map(|light| light.columns().map(ColumnIndex)).collect()
     }
 
-    /// The blocks of [`job`](Self::job) that the selected blocks fill.
+    /// The blocks of [`job`](Self::job) that the selected blocks cover.
     pub(super) fn target_blocks(&self, job: &Job, target: &Job) -> Vec<BlockId> {
         let filled = |id: &BlockId| {
             let rect = self.in_source(target.shape.rect(*id));
@@ -108,7 +108,7 @@ impl Selected {
         }
     }
 
-    /// A block of the selection, column-major, into `entries`, which are 0.
+    /// Fills `entries`, which are 0, with a block of the selection, column-major.
     pub(super) fn fill(
         &self,
         source: &dyn UnpackSource,
@@ -142,7 +142,7 @@ impl Selected {
     }
 }
 
-/// The pixels that two rectangles share.
+/// Intersection of two rectangles.
 pub(super) fn overlap(a: PixelRect, b: PixelRect) -> Option<PixelRect> {
     let (x, y) = (a.x.max(b.x), a.y.max(b.y));
     let (right, bottom) = ((a.x + a.width).min(b.x + b.width), (a.y + a.height).min(b.y + b.height));

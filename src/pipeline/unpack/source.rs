@@ -1,4 +1,4 @@
-//! What is unpacked: a container, or a stored matrix as it is.
+//! Sources of unpacking: a container, or a stored matrix.
 
 use crate::container::ContainerReader;
 use crate::error::Result;
@@ -11,28 +11,29 @@ pub type ColumnWeights = Vec<(ColumnIndex, [f32; CHANNELS])>;
 
 /// A matrix in a file, block by block.
 pub trait UnpackSource: Sync {
-    /// What it is a matrix of.
+    /// The job of the matrix.
     fn job(&self) -> &Job;
 
-    /// Tells one matrix from another: an unpack is continued over the same one only.
+    /// Identifies the matrix: an unpack continues only over the same one.
     ///
     /// # Errors
     /// The system refuses to read.
     fn fingerprint(&self) -> Result<[u8; 32]>;
 
-    /// Memory that it holds while it is open.
+    /// Memory held while it is open, in bytes.
     fn fixed_bytes(&self) -> u64;
 
-    /// Memory that reading a block takes at most.
+    /// Upper bound of the memory for reading a block, in bytes.
     fn reading_bytes(&self) -> u64;
 
-    /// Gives `work` the place in `columns` (ascending) and the rows of every column of a block that is not black.
+    /// Calls `work` for each column in `columns` (ascending) that is not black in a block, with its position there and
+    /// its rows.
     ///
     /// # Errors
     /// Those of reading: the block is missing or damaged.
     fn visit(&self, id: BlockId, columns: &[ColumnIndex], work: &mut dyn FnMut(usize, &[f32])) -> Result<()>;
 
-    /// Gives `each` the index of every lighting with the rows of a block under it, channel by channel.
+    /// Calls `each` with the index of every lighting and the rows of a block under it, channel by channel.
     ///
     /// # Errors
     /// Those of reading, and of `each`.
@@ -57,7 +58,7 @@ impl UnpackSource for ContainerReader {
         self.index_bytes()
     }
 
-    /// A block's factors while they are decoded and joined.
+    /// The factors of a block while they are decoded and joined.
     fn reading_bytes(&self) -> u64 {
         let shape = FactorSource::shape(self);
         let largest = shape.blocks().map(|id| self.rank(id) * 4 + self.sparse_entries(id) / 64).max().unwrap_or(0);
@@ -115,7 +116,7 @@ impl UnpackSource for StoreReader {
         Ok(())
     }
 
-    /// Reads the columns of one lighting after those of another: memory holds one image of the block.
+    /// Reads the columns of one lighting after those of another, so that memory holds one image of the block.
     fn relight(
         &self,
         id: BlockId,

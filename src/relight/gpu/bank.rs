@@ -95,13 +95,13 @@ pub(super) struct Factors {
 enum Span {
     /// A factor's components in 8 bits, as the block holds them.
     Narrow(Arc<CompactBlock>, Side),
-    /// Those in 16 bits.
+    /// A factor stored in 16 bits.
     Wide(Arc<CompactBlock>, Side),
     /// Planes that would end in the midst of a word, as bytes of their own.
     Padded(Range<usize>),
 }
 
-/// Which factor of a block.
+/// The left or the right factor of a block.
 #[derive(Clone, Copy, Debug)]
 enum Side {
     Left,
@@ -330,8 +330,8 @@ impl Bank {
         self.blocks.iter().map(|block| (BlockId(block.id), block.first_pixel)).collect()
     }
 
-    /// What is sent of it beside its sizes, by the names of the arrays: components, blocks, factors, sparse rows and sparse
-    /// entries, each in pieces that stand one behind the other.
+    /// The arrays to upload beside its sizes, by name: components, blocks, factors, sparse rows and sparse entries,
+    /// each in consecutive pieces.
     pub(super) fn arrays(&self) -> [(&'static str, Vec<&[u8]>); 5] {
         fn pieces<'a, T: Pod>(bank: &'a Bank, of: impl Fn(&'a Packed) -> &'a [T]) -> Vec<&'a [u8]> {
             bank.packed.iter().map(|packed| bytemuck::cast_slice(of(packed))).collect()

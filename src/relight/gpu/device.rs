@@ -12,14 +12,14 @@ pub(super) struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub pipelines: Vec<wgpu::ComputePipeline>,
-    /// Whether the kernels add up within subgroups.
+    /// Whether the kernels sum within subgroups.
     pub subgroups: bool,
     staging: Mutex<Staging>,
-    /// What the driver reported outside any call of ours.
+    /// The error that the driver reported asynchronously, outside our calls.
     complaint: Arc<Mutex<Option<String>>>,
 }
 
-/// What [`GpuRelighter`](super::GpuRelighter) would run on.
+/// The adapter that [`GpuRelighter`](super::GpuRelighter) would use.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct GpuAdapter {
     /// Its name and its driver's interface, as in "llvmpipe (Vulkan)".
@@ -115,12 +115,12 @@ impl Gpu {
         name_of(&self.adapter)
     }
 
-    /// Whether the adapter computes on the processor.
+    /// Whether the adapter is a software renderer on the CPU.
     pub(super) fn is_software(&self) -> bool {
         is_software(&self.adapter)
     }
 
-    /// For commands to come.
+    /// A new command encoder.
     pub(super) fn encoder(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }

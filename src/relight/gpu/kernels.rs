@@ -11,11 +11,11 @@ pub(super) const TOGETHER: u32 = 4;
 pub(super) struct Kernel<B: 'static> {
     pub name: &'static str,
     pub source: &'static str,
-    /// What is bound at 0, 1, …
+    /// The bindings at 0, 1, …
     pub bindings: &'static [B],
 }
 
-/// What the kernels that relight are bound to.
+/// The bindings of the kernels that relight.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum KernelBuffer {
     Sizes,
@@ -38,7 +38,7 @@ pub(super) enum ToneBinding {
     Screen,
 }
 
-/// What the threads of a kernel are spread over.
+/// The dimension over which the threads of a kernel are distributed.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum SpreadOver {
     /// A workgroup for each [`TOGETHER`] components.

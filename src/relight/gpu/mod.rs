@@ -34,7 +34,7 @@ pub use screen::{GpuScreen, ShownAs};
 /// Blocks that are read in parallel before they are packed.
 const BATCH: usize = 64;
 
-/// How a [`GpuRelighter`] uses its device.
+/// Settings of a [`GpuRelighter`].
 #[derive(Clone, Copy, Debug)]
 pub struct GpuSettings {
     /// Largest array in bytes; what the device can bind is an upper bound.
@@ -161,7 +161,7 @@ impl GpuRelighter {
         self.gpu.is_software()
     }
 
-    /// Whether threads add up within their subgroups.
+    /// Whether threads sum within their subgroups.
     pub fn uses_subgroups(&self) -> bool {
         self.gpu.subgroups
     }

@@ -19,11 +19,11 @@ use crate::relight::paged::PagedRelighter;
 use crate::relight::pager::{Admission, Detail, Pager, plan};
 use crate::relight::tiles::for_each_tile;
 
-/// Of the budget, the share of one bank. Two of them pass through at a time while the rest stays. Of 4, 6 and 10, 6 was the
-/// fastest for factors of 350 MB through a tenth of that (22, 20 and 29 ms for an image on an H100).
+/// One over the share of the budget that a bank takes. Two banks are in flight while the others stay. Tuned: decision
+/// 40.
 const BANK_SHARE: u64 = 6;
 const PASSING: u64 = 2;
-/// Most bytes of a bank: larger ones pass no faster, and take from what stays.
+/// Largest number of bytes of a bank. Larger ones stream no faster, and take room from those that stay.
 const MAX_BANK_BYTES: u64 = 64 << 20;
 
 /// Relights on the GPU within a budget of its memory: banks of blocks stay there as far as the budget goes, the others
@@ -43,7 +43,7 @@ pub struct PagedGpuRelighter<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct BankId(u64);
 
-/// Where a block stands in GPU memory.
+/// Position of a block in GPU memory.
 #[derive(Clone, Copy, Debug)]
 struct BankSlot {
     detail: Detail,
@@ -75,12 +75,12 @@ struct Uploaded {
     submission: wgpu::SubmissionIndex,
 }
 
-/// What follows when a bank is in GPU memory.
+/// The action once a bank is in GPU memory.
 #[derive(Clone, Copy)]
 enum Then {
-    /// It waits for a later call.
+    /// None: a later call uses it.
     Nothing,
-    /// It is relit and read back.
+    /// It is relit, and the image is read back.
     Relight,
 }
 
@@ -147,9 +147,8 @@ impl<'a> PagedGpuRelighter<'a> {
         Ok(image)
     }
 
-    /// Sets the pixels of the blocks in view, which are read in this order where they are not at hand; those blocks stay
-    /// in memory as far as the budgets go. `detail` as in [`PagedRelighter::relight_view`]. One call at a time runs;
-    /// others wait.
+    /// Computes the pixels of the blocks in view. Missing ones are read in this order, and stay in memory as far as the
+    /// budgets allow. `detail` as in [`PagedRelighter::relight_view`]. One call runs at a time; others wait.
     ///
     /// # Errors
     /// A lighting with another number of columns than the matrix, an image of another size; what the source
@@ -360,7 +359,7 @@ impl<'a> PagedGpuRelighter<'a> {
 }
 
 impl State {
-    /// What is at hand of a block.
+    /// The detail of a block that is in memory.
     fn detail(&self, id: BlockId) -> Option<Detail> {
         self.places.get(&id).map(|place| place.detail)
     }

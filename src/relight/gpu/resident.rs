@@ -55,7 +55,7 @@ pub(super) struct ResidentBank {
     pub(super) places: Vec<(BlockId, u32)>,
     /// Bytes of its buffers.
     pub(super) bytes: u64,
-    /// Those that were sent to them.
+    /// Bytes uploaded to them.
     pub(super) sent_bytes: u64,
 }
 

@@ -13,10 +13,10 @@ use crate::matrix::MatrixShape;
 use crate::relight::cpu::check_columns;
 use crate::relight::tiles::for_each_tile;
 
-/// How radiance is shown.
+/// How radiance is displayed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ShownAs {
-    /// As a display would show the scene.
+    /// Tone-mapped.
     Toned(ToneMapping),
     /// Luminance as [`false_colour`](crate::image::false_colour) shows it.
     FalseColour {
@@ -56,7 +56,7 @@ pub struct GpuScreen {
     texture: wgpu::Texture,
     tone: wgpu::Buffer,
     pipeline: wgpu::ComputePipeline,
-    /// For each bank its bindings and number of workgroups.
+    /// For each bank the bindings and the number of workgroups.
     passes: Vec<(wgpu::BindGroup, [u32; 3])>,
 }
 
@@ -157,7 +157,7 @@ impl GpuScreen {
         &self.texture
     }
 
-    /// What makes them.
+    /// The relighter that computes the images.
     pub fn relighter(&self) -> &GpuRelighter {
         &self.relighter
     }

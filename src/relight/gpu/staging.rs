@@ -1,5 +1,5 @@
-//! The way of bytes from the host's memory to the GPU's: through a few buffers that both see and that are used again and
-//! again, since making one costs as much as sending what it holds. All threads fill one while the GPU empties another.
+//! Uploads from host to GPU memory through a few mapped buffers. They are reused, since making one costs as much as
+//! sending what it holds. All threads fill one while the GPU empties another.
 
 use std::ops::Range;
 
@@ -8,19 +8,18 @@ use rayon::prelude::*;
 use super::device::Gpu;
 use crate::error::{Error, Result};
 
-/// Bytes of one buffer: so many that a submission does not count beside filling it. With half as much, an image of factors of
-/// 350 MB through a tenth of that took 1.3 times as long on an H100.
+/// Bytes of one staging buffer, so many that the cost of a submission is small beside filling it. Tuned: decision 40.
 const SLOT_BYTES: usize = 8 << 20;
 /// One is filled, one is emptied, and one is on its way back.
 const SLOTS: usize = 3;
-/// What one thread fills at a time.
+/// Bytes that one thread fills at a time.
 const STRIPE_BYTES: usize = 64 << 10;
 
 /// The buffers, made when they are first needed.
 #[derive(Default)]
 pub(super) struct Staging {
     slots: Vec<Slot>,
-    /// Which is used next.
+    /// Index of the buffer to use next.
     turn: usize,
 }
 
@@ -34,7 +33,7 @@ struct Slot {
 #[must_use]
 pub(super) struct Sent {
     pub encoder: wgpu::CommandEncoder,
-    /// What the commands empty.
+    /// The buffer that the commands read.
     slot: Option<usize>,
 }
 

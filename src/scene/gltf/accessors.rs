@@ -19,7 +19,7 @@ impl<'a> Elements<'a> {
     }
 }
 
-/// What a number is written as.
+/// Component type of an accessor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     I8,
@@ -71,7 +71,7 @@ impl<'a> Accessor<'a> {
         self.width * self.kind.bytes()
     }
 
-    /// The same with elements that a decoder made.
+    /// The same accessor with elements that a decoder produced.
     pub(super) fn with(mut self, numbers: Vec<f32>) -> Self {
         self.count = numbers.len() / self.width;
         self.decoded = Some(numbers);
@@ -170,7 +170,7 @@ impl<'a> Buffers<'a> {
         Ok(self.raw(accessor)?.chunks_exact(accessor.size()).map(vector).collect())
     }
 
-    /// As [`vectors`](Self::vectors), all finite.
+    /// As [`vectors`](Self::vectors), and all values must be finite.
     pub(super) fn finite<const N: usize>(&self, accessor: &Accessor<'_>, what: &str) -> Result<Vec<[f32; N]>> {
         let vectors = self.vectors(accessor, what)?;
         match vectors.iter().position(|v: &[f32; N]| !v.iter().all(|n| n.is_finite())) {

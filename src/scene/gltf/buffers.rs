@@ -29,7 +29,7 @@ struct Absent {
     hint: String,
 }
 
-/// What a URI means.
+/// A parsed URI.
 pub(super) enum Uri {
     /// The bytes are in the URI.
     Data(Vec<u8>),
@@ -66,7 +66,7 @@ pub(super) fn load<'a>(
     Ok(buffers)
 }
 
-/// How a view is compressed, if it is.
+/// The compression extension of a view, if it has one.
 fn compression<'a>(view: &JsonItem<'a>) -> Option<JsonItem<'a>> {
     COMPRESSED.iter().find_map(|name| view.extension(name).ok().flatten())
 }

@@ -18,7 +18,7 @@ const USUAL_HEIGHT: u32 = 480;
 pub(in super::super) struct FileCamera {
     /// Name of its node.
     pub(in super::super) name: String,
-    /// Its own name, which may differ.
+    /// Name of the camera itself, which may differ.
     pub(in super::super) own_name: Option<String>,
     eye: DVec3,
     forward: Vec3,

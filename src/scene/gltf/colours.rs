@@ -1,7 +1,7 @@
-//! Vertex colours, as a texture: four texels for each triangle, between whose middles it lies.
+//! Vertex colours as a texture: four texels for each triangle, whose corners are three of their centres.
 //!
-//! A texture that is looked up between four texels is linear across a triangle whose corners are three of them if the fourth
-//! goes on with it, as vertex colours are.
+//! Bilinear lookup between four texels is linear across the triangle, as vertex colours are, if the fourth texel
+//! continues the other three linearly.
 
 use glam::{Vec2, Vec3};
 

@@ -24,7 +24,7 @@ const MIN_METAL: f32 = 0.25;
 /// Roughness where a texture states it that is not read.
 const MAPPED_ROUGHNESS: f32 = 0.5;
 
-/// Where an image's bytes are.
+/// Source of an image's bytes.
 #[derive(Clone, Debug)]
 pub(in super::super) enum ImageSource {
     /// In a file beside the glTF file: its folder and its name there.
@@ -38,7 +38,7 @@ pub(in super::super) enum ImageSource {
 /// An image that a material names.
 pub(in super::super) type SourceImage = Option<ImageSource>;
 
-/// What a material's alpha means here.
+/// Alpha mode of a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in super::super) enum Alpha {
     /// Nothing.
@@ -243,7 +243,7 @@ impl<'a> Stated<'a> {
         Ok(())
     }
 
-    /// What is left out or simplified, in words.
+    /// Properties that are left out or simplified, for messages.
     fn not_used(&self, tree: &JsonTree) -> Result<Vec<&'static str>> {
         let (base, emissive) = (&self.base_texture, &self.emission_texture);
         let mapped = self.metallic_roughness_texture.is_some();
@@ -408,11 +408,11 @@ pub(super) fn image_source(
     }
 }
 
-/// How texture coordinates become ours.
+/// Transform of texture coordinates.
 pub(super) struct Mapping {
-    /// Which texture coordinates are used.
+    /// Index of the set of texture coordinates.
     pub(super) set: usize,
-    /// Whether there is a texture.
+    /// Whether any texture uses it.
     pub(super) is_used: bool,
     /// Whether the texture repeats both ways, as all do here.
     pub(super) repeats: bool,

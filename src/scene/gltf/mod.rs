@@ -1,7 +1,7 @@
-//! glTF 2.0: `.gltf` and `.glb` files to triangles, materials, cameras and lamps.
+//! glTF 2.0: from `.gltf` and `.glb` files to triangles, materials, cameras and lamps.
 //!
-//! What is used of a file is looked at where it is used, within bounds: no accessor is taken at its word, and nothing is made that
-//! is larger than the file's own bytes and the memory allow. What is not used, such as animations, is not looked at at all.
+//! Values are validated where they are used, within bounds: no accessor is trusted, and no allocation exceeds what the
+//! file's own bytes and the memory allow. Parts that are not used, such as animations, are not read.
 
 mod accessors;
 mod base64;
@@ -34,7 +34,7 @@ use crate::error::Result;
 pub(super) struct FileExtras {
     /// Perspective cameras, in the order of the nodes.
     pub(super) cameras: Vec<FileCamera>,
-    /// Its lamps, as a scene file would state them.
+    /// Its lamps, in the form of scene file entries.
     pub(super) lamps: Vec<LightEntry>,
 }
 

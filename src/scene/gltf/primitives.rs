@@ -20,7 +20,7 @@ use super::plain;
 use super::tree::JsonItem;
 use crate::error::{Error, Result};
 
-/// How the vertices of a primitive make triangles.
+/// Topology of a primitive's triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mode {
     Triangles,
@@ -28,7 +28,7 @@ enum Mode {
     Fan,
 }
 
-/// What was left out, for one line each.
+/// Counts of what was left out, one message each.
 #[derive(Default)]
 struct LeftOut {
     lines: usize,
@@ -134,9 +134,9 @@ fn with_colours(material: &SourceMaterial, texture: Texture) -> SourceMaterial {
     SourceMaterial { name: material.name.clone(), description }
 }
 
-/// Which vertices make triangles.
+/// The indices of a primitive.
 enum Indices<'a> {
-    /// All, one after the other.
+    /// No indices: vertices in order.
     None,
     Stated(Accessor<'a>),
     Decoded(Vec<u32>),

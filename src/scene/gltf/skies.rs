@@ -132,9 +132,9 @@ fn radiance([r, g, b, a]: [f32; 4]) -> [f32; 3] {
     if a > 0.0 { [r / a, g / a, b / a] } else { [0.0; 3] }
 }
 
-/// A line where the mean of the images is not that of the irradiance: coefficient 0 is `π ∫ L Y₀₀ dω`, so that the mean
-/// radiance is `Y₀₀ / π` of it, with `Y₀₀ = 1 / √(4π)` (Ramamoorthi, Hanrahan, *An efficient representation for irradiance
-/// environment maps*, 2001).
+/// A message if the mean of the images differs from that of the irradiance. Coefficient 0 is `π ∫ L Y₀₀ dω`, so that
+/// the mean radiance is `Y₀₀ / π` of it, with `Y₀₀ = 1 / √(4π)` (Ramamoorthi, Hanrahan, *An efficient representation
+/// for irradiance environment maps*, 2001).
 fn compare_means(path: &Path, name: &str, cube: &CubeMap, light: &JsonItem<'_>) -> Option<String> {
     let coefficients = light.value("irradianceCoefficients");
     let mean = |values: [f64; 3]| values.iter().sum::<f64>() / 3.0;

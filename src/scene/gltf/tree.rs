@@ -78,7 +78,7 @@ impl<'a> JsonItem<'a> {
         self.value.as_object().into_iter().flatten().filter(|(_, value)| !value.is_null()).map(|(key, _)| key.as_str())
     }
 
-    /// That a member is not as it should be.
+    /// An error for an invalid member.
     pub(super) fn refuse(&self, key: &str, problem: &str) -> Error {
         self.tree.refuse(&self.path(key), problem)
     }
@@ -169,7 +169,7 @@ impl<'a> JsonItem<'a> {
         }
     }
 
-    /// What an extension says of it.
+    /// An extension of this item.
     pub(super) fn extension(&self, name: &str) -> Result<Option<JsonItem<'a>>> {
         match self.object("extensions")? {
             Some(extensions) => extensions.object(name),

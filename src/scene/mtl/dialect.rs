@@ -12,7 +12,7 @@ use super::MtlMaterial;
 /// Who wrote a material file, as far as that changes what it means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(in super::super) enum Writer {
-    /// Someone who means what the format says.
+    /// Unknown: the file is read as the format says.
     #[default]
     Unknown,
     /// Blender: a map stands for `Kd`, which keeps the colour that the map took the place of.

@@ -59,7 +59,7 @@ const LAMP: [&str; 9] = ["bulb", "lamp", "light", "lantern", "shade", "globe", "
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in super::super) struct MtlLook {
     pub(in super::super) kind: SurfaceEntry,
-    /// In place of the diffuse colour and its map.
+    /// Overrides the diffuse colour and its map.
     pub(in super::super) reflectance: Option<Vec3>,
     pub(in super::super) specular: Vec3,
     pub(in super::super) alpha: f32,
@@ -67,12 +67,12 @@ pub(in super::super) struct MtlLook {
     pub(in super::super) transmittance: Vec3,
 }
 
-/// Which rule said what shows through.
+/// The rule by which transparency was decided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in super::super) enum Through {
     /// Nothing was to be decided.
     Stated,
-    /// It would not be seen: opaque.
+    /// Would be invisible, so it is opaque.
     Unseen,
     /// A pane or a sheet of glass.
     Pane,
@@ -141,7 +141,7 @@ pub(in super::super) fn look_of(source: &MtlMaterial, shape: MaterialShape) -> (
     (look, 1.0, Through::Pane)
 }
 
-/// What says that something transparent is of glass.
+/// Evidence that a transparent material is glass.
 struct Evidence {
     is_named_glass: bool,
     is_named_cloth: bool,

@@ -7,7 +7,7 @@ use super::super::lines::unquoted;
 /// An image that a material names.
 #[derive(Clone, Debug, PartialEq)]
 pub(in super::super) struct MtlMap {
-    /// As it is written, without quotation marks.
+    /// File name as written, without quotation marks.
     pub(in super::super) file: String,
     /// Texture coordinates are multiplied by this (`-s`)…
     pub(in super::super) scale: Vec2,
@@ -109,7 +109,7 @@ impl MtlMap {
         Some(rest)
     }
 
-    /// Whether it lies as the texture coordinates say.
+    /// Whether it uses the texture coordinates without a transform.
     pub(in super::super) fn is_plain(&self) -> bool {
         self.scale == Vec2::ONE && self.offset == Vec2::ZERO
     }

@@ -21,7 +21,7 @@ const NEAR: f32 = 1e-5;
 /// Bytes for each triangle that is looked at: its corners, their places, its edges in a table with room to grow.
 pub(in super::super) const SHAPE_BYTES: usize = 400;
 
-/// What most of a material's surface belongs to.
+/// Shape that most of a material's surface belongs to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(in super::super) enum MaterialShape {
     /// A surface with edges that is not flat.
@@ -38,12 +38,12 @@ pub(in super::super) enum MaterialShape {
 }
 
 impl MaterialShape {
-    /// Whether light that goes through it meets two faces.
+    /// Whether light passes two faces of it.
     pub(super) fn has_two_faces(self) -> bool {
         matches!(self, Self::Slab | Self::Vessel)
     }
 
-    /// Whether glass of this shape bends light.
+    /// Whether glass of this shape refracts light.
     pub(super) fn is_solid(self) -> bool {
         matches!(self, Self::Vessel | Self::Body)
     }

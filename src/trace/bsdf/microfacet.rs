@@ -39,8 +39,8 @@ impl Ggx {
         self.normals(half) / ((1.0 + self.lambda(wo)) * 4.0 * wo.z)
     }
 
-    /// Mirrors `wo` at a normal chosen among those it sees (Heitz 2018, *Sampling the GGX distribution of visible
-    /// normals*). The result may point below the surface; such light is lost.
+    /// Mirrors `wo` at a sampled visible normal (Heitz 2018, *Sampling the GGX distribution of visible normals*). The
+    /// result may point below the surface; such light is lost.
     pub(super) fn sample_reflection(self, wo: Vec3, pair: Vec2) -> Vec3 {
         let stretched = Vec3::new(self.alpha * wo.x, self.alpha * wo.y, wo.z).normalize();
         let length2 = stretched.x * stretched.x + stretched.y * stretched.y;

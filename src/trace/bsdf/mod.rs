@@ -72,11 +72,12 @@ pub struct Scattered {
     pub weight: Vec3,
     /// Density over solid angle; 0 where [`Self::singular`].
     pub pdf: f32,
-    /// Whether the direction is the only one possible (mirror, refraction), so that lights cannot be sampled for it.
+    /// Whether the direction is a delta direction (mirror, refraction), so that lights cannot be sampled for it.
     pub singular: bool,
-    /// Whether the ray goes straight on, as if nothing were there.
+    /// Whether the ray passes straight through.
     pub pass_through: bool,
-    /// Factor by which `weight` falls short of the light kept, because radiance is larger in the medium it came from.
+    /// Squared relative index (η²), by which `weight` is below the light kept, since radiance changes with the medium.
+    /// Russian roulette and photons take it out.
     pub eta_scale: f32,
 }
 
@@ -104,13 +105,13 @@ impl Bsdf {
         }
     }
 
-    /// Whether light samples can contribute: some of it scatters over a solid angle.
+    /// Whether the surface scatters over a solid angle, so that light samples can contribute.
     #[inline(always)]
     pub fn is_non_specular(&self) -> bool {
         matches!(self, Self::Lambert { .. } | Self::RoughConductor { .. } | Self::Coated { .. })
     }
 
-    /// Whether light is reflected mainly about the mirror direction, or only there.
+    /// Whether the surface reflects mainly about the mirror direction, or only there.
     #[inline(always)]
     pub fn has_lobe(&self) -> bool {
         !matches!(self, Self::Lambert { .. } | Self::Black)
@@ -150,9 +151,9 @@ impl Bsdf {
         }
     }
 
-    /// The part of light from all around that is reflected to `wo`, as far as it is spread: what the light of a pixel is
-    /// divided by to find how a surface is lit. Exact for diffuse surfaces and smooth coats, without the loss between
-    /// microfacets for rough ones; zero where nothing is spread.
+    /// Albedo of the non-specular part: the part of uniform illumination that is reflected to `wo`. The light of a
+    /// pixel is divided by it for denoising. Exact for diffuse surfaces and smooth coats; for rough ones it ignores
+    /// multiple scattering between microfacets. Zero if the surface is purely specular.
     #[inline(always)]
     pub fn albedo(&self, wo: Vec3) -> Vec3 {
         match *self {
@@ -166,8 +167,8 @@ impl Bsdf {
         }
     }
 
-    /// Chooses a direction from a pair of uniform numbers and one more for the choice between lobes. None where the
-    /// light is absorbed.
+    /// Samples a direction from a pair of uniform numbers and one more for the choice of the lobe. `None` if the light
+    /// is absorbed.
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, pair: Vec2, choice: f32) -> Option<Scattered> {
         let mirror = Scattered {
@@ -213,8 +214,8 @@ impl Bsdf {
         (pdf > 0.0).then(|| Scattered { wi, weight: value / pdf, pdf, singular: false, ..mirror })
     }
 
-    /// The way from a boundary that [`Self::sample`] does not take with this choice, and how likely it would have been. None
-    /// where there is but one.
+    /// The branch of a boundary that [`Self::sample`] does not take for this choice, and its probability. `None` if
+    /// there is only one.
     #[inline(always)]
     pub fn other_way(&self, wo: Vec3, choice: f32) -> Option<(Scattered, f32)> {
         let reflectance = match *self {
@@ -227,7 +228,7 @@ impl Bsdf {
         way.map(|way| (way, chance))
     }
 
-    /// What light keeps that passes straight through, for shadow rays: zero for all but thin sheets.
+    /// Transmittance for shadow rays that pass straight through: 0 for all surfaces but thin sheets.
     pub fn straight_transmittance(&self, cosine: f32) -> Vec3 {
         match *self {
             Self::ThinDielectric { ior, transmittance } => transmittance * (1.0 - thin_reflectance(cosine, ior)),
@@ -244,7 +245,7 @@ fn coated_base(reflectance: Vec3, specular: Vec3, cos_o: f32, cos_i: f32) -> Vec
     reflectance * passed / (Vec3::ONE - mean).max(Vec3::splat(1e-6))
 }
 
-/// Chance to sample the coat: its share of the reflected light, kept off 0 so that no highlight is left to luck.
+/// Probability to sample the coat: its share of the reflected light, bounded below so that every highlight is sampled.
 fn coat_chance(reflectance: Vec3, specular: Vec3, cos_o: f32) -> f32 {
     let coat = schlick(specular, cos_o).element_sum();
     let base = (reflectance * (Vec3::ONE - schlick(specular, cos_o))).element_sum();

@@ -1,4 +1,4 @@
-//! The walk eight lanes at a time: the twin of `scalar`, operation by operation.
+//! Traversal with eight lanes at a time: the twin of `scalar`, operation by operation.
 #![expect(unsafe_code, reason = "a measured SIMD leaf: a fifth to two fifths of tracing's time is spent here")]
 
 use std::arch::x86_64::*;
@@ -71,7 +71,7 @@ fn dot(a: &[__m256; 3], b: &[__m256; 3]) -> __m256 {
     _mm256_add_ps(xy, _mm256_mul_ps(a[2], b[2]))
 }
 
-/// Distances, the corners' shares and a mask of the lanes hit at `t_last` at most.
+/// Distances, barycentric shares, and a mask of the lanes hit at `t_last` or nearer.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn intersect(packet: &Packet, ray: &Lanes, t_last: f32) -> (__m256, [__m256; 3], u32) {
@@ -128,7 +128,8 @@ pub(super) fn occlusion(tree: &WideTree, ray: &Ray) -> Occlusion {
     unsafe { occlusion_lanes(tree, o.x, o.y, o.z, d.x, d.y, d.z, t_max) }
 }
 
-/// Entries that wait, deepest first. The array is left uninitialised, for filling it would cost as much as the walk.
+/// Stack of pending entries, the deepest first. The array is left uninitialised, since filling it would cost as much as
+/// the traversal.
 struct Stack<T: Copy> {
     entries: [MaybeUninit<T>; STACK],
     height: usize,
@@ -155,7 +156,7 @@ impl<T: Copy> Stack<T> {
 }
 
 impl Stack<(u32, f32)> {
-    /// Sorts the entries from `base` up, the nearest on top; of equals the one pushed later is on top.
+    /// Sorts the entries from `base` up, with the nearest on top; of equal ones, the one pushed later.
     #[inline(always)]
     fn sort_above(&mut self, base: usize) {
         // SAFETY: every entry below the height has been written.
@@ -245,7 +246,7 @@ fn occlusion_lanes(tree: &WideTree, x: f32, y: f32, z: f32, dx: f32, dy: f32, dz
             let node = &tree.nodes[code as usize];
             let mut mask = enter(node, &lanes, t_max).1;
             if mask != 0 {
-                // The last one is gone into at once, as if it were pushed and popped.
+                // The last one is entered at once, as if it were pushed and popped.
                 let last = mask.ilog2();
                 mask ^= 1 << last;
                 while mask != 0 {
@@ -259,7 +260,7 @@ fn occlusion_lanes(tree: &WideTree, x: f32, y: f32, z: f32, dx: f32, dy: f32, dz
             let packet = &tree.packets[(code & !LEAF) as usize];
             let (_, [u, v, w], mut mask) = intersect(packet, &lanes, t_last);
             if mask != 0 {
-                // Those that are seen as a line are no hits.
+                // Triangles seen edge-on are no hits.
                 let sum = _mm256_add_ps(_mm256_add_ps(u, v), w);
                 mask &= _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_NEQ_UQ>(sum, _mm256_setzero_ps())) as u32;
             }

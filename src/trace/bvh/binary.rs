@@ -1,12 +1,12 @@
 //! The binary tree: binned surface area heuristic (Wald 2007, *On fast construction of SAH-based bounding volume
-//! hierarchies*), one triangle a leaf. Bins are tried on all three axes.
+//! hierarchies*) on all three axes, one triangle for each leaf.
 
 use glam::Vec3;
 
 const BINS: usize = 32;
-/// Levels of the deepest tree there may be.
+/// Levels of the deepest tree allowed.
 pub(super) const DEEPEST: u32 = 80;
-/// Below this depth ranges are halved, which takes at most 32 levels for as many triangles as there can be.
+/// From this depth on ranges are halved, which takes at most 32 levels for the largest number of triangles.
 const DEEPEST_HEURISTIC: u32 = DEEPEST - 33;
 /// Ranges above this many triangles are built by two threads; the tree does not depend on it.
 const PARALLEL_ABOVE: usize = 8_192;
@@ -46,7 +46,7 @@ pub(super) struct BinaryNode {
     pub(super) second: u32,
 }
 
-/// The tree, depth first, and the order of triangles that its ranges index.
+/// The tree in depth-first order, and the order of triangles that its ranges index.
 pub(super) struct BinaryTree {
     pub(super) nodes: Vec<BinaryNode>,
     pub(super) order: Vec<u32>,
@@ -152,7 +152,7 @@ fn binning(min: f32, extent: f32, axis: usize) -> impl Fn(&Item) -> usize {
     move |item| (((item.centre[axis] - min) * scale) as usize).min(BINS - 1)
 }
 
-/// Halves by the median along the longest axis of the centres: for centres that coincide and for runaway depths.
+/// Halves at the median along the longest axis of the centres: for coinciding centres and for excessive depth.
 fn halve(items: &mut [Item]) -> usize {
     let centres = items.iter().fold(NodeBounds::EMPTY, |b, i| b.union(NodeBounds { min: i.centre, max: i.centre }));
     let axis = (centres.max - centres.min).max_position();

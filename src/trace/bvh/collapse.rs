@@ -7,16 +7,16 @@
 use super::binary::BinaryTree;
 use super::wide::{LANES, NODE_COST};
 
-/// How a subtree is shown as at most `j` parts.
+/// How a subtree is represented by at most `j` parts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum ChildCut {
-    /// As one leaf.
+    /// One wide leaf.
     Leaf,
-    /// As one wide node.
+    /// One wide node.
     Node,
-    /// As `j − 1` parts: one more brings nothing.
+    /// As with `j − 1` parts: one more part costs no less.
     Fewer,
-    /// By both children, the first of them as so many parts.
+    /// Both children, the first of them with this many parts.
     Split(u8),
 }
 
@@ -37,7 +37,7 @@ impl Collapse {
     pub(super) fn new(binary: &BinaryTree) -> Self {
         let mut choices = vec![[ChildCut::Leaf; LANES]; binary.nodes.len()];
         let mut costs = vec![[0.0f32; LANES]; binary.nodes.len()];
-        // Children stand after their parents.
+        // Children come after their parents.
         for (i, node) in binary.nodes.iter().enumerate().rev() {
             let area = node.bounds.half_area();
             if node.second == 0 {
@@ -77,7 +77,7 @@ impl Collapse {
             parts.push(WideChild { node, is_leaf: true });
             return;
         }
-        // The best of all splits into eight was what made it a node.
+        // Its best split into eight was what made it a node.
         self.show(binary, node, LANES, true, parts);
     }
 
@@ -92,7 +92,7 @@ impl Collapse {
                 self.show(binary, node + 1, usize::from(first), false, parts);
                 self.show(binary, second, count - usize::from(first), false, parts);
             }
-            // A node that is to be opened but has no cheaper split into several parts than itself: its children.
+            // A node to be opened whose cheapest representation is itself: use its children.
             ChildCut::Node if open => {
                 let second = binary.nodes[node as usize].second;
                 self.show(binary, node + 1, 1, false, parts);

@@ -1,6 +1,6 @@
-//! The binary tree improved by reinsertion: subtrees are taken out and put back where the surface area heuristic says
-//! they cost least (Meister and Bittner 2018, *Parallel reinsertion for bounding volume hierarchy optimization*), by
-//! the crate obvhs. Bins decide top down and cannot see that a large triangle belongs elsewhere; reinsertion can.
+//! Improves the binary tree by reinsertion: subtrees are removed and inserted where the surface area heuristic is
+//! lowest (Meister and Bittner 2018, *Parallel reinsertion for bounding volume hierarchy optimization*; the crate
+//! obvhs). Binning works top down and cannot see that a large triangle belongs elsewhere; reinsertion can.
 
 use std::collections::VecDeque;
 
@@ -10,11 +10,11 @@ use obvhs::bvh2::{Bvh2, node::Bvh2Node};
 
 use super::binary::{BinaryNode, BinaryTree, DEEPEST, NodeBounds};
 
-/// Nodes tried in the first round, of all; round `k` tries `1 / (2 k − 1)` of that.
+/// Share of the nodes examined in the first round; round `k` examines `1 / (2 k − 1)` of that.
 const FIRST_ROUND: f32 = 0.1;
 const ROUNDS: u32 = 8;
 
-/// The same triangles in a better tree; `None` where there is nothing to reinsert or the tree would become too deep.
+/// A better tree over the same triangles; `None` if there is nothing to reinsert or the tree would become too deep.
 pub(super) fn reinserted(tree: &BinaryTree) -> Option<BinaryTree> {
     if tree.nodes.len() < 4 {
         return None;
@@ -25,7 +25,7 @@ pub(super) fn reinserted(tree: &BinaryTree) -> Option<BinaryTree> {
         let count = (FIRST_ROUND * bvh.nodes.len() as f32 / (2 * round + 1) as f32) as usize;
         let candidates = candidates(&bvh, count.max(1));
         optimizer.run_with_candidates(&mut bvh, &candidates, 1);
-        // A round looks for places with a stack that a deeper tree than this might overflow.
+        // The search of a round uses a stack that a deeper tree might overflow.
         if is_too_deep(&bvh) {
             return None;
         }
@@ -35,10 +35,10 @@ pub(super) fn reinserted(tree: &BinaryTree) -> Option<BinaryTree> {
     Some(better)
 }
 
-/// The tree as obvhs has it: siblings side by side, and the first nodes those nearest to the root, among which it looks
-/// for nodes worth moving. A leaf's index is that of its node in `tree`.
+/// Converts the tree to obvhs' layout: siblings are adjacent, and nodes nearest to the root come first, where obvhs
+/// looks for candidates. A leaf's index is that of its node in `tree`.
 fn breadth_first(tree: &BinaryTree) -> Bvh2 {
-    // Areas of the largest coordinates would overflow. A power of two, so that nothing is rounded.
+    // Areas of the largest coordinates would overflow. The scale is a power of two, so that nothing is rounded.
     let largest = tree.nodes[0].bounds.min.abs().max(tree.nodes[0].bounds.max.abs()).max_element();
     let scale = if largest > 1e15 { 2f32.powi(-80) } else { 1.0 };
     let node_of = |node: &BinaryNode, index: u32| {
@@ -64,7 +64,7 @@ fn breadth_first(tree: &BinaryTree) -> Bvh2 {
     Bvh2 { nodes, ..Bvh2::default() }
 }
 
-/// The largest of the nodes nearest to the root, the root itself left out.
+/// The largest of the nodes nearest to the root, without the root.
 fn candidates(bvh: &Bvh2, count: usize) -> Vec<u32> {
     let mut nodes: Vec<u32> = (1..bvh.nodes.len().min(2 * count + 2) as u32).collect();
     let area = |node: &u32| bvh.nodes[*node as usize].aabb().half_area();
@@ -87,7 +87,7 @@ fn is_too_deep(bvh: &Bvh2) -> bool {
     false
 }
 
-/// Appends the subtree of `node` with bounds made anew from its leaves; returns its index.
+/// Appends the subtree of `node`, with bounds recomputed from its leaves; returns its index.
 fn append_depth_first(bvh: &Bvh2, node: u32, leaves: &BinaryTree, tree: &mut BinaryTree) -> u32 {
     let index = tree.nodes.len();
     let start = tree.order.len() as u32;
@@ -157,7 +157,7 @@ mod tests {
         assert_eq!(order(&large).len(), order(&small).len());
     }
 
-    /// Triangles each half as far away as the one before: as deep a tree as the builder makes.
+    /// Triangles each half as far away as the one before: the deepest tree that the builder makes.
     #[test]
     fn a_tree_never_gets_too_deep_to_be_walked() {
         let along = (0..240).map(|i| {

@@ -1,24 +1,24 @@
-//! The walk in plain loops: the twin of `avx2`, operation by operation.
+//! Traversal in plain loops: the twin of `avx2`, operation by operation.
 
 use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, WideNode, WideTree};
 use super::{Hit, Occlusion, Ray};
 
-/// What a walk needs of a ray, computed once.
+/// Values of a ray that are computed once.
 pub(super) struct Prepared {
     pub(super) origin: [f32; 3],
     pub(super) direction: [f32; 3],
     pub(super) inverse: [f32; 3],
-    /// Which of a node's bounds is nearer, by axis; the farther one is three on or back.
+    /// For each axis, the index of the nearer of a node's bounds; the farther one is three before or after.
     pub(super) near: [usize; 3],
-    /// Axes across the one along which the direction is longest, and that one.
+    /// The two axes across the ray's longest one, and that axis.
     pub(super) axes: [usize; 3],
-    /// What the direction goes across for each step along that axis.
+    /// Slopes of the ray across its longest axis.
     pub(super) shear: [f32; 2],
 }
 
-/// Far distances are widened by this much, more than the rounding of the two operations before, so that a ray along a
-/// box's face cannot slip between two boxes (Ize 2013, *Robust BVH ray traversal*), and a box is entered whose triangle
-/// is as far as the nearest hit.
+/// Factor that widens far distances by more than the rounding of the two operations before. A ray along a box's face
+/// then cannot slip between two boxes (Ize 2013, *Robust BVH ray traversal*), and a box whose triangle is as far as the
+/// nearest hit is entered.
 pub(super) const WIDEN: f32 = 1.000_000_5;
 
 impl Prepared {
@@ -43,17 +43,17 @@ impl Prepared {
     }
 }
 
-/// Maximum that gives the second argument for NaN, as the processor's instruction does.
+/// Maximum that returns the second argument for NaN, as the instruction does.
 fn max(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Minimum that gives the second argument for NaN.
+/// Minimum that returns the second argument for NaN, as the instruction does.
 fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Entry distances of a node's children and which of them the ray meets up to `reach`.
+/// Entry distances of a node's children, and a mask of those hit up to `reach`.
 fn enter(node: &WideNode, ray: &Prepared, reach: f32) -> ([f32; LANES], u32) {
     let mut distances = [0.0; LANES];
     let mut mask = 0;
@@ -70,13 +70,13 @@ fn enter(node: &WideNode, ray: &Prepared, reach: f32) -> ([f32; LANES], u32) {
     (distances, mask)
 }
 
-/// Whether the ray meets a lane's triangle, at a distance of at most `t_last`: that distance, and the shares of its corners, which
-/// divided by their sum are their weights.
+/// The intersection with a lane's triangle at `t_last` or nearer: the distance, and the shares of the corners, whose
+/// quotients by their sum are the barycentric weights.
 ///
-/// The edges are tested as Woop, Benthin and Wald do (2013, *Watertight ray/triangle intersection*): corners come to where they are seen along
-/// the ray, by the same operations in every triangle that has them, and the sign of what is left of an edge is never wrong there but 0
-/// at times, which counts as inside for both of its triangles. The distance is that to the triangle's plane, whose error depends on the
-/// coordinates of the ray's origin alone: not on the triangle's size or shape, nor on the slant.
+/// Edges are tested as in Woop, Benthin and Wald 2013, *Watertight ray/triangle intersection*. Corners are transformed
+/// to ray space by the same operations in every triangle that has them. The sign of an edge function is then never
+/// wrong, but may be 0, which counts as inside for both triangles. The distance is that to the triangle's plane. Its
+/// error depends on the coordinates of the ray's origin alone, not on the triangle's size or shape nor on the angle.
 fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_last: f32) -> Option<(f32, [f32; 3])> {
     let [x, y, z] = ray.axes;
     let seen = |corner: &[[f32; LANES]; 3]| {
@@ -97,16 +97,16 @@ fn intersect(packet: &Packet, lane: usize, ray: &Prepared, t_last: f32) -> Optio
     (inside && t > 0.0 && t <= t_last).then_some((t, shares))
 }
 
-/// The weights of the second and third corner by the shares of all; none where a triangle is seen as a line.
+/// Barycentric weights of the second and third corner from the shares of all; `None` if the triangle is seen edge-on.
 pub(super) fn weights([u, v, w]: [f32; 3]) -> Option<(f32, f32)> {
     let sum = u + v + w;
     (sum != 0.0).then(|| (v / sum, w / sum))
 }
 
-/// Entries of a stack that need no allocation. Zeroing the deepest stack there can be would cost as much as the walk.
+/// Stack entries without an allocation. Zeroing the deepest possible stack would cost as much as the traversal.
 const IN_PLACE: usize = 48;
 
-/// Entries that wait, deepest first: a few in place, which is all that most rays ever need, the rest on the heap.
+/// Stack of pending entries, the deepest first: a few in place, enough for most rays, the rest on the heap.
 struct Stack<T: Copy> {
     first: [T; IN_PLACE],
     rest: Vec<T>,
@@ -132,7 +132,7 @@ impl<T: Copy> Stack<T> {
     }
 }
 
-/// No hit yet: any that ends before `t_max` is nearer, as one at the same distance has a lower index.
+/// No hit yet. A hit before `t_max` is nearer; one at `t_max` has a lower index.
 pub(super) fn nothing_before(t_max: f32) -> Hit {
     Hit { t: t_max.next_down(), triangle: u32::MAX, u: 0.0, v: 0.0 }
 }
@@ -165,7 +165,7 @@ pub(super) fn closest(tree: &WideTree, ray: &Ray) -> Option<Hit> {
         }
         let node = &tree.nodes[code as usize];
         let (distances, mut mask) = enter(node, &prepared, reach);
-        // The farthest first, so that the nearest is on top; of equals the later one.
+        // The farthest first, so that the nearest is on top; of equal ones, the later.
         let (mut sorted, mut count) = ([(0u32, 0.0f32); LANES], 0);
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize;

@@ -1,4 +1,4 @@
-//! What a tree is worth, and whether it is sound.
+//! Quality and validity of a tree.
 
 use glam::Vec3;
 
@@ -25,20 +25,20 @@ impl TreeQuality {
     }
 }
 
-/// Why a tree cannot be trusted.
+/// Why a tree is invalid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TreeFault {
     /// A node or leaf that a child refers to does not exist, is referred to twice, or is not referred to at all.
     #[error("the tree does not reach each node and leaf exactly once")]
     Structure,
-    /// More levels than a walk has room for.
+    /// More levels than the traversal stack has room for.
     #[error("the tree is deeper than a walk has room for")]
     TooDeep,
     /// A leaf holds another triangle than the one it names.
     #[error("a leaf's copy of triangle {0} differs from the triangle")]
     WrongTriangle(u32),
-    /// A triangle that is in no leaf, or in more than one.
+    /// A triangle in no leaf, or in more than one.
     #[error("triangle {0} is not in exactly one leaf")]
     NotOnce(u32),
     /// A child's box that does not contain what is below it.
@@ -138,7 +138,7 @@ impl WideTree {
     }
 }
 
-/// Counts the triangles of a leaf in `times`, and compares its copies of them.
+/// Counts the triangles of a leaf in `times`, and compares its copies of them with the originals.
 fn check_leaf(packet: &Packet, triangles: &[BvhTriangle], times: &mut [u32]) -> Result<(), TreeFault> {
     for lane in (0..LANES).filter(|&lane| packet.triangles[lane] != u32::MAX) {
         let triangle = packet.triangles[lane] & !SEE_THROUGH;
@@ -165,7 +165,7 @@ mod tests {
         triangles
     }
 
-    /// The fault found in a tree after a change.
+    /// The fault found after a change of a valid tree.
     fn fault(change: impl FnOnce(&mut WideTree)) -> TreeFault {
         let mut tree = WideTree::build(&triangles());
         assert!(tree.nodes.len() > 3 && tree.packets.len() > 20);

@@ -1,4 +1,4 @@
-//! The wide tree: eight children a node, eight triangles a leaf, both laid out lane by lane.
+//! The wide tree: eight children for each node, eight triangles for each leaf, both in structure-of-arrays layout.
 
 use glam::{DVec3, Vec3};
 
@@ -13,13 +13,14 @@ pub(super) const LANES: usize = 8;
 pub(super) const LEAF: u32 = 1 << 31;
 /// Marks a triangle that may let light through; the other bits are its index.
 pub(super) const SEE_THROUGH: u32 = 1 << 31;
-/// Cost of opening a node, in tests of a leaf. Both test eight lanes; a leaf's test is longer, a node's result is sorted.
+/// Cost of opening a node, in tests of a leaf. Both test eight lanes. A leaf's test is longer, but a node's result is
+/// sorted.
 pub(super) const NODE_COST: f32 = 1.0;
-/// A walk keeps at most seven entries for each level above the one it is in.
+/// The stack holds at most seven entries for each level above the current one.
 pub(super) const STACK: usize = DEEPEST as usize * (LANES - 1) + LANES;
 
-/// Bounds of eight children, `bounds[0..3]` their minima and `bounds[3..6]` their maxima by axis, and what they are.
-/// Unused lanes have an empty box, which no ray enters.
+/// Bounds of eight children, `bounds[0..3]` their minima and `bounds[3..6]` their maxima by axis, and references to
+/// them. Unused lanes have an empty box, which no ray enters.
 #[repr(C, align(32))]
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WideNode {
@@ -27,11 +28,12 @@ pub(super) struct WideNode {
     pub(super) children: [u32; LANES],
 }
 
-/// Boxes are this much larger than what they hold, in units of their largest coordinate: where a ray passes a triangle's edge is known to
-/// some roundings of its corners' coordinates, and a ray that the triangle's test lets in must have entered its box.
+/// Relative padding of boxes, in units of the largest coordinate. A triangle's edges are exact to some roundings of its
+/// corners, and a ray that the triangle's test accepts must have entered its box.
 const PADDING: f32 = 4.0e-7;
 
-/// Least double area of a triangle over the square of its longest edge: below it is a line, whose plane is rounding.
+/// Least double area of a triangle over the square of its longest edge. Below it the triangle is a line, whose plane is
+/// rounding.
 const THINNEST: f64 = 1e-8;
 
 /// Eight triangles as corners and planes by axis. Unused lanes have no plane, so no ray hits them.
@@ -39,14 +41,15 @@ const THINNEST: f64 = 1e-8;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Packet {
     pub(super) corners: [[[f32; LANES]; 3]; 3],
-    /// Unit normal of the plane: made in f64, so that needles have as true a one as others. Zero where there is none.
+    /// Unit normal of the plane, computed in f64 so that thin triangles have as exact a one as others. Zero without a
+    /// plane.
     pub(super) normal: [[f32; LANES]; 3],
-    /// What the normal times each point of the plane is.
+    /// Plane constant: the product of the normal with any point of the plane.
     pub(super) height: [f32; LANES],
     pub(super) triangles: [u32; LANES],
 }
 
-/// Nodes and leaves. The root is node 0; there is none where there is no triangle.
+/// Nodes and leaves. The root is node 0; without triangles there is none.
 #[derive(Debug)]
 pub(super) struct WideTree {
     pub(super) nodes: Vec<WideNode>,
@@ -108,7 +111,7 @@ fn padded(bounds: NodeBounds) -> NodeBounds {
     NodeBounds { min: bounds.min - most, max: bounds.max + most }
 }
 
-/// The plane of a triangle: unit normal, and its product with each point there; zero for a triangle that is a line.
+/// The plane of a triangle: unit normal and plane constant; zero for a triangle that is a line.
 fn plane(corners: [Vec3; 3]) -> (Vec3, f32) {
     let [a, b, c] = corners.map(|corner| corner.as_dvec3());
     let normal = (b - a).cross(c - a);

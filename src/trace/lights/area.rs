@@ -14,23 +14,23 @@ pub(super) struct AreaLight {
     layout: AreaLayout,
     two_sided: bool,
     pattern: Option<Paint>,
-    /// Texture coordinates of a rectangle's corner with texel (0, 0), and what they grow by to the one opposite.
+    /// Texture coordinates of the rectangle's corner with texel (0, 0), and the difference to the opposite corner.
     uvs: [Vec2; 2],
-    /// The same of the map that cuts holes into a rectangle; one place where the surface has no coordinates.
+    /// The same of the cut-out map; one point if the surface has no coordinates.
     hole_uvs: [Vec2; 2],
     cutout: Option<TextureId>,
     triangles: Vec<u32>,
-    /// The triangles themselves, of lights that are sampled by them.
+    /// The triangles of a light that is sampled by triangles.
     shapes: Vec<SampledTriangle>,
-    /// Share of the area up to and with each triangle, ending at 1.
+    /// Cumulative share of the area up to each triangle, ending at 1.
     cumulative: Vec<f32>,
     area: f32,
-    /// How far points of a rectangle lie below its triangles at most, on the sides that it emits to: what was exported as a rectangle
-    /// is one to some digits.
+    /// Largest distance that a rectangle's points lie below its triangles on the sides that emit. An exported rectangle
+    /// is one only to some digits.
     lift: f32,
 }
 
-/// A triangle as a sample wants it: in one place, where the mesh has it in many.
+/// A triangle in the form that sampling reads, in one place instead of the mesh's arrays.
 #[derive(Clone, Copy, Debug)]
 struct SampledTriangle {
     corner: Vec3,
@@ -41,21 +41,22 @@ struct SampledTriangle {
     lift: f32,
 }
 
-/// A point of a light.
+/// A point on a light.
 struct LightPoint {
     position: Vec3,
-    /// Of the front.
+    /// Normal of the front.
     normal: Vec3,
-    /// How far it may lie below the surface.
+    /// Largest distance that it may lie below the surface.
     lift: f32,
     uv: Vec2,
-    /// What may have cut a hole there, and its place in that.
+    /// The cut-out map, and texture coordinates in it.
     cutout: Option<(TextureId, Vec2)>,
     column: u32,
 }
 
 impl LightPoint {
-    /// The same off the surface, on the side that `away` points to, for a ray whose other end has coordinates up to these.
+    /// The point offset from the surface to the side of `away`, for a ray whose other end has coordinates up to
+    /// `other`.
     #[inline(always)]
     fn off_surface(&self, away: Vec3, other: Vec3) -> Vec3 {
         let rounded = OFF_LIGHT * self.normal.abs().dot(self.position.abs() + other);
@@ -63,7 +64,7 @@ impl LightPoint {
     }
 }
 
-/// How far points of a triangle or parallelogram are rounded off its plane.
+/// Largest rounding error of points of a triangle or parallelogram, along its normal.
 fn rounded(normal: Vec3, corners: [Vec3; 3]) -> f32 {
     let [a, b, c] = corners.map(Vec3::abs);
     OFF_LIGHT * normal.abs().dot(a.max(b).max(c))
@@ -108,9 +109,9 @@ impl AreaLight {
         let corners = || shapes.iter().flat_map(|shape| shape.uvs);
         let low = corners().fold(Vec2::INFINITY, Vec2::min);
         let size = corners().fold(Vec2::NEG_INFINITY, Vec2::max) - low;
-        // A rectangle without coordinates of its own takes the unit square.
+        // A rectangle without coordinates gets the unit square.
         let uvs = if size.cmpgt(Vec2::ZERO).all() { [low, size] } else { [Vec2::ZERO, Vec2::ONE] };
-        // One for the whole rectangle: others are refused where the scene is read.
+        // One map for the whole rectangle; other scenes are refused when they are read.
         let cutout = shapes.first().and_then(|shape| shape.cutout);
         let is_whole = matches!(emitter.layout, AreaLayout::Whole);
         Ok(Self {
@@ -140,7 +141,7 @@ impl AreaLight {
         &self.triangles
     }
 
-    /// Cosine at the light towards a surface, 0 behind a one-sided one.
+    /// Cosine at the light towards a surface; 0 behind a one-sided light.
     #[inline(always)]
     fn cosine(&self, normal: Vec3, away: Vec3) -> f32 {
         let cosine = normal.dot(away);
@@ -152,13 +153,13 @@ impl AreaLight {
         self.pattern.map_or(Vec3::ONE, |paint| paint.at(&scene.textures, uv))
     }
 
-    /// Whether the light is not there.
+    /// Whether the light is cut out there.
     #[inline(always)]
     fn is_hole(scene: &Scene, at: &LightPoint) -> bool {
         at.cutout.is_some_and(|(id, uv)| scene.textures[id.0 as usize].sample(uv)[3] < CUT_OUT)
     }
 
-    /// A point of the light, uniform over the area, so that every texel gets the same number of samples.
+    /// A point on the light, uniform over its area, so that every texel gets the same number of samples.
     #[inline(always)]
     fn point(&self, pair: Vec2) -> LightPoint {
         match self.layout {
@@ -190,7 +191,7 @@ impl AreaLight {
         }
     }
 
-    /// A point of the light as a surface sees it.
+    /// A light sample for a surface at `position`.
     #[inline(always)]
     pub(super) fn sample(&self, scene: &Scene, position: Vec3, pair: Vec2) -> Option<LightSample> {
         let at = self.point(pair);
@@ -207,12 +208,12 @@ impl AreaLight {
         Some(LightSample { towards, end, column: at.column, weight: self.colour(scene, at.uv) / pdf, pdf })
     }
 
-    /// The side that it emits to, where that is one.
+    /// The normal of the side that it emits to, if it is one-sided.
     fn side(&self, normal: Vec3) -> Option<Vec3> {
         (!self.two_sided).then_some(normal)
     }
 
-    /// A photon from anywhere on it towards the targets.
+    /// Emits a photon from a point on it towards the targets.
     pub(super) fn emit(&self, scene: &Scene, targets: &Targets, [place, way]: [Vec2; 2]) -> Option<Emitted> {
         let at = self.point(place);
         if Self::is_hole(scene, &at) {
@@ -227,7 +228,7 @@ impl AreaLight {
         (cosine > 0.0).then_some(Emitted { origin, direction, column, power, density: density / cosine })
     }
 
-    /// Density of the photons that come from `hit` to where its ray began: over area and projected solid angle.
+    /// Density of photons emitted from `hit` towards the origin of its ray, over area and projected solid angle.
     pub(super) fn emitted_density(&self, targets: &Targets, hit: &EmitterHit) -> f32 {
         let normal = match self.layout {
             AreaLayout::Whole => hit.normal,
@@ -240,7 +241,7 @@ impl AreaLight {
         targets.direction_density(hit.position, self.side(normal), -hit.direction) / (self.area * cosine)
     }
 
-    /// Emission where a ray hits one of its triangles.
+    /// Emission at a ray's hit on one of its triangles.
     #[inline(always)]
     pub(super) fn found(&self, scene: &Scene, hit: &EmitterHit) -> Option<SeenLight> {
         let (normal, uv, column) = match self.layout {
@@ -264,7 +265,7 @@ impl AreaLight {
         })
     }
 
-    /// Triangle by area, and the number stretched to its share again.
+    /// Chooses a triangle by area, and rescales the number to be uniform again.
     #[inline(always)]
     fn choose(&self, x: f32) -> (usize, f32) {
         let index = self.cumulative.partition_point(|&c| c <= x).min(self.cumulative.len() - 1);
@@ -274,7 +275,8 @@ impl AreaLight {
     }
 }
 
-/// How far the triangles of a rectangle of texels stand out before it, and how far its points are rounded; 0 for other lights.
+/// Distance that the triangles of a rectangle of texels stand out from it, plus the rounding of its points; 0 for other
+/// lights.
 fn lift(scene: &Scene, emitter: &AreaEmitter) -> f32 {
     let AreaLayout::Texels { origin, edge_u, edge_v, normal, .. } = emitter.layout else { return 0.0 };
     let corners = emitter.triangles.iter().flat_map(|&t| scene.mesh.corners(&scene.mesh.triangles[t as usize]));

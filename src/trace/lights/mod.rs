@@ -1,9 +1,10 @@
-//! Light from every basis light, of emission 1: sampled from a surface (next-event estimation), and found where a ray
-//! ends on an emitter or leaves the scene. Both give the density of the sampling, so that they can be weighed.
+//! Lights of the basis, each of emission 1. They are sampled from surfaces (next-event estimation), and hit by rays
+//! that end on an emitter or leave the scene. Both give the density of light sampling, for MIS weights.
 //!
-//! Which light a sample goes to does not depend on any emission: the columns of `T` are lit later, and a lamp that is
-//! dim in the scene file may be the only one that burns. It depends on where lights and surface stand (`choice`); one pair of
-//! numbers from a net chooses light and point together, so the samples of a pixel cover all texels of a light evenly.
+//! The choice of a light does not depend on emission, since the columns of `T` are lit later, and a lamp that is dim in
+//! the scene file may be the only one that is on. It depends on the positions of lights and surface (`choice`). One
+//! pair of numbers from a (0, 2)-net chooses light and point together, so that the samples of a pixel cover all texels
+//! of a light evenly.
 
 mod area;
 mod choice;
@@ -39,26 +40,26 @@ enum Source {
 pub(super) struct LightSampler {
     sources: Vec<(Source, u32)>,
     choice: LightChoice,
-    /// Sources that a ray leaving the scene may find.
+    /// Lights at infinity, which rays that leave the scene may hit.
     distant: Vec<u32>,
 }
 
-/// A point on a light as seen from a surface.
+/// A light sample: a point on a light, seen from a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightSample {
     /// Unit direction to the light.
     pub(super) towards: Vec3,
-    /// Where the way to it ends: off the light's own surface; beyond everything for environments and suns.
+    /// End of the shadow ray: offset from the light's own surface; at infinity for environments and suns.
     pub(super) end: End,
     /// Column of `T` that it belongs to.
     pub(super) column: u32,
-    /// Radiance (or intensity over squared distance) over the density of this sample, choice of light included.
+    /// Radiance (or intensity over squared distance) over the density of this sample, the choice of the light included.
     pub(super) weight: Vec3,
-    /// Density over solid angle, choice of light included; 0 for lights that no ray can find.
+    /// Solid-angle density, the choice of the light included; 0 for lights that no ray can hit.
     pub(super) pdf: f32,
 }
 
-/// A photon that leaves a light of emission 1.
+/// A photon emitted by a light of emission 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Emitted {
     pub(super) origin: Vec3,
@@ -66,28 +67,28 @@ pub(super) struct Emitted {
     pub(super) direction: Vec3,
     /// Column of `T` that it belongs to.
     pub(super) column: u32,
-    /// Flux, over the density of this photon.
+    /// Flux over the density of this photon.
     pub(super) power: Vec3,
-    /// Its density over area times projected solid angle, from afar over solid angle times the area across; 0 for lights that
-    /// no ray can find.
+    /// Its density over area times projected solid angle; for lights at infinity, over solid angle times the area
+    /// across. 0 for lights that no ray can hit.
     pub(super) density: f32,
 }
 
-/// Emission that a ray has found.
+/// Emission that a ray has hit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SeenLight {
-    /// The light.
+    /// Index of the light.
     pub(super) source: u32,
     /// Column of `T`.
     pub(super) column: u32,
     /// Radiance.
     pub(super) radiance: Vec3,
-    /// Density over solid angle with which [`Lights::sample`] would have chosen the direction.
+    /// Solid-angle density with which [`Lights::sample`] would have chosen the direction.
     pub(super) pdf: f32,
 }
 
 impl LightSampler {
-    /// Prepares the lights of a scene. Errors: an emitter without area, or that names triangles that are not there.
+    /// Prepares the lights of a scene. Errors: an emitter without area, or with triangles that do not exist.
     pub(super) fn new(scene: &Scene) -> Result<Self> {
         if scene.emitters.len() != scene.basis.lights().len() || scene.emitters.is_empty() {
             return Err(Error::input(
@@ -115,14 +116,14 @@ impl LightSampler {
         Ok(Self { sources, choice, distant })
     }
 
-    /// The chances of all lights at a surface at `position` with shading normal `normal`.
+    /// The probabilities of all lights at a surface at `position` with shading normal `normal`.
     #[inline(always)]
     pub(super) fn chances(&self, position: Vec3, normal: Vec3) -> LightPmf {
         self.choice.at(position, normal)
     }
 
-    /// Chooses a light and a point on it for a surface at `position` with shading frame `frame` and its chances. None where the
-    /// point sends nothing there.
+    /// Chooses a light, by the probabilities of the surface at `position` with the given shading frame, and a point on
+    /// it. `None` if the point emits nothing to the surface.
     #[inline(always)]
     pub(super) fn sample(
         &self,
@@ -138,7 +139,7 @@ impl LightSampler {
             Source::Area(light) => light.sample(scene, position, pair)?,
             Source::Point(light) => light.sample(position, pair)?,
             Source::Environment(light) => {
-                // Of emission 1 everywhere, so the cosine at the surface is all there is to follow.
+                // Emission is 1 everywhere, so directions follow the cosine at the surface alone.
                 let local = cosine_hemisphere(pair);
                 let towards = frame.to_world(local);
                 let pdf = local.z * FRAC_1_PI;
@@ -152,8 +153,8 @@ impl LightSampler {
         Some(sample)
     }
 
-    /// Emission of light `emitter` where a ray along `direction` hits its triangle at `position`, `distance` from the
-    /// surface that scattered it, `from` there with its shading normal. `normal` is the triangle's front.
+    /// Emission of light `emitter` at a ray's hit on its triangle. `from` is the origin of the ray with its shading
+    /// normal, `normal` the front of the triangle.
     #[inline(always)]
     pub(super) fn on_surface(
         &self,
@@ -170,8 +171,8 @@ impl LightSampler {
         Some(found)
     }
 
-    /// Emission found by a ray that leaves the scene along `direction`, having been scattered at a surface whose
-    /// shading normal makes `cosine` with it.
+    /// Emission hit by a ray that leaves the scene along `direction`. `cosine` is that of the scattering surface's
+    /// shading normal.
     pub(super) fn beyond(
         &self,
         direction: Vec3,
@@ -198,7 +199,7 @@ impl LightSampler {
         })
     }
 
-    /// A photon from a light towards the targets. None where the light sends nothing on the way that was drawn.
+    /// Emits a photon from a light towards the targets. `None` if the light emits nothing along the direction drawn.
     pub(super) fn emit(&self, scene: &Scene, targets: &Targets, source: u32, sampler: &Sampler) -> Option<Emitted> {
         let (source, first_column) = &self.sources[source as usize];
         let pairs = [sampler.pair(Dimension::Light, 0), sampler.pair(Dimension::Scatter, 0)];
@@ -217,7 +218,7 @@ impl LightSampler {
         Some(emitted)
     }
 
-    /// Density with which [`Self::emit`] sends photons from what a ray has found: back along the ray.
+    /// Density of photons that [`Self::emit`] sends back along a ray from its hit.
     pub(super) fn emitted_density(&self, targets: &Targets, source: u32, hit: &EmitterHit) -> f32 {
         match self.sources.get(source as usize) {
             Some((Source::Area(light), _)) => light.emitted_density(targets, hit),
@@ -228,13 +229,13 @@ impl LightSampler {
     }
 }
 
-/// Density over solid angle that is the same in all directions.
+/// Solid-angle density that is uniform over all directions.
 const EVERYWHERE: f32 = 0.25 * FRAC_1_PI;
 
-/// Where a ray has hit a triangle of an emitter, or has left the scene.
+/// A ray's hit on a triangle of an emitter, or the ray leaving the scene.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EmitterHit {
-    /// The point; any of the ray where it has left.
+    /// The point; any point of the ray if it has left the scene.
     pub(super) position: Vec3,
     /// Unit normal of the triangle's front.
     pub(super) normal: Vec3,
@@ -247,7 +248,7 @@ pub(super) struct EmitterHit {
 }
 
 impl EmitterHit {
-    /// Of a ray that has left the scene.
+    /// The hit of a ray that has left the scene.
     pub(super) fn beyond(origin: Vec3, direction: Vec3) -> Self {
         Self { position: origin, normal: Vec3::ZERO, uv: Vec2::ZERO, direction, distance: f32::INFINITY }
     }
@@ -275,7 +276,7 @@ mod tests {
         Vertex,
     };
 
-    /// A scene of black triangles that are all one light, seen by nobody.
+    /// A scene of black triangles that together are one light, without a camera view of it.
     fn scene(triangles: &[[Vec3; 3]], kind: LightKind, emitter: Emitter) -> Arc<Scene> {
         let mut mesh = Mesh::default();
         for (index, corners) in triangles.iter().enumerate() {
@@ -327,7 +328,7 @@ mod tests {
         scene(triangles, kind, Emitter::Area(emitter))
     }
 
-    /// What a ray from `position` along `direction` finds: column, and the density with which sampling chooses it.
+    /// The hit of a ray from `position` along `direction`: column, and density of light sampling.
     fn found(world: &World, position: Vec3, frame: &ShadingFrame, direction: Vec3) -> Option<SeenLight> {
         let lights = &world.lights;
         let Some(point) = world.intersect(position, direction, &mut 0) else {
@@ -340,8 +341,8 @@ mod tests {
         lights.on_surface(&world.scene, emitter, &hit, (position, frame.z))
     }
 
-    /// Samples of a light, binned by direction around `axis` within `reach` radians, against the density that a ray
-    /// along each direction is told; columns must be told alike.
+    /// Compares light samples, binned by direction around `axis` within `reach` radians, with the density reported to
+    /// rays along those directions. Columns must agree as well.
     fn holds(name: &str, scene: Arc<Scene>, axis: Vec3, reach: f32) {
         const RINGS: usize = 16;
         const TURNS: usize = 32;
@@ -371,12 +372,12 @@ mod tests {
             ) {
                 Some(sample) => {
                     let back = found(&world, position, &shading, sample.towards);
-                    // At a texel's or the light's own edge rounding may put the ray on the other side.
+                    // At a texel's or the light's own edge, rounding may put the ray on the other side.
                     let same =
                         back.is_some_and(|f| f.column == sample.column && (f.pdf / sample.pdf - 1.0).abs() < 1e-2);
                     strangers += u32::from(!same);
                     let local = around.to_local(sample.towards);
-                    // 1 − z, which keeps its digits where z is nearly 1.
+                    // 1 − z, precise also if z is nearly 1.
                     let drop = (local.x * local.x + local.y * local.y) / (1.0 + local.z);
                     let ring = (drop / cap * RINGS as f32) as usize;
                     let turn = local.y.atan2(local.x).rem_euclid(TAU) / TAU * TURNS as f32;
@@ -418,7 +419,7 @@ mod tests {
         let normal = u.cross(v).normalize();
         let layout = AreaLayout::Texels { origin, edge_u: u, edge_v: v, normal, across: 7, down: 5 };
         holds("texels", area(&panel, layout, false), normal * -1.0, 1.2);
-        // A tent of four triangles of different sizes, of which some turn their backs, and the same lit on both sides.
+        // A tent of four triangles of different sizes, some facing away; then the same lit on both sides.
         let roof = rectangle(Vec3::new(-0.5, 1.5, -0.5), Vec3::new(1.0, 0.4, 0.0), Vec3::Z * 0.9);
         let wall = rectangle(Vec3::new(0.8, 0.3, -1.0), Vec3::Y * 0.6, Vec3::Z * 1.4);
         let tent = [roof[0], roof[1], wall[0], wall[1]];
@@ -429,7 +430,7 @@ mod tests {
     #[test]
     fn lights_are_chosen_with_the_chances_that_rays_are_told() {
         let panel = |x: f32, y: f32| rectangle(Vec3::new(x, y, 0.3), Vec3::Z * -0.6, Vec3::X * 0.5);
-        // None before another, or before the sun.
+        // None occludes another, or the sun.
         let panels = [panel(-0.4, 0.9), panel(0.7, 1.6), panel(-2.6, 2.5)];
         let place = |members: [u32; 2]| AreaEmitter {
             triangles: members.to_vec(),

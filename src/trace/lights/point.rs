@@ -22,7 +22,7 @@ impl PointLight {
         Self { emitter }
     }
 
-    /// Where it is; none for suns.
+    /// Its position; `None` for suns.
     pub(super) fn position(&self) -> Option<Vec3> {
         match self.emitter {
             PointEmitter::Point { position }
@@ -32,7 +32,7 @@ impl PointLight {
         }
     }
 
-    /// Whether rays that leave the scene can find it.
+    /// Whether rays that leave the scene can hit it.
     pub(super) fn is_disc(&self) -> bool {
         matches!(self.emitter, PointEmitter::Sun { angular_radius_radians, .. } if angular_radius_radians > 0.0)
     }
@@ -56,7 +56,7 @@ impl PointLight {
         }
     }
 
-    /// Relative intensity along `away`; 0 for suns, which are seen from nowhere but afar.
+    /// Relative intensity along `away`; 0 for suns, which are at infinity.
     fn intensity(&self, away: Vec3) -> f32 {
         match self.emitter {
             PointEmitter::Point { .. } => 1.0,
@@ -72,7 +72,7 @@ impl PointLight {
         }
     }
 
-    /// A photon towards the targets.
+    /// Emits a photon towards the targets.
     pub(super) fn emit(&self, targets: &Targets, [place, way]: [Vec2; 2]) -> Option<Emitted> {
         match self.emitter {
             PointEmitter::Point { position }
@@ -92,7 +92,7 @@ impl PointLight {
         }
     }
 
-    /// Density of the photons that come along a ray which has left the scene: over directions and the area across them.
+    /// Density of photons along a ray that has left the scene: over directions and the area across them.
     pub(super) fn emitted_density(&self, targets: &Targets, hit: &EmitterHit) -> f32 {
         self.found(hit.direction).map_or(0.0, |found| found.pdf * targets.beam_density(hit.position, hit.direction))
     }
@@ -100,7 +100,7 @@ impl PointLight {
     /// Emission found by a ray that leaves the scene along `direction`.
     pub(super) fn found(&self, direction: Vec3) -> Option<SeenLight> {
         let PointEmitter::Sun { towards, angular_radius_radians } = self.emitter else { return None };
-        // The chord between unit vectors is exact where a cosine near one is not.
+        // The chord between unit vectors is exact where a cosine near 1 is not.
         let inside = (direction - towards).length() <= 2.0 * (0.5 * angular_radius_radians).sin();
         (self.is_disc() && inside).then(|| self.found_inside(angular_radius_radians))
     }
@@ -139,7 +139,7 @@ fn from_point(light: Vec3, position: Vec3, intensity: impl Fn(Vec3) -> f32) -> O
     let distance = distance2.sqrt();
     let towards = offset / distance;
     let intensity = intensity(-towards);
-    // A light that stands in a surface is seen from before it: nobody says of which side it is but by its rounded place.
+    // A light in a surface must be seen from in front of it; its rounded position alone decides the side.
     let short = 2.0 * OFF_LIGHT * (light.abs() + position.abs()).max_element();
     (intensity > 0.0 && distance2 > 0.0).then(|| LightSample {
         towards,
@@ -180,7 +180,7 @@ fn intensity(profile: &IesProfile, away: Vec3) -> f32 {
     row(h) * (1.0 - fh) + row(h + 1) * fh
 }
 
-/// The interval of increasing `angles` that holds `x`, and how far into it.
+/// The interval of increasing `angles` that contains `x`, and the position in it from 0 to 1.
 fn bracket(angles: &[f32], x: f32) -> (usize, f32) {
     let above = angles.partition_point(|&a| a <= x);
     if above == 0 || above == angles.len() {

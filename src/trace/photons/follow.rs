@@ -1,4 +1,4 @@
-//! A photon's way by mirrors and glass.
+//! The path of a photon through mirrors and glass.
 
 use glam::{Vec2, Vec3};
 
@@ -8,11 +8,11 @@ use super::super::sampler::{Dimension, Sampler};
 use super::super::world::{MAX_PASSES, World};
 use super::{Photon, fold};
 
-/// Most that a photon gains where the shading normal stands across the surface's own: at the rims of coarse meshes.
+/// Upper bound of the factor where the shading normal is nearly across the surface: at borders of coarse meshes.
 const MAX_GAIN: f32 = 4.0;
 
-/// Follows a photon to the first surface that scatters. None where it comes there straight, which light samples see to, or
-/// not at all. `share` is that of its light's flux; `rays` counts those that it takes.
+/// Follows a photon to the first surface that scatters. `None` if it arrives there straight, which light samples cover,
+/// or not at all. `share` is its part of the light's flux; `rays` counts the rays traced.
 pub(super) fn follow(
     world: &World,
     max_depth: u32,
@@ -22,7 +22,7 @@ pub(super) fn follow(
 ) -> Option<Photon> {
     let Emitted { mut origin, mut direction, column, mut power, density } = emitted;
     let (mut segments, mut passes) = (1, 0);
-    // The camera's path to where it rests has one segment at least.
+    // The camera path to its surface has at least one segment.
     while segments < max_depth && passes < MAX_PASSES {
         let point = world.intersect(origin, direction, rays)?;
         let at = PathVertex::new(world, point, direction);
@@ -47,7 +47,7 @@ pub(super) fn follow(
             });
         }
         let next = at.bsdf.sample(at.wo, Vec2::splat(0.5), choice.x)?;
-        // What is carried is flux, which the index of a medium does not change.
+        // Photons carry flux, which the index of a medium does not change.
         power *= next.weight * next.eta_scale;
         if next.pass_through {
             passes += 1;
@@ -65,8 +65,8 @@ pub(super) fn follow(
     None
 }
 
-/// What light gains beside what a camera path does, where shading normals are not the surface's own: `|ωi·Ns| |ωo·Ng| /
-/// (|ωi·Ng| |ωo·Ns|)` (Veach 1997, §5.3.2).
+/// The factor by which photons differ from camera paths under shading normals: `|ωi·Ns| |ωo·Ng| / (|ωi·Ng| |ωo·Ns|)`
+/// (Veach 1997, §5.3.2).
 fn gain(at: &PathVertex, direction: Vec3, leaving: Vec3, cosine: f32) -> f32 {
     let gain = at.wo.z * leaving.dot(at.normal).abs() / (direction.dot(at.normal).abs() * cosine);
     if gain.is_finite() { gain.min(MAX_GAIN) } else { 1.0 }

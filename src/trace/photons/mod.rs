@@ -1,19 +1,21 @@
-//! Light that mirrors and smooth glass throw on surfaces, from the light's side.
+//! Photon maps for light that mirrors and smooth glass throw on surfaces.
 //!
-//! Camera paths find such light only where a scattered ray happens on a lamp through mirrors and glass: never for lamps
-//! without extent, rarely for small ones. So before any block is traced photons leave every light towards the mirrors and the
-//! glass, keep the column that they come from, follow them as camera paths do, and are kept where they first come to a
-//! surface that scatters (Jensen 1996, *Global illumination using photon maps*: the caustics map). Surfaces on camera paths gather
-//! the photons around them. What both ways can find is weighed by the power heuristic with the densities of vertex connection
-//! and merging (Georgiev et al. 2012, *Light transport simulation with vertex connection and merging*, §4.2), so that nothing
-//! counts twice and large lamps, which paths find well, are left to paths.
+//! Camera paths find such light only if a scattered ray hits a lamp through mirrors and glass: never for lamps without
+//! extent, rarely for small ones. So before any block is traced, every light sends photons towards mirrors and glass. A
+//! photon keeps its column, and is stored at the first surface that scatters (Jensen 1996, *Global illumination using
+//! photon maps*: the caustics map). Camera paths gather the photons around their vertices. What both techniques can
+//! find is weighted by the power heuristic with the densities of vertex connection and merging (Georgiev et al. 2012,
+//! *Light transport simulation with vertex connection and merging*, §4.2). Nothing counts twice, and large lamps, which
+//! paths find well, are left to paths.
 //!
-//! Photons come in several maps, and each sample of a pixel gathers from one of them: a gathering then costs a share of the
-//! photons that the pixel sees in the end, and the two halves of the samples have no photon in common, so that their
-//! difference shows the noise of photons as well. The radius follows the photons' density, so that a sharp caustic is gathered from
-//! near and a faint reflection from afar; the number in it grows as `N^⅔`, so that its square falls as `N^−⅓`, which lets bias and
-//! noise both go to zero (Hachisuka and Jensen 2009, *Stochastic progressive photon mapping*; Knaus and Zwicker 2011, §4). Maps beyond what
-//! memory is given for lie in a file ([`pages`]): neighbouring pixels gather from the same few pages of each.
+//! There are several maps, and each sample of a pixel gathers from one of them. A gathering then costs only a share of
+//! the photons that the pixel sees in the end. The two halves of the samples have no photon in common, so that their
+//! difference shows the noise of photons as well.
+//!
+//! The radius follows the density of photons: small in a sharp caustic, large in a faint reflection. The number of
+//! photons within it grows as `N^⅔`, so that its square falls as `N^−⅓`, and bias and noise both go to zero (Hachisuka
+//! and Jensen 2009, *Stochastic progressive photon mapping*; Knaus and Zwicker 2011, §4). Maps beyond the memory limit
+//! are in a file ([`pages`]); neighbouring pixels gather from the same few pages of each.
 
 mod follow;
 mod near;
@@ -44,60 +46,54 @@ use pages::{Items, Pages};
 use radius::RadiusField;
 pub(super) use targets::Targets;
 
-/// Photons that leave the lights for each path of the image.
+/// Photons emitted for each path of the image.
 const PER_PATH: f64 = 0.5;
 
-/// Fewest photons that leave the lights, as far as there are not more lights than that.
+/// Least number of photons emitted, unless there are more lights than that.
 const MIN_EMITTED: u64 = 1 << 16;
 
-/// Most photons that leave the lights for a map, likewise: more than so many come in more maps.
+/// Largest number of photons emitted for one map, unless there are more lights; further photons make more maps.
 const OF_MAP: u64 = 1 << 16;
 
-/// Maps that there are with few photons. Even, so that a map serves one half of the samples. More maps make a gathering cheaper and what
-/// it finds noisier: with as many photons, 128 in place of 16 take 0.66 to 0.90 of the time at 256 samples, and lights by water or a mirror
-/// have 1.23 to 1.31 times the squared error once exposed and clipped. With more photons both even out: at 256 samples of 128 × 128
-/// pixels 32 maps of 2¹⁶ photons in place of 16 take 1.06 to 1.13 times the time for 0.94 to 1.00 of the squared error.
+/// Number of maps while photons are few. It is even, so that each map serves one half of the samples. More maps make
+/// gathering cheaper and noisier. Tuned: decision 23.
 const FEW_MAPS: u32 = 16;
 
-/// Maps for gathering at the second and later surfaces of a path, which lie anywhere in the scene: few enough for the processor's
-/// cache. Even, as above. At 64 samples of 256 × 256 pixels lit through water, 16 in place of all take 0.96 of the time, 4 take
-/// 0.95. But all pixels have what these few do not know in common, so that no filter averages it: with 4, 40 single texels of 256
-/// had 1.02 times the ꟻLIP once cleaned, and the worst of them 2 dB less. Tracing eight pixels together, a sample of each in turn, so
-/// that all gather from one map, took 1.00 to 1.06 of the time (three rooms, 64 samples), and was left. Nor does gathering at half of
-/// these surfaces pay, chosen by chance, for twice as much: squared error × time with all lights on 1.14 (mixed materials) and 1.16
-/// (caustics).
+/// Number of maps for gathering at the second and later vertices of a path, which lie anywhere in the scene: few enough
+/// for the processor's cache. Even, as above. Few maps correlate the error across pixels, so that the denoiser cannot
+/// remove it. Tuned: decision 24.
 const LATER_MAPS: u32 = 16;
 
-/// Maps that are made at once. Where the first of these stay empty, so would all others: no light reaches the mirrors and the glass, or
-/// what they send on comes to no surface.
+/// Maps that are made at once. If the first of these stay empty, all others would: no light reaches the mirrors and the
+/// glass, or none comes from there to a surface.
 const AT_ONCE: u32 = 4;
 
 /// Segments of the shortest path with a photon: from the light to a mirror, on to a surface, and to the camera.
 const MIN_DEPTH: u32 = 3;
 
-/// Most that maps may take in memory: more lie in a file.
+/// Bytes of maps that are kept in memory; the others are in a file.
 pub(super) const MAP_BYTES: usize = 192 << 20;
 
-/// Height of the disc in which photons are gathered, to either side, in units of its radius: on surfaces that are curved.
+/// Half the height of the disc in which photons are gathered, in units of its radius, for curved surfaces.
 const THICKNESS: f32 = 0.3;
 
-/// Least cosine between the normals of a photon's surface and of the one that gathers it.
+/// Least cosine between the normals of the photon's surface and the gathering one.
 const ALIKE: f32 = 0.8;
 
-/// A photon where it has come to rest.
+/// A stored photon.
 #[derive(Clone, Copy, Debug)]
 struct Photon {
     position: Vec3,
     /// Share of the light's flux, in the units of a light of emission 1.
     power: Vec3,
     column: u32,
-    /// Density with which it was emitted, over area times projected solid angle (over directions times area across them from afar);
-    /// 0 where no path can find its light.
+    /// Density of its emission, over area times projected solid angle; for lights at infinity, over directions times
+    /// the area across them. 0 if no path can hit its light.
     density: f32,
-    /// Direction that it came along, and normal of the surface on that side.
+    /// Octahedral encodings of its direction and of the surface normal on that side.
     direction: [i16; 2],
     normal: [i16; 2],
-    /// Segments of its path.
+    /// Number of segments of its path.
     segments: u32,
 }
 
@@ -119,13 +115,13 @@ impl Map {
         size_of_val(&*self.leaves) + self.near.bytes()
     }
 
-    /// The same in a file.
+    /// Moves the map to a file.
     fn put(self, pages: &mut Pages) -> Result<Self> {
         Ok(Self { leaves: pages.put(&self.leaves)?, near: self.near.put(pages)?, ..self })
     }
 }
 
-/// What is read of the photons of a leaf: four lines of the cache.
+/// The data of a leaf's photons, in four cache lines.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Leaf {
@@ -137,22 +133,23 @@ struct Leaf {
     segments: [u32; LANES],
 }
 
-/// All photons of a job: a function of the scene, the number of pixels and the settings alone.
+/// All photons of a job. They depend on the scene, the number of pixels and the settings alone.
 #[derive(Debug)]
 pub(super) struct Photons {
     maps: Vec<Map>,
     radius: RadiusField,
     targets: Targets,
-    /// Photons that leave each light, for each sample of a pixel.
+    /// Number of photons that leave each light, for each sample of a pixel.
     per_sample: f32,
 }
 
-/// What a tracer that sends photons is given beside the scene.
+/// Options for sending photons.
 #[derive(Clone, Copy)]
 pub struct Sending<'a> {
-    /// The folder for a file without a name, of photons for which there is no memory; none for the system's folder of temporary files.
+    /// Folder of the unlinked temporary file for photons beyond the memory limit; `None` for the system's temporary
+    /// folder.
     pub folder: Option<&'a Path>,
-    /// Hears how many more have been sent, and says whether to go on.
+    /// Called with the number of photons sent since the last call; returns whether to continue.
     pub goes_on: &'a (dyn Fn(u64) -> bool + Sync),
 }
 
@@ -162,18 +159,18 @@ impl Default for Sending<'_> {
     }
 }
 
-/// What sending the photons took, before the first block.
+/// Cost of sending the photons, before the first block.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PhotonCost {
-    /// Photons that left the lights.
+    /// Number of photons emitted.
     pub sent: u64,
     /// Rays traced for them.
     pub rays: u64,
-    /// Wall-clock seconds, with sorting them.
+    /// Wall-clock seconds, sorting included.
     pub seconds: f64,
 }
 
-/// How many photons leave the lights.
+/// How many photons are emitted.
 #[derive(Clone, Copy, Debug)]
 struct Numbers {
     maps: u32,
@@ -182,38 +179,38 @@ struct Numbers {
     lights: u64,
 }
 
-/// Where a surface of a camera path gathers photons.
+/// A gathering of photons at a vertex of a camera path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PhotonGather {
-    /// Which map.
+    /// Index of the map.
     pub(super) map: u32,
     pub(super) position: Vec3,
     /// Geometric normal on the viewer's side.
     pub(super) normal: Vec3,
     pub(super) radius: f32,
-    /// Most segments that a photon's path may have.
+    /// Largest number of segments that a photon's path may have.
     pub(super) most_segments: u32,
 }
 
-/// Photons in reach that lie together, in the lanes that `mask` names.
+/// Photons within reach that are stored together, in the lanes that `mask` names.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PhotonGroup {
     pub(super) mask: u32,
     pub(super) column: [u32; LANES],
-    /// Unit directions to where they came from, by axis.
+    /// Unit directions that they came from, by axis.
     pub(super) towards: [[f32; LANES]; 3],
-    /// Irradiance across the surface, by channel.
+    /// Irradiance on the surface, by channel.
     pub(super) irradiance: [[f32; LANES]; CHANNELS],
     density: [f32; LANES],
 }
 
-/// What takes photons in reach.
+/// A receiver of the photons within reach.
 pub(super) trait PhotonVisitor {
-    /// Takes some that lie together.
+    /// Receives photons that are stored together.
     fn take(&mut self, gathered: &PhotonGroup);
 }
 
-/// The leaves of a map on the way to what gathers from them.
+/// Filters the leaves of a map for a receiver.
 struct Leaves<'a, G> {
     leaves: &'a [Leaf],
     at: &'a PhotonGather,
@@ -258,10 +255,10 @@ impl Leaf {
         leaf
     }
 
-    /// Those of `mask` that lie on a surface alike and whose paths are not too long, at these squared distances.
+    /// Lanes of `mask` on a similar surface whose paths are not too long, with their squared distances.
     #[inline(always)]
     fn within(&self, at: &PhotonGather, square: f32, distances: &[f32; LANES], mask: u32) -> PhotonGroup {
-        // The kernel of Epanechnikov: `2/(π r²) (1 − d²/r²)`.
+        // Epanechnikov kernel: `2/(π r²) (1 − d²/r²)`.
         let peak = std::f32::consts::FRAC_2_PI / square;
         let (normal, direction) = (unfold_lanes(&self.normal), unfold_lanes(&self.direction));
         let mut alike = [0u32; LANES];
@@ -287,14 +284,14 @@ impl Leaf {
 }
 
 impl PhotonGroup {
-    /// Weights beside paths that are scattered along the photons' ways with densities `spread` over projected solid angle.
-    /// `expected` is what a photon of density one is expected to bring ([`Photons::expected_of`]).
+    /// MIS weights against paths that are scattered towards the photons' origins with densities `spread` over projected
+    /// solid angle. `expected` is the number of photons of density 1 within the radius ([`Photons::expected_of`]).
     #[inline(always)]
     pub(super) fn weights(&self, expected: f32, spread: &[f32; LANES]) -> [f32; LANES] {
         let mut weights = [0.0; LANES];
         for lane in 0..LANES {
             let weight = power_heuristic(expected * self.density[lane], spread[lane]);
-            // Where no path can find the light.
+            // No path can hit the light.
             weights[lane] = if self.density[lane] > 0.0 { weight } else { 1.0 };
         }
         weights
@@ -306,7 +303,7 @@ impl Numbers {
         let samples = settings.samples_per_pixel;
         let lights = scene.emitters.len() as u64;
         let wanted = (pixels as f64 * f64::from(samples) * PER_PATH).max(MIN_EMITTED as f64);
-        // No more than there are samples to gather from them.
+        // No more maps than samples that gather from them.
         let pairs = (0.5 * wanted / OF_MAP as f64).ceil().max(f64::from(FEW_MAPS / 2)).min(f64::from(samples / 2));
         let maps = (2.0 * pairs).max(1.0);
         // A power of two of points covers a light most evenly.
@@ -321,11 +318,11 @@ impl Numbers {
 }
 
 impl Photons {
-    /// Sends the photons of a job, of which so many bytes may stay in memory, and says what that took. None where there is no mirror and no
-    /// smooth glass, or no light comes from there to a surface that scatters.
+    /// Sends the photons of a job, with a limit on the bytes kept in memory, and returns the cost as well. `None` if
+    /// there is no mirror and no smooth glass, or if no light comes from there to a surface that scatters.
     ///
     /// # Errors
-    /// The file cannot be written; [`Error::Interrupted`] where it should not go on.
+    /// The file cannot be written; [`Error::Interrupted`] if the callback stops it.
     pub(super) fn new(
         world: &World,
         pixels: u64,
@@ -369,14 +366,14 @@ impl Photons {
         }
         let sent = Numbers { maps: maps.len() as u32, ..numbers };
         let per_sample = f64::from(sent.maps) * f64::from(sent.per_light) / f64::from(settings.samples_per_pixel);
-        // The first maps show where photons lie densely.
+        // The first maps show where photons are dense.
         let all = maps.iter().map(|map| map.count).sum();
         let radius = RadiusField::of(&mut places, all, targets.scene_radius());
         let photons = radius.map(|radius| Self { maps, radius, targets, per_sample: per_sample as f32 });
         Ok((photons, PhotonCost { sent: sent.all(), rays, seconds: begun.elapsed().as_secs_f64() }))
     }
 
-    /// Bytes of memory that the photons of a scene take at most, while the last of them are sorted.
+    /// Upper bound of the bytes of memory that the photons of a scene take, while the last of them are sorted.
     pub(super) fn needs_bytes(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
         if Self::sent(scene, pixels, settings) == 0 {
             return 0;
@@ -384,35 +381,35 @@ impl Photons {
         let numbers = Numbers::of(scene, pixels, settings);
         let of = |maps: u32| Numbers { maps: numbers.maps.min(maps), ..numbers }.all();
         let in_map = size_of::<Leaf>() / LANES + Near::BYTES_PER_POINT;
-        // Some as they come, while they are put into leaves; and where the first lie.
+        // The photons of the maps being sorted, and the positions of the first maps.
         let sorting = of(AT_ONCE) * (size_of::<Photon>() + in_map) as u64;
         let places = of(FEW_MAPS) * RadiusField::BYTES_PER_PHOTON as u64;
         sorting + places + (numbers.all() * in_map as u64).min(MAP_BYTES as u64)
     }
 
-    /// How many leave the lights of a scene, at most.
+    /// Upper bound of the number of photons emitted in a scene.
     pub(super) fn sent(scene: &Scene, pixels: u64, settings: TraceSettings) -> u64 {
         let can_be = settings.max_depth >= MIN_DEPTH && Targets::of(scene).is_some();
         if can_be { Numbers::of(scene, pixels, settings).all() } else { 0 }
     }
 
-    /// How many have come to rest.
+    /// Number of photons stored.
     pub(super) fn count(&self) -> usize {
         self.maps.iter().map(|map| map.count).sum()
     }
 
-    /// The maps that a sample gathers from: where its path is first scattered, and later.
+    /// The maps that a sample gathers from: at its first non-specular vertex, and at later ones.
     pub(super) fn maps_of(&self, sample: u32) -> [u32; 2] {
         let maps = self.maps.len() as u32;
         [maps, maps.min(LATER_MAPS)].map(|maps| sample % maps)
     }
 
-    /// How far a surface gathers photons.
+    /// The gathering radius at a position.
     pub(super) fn radius_at(&self, position: Vec3) -> f32 {
         self.radius.at(position)
     }
 
-    /// All photons in reach of a surface, in one order on every machine.
+    /// Gathers all photons within reach of a surface, in the same order on every machine.
     #[inline]
     pub(super) fn gather(&self, at: &PhotonGather, into: &mut impl PhotonVisitor) {
         let Some(Map { leaves, near, .. }) = self.maps.get(at.map as usize) else { return };
@@ -421,13 +418,13 @@ impl Photons {
         near.find(&disc, Leaves { leaves, at, square, into });
     }
 
-    /// What [`Gathered::weights`] wants of a radius: photons that come within it for each sample, over their density.
+    /// Number of photons of density 1 within a radius, for [`Gathered::weights`].
     pub(super) fn expected_of(&self, radius: f32) -> f32 {
         self.per_sample * std::f32::consts::PI * radius * radius
     }
 
-    /// Weight of a path that was scattered with density `spread` over projected solid angle at a surface that gathered within
-    /// `radius`, and has then found light `source` by mirrors and glass alone.
+    /// MIS weight of a path that was scattered with density `spread` over projected solid angle, at a surface that
+    /// gathered within `radius`, and then hit light `source` by mirrors and glass only.
     pub(super) fn weight_of_path(
         &self,
         world: &World,
@@ -440,14 +437,14 @@ impl Photons {
     }
 }
 
-/// The photons of one map, and the rays that they took.
+/// The photons of one map, and the number of rays traced for them.
 fn send(world: &World, targets: &Targets, map: u32, numbers: Numbers, settings: TraceSettings) -> (Vec<Photon>, u64) {
     let (mut rays, share) = (0, 1.0 / numbers.per_light as f32);
     let mut photons = Vec::with_capacity(numbers.per_light as usize * numbers.lights as usize);
     for light in 0..numbers.lights as u32 {
         let key = u64::from(map) * numbers.lights + u64::from(light);
         for index in 0..numbers.per_light {
-            // A seed of its own, so that photons share no numbers with the pixels.
+            // The complement of the seed, so that photons share no random numbers with pixels.
             let sampler = Sampler::new(!settings.seed, key, index << 1);
             let Some(emitted) = world.lights.emit(&world.scene, targets, light, &sampler) else { continue };
             photons.extend(follow(world, settings.max_depth, emitted, (&sampler, share), &mut rays));
@@ -457,7 +454,7 @@ fn send(world: &World, targets: &Targets, map: u32, numbers: Numbers, settings: 
     (photons, rays)
 }
 
-/// A unit vector as a point of the square that an octahedron unfolds to (Cigolle et al. 2014).
+/// Octahedral encoding of a unit vector (Cigolle et al. 2014).
 fn fold(v: Vec3) -> [i16; 2] {
     let v = v / (v.x.abs() + v.y.abs() + v.z.abs());
     let outside = |a: f32, b: f32| (1.0 - b.abs()) * 1.0f32.copysign(a);
@@ -465,7 +462,7 @@ fn fold(v: Vec3) -> [i16; 2] {
     [x, y].map(|t| (t * 32_767.0).round() as i16)
 }
 
-/// The unit vectors of eight points of that square.
+/// Decodes eight such encodings.
 #[inline(always)]
 fn unfold_lanes(folded: &[[i16; LANES]; 2]) -> [[f32; LANES]; 3] {
     let mut vectors = [[0.0; LANES]; 3];
@@ -485,7 +482,7 @@ mod tests {
     use super::*;
     use crate::scene::BuiltIn;
 
-    /// What is gathered: columns and irradiances, in their order.
+    /// The gathered columns and irradiances, in order.
     #[derive(Default, PartialEq, Debug)]
     struct Taken(Vec<(u32, [u32; CHANNELS])>);
 

@@ -1,8 +1,8 @@
-//! Which points of a tree lie in a disc: boxes around eight children at a time, then eight points at a time.
+//! Finds the points of a tree within a disc: boxes of eight children at a time, then eight points at a time.
 //!
-//! Points come out in the order in which the tree sorted them, as sums of what they bring depend on it, and the same ones on
-//! every machine: a box's distance is worked out with the operations of a point's, each of which rounds monotonely, so that no box
-//! is passed over which holds a point in reach.
+//! Points come in the order of the tree, as the sums over them depend on it, and the same points on every machine. The
+//! distance to a box is computed with the operations of that to a point, each of which rounds monotonically. So no box
+//! that contains a point within reach is skipped.
 
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ pub(in crate::trace) const LANES: usize = 8;
 /// Levels of nodes: enough for more points than there are indices.
 const MAX_LEVELS: usize = 12;
 
-/// Where points are looked for: within `radius`, no higher above or below the plane than `height`.
+/// The disc to search: within `radius`, and at most `height` above or below the plane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Disc {
     pub(super) centre: Vec3,
@@ -29,43 +29,43 @@ pub(super) struct Disc {
     pub(super) height: f32,
 }
 
-/// Boxes of eight children: their minima by axis, then their maxima. Where there is no child, nothing is near.
+/// Boxes of eight children: minima by axis, then maxima. An absent child is never near.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Boxes([[f32; LANES]; 6]);
 
-/// Eight points by axis, those that are not there infinitely far.
+/// Eight points by axis; absent ones are at infinity.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 struct Leaf {
     points: [[f32; LANES]; 3],
-    /// Up to the next line of the cache.
+    /// Padding to the next cache line.
     unused: [f32; LANES],
 }
 
-/// What is done with leaves that have points in the disc.
+/// A receiver of leaves that have points in the disc.
 pub(super) trait LeafVisitor {
-    /// A leaf, the squares of its points' distances, and which of them are in the disc. In the order of the points.
+    /// A leaf, the squared distances of its points, and a mask of those in the disc. In the order of the points.
     fn leaf(&mut self, leaf: usize, distances: &[f32; LANES], mask: u32);
-    /// A leaf that comes soon.
+    /// A leaf that will follow soon, to be prefetched.
     fn ahead(&self, leaf: usize);
 }
 
-/// Sorted points, to be looked for by place.
+/// Sorted points for spatial search.
 #[derive(Debug)]
 pub(super) struct Near {
     leaves: Items<Leaf>,
-    /// From the nodes above the leaves to the root.
+    /// Levels of nodes, from those above the leaves to the root.
     levels: Vec<Items<Boxes>>,
 }
 
 const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 
 impl Near {
-    /// Sorts `points` and prepares to look for them. Also which of them each leaf holds.
+    /// Sorts `points` and builds the tree. Also returns the range of points of each leaf.
     pub(super) fn sort<T>(points: &mut [T], position: impl Fn(&T) -> Vec3 + Copy) -> (Self, Vec<Range<usize>>) {
         part(points, position);
-        // One even where there are no points.
+        // At least one leaf, even without points.
         let starts = (0..points.len().max(1)).step_by(LANES);
         let ranges: Vec<Range<usize>> = starts.map(|start| start..points.len().min(start + LANES)).collect();
         let leaf = |range: &Range<usize>| {
@@ -92,22 +92,22 @@ impl Near {
         }
     }
 
-    /// Bytes for each point: all leaves are full, but for the last.
+    /// Bytes for each point; all leaves are full except the last.
     pub(super) const BYTES_PER_POINT: usize = (size_of::<Leaf>() + size_of::<Boxes>() / 7) / LANES + 8;
 
-    /// Bytes that it takes.
+    /// Bytes of the tree.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.leaves) + self.levels.iter().map(|level| size_of_val(&**level)).sum::<usize>()
     }
 
-    /// The same in a file.
+    /// Moves the tree to a file.
     pub(super) fn put(self, pages: &mut Pages) -> Result<Self> {
         let leaves = pages.put(&self.leaves)?;
         let levels = self.levels.iter().map(|level| pages.put(level)).collect::<Result<_>>()?;
         Ok(Self { leaves, levels })
     }
 
-    /// Every leaf with points in the disc, in their order: its index, the squares of their distances, and which they are.
+    /// Visits every leaf with points in the disc, in order: its index, the squared distances, and a mask.
     #[inline]
     pub(super) fn find(&self, disc: &Disc, each: impl LeafVisitor) {
         #[cfg(target_arch = "x86_64")]
@@ -122,7 +122,7 @@ impl Near {
         self.walk(|boxes| boxes.near(disc), |leaf| leaf.near(disc), each);
     }
 
-    /// The walk, by how eight boxes and eight points are tested.
+    /// The traversal, generic over how eight boxes and eight points are tested.
     #[inline(always)]
     fn walk(
         &self,
@@ -161,7 +161,7 @@ impl Near {
     }
 }
 
-/// Fetches the children of a node that are looked at next.
+/// Prefetches the children of the node that is visited next.
 #[inline(always)]
 fn ahead(
     (leaves, levels): (&[Leaf], &[&[Boxes]; MAX_LEVELS]),
@@ -182,14 +182,14 @@ fn ahead(
     }
 }
 
-/// Sorts points so that eight in turn lie near one another, and so do eight such leaves in turn, eight of these, and so on: ranges are
-/// parted as near to the middle as whole nodes allow, along the axis on which they reach farthest.
+/// Sorts points so that eight consecutive ones are close together, and so are eight consecutive such leaves, eight of
+/// these, and so on. Ranges are split as near to the middle as whole nodes allow, along their longest axis.
 fn part<T>(points: &mut [T], position: impl Fn(&T) -> Vec3 + Copy) {
     let leaves = points.len().div_ceil(LANES);
     if leaves <= 1 {
         return;
     }
-    // Leaves below a child of the node that holds them all.
+    // Leaves below one child of the node that contains them all.
     let whole = LANES.pow((leaves - 1).ilog(LANES));
     let middle = ((leaves + whole) / (2 * whole)).max(1) * whole * LANES;
     part_at(points, middle, position);
@@ -198,7 +198,7 @@ fn part<T>(points: &mut [T], position: impl Fn(&T) -> Vec3 + Copy) {
     part(right, position);
 }
 
-/// Has an item brought into the cache, which is some hundred cycles away, while others are worked on.
+/// Prefetches an item, which takes some hundred cycles.
 #[inline(always)]
 pub(super) fn fetch<T>(items: &[T], index: usize) {
     #[cfg(target_arch = "x86_64")]

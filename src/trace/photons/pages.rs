@@ -1,4 +1,4 @@
-//! Arrays in memory, or in a file without a name whose pages the system reads where they are wanted, and takes back where memory is.
+//! Arrays in memory, or in an unlinked temporary file that is memory-mapped, so that the system can evict its pages.
 
 use std::fs::File;
 use std::io::Write;
@@ -12,7 +12,7 @@ use memmap2::Mmap;
 
 use crate::error::{Error, Result};
 
-/// Items that are read only.
+/// Read-only items.
 #[derive(Debug)]
 pub(super) enum Items<T> {
     Held(Vec<T>),
@@ -49,7 +49,7 @@ impl<T> FromIterator<T> for Items<T> {
 }
 
 impl Pages {
-    /// In a folder, or in the system's for temporary files.
+    /// Creates the file in a folder, or in the system's temporary folder.
     pub(super) fn begin(folder: Option<&Path>) -> Result<Self> {
         let folder = folder.map_or_else(tempfile::env::temp_dir, Path::to_owned);
         let file = tempfile::tempfile_in(&folder);
@@ -57,8 +57,8 @@ impl Pages {
         Ok(Self { file, folder, length: 0, map: Arc::default() })
     }
 
-    /// Moves items into the file, to be read once it is [finished](Self::finish). All items of a file have the same alignment, so that what
-    /// comes next begins where it may.
+    /// Moves items into the file, to be read once it is [finished](Self::finish). All items of a file have the same
+    /// alignment, so that the next ones start aligned.
     pub(super) fn put<T: Pod>(&mut self, items: &[T]) -> Result<Items<T>> {
         debug_assert!(self.length.is_multiple_of(align_of::<T>()));
         let bytes: &[u8] = bytemuck::cast_slice(items);
@@ -69,13 +69,13 @@ impl Pages {
         Ok(Items::Paged { file: Arc::clone(&self.map), bytes: place, of: PhantomData })
     }
 
-    /// Opens what was written for reading.
+    /// Maps what was written for reading.
     pub(super) fn finish(self) -> Result<()> {
         #[expect(unsafe_code, reason = "a file that is larger than the memory is read where it lies")]
         // SAFETY: the file has no name, and nobody else has it.
         let map = unsafe { Mmap::map(&self.file) };
         let map = map.map_err(Error::io(&self.folder, "map a temporary file for photons in the folder"))?;
-        // It is mapped once, here.
+        // It is mapped only here.
         let _ = self.map.set(map);
         Ok(())
     }

@@ -1,40 +1,40 @@
-//! How far photons are gathered: a field over space, by how densely they lie.
+//! The gathering radius: a field over space that follows the density of photons.
 
 use glam::Vec3;
 
 use super::tree::PhotonTree;
 use crate::scene::bounds;
 
-/// Photons of all maps that a radius holds where `AT` are kept; with more, `N^⅔` as many.
+/// Number of photons, of all maps, within a radius if `AT` are stored. With more it grows as `N^⅔`.
 const HELD: f64 = 32.0;
 const AT: f64 = 65_536.0;
 
-/// Largest and smallest radius, in units of the scene's.
+/// Smallest and largest radius, in units of the scene's.
 const RANGE: (f32, f32) = (1e-5, 0.05);
 
-/// Radii by the leaves of a tree over all photons.
+/// Radii for the leaves of a tree over photons.
 #[derive(Debug)]
 pub(super) struct RadiusField {
     tree: PhotonTree,
     radii: Vec<f32>,
 }
 
-/// Photons that a radius holds where there are so many.
+/// Number of photons within a radius if `photons` are stored.
 fn held(photons: usize) -> f64 {
     HELD * (photons as f64 / AT).powf(2.0 / 3.0)
 }
 
 impl RadiusField {
-    /// Bytes that making it takes for each photon: its position, and its share of the tree.
+    /// Bytes for each photon while the field is built: its position, and its part of the tree.
     pub(super) const BYTES_PER_PHOTON: usize = size_of::<Vec3>() + 2;
 
-    /// For so many photons in all, of which some lie at these places; none where there are none.
+    /// The field for `photons` photons in all, of which `places` are a sample; `None` without any.
     pub(super) fn of(places: &mut [Vec3], photons: usize, scene_radius: f32) -> Option<Self> {
         if places.is_empty() {
             return None;
         }
         let tree = PhotonTree::sort(places, (held(places.len()) as usize).max(16), |&place| place);
-        // That part of those here.
+        // The same share of the sample.
         let held = held(photons) * places.len() as f64 / photons as f64;
         let radius = |range: std::ops::Range<usize>| {
             let count = range.len().max(1) as f64;
@@ -50,7 +50,7 @@ impl RadiusField {
     }
 }
 
-/// Area of a surface that points lie on: that of a plane, from the faces of the box around them.
+/// Area of the surface that points lie on: that of a plane, from the faces of their bounding box.
 fn area(points: &[Vec3]) -> f32 {
     let (low, high) = bounds(points.iter().copied());
     let d = high - low;

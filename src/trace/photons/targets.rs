@@ -1,4 +1,4 @@
-//! Where photons are sent: spheres around mirrors and glass, so that none is spent on what cannot throw a caustic.
+//! Targets of photons: spheres around mirrors and glass, so that no photon is spent where it cannot make a caustic.
 
 use glam::{Vec2, Vec3};
 
@@ -7,13 +7,13 @@ use super::super::frame::ShadingFrame;
 use super::super::lights::{cap_direction, cap_height_of};
 use crate::scene::{Mesh, Scene, Surface, bounds};
 
-/// Most spheres. Every photon asks each of them whether it was meant as well.
+/// Largest number of spheres. Every photon tests each of them for its density.
 const MAX_SPHERES: usize = 32;
 
-/// A group of triangles is parted where the spheres around its parts have less than this share of its sphere's section.
+/// A group of triangles is split if the cross-sections of its parts' spheres sum to less than this share of its own.
 const WORTH_PARTING: f32 = 0.8;
 
-/// Planes that are tried along each axis to part a group.
+/// Planes tested along each axis to split a group.
 const PLANES: usize = 5;
 
 #[derive(Clone, Copy, Debug)]
@@ -22,28 +22,28 @@ struct Sphere {
     radius: f32,
 }
 
-/// Spheres that hold all surfaces that mirror or refract without scattering.
+/// Spheres that contain all surfaces that reflect or refract specularly.
 #[derive(Debug)]
 pub(in crate::trace) struct Targets {
     spheres: Vec<Sphere>,
-    /// Sum of the spheres' sections.
+    /// Sum of the spheres' cross-sections.
     sections: f32,
-    /// Around the whole scene.
+    /// A sphere around the whole scene.
     scene: Sphere,
 }
 
-/// A sphere, and the triangles in it.
+/// A sphere and the triangles in it.
 type Group = (Sphere, Vec<u32>);
 
-/// What a point sees of the targets: directions are chosen uniformly over each cone, and cones by their solid angle.
+/// The targets seen from a point: directions are uniform over each cone, and cones are chosen by solid angle.
 struct Cones {
-    /// Axis, `1 − cos` of the half angle; and the sum of these up to and with each.
+    /// Axis, `1 − cos` of the half angle, and the cumulative sum of the latter.
     cones: [(Vec3, f32, f32); MAX_SPHERES],
     count: usize,
 }
 
 impl Targets {
-    /// Those of a scene; none where nothing mirrors or refracts.
+    /// The targets of a scene; `None` if nothing reflects or refracts specularly.
     pub(super) fn of(scene: &Scene) -> Option<Self> {
         let mesh = &scene.mesh;
         let triangles: Vec<u32> = (0..mesh.triangles.len() as u32)
@@ -54,7 +54,7 @@ impl Targets {
         let mut done = Vec::new();
         while let Some((sphere, triangles)) = groups.pop() {
             match part(mesh, &sphere, &triangles).filter(|_| groups.len() + done.len() + 2 <= MAX_SPHERES) {
-                // The larger part last, to be parted next.
+                // The larger part goes last, to be split next.
                 Some(parts) => groups.extend(parts),
                 None => done.push(sphere),
             }
@@ -70,7 +70,7 @@ impl Targets {
         self.scene.radius
     }
 
-    /// The cones that `position` sends into; only those that reach before `normal`, where it emits to one side.
+    /// The cones seen from `position`; with `normal`, only those that reach above its plane.
     fn cones(&self, position: Vec3, normal: Option<Vec3>) -> Cones {
         let mut seen = Cones { cones: [(Vec3::Z, 0.0, 0.0); MAX_SPHERES], count: 0 };
         let mut sum = 0.0;
@@ -83,7 +83,7 @@ impl Targets {
             let sine = sphere.radius / distance;
             let (axis, drop) = match (sine < 1.0, normal) {
                 (true, _) => (offset / distance, sine * sine / (1.0 + (1.0 - sine * sine).sqrt())),
-                // Inside the sphere every direction may meet it.
+                // Inside the sphere every direction may hit it.
                 (false, Some(normal)) => (normal, 1.0),
                 (false, None) => (Vec3::Z, 2.0),
             };
@@ -117,7 +117,7 @@ impl Targets {
         self.cones(position, normal).density(direction)
     }
 
-    /// Where a photon that comes from `towards` starts, and its density over the area across its way.
+    /// Origin of a photon from the direction `towards`, and its density over the area across its path.
     pub(in crate::trace) fn sample_beam(&self, towards: Vec3, pair: Vec2) -> Option<(Vec3, f32)> {
         let wanted = pair.x * self.sections;
         let mut sum = 0.0;
@@ -173,7 +173,7 @@ impl Sphere {
     }
 }
 
-/// Two parts of a group whose spheres are smaller together, the one with the larger sphere last.
+/// Splits a group into two whose spheres are smaller together; the one with the larger sphere comes last.
 fn part(mesh: &Mesh, sphere: &Sphere, triangles: &[u32]) -> Option<[Group; 2]> {
     let middle = |t: u32| {
         let [a, b, c] = mesh.corners(&mesh.triangles[t as usize]);
@@ -197,11 +197,11 @@ fn part(mesh: &Mesh, sphere: &Sphere, triangles: &[u32]) -> Option<[Group; 2]> {
     best.map(|(_, parts)| parts)
 }
 
-/// Whether light leaves a surface in single directions, other than straight on.
+/// Whether a surface scatters light in single directions other than straight on.
 fn is_delta(surface: &Surface) -> bool {
     match *surface {
         Surface::Mirror { .. } | Surface::Dielectric { .. } => true,
-        // Without a change of index a sheet reflects nothing.
+        // Without a change of index, a sheet reflects nothing.
         Surface::ThinDielectric { ior, .. } => ior != 1.0,
         Surface::Lambert { .. } | Surface::RoughConductor { .. } | Surface::Coated { .. } | Surface::Black => false,
     }

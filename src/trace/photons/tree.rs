@@ -1,12 +1,12 @@
-//! A balanced tree of points (Bentley 1975, *Multidimensional binary search trees used for associative searching*): each node
-//! parts the points of its range at their median along the axis on which they reach farthest.
+//! A balanced k-d tree (Bentley 1975, *Multidimensional binary search trees used for associative searching*). Each node
+//! splits the points of its range at the median along their longest axis.
 
 use glam::Vec3;
 
 use crate::scene::bounds;
 
-/// The planes of a tree, in the order of a heap: node `i` has the children `2i + 1` and `2i + 2`. A node's points are a range
-/// of the sorted points, parted in its middle.
+/// The planes of a tree in heap order: node `i` has the children `2i + 1` and `2i + 2`. A node's points are a range of
+/// the sorted points, split in the middle.
 #[derive(Debug)]
 pub(super) struct PhotonTree {
     planes: Vec<(f32, u32)>,
@@ -15,7 +15,7 @@ pub(super) struct PhotonTree {
 }
 
 impl PhotonTree {
-    /// Sorts `points` into a tree with at most `leaf` in a range that is parted no more.
+    /// Sorts `points` into a tree whose leaves have at most `leaf` points.
     pub(super) fn sort<T>(points: &mut [T], leaf: usize, position: impl Fn(&T) -> Vec3 + Copy) -> Self {
         let depth = points.len().div_ceil(leaf.max(1)).max(1).next_power_of_two().ilog2();
         let mut tree = Self { planes: vec![(0.0, 0); (1 << depth) - 1], points: points.len(), depth };
@@ -37,7 +37,7 @@ impl PhotonTree {
         self.part(2 * node + 2, right, position);
     }
 
-    /// The leaf that a place lies in: from 0 to the number of leaves.
+    /// Index of the leaf that contains a position.
     pub(super) fn leaf_of(&self, place: Vec3) -> usize {
         let mut node = 0;
         while let Some(&(at, axis)) = self.planes.get(node) {
@@ -46,7 +46,7 @@ impl PhotonTree {
         node - self.planes.len()
     }
 
-    /// The ranges of all leaves, in their order.
+    /// The ranges of all leaves, in order.
     pub(super) fn leaves(&self) -> Vec<std::ops::Range<usize>> {
         let mut leaves = Vec::from([std::ops::Range { start: 0, end: self.points }]);
         for _ in 0..self.depth {
@@ -60,8 +60,8 @@ impl PhotonTree {
     }
 }
 
-/// Sorts points so that those before `middle`, an index of one of them, lie no farther along an axis than those from there on. Returns
-/// the axis: the one on which they reach farthest.
+/// Partitions points around the index `middle` along their longest axis: those before it lie no farther than those from
+/// it on. Returns the axis.
 pub(super) fn part_at<T>(points: &mut [T], middle: usize, position: impl Fn(&T) -> Vec3 + Copy) -> usize {
     let (low, high) = bounds(points.iter().map(position));
     let extent = high - low;
@@ -81,14 +81,14 @@ mod tests {
     fn leaves_hold_what_lies_in_them() {
         let mut random = Pcg64Mcg::seed_from_u64(1);
         for count in [0usize, 1, 2, 7, 8, 9, 1000] {
-            // Some lie on planes, as photons do; and some in one place.
+            // Some lie on planes, as photons do, and some coincide.
             let mut place = || Vec3::new(random.random(), random.random(), (random.random::<f32>() * 4.0).floor());
             let mut points: Vec<Vec3> = (0..count).map(|_| place()).collect();
             let tree = PhotonTree::sort(&mut points, 8, |&point| point);
             let leaves = tree.leaves();
             assert!(leaves.iter().all(|leaf| leaf.len() <= 8) && leaves.last().unwrap().end == count);
             for (leaf, range) in leaves.into_iter().enumerate() {
-                // Those on a plane between two leaves may be in either.
+                // Points on a plane between two leaves may be in either.
                 let strays = points[range].iter().filter(|&&point| tree.leaf_of(point) != leaf).count();
                 assert!(strays <= 8, "{strays} of leaf {leaf}");
             }

@@ -13,9 +13,7 @@ use crate::console::{end_at_once, write_unlocked};
 /// Exit code of a program that the system refuses memory: that of [`ltm::Error::Resources`].
 const NO_MEMORY: i32 = 6;
 
-/// Keeps what the programs say of memory true. Matrices are allocated on cache lines, and glibc finds no use for the room
-/// that they leave: packing 216 MiB of 24 columns grew by 0.3 MiB with each block, to five times its stated need, and 9 GiB
-/// peaked at 563 MiB. mimalloc holds freed blocks of a render long enough to pass its need by an eighth.
+/// Keeps the programs within the memory that they state, with an allocator chosen in decision 44.
 ///
 /// Where the system refuses memory all the same (`ulimit -v` counts what is only reserved), it ends the program with one
 /// line and the exit code of memory: Rust would abort, with a trace. Files survive a program that ends at any instant.

@@ -1,5 +1,5 @@
-//! What each idea is worth: from a plain block SVD to what `ltm-pack` does today, one idea more in each row, all at the same
-//! bytes; beside them Algorithm 4 and general codecs, each at its best.
+//! The value of each technique: from a plain block SVD to what `ltm-pack` does today, one more technique in each row,
+//! all at the same bytes. Algorithm 4 and general codecs, each at its best, are listed as well.
 
 use std::path::{Path, PathBuf};
 
@@ -39,7 +39,7 @@ const PAPER: Way = ("Algorithm 4, one rank", false);
 const PAPER_SLOPE: Way = ("Algorithm 4, ranks by one slope, our coder", false);
 const DCT: Way = ("DCT + zstd", false);
 const ZFP: Way = ("zfp + zstd", false);
-/// Rivals that are given the matrix that the default's cleaning makes.
+/// Rivals that are given the matrix that the default's denoising makes.
 const CLEANED_CODER: Way = ("cleaned, then block SVD in our coder, prior", false);
 const CLEANED_ZFP: Way = ("cleaned, then zfp + zstd", false);
 const CLEANED_TUCKER: Way = ("cleaned, then Tucker", false);
@@ -64,7 +64,7 @@ const WAYS: [Way; 16] = [
     ZFP,
 ];
 
-/// Components of the file through which rivals get the cleaned matrix, and the PSNR in dB that it keeps: more than shows.
+/// Components of the file through which rivals get the denoised matrix, and the PSNR in dB that it keeps: more than shows.
 const HARDLY_COMPRESSED: (usize, f64) = (64, 120.0);
 
 struct Plan {
@@ -316,7 +316,7 @@ fn tucker_of(there: &[&'static (&'static str, Python)]) -> Option<&'static (&'st
     there.iter().copied().find(|(name, _)| *name == codecs::TUCKER)
 }
 
-/// What the default's cleaning makes of a matrix.
+/// What the default's denoising makes of a matrix.
 fn cleaned(bench: &Bench<'_>, matrix: &StoreReader) -> Result<StoreReader> {
     let (rank, decibels) = HARDLY_COMPRESSED;
     let compress = CompressSettings { target: Target::PsnrDb(decibels), rank, ..CompressSettings::default() };

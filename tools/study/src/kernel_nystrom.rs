@@ -1,12 +1,13 @@
-//! Kernel Nyström (Wang, Dong, Tong, Lin, Guo 2009, *Kernel Nyström Method for Light Transport*), as a rival in the
-//! comparison only: nothing of the product uses it.
+//! Kernel Nyström (Wang, Dong, Tong, Lin, Guo 2009, *Kernel Nyström Method for Light Transport*), for comparison only.
 //!
-//! A monotone map `f` is applied to every entry, so that `f(A)` has a lower rank than `A`; the Nyström reconstruction is
-//! made there and mapped back: `A ≈ f⁻¹(f(C) f(W)⁺ f(R))`. Here `f(x) = sign(x) |x|^γ`. Rows and columns are those of
-//! Algorithm 4, so that the map is all that differs. Where the method is meant for a camera that sees nothing but these,
-//! a compressor sees the block: `γ` is that of several whose block is nearest, and what comes back is kept between the
-//! block's least and largest entry, since the inverse map enlarges what the product extrapolates without bound. The image is
-//! no product of thin factors any more: every entry has to be made before it can be summed.
+//! A monotone map `f` is applied to every entry, so that `f(A)` has a lower rank than `A`. The Nyström reconstruction
+//! is computed there and mapped back: `A ≈ f⁻¹(f(C) f(W)⁺ f(R))`, here with `f(x) = sign(x) |x|^γ`. Rows and columns
+//! are those of Algorithm 4, so that only the map differs.
+//!
+//! The method is meant for a camera that sees only these rows and columns, but a compressor has the whole block. So `γ`
+//! is the one of several with the least error, and results are clamped to the block's range of values, since the
+//! inverse map extrapolates without bound. The image is no product of thin factors any more: every entry must be
+//! computed before it can be summed.
 
 use faer::{Mat, MatRef};
 

@@ -29,11 +29,11 @@ struct Room {
     lamps: &'static [&'static str],
     /// Texels along the sides of its lights that have any.
     texels: u32,
-    /// These pictures took part in choosing constants of the cleaning.
+    /// These pictures took part in choosing constants of the denoising.
     tuned_on: bool,
 }
 
-/// What constants of the cleaning were chosen on.
+/// Lamps on which constants of the denoiser were chosen.
 const TUNED_ON: Room =
     Room { scene: CONFERENCE_LAMPS, lamps: &["lum_03", "lum_10", "lum_17"], texels: 1, tuned_on: true };
 

@@ -1,4 +1,4 @@
-//! Intel's Open Image Denoise (Áfra 2019–) as a rival: it cleans each relit image by itself.
+//! Intel's Open Image Denoise (Áfra 2019–) as a rival: it denoises each relit image by itself.
 //!
 //! A Python that has the package `pyoidn`, named by `LTM_OIDN` or else the `python3` on the path, runs it with the
 //! script beside this file.

@@ -1,4 +1,4 @@
-//! The picture: what one sees after relighting, beside a denoiser that cleans each relit image by itself.
+//! The picture: what one sees after relighting, beside a denoiser that denoises each relit image by itself.
 
 use rayon::prelude::*;
 
@@ -32,7 +32,7 @@ struct PlannedScene {
     texels: u32,
     /// Samples of the reference, which has another seed.
     converged: u32,
-    /// It took part in choosing constants or ways of the cleaning.
+    /// It took part in choosing constants or ways of the denoising.
     tuned_on: bool,
 }
 
@@ -171,7 +171,7 @@ struct Rival {
 
 const RAW: &str = "raw matrix";
 const OURS: &str = "ours";
-/// Cleaned and hardly compressed: what packing itself costs shows beside it, whatever the reference's noise.
+/// Denoised and hardly compressed: what packing itself costs shows beside it, whatever the reference's noise.
 const CLEANED: &str = "cleaned, hardly compressed";
 /// Where no entry that matters is left out.
 const MAX_DB: f64 = 120.0;

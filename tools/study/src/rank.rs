@@ -1,9 +1,10 @@
-//! Rank against the resolution of the light (the paper, §4: "increasing the resolution of the light source does not lead
-//! to the increase of the matrix rank"), signal and noise apart.
+//! Rank against the resolution of the light, for signal and noise separately (the paper, §4: "increasing the resolution
+//! of the light source does not lead to the increase of the matrix rank").
 //!
-//! Two renders `A`, `B` with different seeds have the same signal and independent noise. With `A = Σ σₖ uₖ vₖᵀ` the rank
-//! of the matrix is that at which what is left, `Σ_{i>k} σᵢ²`, falls below a share of `‖A‖²`; the rank of the signal
-//! that at which `Σ_{i>k} σᵢ uᵢᵀ B vᵢ` falls below that share of `⟨A, B⟩`, in which noise has mean zero.
+//! Two renders `A`, `B` with different seeds have the same signal and independent noise. With `A = Σ σₖ uₖ vₖᵀ`, the
+//! rank of the matrix is the least `k` for which the rest, `Σ_{i>k} σᵢ²`, is below a share of `‖A‖²`. The rank of the
+//! signal is the least `k` for which `Σ_{i>k} σᵢ uᵢᵀ B vᵢ` is below that share of `⟨A, B⟩`, in which noise has mean
+//! zero.
 
 use rayon::prelude::*;
 

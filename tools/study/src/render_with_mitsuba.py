@@ -35,9 +35,7 @@ scene = {
             "type": "hdrfilm", "width": camera["width"], "height": camera["height"], "pixel_format": "rgb",
             "component_format": "float32", "rfilter": {"type": "box"},
         },
-        # Of its five the one that is nearest in equal time: with 64 samples of conference-24 (256 x 192) clip was 37.6 dB with
-        # `independent`, 40.6 with `stratified`, 42.1 with `ldsampler` in 1.12 of the time, 42.1 with `multijitter`, and 44.6 with
-        # `orthogonal` in 2.4 times the time.
+        # The best of its five samplers in equal time: decision 45.
         "sampler": {"type": "multijitter"},
     },
 }

@@ -236,8 +236,8 @@ impl BlockSvd {
         high.exp2()
     }
 
-    /// The components of a block that are worth their bits, with the steps of the slope: the rule of `src/compress/cut.rs`
-    /// where noise is not heeded and no block weighs more than another.
+    /// The components of a block that are worth their bits, with the steps of the slope: the rule of
+    /// `src/compress/cut.rs` if noise is ignored and all blocks have the same weight.
     fn kept(&self, index: usize, slope: f64) -> Vec<Kept> {
         let (part, m, n) = (&self.parts[index], self.rows[index] as f64, self.columns as f64);
         let allowed = 6.0 * slope / std::f64::consts::LN_2;

@@ -245,7 +245,7 @@ fn measure(
     loaded: LoadedScene,
     settings: &CompressSettings,
 ) -> Result<Taken> {
-    // All components are kept where the rank is varied: nothing is cleaned then.
+    // All components are kept where the rank is varied: nothing is denoised then.
     let denoise = settings.noise_factor.is_some();
     let (matrix_path, container_path) = (bench.cached("scaling.ltm"), bench.cached("scaling.ltc"));
     let triangles = loaded.scene.mesh.triangles.len();

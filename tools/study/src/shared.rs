@@ -1,12 +1,13 @@
-//! One basis of columns for a group of blocks, against factors of each block's own.
+//! A basis of columns shared by a group of blocks, compared with each block's own factors.
 //!
-//! Neighbouring blocks see the same lights, and where columns are many (4,096 and more) a right side `R` is as large as a
-//! left one. So a group may store one basis `V` and each block of it `L M` with a small `M`, `R ≈ M V`. The best `V` of its
-//! size for `Σ ‖(R − M V) K^½‖²` over the blocks is of the singular vectors of all their `R` under the prior `K`, from the
-//! eigenvectors of `[R] K [R]ᵀ`; it is as large as its components are worth their bits by the rule that ranks are chosen by
-//! (`src/compress/cut.rs`). `L`, `M` and `V` go through the container's codec with the steps of the same slope, so that all
-//! bytes are those of chunks; 48 bytes a block and a group are added for the index. Groups are squares of neighbours, or made
-//! by k-means over the row spaces of blocks, one block at a time: each joins the group whose basis holds most of it.
+//! Neighbouring blocks see the same lights, and with many columns (4,096 and more) a right factor `R` is as large as a
+//! left one. So a group may store one basis `V`, and each of its blocks `L M` with a small `M`, `R ≈ M V`. The best `V`
+//! of its size for `Σ ‖(R − M V) K^½‖²` over the blocks consists of singular vectors of all their `R` under the prior
+//! `K`, from the eigenvectors of `[R] K [R]ᵀ`. Its size follows from the rule of ranks (`src/compress/cut.rs`).
+//!
+//! `L`, `M` and `V` go through the container's codec with the steps of the same slope, so that all bytes are those of
+//! chunks; 48 bytes for each block and group are added for the index. Groups are squares of neighbours, or come from
+//! k-means over the row spaces of blocks, one block at a time: each joins the group whose basis represents it best.
 
 use std::time::Instant;
 

@@ -39,9 +39,9 @@ pub(super) struct OnDevice {
 
 /// A picture that the device has made.
 enum Made {
-    /// It is shown already.
+    /// A texture that is displayed already.
     Shown(wgpu::Texture),
-    /// It was read back.
+    /// An image read back.
     Image(Arc<LinearImage>),
 }
 

@@ -16,7 +16,7 @@ pub const STOPS_SHOWN: (f32, f32) = (-10.0, 6.0);
 /// Bins of the histogram.
 pub const BINS: usize = 128;
 
-/// How radiance is turned to colours.
+/// Settings by which radiance is displayed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Display {
     /// Exposure, white balance and curve.
@@ -131,8 +131,9 @@ fn shares(counts: Vec<[u32; 3]>, pixels: usize) -> Vec<[f32; 3]> {
     counts.into_iter().map(|bin| bin.map(|count| count as f32 / pixels.max(1) as f32)).collect()
 }
 
-/// The bins of the histogram: the stop from a value's exponent, the place within it from a table over the first bits of
-/// its mantissa, since a picture has millions of values and a logarithm costs more than all else that is done with one.
+/// The bins of the histogram: the stop from a value's exponent, and the position within it from a table over the first
+/// bits of its mantissa. A picture has millions of values, and a logarithm would cost more than everything else that is
+/// done with them.
 struct Bins(Vec<u8>);
 
 impl Bins {

@@ -6,17 +6,17 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// How often the file is looked at.
+/// Interval at which the file is checked.
 const PERIOD: Duration = Duration::from_millis(500);
 
-/// What has become of a file.
+/// Change of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileChange {
     /// Another stands under its name, or it was written to.
     Replaced,
-    /// None stands under its name.
+    /// The file is gone.
     Gone,
-    /// It is again as it was.
+    /// The file is as before.
     Same,
 }
 

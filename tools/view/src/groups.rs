@@ -138,7 +138,7 @@ impl Groups {
         std::iter::successors(self.of_light(light), |&group| self.list[group].parent)
     }
 
-    /// Whether a group is `outer` or stands in it.
+    /// Whether a group is `outer` or inside it.
     pub fn is_inside(&self, group: usize, outer: usize) -> bool {
         std::iter::successors(Some(group), |&group| self.list[group].parent).any(|group| group == outer)
     }
@@ -161,8 +161,8 @@ impl Groups {
         names.find(|name| self.find(name).is_none()).unwrap_or_default()
     }
 
-    /// Puts lights into a new group, out of those that they were in; the new one stands in the innermost group that holds
-    /// them all, unless it would be all of that. Groups that are empty then are gone. The new group's index.
+    /// Moves lights into a new group, out of their old ones, and returns its index. The new group is inside the
+    /// innermost group that contains them all, unless it would be all of that. Empty groups are removed.
     pub fn make(&mut self, name: &str, lights: &[usize]) -> Option<usize> {
         let first = *lights.first()?;
         let chosen: BTreeSet<usize> = lights.iter().copied().collect();

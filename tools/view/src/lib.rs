@@ -43,7 +43,7 @@ use std::sync::atomic::AtomicBool;
 
 pub use window::{App, run};
 
-/// Where the window relights.
+/// The device that the window relights on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum RelightOn {
     /// On the device that draws the window, unless that is a processor in disguise, which our own code outruns.
@@ -55,7 +55,7 @@ pub enum RelightOn {
     Gpu,
 }
 
-/// What the window begins with.
+/// Options of the window.
 #[derive(Clone, Debug, Default)]
 pub struct WindowOptions {
     /// Container to open.
@@ -66,7 +66,7 @@ pub struct WindowOptions {
     pub frames: u32,
     /// Size of the window, in points.
     pub size: Option<[f32; 2]>,
-    /// Where to relight.
+    /// The device to relight on.
     pub relight_on: RelightOn,
     /// Whether a device that relights shows the pictures too; none: unless it is a processor in disguise, whose kernels
     /// need longer for that than reading back and our own code.

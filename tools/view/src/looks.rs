@@ -16,14 +16,14 @@ use ltm::image::{LinearImage, ToneMapping, luminance, read_image, write_exr};
 use ltm::light::{Light, LightBasis, Lighting};
 use ltm::look::{self, Look};
 
-/// What a lighting file keeps.
+/// The content of a lighting file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Saved {
-    /// What is on the lights.
+    /// State of the lights.
     pub mix: Mix,
     /// Snapshots by their names: further looks.
     pub snapshots: Vec<(String, Mix)>,
-    /// How the picture is shown.
+    /// Display settings.
     pub display: Option<Display>,
     /// An animation between the snapshots: seconds, and the name of a snapshot.
     pub keys: Vec<(f32, String)>,
@@ -117,8 +117,9 @@ struct LightPart {
     shape: Option<Shape>,
 }
 
-/// Reads a lighting file: its first look as the mix, further ones as snapshots; each as the window that wrote it had it, if
-/// the light is still the same, else with what its light and the file's groups alone tell.
+/// Reads a lighting file: its first look becomes the mix, further ones become snapshots. Each look is as the window
+/// saved it if its light is still the same. Otherwise it follows from the rules of its light and the file's groups
+/// alone.
 ///
 /// Errors: those of [`look::load`].
 pub fn load(path: &Path, basis: &LightBasis) -> Result<Saved> {
@@ -223,11 +224,13 @@ fn is_near(a: &Lighting, b: &Lighting) -> bool {
         && pairs.into_iter().all(|(a, b)| (a - b).abs() <= 1e-4 * a.abs() + 1e-6 * peak)
 }
 
-/// Writes a lighting file in TOML; the patterns of texelled lights become EXR files beside it, named after it and the light.
-/// In the rules, what does not shine, for whatever reason, is off, and the stops of groups are added to those of their
-/// lights; a snapshot becomes a further look that says everything of every light; what the rules cannot say stands in a part
-/// that only the window reads. Without `overwrite` a file of that name is left as it is; a file of another origin that has
-/// the name of a pattern's is never replaced.
+/// Writes a lighting file in TOML; the patterns of texelled lights become EXR files beside it, named after it and the
+/// light.
+///
+/// In the rules, a light that does not shine for any reason is off, and the stops of groups are added to those of their
+/// lights. A snapshot becomes a further look that states everything of every light. What the rules cannot express is in
+/// a part that only the window reads. Without `overwrite` an existing file is left as it is. A file of another origin
+/// with the name of a pattern is never replaced.
 ///
 /// Errors: the system refuses; the file is there, and may not be replaced.
 pub fn save(path: &Path, basis: &LightBasis, saved: &Saved, overwrite: bool) -> Result<()> {
@@ -366,9 +369,9 @@ impl FileMaker<'_> {
     }
 }
 
-/// What a rule says beside its image. The reader sets the colour at constant luminance, then multiplies by the stops;
-/// a texelled light is given its luminance too, so that a map of the scene's own does not shine through, and so is each of
-/// a further look (`whole`), which comes on top of other rules.
+/// The text of a rule beside its image. The reader sets the colour at constant luminance, then multiplies by the stops.
+/// The luminance is stated as well for a texelled light, so that the scene's own map does not show through, and for
+/// lights of a further look (`whole`), which is applied after other rules.
 fn rule(text: &mut String, light: &Light, own: &LightMix, (stops, shines): (f32, bool), whole: bool) {
     let colour = own.colour(light);
     let is_black = luminance(colour) <= 0.0;

@@ -68,8 +68,8 @@ fn run(options: Arguments) -> Result<()> {
     })
 }
 
-/// Ends the program, as any error does, where the window does not open: nothing else can, since the system's libraries
-/// wait for a display or a driver that does not answer without end.
+/// Ends the program, as any error does, if the window does not open. Nothing else can, since the system's libraries
+/// wait indefinitely for a display or driver that does not answer.
 fn give_up_unless(opened: Arc<AtomicBool>) {
     std::thread::spawn(move || {
         std::thread::sleep(PATIENCE);

@@ -9,7 +9,7 @@ use super::surfaces::Surfaces;
 use ltm::error::Result;
 use ltm::image::{LinearImage, encode_srgb, false_colour, luminance};
 
-/// What is measured.
+/// The quantity that is measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Measured {
     /// Luminance of what is seen, cd/m².
@@ -58,7 +58,7 @@ pub fn measure(image: &LinearImage, lumens_per_watt: f32, measured: Measured, su
     Field { size: [image.width as usize, image.height as usize], values, is_least }
 }
 
-/// What was measured over an area.
+/// Measured values of an area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     /// Mean.
@@ -90,8 +90,8 @@ impl Figures {
 pub struct Area {
     /// Its corners in order, in pixels from the picture's top left.
     pub corners: Vec<[f32; 2]>,
-    /// Whether four corners are those of a rectangle in the scene, on which points are laid evenly as it lies there; else
-    /// each pixel counts as much as another, near or far.
+    /// Whether four corners are those of a rectangle in the scene, on which points are spread evenly in space.
+    /// Otherwise every pixel counts alike, near or far.
     pub is_rectangle: bool,
 }
 
@@ -208,7 +208,7 @@ fn round_down(value: f32) -> f32 {
 /// A value written at a line of equal value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Label {
-    /// Where, in pixels from the picture's top left.
+    /// Position in pixels from the image's top left.
     pub at: [f32; 2],
     /// The line's value.
     pub value: f32,

@@ -18,7 +18,7 @@ const SAME_COLOUR: f32 = 1e-5;
 /// Colour of a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Tint {
-    /// As the scene file lights it.
+    /// The colour of the scene file.
     #[default]
     Scene,
     /// A linear Rec. 709 colour; its brightness does not count.
@@ -27,7 +27,7 @@ pub enum Tint {
     Kelvin(f32),
 }
 
-/// What is on one light.
+/// State of one light.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightMix {
     /// Whether it shines.
@@ -38,7 +38,7 @@ pub struct LightMix {
     pub stops: f32,
     /// Colour.
     pub tint: Tint,
-    /// What each texel is multiplied by; none: 1 everywhere.
+    /// Factor of each texel; `None` for 1 everywhere.
     pub pattern: Option<Pattern>,
     /// The shape that made the pattern, as long as nothing else has changed it.
     pub shape: Option<Shape>,
@@ -46,7 +46,7 @@ pub struct LightMix {
     pub turn_radians: f32,
 }
 
-/// What is on all lights and groups.
+/// State of all lights and groups.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mix {
     /// One for each light of the basis.
@@ -113,7 +113,7 @@ impl LightMix {
         Self { pattern: Some(pattern), ..mix }
     }
 
-    /// Whether both are the same, solo aside.
+    /// Whether both are equal apart from solo.
     pub fn is_like(&self, other: &Self) -> bool {
         *self == Self { solo: self.solo, ..other.clone() }
     }
@@ -125,7 +125,7 @@ impl Mix {
         Self::of_lighting(basis, &Lighting::of_scene(basis))
     }
 
-    /// What gives this lighting: see [`LightMix::of_weights`]. Groups by name.
+    /// The state that gives this lighting: see [`LightMix::of_weights`]. Groups come from names.
     pub fn of_lighting(basis: &LightBasis, lighting: &Lighting) -> Self {
         let of_light = |light: &Light| {
             let columns = light.columns();
@@ -139,9 +139,9 @@ impl Mix {
         self.lights.iter().any(|light| light.solo) || self.groups.list().iter().any(|group| group.solo)
     }
 
-    /// Whether a light shines. Where nothing is soloed: on, as all groups around it. Else it, or a group around it, is
-    /// soloed, which counts for more than that being off or standing in a group that is: what is off inside a soloed group
-    /// stays off.
+    /// Whether a light shines. If nothing is soloed, it and all groups around it must be on. Otherwise it, or a group
+    /// around it, must be soloed, which overrides that it or its group is off; what is off inside a soloed group stays
+    /// off.
     pub fn shines(&self, light: usize) -> bool {
         self.shines_among(light, self.has_solo())
     }
@@ -177,7 +177,7 @@ impl Mix {
         self.lights[light].solo = if add { !was } else { !(was && alone) };
     }
 
-    /// As [`toggle_solo`](Self::toggle_solo), of a group.
+    /// As [`toggle_solo`](Self::toggle_solo), for a group.
     pub fn toggle_group_solo(&mut self, group: usize, add: bool) {
         let was = self.groups.group(group).solo;
         let alone = self.solo_count() == 1;

@@ -18,7 +18,7 @@ use ltm::relight::{Detail, GpuSettings, PagedGpuRelighter, PagedRelighter};
 /// Pixels on the device take this much beside their factors: radiance, and a copy to be read.
 const DEVICE_PIXEL_BYTES: u64 = 24;
 
-/// Where blocks are held and relit.
+/// The owner of the blocks, which relights them.
 enum Holder<'a> {
     Cpu(Box<PagedRelighter<'a>>),
     Device(Box<PagedGpuRelighter<'a>>),

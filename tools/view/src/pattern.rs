@@ -1,4 +1,4 @@
-//! What a texelled light shows: painting, shapes, images, turning.
+//! Patterns of texelled lights: painting, shapes, images, rotation.
 
 use std::borrow::Cow;
 use std::f32::consts::TAU;
@@ -36,7 +36,7 @@ pub struct Brush {
 /// A shape that is laid over a light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Shape {
-    /// Which one.
+    /// Kind of the shape.
     pub kind: ShapeKind,
     /// Its middle, in fractions of the light's width and height.
     pub centre: [f32; 2],
@@ -61,7 +61,7 @@ pub enum ShapeKind {
 }
 
 impl Pattern {
-    /// All ones.
+    /// A pattern of ones.
     pub fn white((across, down): (u32, u32)) -> Self {
         Self::filled((across, down), [1.0; 3])
     }

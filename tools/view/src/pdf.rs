@@ -91,7 +91,7 @@ struct Pages {
     content: Content,
     /// Images of the page that is being written.
     images: Vec<Ref>,
-    /// How far the page is filled, from below.
+    /// Lower end of the free part of the page, from below.
     below: f32,
 }
 

@@ -11,7 +11,7 @@ const MOST: usize = 12;
 /// Name of the list in its folder.
 const FILE: &str = "recent.txt";
 
-/// What a remembered file is.
+/// Kind of a remembered file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RecentKind {
     /// A container.

@@ -17,8 +17,8 @@ use ltm::light::Lighting;
 use ltm::matrix::{BlockId, ColumnIndex, FactorSource, FactoredBlock, MatrixShape};
 use ltm::relight::{CpuRelighter, Relit};
 
-/// A changed lighting is applied column by column while fewer than one in this many columns change: a column of `R` is
-/// gathered entry by entry, some ten times dearer than in a pass over all of it.
+/// A changed lighting is applied column by column if fewer than one in this many columns change. A column of `R` is
+/// gathered entry by entry, at some ten times the cost of a pass over all of it.
 const FEW_COLUMNS: usize = 10;
 
 /// Blocks that are read before the first picture, and how long later steps take at least, in seconds.
@@ -41,7 +41,7 @@ pub(super) struct Desk {
 
 struct Kept {
     lighting: Arc<Lighting>,
-    /// What the CPU keeps to change a few columns.
+    /// State kept on the CPU to apply changes of a few columns.
     relit: Relit,
     image: Arc<LinearImage>,
 }

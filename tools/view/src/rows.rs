@@ -6,12 +6,12 @@ use ltm::light::LightBasis;
 
 use super::groups::Groups;
 
-/// What a line of the mixer shows.
+/// A row of the mixer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Row {
     /// Head of a group.
     Group {
-        /// Its index.
+        /// Index of the group.
         group: usize,
         /// Groups that it stands in.
         depth: usize,
@@ -28,16 +28,16 @@ pub enum Row {
 /// Order of the mixer's rows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// As in the basis.
+    /// In the order of the basis.
     #[default]
     File,
     /// By name.
     Name,
-    /// Those that bring most to the picture first.
+    /// By contribution to the image, largest first.
     Contribution,
 }
 
-/// What decides which rows there are.
+/// The state that determines the rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Listing<'a> {
     /// Shown are lights whose name, kind or groups hold every word of it.
@@ -46,7 +46,7 @@ pub struct Listing<'a> {
     pub order: Order,
     /// Names of the groups that show their head alone; a search unfolds them.
     pub folded: &'a BTreeSet<String>,
-    /// What each light brings; or empty.
+    /// Contribution of each light to the image; or empty.
     pub contributions: &'a [f32],
 }
 

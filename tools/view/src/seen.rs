@@ -4,8 +4,8 @@ use glam::Vec3;
 use ltm::light::{Light, LightBasis, LightKind};
 use ltm::scene::Camera;
 
-/// Where the middle of a light is seen, in pixels, also beside the picture and behind what hides it; none behind the eye, and
-/// of an environment, which has no middle.
+/// Position of a light's centre in pixels, also beside the picture and behind what hides it. `None` behind the eye, and
+/// for an environment, which has no centre.
 pub fn position(camera: &Camera, light: &Light) -> Option<[f32; 2]> {
     let middle = light.places.iter().map(|place| Vec3::from(*place)).sum::<Vec3>() / light.places.len().max(1) as f32;
     let direction = match light.kind {

@@ -59,7 +59,7 @@ impl Snapshots {
         self.add(Snapshot { name, mix: Some(mix), image: Some(image), is_displayed: false })
     }
 
-    /// Takes the lightings of a file in place of all that came from lightings. Those that are as before keep their pictures.
+    /// Takes the lightings of a file instead of all that came from lightings. Those that are as before keep their pictures.
     pub fn read(&mut self, mixes: Vec<(String, Mix)>) {
         let compared = self.compared.map(|index| self.list[index].name.clone());
         let old = std::mem::take(&mut self.list);

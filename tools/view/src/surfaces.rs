@@ -18,7 +18,7 @@ const OTHER_SHARE: f32 = 0.05;
 /// Albedo below which a surface tells nothing of the light on it.
 const MIN_ALBEDO: f32 = 0.02;
 
-/// What each pixel shows beside light.
+/// Features of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surfaces {
     albedo: Vec<Option<[f32; 3]>>,

@@ -8,7 +8,7 @@ use super::mixer::Mix;
 /// A mix as it came to be.
 #[derive(Clone, Debug)]
 pub struct Work {
-    /// What is on the lights.
+    /// State of the lights.
     pub mix: Mix,
     /// The scene's own.
     pub scene: Mix,

@@ -35,7 +35,7 @@ pub struct SharedDevice {
     pub shows: bool,
 }
 
-/// What a worker may use.
+/// Resources that a worker may use.
 #[derive(Clone, Debug)]
 pub struct Means {
     /// The device to relight on; none: the CPU does.
@@ -45,14 +45,14 @@ pub struct Means {
     pub budget_bytes: u64,
 }
 
-/// What the window wants to see.
+/// The view that the window asks for.
 #[derive(Clone, Debug)]
 pub struct Request {
     /// Grows with every request, so that a picture can be traced to what asked for it.
     pub generation: u64,
     /// The lighting.
     pub lighting: Arc<Lighting>,
-    /// How its radiance is turned to colours.
+    /// Display settings.
     pub display: Display,
     /// A picture to show beside it.
     pub compared: Option<Compared>,
@@ -78,7 +78,7 @@ pub struct Picture {
     pub seen: Seen,
     /// The compared picture, as it is shown; the same as before where neither it nor its display has changed.
     pub compared: Option<Arc<Shown>>,
-    /// What of the container is in it.
+    /// How much of the container is in it.
     pub progress: PictureProgress,
     /// Time of relighting alone, where it is shown on the device with the display; 0 where the lighting had not changed.
     pub relight_secs: f64,
@@ -86,7 +86,7 @@ pub struct Picture {
     pub total_secs: f64,
 }
 
-/// Where a picture is.
+/// Location of an image.
 #[derive(Clone, Debug)]
 pub enum Seen {
     /// In the memory of the CPU, with its linear radiance.
@@ -109,22 +109,22 @@ impl PictureProgress {
     /// Everything is there.
     pub const COMPLETE: Self = Self { base: 1.0, whole: 1.0 };
 
-    /// Whether everything is there.
+    /// Whether all blocks are loaded.
     pub fn is_complete(self) -> bool {
         self == Self::COMPLETE
     }
 }
 
-/// What work beside the worker brings.
+/// Events from jobs beside the worker.
 #[derive(Debug)]
 pub enum Brought {
-    /// Something was written; one line about it.
+    /// A message on a file that was written, one line.
     Message(String),
     /// A lighting file was written.
     Wrote {
         /// The file.
         path: PathBuf,
-        /// What stands in it.
+        /// The content.
         saved: Box<Saved>,
         /// Revision of the snapshots that stand in it.
         revision: u64,
@@ -133,7 +133,7 @@ pub enum Brought {
     },
     /// An image was read.
     Image {
-        /// Its file.
+        /// Path of the file.
         path: PathBuf,
         /// The light that it is for; none: it is a reference.
         light: Option<usize>,
@@ -144,14 +144,14 @@ pub enum Brought {
     Look {
         /// The file.
         path: PathBuf,
-        /// What stands in it.
+        /// The content.
         saved: Box<Saved>,
     },
     /// Work that an earlier window left behind was read.
     Recovered {
-        /// What it is.
+        /// The content.
         saved: Box<Saved>,
-        /// Where it was written down.
+        /// Where it was saved.
         left: LeftBehind,
     },
     /// The work was written down, in case the window ends by force.
@@ -171,7 +171,7 @@ pub enum Brought {
     },
 }
 
-/// What comes back from the worker.
+/// Events from the worker.
 pub enum Event {
     /// A picture.
     Picture(Box<Picture>),
@@ -184,7 +184,7 @@ pub enum Event {
         /// As in [`Shown`].
         histogram: Vec<[f32; 3]>,
     },
-    /// What can be resident is.
+    /// The container is loaded, as far as it stays in memory.
     Loaded {
         /// All factors in the CPU's memory, where they fit and the CPU relights.
         relighter: Option<Arc<CpuRelighter>>,
@@ -193,7 +193,7 @@ pub enum Event {
         /// Whether the container is larger than its budget.
         is_paged: bool,
     },
-    /// What each column brings to the picture is known.
+    /// The contribution of each column to the image.
     Reach(TexelReach),
     /// What each light brings to a pixel, at the newest lighting: luminances.
     Pixel {
@@ -208,7 +208,7 @@ pub enum Event {
     Damage(Vec<String>),
     /// The open file has changed.
     File(FileChange),
-    /// Something could not be done.
+    /// An action failed.
     Failed(String),
 }
 
@@ -230,7 +230,7 @@ impl Wishes {
     }
 }
 
-/// What the window and its worker share.
+/// State shared by the window and its worker.
 #[derive(Default)]
 pub(super) struct Shared {
     wishes: Mutex<Wishes>,
@@ -276,7 +276,7 @@ pub struct Worker {
     thread: Option<JoinHandle<()>>,
 }
 
-/// What sends an event and wakes the window.
+/// Sends events and wakes the window.
 #[derive(Clone)]
 pub(super) struct Outbox {
     events: Sender<Event>,
@@ -335,7 +335,7 @@ impl Worker {
         self.events.try_iter()
     }
 
-    /// What was read so far.
+    /// Counts of the reads so far.
     pub fn meter(&self) -> &Meter {
         &self.shared.meter
     }

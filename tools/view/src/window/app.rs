@@ -32,7 +32,7 @@ pub struct App {
     document: Option<Document>,
     message: Option<String>,
     recent: Recent,
-    /// What containers are opened with.
+    /// Options for opening containers.
     opening: Opening,
     chooser: Option<Chooser>,
     /// The desktop's dialogue, while one is open.
@@ -49,7 +49,7 @@ pub struct App {
     warned_of_writing: bool,
     /// Whether the window's size is settled: it was asked for, or made to fit the screen.
     fits: bool,
-    /// What the window is called.
+    /// Title of the window.
     title: String,
     panels: bool,
     tab: Tab,
@@ -114,7 +114,7 @@ impl App {
         app
     }
 
-    /// Opens a container in place of the one that is open, whose work is not kept.
+    /// Opens a container instead of the one that is open, whose work is not kept.
     pub fn open(&mut self, context: &egui::Context, path: &Path) {
         match Document::open(context, path, self.opening.clone()) {
             Ok(document) => {
@@ -289,12 +289,12 @@ impl App {
         }
     }
 
-    /// What the window is called.
+    /// Title of the window.
     pub fn title(&self) -> &str {
         &self.title
     }
 
-    /// Whether the picture stands and nothing newer is awaited.
+    /// Whether the image is complete and no newer one is pending.
     pub fn is_settled(&self) -> bool {
         self.document.as_ref().is_none_or(|document| document.is_settled())
     }
@@ -465,7 +465,7 @@ impl App {
         }
     }
 
-    /// What is seen without a container.
+    /// The screen without a container.
     fn welcome(&mut self, ui: &mut Ui) {
         let mut chosen = None;
         egui::CentralPanel::default().frame(egui::Frame::new().fill(SURROUND)).show(ui, |ui| {
@@ -586,7 +586,7 @@ fn half_the_memory() -> u64 {
     (system.totalram as u64).saturating_mul(u64::from(system.mem_unit)) / 2
 }
 
-/// What a file that is dropped now would do.
+/// Hint on what dropping a file would do.
 fn drop_hint(context: &egui::Context) {
     let painter = context.layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("drop")));
     let rect = context.content_rect();

@@ -15,14 +15,14 @@ use ltm::error::Result;
 /// How long the work must have rested before it is written down.
 const REST: Duration = Duration::from_millis(700);
 
-/// Where the work on one container is written down.
+/// Autosave of the work on one container.
 #[derive(Default)]
 pub(super) struct Autosave {
     state_folder: Option<PathBuf>,
     place: Option<Unsaved>,
-    /// What was written last, or is being written.
+    /// The state that was written last, or is being written.
     written: Option<(Mix, u64)>,
-    /// What is seen since when.
+    /// The current state, and since when it has not changed.
     resting: Option<(Mix, u64, Instant)>,
     is_writing: bool,
     /// Work of an earlier window that is part of this one's: it stays until that is written down or saved.
@@ -30,7 +30,7 @@ pub(super) struct Autosave {
 }
 
 impl Autosave {
-    /// Without a state folder nothing is written.
+    /// Without a state folder nothing is saved.
     pub(super) fn new(state_folder: Option<PathBuf>) -> Self {
         Self { state_folder, ..Default::default() }
     }

@@ -13,7 +13,7 @@ use crate::export::{with_ending, with_one_of};
 use crate::rows::natural;
 use ltm::resources::human_bytes;
 
-/// What a file is chosen for.
+/// Purpose of choosing a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
     Container,
@@ -30,7 +30,7 @@ pub(super) enum Purpose {
     Animation,
 }
 
-/// What became of it.
+/// Result of the dialogue.
 pub(super) enum Answer {
     Cancelled,
     Chosen(PathBuf),
@@ -55,7 +55,7 @@ pub(super) struct Chooser {
     newest_first: bool,
     name: String,
     problem: Option<String>,
-    /// Whether the name is to be given the keyboard.
+    /// Whether the name field is to get the keyboard focus.
     fresh: bool,
 }
 
@@ -266,7 +266,7 @@ impl Chooser {
         picked.filter(|_| !self.purpose.saves())
     }
 
-    /// What the name means from this folder.
+    /// The path that the name refers to in this folder.
     fn target(&self) -> PathBuf {
         let path = self.folder.join(self.name.trim());
         if self.purpose.saves() && !path.is_dir() { with_one_of(&path, self.purpose.endings()) } else { path }

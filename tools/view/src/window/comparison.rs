@@ -23,12 +23,12 @@ pub(super) struct Comparison {
     texture: Option<(Arc<Shown>, TextureHandle)>,
     /// What was measured last, and of what; nothing while it is being measured.
     difference: Option<(DifferenceKey, Option<Arc<Difference>>)>,
-    /// What is being measured.
+    /// The comparison being measured.
     measuring: Option<DifferenceKey>,
     difference_texture: Option<TextureHandle>,
     /// Whether to take a snapshot as soon as the picture's values are there.
     pub(super) snapshot_wanted: bool,
-    /// Whether the picture of a snapshot is being made.
+    /// Whether the image of a snapshot is being made.
     pub(super) is_relighting: bool,
     /// Seconds from one snapshot to the next in an animation, and its rate.
     pub(super) step_secs: f32,
@@ -56,7 +56,7 @@ impl Comparison {
         self.texture = texture.map(|texture| (shown, texture));
     }
 
-    /// What to draw beside the wipe.
+    /// The texture to draw beside the wipe.
     pub(super) fn id(&self) -> Option<TextureId> {
         self.texture.as_ref().map(|(_, texture)| texture.id())
     }

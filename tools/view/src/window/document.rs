@@ -30,16 +30,16 @@ use ltm::light::{LightBasis, LightUnit};
 use ltm::matrix::FactorSource;
 use ltm::relight::relight_streaming;
 
-/// What a document is opened with.
+/// Options for opening a document.
 #[derive(Clone)]
 pub(super) struct Opening {
-    /// What the worker may use.
+    /// Resources of the worker.
     pub(super) means: Means,
     /// The device that draws the window, where it relights too.
     pub(super) state: Option<RenderState>,
-    /// Where unsaved work is written down.
+    /// Folder for autosaved work.
     pub(super) state_folder: Option<PathBuf>,
-    /// What runs beside the window.
+    /// Jobs in the background.
     pub(super) under_way: UnderWay,
 }
 
@@ -53,9 +53,9 @@ pub(super) struct Document {
     pub(super) list: LightList,
     /// How the picture is shown, and what was asked of it.
     pub(super) view: ViewState,
-    /// What is measured in the picture.
+    /// The light meter.
     pub(super) meter: LightMeter,
-    /// What is seen in place of light.
+    /// The view of features.
     pub(super) features: FeaturesView,
     /// Snapshots and references.
     pub(super) compare: Comparison,
@@ -63,7 +63,7 @@ pub(super) struct Document {
     pub(super) easel: PatternEditorState,
     /// The newest picture.
     pub(super) shown: ShownPicture,
-    /// What the worker was asked for.
+    /// Requests to the worker.
     pub(super) requests: Requests,
     /// Files that are read and written, and what is said of it.
     pub(super) files: Errands,
@@ -139,12 +139,12 @@ impl Document {
         self.list.rows(self.session.basis(), &self.work.mix)
     }
 
-    /// Whether something would be lost with this document.
+    /// Whether there are unsaved changes.
     pub(super) fn is_modified(&self) -> bool {
         self.work.is_modified(self.compare.snapshots.revision())
     }
 
-    /// All that a lighting file keeps.
+    /// The content of a lighting file.
     pub(super) fn saved(&self) -> Saved {
         Saved {
             mix: self.work.mix.clone(),
@@ -305,7 +305,7 @@ impl Document {
         }
     }
 
-    /// Whether the whole picture stands and nothing is awaited.
+    /// Whether the whole image is complete and nothing is pending.
     pub(super) fn is_settled(&self) -> bool {
         let has_come = self.requests.are_answered() && self.shown.valued == self.shown.seen;
         let is_measured = !self.compare.is_measuring() && !matches!(self.meter.known, Known::Reading);

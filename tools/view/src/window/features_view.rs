@@ -1,4 +1,4 @@
-//! What the picture shows beside light, in place of it: albedo, normals, depth.
+//! What the picture shows beside light, instead of it: albedo, normals, depth.
 
 use eframe::egui::{self, RichText, TextureHandle, TextureId, Ui};
 
@@ -20,20 +20,20 @@ const WAYS: [(&str, Option<Feature>, &str); 4] = [
 
 #[derive(Default)]
 pub(super) struct FeaturesView {
-    /// What is seen in place of light.
+    /// The feature shown instead of light.
     pub(super) shows: Option<Feature>,
-    /// What the texture shows.
+    /// The content of the texture.
     made: Option<(Feature, Shown)>,
     texture: Option<TextureHandle>,
 }
 
 impl FeaturesView {
-    /// What stands in place of the picture.
+    /// The image shown instead of light.
     pub(super) fn shown(&self) -> Option<&Shown> {
         self.made.as_ref().filter(|(feature, _)| self.shows == Some(*feature)).map(|(_, shown)| shown)
     }
 
-    /// What to draw in place of the picture.
+    /// The texture to draw instead of the image.
     pub(super) fn id(&self) -> Option<TextureId> {
         self.shown().and(self.texture.as_ref()).map(TextureHandle::id)
     }
@@ -51,7 +51,7 @@ impl Document {
         }
     }
 
-    /// What is shown of a pixel in place of light, in words.
+    /// What is shown of a pixel instead of light, in words.
     fn feature_in_words(&self, [x, y]: [u32; 2]) -> Option<String> {
         let Known::Surfaces(surfaces) = &self.meter.known else { return None };
         let pixel = y as usize * self.size()[0] as usize + x as usize;

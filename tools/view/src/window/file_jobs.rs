@@ -26,14 +26,14 @@ use ltm::relight::relight_streaming;
 
 /// Files of a document, and what is said of them.
 pub(super) struct Errands {
-    /// What is said below, and whether something went wrong.
+    /// The message in the status line, and whether it is an error.
     pub(super) message: Option<(String, bool)>,
     /// Works beside the worker that are not done yet.
     pub(super) beside: usize,
     under_way: UnderWay,
     /// Name for exported files, without ending.
     pub(super) export_base: PathBuf,
-    /// What a file is to be chosen for.
+    /// Purpose of the file to choose.
     pub(super) wanted: Option<Purpose>,
     /// What has become of the container's file since it was opened.
     pub(super) changed: Option<FileChange>,
@@ -64,7 +64,7 @@ impl Errands {
 #[derive(Clone, Default)]
 pub(super) struct UnderWay(Arc<AtomicUsize>);
 
-/// One of them, as long as it lives.
+/// A running job; it counts until it is dropped.
 struct Running(UnderWay);
 
 impl UnderWay {
@@ -117,7 +117,7 @@ impl Document {
         }
     }
 
-    /// Takes a lighting file's content in place of the mix, as one step, and of the snapshots.
+    /// Takes a lighting file's content instead of the mix, as one step, and of the snapshots.
     fn take_look(&mut self, saved: Saved) {
         let Saved { mix, snapshots, display, keys } = saved;
         self.work.replace(mix);

@@ -10,7 +10,7 @@ use super::shown_picture::colour_image;
 use super::theme::{ACCENT, WEAK};
 use super::view_state::Beside;
 
-/// What a key does.
+/// Action of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Action {
     Open,

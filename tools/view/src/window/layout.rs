@@ -19,7 +19,7 @@ use crate::recent::Recent;
 const WIDE: f32 = 1040.0;
 const HIGH: f32 = 640.0;
 
-/// What a single panel shows.
+/// Content of a single panel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Tab {
     #[default]

@@ -14,13 +14,13 @@ const LONG: usize = 60;
 pub(super) struct LightList {
     /// The light that the panels speak of; it is among the chosen ones.
     selected: Option<usize>,
-    /// All lights that are selected.
+    /// All selected lights.
     chosen: BTreeSet<usize>,
     pub(super) search: String,
     pub(super) order: Order,
     /// Names of the groups that show their head alone.
     pub(super) folded: BTreeSet<String>,
-    /// What each light brings to the picture.
+    /// Contribution of each light to the image.
     pub(super) contributions: Vec<f32>,
     /// The contributions by which the rows are sorted, and the order that was chosen then.
     ranked: (Vec<f32>, Order),

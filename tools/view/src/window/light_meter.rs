@@ -33,13 +33,13 @@ type FieldKey = (u64, Measured, bool, u32);
 
 #[derive(Default)]
 pub(super) struct LightMeter {
-    /// What the picture is shown in, in place of its colours.
+    /// What the picture is shown in, instead of its colours.
     pub(super) shows: Option<Measured>,
     /// What was shown last; the area is measured in it.
     measured: Measured,
     /// The scale; none: it follows the picture.
     scale: Option<Scale>,
-    /// Whether lines of equal value are left out.
+    /// Whether isolines are hidden.
     no_lines: bool,
     pub(super) area: Area,
     /// Whether clicks on the picture set corners of the area.
@@ -50,7 +50,7 @@ pub(super) struct LightMeter {
     of_figures: Option<(FieldKey, Area)>,
     /// The picture in colours, with what it was made of.
     overlay: Option<(FieldKey, Scale, Shown)>,
-    /// What is written at its lines.
+    /// Labels of the isolines.
     labels: Vec<Label>,
     texture: Option<TextureHandle>,
 }
@@ -63,12 +63,12 @@ impl LightMeter {
         Some(Scale { lines: !self.no_lines, ..scale })
     }
 
-    /// What to draw in place of the picture.
+    /// The texture to draw instead of the image.
     pub(super) fn id(&self) -> Option<TextureId> {
         self.shows.and(self.texture.as_ref()).map(TextureHandle::id)
     }
 
-    /// What the colours mean, in words.
+    /// Text of the colour legend.
     pub(super) fn legend_in_words(&self) -> Option<String> {
         let (scale, unit) = (self.scale().filter(|_| self.shows.is_some())?, self.measured.unit());
         let lines: Vec<String> = scale.steps().into_iter().map(short).collect();
@@ -81,12 +81,12 @@ impl LightMeter {
         self.overlay.as_ref().filter(|_| self.shows.is_some()).map(|(_, _, shown)| shown)
     }
 
-    /// What is measured.
+    /// The quantity that is measured.
     pub(super) fn measured(&self) -> Measured {
         self.measured
     }
 
-    /// Whether values are the least that there can be.
+    /// Whether values are lower bounds.
     pub(super) fn is_least(&self) -> bool {
         self.field.as_ref().is_some_and(|(_, field)| field.is_least)
     }
@@ -191,7 +191,7 @@ pub(super) fn light_meter(ui: &mut Ui, document: &mut Document) {
     }
 }
 
-/// Where illuminances come from.
+/// Tells where illuminances come from.
 fn origin(ui: &mut Ui, document: &Document) {
     let (text, about) = match &document.meter.known {
         Known::Surfaces(_) => ("With the surfaces' own albedo".to_owned(), String::new()),

@@ -19,7 +19,7 @@ pub(super) struct NativeDialog {
     answer: Receiver<Option<PathBuf>>,
 }
 
-/// What became of it.
+/// Result of the dialogue.
 pub(super) enum Outcome {
     Answered(Answer),
     /// There is none: the window's own list is to be shown.

@@ -13,7 +13,7 @@ use crate::sun::{Moment, PlacedSun};
 use ltm::image::encode_srgb;
 use ltm::light::{Light, LightKind};
 
-/// What the pointer does on a light's texture.
+/// The tool of the pointer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Tool {
     Brush,
@@ -31,7 +31,7 @@ pub(super) struct PatternEditorState {
     /// Size of shapes, as a fraction of the light's size.
     shape_size: f32,
     last_touch: Option<[f32; 2]>,
-    /// What a drag does with the light's shape.
+    /// The handle of the light's shape that a drag moves.
     hold: Hold,
     /// The sun that is being put into a sky, and how far above the whole sky it is, in stops.
     pub(super) sun: Option<PlacedSun>,
@@ -40,7 +40,7 @@ pub(super) struct PatternEditorState {
     pub(super) moment: Moment,
 }
 
-/// How a shape is held.
+/// Handles of a shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Hold {
     /// At a place inside it, given from its middle, in fractions of the light's size.
@@ -67,7 +67,7 @@ impl Default for PatternEditorState {
 }
 
 impl PatternEditorState {
-    /// Whether the pointer puts suns into skies.
+    /// Whether the pointer places suns in skies.
     pub(super) fn puts_suns(&self) -> bool {
         self.tool == Tool::Sun
     }

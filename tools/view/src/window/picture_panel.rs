@@ -12,7 +12,7 @@ use crate::difference::Difference;
 /// How near, in points, the pointer must be to take hold of the wipe.
 const GRIP: f32 = 7.0;
 
-/// What a drag on the picture holds.
+/// The object that a drag moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Held {
     Wipe,
@@ -24,7 +24,7 @@ enum Held {
     Picture,
 }
 
-/// Where the picture stands on the screen.
+/// Position of the image on the screen.
 struct Place {
     /// The room for it.
     view: Rect,
@@ -44,7 +44,7 @@ impl Place {
         self.picture.left() + document.compare.snapshots.wipe * self.picture.width()
     }
 
-    /// From the middle of the view, in points.
+    /// Offset from the centre of the view, in points.
     fn offset_of(&self, at: Pos2) -> [f32; 2] {
         [at.x - self.view.center().x, at.y - self.view.center().y]
     }
@@ -54,7 +54,7 @@ impl Place {
         self.view.center() + vec2(x, y)
     }
 
-    /// What can be taken hold of at a place.
+    /// The object at a position.
     fn held_at(&self, document: &Document, at: Pos2) -> Held {
         let near = |corner: &[f32; 2]| self.to_screen(document, *corner).distance(at) < GRIP;
         let wipes = document.compare.id().is_some() && document.view.beside == Beside::Wipe;

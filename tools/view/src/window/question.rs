@@ -16,7 +16,7 @@ pub(super) enum Next {
     LoadLook(PathBuf),
 }
 
-/// What is asked.
+/// The question to the user.
 pub(super) enum Question {
     /// Whether to save the work first.
     Unsaved(Next),
@@ -24,7 +24,7 @@ pub(super) enum Question {
     LeftBehind(LeftBehind),
 }
 
-/// What was answered.
+/// The answer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reply {
     /// Save, or recover.
@@ -81,7 +81,7 @@ impl Question {
     }
 }
 
-/// How long ago something was, in words.
+/// Text for how long ago something was.
 pub(super) fn ago(then: SystemTime) -> String {
     let minutes = then.elapsed().map_or(0, |elapsed| elapsed.as_secs() / 60);
     match minutes {

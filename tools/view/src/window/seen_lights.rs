@@ -17,7 +17,7 @@ pub(super) const SUN_GRIP: f32 = 12.0;
 pub(super) struct SeenSun {
     /// The sky that it stands in, or the light that it is.
     pub(super) light: usize,
-    /// Where, in pixels from the picture's top left.
+    /// Position in pixels from the image's top left.
     pub(super) position: [f32; 2],
     shines: bool,
 }

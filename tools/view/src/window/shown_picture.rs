@@ -17,7 +17,7 @@ use ltm::relight::CpuRelighter;
 const RATE_PICTURES: usize = 24;
 const REST_SECS: f64 = 0.5;
 
-/// What the last drag cost.
+/// Cost of the last drag.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Latency {
     pub(super) frames: u64,
@@ -43,7 +43,7 @@ pub(super) struct ShownPicture {
     pub(super) seen: u64,
     pub(super) valued: u64,
     texture: Option<TextureHandle>,
-    /// The device's own texture, in place of the other, where the device shows the pictures.
+    /// The device's own texture, instead of the other, where the device shows the pictures.
     screen: Option<ScreenTexture>,
     /// The device that draws the window.
     state: Option<RenderState>,
@@ -97,7 +97,7 @@ impl ShownPicture {
         None
     }
 
-    /// What to draw as the picture.
+    /// The texture of the image.
     pub(super) fn id(&self) -> Option<TextureId> {
         let in_memory = || self.texture.as_ref().map(TextureHandle::id);
         self.screen.as_ref().map(ScreenTexture::id).or_else(in_memory)

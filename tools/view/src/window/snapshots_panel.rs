@@ -34,7 +34,7 @@ pub(super) fn snapshots(ui: &mut Ui, document: &mut Document) {
     sequence(ui, document);
 }
 
-/// What is made of all snapshots together.
+/// Buttons for what is made of all snapshots together.
 fn sequence(ui: &mut Ui, document: &mut Document) {
     let (all, mixes) = (document.compare.snapshots.list().len(), document.compare.snapshots.mixes().len());
     if all < 2 {

@@ -20,9 +20,9 @@ pub(super) const WEAK: Color32 = Color32::from_gray(152);
 pub(super) const IDLE: Color32 = Color32::from_gray(130);
 /// Behind selected rows.
 pub(super) const SELECTED: Color32 = Color32::from_rgb(52, 44, 34);
-/// What is selected or alive.
+/// Colour of selected and active parts.
 pub(super) const ACCENT: Color32 = Color32::from_rgb(232, 168, 76);
-/// What went wrong.
+/// Colour of errors.
 pub(super) const ALARM: Color32 = Color32::from_rgb(236, 110, 92);
 
 /// Gives all of a context's widgets these colours.

@@ -9,7 +9,7 @@ use super::keys::{Action, keys_of};
 use super::theme::{ACCENT, WEAK};
 use crate::recent::{Recent, RecentKind};
 
-/// What was chosen above.
+/// The user's choice in the top bar.
 pub(super) enum Choice {
     Act(Action),
     Open(PathBuf),

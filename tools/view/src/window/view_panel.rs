@@ -41,7 +41,7 @@ pub(super) fn view_panel(ui: &mut Ui, document: &mut Document) {
     });
 }
 
-/// What can be written, in a grid.
+/// Buttons for exports, in a grid.
 fn export(ui: &mut Ui, document: &mut Document) {
     let ways = [
         ("PNG…", "The picture as it is shown (Ctrl+S)", Action::Png),

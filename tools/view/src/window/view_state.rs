@@ -18,7 +18,7 @@ pub(super) enum Beside {
     Wipe,
     /// The other one whole.
     Other,
-    /// How far the two are apart.
+    /// The difference of the two.
     Difference,
 }
 
