@@ -45,7 +45,7 @@
 //! | `denoise` | `error`, `files`, `matrix`, `image`, `light`, `compress`, `resources`, `block_records`, `simd` |
 //! | `error_estimate` | `error`, `matrix`, `image`, `light`, `store`, `resources`, `denoise` |
 //! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `denoise`, `compress`, `container`, `relight`, `share`, `resources`, `blob_store`, `block_records`, `error_estimate` |
-//! | `sample_budget` | `error`, `matrix`, `light`, `scene`, `trace`, `store`, `denoise`, `resources`, `error_estimate`, `pipeline` |
+//! | `sample_budget` | `error`, `block_records`, `container`, `matrix`, `light`, `scene`, `trace`, `store`, `denoise`, `resources`, `error_estimate`, `pipeline` |
 //! | `farm` | `error`, `files`, `matrix`, `light`, `scene`, `trace`, `compress`, `denoise`, `resources`, `blob_store`, `block_records`, `pipeline` |
 //!
 //! # Which crate is used where
@@ -72,16 +72,16 @@
 //! | `libc` | `store` |
 //! | `memmap2` | `store`, `trace` |
 //! | `rustix` | `files`, `store` |
-//! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share`, `store` |
-//! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
-//! | `bytemuck` | `denoise`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
+//! | `sha2` | `block_records`, `container`, `denoise`, `light`, `pipeline`, `scene`, `share`, `store` |
+//! | `crc32fast` | `block_records`, `container`, `files`, `pipeline`, `share`, `store` |
+//! | `bytemuck` | `block_records`, `denoise`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
 //! | `pulp` | `denoise`, `container`, `relight`, `store`, `trace`, `simd` |
-//! | `rayon` | `denoise`, `compress`, `container`, `resources`, `image`, `pipeline`, `relight`, `trace` |
-//! | `tempfile` | `pipeline`, `trace` |
+//! | `rayon` | `error_estimate`, `farm`, `denoise`, `compress`, `container`, `resources`, `image`, `pipeline`, `relight`, `trace` |
+//! | `tempfile` | `denoise`, `farm`, `pipeline`, `trace` |
 //! | `object_store`, `reqwest`, `rustls`, `tokio` | `blob_store` |
 //! | `thiserror` | `blob_store`, `error`, `trace` |
-//! | `std::fs` | `container`, `blob_store`, `files`, `resources`, `image`, `look`, `pipeline`, `scene`, `store`, `trace` |
-//! | `std::os` | `container`, `files`, `resources`, `pipeline`, `store` |
+//! | `std::fs` | `block_records`, `container`, `blob_store`, `files`, `resources`, `image`, `look`, `pipeline`, `scene`, `store`, `trace` |
+//! | `std::os` | `block_records`, `container`, `files`, `resources`, `pipeline`, `store` |
 //! | `std::thread` | `resources`, `image`, `pipeline`, `store` |
 //! | `std::env` | `files` |
 //! | `std::process` | `blob_store` |

@@ -2,6 +2,8 @@
 
 #[path = "house/documents.rs"]
 mod documents;
+#[path = "house/modules.rs"]
+mod modules;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

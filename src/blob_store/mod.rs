@@ -112,7 +112,7 @@ impl BlobStore {
         match &self.place {
             Backend::Folder(folder) => folder.put(name, content),
             #[cfg(feature = "s3")]
-            Backend::Bucket(bucket) => bucket.put(name, content),
+            Backend::Bucket(bucket) => multipart_upload::Upload::put(bucket, name, content),
         }
     }
 

@@ -20,8 +20,6 @@ use object_store::path::Path;
 use object_store::{BackoffConfig, GetOptions, ObjectStore, RetryConfig};
 use tokio::runtime::{Builder, Runtime};
 
-use super::Content;
-use super::multipart_upload::Upload;
 use super::read_ahead::{Ahead, HELD_BYTES};
 use crate::error::{Error, Result};
 use crate::files::{Ranged, check_free_space, replace};
@@ -184,10 +182,6 @@ impl Bucket {
                 return Ok(names);
             }
         }
-    }
-
-    pub(super) fn put(&self, name: &str, content: Content) -> Result<()> {
-        Upload::put(self, name, content)
     }
 
     /// A copy of an object in a file, unless the file is there.

@@ -3,7 +3,6 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::paper::global;
 use crate::error::{Error, Result};
 
 /// How a block is turned into factors.
@@ -202,7 +201,7 @@ impl CompressSettings {
             return refuse("Algorithm 4 needs at least one round", "");
         }
         if self.scope == Scope::Global {
-            global::check(self)?;
+            check_global(self)?;
             if (self.sample_rows as f64) < self.rank as f64 * self.rows_per_column {
                 return refuse("the sample of rows is smaller than the rows to choose", "65536 is usual");
             }
@@ -279,4 +278,17 @@ impl FromStr for Method {
             Error::input("method", format!("'{text}' is unknown"), format!("take one of {}", names.join(", ")))
         })
     }
+}
+
+/// Errors: a method or a core that has no global form.
+pub(super) fn check_global(settings: &CompressSettings) -> Result<()> {
+    let refuse = |what: String, hint: &str| Err(Error::input("global scope", what, hint));
+    match settings.method {
+        Method::Algorithm1 | Method::Algorithm2 | Method::Algorithm3 | Method::Algorithm4 => {}
+        method => return refuse(format!("the method {method} works block by block"), "take algorithm1 … algorithm4"),
+    }
+    if settings.core == Core::Projection {
+        return refuse("projecting needs the whole matrix at hand".into(), "take the least-squares core");
+    }
+    Ok(())
 }

@@ -3,11 +3,11 @@
 use pulp::Simd;
 
 use super::constants::*;
-use super::filter_radii::{FILTERED, FILTERED_PIXELS, FilterRadii, RAW};
+use super::filter_radii::{FILTERED, FILTERED_PIXELS, FilterRadii, RAW, nearness};
 use super::guide_statistics::Guides;
 use super::guides::{Guide, GuideCut, GuideOf, GuideReach, GuideWidths, fill_mixtures, mixture_planes, weights};
 use super::image_rows::{ImageRows, Pool, Region};
-use super::kernel::{Means, Neighbours, Offset, Offsets, Weigh, Weighed};
+use super::kernel::{Means, Neighbours, Offsets, Weigh, Weighed};
 use super::per_image_filter::PerImageFilter;
 use super::pixel_tile::{PixelTile, TILE_PIXELS};
 use super::row_stages::{Stage, Step, Track};
@@ -274,9 +274,4 @@ impl Weigh for CommonWeights<'_> {
         weights(out);
         surfaces.times_albedo(offset, out);
     }
-}
-
-pub(super) fn nearness((across, down): Offset, radius: usize) -> f32 {
-    let width = radius.max(1) as f32 * NEARNESS;
-    (across * across + down * down) as f32 / (2.0 * width * width)
 }

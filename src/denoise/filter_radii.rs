@@ -2,9 +2,9 @@
 
 use super::albedo;
 use super::constants::*;
-use super::guides::GuideReach;
+use super::guides::{GuideReach, GuideWidths};
 use super::kernel::Offsets;
-use super::per_image_filter::Pass;
+use super::pixel_tile::Offset;
 use super::row_stages::Stage;
 use super::shrinkage::RISK_REACH;
 use super::surfaces;
@@ -203,6 +203,29 @@ impl IndirectStages {
         let Self { mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, alone, surfaces } = self;
         [mixtures, raw_guide, pilot_wide, pilot, guide, wide, narrow, surfaces].into_iter().chain(alone).collect()
     }
+}
+
+/// One pass of that filter.
+pub(super) struct Pass {
+    pub(super) offsets: Offsets,
+    /// Range-weight width in units of the noise's σ, see [`GuideWidths::noise`].
+    pub(super) noise: f32,
+}
+
+impl Pass {
+    /// Radius, in pixels, within which a pass reads images.
+    pub(super) fn read(&self) -> usize {
+        self.offsets.radius() + FILTERED.read()
+    }
+
+    pub(super) fn widths(&self) -> GuideWidths {
+        GuideWidths { noise: self.noise, relative: ALONE_RELATIVE }
+    }
+}
+
+pub(super) fn nearness((across, down): Offset, radius: usize) -> f32 {
+    let width = radius.max(1) as f32 * NEARNESS;
+    (across * across + down * down) as f32 / (2.0 * width * width)
 }
 
 #[cfg(test)]

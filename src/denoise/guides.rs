@@ -4,7 +4,8 @@ use pulp::Simd;
 
 use super::constants::CHROMA;
 use super::image_rows::{ImageRows, Pool, Region};
-use super::kernel::Offset;
+
+use super::pixel_tile::Offset;
 use super::pixel_tile::{PixelTile, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TileWindow, load, whole_vectors};
 
 /// Number of planes for the chroma of the first guide.

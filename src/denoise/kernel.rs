@@ -5,7 +5,7 @@ use pulp::{Simd, WithSimd};
 
 use super::constants::{BESIDE, MAX_LEVERAGE};
 use super::image_rows::{ImageRows, Region};
-use super::pixel_tile::{PixelTile, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TileWindow, load};
+use super::pixel_tile::{Offset, PixelTile, TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, TileWindow, load};
 
 /// Weights below this count as 0, since sums of them would have no inverse.
 const MIN_WEIGHT: f32 = 1e-20;
@@ -79,9 +79,6 @@ impl Weighed {
         }
     }
 }
-
-/// Offset in pixels, across and down.
-pub(super) type Offset = (isize, isize);
 
 /// The offsets that a filter reads.
 pub(super) struct Offsets {

@@ -2,12 +2,11 @@
 
 use pulp::Simd;
 
-use super::constants::{ALONE_RELATIVE, ALONE_SLOPE, MAX_SCALE};
-use super::filter::nearness;
-use super::filter_radii::{FILTERED, FilterRadii};
-use super::guides::{Guide, GuideCut, GuideOf, GuideWidths, weights};
+use super::constants::{ALONE_SLOPE, MAX_SCALE};
+use super::filter_radii::{FILTERED, FilterRadii, Pass, nearness};
+use super::guides::{Guide, GuideCut, GuideOf, weights};
 use super::image_rows::{ImageRows, Pool, Region};
-use super::kernel::{IMAGE, Means, Neighbours, Offsets, Weigh, Weighed, plane_of};
+use super::kernel::{IMAGE, Means, Neighbours, Weigh, Weighed, plane_of};
 use super::pixel_tile::{PixelTile, TILE_PIXELS};
 use super::surfaces::{Surfaces, SurfacesCut};
 
@@ -34,24 +33,6 @@ pub(super) fn passing_rows(reach: FilterRadii, step: usize) -> usize {
 pub(super) struct PerImageFilter<'a> {
     pub(super) surfaces: &'a Surfaces,
     pub(super) pass: Pass,
-}
-
-/// One pass of that filter.
-pub(super) struct Pass {
-    pub(super) offsets: Offsets,
-    /// Range-weight width in units of the noise's σ, see [`GuideWidths::noise`].
-    pub(super) noise: f32,
-}
-
-impl Pass {
-    /// Radius, in pixels, within which a pass reads images.
-    pub(super) fn read(&self) -> usize {
-        self.offsets.radius() + FILTERED.read()
-    }
-
-    fn widths(&self) -> GuideWidths {
-        GuideWidths { noise: self.noise, relative: ALONE_RELATIVE }
-    }
 }
 
 impl PerImageFilter<'_> {

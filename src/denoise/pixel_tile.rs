@@ -3,7 +3,9 @@
 use pulp::Simd;
 
 use super::image_rows::ImageRows;
-use super::kernel::Offset;
+
+/// Offset in pixels, across and down.
+pub(super) type Offset = (isize, isize);
 
 /// Width of a tile in pixels; divisible by two vectors of any supported width.
 pub(super) const TILE_WIDTH: usize = 32;

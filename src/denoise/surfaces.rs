@@ -4,7 +4,8 @@ use pulp::Simd;
 
 use super::constants::{ALBEDO_WIDTH, DEPTH_WIDTH, FEATURE_NOISE, MIN_ALBEDO, NORMAL_WIDTH, SHARE_WIDTH};
 use super::image_rows::{ImageRows, Pool, Region};
-use super::kernel::Offset;
+
+use super::pixel_tile::Offset;
 use super::pixel_tile::{PixelTile, TILE_PIXELS, TILE_WIDTH, TileWindow};
 use super::row_stages::{Stage, Step, Track};
 

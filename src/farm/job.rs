@@ -13,6 +13,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::terms::Terms;
 use super::worker::Worker;
 use crate::blob_store::BlobStore;
 use crate::block_records::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
@@ -38,14 +39,6 @@ const PROBE_SECONDS: f64 = 20.0;
 pub struct FarmJob {
     loaded: LoadedScene,
     terms: Terms,
-}
-
-/// A job and its pack options, without the scene.
-pub(super) struct Terms {
-    pub(super) job: Job,
-    /// The options after [`PackOptions::for_source`].
-    pub(super) options: PackOptions,
-    pub(super) fingerprint: [u8; 32],
 }
 
 /// Result of a probe.
@@ -364,21 +357,5 @@ impl FarmJob {
     fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, ResourceEstimate)> {
         let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, &self.terms.job));
         Ok((Worker::new(&self.terms, compressor, scratch)?, need))
-    }
-}
-
-impl Terms {
-    /// Checks that a shard belongs to this job; the error says what it belongs to.
-    fn accept(&self, head: &ShardHead) -> Result<(), String> {
-        if head.job != self.job.hash().0 {
-            return Err("it is of another job".to_owned());
-        }
-        if head.fingerprint != self.fingerprint {
-            return Err("it was built with other settings, or by another version of the program".to_owned());
-        }
-        match head.blocks.end <= self.job.shape.block_count() {
-            true => Ok(()),
-            false => Err("it has blocks that the matrix has not".to_owned()),
-        }
     }
 }

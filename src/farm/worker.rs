@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::job::Terms;
+use super::terms::Terms;
 use crate::blob_store::BlobStore;
 use crate::block_records::{Records, ShardHead, open_spill};
 use crate::compress::Compressor;

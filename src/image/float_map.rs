@@ -5,7 +5,7 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::ImageFacts;
-use super::read::{RETURNED_BYTES, RgbaImage};
+use super::rgba::{RETURNED_BYTES, RgbaImage};
 use crate::error::{Error, Result};
 use crate::files::open_input;
 

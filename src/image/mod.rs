@@ -11,6 +11,7 @@ mod per_light;
 mod primaries;
 mod radiance;
 mod read;
+mod rgba;
 mod tone;
 mod tone_tables;
 
@@ -24,7 +25,8 @@ pub(crate) use measure::percentile;
 pub use measure::{ImageError, compare};
 pub use npy::write_npy;
 pub use per_light::{FeaturePasses, LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, TakeRow};
-pub use read::{ImageFacts, RgbaImage, decode_srgb, embedded_facts, image_facts, read_embedded, read_image, read_rgba};
+pub use read::{decode_srgb, embedded_facts, image_facts, read_embedded, read_image, read_rgba};
+pub use rgba::{ImageFacts, RgbaImage};
 pub use tone::{
     LUMENS_PER_WATT, ToneCurve, ToneMapping, encode_srgb, exposure_for, false_colour, false_colour_scale, write_png,
     write_rgb_png, write_toned_png,

@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::ImageFacts;
 use super::primaries::{ColourMatrix, Primaries, converted, xyz_to_rec_709};
-use super::read::{RETURNED_BYTES, RgbaImage, check_size, refuse};
+use super::rgba::{RETURNED_BYTES, RgbaImage, check_size, refuse};
 use crate::error::{Error, Result};
 
 /// Longest line and longest head that are read, in bytes.

@@ -7,33 +7,15 @@ use std::path::Path;
 use image::ImageDecoder;
 
 use super::open_exr::{ExrPicture, Window};
-use super::{LinearImage, float_map, radiance};
+use super::rgba::{MAX_SIDE, RETURNED_BYTES, check_size, refuse};
+use super::{ImageFacts, LinearImage, RgbaImage, float_map, radiance};
 use crate::error::{Error, Result};
 use crate::files::open_input;
-
-/// Largest side of an image that is read, in pixels.
-const MAX_SIDE: u32 = 16_384;
-
-/// Bytes of a pixel as RGBA, and as RGB where alpha is dropped.
-pub(super) const RETURNED_BYTES: u64 = 16 + 12;
 
 /// First four bytes of an OpenEXR file.
 const EXR_MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
 /// Bytes of the start of a file by which its format is told.
 const MAX_MAGIC_BYTES: u64 = 32;
-
-/// `width × height` linear Rec. 709 RGBA pixels, row by row from the top left.
-#[derive(Clone, Debug, PartialEq)]
-pub struct RgbaImage {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// Pixels, row by row; alpha is 1 where the file has none.
-    pub pixels: Vec<[f32; 4]>,
-    /// Whether the file has an alpha channel.
-    pub has_alpha: bool,
-}
 
 /// Reads an image, dropping its alpha.
 ///
@@ -54,20 +36,6 @@ pub fn read_rgba(path: &Path) -> Result<RgbaImage> {
     let opened = ImageReader::open(path)?;
     opened.note_of_frame()?;
     opened.read(path, None)
-}
-
-/// Properties of an image file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ImageFacts {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// Bytes of memory that [`read_image`] and [`read_rgba`] take at most, with what they return.
-    pub needs_bytes: u64,
-    /// What is done to its values or chosen among them that could surprise, one line each, for people: "its EXPOSURE of 2 is
-    /// divided out".
-    pub notes: Vec<String>,
 }
 
 /// Size of an image and what reading it takes, without decoding it.
@@ -168,17 +136,6 @@ impl ImageReader {
     }
 }
 
-/// Errors: no pixels, or too many.
-pub(super) fn check_size(path: &Path, (width, height): (u64, u64)) -> Result<()> {
-    let problem = match (width, height) {
-        (0, _) | (_, 0) => "the image has no pixels".to_owned(),
-        _ if width.max(height) > u64::from(MAX_SIDE) => format!("the image has {width} × {height} pixels"),
-        _ => return Ok(()),
-    };
-    let hint = format!("give one of 1 to {MAX_SIDE} a side");
-    Err(Error::input(path.display().to_string(), problem, hint))
-}
-
 /// The facts of an image of this size that a decoder gives in four floats a pixel.
 fn decoded_facts(path: &Path, (width, height): (u32, u32)) -> Result<ImageFacts> {
     check_size(path, (width.into(), height.into()))?;
@@ -274,12 +231,6 @@ fn limits() -> image::Limits {
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(u64::from(MAX_SIDE).pow(2) * 16);
     limits
-}
-
-pub(super) fn refuse(path: &Path, reason: &str) -> Error {
-    let reason = reason.lines().next().unwrap_or_default();
-    let hint = "give an EXR (of no, RLE, ZIP, PIZ, PXR24, B44 or DWA compression), HDR, PFM, PNG, JPEG, WebP, TGA or BMP image";
-    Error::input(path.display().to_string(), format!("the image cannot be read ({reason})"), hint)
 }
 
 fn read_with(path: &Path, decoder: impl ImageDecoder) -> Result<RgbaImage> {

@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, Vec3};
 
 use super::folders::Folders;
-use super::gltf::{FileExtras, GltfMaterial, is_gltf, read as read_gltf};
+use super::gltf::{FileExtras, is_gltf, read as read_gltf};
 use super::lines::unquoted;
 use super::memory::MemoryBound;
 use super::mtl::{self, MaterialShape, MtlMap, MtlMaterial};
-use super::names::{self, NameList};
+use super::names::{self};
 use super::obj::{self, ObjFile, ObjPart};
 use super::origin::origin_between;
+use super::source::{Description, Geometry, SourceMaterial};
 use super::textures::{find_as_elsewhere, find_moved};
 use super::{MaterialId, Mesh, Triangle, Vertex};
 use crate::error::{Error, Result};
@@ -26,36 +27,6 @@ const MAX_MATERIAL_BYTES: u64 = 256 << 20;
 const THINNEST: f32 = 1e-6;
 /// Names that are compared with misspelt ones, in all: each comparison takes the product of their lengths.
 const MAX_GUESSES: usize = 10_000;
-
-/// All geometry of a scene before its materials and lights are made.
-#[derive(Debug, Default)]
-pub(super) struct Geometry {
-    pub(super) mesh: Mesh,
-    /// Difference between each vertex's position and its f32 rounding.
-    residuals: Vec<Vec3>,
-    /// The materials that [`MaterialId`]s refer to.
-    pub(super) materials: Vec<SourceMaterial>,
-    /// Object names.
-    pub(super) objects: NameList,
-    /// Index into `objects` for every triangle.
-    pub(super) object_of: Vec<u32>,
-}
-
-/// A material as its file describes it.
-#[derive(Debug)]
-pub(super) struct SourceMaterial {
-    pub(super) name: String,
-    pub(super) description: Description,
-}
-
-/// A material of a source file.
-#[derive(Debug)]
-pub(super) enum Description {
-    /// An MTL file, with the folder of its textures and the shape of what has it.
-    Mtl(Box<MtlMaterial>, PathBuf, MaterialShape),
-    /// A glTF file.
-    Gltf(Box<GltfMaterial>),
-}
 
 impl Geometry {
     /// Reads an OBJ or glTF file with its materials and adds it. Returns what else the file has.

@@ -1,6 +1,18 @@
 //! What surfaces are made of, as descriptions; `trace::bsdf` gives them their behaviour.
 
+use std::ops::RangeInclusive;
+
 use glam::{Vec2, Vec3};
+
+/// Index of refraction of surfaces that state none: ordinary glass and lacquer.
+pub(super) const USUAL_IOR: f32 = 1.5;
+/// Indices of refraction that are taken.
+pub(super) const IORS: RangeInclusive<f32> = 0.1..=10.0;
+
+/// Reflectance at normal incidence of a boundary with this index of refraction (Fresnel).
+pub(super) fn normal_reflectance(ior: f32) -> f32 {
+    ((ior - 1.0) / (ior + 1.0)).powi(2)
+}
 
 /// Index into [`Scene::textures`](super::Scene::textures).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

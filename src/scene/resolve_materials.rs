@@ -3,25 +3,19 @@
 //! `formats/scene.md` states the mapping in a table.
 
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
 use std::path::Path;
 
 use glam::Vec3;
 
 use super::file::{MaterialEntry, SurfaceEntry};
 use super::folders::Folders;
-use super::gltf::{Alpha, GltfMaterial};
-use super::import::{Description, SourceMaterial};
+use super::material::{IORS, USUAL_IOR, normal_reflectance};
 use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, Through, Writer};
+use super::source::{Alpha, Description, GltfMaterial, SourceMaterial};
 use super::textures::{TextureUse, Textures};
 use super::{Material, Paint, Surface, TextureId};
 use crate::error::{Error, Result};
 use crate::light::names::fits;
-
-/// Index of refraction of surfaces that state none: ordinary glass and lacquer.
-pub(super) const USUAL_IOR: f32 = 1.5;
-/// Indices of refraction that are taken.
-pub(super) const IORS: RangeInclusive<f32> = 0.1..=10.0;
 
 /// Names that a line about many materials shows.
 const NAMES_SHOWN: usize = 4;
@@ -288,11 +282,6 @@ impl MaterialResolver<'_> {
         let emission = (radiance != Vec3::ZERO).then_some(Emission { radiance, pattern });
         Ok((Material { name: name.to_owned(), surface: look.surface(), cutout, opacity }, emission))
     }
-}
-
-/// Reflectance at normal incidence of a boundary with this index of refraction (Fresnel).
-pub(super) fn normal_reflectance(ior: f32) -> f32 {
-    ((ior - 1.0) / (ior + 1.0)).powi(2)
 }
 
 impl SurfaceParams {

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::gltf::ImageSource;
 use super::memory::MemoryBound;
+use super::source::ImageSource;
 use super::{Texture, TextureId};
 use crate::error::{Error, Result};
 use crate::files::FileAccess;

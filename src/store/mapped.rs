@@ -7,18 +7,7 @@ use std::os::unix::fs::MetadataExt;
 use memmap2::Advice;
 
 use super::guard::GuardedMap;
-use super::{FileStorage, Storage};
-
-/// The access pattern to expect.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Access {
-    /// Whole blocks, for packing and relighting: the system reads ahead.
-    #[default]
-    Blocks,
-    /// A few columns of a block: it does not, for most of what it would read is not wanted.
-    Columns,
-}
+use super::{Access, FileStorage, Storage};
 
 /// A file for reading that lends its bytes from a memory map, without a copy if its pages are cached. Reads into a
 /// caller's buffer are positioned, which is faster than copying from a map (decision 41).

@@ -49,6 +49,7 @@ mod header;
 mod layout;
 mod mapped;
 mod merge;
+mod options;
 mod place;
 mod planes;
 mod precision;
@@ -63,15 +64,16 @@ mod writer;
 
 pub use header::{HEADER_FIELDS, MAGIC, VERSION};
 pub use layout::{PAGE_BYTES, RECORD_BYTES, Requirements, StoreLayout, requirements, requirements_of};
-pub use mapped::{Access, MappedStorage};
+pub use mapped::MappedStorage;
 pub use merge::{MergeReport, merge};
+pub use options::StoreOptions;
 pub use place::{check_output, partial_path};
 pub use precision::Precision;
 pub use reader::{StoreCounts, StoreReader};
 pub use record::{COMMITTED, NOISE_NONE, NOISE_STORED, NOISE_ZERO, PLANES_STORED, RECORD_FIELDS};
-pub use storage::{FileStorage, Storage};
+pub use storage::{Access, FileStorage, Storage};
 pub use verify::{BlockDamage, VerifyReport, mend, verify, verify_storage};
-pub use writer::{StoreOptions, StoreSummary, StoreWriter};
+pub use writer::{StoreSummary, StoreWriter};
 
 /// Where a field stands in a fixed structure: name, offset and size in bytes. `formats/ltm.md` repeats these tables and
 /// a test compares.

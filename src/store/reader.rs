@@ -17,12 +17,12 @@ use crate::matrix::{
 
 use super::header::StoreHeader;
 use super::layout::READING_BYTES;
-use super::mapped::{Access, MappedStorage};
 use super::planes::decode_planes;
 use super::record::{BlockRecord, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact};
 use super::tile::SideData;
+use super::{Access, MappedStorage};
 use super::{NOISE_NONE, NOISE_ZERO, Precision, RECORD_BYTES, StoreLayout, StoreOptions, partial_path};
 
 /// Reads a `.ltm`. Everything that it returns has passed its checksum.

@@ -7,7 +7,16 @@ use std::os::unix::fs::FileExt;
 use rustix::fs::{Advice, FallocateFlags};
 use rustix::io::Errno;
 
-use super::Access;
+/// The access pattern to expect.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Access {
+    /// Whole blocks, for packing and relighting: the system reads ahead.
+    #[default]
+    Blocks,
+    /// A few columns of a block: it does not, for most of what it would read is not wanted.
+    Columns,
+}
 
 /// What the store asks of a file. Tests put storages in between that fail, tear, freeze and count.
 pub trait Storage: Send + Sync {

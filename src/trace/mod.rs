@@ -11,21 +11,27 @@
 mod accumulator;
 pub mod bsdf;
 pub mod bvh;
+mod cap;
 mod frame;
 mod integrator;
 mod lights;
+mod photon_targets;
 mod photons;
 mod planes;
 mod sampler;
 mod scales;
+mod segment;
+mod settings;
 #[cfg(test)]
 #[path = "../../tests/transport/statistics.rs"]
 mod statistics;
 mod tracer;
+mod vertex;
 mod world;
 
 pub use photons::{PhotonCost, Sending};
-pub use tracer::{BlockStats, TraceSettings, Tracer};
+pub use settings::TraceSettings;
+pub use tracer::{BlockStats, Tracer};
 
 /// Version of the tracer's results, named by every matrix, so that blocks of two versions are never mixed. Raise it
 /// with every change of an entry.

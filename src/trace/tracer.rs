@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::TraceSettings;
 use super::accumulator::{NoiseSums, PixelMeans, PixelSums, RUN, Run, interleave};
 use super::bvh::Bvh;
 use super::integrator::{Paths, trace_sample};
@@ -17,18 +18,6 @@ use crate::error::{Error, Result};
 use crate::light::{Clusters, probe_lightings};
 use crate::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
 use crate::scene::{RenderSettings, Scene};
-
-/// Quality of tracing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TraceSettings {
-    /// Paths for each pixel. Powers of two from 2 on cover texels most evenly; with 1 the noise is unknown.
-    pub samples_per_pixel: u32,
-    /// Seed of the random numbers.
-    pub seed: u64,
-    /// Longest path in segments: 1 sees only lights, 2 direct light, 3 one bounce. Thin sheets passed straight do not
-    /// count.
-    pub max_depth: u32,
-}
 
 /// Cost of tracing a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

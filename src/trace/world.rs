@@ -7,18 +7,13 @@ use glam::{Vec2, Vec3};
 use super::bsdf::Bsdf;
 use super::bvh::{Bvh, BvhTriangle, Occlusion, Ray};
 use super::lights::LightSampler;
+use super::segment::{CUT_OUT, End, ROUNDING};
 use crate::error::{Error, Result};
 use crate::scene::{Material, Scene, Surface};
 
 /// Largest number of cut-outs and thin sheets that a ray passes straight through. It is more than any scene has in a
 /// row, and bounds the time of a bad scene.
 pub(super) const MAX_PASSES: u32 = 256;
-
-/// A surface is absent where its cut-out map is below this.
-pub(super) const CUT_OUT: f32 = 0.5;
-
-/// Half the distance between 1 and the next f32: the largest relative rounding error.
-const ROUNDING: f32 = 0.5 * f32::EPSILON;
 
 /// Offset of a ray's origin from its surface, for each axis, in units of the normal times the triangle's largest
 /// coordinate.
@@ -28,10 +23,6 @@ const ROUNDING: f32 = 0.5 * f32::EPSILON;
 /// fourteen, doubled for safety (the method of Pharr, Jakob and Humphreys, *Physically Based Rendering*, 4th edition,
 /// §6.8). Along an axis on which a triangle lies at 0 nothing is rounded, and nothing is added.
 const OFF_SURFACE: f32 = 32.0 * ROUNDING;
-
-/// The same at the light's end of a ray, in units of the coordinates of both ends, since the BVH computes that end from
-/// the start.
-pub(super) const OFF_LIGHT: f32 = 16.0 * ROUNDING;
 
 /// Distance that points keep from the edges of their triangle, in units of its largest coordinate. It exceeds the
 /// rounding of a point, so that none lies beyond an adjacent wall. Points that are nearer are moved.
@@ -202,25 +193,6 @@ fn off_edges(u: f32, v: f32, least: f32) -> (f32, f32) {
     let (u, v, w) = (raised(u), raised(v), raised(1.0 - u - v));
     let sum = u + v + w;
     (u / sum, v / sum)
-}
-
-/// End of the segment from a surface to a light.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum End {
-    /// A point, offset from the light's own surface.
-    At(Vec3),
-    /// At infinity along this unit vector.
-    Beyond(Vec3),
-}
-
-impl End {
-    #[inline(always)]
-    fn ray_from(self, origin: Vec3) -> Ray {
-        match self {
-            Self::At(end) => Ray { origin, direction: end - origin, t_max: 1.0 },
-            Self::Beyond(direction) => Ray { origin, direction, t_max: f32::INFINITY },
-        }
-    }
 }
 
 impl SurfacePoint {

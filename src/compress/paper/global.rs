@@ -17,9 +17,9 @@ use rayon::prelude::*;
 
 use super::cur::{CurSelection, Plan, at_random, plan, through_core};
 use super::kmeans::{Centres, nearest_to_centres};
+use crate::compress::CompressSettings;
 use crate::compress::sanitise::sanitise;
-use crate::compress::{CompressSettings, Core, Method};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::matrix::{BlockId, BlockSource, BlockView, MatrixShape, TracedBlock};
 
 /// Blocks of a mini-batch: read together, by as many threads as there are, and added up in their order.
@@ -32,19 +32,6 @@ pub(in crate::compress) struct GlobalCur {
     pub(in crate::compress) chosen: CurSelection,
     /// `U R`: chosen columns × columns.
     pub(in crate::compress) right: Mat<f32>,
-}
-
-/// Errors: a method or a core that has no global form.
-pub(in crate::compress) fn check(settings: &CompressSettings) -> Result<()> {
-    let refuse = |what: String, hint: &str| Err(Error::input("global scope", what, hint));
-    match settings.method {
-        Method::Algorithm1 | Method::Algorithm2 | Method::Algorithm3 | Method::Algorithm4 => {}
-        method => return refuse(format!("the method {method} works block by block"), "take algorithm1 … algorithm4"),
-    }
-    if settings.core == Core::Projection {
-        return refuse("projecting needs the whole matrix at hand".into(), "take the least-squares core");
-    }
-    Ok(())
 }
 
 /// Bytes that [`choose`] holds at most, beside the blocks at hand.
@@ -63,7 +50,7 @@ pub(in crate::compress) fn needs_bytes(shape: MatrixShape, settings: &CompressSe
 /// # Errors
 /// Those of reading; a method without a global form.
 pub(in crate::compress) fn choose(source: &dyn BlockSource, settings: &CompressSettings) -> Result<GlobalCur> {
-    check(settings)?;
+    crate::compress::settings::check_global(settings)?;
     let matrix = Matrix::new(source);
     let mut random = Pcg64Mcg::seed_from_u64(settings.seed ^ super::cur::SEED);
     let iterations = settings.kmeans_iterations;

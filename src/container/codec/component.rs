@@ -1,9 +1,9 @@
 //! One component of a block as it is to be coded: rotation, tiles and quantised images.
 
 use super::classes::MAX_MAGNITUDE;
-use super::layer::CodecSettings;
 use super::planes::{PlanePlan, PlaneShape, estimate, plan};
 use super::rotation::{ROTATION_BITS, Rotation, rotate, transposed};
+use super::settings::CodecSettings;
 use super::side::{ComponentHead, PlaneKind};
 use super::step::{Steps, index_of};
 use super::transform::MAX_TILE;

@@ -5,35 +5,12 @@ use super::chunk::{CODING_APART, CODING_BANDS, Chunk, MIN_COMPONENT_BYTES};
 use super::component::{QuantisedComponent, right_bands};
 use super::planes::push;
 use super::rans::RansEncoder;
+use super::settings::CodecSettings;
 use super::side::{ClassContexts, Heads, code_band_steps, code_step};
 use super::sparse;
 use super::step::{index_of, step_of};
 use crate::container::layout::BlockLayout;
 use crate::matrix::FactoredBlock;
-
-/// Settings of the codec.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CodecSettings {
-    /// Squared error, in squared quantisation steps, that a bit is worth. At high rates a uniform quantiser gives
-    /// `2 ln 2 / 12 ≈ 0.12`; 0 rounds to nearest.
-    pub lambda: f32,
-    /// Whether a block is split into a base layer and a refinement where that pays.
-    pub layered: bool,
-}
-
-impl CodecSettings {
-    /// These as `name=value`, in words that never change: they tell an interrupted file from that of other settings.
-    pub fn identity(&self) -> String {
-        let Self { lambda, layered } = self;
-        format!("lambda={lambda} layered={layered}")
-    }
-}
-
-impl Default for CodecSettings {
-    fn default() -> Self {
-        Self { lambda: 0.15, layered: true }
-    }
-}
 
 /// What the encoding of a layer takes from the block that it is part of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

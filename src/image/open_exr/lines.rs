@@ -16,7 +16,7 @@ use super::subsampled::{FullySampled, decompress, is_subsampled, samples_in_row}
 use super::{failed, read_meta};
 use crate::error::{Error, Result};
 use crate::files::open_input;
-use crate::image::read::refuse;
+use crate::image::rgba::refuse;
 
 /// A piece of a row of one channel.
 pub(in crate::image) struct ExrLine<'a> {

@@ -37,6 +37,6 @@ pub(super) fn read_meta(path: &Path) -> Result<MetaData> {
 pub(super) fn failed(path: &Path, error: exr::error::Error) -> Error {
     match error {
         exr::error::Error::Io(io) => Error::io(path, "read")(io),
-        other => super::read::refuse(path, &other.to_string()),
+        other => super::rgba::refuse(path, &other.to_string()),
     }
 }

@@ -14,7 +14,7 @@ use super::{
 use crate::error::{Error, Result};
 use crate::image::RgbaImage;
 use crate::image::primaries::{ColourMatrix, converted};
-use crate::image::read::{RETURNED_BYTES, refuse};
+use crate::image::rgba::{RETURNED_BYTES, refuse};
 
 /// Names of the layer that is the picture itself, beside which others are parts of it: the first that is there.
 const MAIN: [&str; 9] = ["", "combined", "rgba", "beauty", "rgb", "image", "color", "ci", "c"];

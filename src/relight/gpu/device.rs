@@ -1,9 +1,8 @@
 //! An adapter, a device and the compiled kernels.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
 use super::kernels::{KERNELS, Kernel, PROJECT_SUBGROUPS};
-use super::staging::Staging;
 use crate::error::{Error, Result};
 
 /// A GPU ready to run the kernels.
@@ -14,7 +13,6 @@ pub(super) struct Gpu {
     pub pipelines: Vec<wgpu::ComputePipeline>,
     /// Whether the kernels sum within subgroups.
     pub subgroups: bool,
-    staging: Mutex<Staging>,
     /// The error that the driver reported asynchronously, outside our calls.
     complaint: Arc<Mutex<Option<String>>>,
 }
@@ -97,15 +95,7 @@ impl Gpu {
             kernels[0] = PROJECT_SUBGROUPS;
         }
         let pipelines = kernels.iter().map(|kernel| compile(&device, kernel)).collect();
-        let gpu = Self {
-            adapter: device.adapter_info(),
-            device,
-            queue,
-            pipelines,
-            subgroups,
-            staging: Mutex::default(),
-            complaint,
-        };
+        let gpu = Self { adapter: device.adapter_info(), device, queue, pipelines, subgroups, complaint };
         gpu.check()?;
         Ok(gpu)
     }
@@ -123,11 +113,6 @@ impl Gpu {
     /// A new command encoder.
     pub(super) fn encoder(&self) -> wgpu::CommandEncoder {
         self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
-    }
-
-    /// The way to its memory, which one thread uses at a time.
-    pub(super) fn staging(&self) -> MutexGuard<'_, Staging> {
-        self.staging.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Errors if the driver has complained since the last call.

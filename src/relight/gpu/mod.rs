@@ -130,7 +130,7 @@ impl GpuRelighter {
         }
         self.upload(bank)?;
         // Nothing more will be sent.
-        self.gpu.staging().release();
+        self.shared.staging().release();
         Ok(())
     }
 

@@ -1,9 +1,11 @@
 //! A bank of blocks in GPU memory, with what is needed to run the kernels over it.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use super::bank::{Bank, Sizes};
 use super::device::Gpu;
 use super::kernels::{KERNELS, KernelBuffer, SpreadOver, THREADS, TOGETHER};
-use super::staging::Parcel;
+use super::staging::{Parcel, Staging};
 use crate::error::{Error, Result};
 use crate::light::Lighting;
 use crate::matrix::{BlockId, CHANNELS};
@@ -14,6 +16,7 @@ pub(super) struct SharedArrays {
     lighting: wgpu::Buffer,
     /// What columns of the factors are divided by; empty where all are 1.
     scales: Vec<f32>,
+    staging: Mutex<Staging>,
 }
 
 impl SharedArrays {
@@ -21,7 +24,12 @@ impl SharedArrays {
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let size = Self::lighting_bytes(columns);
         let descriptor = wgpu::BufferDescriptor { label: Some("lighting"), size, usage, mapped_at_creation: false };
-        Self { lighting: gpu.device.create_buffer(&descriptor), scales: scales.to_vec() }
+        Self { lighting: gpu.device.create_buffer(&descriptor), scales: scales.to_vec(), staging: Mutex::default() }
+    }
+
+    /// The way to the GPU's memory, which one thread uses at a time.
+    pub(super) fn staging(&self) -> MutexGuard<'_, Staging> {
+        self.staging.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn lighting_bytes(columns: usize) -> u64 {
@@ -132,7 +140,7 @@ impl ResidentBank {
             sent_bytes,
         };
         let parcels = sent.iter().zip(arrays).map(|(target, (_, pieces))| Parcel { target, pieces });
-        let mut staging = gpu.staging();
+        let mut staging = shared.staging();
         let mut sent = staging.send(gpu, &parcels.collect::<Vec<_>>())?;
         then(&resident, &mut sent.encoder);
         let submission = staging.submit(gpu, sent);

@@ -1,12 +1,10 @@
 //! Materials as a glTF file describes them; `looks` makes surfaces of them.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 use glam::{Mat2, Vec2, Vec3};
 
-use super::super::Texture;
-use super::super::import::{Description, SourceMaterial};
+use super::super::source::{Alpha, Description, GltfMaterial, ImageSource, SourceImage, SourceMaterial};
 use super::buffers::{Buffers, Uri, uri};
 use super::plain;
 use super::tree::{JsonItem, JsonTree};
@@ -23,54 +21,6 @@ const USUAL_REFLECTANCE: f32 = 0.04;
 const MIN_METAL: f32 = 0.25;
 /// Roughness where a texture states it that is not read.
 const MAPPED_ROUGHNESS: f32 = 0.5;
-
-/// Source of an image's bytes.
-#[derive(Clone, Debug)]
-pub(in super::super) enum ImageSource {
-    /// In a file beside the glTF file: its folder and its name there.
-    File(PathBuf, String),
-    /// In the glTF file: a name for messages, and the bytes.
-    Embedded(PathBuf, Arc<[u8]>),
-    /// In the vertices of a mesh: the texture that they make.
-    Colours(Arc<Texture>),
-}
-
-/// An image that a material names.
-pub(in super::super) type SourceImage = Option<ImageSource>;
-
-/// Alpha mode of a material.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(in super::super) enum Alpha {
-    /// Nothing.
-    Opaque,
-    /// Where the texture's alpha times this is below one half, the surface is not there.
-    Cut(f32),
-    /// A sheet through which all light passes but this share, which it colours.
-    Sheet(f32),
-}
-
-/// A material of the metallic-roughness kind, with the extensions that are read.
-#[derive(Clone, Debug)]
-pub(in super::super) struct GltfMaterial {
-    pub(in super::super) base: Vec3,
-    pub(in super::super) base_image: SourceImage,
-    pub(in super::super) alpha: Alpha,
-    pub(in super::super) metallic: f32,
-    pub(in super::super) roughness: f32,
-    /// Blue multiplies `metallic`, green `roughness`.
-    pub(in super::super) metallic_roughness_image: SourceImage,
-    pub(in super::super) ior: f32,
-    /// Colour and strength of the reflection at normal incidence, over that of `ior`.
-    pub(in super::super) specular: Vec3,
-    /// A clear coat over all: its strength and its roughness.
-    pub(in super::super) clear_coat: [f32; 2],
-    pub(in super::super) transmission: f32,
-    /// Whether it bounds a body, which refracts; otherwise it is a sheet.
-    pub(in super::super) is_body: bool,
-    pub(in super::super) emission: Vec3,
-    pub(in super::super) emission_image: SourceImage,
-    pub(in super::super) two_sided: bool,
-}
 
 /// All materials of a file, and one more for meshes without.
 pub(super) fn describe(path: &Path, buffers: &Buffers<'_>, warnings: &mut Vec<String>) -> Result<Vec<SourceMaterial>> {

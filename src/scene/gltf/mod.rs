@@ -21,12 +21,11 @@ mod tree;
 use std::path::Path;
 
 pub(super) use cameras::{FileCamera, seeing_all};
-pub(super) use materials::{Alpha, GltfMaterial, ImageSource};
 
 use super::file::LightEntry;
 use super::folders::Folders;
-use super::import::Geometry;
 use super::memory::MemoryBound;
+use super::source::Geometry;
 use crate::error::Result;
 
 /// What a file has beside its geometry and its materials.

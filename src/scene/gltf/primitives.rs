@@ -6,15 +6,15 @@ use std::sync::Arc;
 
 use glam::{DMat3, DMat4, DVec3, Vec2, Vec3};
 
-use super::super::import::{Description, Geometry, SourceMaterial};
 use super::super::memory::MemoryBound;
 use super::super::obj::ObjPart;
+use super::super::source::{Description, Geometry, ImageSource, SourceMaterial};
 use super::super::{MaterialId, Texture};
 use super::accessors::Accessor;
 use super::buffers::Buffers;
 use super::colours;
 use super::compressed::Draco;
-use super::materials::{self, ImageSource, Mapping};
+use super::materials::{self, Mapping};
 use super::nodes::Placed;
 use super::plain;
 use super::tree::JsonItem;

@@ -11,12 +11,13 @@ use super::super::folders::Folders;
 use super::super::memory::MemoryBound;
 use super::buffers::Buffers;
 use super::lamps::EXPORTERS_LUMENS_PER_WATT;
-use super::materials::{ImageSource, image_source};
+use super::materials::image_source;
 use super::nodes;
 use super::plain;
 use super::tree::{JsonItem, JsonTree};
 use crate::error::{Error, Result};
 use crate::image::{ImageFacts, RgbaImage, embedded_facts, image_facts, read_embedded, read_rgba};
+use crate::scene::source::ImageSource;
 
 const NAME: &str = "EXT_lights_image_based";
 

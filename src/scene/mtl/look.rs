@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::super::file::SurfaceEntry;
-use super::super::resolve_materials::{IORS, USUAL_IOR, normal_reflectance};
+use super::super::material::{IORS, USUAL_IOR, normal_reflectance};
 use super::MtlMaterial;
 use super::dialect::Writer;
 use super::shape::MaterialShape;

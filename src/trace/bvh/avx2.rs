@@ -6,8 +6,9 @@ use std::mem::MaybeUninit;
 
 use glam::Vec3;
 
+use super::LANES;
 use super::scalar::{Prepared, WIDEN, nothing_before, weights};
-use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, STACK, WideNode, WideTree};
+use super::wide::{LEAF, Packet, SEE_THROUGH, STACK, WideNode, WideTree};
 use super::{Hit, Occlusion, Ray};
 
 /// A ray with each component in all lanes.

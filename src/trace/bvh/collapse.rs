@@ -5,7 +5,7 @@
 //! `C(n, j)` is the least cost of showing the subtree of `n` as at most `j` wide nodes or leaves side by side.
 
 use super::binary::BinaryTree;
-use super::wide::{LANES, NODE_COST};
+use super::{LANES, NODE_COST};
 
 /// How a subtree is represented by at most `j` parts.
 #[derive(Clone, Copy, Debug, PartialEq)]

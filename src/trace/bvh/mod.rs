@@ -21,6 +21,12 @@ use glam::Vec3;
 
 pub use validate::{TreeFault, TreeQuality};
 
+/// Children of a node and triangles of a leaf.
+const LANES: usize = 8;
+/// Cost of opening a node, in tests of a leaf. Both test eight lanes. A leaf's test is longer, but a node's result is
+/// sorted.
+const NODE_COST: f32 = 1.0;
+
 /// A ray or segment: points `origin + t · direction`, `0 < t < t_max`.
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {

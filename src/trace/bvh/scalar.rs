@@ -1,6 +1,7 @@
 //! Traversal in plain loops: the twin of `avx2`, operation by operation.
 
-use super::wide::{LANES, LEAF, Packet, SEE_THROUGH, WideNode, WideTree};
+use super::LANES;
+use super::wide::{LEAF, Packet, SEE_THROUGH, WideNode, WideTree};
 use super::{Hit, Occlusion, Ray};
 
 /// Values of a ray that are computed once.

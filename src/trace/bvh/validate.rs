@@ -4,7 +4,8 @@ use glam::Vec3;
 
 use super::BvhTriangle;
 use super::binary::{DEEPEST, NodeBounds};
-use super::wide::{LANES, LEAF, NODE_COST, Packet, SEE_THROUGH, WideNode, WideTree};
+use super::wide::{LEAF, Packet, SEE_THROUGH, WideNode, WideTree};
+use super::{LANES, NODE_COST};
 
 /// Expected work of a random ray that meets the scene's box: nodes opened and leaves tested, by the surface area
 /// heuristic (the ratio of areas is the chance to meet a box inside another).

@@ -2,20 +2,15 @@
 
 use glam::{DVec3, Vec3};
 
-use super::BvhTriangle;
 use super::binary::{BinaryTree, DEEPEST, NodeBounds};
 use super::collapse::Collapse;
 use super::reinsert::reinserted;
+use super::{BvhTriangle, LANES};
 
-/// Children of a node and triangles of a leaf.
-pub(super) const LANES: usize = 8;
 /// Marks a child that is a leaf; the other bits are the index of its packet.
 pub(super) const LEAF: u32 = 1 << 31;
 /// Marks a triangle that may let light through; the other bits are its index.
 pub(super) const SEE_THROUGH: u32 = 1 << 31;
-/// Cost of opening a node, in tests of a leaf. Both test eight lanes. A leaf's test is longer, but a node's result is
-/// sorted.
-pub(super) const NODE_COST: f32 = 1.0;
 /// The stack holds at most seven entries for each level above the current one.
 pub(super) const STACK: usize = DEEPEST as usize * (LANES - 1) + LANES;
 

@@ -2,8 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::photons::Targets;
-use super::super::world::{CUT_OUT, End, OFF_LIGHT};
+use super::super::photon_targets::Targets;
+use super::super::segment::{CUT_OUT, End, OFF_LIGHT};
 use super::{Emitted, EmitterHit, LightSample, SeenLight};
 use crate::error::{Error, Result};
 use crate::scene::{AreaEmitter, AreaLayout, Paint, Scene, TextureId};

@@ -15,17 +15,17 @@ use std::f32::consts::FRAC_1_PI;
 use glam::{Vec2, Vec3};
 
 use super::bsdf::cosine_hemisphere;
+use super::cap::cap_direction;
 use super::frame::ShadingFrame;
-use super::photons::Targets;
+use super::photon_targets::Targets;
 use super::sampler::{Dimension, Sampler};
-use super::world::End;
+use super::segment::End;
 use crate::error::{Error, Result};
 use crate::scene::{Emitter, EnvironmentEmitter, Scene};
 use area::AreaLight;
 use choice::LightChoice;
 pub(super) use choice::LightPmf;
 use point::PointLight;
-pub(super) use point::{cap_direction, cap_height_of};
 
 /// One light, ready to be sampled.
 #[derive(Debug)]

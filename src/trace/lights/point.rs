@@ -4,10 +4,9 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::super::bsdf::concentric_disc;
-use super::super::frame::ShadingFrame;
-use super::super::photons::Targets;
-use super::super::world::{End, OFF_LIGHT};
+use super::super::cap::cap_direction;
+use super::super::photon_targets::Targets;
+use super::super::segment::{End, OFF_LIGHT};
 use super::{Emitted, EmitterHit, LightSample, SeenLight};
 use crate::scene::{IesProfile, PointEmitter};
 
@@ -110,22 +109,6 @@ impl PointLight {
         let radiance = 1.0 / (PI * radius.sin().powi(2));
         SeenLight { source: 0, column: 0, radiance: Vec3::splat(radiance), pdf: 1.0 / (TAU * cap_height(radius)) }
     }
-}
-
-/// Uniform over the directions whose cosine with `axis` is at least `1 − height`.
-pub(in crate::trace) fn cap_direction(axis: Vec3, height: f32, pair: Vec2) -> Vec3 {
-    // The squared radius on the disc becomes the height above the cap's base.
-    let disc = concentric_disc(pair);
-    let r2 = disc.length_squared().min(1.0);
-    let drop = r2 * height;
-    let ring = (drop * (2.0 - drop)).max(0.0).sqrt();
-    let flat = if r2 > 0.0 { disc / r2.sqrt() * ring } else { Vec2::ZERO };
-    ShadingFrame::around(axis).to_world(Vec3::new(flat.x, flat.y, 1.0 - drop))
-}
-
-/// `1 − cos` between unit vectors, without cancellation for small angles.
-pub(in crate::trace) fn cap_height_of(axis: Vec3, direction: Vec3) -> f32 {
-    0.5 * (direction - axis).length_squared()
 }
 
 /// `1 − cos r`, without cancellation for small caps.

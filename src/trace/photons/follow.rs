@@ -2,9 +2,9 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::integrator::PathVertex;
 use super::super::lights::Emitted;
 use super::super::sampler::{Dimension, Sampler};
+use super::super::vertex::PathVertex;
 use super::super::world::{MAX_PASSES, World};
 use super::{Photon, fold};
 

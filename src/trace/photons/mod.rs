@@ -21,7 +21,6 @@ mod follow;
 mod near;
 mod pages;
 mod radius;
-mod targets;
 mod tree;
 
 use std::path::Path;
@@ -32,9 +31,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::TraceSettings;
-use super::integrator::power_heuristic;
 use super::lights::EmitterHit;
+use super::photon_targets::Targets;
 use super::sampler::Sampler;
+use super::vertex::power_heuristic;
 use super::world::World;
 use crate::error::{Error, Result};
 use crate::matrix::CHANNELS;
@@ -44,7 +44,6 @@ pub(super) use near::LANES;
 use near::{Disc, Near};
 use pages::{Items, Pages};
 use radius::RadiusField;
-pub(super) use targets::Targets;
 
 /// Photons emitted for each path of the image.
 const PER_PATH: f64 = 0.5;

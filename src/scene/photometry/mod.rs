@@ -1,8 +1,11 @@
 //! Measured luminaires: what IES and EULUMDAT files have in common.
 
+mod eulumdat;
+mod ies;
+
 use std::path::Path;
 
-use super::{IesProfile, eulumdat, ies};
+use super::IesProfile;
 use crate::error::Result;
 
 /// Bytes of a photometric file at most. Real files have some thousand.

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::photometry::{MAX_ANGLES, Photometry, Web, lines};
+use super::{MAX_ANGLES, Photometry, Web, lines};
 use crate::error::{Error, Result};
 
 /// Most sets of lamps that the format has.

@@ -2,9 +2,9 @@
 
 use glam::{Vec2, Vec3};
 
-use super::super::bsdf::concentric_disc;
-use super::super::frame::ShadingFrame;
-use super::super::lights::{cap_direction, cap_height_of};
+use super::bsdf::concentric_disc;
+use super::cap::{cap_direction, cap_height_of};
+use super::frame::ShadingFrame;
 use crate::scene::{Mesh, Scene, Surface, bounds};
 
 /// Largest number of spheres. Every photon tests each of them for its density.
@@ -24,7 +24,7 @@ struct Sphere {
 
 /// Spheres that contain all surfaces that reflect or refract specularly.
 #[derive(Debug)]
-pub(in crate::trace) struct Targets {
+pub(super) struct Targets {
     spheres: Vec<Sphere>,
     /// Sum of the spheres' cross-sections.
     sections: f32,
@@ -95,12 +95,7 @@ impl Targets {
     }
 
     /// A direction to a target from `position`, and its density over solid angle.
-    pub(in crate::trace) fn sample_direction(
-        &self,
-        position: Vec3,
-        normal: Option<Vec3>,
-        pair: Vec2,
-    ) -> Option<(Vec3, f32)> {
+    pub(super) fn sample_direction(&self, position: Vec3, normal: Option<Vec3>, pair: Vec2) -> Option<(Vec3, f32)> {
         let cones = self.cones(position, normal);
         let all = &cones.cones[..cones.count];
         let sum = all.last()?.2;
@@ -113,12 +108,12 @@ impl Targets {
     }
 
     /// Density over solid angle with which [`Self::sample_direction`] chooses `direction`.
-    pub(in crate::trace) fn direction_density(&self, position: Vec3, normal: Option<Vec3>, direction: Vec3) -> f32 {
+    pub(super) fn direction_density(&self, position: Vec3, normal: Option<Vec3>, direction: Vec3) -> f32 {
         self.cones(position, normal).density(direction)
     }
 
     /// Origin of a photon from the direction `towards`, and its density over the area across its path.
-    pub(in crate::trace) fn sample_beam(&self, towards: Vec3, pair: Vec2) -> Option<(Vec3, f32)> {
+    pub(super) fn sample_beam(&self, towards: Vec3, pair: Vec2) -> Option<(Vec3, f32)> {
         let wanted = pair.x * self.sections;
         let mut sum = 0.0;
         let mut chosen = self.spheres.last()?;
@@ -138,7 +133,7 @@ impl Targets {
     }
 
     /// Density with which [`Self::sample_beam`] chooses the line through `position` along `towards`.
-    pub(in crate::trace) fn beam_density(&self, position: Vec3, towards: Vec3) -> f32 {
+    pub(super) fn beam_density(&self, position: Vec3, towards: Vec3) -> f32 {
         let met = |sphere: &&Sphere| {
             let offset = sphere.centre - position;
             (offset - offset.dot(towards) * towards).length_squared() <= sphere.radius * sphere.radius

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::photometry::{MAX_ANGLES, Photometry, Web, lines, mirrored};
+use super::{MAX_ANGLES, Photometry, Web, lines, mirrored};
 use crate::error::{Error, Result};
 
 /// Reads an IES file's text; `path` is for messages.

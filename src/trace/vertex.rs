@@ -1,0 +1,80 @@
+//! Vertices of paths: surfaces as a ray meets them.
+
+use glam::Vec3;
+
+use super::bsdf::{Bsdf, Scattered};
+use super::frame::ShadingFrame;
+use super::world::{SurfacePoint, World};
+
+/// Sine of the elevation that a direction below the surface is raised to.
+const GRAZING: f32 = 1e-3;
+
+/// A vertex of a path, seen from the vertex before.
+pub(super) struct PathVertex {
+    pub(super) point: SurfacePoint,
+    pub(super) bsdf: Bsdf,
+    /// Geometric normal on the viewer's side.
+    pub(super) normal: Vec3,
+    pub(super) frame: ShadingFrame,
+    /// Direction to the viewer in the frame.
+    pub(super) wo: Vec3,
+    /// Probability that a ray hits the surface; otherwise it passes straight through.
+    pub(super) opacity: f32,
+}
+
+impl PathVertex {
+    #[inline(always)]
+    pub(super) fn new(world: &World, point: SurfacePoint, direction: Vec3) -> Self {
+        let front = point.normal.dot(direction) < 0.0;
+        let bsdf = world.bsdf(&point, front);
+        let (normal, frame) = facing(&point, direction, front, bsdf.has_lobe());
+        let opacity = world.material(&point).opacity;
+        Self { point, bsdf, normal, frame, wo: frame.to_local(-direction), opacity }
+    }
+
+    /// The world direction of a scattered direction. `None` if it is above the shading normal's plane but not above the
+    /// surface.
+    #[inline(always)]
+    pub(super) fn leaving(&self, next: &Scattered) -> Option<Vec3> {
+        let direction = self.frame.to_world(next.wi).normalize();
+        if (direction.dot(self.normal) > 0.0) == (next.wi.z > 0.0) {
+            return Some(direction);
+        }
+        next.singular.then(|| lifted(direction, self.normal * next.wi.z.signum()))
+    }
+}
+
+/// The geometric normal on the viewer's side, and the shading frame there.
+///
+/// At the border of a coarse mesh an interpolated normal may turn away from the viewer, or mirror the view into the
+/// surface. Surfaces with a lobe about the mirror direction then get the nearest normal that mirrors it just above the
+/// surface (Keller et al. 2017, *The Iray light transport simulation and rendering system*, §A.3), so that no
+/// reflection is lost. Other surfaces get the geometric normal if theirs turns away.
+#[inline(always)]
+fn facing(point: &SurfacePoint, direction: Vec3, front: bool, has_lobe: bool) -> (Vec3, ShadingFrame) {
+    let side = if front { 1.0 } else { -1.0 };
+    let (normal, shading) = (point.normal * side, point.shading_normal * side);
+    if !has_lobe {
+        return (normal, ShadingFrame::around(if shading.dot(direction) < -1e-4 { shading } else { normal }));
+    }
+    let mirrored = direction - 2.0 * shading.dot(direction) * shading;
+    if mirrored.dot(normal) >= GRAZING && shading.dot(direction) < 0.0 {
+        return (normal, ShadingFrame::around(shading));
+    }
+    (normal, ShadingFrame::around((lifted(mirrored, normal) - direction).try_normalize().unwrap_or(normal)))
+}
+
+/// The direction nearest to one below the surface that is just above it.
+#[inline(always)]
+fn lifted(direction: Vec3, normal: Vec3) -> Vec3 {
+    (direction + (GRAZING - direction.dot(normal)) * normal).try_normalize().unwrap_or(normal)
+}
+
+/// Power heuristic: weight of the technique with expected density `a` beside one with `b`, each a count times a
+/// density.
+#[inline(always)]
+pub(super) fn power_heuristic(a: f32, b: f32) -> f32 {
+    // As a ratio, so that large densities do not overflow.
+    let ratio = b / a;
+    if a > 0.0 { 1.0 / (1.0 + ratio * ratio) } else { 0.0 }
+}
