@@ -40,7 +40,7 @@ fn paths_of_use(tree: &str) -> Vec<String> {
 fn code_of(text: &str) -> String {
     let (mut code, mut is_test) = (String::new(), false);
     for line in text.lines() {
-        is_test |= line.starts_with("#[cfg(test)]");
+        is_test |= line.starts_with("#[cfg(test)]") || line.starts_with("#[cfg(all(test");
         if !is_test {
             code += line.split("//").next().unwrap();
             code.push('\n');
