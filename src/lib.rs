@@ -74,7 +74,7 @@
 //! | `rayon` | `clean`, `compress`, `container`, `host`, `image`, `pipeline`, `relight`, `trace` |
 //! | `tempfile` | `pipeline`, `trace` |
 //! | `object_store`, `reqwest`, `rustls`, `tokio` | `depot` |
-//! | `thiserror` | `depot`, `error`, `trace` |
+//! | `thiserror` | `depot`, `trace` |
 //! | `std::fs` | `container`, `depot`, `files`, `host`, `image`, `look`, `pipeline`, `scene`, `store`, `trace` |
 //! | `std::os` | `container`, `files`, `host`, `pipeline`, `store` |
 //! | `std::thread` | `host`, `image`, `pipeline`, `store` |

@@ -118,7 +118,7 @@ fn a_pack_of_one_precision_is_not_continued_with_another() {
     let (half, full) = (render(&folder, Precision::F16), render(&folder, Precision::F32));
     let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("a.ltc"));
     pack(&full, &whole, &PackOptions::default(), &Quiet).unwrap();
-    assert!(matches!(pack(&half, &path, &PackOptions::default(), &StopAfter::steps(3)), Err(Error::Interrupted(_))));
+    assert!(matches!(pack(&half, &path, &PackOptions::default(), &StopAfter::steps(3)), Err(Error::Interrupted { .. })));
     let spill = fs::read(folder.path().join("a.ltc.spill")).unwrap();
     let error = pack(&full, &path, &PackOptions::default(), &Quiet).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
@@ -144,7 +144,7 @@ fn blocks_of_two_matrices_of_one_job_are_never_mixed() {
     let options = PackOptions::default();
     pack(&other, &at("whole.ltc"), &options, &Quiet).unwrap();
     let stop = StopAfter { steps_there: 3, ..StopAfter::at("packing") };
-    assert!(matches!(pack(&rendered, &at("a.ltc"), &options, &stop), Err(Error::Interrupted(_))));
+    assert!(matches!(pack(&rendered, &at("a.ltc"), &options, &stop), Err(Error::Interrupted { .. })));
     let error = pack(&other, &at("a.ltc"), &options, &Quiet).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
     assert_eq!(pack(&other, &at("a.ltc"), &forced(), &Quiet).unwrap(), 0);
@@ -153,7 +153,7 @@ fn blocks_of_two_matrices_of_one_job_are_never_mixed() {
     let unpack = |matrix: &StoreReader, watch: &dyn Watch| {
         pipeline::unpack_to_store(matrix, &at("b.ltm"), &UnpackOptions::default(), watch)
     };
-    assert!(matches!(unpack(&rendered, &StopAfter::steps(2)), Err(Error::Interrupted(_))));
+    assert!(matches!(unpack(&rendered, &StopAfter::steps(2)), Err(Error::Interrupted { .. })));
     let error = unpack(&other, &Quiet).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
     assert_eq!(unpack(&rendered, &Quiet).unwrap(), 6);
@@ -242,7 +242,7 @@ fn an_interrupted_unpack_is_continued_by_the_same_command_only() {
     fs::remove_file(&path).unwrap();
     let before = names(folder.path());
 
-    assert!(matches!(unpack("a.ltc", &StopAfter::steps(2)), Err(Error::Interrupted(_))));
+    assert!(matches!(unpack("a.ltc", &StopAfter::steps(2)), Err(Error::Interrupted { .. })));
     assert!(partial_path(&path).exists());
     let error = unpack("b.ltc", &Quiet).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
@@ -266,7 +266,7 @@ fn an_interrupted_unpack_is_continued_by_the_same_command_only() {
 
     // Nor an unpack with blocks of a render.
     let stopped = pipeline::render(room(), &path, &RenderOptions::default(), &StopAfter::steps(2));
-    assert!(matches!(stopped, Err(Error::Interrupted(_))));
+    assert!(matches!(stopped, Err(Error::Interrupted { .. })));
     let error = unpack("a.ltc", &Quiet).unwrap_err().to_string();
     assert!(error.contains("another command"), "{error}");
 }
@@ -289,7 +289,7 @@ fn an_interrupted_unpack_to_a_file_for_each_light_is_continued() {
     let pattern = images.join("{light}.exr");
     let unpack = |watch: &dyn Watch| pipeline::unpack_to_exr(&container, &pattern, &UnpackOptions::default(), watch);
     // One block, then the images: stopped after two of three.
-    assert!(matches!(unpack(&StopAfter::steps(3)), Err(Error::Interrupted(_))));
+    assert!(matches!(unpack(&StopAfter::steps(3)), Err(Error::Interrupted { .. })));
     assert_eq!(names(&images).len(), 3, "two images and what says so: {:?}", names(&images));
     let written = unpack(&Quiet).unwrap();
     assert_eq!(names(&images), ["a.exr", "b.exr", "c.exr"]);
@@ -346,11 +346,11 @@ fn a_merge_of_containers_takes_good_copies_and_refuses_contradictions() {
         assert_eq!(merged.read_block(id).unwrap(), single.read_block(id).unwrap());
     }
     assert!(matches!(join(&["broken.ltc"], true), Err(Error::Damaged { .. })));
-    assert!(matches!(join(&["a.ltc"], false), Err(Error::Interrupted(_))));
+    assert!(matches!(join(&["a.ltc"], false), Err(Error::Interrupted { .. })));
     // Also while the joined file is written, half of the steps.
     let before = names(folder.path());
     let stopped = merge(&[&at("a.ltc")], &at("stopped.ltc"), false, |done, all| done < all / 2 + 2);
-    assert!(matches!(stopped, Err(Error::Interrupted(_))), "{stopped:?}");
+    assert!(matches!(stopped, Err(Error::Interrupted { .. })), "{stopped:?}");
     assert_eq!(names(folder.path()), before);
     // Of the same job and settings, but with other bytes in one block.
     let writer = ContainerWriter::create(

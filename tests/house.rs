@@ -224,3 +224,80 @@ fn words_that_mean_nothing_are_not_module_names() {
         assert!(!empty.contains(&stem), "{}", path.display());
     }
 }
+
+/// The string literals of a source file with the numbers of the lines that they begin in; comments and characters are passed over.
+fn string_literals(text: &str) -> Vec<(usize, String)> {
+    let mut literals = Vec::new();
+    let (mut line, mut rest) = (1, text);
+    let mut take = |rest: &mut &str, bytes: usize| {
+        let (taken, left) = rest.split_at(bytes);
+        let at = line;
+        line += taken.matches('\n').count();
+        *rest = left;
+        (at, taken.to_owned())
+    };
+    while let Some(first) = rest.chars().next() {
+        let hashes = rest[1.min(first.len_utf8())..].chars().take_while(|c| *c == '#').count();
+        if rest.starts_with("//") {
+            take(&mut rest, rest.find('\n').unwrap_or(rest.len()));
+        } else if first == 'r' && rest[1 + hashes..].starts_with('"') {
+            let end = format!("\"{}", "#".repeat(hashes));
+            let inside = rest[2 + hashes..].find(&end).expect("a raw string ends");
+            literals.push(take(&mut rest, 2 + hashes + inside + end.len()));
+        } else if first == '"' {
+            let mut is_escaped = true;
+            let end = rest.find(|c| {
+                let is_end = c == '"' && !is_escaped;
+                is_escaped = c == '\\' && !is_escaped;
+                is_end
+            });
+            literals.push(take(&mut rest, end.expect("a string ends") + 1));
+        } else if rest.starts_with("'\"'") || rest.starts_with("'\\\"'") {
+            take(&mut rest, 2 + usize::from(rest.starts_with("'\\")));
+            take(&mut rest, 1);
+        } else if first.is_alphanumeric() || first == '_' {
+            let end = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
+            // The `b` of a string of bytes is a word before it, the `r` of a raw one is none.
+            let end = if rest[..end].ends_with('r') && rest[end..].starts_with(['"', '#']) && end > 1 { end - 1 } else { end };
+            take(&mut rest, end);
+        } else {
+            take(&mut rest, first.len_utf8());
+        }
+    }
+    literals
+}
+
+/// A flag, a program, or a command of one: what only users of a command line know.
+fn names_the_command_line(text: &str) -> bool {
+    let has_flag = text.match_indices("--").any(|(at, _)| {
+        let before = text[..at].chars().next_back();
+        let after = text[at + 2..].chars().next();
+        before != Some('-') && after.is_some_and(|c| c.is_ascii_lowercase())
+    });
+    let programs = ["ltm-pack", "ltm-unpack", "ltm-study", "ltm-view"];
+    let commands = ["build", "demo", "info", "merge", "plan", "relight", "render", "share", "study", "verify", "view"];
+    has_flag
+        || text.contains("command")
+        || programs.iter().any(|program| text.contains(program))
+        || commands.iter().any(|command| text.contains(&format!("ltm {command}")))
+}
+
+/// Hints are typed (`error::Hint`), and each front end words them.
+#[test]
+fn the_library_does_not_speak_of_the_command_line() {
+    let example = "let a = '\"'; // \"--no\"\nlet b = r#\"\"--a\"#; f(\"x\\\"\", b\"ltm-pack\", \"one\n  --two\", 'a', \"3 -- 4\")";
+    let found: Vec<_> =
+        string_literals(example).into_iter().filter(|(_, text)| names_the_command_line(text)).collect();
+    assert_eq!(found.iter().map(|(line, _)| *line).collect::<Vec<_>>(), [2, 2, 2], "{found:?}");
+    let mut broken = Vec::new();
+    for (inside, text) in library_files() {
+        let tests: BTreeSet<usize> =
+            code_lines(&text).iter().filter(|line| line.is_test).map(|line| line.number).collect();
+        for (line, literal) in string_literals(&text) {
+            if names_the_command_line(&literal) && !tests.contains(&line) {
+                broken.push(format!("{}:{line}: {literal}", inside.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "typed hints instead (`error::Hint`):\n{}", broken.join("\n"));
+}

@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 
 use super::features::{FEATURE_CHANNELS, unknown};
 use super::strip::{Strip, strip_bytes};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::open_input;
 use crate::host::{Need, PROGRAM_BYTES, Watch};
 use crate::image::{ImageSize, LayerPattern, LightRow, LightSet, exr_rows_need_bytes, write_exr_channels};
@@ -74,8 +74,7 @@ impl Basis {
     /// No EXR, another size, an image that is missing or not known.
     pub(super) fn open(path: &Path, job: &Job) -> Result<Self> {
         let refuse = |problem: String| {
-            let hint = "write the images with ltm-unpack --basis and keep their size and the names of their layers";
-            Error::input(path.display().to_string(), problem, hint)
+            Error::input(path.display().to_string(), problem, Hint::ImagesForDenoiser)
         };
         let pattern: LayerPattern = r"^basis\.([0-9]+)$".parse().expect("the expression is valid");
         let set = LightSet::open(path, Some(&pattern))?;

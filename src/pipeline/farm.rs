@@ -274,7 +274,7 @@ impl FarmJob {
         watch.begin("checking shards", names.len() as u64, "shards");
         let check = |name: &String| -> Result<Result<Shard, String>> {
             if watch.interrupted() {
-                return Err(Error::Interrupted("nothing was written".to_owned()));
+                return Err(Error::interrupted("nothing was written"));
             }
             let open = || Shard::open(&depot.local(name, cache)?, name);
             let checked = if !name.starts_with(&plan_prefix(&hex(fingerprint))) {
@@ -332,7 +332,7 @@ impl FarmJob {
             return Err(Error::Incomplete {
                 place: shards.set.address().to_owned(),
                 missing: format!("{blocks} of {} blocks are in no shard", job.shape.block_count()),
-                hint: "build the missing ranges, then merge again".to_owned(),
+                hint: "build the missing ranges, then merge again".into(),
             });
         }
         check_container_output(path, options.container.overwrite)?;

@@ -125,7 +125,7 @@ pub fn write_features(matrix: &StoreReader, path: &Path, memory_bytes: Option<u6
     let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
     let need = Need { fixed_bytes: PROGRAM_BYTES + reading + rows, ..Need::default() };
     need.threads_within("writing features", memory_bytes)?;
-    check_known(matrix, "--layers features")?;
+    check_known(matrix, "features")?;
     let mut strip = Strip::new(shape, planes, |id| {
         Ok(of_block(matrix, id)?.map(|planes| [planes.features, planes.feature_variance].concat()))
     });

@@ -12,7 +12,7 @@ use super::pack::stop_if_interrupted;
 use super::records::Records;
 use crate::clean::{self, Cleaning, Strip, Tally};
 use crate::compress::{CompressSettings, Compressor, Contrasts};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::host::{Threads, Watch};
 use crate::light::{Clusters, Job};
 use crate::matrix::{
@@ -159,8 +159,8 @@ impl Gathering {
         }
         let work = make(id, block)?;
         let planes = block.planes.take().ok_or_else(|| {
-            let hint = "pack it as it is, with --denoise off";
-            Error::input(id.to_string(), "its samples were not kept apart, so it cannot be cleaned", hint)
+            let problem = "its samples were not kept apart, so it cannot be cleaned";
+            Error::input(id.to_string(), problem, Hint::PackWithoutDenoising)
         })?;
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
         let contrasts = self.contrasts_of(id, block, &planes.emission);

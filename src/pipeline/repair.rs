@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::render::{job_of, trace_into, tracer_of, tracing_need};
 use super::verify::reading_need;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::folder_of;
 use crate::host::{Need, PROGRAM_BYTES, Watch};
 use crate::matrix::BlockId;
@@ -24,7 +24,7 @@ pub fn repair(loaded: LoadedScene, path: &Path, memory_bytes: Option<u64>, watch
         return Err(Error::input(
             path.display().to_string(),
             "was made from another scene or with other settings",
-            "give the scene file, --samples, --seed, --size and --camera that it was rendered with",
+            Hint::SameRender,
         ));
     }
     let (tracing, reading) = (tracing_need(&loaded, &job), reading_need(&reader));

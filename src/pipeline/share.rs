@@ -222,7 +222,7 @@ fn preview_of(
 }
 
 fn interrupted() -> Error {
-    Error::Interrupted("nothing was written".into())
+    Error::interrupted("nothing was written")
 }
 
 /// Tells how far the preview is, but not what packs say of their files: it is one that nobody knows of.

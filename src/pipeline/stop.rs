@@ -18,7 +18,7 @@ use super::pack::PackOptions;
 use super::render::{job_of, settings_of, tracing_need};
 use super::shard::hex;
 use super::spill::{check_container_output, files_of_pack};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::with_suffix;
 use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
 use crate::light::{Job, PROBES};
@@ -154,9 +154,9 @@ pub fn choose_samples(
     watch: &dyn Watch,
 ) -> Result<Chosen> {
     let begun = Instant::now();
-    for (name, end) in [("--error", rule.error), ("--time", rule.seconds)] {
+    for (name, end) in [("the error to reach", rule.error), ("the time to render", rule.seconds)] {
         if end.is_some_and(|end| !(end > 0.0 && end.is_finite())) {
-            return Err(Error::input(name, "is not above 0", "give for example --error 2% or --time 60s"));
+            return Err(Error::input(name, "is not above 0", Hint::EndAboveZero));
         }
     }
     let (path, known) = match to {
@@ -199,7 +199,7 @@ pub fn choose_samples(
     });
     loaded.scene = Arc::try_unwrap(scene).unwrap_or_else(|shared| (*shared).clone());
     let (samples, references) = chosen.map_err(|error| match error {
-        Error::Interrupted(_) => Error::Interrupted("nothing was begun".to_owned()),
+        Error::Interrupted { .. } => Error::interrupted("nothing was begun"),
         other => other,
     })?;
     if let Some(samples) = samples {

@@ -15,7 +15,7 @@ use super::import::{Description, SourceMaterial};
 use super::mtl::{self, Map, MtlLook, MtlMaterial, Shape, Through, Writer};
 use super::textures::{Textures, Use};
 use super::{Material, Paint, Surface, TextureId};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::light::names::fits;
 
 /// Index of refraction of surfaces that state none: ordinary glass and lacquer.
@@ -74,7 +74,7 @@ struct Draft {
 /// Builds materials; textures and warnings gather in it.
 pub(super) struct Workshop<'a> {
     pub(super) textures: Textures,
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Warnings,
     pub(super) overrides: &'a [MaterialEntry],
     pub(super) folders: &'a Folders,
     /// Name of the scene file, for messages.
@@ -96,7 +96,7 @@ impl Decided {
     }
 
     /// One line for each rule.
-    pub(super) fn report(&self, warnings: &mut Vec<String>) {
+    pub(super) fn report(&self, warnings: &mut Warnings) {
         for (rule, names) in &self.0 {
             let (shown, more) = names.split_at(names.len().min(NAMES_SHOWN));
             let list = shown.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");

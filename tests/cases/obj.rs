@@ -287,7 +287,7 @@ fn files_of_tinyobjloader(folder: &Path) {
                     .sum();
                 assert!((whole / area - 1.0).abs() < 1e-5, "{name}: {whole}");
                 assert!(
-                    part.is_empty() || loaded.warnings.iter().any(|line| line.contains(part)),
+                    part.is_empty() || loaded.warnings.iter().any(|line| line.text.contains(part)),
                     "{name}: {:?}",
                     loaded.warnings
                 );

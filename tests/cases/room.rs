@@ -100,7 +100,7 @@ impl Folder {
         let count = usize::from(!parts.is_empty());
         assert_eq!(loaded.warnings.len(), count, "{:?}", loaded.warnings);
         for part in parts {
-            assert!(loaded.warnings[0].contains(part), "no \"{part}\" in {:?}", loaded.warnings);
+            assert!(loaded.warnings[0].text.contains(part), "no \"{part}\" in {:?}", loaded.warnings);
         }
         loaded
     }

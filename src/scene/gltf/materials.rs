@@ -10,7 +10,7 @@ use super::super::import::{Description, SourceMaterial};
 use super::buffers::{Buffers, Uri, uri};
 use super::plain;
 use super::tree::{Item, Tree};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 
 /// Extensions that give a texture images of kinds that are not read.
 const NOT_READ: [(&str, &str); 3] =
@@ -73,9 +73,9 @@ pub(in super::super) struct GltfMaterial {
 }
 
 /// All materials of a file, and one more for meshes without.
-pub(super) fn describe(path: &Path, buffers: &Buffers<'_>, warnings: &mut Vec<String>) -> Result<Vec<SourceMaterial>> {
+pub(super) fn describe(path: &Path, buffers: &Buffers<'_>, warnings: &mut Warnings) -> Result<Vec<SourceMaterial>> {
     let tree = buffers.tree;
-    let mut images = Images { path, buffers, known: vec![None; tree.count("images")], warnings: Vec::new() };
+    let mut images = Images { path, buffers, known: vec![None; tree.count("images")], warnings: Warnings::new() };
     let mut described = Vec::new();
     let mut unused: Vec<(&str, Vec<String>)> = Vec::new();
     for index in 0..tree.count("materials") {
@@ -300,7 +300,7 @@ struct Images<'a> {
     path: &'a Path,
     buffers: &'a Buffers<'a>,
     known: Vec<SourceImage>,
-    warnings: Vec<String>,
+    warnings: Warnings,
 }
 
 impl Images<'_> {
@@ -377,7 +377,7 @@ pub(super) fn image_source(
     buffers: &Buffers<'_>,
     index: usize,
     place: &str,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<ImageSource> {
     // Told apart from the others of the file, for messages and for what is read once.
     let name = format!("{}, image {index}", path.display());

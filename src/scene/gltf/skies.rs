@@ -15,7 +15,7 @@ use super::materials::{ImageSource, image_source};
 use super::nodes;
 use super::plain;
 use super::tree::{Item, Tree};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::image::{ImageFacts, RgbaImage, embedded_facts, image_facts, read_embedded, read_rgba};
 
 const NAME: &str = "EXT_lights_image_based";
@@ -35,7 +35,7 @@ pub(super) fn of(
     buffers: &Buffers<'_>,
     folders: &Folders,
     memory: &mut Memory,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<Option<LightEntry>> {
     let scene = match nodes::shown(tree)? {
         Some(scene) => scene.extension(NAME)?,
@@ -96,7 +96,7 @@ fn read(
     place: &str,
     folders: &Folders,
     memory: &Memory,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<RgbaImage> {
     match source {
         ImageSource::Embedded(name, bytes) => {

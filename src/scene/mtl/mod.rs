@@ -13,7 +13,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::lines::{LineError, Lines, text_of, without_comment};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 pub(super) use dialect::Writer;
 pub(super) use look::{MtlLook, Through, look_of};
 pub(super) use maps::Map;
@@ -57,7 +57,7 @@ const KEYS: [&str; 15] =
 ///
 /// # Errors
 /// What is no text.
-pub(super) fn parse(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Vec<MtlMaterial>> {
+pub(super) fn parse(path: &Path, text: &[u8], warnings: &mut Warnings) -> Result<Vec<MtlMaterial>> {
     let mut materials: Vec<MtlMaterial> = Vec::new();
     let mut left_out = LeftOut::default();
     let (mut reader, mut line, mut head) = (text, Vec::new(), String::new());
@@ -107,7 +107,7 @@ pub(super) fn parse(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Res
 }
 
 impl LeftOut {
-    fn report(&self, path: &Path, warnings: &mut Vec<String>) {
+    fn report(&self, path: &Path, warnings: &mut Warnings) {
         let place = path.display();
         let (count, line) = self.before_first;
         if count > 0 {

@@ -142,7 +142,7 @@ pub(super) fn as_plain(json: &Value) {
 /// It shows what the plain file shows, and says these words once.
 pub(super) fn as_plain_but_says(json: &Value, words: &str) {
     let loaded = read(json);
-    let said = loaded.warnings.iter().filter(|warning| warning.contains(words)).count();
+    let said = loaded.warnings.iter().filter(|warning| warning.text.contains(words)).count();
     assert_eq!(said, 1, "'{words}' in {:?}", loaded.warnings);
     near(middle(loaded.scene), Vec3::splat(PLAIN));
 }

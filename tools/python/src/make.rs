@@ -20,6 +20,7 @@ use sha2::{Digest, Sha256};
 use crate::errors::exception;
 use crate::light::{LightTuple, basis_of};
 use crate::watch::run;
+use crate::words::in_arguments;
 
 /// Options of packing as Python gives them.
 #[derive(Clone, FromPyObject)]
@@ -173,7 +174,7 @@ pub(crate) fn write_array<'py>(
         let mut block = TracedBlock::default();
         for id in job.shape.blocks() {
             if watch.interrupted() {
-                return Err(Error::Interrupted("the same call continues".into()));
+                return Err(Error::interrupted_keeping("what is written stays"));
             }
             if writer.is_committed(id) {
                 watch.advance(1, 0, "B");
@@ -264,7 +265,7 @@ pub(crate) fn render<'py>(
     let RenderChoices { overwrite, memory_bytes, .. } = choices;
     let (render, packed) = run(py, progress.as_ref(), |watch| {
         let mut loaded = scene.load(LoadOptions { allow_missing, allow_outside, memory_bytes, camera })?;
-        loaded.warnings.iter().for_each(|line| watch.note(line));
+        loaded.warnings.iter().for_each(|warning| watch.warn(warning));
         if let Some((width, height)) = size {
             loaded = loaded.sized(width, height);
         }
@@ -306,7 +307,7 @@ fn pack_report<'py>(py: Python<'py>, report: &PackReport) -> PyResult<Bound<'py,
     said.set_item("sparse_entries", report.sparse_entries)?;
     said.set_item("relative_l2", report.relative_l2)?;
     said.set_item("replaced_entries", report.replaced.count())?;
-    said.set_item("short_of_target", report.short_of_target.map(|shortfall| shortfall.to_string()))?;
+    said.set_item("short_of_target", report.short_of_target.map(|shortfall| shortfall.warning().worded(in_arguments)))?;
     said.set_item("blocks_kept", report.blocks_kept)?;
     Ok(said)
 }

@@ -9,11 +9,13 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use ltm::Result;
+use ltm::error::Warning;
 use ltm::host::Watch;
 use pyo3::prelude::*;
 
 use crate::errors::{exception, panic_exception};
 use crate::threads::on_pool;
+use crate::words::in_arguments;
 
 /// How often signals and progress are looked at.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -67,6 +69,10 @@ impl Watch for Shared {
 
     fn note(&self, line: &str) {
         self.said().notes.push(line.to_owned());
+    }
+
+    fn warn(&self, warning: &Warning) {
+        self.note(&warning.worded(in_arguments));
     }
 
     fn interrupted(&self) -> bool {

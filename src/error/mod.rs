@@ -1,6 +1,12 @@
 //! The one error type. Each kind is a decision for the caller, and an exit code of the programs.
 
+mod hint;
+
+use std::fmt;
 use std::path::{Path, PathBuf};
+
+pub use hint::{Hint, Warning, Warnings, Wording};
+use hint::{in_own_words, with_hint};
 
 /// What a program can do about an [`enum@Error`]; see its variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -23,31 +29,28 @@ pub enum ErrorKind {
 }
 
 /// What went wrong, where, and what to do about it, as one line.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug)]
 #[non_exhaustive]
 pub enum Error {
     /// What the user gave cannot be used: fix the input and run again.
-    #[error("{place}: {problem}{}{hint}", if hint.is_empty() { "" } else { "; " })]
     Input {
         /// File, argument or named object that is wrong.
         place: String,
         /// What is wrong with it.
         problem: String,
         /// What to do about it, or empty.
-        hint: String,
+        hint: Hint,
     },
     /// A file of ours is damaged or cut short: repair it or make it again.
-    #[error("{}: {problem}; {hint}", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
         /// What does not hold, naming the block or the offset.
         problem: String,
         /// What to do about it.
-        hint: String,
+        hint: Hint,
     },
     /// The operating system refused: look at permissions, space, the path.
-    #[error("{}: cannot {action}: {source}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
@@ -57,7 +60,6 @@ pub enum Error {
         source: std::io::Error,
     },
     /// The work does not fit the memory or the disk it was given: give more, or ask for less.
-    #[error("{what} needs {needed}, but {available}; {hint}")]
     Resources {
         /// The job.
         what: String,
@@ -66,24 +68,39 @@ pub enum Error {
         /// What there is, as a clause ("only 3.0 GiB are free on /data").
         available: String,
         /// What to do about it.
-        hint: String,
+        hint: Hint,
     },
     /// Parts are missing that others are to make: make them, then go on.
-    #[error("{place}: {missing}; {hint}")]
     Incomplete {
         /// Where they were looked for.
         place: String,
         /// What is missing.
         missing: String,
         /// What to do about it.
-        hint: String,
+        hint: Hint,
     },
-    /// The user stopped the work: what is committed is kept.
-    #[error("interrupted: {0}")]
-    Interrupted(String),
+    /// The user stopped the work.
+    Interrupted {
+        /// What there is of it ("room.ltm.part keeps the finished blocks").
+        kept: String,
+        /// What to do about it, or empty.
+        hint: Hint,
+    },
     /// The accelerator cannot be used: the caller goes on with the CPU.
-    #[error("no GPU: {0}")]
     NoGpu(String),
+}
+
+/// As one line in the words of this library.
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.worded(in_own_words))
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        if let Self::Io { source, .. } = self { Some(source) } else { None }
+    }
 }
 
 /// Result with the crate's [`enum@Error`].
@@ -91,19 +108,56 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
     /// An [`Error::Input`] from its three parts.
-    pub fn input(place: impl Into<String>, problem: impl Into<String>, hint: impl Into<String>) -> Self {
+    pub fn input(place: impl Into<String>, problem: impl Into<String>, hint: impl Into<Hint>) -> Self {
         Self::Input { place: place.into(), problem: problem.into(), hint: hint.into() }
     }
 
     /// An [`Error::Damaged`] from its three parts.
-    pub fn damaged(path: impl AsRef<Path>, problem: impl Into<String>, hint: impl Into<String>) -> Self {
+    pub fn damaged(path: impl AsRef<Path>, problem: impl Into<String>, hint: impl Into<Hint>) -> Self {
         Self::Damaged { path: path.as_ref().to_owned(), problem: problem.into(), hint: hint.into() }
+    }
+
+    /// An [`Error::Interrupted`] of work that keeps nothing, or goes on only with other options.
+    pub fn interrupted(kept: impl Into<String>) -> Self {
+        Self::Interrupted { kept: kept.into(), hint: "".into() }
+    }
+
+    /// An [`Error::Interrupted`] of work that goes on when it is begun again.
+    pub fn interrupted_keeping(kept: impl Into<String>) -> Self {
+        Self::Interrupted { kept: kept.into(), hint: Hint::Continue }
     }
 
     /// For `map_err`: an [`Error::Io`] that says what was tried on which file.
     pub fn io(path: impl AsRef<Path>, action: impl Into<String>) -> impl FnOnce(std::io::Error) -> Self {
         let (path, action) = (path.as_ref().to_owned(), action.into());
         move |source| Self::Io { path, action, source }
+    }
+
+    /// What to do about it; none for those of which a program knows as much as we do.
+    pub fn hint(&self) -> Option<&Hint> {
+        match self {
+            Self::Input { hint, .. }
+            | Self::Damaged { hint, .. }
+            | Self::Resources { hint, .. }
+            | Self::Incomplete { hint, .. }
+            | Self::Interrupted { hint, .. } => Some(hint).filter(|hint| !hint.is_empty()),
+            Self::Io { .. } | Self::NoGpu(_) => None,
+        }
+    }
+
+    /// As one line, its hint in the words of a front end. `Display` is this in the words of the library.
+    #[must_use]
+    pub fn worded(&self, wording: Wording) -> String {
+        let text = match self {
+            Self::Input { place, problem, .. } => format!("{place}: {problem}"),
+            Self::Damaged { path, problem, .. } => format!("{}: {problem}", path.display()),
+            Self::Io { path, action, source } => format!("{}: cannot {action}: {source}", path.display()),
+            Self::Resources { what, needed, available, .. } => format!("{what} needs {needed}, but {available}"),
+            Self::Incomplete { place, missing, .. } => format!("{place}: {missing}"),
+            Self::Interrupted { kept, .. } => format!("interrupted: {kept}"),
+            Self::NoGpu(reason) => format!("no GPU: {reason}"),
+        };
+        self.hint().map_or_else(|| text.clone(), |hint| with_hint(&text, hint, wording))
     }
 
     /// What can be done about it.
@@ -114,7 +168,7 @@ impl Error {
             Self::Io { .. } => ErrorKind::Io,
             Self::Resources { .. } => ErrorKind::Resources,
             Self::Incomplete { .. } => ErrorKind::Incomplete,
-            Self::Interrupted(_) => ErrorKind::Interrupted,
+            Self::Interrupted { .. } => ErrorKind::Interrupted,
             Self::NoGpu(_) => ErrorKind::NoGpu,
         }
     }
@@ -128,7 +182,7 @@ impl Error {
             Self::Resources { .. } => 6,
             Self::NoGpu(_) => 7,
             Self::Incomplete { .. } => 8,
-            Self::Interrupted(_) => 130,
+            Self::Interrupted { .. } => 130,
         }
     }
 }
