@@ -118,7 +118,10 @@ fn a_pack_of_one_precision_is_not_continued_with_another() {
     let (half, full) = (render(&folder, Precision::F16), render(&folder, Precision::F32));
     let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("a.ltc"));
     pack(&full, &whole, &PackOptions::default(), &Quiet).unwrap();
-    assert!(matches!(pack(&half, &path, &PackOptions::default(), &StopAfter::steps(3)), Err(Error::Interrupted { .. })));
+    assert!(matches!(
+        pack(&half, &path, &PackOptions::default(), &StopAfter::steps(3)),
+        Err(Error::Interrupted { .. })
+    ));
     let spill = fs::read(folder.path().join("a.ltc.spill")).unwrap();
     let error = pack(&full, &path, &PackOptions::default(), &Quiet).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");

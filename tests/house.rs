@@ -225,44 +225,52 @@ fn words_that_mean_nothing_are_not_module_names() {
     }
 }
 
-/// The string literals of a source file with the numbers of the lines that they begin in; comments and characters are passed over.
-fn string_literals(text: &str) -> Vec<(usize, String)> {
-    let mut literals = Vec::new();
-    let (mut line, mut rest) = (1, text);
-    let mut take = |rest: &mut &str, bytes: usize| {
-        let (taken, left) = rest.split_at(bytes);
-        let at = line;
-        line += taken.matches('\n').count();
-        *rest = left;
-        (at, taken.to_owned())
-    };
-    while let Some(first) = rest.chars().next() {
-        let hashes = rest[1.min(first.len_utf8())..].chars().take_while(|c| *c == '#').count();
-        if rest.starts_with("//") {
-            take(&mut rest, rest.find('\n').unwrap_or(rest.len()));
-        } else if first == 'r' && rest[1 + hashes..].starts_with('"') {
-            let end = format!("\"{}", "#".repeat(hashes));
-            let inside = rest[2 + hashes..].find(&end).expect("a raw string ends");
-            literals.push(take(&mut rest, 2 + hashes + inside + end.len()));
-        } else if first == '"' {
-            let mut is_escaped = true;
-            let end = rest.find(|c| {
-                let is_end = c == '"' && !is_escaped;
-                is_escaped = c == '\\' && !is_escaped;
-                is_end
-            });
-            literals.push(take(&mut rest, end.expect("a string ends") + 1));
-        } else if rest.starts_with("'\"'") || rest.starts_with("'\\\"'") {
-            take(&mut rest, 2 + usize::from(rest.starts_with("'\\")));
-            take(&mut rest, 1);
-        } else if first.is_alphanumeric() || first == '_' {
-            let end = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
-            // The `b` of a string of bytes is a word before it, the `r` of a raw one is none.
-            let end = if rest[..end].ends_with('r') && rest[end..].starts_with(['"', '#']) && end > 1 { end - 1 } else { end };
-            take(&mut rest, end);
-        } else {
-            take(&mut rest, first.len_utf8());
+/// The length of what stands at the beginning of a text of code, and whether it is a string literal. Comments, words and characters of
+/// quotes are one piece each.
+fn next_piece(rest: &str) -> (usize, bool) {
+    let first = rest.chars().next().expect("there is something left");
+    let is_of_word = |c: char| c.is_alphanumeric() || c == '_';
+    if rest.starts_with("//") {
+        return (rest.find('\n').unwrap_or(rest.len()), false);
+    }
+    for quote in ["'\"'", "'\\\"'", "b'\"'"] {
+        if rest.starts_with(quote) {
+            return (quote.len(), false);
         }
+    }
+    let raw = rest.trim_start_matches('b').strip_prefix('r').filter(|raw| raw.trim_start_matches('#').starts_with('"'));
+    if let Some(raw) = raw {
+        let hashes = raw.len() - raw.trim_start_matches('#').len();
+        let end = format!("\"{}", "#".repeat(hashes));
+        let inside = raw[hashes + 1..].find(&end).expect("a raw string ends");
+        return (rest.len() - raw.len() + hashes + 1 + inside + end.len(), true);
+    }
+    if first == '"' {
+        let mut is_escaped = true;
+        let end = rest.find(|c| {
+            let is_end = c == '"' && !is_escaped;
+            is_escaped = c == '\\' && !is_escaped;
+            is_end
+        });
+        return (end.expect("a string ends") + 1, true);
+    }
+    match is_of_word(first) {
+        true => (rest.find(|c| !is_of_word(c)).unwrap_or(rest.len()), false),
+        false => (first.len_utf8(), false),
+    }
+}
+
+/// The string literals of a source file with the numbers of the lines that they begin in.
+fn string_literals(text: &str) -> Vec<(usize, &str)> {
+    let (mut literals, mut line, mut at) = (Vec::new(), 1, 0);
+    while at < text.len() {
+        let (length, is_literal) = next_piece(&text[at..]);
+        let piece = &text[at..at + length];
+        if is_literal {
+            literals.push((line, piece));
+        }
+        line += piece.matches('\n').count();
+        at += length;
     }
     literals
 }
@@ -286,15 +294,14 @@ fn names_the_command_line(text: &str) -> bool {
 #[test]
 fn the_library_does_not_speak_of_the_command_line() {
     let example = "let a = '\"'; // \"--no\"\nlet b = r#\"\"--a\"#; f(\"x\\\"\", b\"ltm-pack\", \"one\n  --two\", 'a', \"3 -- 4\")";
-    let found: Vec<_> =
-        string_literals(example).into_iter().filter(|(_, text)| names_the_command_line(text)).collect();
+    let found: Vec<_> = string_literals(example).into_iter().filter(|(_, text)| names_the_command_line(text)).collect();
     assert_eq!(found.iter().map(|(line, _)| *line).collect::<Vec<_>>(), [2, 2, 2], "{found:?}");
     let mut broken = Vec::new();
     for (inside, text) in library_files() {
         let tests: BTreeSet<usize> =
             code_lines(&text).iter().filter(|line| line.is_test).map(|line| line.number).collect();
         for (line, literal) in string_literals(&text) {
-            if names_the_command_line(&literal) && !tests.contains(&line) {
+            if names_the_command_line(literal) && !tests.contains(&line) {
                 broken.push(format!("{}:{line}: {literal}", inside.display()));
             }
         }

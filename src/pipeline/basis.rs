@@ -73,9 +73,7 @@ impl Basis {
     /// # Errors
     /// No EXR, another size, an image that is missing or not known.
     pub(super) fn open(path: &Path, job: &Job) -> Result<Self> {
-        let refuse = |problem: String| {
-            Error::input(path.display().to_string(), problem, Hint::ImagesForDenoiser)
-        };
+        let refuse = |problem: String| Error::input(path.display().to_string(), problem, Hint::ImagesForDenoiser);
         let pattern: LayerPattern = r"^basis\.([0-9]+)$".parse().expect("the expression is valid");
         let set = LightSet::open(path, Some(&pattern))?;
         let (width, height) = (job.shape.width(), job.shape.height());

@@ -122,7 +122,8 @@ impl Shortfall {
             true => ("the noise of the samples", ": what is left out is mostly noise", Hint::KeepNoise),
             false => ("the rank", "", Hint::HigherRank),
         };
-        let text = format!("{stopped_by} stopped it at {reached} from the matrix, short of the target, {asked}{left_out}");
+        let text =
+            format!("{stopped_by} stopped it at {reached} from the matrix, short of the target, {asked}{left_out}");
         Warning::new(text, further)
     }
 }

@@ -76,13 +76,7 @@ impl Geometry {
         Ok(FileExtras::default())
     }
 
-    fn read_obj(
-        &mut self,
-        path: &Path,
-        folders: &Folders,
-        memory: &mut Memory,
-        warnings: &mut Warnings,
-    ) -> Result<()> {
+    fn read_obj(&mut self, path: &Path, folders: &Folders, memory: &mut Memory, warnings: &mut Warnings) -> Result<()> {
         let mut reader = BufReader::new(open_input(path, "read the geometry")?);
         let file = obj::parse(path, &mut reader, memory)?;
         let first_material = self.materials.len();

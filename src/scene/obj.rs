@@ -528,13 +528,13 @@ mod tests {
     /// What is said of a text, and how many triangles it has.
     fn told(text: &str) -> (Vec<String>, usize) {
         let file = parsed(text).unwrap();
-        let (mut faults, mut triangles, mut lines) = (file.faults.clone(), 0, Vec::new());
+        let (mut faults, mut triangles, mut warnings) = (file.faults.clone(), 0, Warnings::new());
         for (part, more) in file.parts() {
             faults.add(&more);
             triangles += part.triangles.len();
         }
-        faults.report(Path::new("a.obj"), &mut lines);
-        (lines, triangles)
+        faults.report(Path::new("a.obj"), &mut warnings);
+        (warnings.lines(), triangles)
     }
 
     #[test]

@@ -465,8 +465,7 @@ impl<S: Storage> StoreWriter<S> {
         if length == whole {
             return Ok(());
         }
-        let problem =
-            format!("another program changed its length from {whole} to {length} bytes; begin again");
+        let problem = format!("another program changed its length from {whole} to {length} bytes; begin again");
         Err(std::io::Error::other(problem))
     }
 

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use ltm::error::Warnings;
 use ltm::image::LUMENS_PER_WATT;
 use ltm::scene::{Emitter, IesProfile, LoadedScene, PointEmitter, load};
 

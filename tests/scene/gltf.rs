@@ -107,7 +107,11 @@ fn a_glb_is_geometry_of_a_scene_file() {
     let loaded = folder.load().unwrap();
     assert_eq!(loaded.scene.basis.column_count(), 8);
     assert!(matches!(loaded.scene.materials[0].surface, Surface::Mirror { .. }));
-    assert!(loaded.warnings.iter().any(|w| w.text.contains("1 lamps of the file are not used")), "{:?}", loaded.warnings);
+    assert!(
+        loaded.warnings.iter().any(|w| w.text.contains("1 lamps of the file are not used")),
+        "{:?}",
+        loaded.warnings
+    );
 }
 
 fn nodes_carry_their_children() {

@@ -157,8 +157,7 @@ impl Files {
     pub(super) fn read(&self, take: &mut TakeRow<'_>) -> Result<()> {
         let (mut buffer, mut row_buffer) = (Vec::new(), Vec::new());
         for (index, (path, data)) in self.paths.iter().enumerate() {
-            let changed =
-                || Error::input(path.display().to_string(), "changed while it was read", Hint::Repeat);
+            let changed = || Error::input(path.display().to_string(), "changed while it was read", Hint::Repeat);
             let opened = Opened::open(path)?;
             if opened.windows().0 != *data {
                 return Err(changed());

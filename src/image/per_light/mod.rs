@@ -139,7 +139,10 @@ impl LightSet {
         }
         let mut names = HashSet::new();
         if let Some(light) = set.lights.iter().find(|light| !names.insert(light.as_str())) {
-            return refuse(format!("two layers are of light '{light}'"), "name the layers by a narrower pattern".into());
+            return refuse(
+                format!("two layers are of light '{light}'"),
+                "name the layers by a narrower pattern".into(),
+            );
         }
         Ok(set)
     }

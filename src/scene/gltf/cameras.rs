@@ -28,12 +28,7 @@ pub(in super::super) struct FileCamera {
 }
 
 /// The perspective cameras of the nodes. A camera is what it has, whatever type it states.
-pub(super) fn of(
-    path: &Path,
-    tree: &Tree,
-    nodes: &[Placed<'_>],
-    warnings: &mut Warnings,
-) -> Result<Vec<FileCamera>> {
+pub(super) fn of(path: &Path, tree: &Tree, nodes: &[Placed<'_>], warnings: &mut Warnings) -> Result<Vec<FileCamera>> {
     let mut cameras = Vec::new();
     for placed in nodes {
         let Some(index) = placed.node.index("camera", "cameras")? else { continue };

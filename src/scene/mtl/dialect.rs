@@ -91,8 +91,9 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> (Vec<MtlMaterial>, Vec<String>) {
-        let mut lines = Vec::new();
-        (parse(Path::new("a.mtl"), text.as_bytes(), &mut lines).unwrap(), lines)
+        let mut warnings = Warnings::new();
+        let materials = parse(Path::new("a.mtl"), text.as_bytes(), &mut warnings).unwrap();
+        (materials, warnings.lines())
     }
 
     #[test]

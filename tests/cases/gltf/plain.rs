@@ -110,7 +110,7 @@ pub(super) fn middle(scene: Scene) -> Vec3 {
     let settings = TraceSettings { samples_per_pixel: 1024, seed: 1, max_depth: 2 };
     let (width, height) = (scene.camera.width, scene.camera.height);
     assert_eq!(width, height, "the camera is square");
-    let scene = LoadedScene::new(scene, Default::default(), Vec::new()).sized(3, 3).scene;
+    let scene = LoadedScene::new(scene, Default::default(), Default::default()).sized(3, 3).scene;
     let tracer = Tracer::new(scene, shape, settings).unwrap();
     let mut traced = TracedBlock::default();
     tracer.trace_block(shape.blocks().next().unwrap(), &mut traced);

@@ -19,9 +19,7 @@ pub fn in_flags(hint: &Hint) -> String {
         Hint::AllowMissing => {
             "put them there, take the maps out of the materials, or allow them to be missing (--allow-missing)"
         }
-        Hint::AllowLostLights => {
-            "ask for a finer --target or a higher --rank, or say --force to write it all the same"
-        }
+        Hint::AllowLostLights => "ask for a finer --target or a higher --rank, or say --force to write it all the same",
         Hint::ChooseCamera => "--camera chooses",
         Hint::SameRender => "give the scene file, --samples, --seed, --size and --camera that it was rendered with",
         Hint::MoreMemory => {

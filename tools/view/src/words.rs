@@ -18,7 +18,9 @@ fn in_window(hint: &Hint) -> String {
         Hint::BeginAnew => "choose another name, or remove what is left of the other work",
         Hint::Continue | Hint::Repeat => "do it again",
         Hint::AllowOutside => "put it there, and open the lighting again",
-        Hint::MoreMemory | Hint::RaiseMemoryLimit { .. } => "close other programs, or start ltm view with more --memory",
+        Hint::MoreMemory | Hint::RaiseMemoryLimit { .. } => {
+            "close other programs, or start ltm view with more --memory"
+        }
         Hint::PackFirst => "make one with ltm-pack, and open it",
         Hint::Unfinished { .. }
         | Hint::AllowMissing
