@@ -13,6 +13,29 @@
 //!            of a block   contiguous
 //! ```
 //!
+//! # In ten lines
+//!
+//! ```
+//! use ltm::{Lighting, LinearImage, MemoryMatrix, PackOptions};
+//!
+//! // An image for each lamp, as any renderer gives them; or `ltm::render` of a scene file.
+//! let image = |light: f32| LinearImage { width: 8, height: 8, pixels: vec![[light; 3]; 64] };
+//! let matrix = MemoryMatrix::from_images([("desk 1", image(0.5)), ("desk 2", image(0.5)), ("sky", image(0.25))])?;
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("room.ltc");
+//! ltm::pack(&matrix, &path, &PackOptions::default())?;
+//!
+//! let matrix = ltm::open(&path)?;
+//! let evening = Lighting::of_scene(matrix.basis()).with("desk*", 0.0)?.with("sky", [0.2, 0.3, 0.5])?;
+//! let relit = matrix.relight(&evening)?;
+//! assert!((relit.pixels[0][2] - 0.125).abs() < 1e-3);
+//! # ltm::Result::Ok(())
+//! ```
+//!
+//! That is all that most programs need. The modules are what it is made of: [`pipeline`] has the jobs with progress, budgets and
+//! more choices, [`container`] and [`store`] the files, [`relight`] products on CPU and GPU, [`scene`] and [`look`] what people write,
+//! [`image`] what comes out. Modules that are public only for the programs of this repository are hidden, and may change.
+//!
 //! Method: Lebedev, Karpuhin, Ilyin, Ignatenko, *Compression of light transport matrix* (GraphiCon); "the paper" and
 //! its section numbers in this documentation mean that text.
 //!
@@ -41,7 +64,10 @@
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `share` | `error`, `matrix`, `light` |
 //! | `host`, `depot` | `error`, `files` |
+//! | `memory_matrix` | `error`, `matrix`, `image`, `light` |
 //! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `share`, `host`, `depot` |
+//! | `open` | `error`, `matrix`, `image`, `light`, `store`, `container`, `relight`, `pipeline`, `host`, `depot` |
+//! | `make` | `error`, `light`, `scene`, `pipeline`, `host` |
 //!
 //! # Which crate is used where
 //!
@@ -67,7 +93,7 @@
 //! | `libc` | `store` |
 //! | `memmap2` | `store`, `trace` |
 //! | `rustix` | `files`, `store` |
-//! | `sha2` | `container`, `light`, `pipeline`, `scene`, `share`, `store` |
+//! | `sha2` | `container`, `light`, `memory_matrix`, `pipeline`, `scene`, `share`, `store` |
 //! | `crc32fast` | `container`, `files`, `pipeline`, `share`, `store` |
 //! | `bytemuck` | `clean`, `compress`, `image`, `matrix`, `pipeline`, `relight`, `scene`, `store`, `trace` |
 //! | `pulp` | `clean`, `container`, `relight`, `store`, `trace`, `vectors` |
@@ -82,32 +108,51 @@
 //! | `std::process` | `depot` |
 //! | `std::net` | none |
 
+#![cfg_attr(docsrs, feature(doc_cfg))]
 #![warn(clippy::missing_errors_doc, clippy::missing_panics_doc, clippy::return_self_not_must_use)]
 
+#[doc(hidden)]
 pub mod clean;
 pub mod compress;
 pub mod container;
+#[doc(hidden)]
 pub mod depot;
 mod encoding;
 pub mod error;
+#[doc(hidden)]
 pub mod files;
 pub mod host;
 pub mod image;
 pub mod light;
 #[cfg(feature = "scene")]
 pub mod look;
+mod make;
 pub mod matrix;
+mod memory_matrix;
+mod open;
 pub mod pipeline;
 pub mod relight;
 #[cfg(feature = "scene")]
 pub mod scene;
+#[doc(hidden)]
 pub mod share;
 pub mod store;
 #[cfg(feature = "scene")]
+#[doc(hidden)]
 pub mod trace;
 mod vectors;
 
 pub use error::{Error, Result};
+pub use image::LinearImage;
+pub use light::Lighting;
+pub use make::pack;
+#[cfg(feature = "scene")]
+pub use make::{load_scene, render};
+pub use memory_matrix::MemoryMatrix;
+pub use open::{Matrix, MatrixFile, open};
+pub use pipeline::{PackOptions, PackReport};
+#[cfg(feature = "scene")]
+pub use scene::LoadedScene;
 
 /// Vectors and matrices of the scene's and the image's interfaces.
 pub use glam;

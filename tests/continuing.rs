@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ltm::Error;
 use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter, merge};
 use ltm::files::ContinuationFile;
 use ltm::host::{Quiet, Watch};
-use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
-use ltm::matrix::{Block, BlockId, BlockSource, MatrixShape, TracedBlock};
+use ltm::light::{DescribedSource, Light, LightBasis, LightKind};
+use ltm::matrix::BlockId;
 use ltm::pipeline::{self, PackOptions, RenderOptions, UnpackOptions};
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::{Precision, StoreOptions, StoreReader, partial_path};
+use ltm::{Error, MemoryMatrix};
 use tempfile::TempDir;
 
 /// Six blocks.
@@ -281,11 +281,11 @@ fn an_interrupted_unpack_to_a_file_for_each_light_is_continued() {
     for name in ["a", "b", "c"] {
         basis.push(Light::unplaced(name, LightKind::Point)).unwrap();
     }
-    let shape = MatrixShape::new(32, 32, 3, 32).unwrap();
-    let job = Job { shape, basis, provenance: Provenance::default() };
-    let source = Entries(shape, (0..shape.max_block_rows() * 3).map(|i| (i % 97) as f32).collect());
+    let value = |x: u32, y: u32, channel, column| ((1024 * (3 * column + channel) + (32 * y + x) as usize) % 97) as f32;
+    let pixel = |x, y, column| [0, 1, 2].map(|channel| value(x, y, channel, column));
+    let source = MemoryMatrix::from_fn((32, 32), basis, pixel).unwrap();
     let container = folder.path().join("a.ltc");
-    pipeline::pack(&source, &job, &container, &PackOptions::default(), &Quiet).unwrap();
+    ltm::pack(&source, &container, &PackOptions::default()).unwrap();
     let container = ContainerReader::open(&container).unwrap();
     let images = folder.path().join("images");
     fs::create_dir(&images).unwrap();
@@ -374,37 +374,22 @@ fn a_merge_of_containers_takes_good_copies_and_refuses_contradictions() {
     assert!(error.contains("differs from that in"), "{error}");
 }
 
-/// A matrix in memory.
-struct Entries(MatrixShape, Vec<f32>);
-
-impl BlockSource for Entries {
-    fn shape(&self) -> MatrixShape {
-        self.0
-    }
-
-    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> ltm::Result<()> {
-        let rows = self.0.rect(id).rows();
-        target.block = Block::default();
-        target.block.reset(rows, self.0.columns());
-        target.block.entries_mut().copy_from_slice(&self.1);
-        target.noise = None;
-        Ok(())
-    }
-}
-
 #[test]
 fn entries_that_cannot_be_computed_with_are_counted_and_said() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = render(&folder, Precision::F32);
     let job = matrix.job();
-    let mut one_block = job.clone();
-    one_block.shape = MatrixShape::new(32, 32, job.shape.columns() as u32, 32).unwrap();
-    let mut entries = vec![0.5; 32 * 32 * 3 * job.shape.columns()];
-    (entries[5], entries[7], entries[9]) = (f32::NAN, f32::INFINITY, 1e16);
-    let source = Entries(one_block.shape, entries);
+    let pixel = |x, y, column| match (x, y, column) {
+        (5, 0, 0) => [f32::NAN, 0.5, 0.5],
+        (7, 0, 0) => [f32::INFINITY, 0.5, 0.5],
+        (9, 0, 0) => [1e16, 0.5, 0.5],
+        _ => [0.5; 3],
+    };
+    // One block.
+    let source = MemoryMatrix::from_fn((32, 32), job.basis.clone(), pixel).unwrap();
     let watch = StopAfter::steps(1000);
     let path = folder.path().join("a.ltc");
-    let report = pipeline::pack(&source, &one_block, &path, &PackOptions::default(), &watch).unwrap();
+    let report = pipeline::pack(&source, source.job(), &path, &PackOptions::default(), &watch).unwrap();
     assert_eq!((report.replaced.nan, report.replaced.huge), (1, 2));
     let said = watch.said.lock().unwrap();
     let line = said.iter().find(|line| line.contains("were replaced")).expect("a line says so");

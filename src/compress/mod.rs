@@ -25,6 +25,17 @@
 //! then loses up to 0.8 dB in the Conference Room.
 //!
 //! One block is worked on by one thread, without parallelism inside: the bytes do not depend on the number of threads.
+//!
+//! # Example
+//!
+//! ```
+//! use ltm::PackOptions;
+//! use ltm::compress::Target;
+//!
+//! let mut options = PackOptions::default();
+//! options.compress.target = Target::Bytes(2 << 20);
+//! options.compress.rank = 48;
+//! ```
 
 mod alike;
 mod candidate;

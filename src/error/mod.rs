@@ -1,4 +1,17 @@
 //! The one error type. Each kind is a decision for the caller, and an exit code of the programs.
+//!
+//! # Example
+//!
+//! ```
+//! use ltm::error::{Error, ErrorKind, Hint};
+//!
+//! let error = Error::input("room.ltc", "exists already", Hint::Overwrite);
+//! assert_eq!(error.kind(), ErrorKind::Input);
+//! assert_eq!(error.to_string(), "room.ltc: exists already; choose another name, or set `overwrite` to replace it");
+//! // A program with options of its own says so in its own words.
+//! let wording = |hint: &Hint| if *hint == Hint::Overwrite { "press Replace".into() } else { hint.to_string() };
+//! assert_eq!(error.worded(wording), "room.ltc: exists already; press Replace");
+//! ```
 
 mod hint;
 

@@ -14,7 +14,9 @@ use crate::compress::Compressor;
 use crate::error::{Error, Hint, Result, Warning, Warnings};
 use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
 use crate::image::{FeaturePasses, LayerMatch, LayerRole, LightRow, LightSet};
-use crate::light::{Clusters, Job, Light, LightBasis, LightKind, LightUnit, Provenance, probe_lightings};
+use crate::light::{
+    Clusters, DescribedSource, Job, Light, LightBasis, LightKind, LightUnit, Provenance, probe_lightings,
+};
 use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
 };
@@ -529,6 +531,12 @@ fn basis_of(names: &[String]) -> Result<LightBasis> {
         })?;
     }
     Ok(basis)
+}
+
+impl DescribedSource for ImportedMatrix {
+    fn job(&self) -> &Job {
+        Self::job(self)
+    }
 }
 
 impl BlockSource for ImportedMatrix {

@@ -2,6 +2,24 @@
 //!
 //! Each job is a function from paths and settings to a report; what a person sees while it runs is the business of the
 //! [`Watch`](crate::host::Watch) that the caller passes in.
+//!
+//! # Example
+//!
+//! ```
+//! use ltm::host::Quiet;
+//! use ltm::pipeline::{self, RelightOptions};
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("room.ltc");
+//! # let matrix = ltm::MemoryMatrix::from_images([("desk", ltm::LinearImage::black(8, 8))])?;
+//! # ltm::pack(&matrix, &path, &ltm::PackOptions::default())?;
+//!
+//! let container = pipeline::open_container(&path)?;
+//! let lightings = [ltm::Lighting::of_scene(&container.job().basis)];
+//! let options = RelightOptions { memory_bytes: Some(1 << 30), ..RelightOptions::default() };
+//! let (images, done_by) = pipeline::relight(&container, &lightings, options, &Quiet)?;
+//! println!("{} images by {done_by}", images.len());
+//! # ltm::Result::Ok(())
+//! ```
 
 mod analysis;
 mod basis;
@@ -67,6 +85,7 @@ pub use pack_report::{PackReport, ReplacedEntries, Shortfall};
 pub use passes::{PASSES, passes_need_bytes, relight_passes};
 #[cfg(feature = "scene")]
 pub use preview::{PreviewReport, preview};
+pub(crate) use relight::factors_bytes;
 pub use relight::{
     Device, RelightOptions, Relighter, relight, relight_matrix, relit_layers_need_bytes, write_relit_layers,
 };

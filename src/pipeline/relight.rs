@@ -153,7 +153,7 @@ fn need_of(container: &ContainerReader) -> Need {
 }
 
 /// Memory of all factors as they are held for relighting: 16 bits a value at most.
-fn factors_bytes(container: &ContainerReader) -> u64 {
+pub(crate) fn factors_bytes(container: &ContainerReader) -> u64 {
     let shape = container.job().shape;
     let block = |id| {
         let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());

@@ -47,6 +47,26 @@
 //! * A file that is still growing, one on a network file system, and one that cannot be mapped are read positioned.
 //!
 //! All access goes through [`Storage`], so that tests can put a storage in between that fails, tears and counts.
+//!
+//! # Example
+//!
+//! ```
+//! use ltm::matrix::{Block, BlockSink, BlockSource, TracedBlock};
+//! use ltm::store::{StoreOptions, StoreReader, StoreWriter};
+//! # use ltm::light::DescribedSource;
+//! # let job = ltm::MemoryMatrix::from_images([("desk", ltm::LinearImage::black(40, 8))])?.job().clone();
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("room.ltm");
+//!
+//! let writer = StoreWriter::create(&path, &job, StoreOptions::default())?;
+//! for id in job.shape.blocks() {
+//!     let block = Block::zeros(job.shape.rect(id).rows(), job.shape.columns());
+//!     writer.write_block(id, &TracedBlock { block, ..Default::default() })?;
+//! }
+//! writer.finish()?;
+//! assert_eq!(StoreReader::open(&path)?.job().hash(), job.hash());
+//! # ltm::Result::Ok(())
+//! ```
 
 mod guard;
 mod header;

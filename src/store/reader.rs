@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Hint, Result};
 use crate::files::open_input;
-use crate::light::Job;
+use crate::light::{DescribedSource, Job};
 use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, BlockView, ColumnIndex, LentBlock, MatrixShape, TracedBlock,
 };
@@ -451,6 +451,12 @@ impl<S: Storage> StoreReader<S> {
             offset += scratch.len() as u64;
         }
         Ok(())
+    }
+}
+
+impl<S: Storage> DescribedSource for StoreReader<S> {
+    fn job(&self) -> &Job {
+        Self::job(self)
     }
 }
 
