@@ -7,15 +7,20 @@ use std::path::Path;
 
 use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
 use ltm::matrix::{Block, BlockSink, ColumnIndex, MatrixShape, TracedBlock};
-use ltm::pipeline::{self, PackOptions};
-use ltm::resources::NoProgress;
 use ltm::store::{StoreOptions, StoreReader, StoreWriter};
+use ltm::{PackOptions, PackReport};
 
 const LAMPS: u32 = 8;
 
 fn main() -> ltm::Result<()> {
     let folder = std::env::args().nth(1).unwrap_or_else(|| ".".into());
-    let (matrix, container) = (Path::new(&folder).join("wall.ltm"), Path::new(&folder).join("wall.ltc"));
+    eprintln!("{}", write_and_pack(Path::new(&folder))?);
+    Ok(())
+}
+
+/// Writes `wall.ltm` into a folder, and packs it into `wall.ltc`.
+pub(crate) fn write_and_pack(folder: &Path) -> ltm::Result<PackReport> {
+    let (matrix, container) = (folder.join("wall.ltm"), folder.join("wall.ltc"));
 
     // What the columns are: names, kinds and units travel with the file.
     let mut basis = LightBasis::new();
@@ -47,11 +52,5 @@ fn main() -> ltm::Result<()> {
     }
     writer.finish()?;
 
-    let matrix = StoreReader::open(&matrix)?;
-    let report = pipeline::pack(&matrix, matrix.job(), &container, &PackOptions::default(), &NoProgress)?;
-    eprintln!(
-        "{} of {} bytes, mean rank {:.1}, relative L2 error {:.4}",
-        report.packed_bytes, report.raw_bytes, report.mean_rank, report.relative_l2
-    );
-    Ok(())
+    ltm::pack(&StoreReader::open(&matrix)?, &container, &PackOptions::default())
 }

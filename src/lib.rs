@@ -13,6 +13,29 @@
 //!            of a block   contiguous
 //! ```
 //!
+//! # In ten lines
+//!
+//! ```
+//! use ltm::{Lighting, LinearImage, MemoryMatrix, PackOptions};
+//!
+//! // An image for each lamp, as any renderer gives them; or `ltm::render` of a scene file.
+//! let image = |light: f32| LinearImage { width: 8, height: 8, pixels: vec![[light; 3]; 64] };
+//! let matrix = MemoryMatrix::from_images([("desk 1", image(0.5)), ("desk 2", image(0.5)), ("sky", image(0.25))])?;
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("room.ltc");
+//! ltm::pack(&matrix, &path, &PackOptions::default())?;
+//!
+//! let matrix = ltm::open(&path)?;
+//! let evening = Lighting::of_scene(matrix.basis()).with("desk*", 0.0)?.with("sky", [0.2, 0.3, 0.5])?;
+//! let relit = matrix.relight(&evening)?;
+//! assert!((relit.pixels[0][2] - 0.125).abs() < 1e-3);
+//! # ltm::Result::Ok(())
+//! ```
+//!
+//! That is all that most programs need. The modules are what it is made of: [`pipeline`] has the jobs with progress, budgets and
+//! more choices, [`container`] and [`store`] the files, [`relight`] products on CPU and GPU, [`scene`] and [`look`] what people write,
+//! [`image`] what comes out. Modules that are public only for the programs of this repository are hidden, and may change.
+//!
 //! Method: Lebedev, Karpuhin, Ilyin, Ignatenko, *Compression of light transport matrix* (GraphiCon); "the paper" and
 //! its section numbers in this documentation mean that text.
 //!
@@ -87,24 +110,33 @@
 //! | `std::process` | `blob_store` |
 //! | `std::net` | none |
 
+#![cfg_attr(docsrs, feature(doc_cfg))]
 #![warn(clippy::missing_errors_doc, clippy::missing_panics_doc, clippy::return_self_not_must_use)]
 
+#[doc(hidden)]
 pub mod blob_store;
 mod block_records;
 pub mod compress;
 pub mod container;
+#[doc(hidden)]
 pub mod denoise;
 mod encoding;
 pub mod error;
+#[doc(hidden)]
 pub mod error_estimate;
 #[cfg(feature = "scene")]
+#[doc(hidden)]
 pub mod farm;
+#[doc(hidden)]
 pub mod files;
 pub mod image;
 pub mod light;
 #[cfg(feature = "scene")]
 pub mod look;
+mod make;
 pub mod matrix;
+mod memory_matrix;
+mod open;
 pub mod pipeline;
 pub mod relight;
 pub mod resources;
@@ -112,13 +144,25 @@ pub mod resources;
 pub mod sample_budget;
 #[cfg(feature = "scene")]
 pub mod scene;
+#[doc(hidden)]
 pub mod share;
 mod simd;
 pub mod store;
 #[cfg(feature = "scene")]
+#[doc(hidden)]
 pub mod trace;
 
 pub use error::{Error, Result};
+pub use image::LinearImage;
+pub use light::Lighting;
+pub use make::pack;
+#[cfg(feature = "scene")]
+pub use make::{load_scene, render};
+pub use memory_matrix::MemoryMatrix;
+pub use open::{Matrix, MatrixFile, open};
+pub use pipeline::{PackOptions, PackReport};
+#[cfg(feature = "scene")]
+pub use scene::LoadedScene;
 
 /// Vectors and matrices of the scene's and the image's interfaces.
 pub use glam;

@@ -14,6 +14,8 @@ mod obj;
 mod photometry;
 #[path = "cases/rays.rs"]
 mod rays;
+#[path = "cases/reference.rs"]
+mod reference;
 #[path = "cases/room.rs"]
 mod room;
 #[path = "cases/units.rs"]
@@ -105,7 +107,14 @@ fn main() -> ExitCode {
     let mut trials = vec![own("the_table_says_what_is_tested".into(), the_table_says_what_is_tested)];
     trials.extend(cases().map(|case| own(format!("{}: {}", case.format, case.input), case.test)));
     trials.extend(rays::TESTS.iter().chain(units::TESTS).map(|&(name, test)| own(name.into(), test)));
+    trials.push(own("every OBJ file of these cases by tobj".into(), reference::own_files));
     let root = std::env::var_os("LTM_CASES").map(PathBuf::from);
+    let all = root.clone();
+    let by_tobj = Trial::test("every OBJ file of the collections by tobj", move || {
+        reference::files_of_collections(&all.expect("ignored without the folder"));
+        Ok(())
+    });
+    trials.push(by_tobj.with_ignored_flag(root.is_none()));
     for collections in [
         gltf::COLLECTIONS,
         images::COLLECTIONS,

@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ltm::Error;
 use ltm::container::{ContainerOptions, ContainerReader, ContainerWriter, merge};
 use ltm::files::ContinuationFile;
-use ltm::light::{Job, Light, LightBasis, LightKind, Provenance};
-use ltm::matrix::{Block, BlockId, BlockSource, MatrixShape, TracedBlock};
+use ltm::light::{DescribedSource, Light, LightBasis, LightKind};
+use ltm::matrix::BlockId;
 use ltm::pipeline::{self, PackOptions, RenderOptions, UnpackOptions};
 use ltm::resources::{NoProgress, Progress};
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::{Precision, StoreOptions, StoreReader, partial_path};
+use ltm::{Error, MemoryMatrix};
 use tempfile::TempDir;
 
 /// Six blocks.
@@ -118,7 +118,10 @@ fn a_pack_of_one_precision_is_not_continued_with_another() {
     let (half, full) = (render(&folder, Precision::F16), render(&folder, Precision::F32));
     let (whole, path) = (folder.path().join("whole.ltc"), folder.path().join("a.ltc"));
     pack(&full, &whole, &PackOptions::default(), &NoProgress).unwrap();
-    assert!(matches!(pack(&half, &path, &PackOptions::default(), &StopAfter::steps(3)), Err(Error::Interrupted(_))));
+    assert!(matches!(
+        pack(&half, &path, &PackOptions::default(), &StopAfter::steps(3)),
+        Err(Error::Interrupted { .. })
+    ));
     let spill = fs::read(folder.path().join("a.ltc.spill")).unwrap();
     let error = pack(&full, &path, &PackOptions::default(), &NoProgress).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
@@ -144,7 +147,7 @@ fn blocks_of_two_matrices_of_one_job_are_never_mixed() {
     let options = PackOptions::default();
     pack(&other, &at("whole.ltc"), &options, &NoProgress).unwrap();
     let stop = StopAfter { steps_there: 3, ..StopAfter::at("packing") };
-    assert!(matches!(pack(&rendered, &at("a.ltc"), &options, &stop), Err(Error::Interrupted(_))));
+    assert!(matches!(pack(&rendered, &at("a.ltc"), &options, &stop), Err(Error::Interrupted { .. })));
     let error = pack(&other, &at("a.ltc"), &options, &NoProgress).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
     assert_eq!(pack(&other, &at("a.ltc"), &forced(), &NoProgress).unwrap(), 0);
@@ -153,7 +156,7 @@ fn blocks_of_two_matrices_of_one_job_are_never_mixed() {
     let unpack = |matrix: &StoreReader, watch: &dyn Progress| {
         pipeline::unpack_to_store(matrix, &at("b.ltm"), &UnpackOptions::default(), watch)
     };
-    assert!(matches!(unpack(&rendered, &StopAfter::steps(2)), Err(Error::Interrupted(_))));
+    assert!(matches!(unpack(&rendered, &StopAfter::steps(2)), Err(Error::Interrupted { .. })));
     let error = unpack(&other, &NoProgress).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
     assert_eq!(unpack(&rendered, &NoProgress).unwrap(), 6);
@@ -242,7 +245,7 @@ fn an_interrupted_unpack_is_continued_by_the_same_command_only() {
     fs::remove_file(&path).unwrap();
     let before = names(folder.path());
 
-    assert!(matches!(unpack("a.ltc", &StopAfter::steps(2)), Err(Error::Interrupted(_))));
+    assert!(matches!(unpack("a.ltc", &StopAfter::steps(2)), Err(Error::Interrupted { .. })));
     assert!(partial_path(&path).exists());
     let error = unpack("b.ltc", &NoProgress).unwrap_err().to_string();
     assert!(error.contains("other input or settings"), "{error}");
@@ -266,7 +269,7 @@ fn an_interrupted_unpack_is_continued_by_the_same_command_only() {
 
     // Nor an unpack with blocks of a render.
     let stopped = pipeline::render(room(), &path, &RenderOptions::default(), &StopAfter::steps(2));
-    assert!(matches!(stopped, Err(Error::Interrupted(_))));
+    assert!(matches!(stopped, Err(Error::Interrupted { .. })));
     let error = unpack("a.ltc", &NoProgress).unwrap_err().to_string();
     assert!(error.contains("another command"), "{error}");
 }
@@ -278,18 +281,18 @@ fn an_interrupted_unpack_to_a_file_for_each_light_is_continued() {
     for name in ["a", "b", "c"] {
         basis.push(Light::unplaced(name, LightKind::Point)).unwrap();
     }
-    let shape = MatrixShape::new(32, 32, 3, 32).unwrap();
-    let job = Job { shape, basis, provenance: Provenance::default() };
-    let source = Entries(shape, (0..shape.max_block_rows() * 3).map(|i| (i % 97) as f32).collect());
+    let value = |x: u32, y: u32, channel, column| ((1024 * (3 * column + channel) + (32 * y + x) as usize) % 97) as f32;
+    let pixel = |x, y, column| [0, 1, 2].map(|channel| value(x, y, channel, column));
+    let source = MemoryMatrix::from_fn((32, 32), basis, pixel).unwrap();
     let container = folder.path().join("a.ltc");
-    pipeline::pack(&source, &job, &container, &PackOptions::default(), &NoProgress).unwrap();
+    ltm::pack(&source, &container, &PackOptions::default()).unwrap();
     let container = ContainerReader::open(&container).unwrap();
     let images = folder.path().join("images");
     fs::create_dir(&images).unwrap();
     let pattern = images.join("{light}.exr");
     let unpack = |watch: &dyn Progress| pipeline::unpack_to_exr(&container, &pattern, &UnpackOptions::default(), watch);
     // One block, then the images: stopped after two of three.
-    assert!(matches!(unpack(&StopAfter::steps(3)), Err(Error::Interrupted(_))));
+    assert!(matches!(unpack(&StopAfter::steps(3)), Err(Error::Interrupted { .. })));
     assert_eq!(names(&images).len(), 3, "two images and what says so: {:?}", names(&images));
     let written = unpack(&NoProgress).unwrap();
     assert_eq!(names(&images), ["a.exr", "b.exr", "c.exr"]);
@@ -346,11 +349,11 @@ fn a_merge_of_containers_takes_good_copies_and_refuses_contradictions() {
         assert_eq!(merged.read_block(id).unwrap(), single.read_block(id).unwrap());
     }
     assert!(matches!(join(&["broken.ltc"], true), Err(Error::Damaged { .. })));
-    assert!(matches!(join(&["a.ltc"], false), Err(Error::Interrupted(_))));
+    assert!(matches!(join(&["a.ltc"], false), Err(Error::Interrupted { .. })));
     // Also while the joined file is written, half of the steps.
     let before = names(folder.path());
     let stopped = merge(&[&at("a.ltc")], &at("stopped.ltc"), false, |done, all| done < all / 2 + 2);
-    assert!(matches!(stopped, Err(Error::Interrupted(_))), "{stopped:?}");
+    assert!(matches!(stopped, Err(Error::Interrupted { .. })), "{stopped:?}");
     assert_eq!(names(folder.path()), before);
     // Of the same job and settings, but with other bytes in one block.
     let writer = ContainerWriter::create(
@@ -371,37 +374,22 @@ fn a_merge_of_containers_takes_good_copies_and_refuses_contradictions() {
     assert!(error.contains("differs from that in"), "{error}");
 }
 
-/// A matrix in memory.
-struct Entries(MatrixShape, Vec<f32>);
-
-impl BlockSource for Entries {
-    fn shape(&self) -> MatrixShape {
-        self.0
-    }
-
-    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> ltm::Result<()> {
-        let rows = self.0.rect(id).rows();
-        target.block = Block::default();
-        target.block.reset(rows, self.0.columns());
-        target.block.entries_mut().copy_from_slice(&self.1);
-        target.noise = None;
-        Ok(())
-    }
-}
-
 #[test]
 fn entries_that_cannot_be_computed_with_are_counted_and_said() {
     let folder = tempfile::tempdir().unwrap();
     let matrix = render(&folder, Precision::F32);
     let job = matrix.job();
-    let mut one_block = job.clone();
-    one_block.shape = MatrixShape::new(32, 32, job.shape.columns() as u32, 32).unwrap();
-    let mut entries = vec![0.5; 32 * 32 * 3 * job.shape.columns()];
-    (entries[5], entries[7], entries[9]) = (f32::NAN, f32::INFINITY, 1e16);
-    let source = Entries(one_block.shape, entries);
+    let pixel = |x, y, column| match (x, y, column) {
+        (5, 0, 0) => [f32::NAN, 0.5, 0.5],
+        (7, 0, 0) => [f32::INFINITY, 0.5, 0.5],
+        (9, 0, 0) => [1e16, 0.5, 0.5],
+        _ => [0.5; 3],
+    };
+    // One block.
+    let source = MemoryMatrix::from_fn((32, 32), job.basis.clone(), pixel).unwrap();
     let watch = StopAfter::steps(1000);
     let path = folder.path().join("a.ltc");
-    let report = pipeline::pack(&source, &one_block, &path, &PackOptions::default(), &watch).unwrap();
+    let report = pipeline::pack(&source, source.job(), &path, &PackOptions::default(), &watch).unwrap();
     assert_eq!((report.replaced.nan, report.replaced.huge), (1, 2));
     let said = watch.said.lock().unwrap();
     let line = said.iter().find(|line| line.contains("were replaced")).expect("a line says so");

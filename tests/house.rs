@@ -389,3 +389,87 @@ fn decisions_have_their_page_and_their_line_in_the_index() {
     let idle: Vec<_> = pages.keys().filter(|number| !named.contains(number)).collect();
     assert!(idle.is_empty(), "no comment names the decisions {idle:?}");
 }
+
+/// The length of what stands at the beginning of a text of code, and whether it is a string literal. Comments, words and characters of
+/// quotes are one piece each.
+fn next_piece(rest: &str) -> (usize, bool) {
+    let first = rest.chars().next().expect("there is something left");
+    let is_of_word = |c: char| c.is_alphanumeric() || c == '_';
+    if rest.starts_with("//") {
+        return (rest.find('\n').unwrap_or(rest.len()), false);
+    }
+    for quote in ["'\"'", "'\\\"'", "b'\"'"] {
+        if rest.starts_with(quote) {
+            return (quote.len(), false);
+        }
+    }
+    let raw = rest.trim_start_matches('b').strip_prefix('r').filter(|raw| raw.trim_start_matches('#').starts_with('"'));
+    if let Some(raw) = raw {
+        let hashes = raw.len() - raw.trim_start_matches('#').len();
+        let end = format!("\"{}", "#".repeat(hashes));
+        let inside = raw[hashes + 1..].find(&end).expect("a raw string ends");
+        return (rest.len() - raw.len() + hashes + 1 + inside + end.len(), true);
+    }
+    if first == '"' {
+        let mut is_escaped = true;
+        let end = rest.find(|c| {
+            let is_end = c == '"' && !is_escaped;
+            is_escaped = c == '\\' && !is_escaped;
+            is_end
+        });
+        return (end.expect("a string ends") + 1, true);
+    }
+    match is_of_word(first) {
+        true => (rest.find(|c| !is_of_word(c)).unwrap_or(rest.len()), false),
+        false => (first.len_utf8(), false),
+    }
+}
+
+/// The string literals of a source file with the numbers of the lines that they begin in.
+fn string_literals(text: &str) -> Vec<(usize, &str)> {
+    let (mut literals, mut line, mut at) = (Vec::new(), 1, 0);
+    while at < text.len() {
+        let (length, is_literal) = next_piece(&text[at..]);
+        let piece = &text[at..at + length];
+        if is_literal {
+            literals.push((line, piece));
+        }
+        line += piece.matches('\n').count();
+        at += length;
+    }
+    literals
+}
+
+/// A flag, a program, or a command of one: what only users of a command line know.
+fn names_the_command_line(text: &str) -> bool {
+    let has_flag = text.match_indices("--").any(|(at, _)| {
+        let before = text[..at].chars().next_back();
+        let after = text[at + 2..].chars().next();
+        before != Some('-') && after.is_some_and(|c| c.is_ascii_lowercase())
+    });
+    let programs = ["ltm-pack", "ltm-unpack", "ltm-study", "ltm-view"];
+    let commands = ["build", "demo", "info", "merge", "plan", "relight", "render", "share", "study", "verify", "view"];
+    has_flag
+        || text.contains("command")
+        || programs.iter().any(|program| text.contains(program))
+        || commands.iter().any(|command| text.contains(&format!("ltm {command}")))
+}
+
+/// Hints are typed (`error::Hint`), and each front end words them.
+#[test]
+fn the_library_does_not_speak_of_the_command_line() {
+    let example = "let a = '\"'; // \"--no\"\nlet b = r#\"\"--a\"#; f(\"x\\\"\", b\"ltm-pack\", \"one\n  --two\", 'a', \"3 -- 4\")";
+    let found: Vec<_> = string_literals(example).into_iter().filter(|(_, text)| names_the_command_line(text)).collect();
+    assert_eq!(found.iter().map(|(line, _)| *line).collect::<Vec<_>>(), [2, 2, 2], "{found:?}");
+    let mut broken = Vec::new();
+    for (inside, text) in library_files() {
+        let tests: BTreeSet<usize> =
+            code_lines(&text).iter().filter(|line| line.is_test).map(|line| line.number).collect();
+        for (line, literal) in string_literals(&text) {
+            if names_the_command_line(literal) && !tests.contains(&line) {
+                broken.push(format!("{}:{line}: {literal}", inside.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "typed hints instead (`error::Hint`):\n{}", broken.join("\n"));
+}

@@ -280,7 +280,7 @@ fn images_outside_of_the_looks_folder_are_read_only_on_demand() {
     for file in ["../outside.exr", "link.exr", &at("outside.exr").display().to_string()] {
         write(file);
         let said = look::load(&path, &basis()).unwrap_err().to_string();
-        assert!(said.contains("outside") && said.contains("--allow-outside"), "{file}: {said}");
+        assert!(said.contains("outside") && said.contains("`allow_outside`"), "{file}: {said}");
         let allowed = look::load_reaching_outside(&path, &basis()).unwrap();
         assert_eq!(allowed.lighting().weights()[2], [1.0; 3], "{file}");
     }

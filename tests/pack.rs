@@ -8,17 +8,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use ltm::Error;
 use ltm::compress::{CompressSettings, Method, Scope, Target};
 use ltm::container::ContainerReader;
 use ltm::image::{LightSet, LinearImage, compare, write_exr_layers};
-use ltm::light::{Clusters, Job, Light, LightBasis, LightKind, Lighting, Provenance, evaluation_lightings};
-use ltm::matrix::{BlockId, BlockSource, FactorSource, MatrixShape, TracedBlock};
+use ltm::light::{Clusters, Light, LightBasis, LightKind, Lighting, evaluation_lightings};
+use ltm::matrix::{BlockSource, FactorSource, TracedBlock};
 use ltm::pipeline::{self, PackOptions, RelightOptions, RenderOptions};
 use ltm::relight::relight_raw;
 use ltm::resources::{NoProgress, Progress};
 use ltm::scene::{BuiltIn, LoadedScene};
 use ltm::store::StoreReader;
+use ltm::{Error, MemoryMatrix};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use tempfile::TempDir;
@@ -130,7 +130,7 @@ fn cleaning_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
         let watch = StopAfter(AtomicU64::new(stop));
         if let Err(error) = pipeline::render_packed(room("mixed"), &path, &options, &watch) {
             stops += 1;
-            assert!(matches!(error, Error::Interrupted(_)), "{error}");
+            assert!(matches!(error, Error::Interrupted { .. }), "{error}");
             let (render, _) = pipeline::render_packed(room("mixed"), &path, &options, &NoProgress).unwrap();
             assert!(render.blocks_kept >= stop.min(6), "{} kept after {stop}", render.blocks_kept);
         }
@@ -365,7 +365,7 @@ fn a_pack_stopped_after_any_block_goes_on_and_ends_with_the_same_bytes() {
         let stopped = pipeline::render_packed(room("mixed"), &path, &PackOptions::default(), &watch);
         if let Err(error) = stopped {
             stops += 1;
-            assert!(matches!(error, Error::Interrupted(_)), "{error}");
+            assert!(matches!(error, Error::Interrupted { .. }), "{error}");
             assert!(error.to_string().contains("stopped.ltc.spill keeps"), "{error}");
             assert!(!path.exists(), "nothing half-written under the final name");
             let (render, _) =
@@ -579,7 +579,7 @@ fn rows_and_columns_of_the_whole_matrix_give_the_same_bytes_whenever_it_was_stop
         let watch = StopAfter(AtomicU64::new(stop));
         if let Err(error) = pipeline::pack(&matrix, matrix.job(), &path, &options, &watch) {
             stops += 1;
-            assert!(matches!(error, Error::Interrupted(_)), "{error}");
+            assert!(matches!(error, Error::Interrupted { .. }), "{error}");
             pack(&matrix, &path, &options);
         }
         assert!(fs::read(&path).unwrap() == fs::read(&whole).unwrap(), "stopped after {stop}");
@@ -607,7 +607,7 @@ fn a_target_that_the_noise_puts_out_of_reach_is_said_with_the_way_on() {
     assert!(shortfall.noise_heeded && shortfall.psnr_db < 40.0, "{shortfall}");
     let said = short.to_string();
     assert!(
-        said.contains("the noise of the samples") && said.contains("60 dB") && said.contains("--keep-noise"),
+        said.contains("the noise of the samples") && said.contains("60 dB") && said.contains("`noise_factor`"),
         "{said}"
     );
     let stopped = packed(Target::Automatic, heeded);
@@ -630,38 +630,16 @@ fn a_target_that_the_noise_puts_out_of_reach_is_said_with_the_way_on() {
     assert!(over.to_string().contains("more than the target, 1 B"), "{over}");
 }
 
+/// Texels of the panel over the lit floor.
+const FLOOR_TEXELS: usize = 256;
+
 /// A floor in uneven light: a panel of 16 × 16 texels over it, and four lamps each of which lights it a fiftieth as much as the whole panel.
-struct LitFloor(MatrixShape);
-
-impl LitFloor {
-    const TEXELS: usize = 256;
-
-    fn entry(x: f32, y: f32, column: usize) -> f32 {
-        let texel = |i: usize| ((i % 16) as f32 / 16.0, (i / 16) as f32 / 16.0);
-        let (u, v) = texel(column.checked_sub(Self::TEXELS).map_or(column, |lamp| 70 + 37 * lamp));
-        let share = if column < Self::TEXELS { 1.0 / Self::TEXELS as f32 } else { 1.0 / 50.0 };
-        let uneven = 1.0 + 0.3 * (37.0 * x + 91.0 * u).sin() * (53.0 * y + 71.0 * v).cos();
-        share * uneven / ((x - u).powi(2) + (y - v).powi(2) + 0.25)
-    }
-}
-
-impl BlockSource for LitFloor {
-    fn shape(&self) -> MatrixShape {
-        self.0
-    }
-
-    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> ltm::Result<()> {
-        let rect = self.0.rect(id);
-        *target = TracedBlock::default();
-        target.block.reset(rect.rows(), self.0.columns());
-        for (i, value) in target.block.entries_mut().iter_mut().enumerate() {
-            let (pixel, column) = ((i % rect.rows() % rect.pixels()) as u32, i / rect.rows());
-            let x = (rect.x + pixel % rect.width) as f32 / self.0.width() as f32;
-            let y = (rect.y + pixel / rect.width) as f32 / self.0.height() as f32;
-            *value = Self::entry(x, y, column);
-        }
-        Ok(())
-    }
+fn lit_floor(x: f32, y: f32, column: usize) -> f32 {
+    let texel = |i: usize| ((i % 16) as f32 / 16.0, (i / 16) as f32 / 16.0);
+    let (u, v) = texel(column.checked_sub(FLOOR_TEXELS).map_or(column, |lamp| 70 + 37 * lamp));
+    let share = if column < FLOOR_TEXELS { 1.0 / FLOOR_TEXELS as f32 } else { 1.0 / 50.0 };
+    let uneven = 1.0 + 0.3 * (37.0 * x + 91.0 * u).sin() * (53.0 * y + 71.0 * v).cos();
+    share * uneven / ((x - u).powi(2) + (y - v).powi(2) + 0.25)
 }
 
 /// Each texel is rounded once, and all at once are seen: 16 times the error of one, where no more is done.
@@ -674,11 +652,11 @@ fn a_panel_by_itself_is_as_near_as_a_lamp_of_a_fiftieth_of_its_light() {
     ["a", "b", "c", "d"].iter().for_each(|name| {
         basis.push(Light::unplaced(*name, LightKind::Lamp)).unwrap();
     });
-    let source = LitFloor(MatrixShape::new(64, 48, 260, 32).unwrap());
-    let job = Job { shape: source.0, basis, provenance: Provenance::default() };
+    let pixel = |x, y, column| [lit_floor(x as f32 / 64.0, y as f32 / 48.0, column); 3];
+    let source = MemoryMatrix::from_fn((64, 48), basis, pixel).unwrap();
     let compress = CompressSettings { target: Target::PsnrDb(45.0), noise_factor: None, ..Default::default() };
     let options = PackOptions { compress, ..PackOptions::default() };
-    pipeline::pack(&source, &job, &path, &options, &NoProgress).unwrap();
+    ltm::pack(&source, &path, &options).unwrap();
     let container = ContainerReader::open(&path).unwrap();
     // With the factors as they are held in memory.
     let error = |columns: std::ops::Range<usize>| {
@@ -688,7 +666,7 @@ fn a_panel_by_itself_is_as_near_as_a_lamp_of_a_fiftieth_of_its_light() {
         let pixels = images[0].pixels.iter().enumerate();
         let squares = pixels.map(|(i, pixel)| {
             let (x, y) = ((i % 64) as f32 / 64.0, (i / 64) as f32 / 48.0);
-            let truth: f32 = columns.clone().map(|column| LitFloor::entry(x, y, column)).sum();
+            let truth: f32 = columns.clone().map(|column| lit_floor(x, y, column)).sum();
             f64::from(pixel[0] - truth).powi(2)
         });
         (squares.sum::<f64>() / (64.0 * 48.0)).sqrt()

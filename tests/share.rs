@@ -114,7 +114,7 @@ fn the_data_are_the_containers_chunks_behind_a_small_preview() {
 
     // The same again gives the same bytes, and only where it may.
     let refused = share(&container, &site, &options).unwrap_err();
-    assert!(matches!(refused, Error::Input { .. }) && refused.to_string().contains("--force"), "{refused}");
+    assert!(matches!(refused, Error::Input { .. }) && refused.to_string().contains("`overwrite`"), "{refused}");
     share(&container, &site, &ShareOptions { overwrite: true, ..options.clone() }).unwrap();
     assert_eq!(fs::read(site.join(DATA_NAME)).unwrap(), data);
 

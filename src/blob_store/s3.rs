@@ -363,7 +363,10 @@ fn refusal(address: &str, action: &str, error: &object_store::Error) -> Error {
             let hint = "look at the network, AWS_ENDPOINT_URL and AWS_REGION, then run the same again";
             (ErrorKind::TimedOut, format!("{}; {hint}", said_by(error)))
         }
-        _ => (ErrorKind::Other, format!("{}; the same command goes on when the store answers", said_by(error))),
+        _ => (
+            ErrorKind::Other,
+            format!("{}; it goes on when the store answers and the same is run again", said_by(error)),
+        ),
     };
     Error::io(address, action)(io::Error::new(kind, text))
 }

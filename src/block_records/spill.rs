@@ -49,8 +49,7 @@ pub(crate) fn remove_leftovers(path: &Path, blocks: u32) {
 pub(crate) fn stop_if_interrupted(path: &Path, watch: &dyn Progress) -> Result<()> {
     if watch.interrupted() {
         let kept = spill_path(path);
-        let text = format!("{} keeps the finished blocks; the same command continues", kept.display());
-        return Err(Error::Interrupted(text));
+        return Err(Error::interrupted_keeping(format!("{} keeps the finished blocks", kept.display())));
     }
     Ok(())
 }

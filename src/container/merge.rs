@@ -45,7 +45,7 @@ pub fn merge(
         }
     }
     let shape = first.job().shape;
-    let (blocks, stopped) = (shape.block_count(), || Error::Interrupted("nothing was written".into()));
+    let (blocks, stopped) = (shape.block_count(), || Error::interrupted("nothing was written"));
     let mut holders: Vec<Option<&ContainerReader>> = Vec::with_capacity(shape.block_count() as usize);
     for id in shape.blocks() {
         holders.push(holder(id, &readers)?);

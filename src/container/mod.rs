@@ -6,7 +6,25 @@
 //!
 //! [`ContainerWriter`] takes blocks in any order from any thread and gives the same bytes for the same blocks;
 //! [`ContainerReader`] trusts nothing it has not checked; [`merge()`] joins containers of the same job.
+//!
+//! # Example
+//!
+//! ```
+//! use ltm::container::ContainerReader;
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("room.ltc");
+//! # let matrix = ltm::MemoryMatrix::from_images([("desk", ltm::LinearImage::black(40, 40))])?;
+//! # ltm::pack(&matrix, &path, &ltm::PackOptions::default())?;
+//!
+//! let container = ContainerReader::open(&path)?;
+//! for id in container.job().shape.blocks() {
+//!     let factors = container.read_block(id)?;
+//!     assert_eq!((factors.rank(), container.rank(id)), (0, 0), "all black");
+//! }
+//! # ltm::Result::Ok(())
+//! ```
 
+#[doc(hidden)]
 pub mod codec;
 mod format;
 mod index;

@@ -15,7 +15,7 @@ use super::layout::{BlockLayout, LightLayout};
 use super::metadata;
 use super::report::ContainerReport;
 use super::spill::Spill;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::{Ranged, open_input};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactorSource, FactoredBlock, MatrixShape};
@@ -393,7 +393,7 @@ fn decode_tail(end: Vec<u8>, trailer: &Trailer) -> Result<(Index, Metadata), Str
 }
 
 fn not_ours(path: &Path) -> Error {
-    Error::input(path.display().to_string(), "is not a container (.ltc)", "make one with ltm-pack")
+    Error::input(path.display().to_string(), "is not a container (.ltc)", Hint::PackFirst)
 }
 
 /// A block that cannot be read.

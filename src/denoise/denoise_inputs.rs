@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::{Denoiser, DenoiserRows, GuideStatistics, TILE, tile_means};
 use crate::block_records::{Records, stop_if_interrupted};
 use crate::compress::{ClusterResidual, CompressSettings, Compressor};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::light::{Clusters, Job};
 use crate::matrix::{
     Block, BlockId, BlockPlanes, CHANNELS, FEATURE_PLANES, MatrixShape, PixelRect, SeenEmission, TracedBlock,
@@ -157,8 +157,8 @@ impl DenoiseInputs {
         }
         let work = make(id, block)?;
         let planes = block.planes.take().ok_or_else(|| {
-            let hint = "pack it as it is, with --denoise off";
-            Error::input(id.to_string(), "its samples were not kept apart, so it cannot be cleaned", hint)
+            let problem = "its samples were not kept apart, so it cannot be cleaned";
+            Error::input(id.to_string(), problem, Hint::PackWithoutDenoising)
         })?;
         let tiles = self.tiles_of(block.block.entries(), rect, &planes.emission);
         let contrasts = self.contrasts_of(id, block, &planes.emission);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::open_input;
 use crate::image::{LayerPattern, LightRow, LightSet};
 use crate::light::{Clusters, Job};
@@ -30,10 +30,7 @@ impl ExternalImages {
     /// # Errors
     /// No EXR, another size, an image that is missing or not known.
     pub(crate) fn open(path: &Path, job: &Job) -> Result<Self> {
-        let refuse = |problem: String| {
-            let hint = "write the images with ltm-unpack --basis and keep their size and the names of their layers";
-            Error::input(path.display().to_string(), problem, hint)
-        };
+        let refuse = |problem: String| Error::input(path.display().to_string(), problem, Hint::ImagesForDenoiser);
         let pattern: LayerPattern = r"^basis\.([0-9]+)$".parse().expect("the expression is valid");
         let set = LightSet::open(path, Some(&pattern))?;
         let (width, height) = (job.shape.width(), job.shape.height());

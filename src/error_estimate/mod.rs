@@ -286,7 +286,7 @@ impl Blocks<'_> {
             watch.begin(stage, blocks.len() as u64, "blocks");
             let one = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
                 if watch.interrupted() {
-                    return Err(Error::Interrupted("nothing was begun".to_owned()));
+                    return Err(Error::interrupted("nothing was begun"));
                 }
                 make(id, block)?;
                 watch.advance(1, 0, "blocks");

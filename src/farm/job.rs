@@ -1,7 +1,7 @@
 //! One job on many machines. Ranges of blocks are built anywhere, in any order, any number of times. They are merged
 //! into the container that one machine makes of the job by [`render_packed`](super::render_packed).
 //!
-//! A range becomes a shard ([`super::shard`]) in a [`Depot`]: complete or absent, never changed, and the same whoever
+//! A range becomes a shard ([`crate::block_records`]) in a [`BlobStore`](crate::blob_store::BlobStore): complete or absent, never changed, and the same whoever
 //! builds it. The merge does what needs all blocks: it denoises the whole image, chooses the common slope, and cuts the
 //! candidates.
 
@@ -268,7 +268,7 @@ impl FarmJob {
         watch.begin("checking shards", names.len() as u64, "shards");
         let check = |name: &String| -> Result<Result<Shard, String>> {
             if watch.interrupted() {
-                return Err(Error::Interrupted("nothing was written".to_owned()));
+                return Err(Error::interrupted("nothing was written"));
             }
             let open = || Shard::open(&depot.local(name, cache)?, name);
             let checked = if !name.starts_with(&plan_prefix(&hex(fingerprint))) {
@@ -326,7 +326,7 @@ impl FarmJob {
             return Err(Error::Incomplete {
                 place: shards.set.address().to_owned(),
                 missing: format!("{blocks} of {} blocks are in no shard", job.shape.block_count()),
-                hint: "build the missing ranges, then merge again".to_owned(),
+                hint: "build the missing ranges, then merge again".into(),
             });
         }
         check_container_output(path, options.container.overwrite)?;

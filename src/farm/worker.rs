@@ -70,7 +70,7 @@ impl Worker {
         make: &(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync),
     ) -> Result<u64> {
         if watch.interrupted() {
-            return Err(Error::Interrupted("nothing is kept of the range".to_owned()));
+            return Err(Error::interrupted("nothing is kept of the range"));
         }
         match self {
             Self::Gathers(gathering) => gathering.take(id, block, watch, make, None),

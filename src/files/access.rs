@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::folder_of;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 
 /// Environment variable that names a folder of scene geometry.
 pub const LIBRARY_VARIABLE: &str = "LTM_SCENES";
@@ -46,7 +46,7 @@ impl FileAccess {
             return Ok(());
         }
         let problem = format!("{} lies outside of its folder and of {LIBRARY_VARIABLE}", path.display());
-        Err(Error::input(asked_by, problem, "put it there, or allow it if you trust who wrote this (--allow-outside)"))
+        Err(Error::input(asked_by, problem, Hint::AllowOutside))
     }
 }
 
@@ -71,8 +71,9 @@ mod tests {
             reach.admit(&at(inside), "scene").unwrap();
         }
         for outside in ["secret", "mine/../secret", "mine/link", "mine too/c"] {
-            let said = reach.admit(&at(outside), "scene").unwrap_err().to_string();
-            assert!(said.contains("outside") && said.contains("--allow-outside"), "{outside}: {said}");
+            let error = reach.admit(&at(outside), "scene").unwrap_err();
+            assert!(error.to_string().contains("lies outside"), "{outside}: {error}");
+            assert_eq!(error.hint(), Some(&Hint::AllowOutside), "{outside}: {error}");
             FileAccess::everywhere().admit(&at(outside), "scene").unwrap();
         }
         assert!(reach.admit(&at("mine/missing"), "scene").is_err());

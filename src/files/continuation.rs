@@ -7,7 +7,7 @@ use std::sync::{Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
 use super::lock::{is_named, open_locked};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 
 /// What stands before the records: the mark, and the fingerprint of the job.
 const HEAD_BYTES: usize = 40;
@@ -54,7 +54,7 @@ impl ContinuationFile {
     pub fn open(path: &Path, mark: [u8; 8], fingerprint: [u8; 32], keys: u32, overwrite: bool) -> Result<Self> {
         let file = open_locked(path, true)?;
         let failed = |action: &str| Error::io(path, action.to_owned());
-        let refuse = |problem: &str, hint: &str| Err(Error::input(path.display().to_string(), problem, hint));
+        let refuse = |problem: &str, hint: Hint| Err(Error::input(path.display().to_string(), problem, hint));
         let mut head = [0; HEAD_BYTES];
         head[..8].copy_from_slice(&mark);
         head[8..].copy_from_slice(&fingerprint);
@@ -64,12 +64,11 @@ impl ContinuationFile {
         file.read_exact_at(&mut found[..start], 0).map_err(failed("read"))?;
         let owner = start.min(OWNER_BYTES);
         if found[..owner] != mark[..owner] {
-            return refuse("was made by another program", "move it away, or choose another name for the output");
+            return refuse("was made by another program", "move it away, or choose another name for the output".into());
         }
         let continues = found == head;
         if !continues && length > HEAD_BYTES as u64 && !overwrite {
-            let hint = "finish that with the command that began it, choose another name, or say --force to begin anew";
-            return refuse("keeps the work of an interrupted job with other input or settings", hint);
+            return refuse("keeps the work of an interrupted job with other input or settings", Hint::BeginAnew);
         }
         if !continues {
             file.set_len(0).and_then(|()| file.write_all_at(&head, 0)).map_err(failed("write"))?;
@@ -195,7 +194,7 @@ impl ContinuationFile {
 
     /// The error for bytes that came back other than they were written.
     pub fn damaged(&self, key: u32, problem: &str) -> Error {
-        let hint = "check the disk, remove the file and run the command again";
+        let hint = "check the disk, remove the file and begin again";
         Error::damaged(&self.path, format!("block {key}: {problem}"), hint)
     }
 

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 
 /// The folder of a file, `.` for a bare name.
 pub fn folder_of(path: &Path) -> &Path {
@@ -56,7 +56,7 @@ pub fn check_output(path: &Path, overwrite: bool) -> Result<()> {
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => refuse("is a folder", "give the name of a file in it"),
         Ok(found) if !found.is_file() => refuse("is a device or pipe, which cannot be replaced", "name a file"),
-        Ok(_) if !overwrite => refuse("exists already", "choose another name, or say --force to replace it"),
+        Ok(_) if !overwrite => Err(Error::input(path.display().to_string(), "exists already", Hint::Overwrite)),
         Ok(_) => Ok(()),
         Err(_) if path.file_name().is_none() => refuse("is no name for a file", "name a file"),
         Err(_) if path.is_symlink() => refuse("is a link that leads nowhere", "remove it, or choose another name"),

@@ -13,7 +13,7 @@ use rustix::io::Errno;
 use super::check_output;
 use super::lock::{Lock, is_named, say_locks_are_missing, try_lock};
 use super::names::{folder_of, sync_folder};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 
 /// Ends every temporary name, before its number.
 const TEMPORARY: &str = ".ltm-tmp";
@@ -68,9 +68,7 @@ impl Replacement {
         self.file.sync_all().map_err(Error::io(&self.path, "write"))?;
         publish(&self.temporary, &self.path, self.overwrite).map_err(|error| match error {
             // It names the temporary file, which is removed with `self`.
-            Error::Input { place, problem, .. } => {
-                Error::input(place, problem, "choose another name, or say --force to replace it")
-            }
+            Error::Input { place, problem, .. } => Error::input(place, problem, Hint::Overwrite),
             other => other,
         })?;
         self.finished = true;

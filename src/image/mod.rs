@@ -1,4 +1,17 @@
 //! Linear images: reading and writing EXR, HDR and PNG, tone mapping, error measures.
+//!
+//! # Example
+//!
+//! ```
+//! use ltm::image::{LinearImage, read_image, write_exr};
+//!
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let path = folder.path().join("grey.exr");
+//! let grey = LinearImage { width: 2, height: 1, pixels: vec![[0.5; 3]; 2] };
+//! write_exr(&path, &grey)?;
+//! assert_eq!(read_image(&path)?.pixels, grey.pixels);
+//! # ltm::Result::Ok(())
+//! ```
 
 mod exr_file;
 mod float_map;

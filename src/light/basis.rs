@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::fmt;
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::encoding::{Decode, Encode};
 use crate::error::{Error, Result};
@@ -181,7 +182,8 @@ pub struct Column<'a> {
 /// All lights of a job, in column order, covering every column exactly once.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightBasis {
-    lights: Vec<Light>,
+    /// Shared with the lightings over them, which are many where the lights are.
+    lights: Arc<Vec<Light>>,
     /// Index of each light by its name.
     by_name: HashMap<String, usize>,
     /// Weights in the scene's lighting that are not their light's emission: first column, weights.
@@ -228,7 +230,7 @@ impl LightBasis {
         }
         light.first_column = self.column_count() as u32;
         self.by_name.insert(light.name.clone(), self.lights.len());
-        self.lights.push(light);
+        Arc::make_mut(&mut self.lights).push(light);
         Ok(())
     }
 
@@ -302,6 +304,11 @@ impl LightBasis {
     /// The lights in column order.
     pub fn lights(&self) -> &[Light] {
         &self.lights
+    }
+
+    /// The same for a lighting to keep.
+    pub(super) fn shared_lights(&self) -> Arc<Vec<Light>> {
+        Arc::clone(&self.lights)
     }
 
     /// Number of columns.

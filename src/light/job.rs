@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 
 use super::{LightBasis, metadata};
 use crate::encoding::{Decode, Encode};
-use crate::matrix::MatrixShape;
+use crate::matrix::{BlockSource, MatrixShape};
 
 /// Identity of a job: SHA-256 over its encoded description and its scene's content. Two files with the same hash hold
 /// blocks of the same matrix and can be merged.
@@ -41,6 +41,12 @@ pub struct Job {
     pub basis: LightBasis,
     /// Provenance of the entries.
     pub provenance: Provenance,
+}
+
+/// A matrix that knows what it is a matrix of.
+pub trait DescribedSource: BlockSource {
+    /// Its shape, its lights, and where it comes from.
+    fn job(&self) -> &Job;
 }
 
 impl Job {

@@ -1,5 +1,18 @@
 //! The columns of `T` and what is put on them: the light basis, lightings `ℓ` over it, and the description of a job
 //! that every file of ours carries.
+//!
+//! # Example
+//!
+//! ```
+//! use ltm::light::{Light, LightBasis, LightKind, Lighting};
+//!
+//! let mut basis = LightBasis::new();
+//! basis.push(Light::unplaced("lamp", LightKind::Lamp))?;
+//! basis.push(Light::unplaced("panel", LightKind::AreaTexels { across: 4, down: 2 }))?;
+//! assert_eq!(basis.find("panel").unwrap().columns(), 1..9);
+//! assert_eq!(Lighting::of_scene(&basis).weights().len(), 9);
+//! # ltm::Result::Ok(())
+//! ```
 
 mod basis;
 mod clusters;
@@ -19,8 +32,8 @@ pub use errors::{
     DenoiseErrors, ExposedError, LightErrors, LightLoss, StatedErrors, column_name, denoise_errors_line,
     expected_error_line, exposed_error_line, light_errors_lines,
 };
-pub use job::{Job, JobHash, Provenance};
-pub use lighting::Lighting;
+pub use job::{DescribedSource, Job, JobHash, Provenance};
+pub use lighting::{LightWeight, Lighting};
 pub use metadata::{decode_job, encode_job};
 pub use prior::{LightingPrior, evaluation_lightings};
 pub use probes::{PROBES, probe_lightings};

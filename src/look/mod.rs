@@ -32,6 +32,17 @@
 //! ```
 //!
 //! A colour sets the chromaticity and leaves the luminance; a mask or image multiplies; stops come last.
+//!
+//! # Example
+//!
+//! ```no_run
+//! use std::path::Path;
+//!
+//! let matrix = ltm::open("room.ltc")?;
+//! let looks = ltm::look::load(Path::new("evening.toml"), matrix.basis())?;
+//! let night = matrix.relight(looks.named("night")?)?;
+//! # ltm::Result::Ok(())
+//! ```
 
 mod file;
 mod pattern;

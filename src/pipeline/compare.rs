@@ -79,7 +79,7 @@ pub fn compare_matrices(
     watch.begin("comparing", blocks.len() as u64, "blocks");
     let compare = |block: &mut TracedBlock, &id: &BlockId| {
         if watch.interrupted() {
-            return Err(Error::Interrupted("the comparison is not complete".into()));
+            return Err(Error::interrupted("the comparison is not complete"));
         }
         source.read_block(id, block)?;
         let expanded = packed.read_layers(id, 0..packed.layer_count(id))?.expand();

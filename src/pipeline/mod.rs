@@ -1,6 +1,6 @@
 //! Jobs: the only module that knows all stages.
 //!
-//! Each job is a function from paths and settings to a report. Progress goes to the [`Watch`](crate::host::Watch) that
+//! Each job is a function from paths and settings to a report. Progress goes to the [`Progress`](crate::resources::Progress) that
 //! the caller passes in.
 
 mod column_scales;
@@ -26,6 +26,7 @@ pub use open::{check_matrix_path, open_container};
 #[cfg(feature = "scene")]
 pub(crate) use pack::{Analysis, Packing, compressor_of, need_of};
 pub use pack::{PackOptions, PackReport, ReplacedEntries, Shortfall, check_container_output, pack};
+pub(crate) use relight::factors_bytes;
 pub use relight::{
     Device, PASSES, RelightOptions, Relighter, passes_need_bytes, relight, relight_matrix, relight_passes,
     relit_layers_need_bytes, write_relit_layers,

@@ -226,7 +226,7 @@ fn preview_of(
 }
 
 fn interrupted() -> Error {
-    Error::Interrupted("nothing was written".into())
+    Error::interrupted("nothing was written")
 }
 
 /// Reports progress of the preview, but not messages on its temporary files.

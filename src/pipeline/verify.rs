@@ -94,7 +94,7 @@ pub fn verify_container(path: &Path, memory_bytes: Option<u64>, watch: &dyn Prog
     let found = threads.run(|| reader.verify(look));
     watch.end();
     if watch.interrupted() {
-        return Err(Error::Interrupted(format!("{} blocks were checked", found.blocks)));
+        return Err(Error::interrupted(format!("{} blocks were checked", found.blocks)));
     }
     Ok(Verified {
         blocks: found.blocks,

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::Progress;
 use super::memory::available_bytes;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::{folder_of, free_bytes};
 
 /// The program itself, its threads and its tables.
@@ -62,7 +62,7 @@ impl ResourceEstimate {
                     what: format!("{job} {}", output.display()),
                     needed: format!("{} of disk", human_bytes(more)),
                     available: format!("only {} are free in {}", human_bytes(free), folder.display()),
-                    hint: "make room, or name an output on another disk".to_owned(),
+                    hint: "make room, or name an output on another disk".into(),
                 });
             }
         }
@@ -97,11 +97,13 @@ impl ResourceEstimate {
                 what: job.to_owned(),
                 needed: format!("{} of memory", human_bytes(self.bytes(1))),
                 available: match budget_bytes {
-                    Some(budget) => format!("--memory allows {}", human_bytes(budget)),
+                    Some(budget) => format!("only {} are allowed", human_bytes(budget)),
                     None => format!("only {} are available", human_bytes(limit)),
                 },
-                hint: "give it more, or take smaller blocks (block_side in a scene file, --block-side for images)"
-                    .to_owned(),
+                hint: match budget_bytes {
+                    Some(_) => Hint::RaiseMemoryLimit { needed_bytes: self.bytes(1) },
+                    None => Hint::MoreMemory,
+                },
             }),
         }
     }

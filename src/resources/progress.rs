@@ -1,5 +1,7 @@
 //! What a long job tells the program that runs it, and how it hears that it should stop.
 
+use crate::error::Warning;
+
 /// Hears the progress of a job. All methods may be called from any thread.
 pub trait Progress: Sync {
     /// A stage begins that has `total` steps, each a `unit` ("blocks").
@@ -14,7 +16,12 @@ pub trait Progress: Sync {
     /// One line for the user: a warning or a note.
     fn note(&self, line: &str);
 
-    /// Whether the user asked to stop: jobs finish the blocks at hand and return [`crate::Error::Interrupted`].
+    /// A warning for the user: who has words of their own for its hint notes it in those.
+    fn warn(&self, warning: &Warning) {
+        self.note(&warning.to_string());
+    }
+
+    /// Whether the user asked to stop: jobs finish the blocks at hand and return [`Error::Interrupted`](crate::Error::Interrupted).
     fn interrupted(&self) -> bool;
 }
 

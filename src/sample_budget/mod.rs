@@ -17,7 +17,7 @@ use std::time::Instant;
 use self::pilot::Pilot;
 pub use self::stated::{parse_error, parse_seconds};
 use crate::denoise::DenoisedSource;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::error_estimate::{Blocks, ErrorMonitor, WINDOW, spread_windows};
 use crate::pipeline::{
     PackOptions, check_container_output, job_of, note_samples, samples_of_unfinished, settings_of, tracing_need,
@@ -69,9 +69,9 @@ pub fn choose_samples(
     watch: &dyn Progress,
 ) -> Result<ChosenSamples> {
     let begun = Instant::now();
-    for (name, end) in [("--error", rule.error), ("--time", rule.seconds)] {
+    for (name, end) in [("the error to reach", rule.error), ("the time to render", rule.seconds)] {
         if end.is_some_and(|end| !(end > 0.0 && end.is_finite())) {
-            return Err(Error::input(name, "is not above 0", "give for example --error 2% or --time 60s"));
+            return Err(Error::input(name, "is not above 0", Hint::EndAboveZero));
         }
     }
     let (path, known) = match to {
@@ -114,7 +114,7 @@ pub fn choose_samples(
     });
     loaded.scene = Arc::try_unwrap(scene).unwrap_or_else(|shared| (*shared).clone());
     let (samples, references) = chosen.map_err(|error| match error {
-        Error::Interrupted(_) => Error::Interrupted("nothing was begun".to_owned()),
+        Error::Interrupted { .. } => Error::interrupted("nothing was begun"),
         other => other,
     })?;
     if let Some(samples) = samples {

@@ -4,7 +4,7 @@ use glam::{DVec3, Quat, Vec3};
 
 use super::assembly::{Assembly, Panel};
 use super::{Camera, LoadedScene, MaterialId, Paint, PixelFilter, RenderSettings, Scene, Surface, shapes};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::light::EnvironmentMapping;
 
 /// Names of the built-in scenes, the first being the one shown when none is asked for.
@@ -137,7 +137,7 @@ impl BuiltIn {
             basis,
             metres_per_unit: 1.0,
         };
-        Ok(LoadedScene::new(scene, RenderSettings::default(), Vec::new()))
+        Ok(LoadedScene::new(scene, RenderSettings::default(), Warnings::new()))
     }
 
     /// The room without its front wall, and its ceiling light.

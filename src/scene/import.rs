@@ -17,7 +17,7 @@ use super::origin::origin_between;
 use super::source::{Description, Geometry, SourceMaterial};
 use super::textures::{find_as_elsewhere, find_moved};
 use super::{MaterialId, Mesh, Triangle, Vertex};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::files::{open_input, read_input};
 
 /// Bytes of a material file at most.
@@ -38,7 +38,7 @@ impl Geometry {
         path: &Path,
         folders: &Folders,
         memory: &mut MemoryBound,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
     ) -> Result<FileExtras> {
         if is_gltf(path) {
             return read_gltf(path, self, folders, memory, warnings);
@@ -52,7 +52,7 @@ impl Geometry {
         path: &Path,
         folders: &Folders,
         memory: &mut MemoryBound,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
     ) -> Result<()> {
         let mut reader = BufReader::new(open_input(path, "read the geometry")?);
         let file = obj::parse(path, &mut reader, memory)?;
@@ -74,10 +74,10 @@ impl Geometry {
         }
         memory.take(self.bytes() - before, path)?;
         if self.mesh.triangles.len() == first_triangle && degenerate == 0 {
-            let mut lines = Vec::new();
-            faults.report(path, &mut lines);
+            let mut left_out = Warnings::new();
+            faults.report(path, &mut left_out);
             let problem = "nothing is left of the faces of the OBJ file";
-            return Err(Error::input(path.display().to_string(), problem, lines.join("; ")));
+            return Err(Error::input(path.display().to_string(), problem, left_out.lines().join("; ")));
         }
         faults.report(path, warnings);
         self.look_at_shapes(first_material, first_triangle, memory, path)?;
@@ -101,7 +101,7 @@ impl Geometry {
 
     /// Chooses the scene's origin, and moves all geometry that has been read so that it lies there. Triangles that have no area left once
     /// their corners are rounded are left out.
-    pub(super) fn settle(&mut self, place: &str, warnings: &mut Vec<String>) -> DVec3 {
+    pub(super) fn settle(&mut self, place: &str, warnings: &mut Warnings) -> DVec3 {
         let (low, high) = self.mesh.bounds();
         let origin = origin_between(low.as_dvec3(), high.as_dvec3());
         let residuals = std::mem::take(&mut self.residuals);
@@ -141,7 +141,7 @@ impl Geometry {
         file: &ObjFile,
         folders: &Folders,
         memory: &mut MemoryBound,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
     ) -> Result<()> {
         let beside = folders.beside(path);
         let mut library: Vec<(MtlMaterial, PathBuf)> = Vec::new();
@@ -292,7 +292,7 @@ fn find_libraries(
     statements: &[String],
     beside: &Folders,
     path: &Path,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<Vec<PathBuf>> {
     let place = path.display().to_string();
     let mut missing: Vec<String> = Vec::new();

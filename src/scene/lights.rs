@@ -14,7 +14,7 @@ use super::photometry::{self, MAX_PHOTOMETRY_BYTES, Photometry};
 use super::rectangle::{self, Corner};
 use super::resolve_materials::{Emission, colour};
 use super::{AreaEmitter, AreaLayout, Emitter, PointEmitter, Surface, Vertex, names};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::files::read_input;
 use crate::image::{LUMENS_PER_WATT, image_facts, read_image};
 use crate::light::names::fits;
@@ -41,7 +41,7 @@ pub(super) struct LightBuilder<'a> {
     pub(super) weights: Vec<(u32, Vec<[f32; 3]>)>,
     /// What is left for environment maps and photometric files while they are read.
     pub(super) memory: MemoryBound,
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Warnings,
 }
 
 /// Triangles that become one light.
@@ -316,9 +316,11 @@ impl LightBuilder<'_> {
         let path = self.folders.find(file, place)?;
         let bytes = read_input(&path, "read the photometric file", MAX_PHOTOMETRY_BYTES)?;
         let photometry = photometry::parse(&path, &bytes)?;
-        self.warnings.extend(
-            photometry.remarks.iter().filter(|remark| !self.warnings.contains(remark)).cloned().collect::<Vec<_>>(),
-        );
+        for remark in &photometry.remarks {
+            if self.warnings.iter().all(|warning| warning.text != *remark) {
+                self.warnings.push(remark.as_str());
+            }
+        }
         Ok(photometry)
     }
 

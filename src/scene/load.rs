@@ -14,7 +14,7 @@ use super::resolve_materials::{Decided, MaterialResolver};
 use super::source::{Description, Geometry, SourceMaterial};
 use super::textures::Textures;
 use super::{Camera, LoadedScene, PixelFilter, RenderSettings, Scene, names, validate};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result, Warning, Warnings};
 use crate::files::read_input_text;
 use crate::light::names::fits;
 use crate::matrix::MatrixShape;
@@ -69,16 +69,17 @@ pub fn load_with(path: &Path, options: LoadOptions) -> Result<LoadedScene> {
 }
 
 /// The error with the line of what is missing, which may be why: the lamps of an OBJ file are in its material file.
-fn with_missing(error: Error, warnings: &[String]) -> Error {
-    let missing = warnings.iter().find(|line| line.contains("the material file") && line.contains("missing"));
+fn with_missing(error: Error, warnings: &[Warning]) -> Error {
+    let is_missing = |text: &str| text.contains("the material file") && text.contains("missing");
+    let missing = warnings.iter().map(|warning| &warning.text).find(|text| is_missing(text));
     match (error, missing) {
-        (Error::Input { place, problem, hint }, Some(line)) => Error::input(place, problem, format!("{hint}; {line}")),
+        (Error::Input { place, problem, hint }, Some(line)) => Error::input(place, format!("{problem}; {line}"), hint),
         (error, _) => error,
     }
 }
 
 /// As [`validate()`]; of a glTF file without light it says what its users do.
-pub(super) fn check_whole(path: &Path, scene: &Scene) -> Result<Vec<String>> {
+pub(super) fn check_whole(path: &Path, scene: &Scene) -> Result<Warnings> {
     if is_gltf(path) && scene.emitters.is_empty() {
         let hint = "give a material emission or add a lamp (KHR_lights_punctual), or name the file as geometry of a \
             scene file with [[light]] entries";
@@ -88,7 +89,7 @@ pub(super) fn check_whole(path: &Path, scene: &Scene) -> Result<Vec<String>> {
 }
 
 /// The scene, the cameras of a glTF file and the warnings, without the checks of the whole.
-pub(super) fn unchecked(path: &Path, options: &LoadOptions) -> Result<(Scene, Vec<String>, Vec<String>)> {
+pub(super) fn unchecked(path: &Path, options: &LoadOptions) -> Result<(Scene, Vec<String>, Warnings)> {
     let Unchecked { scene, cameras, warnings, .. } = put_together(path, options)?;
     Ok((scene, cameras, warnings))
 }
@@ -99,7 +100,7 @@ struct Unchecked {
     settings: RenderSettings,
     /// Cameras of a glTF file, by the names of their nodes.
     cameras: Vec<String>,
-    warnings: Vec<String>,
+    warnings: Warnings,
 }
 
 fn put_together(path: &Path, options: &LoadOptions) -> Result<Unchecked> {
@@ -124,7 +125,7 @@ struct Read<'a> {
     settings: RenderSettings,
     metres_per_unit: f32,
     memory: MemoryBound,
-    warnings: Vec<String>,
+    warnings: Warnings,
     /// Whether each emissive object is a light of its own, before the entries.
     by_instance: bool,
 }
@@ -147,7 +148,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
         return Err(Error::input(place, "metres_per_unit is not a length", "give a number above 0, or leave it out"));
     }
 
-    let mut warnings = Vec::new();
+    let mut warnings = Warnings::new();
     let mut geometry = Geometry::default();
     for name in &files {
         let extras = geometry.read(&folders.find(name, &place)?, &folders, &mut memory, &mut warnings)?;
@@ -185,7 +186,7 @@ fn load_toml(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Res
 fn load_gltf(path: &Path, options: &LoadOptions, mut memory: MemoryBound) -> Result<Unchecked> {
     let place = path.display().to_string();
     let folders = Folders::of(path, options.allow_outside);
-    let (mut warnings, mut geometry) = (Vec::new(), Geometry::default());
+    let (mut warnings, mut geometry) = (Warnings::new(), Geometry::default());
     let extras = geometry.read(path, &folders, &mut memory, &mut warnings)?;
     if geometry.mesh.triangles.is_empty() {
         return Err(Error::input(place, "has no triangles", "give a file with meshes of triangles"));
@@ -220,7 +221,7 @@ fn choose_camera(
     name: Option<&str>,
     (geometry, origin): (&Geometry, DVec3),
     place: &str,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<Camera> {
     let known = || cameras.iter().map(|camera| camera.name.as_str());
     let list = || known().take(20).map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
@@ -243,7 +244,8 @@ fn choose_camera(
     };
     if cameras.len() > 1 {
         let count = cameras.len();
-        warnings.push(format!("{place}: camera '{}' of {count} is used ({}); --camera chooses", chosen.name, list()));
+        let text = format!("{place}: camera '{}' of {count} is used ({})", chosen.name, list());
+        warnings.push(Warning::new(text, Hint::ChooseCamera));
     }
     chosen.camera(origin).map_err(|error| match error {
         Error::Input { problem, hint, .. } => Error::input(format!("{place}, camera '{}'", chosen.name), problem, hint),
@@ -293,7 +295,7 @@ fn build(read: Read<'_>, options: &LoadOptions) -> Result<Unchecked> {
         origin,
         weights: Vec::new(),
         memory,
-        warnings: Vec::new(),
+        warnings: Warnings::new(),
     };
     if read.by_instance {
         let both = |m: &SourceMaterial| matches!(&m.description, Description::Gltf(g) if g.two_sided);
@@ -337,7 +339,7 @@ fn replace(entry: &LightEntry, geometry: &mut Geometry, place: &str) -> Result<(
     Err(Error::input(place, format!("there is no surface of material \"{pattern}\" to replace"), hint))
 }
 
-fn warn_of_unused(assembly: &Assembly, emits: impl Iterator<Item = bool>, warnings: &mut Vec<String>) {
+fn warn_of_unused(assembly: &Assembly, emits: impl Iterator<Item = bool>, warnings: &mut Warnings) {
     let mut unlit = vec![false; assembly.materials.len()];
     for triangle in assembly.mesh.triangles.iter().filter(|t| t.emitter.is_none()) {
         unlit[triangle.material.0 as usize] = true;

@@ -2,6 +2,7 @@
 
 use super::Scene;
 use super::content::content_hash;
+use crate::error::Warnings;
 use crate::light::Lighting;
 
 /// A scene that has been read and checked.
@@ -14,7 +15,7 @@ pub struct LoadedScene {
     /// The light that the scene file gives: every light's emission, and an environment's map texel by texel.
     pub lighting: Lighting,
     /// What was mended or looks wrong, one line each, for people.
-    pub warnings: Vec<String>,
+    pub warnings: Warnings,
     /// [`content_hash`] of the scene with these settings.
     pub content: [u8; 32],
 }
@@ -45,7 +46,7 @@ impl Default for RenderSettings {
 
 impl LoadedScene {
     /// A loaded scene with its content hash, lit by its lights' emission.
-    pub fn new(scene: Scene, settings: RenderSettings, warnings: Vec<String>) -> Self {
+    pub fn new(scene: Scene, settings: RenderSettings, warnings: Warnings) -> Self {
         let content = content_hash(&scene, settings.max_depth);
         let lighting = Lighting::of_scene(&scene.basis);
         Self { scene, settings, lighting, warnings, content }

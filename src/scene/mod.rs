@@ -1,6 +1,17 @@
 //! What is lit: geometry, materials, camera and emitters, loaded from a scene file or built in.
 //!
 //! A [`Scene`] is plain data, checked once; tracing reads it and never asks a file again.
+//!
+//! # Example
+//!
+//! ```
+//! use ltm::scene::BuiltIn;
+//!
+//! let room = BuiltIn { width: 32, height: 24, texels: 4 }.named("diffuse")?;
+//! assert!(room.scene.basis.column_count() >= 16);
+//! // Of a file: `ltm::load_scene("room.toml")?`, or `ltm::scene::load_with` with options.
+//! # ltm::Result::Ok(())
+//! ```
 
 mod assembly;
 mod built_in;

@@ -15,7 +15,7 @@ use super::lines::{LineError, Lines, MAX_LINE_BYTES, text_of, without_comment};
 use super::memory::MemoryBound;
 use super::names::NameList;
 use super::polygon;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 
 /// Lines after which the memory is looked at.
 const LINES_BETWEEN_LOOKS: usize = 1 << 12;
@@ -99,7 +99,7 @@ impl Faults {
     }
 
     /// One line for each kind that there is.
-    pub(super) fn report(&self, path: &Path, warnings: &mut Vec<String>) {
+    pub(super) fn report(&self, path: &Path, warnings: &mut Warnings) {
         for ((count, first), what) in self.0.iter().zip(FAULTS).filter(|((count, _), _)| *count > 0) {
             let line = if *first > 0 { format!(" (the first: line {first})") } else { String::new() };
             warnings.push(format!("{}: {count} {what}{line}", path.display()));
@@ -528,13 +528,13 @@ mod tests {
     /// What is said of a text, and how many triangles it has.
     fn told(text: &str) -> (Vec<String>, usize) {
         let file = parsed(text).unwrap();
-        let (mut faults, mut triangles, mut lines) = (file.faults.clone(), 0, Vec::new());
+        let (mut faults, mut triangles, mut warnings) = (file.faults.clone(), 0, Warnings::new());
         for (part, more) in file.parts() {
             faults.add(&more);
             triangles += part.triangles.len();
         }
-        faults.report(Path::new("a.obj"), &mut lines);
-        (lines, triangles)
+        faults.report(Path::new("a.obj"), &mut warnings);
+        (warnings.lines(), triangles)
     }
 
     #[test]

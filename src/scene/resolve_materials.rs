@@ -14,7 +14,7 @@ use super::mtl::{self, MaterialShape, MtlLook, MtlMap, MtlMaterial, Through, Wri
 use super::source::{Alpha, Description, GltfMaterial, SourceMaterial};
 use super::textures::{TextureUse, Textures};
 use super::{Material, Paint, Surface, TextureId};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::light::names::fits;
 
 /// Names that a line about many materials shows.
@@ -68,7 +68,7 @@ struct UnresolvedMaterial {
 /// Builds materials; textures and warnings gather in it.
 pub(super) struct MaterialResolver<'a> {
     pub(super) textures: Textures,
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Warnings,
     pub(super) overrides: &'a [MaterialEntry],
     pub(super) folders: &'a Folders,
     /// Name of the scene file, for messages.
@@ -90,7 +90,7 @@ impl Decided {
     }
 
     /// One line for each rule.
-    pub(super) fn report(&self, warnings: &mut Vec<String>) {
+    pub(super) fn report(&self, warnings: &mut Warnings) {
         for (rule, names) in &self.0 {
             let (shown, more) = names.split_at(names.len().min(NAMES_SHOWN));
             let list = shown.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::load::{self, LoadOptions};
 use super::{Material, Scene, Surface};
-use crate::error::Result;
+use crate::error::{Result, Warnings};
 
 /// A scene file or a glTF file, looked into. Unlike a scene that is loaded, it may have no light.
 #[derive(Clone, Debug)]
@@ -16,7 +16,7 @@ pub struct SceneSurvey {
     /// Number of triangles of each material.
     pub triangles: Vec<usize>,
     /// What is mended, left out or looks wrong, one line each.
-    pub warnings: Vec<String>,
+    pub warnings: Warnings,
     /// Why it cannot be rendered, where it cannot.
     pub refused: Option<String>,
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::memory::MemoryBound;
 use super::source::ImageSource;
 use super::{Texture, TextureId};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result, Warnings};
 use crate::files::FileAccess;
 use crate::image::{ImageFacts, RgbaImage, embedded_facts, encode_srgb, image_facts, read_embedded, read_rgba};
 
@@ -66,7 +66,7 @@ impl Textures {
         (folder, name): (&Path, &str),
         usage: TextureUse,
         asked_by: &str,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
     ) -> Result<Option<TextureId>> {
         let written = folder.join(name);
         let found = find_as_elsewhere(folder, name);
@@ -94,7 +94,7 @@ impl Textures {
     ///
     /// # Errors
     /// Files are missing and that is not allowed. If it is, they become a warning.
-    pub(super) fn report(&self, place: &str, allow_missing: bool, warnings: &mut Vec<String>) -> Result<()> {
+    pub(super) fn report(&self, place: &str, allow_missing: bool, warnings: &mut Warnings) -> Result<()> {
         if let Some((written, found)) = self.respelled.first() {
             let (count, written, found) = (self.respelled.len(), written.display(), found.display());
             let (names, first) = if count == 1 { ("name differs", "") } else { ("names differ", "the first, ") };
@@ -123,15 +123,14 @@ impl Textures {
             warnings.push(format!("{problem}; rendered with the materials' colours"));
             return Ok(());
         }
-        let hint = "put them there, take the maps out of the materials, or allow them to be missing (--allow-missing)";
-        Err(Error::input(place, problem, hint))
+        Err(Error::input(place, problem, Hint::AllowMissing))
     }
 
     /// The texture of a file.
     ///
     /// # Errors
     /// A file that cannot be read or is no image, or more textures than fit.
-    pub(super) fn get(&mut self, path: &Path, usage: TextureUse, warnings: &mut Vec<String>) -> Result<TextureId> {
+    pub(super) fn get(&mut self, path: &Path, usage: TextureUse, warnings: &mut Warnings) -> Result<TextureId> {
         if let Some(&id) = self.known.get(&(path.to_owned(), usage)) {
             return Ok(id);
         }
@@ -148,7 +147,7 @@ impl Textures {
         source: &ImageSource,
         usage: TextureUse,
         asked_by: &str,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
     ) -> Result<Option<TextureId>> {
         match source {
             ImageSource::File(folder, name) => self.named((folder, name), usage, asked_by, warnings),
@@ -219,7 +218,7 @@ impl Textures {
         path: &Path,
         facts: ImageFacts,
         usage: TextureUse,
-        warnings: &mut Vec<String>,
+        warnings: &mut Warnings,
         read: impl FnOnce() -> Result<RgbaImage>,
     ) -> Result<TextureId> {
         let (width, height) = (facts.width, facts.height);

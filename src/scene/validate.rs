@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::{Emitter, Scene, in_file};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 
 /// Rays across and down the image that look for something to see.
 const PROBES: [u32; 2] = [8, 6];
@@ -16,13 +16,13 @@ const LARGE_BYTES: u128 = 1 << 40;
 
 /// Checks that a scene can be traced: something to see, something that emits, indices and numbers in order.
 ///
-/// Returns warnings, one line each, for what can be traced but is hardly meant.
+/// Returns warnings for what can be traced but is hardly meant.
 ///
 /// # Errors
 /// No triangles or no light, an index out of range, a position that is not finite, a light without area, a camera that
 /// sees nothing or stands in a wall.
-pub fn validate(scene: &Scene) -> Result<Vec<String>> {
-    let mut warnings = Vec::new();
+pub fn validate(scene: &Scene) -> Result<Warnings> {
+    let mut warnings = Warnings::new();
     check_mesh(scene)?;
     check_lights(scene)?;
     check_camera(scene, &mut warnings)?;
@@ -89,7 +89,7 @@ fn check_lights(scene: &Scene) -> Result<()> {
     Ok(())
 }
 
-fn check_camera(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
+fn check_camera(scene: &Scene, warnings: &mut Warnings) -> Result<()> {
     let camera = &scene.camera;
     let seen = |directions: Vec<Vec3>| {
         let mut hits = vec![None; directions.len()];

@@ -42,7 +42,7 @@ impl<'a> Level<'a> {
                 let chunk = source.stored_layer(id, layer as u32)?;
                 if chunk.first().is_some_and(|coding| !CODINGS.contains(coding)) {
                     let problem = format!("is coded in an early way ({}), which the page does not read", chunk[0]);
-                    return Err(Error::input(id.to_string(), problem, "ltm-unpack it and pack it again"));
+                    return Err(Error::input(id.to_string(), problem, "unpack it and pack it again"));
                 }
                 let bytes = u32::try_from(chunk.len())
                     .map_err(|_| Error::input(id.to_string(), "has a chunk of more than 4 GiB", "pack it again"))?;

@@ -92,10 +92,7 @@ pub fn merge(inputs: &[PathBuf], output: &Path, mut progress: impl FnMut(u32, u3
         }
         report.damaged.extend(found.damaged);
         if !progress(id.0 + 1, blocks) {
-            return Err(Error::Interrupted(format!(
-                "{} keeps the joined blocks; the same command continues",
-                output.display()
-            )));
+            return Err(Error::interrupted_keeping(format!("{} keeps the joined blocks", output.display())));
         }
     }
     report.missing = writer.finish()?.missing;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::{self, ContinuationFile, with_suffix};
 
 const ORIGIN_MARK: [u8; 8] = *b"LTMorig1";
@@ -58,9 +58,8 @@ pub(super) fn claim_origin(path: &Path, origin: Option<[u8; 32]>, anew: bool) ->
     // A note without its file was left by a process that was killed while it began or ended.
     let anew = anew || !partial.exists();
     let refuse = || {
-        let problem = "keeps blocks that another command made in another way";
-        let hint = "finish it with that command, choose another name, or say --force to begin anew";
-        Err(Error::input(partial.display().to_string(), problem, hint))
+        let problem = "keeps blocks that were made in another way";
+        Err(Error::input(partial.display().to_string(), problem, Hint::BeginAnew))
     };
     match origin {
         None if !note.exists() => Ok(None),

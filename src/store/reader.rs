@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::open_input;
-use crate::light::Job;
+use crate::light::{DescribedSource, Job};
 use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, BlockView, ColumnIndex, LentBlock, MatrixShape, TracedBlock,
 };
@@ -86,7 +86,7 @@ impl StoreReader<FileStorage> {
 
 fn open_file(path: &Path) -> Result<File> {
     if !path.exists() && partial_path(path).exists() {
-        let hint = format!("run its command again to finish it, or open {}", partial_path(path).display());
+        let hint = Hint::Unfinished { partial: partial_path(path) };
         return Err(Error::input(path.display().to_string(), "is not finished", hint));
     }
     open_input(path, "open")
@@ -211,7 +211,7 @@ impl<S: Storage> StoreReader<S> {
         self.check_id(id)?;
         self.record(id)?.ok_or_else(|| {
             let problem = format!("{id} is not committed");
-            Error::input(self.path.display().to_string(), problem, "run the command that makes the file again")
+            Error::input(self.path.display().to_string(), problem, "make the file again")
         })
     }
 
@@ -462,6 +462,12 @@ impl<S: Storage> StoreReader<S> {
             offset += scratch.len() as u64;
         }
         Ok(())
+    }
+}
+
+impl<S: Storage> DescribedSource for StoreReader<S> {
+    fn job(&self) -> &Job {
+        Self::job(self)
     }
 }
 

@@ -122,7 +122,7 @@ pub fn verify_storage<S: Storage>(
             Err(other) => return Err(other),
         }
         if !progress(id.0 + 1, report.verified_bytes) {
-            return Err(Error::Interrupted(format!("{} of {blocks} blocks were checked", id.0 + 1)));
+            return Err(Error::interrupted(format!("{} of {blocks} blocks were checked", id.0 + 1)));
         }
     }
     Ok(report)

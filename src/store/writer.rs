@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::{ContinuationFile, check_free_space, open_locked, publish, sync_folder};
 use crate::light::Job;
 use crate::matrix::{BlockId, BlockSink, CHANNELS, MatrixShape, TracedBlock};
@@ -60,8 +60,7 @@ impl StoreWriter<FileStorage> {
         check_output(path, options.overwrite)?;
         let existed = partial.exists();
         if existed && !options.overwrite {
-            let hint = "continue it with the command that began it, or overwrite it";
-            return Err(Error::input(partial.display().to_string(), "exists already", hint));
+            return Err(Error::input(partial.display().to_string(), "exists already", Hint::BeginAnew));
         }
         let held = match existed {
             true => {
@@ -441,8 +440,7 @@ impl<S: Storage> StoreWriter<S> {
         if length == whole {
             return Ok(());
         }
-        let problem =
-            format!("another program changed its length from {whole} to {length} bytes; run the command again");
+        let problem = format!("another program changed its length from {whole} to {length} bytes; begin again");
         Err(std::io::Error::other(problem))
     }
 

@@ -314,7 +314,7 @@ fn fallback() {
     let mut json = textured(both, Some(&bytes_of(WEBP)), [0.5, 0.25]);
     push(&mut json, "extensionsUsed", json!("KHR_texture_basisu"));
     let loaded = read(&json);
-    assert!(loaded.warnings[0].contains("left out: KHR_texture_basisu"), "{:?}", loaded.warnings);
+    assert!(loaded.warnings[0].text.contains("left out: KHR_texture_basisu"), "{:?}", loaded.warnings);
     near(middle(loaded.scene), Vec3::new(PLAIN, 0.0, 0.0));
 }
 
@@ -338,7 +338,7 @@ fn image_elsewhere() {
         assert!(load(&folder.path().join("a.gltf")).is_err(), "{written}");
         std::fs::write(folder.path().join("wood.webp"), bytes_of(WEBP)).unwrap();
         let loaded = load(&folder.path().join("a.gltf")).unwrap();
-        assert!(loaded.warnings[0].contains("wood.webp is taken"), "{:?}", loaded.warnings);
+        assert!(loaded.warnings[0].text.contains("wood.webp is taken"), "{:?}", loaded.warnings);
         near(middle(loaded.scene), Vec3::new(PLAIN, 0.0, 0.0));
     }
 }

@@ -255,7 +255,7 @@ fn maya_glass() {
     // A sheet that lets 1 - Tf through.
     let Surface::ThinDielectric { transmittance, .. } = material(&loaded, "pane").surface else { panic!("no sheet") };
     assert!(transmittance.abs_diff_eq([0.8, 0.6, 0.4].into(), 1e-6), "{transmittance}");
-    let lines = loaded.warnings.join("\n");
+    let lines = loaded.warnings.lines().join("\n");
     assert!(loaded.warnings.len() == 2 && lines.contains("Maya") && lines.contains("'pane'"), "{lines}");
 }
 
@@ -356,7 +356,7 @@ fn panes() {
         "Kd 1 1 1\nd 0.2\nillum 9\nNi 1.45\n",
     ] {
         let loaded = pane_of(text);
-        assert!(loaded.warnings.len() == 1 && loaded.warnings[0].contains("thin glass"), "{:?}", loaded.warnings);
+        assert!(loaded.warnings.len() == 1 && loaded.warnings[0].text.contains("thin glass"), "{:?}", loaded.warnings);
         // A clear pane of index 1.5 reflects 2F / (1 + F) of 0.0769 at normal incidence, a little more at the slants of the lamp, and
         // sends back some of the floor's light.
         let kept = kept(loaded);

@@ -245,7 +245,7 @@ fn missing_library() {
 }
 
 /// A scene file beside other files, with all of them in view and a lamp.
-fn seen_by_all(name: &str) -> String {
+pub(super) fn seen_by_all(name: &str) -> String {
     format!(
         "geometry = [\"{name}\"]\n[camera]\neye = [0.1, 0.2, 5]\nlook_at = [0, 0, 0]\n[[light]]\nkind = \"environment\"\ntexels = [2, 1]\n"
     )
@@ -287,7 +287,7 @@ fn files_of_tinyobjloader(folder: &Path) {
                     .sum();
                 assert!((whole / area - 1.0).abs() < 1e-5, "{name}: {whole}");
                 assert!(
-                    part.is_empty() || loaded.warnings.iter().any(|line| line.contains(part)),
+                    part.is_empty() || loaded.warnings.iter().any(|line| line.text.contains(part)),
                     "{name}: {:?}",
                     loaded.warnings
                 );

@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use ltm::error::Warnings;
 use ltm::image::LUMENS_PER_WATT;
 use ltm::scene::{Emitter, IesProfile, LoadedScene, PointEmitter, load};
 
@@ -63,7 +64,7 @@ fn scene(name: &str, bytes: &[u8]) -> ltm::Result<LoadedScene> {
 struct Luminaire {
     peak: f32,
     web: IesProfile,
-    warnings: Vec<String>,
+    warnings: Warnings,
 }
 
 impl Luminaire {
@@ -129,7 +130,7 @@ fn future_use() {
     read("a.ies", file("1")).near(900.0);
     let found = read("a.ies", file("0.5"));
     assert!((found.peak - 900.0).abs() < 1e-2, "{}", found.peak);
-    let [said] = &found.warnings[..] else { panic!("{:?}", found.warnings) };
+    let [said] = &found.warnings.lines()[..] else { panic!("{:?}", found.warnings) };
     assert!(said.contains("LM-63-2002") && said.contains("not multiplied: 0.5"), "{said}");
 }
 

@@ -6,6 +6,8 @@ use ltm::matrix::{BlockSource, MatrixShape, TracedBlock};
 use ltm::scene::{LoadedScene, MaterialId, Scene, load};
 use ltm::trace::{TraceSettings, Tracer};
 
+use super::reference;
+
 /// The floor under the lamp by the solid angle of the lamp: `Kd · L · F` with the configuration factor of four rectangles of 1 by 1
 /// at a distance of 3, and `Kd` 0.5, `L` 10.
 pub(super) fn floor() -> f64 {
@@ -91,7 +93,9 @@ impl Folder {
     }
 
     pub(super) fn load(&self) -> ltm::Result<LoadedScene> {
-        load(&self.path("scene.toml"))
+        let loaded = load(&self.path("scene.toml"))?;
+        reference::note(&self.path("room.obj"), &loaded.scene);
+        Ok(loaded)
     }
 
     /// What is loaded, and that no line or one line with these parts in it says something about it.
@@ -100,7 +104,7 @@ impl Folder {
         let count = usize::from(!parts.is_empty());
         assert_eq!(loaded.warnings.len(), count, "{:?}", loaded.warnings);
         for part in parts {
-            assert!(loaded.warnings[0].contains(part), "no \"{part}\" in {:?}", loaded.warnings);
+            assert!(loaded.warnings[0].text.contains(part), "no \"{part}\" in {:?}", loaded.warnings);
         }
         loaded
     }

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use ltm::MemoryMatrix;
 use ltm::compress::{CompressSettings, Method, Target};
 use ltm::container::ContainerReader;
 use ltm::error::Error;
 use ltm::image::LinearImage;
-use ltm::light::{Job, Light, LightBasis, LightKind, Lighting, Provenance};
-use ltm::matrix::{BlockId, BlockSource, CHANNELS, MatrixShape, TracedBlock};
+use ltm::light::{Light, LightBasis, LightKind, Lighting};
+use ltm::matrix::CHANNELS;
 use ltm::pipeline::{self, PackOptions, RenderOptions};
 use ltm::relight::{CpuRelighter, relight_raw};
 use ltm::resources::NoProgress;
@@ -135,37 +136,20 @@ fn metres_centimetres_millimetres(folder: &Path) {
     }
 }
 
-/// A matrix in memory whose columns are smooth images, each of its own, with single bright entries.
-struct Smooth {
-    shape: MatrixShape,
-    scales: Vec<f32>,
-}
-
-impl BlockSource for Smooth {
-    fn shape(&self) -> MatrixShape {
-        self.shape
-    }
-
-    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> ltm::Result<()> {
-        let rect = self.shape.rect(id);
-        target.block.reset(rect.rows(), self.shape.columns());
-        (target.noise, target.planes) = (None, None);
-        let (pixels, rows) = (rect.pixels(), rect.rows());
-        for (column, entries) in target.block.entries_mut().chunks_exact_mut(rows).enumerate() {
-            let (a, b) = (0.05 + 0.011 * column as f32, 0.21 - 0.007 * column as f32);
-            for (row, entry) in entries.iter_mut().enumerate() {
-                let (channel, pixel) = (row / pixels, row % pixels);
-                let x = (rect.x as usize + pixel % rect.width as usize) as f32;
-                let y = (rect.y as usize + pixel / rect.width as usize) as f32;
-                let smooth =
-                    1.2 + (a * x + 0.3 * channel as f32).sin() + 0.4 * (b * y + 0.1 * (column * column) as f32).cos();
-                let spot =
-                    if (x as usize * 31 + y as usize * 17 + column * 7).is_multiple_of(211) { 40.0 } else { 0.0 };
-                *entry = self.scales[column] * (smooth + spot) / (1.0 + 0.1 * column as f32);
-            }
-        }
-        Ok(())
-    }
+/// A matrix whose columns are smooth images, each of its own, with single bright entries.
+fn smooth(basis: &LightBasis, scales: &[f32]) -> MemoryMatrix<'static> {
+    let pixel = |x: u32, y: u32, column: usize| {
+        let (a, b) = (0.05 + 0.011 * column as f32, 0.21 - 0.007 * column as f32);
+        let is_spot = (x as usize * 31 + y as usize * 17 + column * 7).is_multiple_of(211);
+        let spot = if is_spot { 40.0 } else { 0.0 };
+        [0, 1, 2].map(|channel| {
+            let smooth = 1.2
+                + (a * x as f32 + 0.3 * channel as f32).sin()
+                + 0.4 * (b * y as f32 + 0.1 * (column * column) as f32).cos();
+            scales[column] * (smooth + spot) / (1.0 + 0.1 * column as f32)
+        })
+    };
+    MemoryMatrix::from_fn((40, 32), basis.clone(), pixel).unwrap().with_block_side(16).unwrap()
 }
 
 fn light(name: &str, kind: LightKind, place: [f32; 3]) -> Light {
@@ -199,12 +183,10 @@ fn unplaced() -> LightBasis {
 
 /// A container of the matrix with its lights scaled: its size, and its image under the lighting that makes up for the scales.
 fn packed(basis: &LightBasis, scales: &[f32], compress: &CompressSettings, weights: &[f32]) -> (u64, LinearImage) {
-    let shape = MatrixShape::new(40, 32, basis.column_count() as u32, 16).unwrap();
-    let job = Job { shape, basis: basis.clone(), provenance: Provenance::default() };
-    let (folder, source) = (tempfile::tempdir().unwrap(), Smooth { shape, scales: scales.to_vec() });
+    let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scaled.ltc");
     let options = PackOptions { compress: compress.clone(), allow_lost_lights: true, ..Default::default() };
-    let report = pipeline::pack(&source, &job, &path, &options, &NoProgress).unwrap();
+    let report = ltm::pack(&smooth(basis, scales), &path, &options).unwrap();
     let container = ContainerReader::open(&path).unwrap();
     let lighting = weights.iter().zip(scales).map(|(weight, scale)| [weight / scale; 3]).collect();
     let image = CpuRelighter::load(&container).unwrap().relight(&Lighting::new(lighting).unwrap()).unwrap();
@@ -254,16 +236,14 @@ fn scaled_lights_change_no_picture_and_no_size() {
 /// Of few bytes little is left of a light: it is named, and where hardly anything is left nothing is written.
 fn a_lost_light_is_refused() {
     let basis = unplaced();
-    let shape = MatrixShape::new(40, 32, basis.column_count() as u32, 16).unwrap();
-    let job = Job { shape, basis, provenance: Provenance::default() };
-    let source = Smooth { shape, scales: vec![1.0; shape.columns()] };
+    let source = smooth(&basis, &vec![1.0; basis.column_count()]);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltc");
     let pack = |target: Target, allow_lost_lights: bool| {
         let compress = CompressSettings { target, ..Default::default() };
         let mut options = PackOptions { compress, allow_lost_lights, ..Default::default() };
         options.container.overwrite = allow_lost_lights;
-        pipeline::pack(&source, &job, &path, &options, &NoProgress)
+        ltm::pack(&source, &path, &options)
     };
     let error = pack(Target::PsnrDb(3.0), false).unwrap_err();
     assert!(matches!(error, Error::Input { .. }) && error.to_string().contains(" alone is "), "{error}");

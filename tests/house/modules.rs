@@ -83,7 +83,11 @@ fn declared_in(modules: &BTreeMap<Path, Module>, module: &Path, named: &str, dep
             let child: Path = module.iter().cloned().chain([parts[0].to_owned()]).collect();
             return modules.contains_key(&child).then_some(child).and_then(|child| {
                 let rest = parts[1..].join("::");
-                if rest.is_empty() { Some(child) } else { declared_in(modules, &child, &format!("self::{rest}"), depth) }
+                if rest.is_empty() {
+                    Some(child)
+                } else {
+                    declared_in(modules, &child, &format!("self::{rest}"), depth)
+                }
             });
         }
     };
@@ -102,7 +106,9 @@ fn declared_in(modules: &BTreeMap<Path, Module>, module: &Path, named: &str, dep
     }
     let elsewhere = parts.first().filter(|_| depth < 5).and_then(|item| {
         let exported = modules.get(&at)?.exported.iter();
-        exported.filter(|path| path.rsplit("::").next() == Some(item)).find_map(|path| declared_in(modules, &at, path, depth + 1))
+        exported
+            .filter(|path| path.rsplit("::").next() == Some(item))
+            .find_map(|path| declared_in(modules, &at, path, depth + 1))
     });
     Some(elsewhere.unwrap_or(at))
 }
@@ -175,6 +181,7 @@ fn a_type_that_others_see_has_a_name_of_its_own() {
     }
     // One of the two is built.
     places.remove("OnGpu");
-    let twice: Vec<String> = places.iter().filter(|(_, at)| at.len() > 1).map(|(name, at)| format!("{name}: {at:?}")).collect();
+    let twice: Vec<String> =
+        places.iter().filter(|(_, at)| at.len() > 1).map(|(name, at)| format!("{name}: {at:?}")).collect();
     assert!(places.len() > 200 && twice.is_empty(), "\n{}", twice.join("\n"));
 }

@@ -130,7 +130,7 @@ fn a_camera_inside_something_solid() {
 f 1 2 3 4\nf 8 7 6 5\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n";
     let camera = "geometry = [\"room.obj\"]\n[camera]\neye = [0, 1, 0.1]\ndirection = [0, 0, -1]\n";
     let loaded = room("").with("room.obj", cube).with("scene.toml", camera).load().unwrap();
-    assert!(loaded.warnings.iter().any(|w| w.contains("inside something solid")), "{:?}", loaded.warnings);
+    assert!(loaded.warnings.iter().any(|w| w.text.contains("inside something solid")), "{:?}", loaded.warnings);
 }
 
 fn columns_that_do_not_fit() {
@@ -215,7 +215,7 @@ fn files_outside_of_the_scenes_folder() {
     ];
     let allowed = ltm::scene::LoadOptions { allow_outside: true, allow_missing: true, ..Default::default() };
     for (index, folder) in cases.iter().enumerate() {
-        refused(folder, &["outside", "--allow-outside"]);
+        refused(folder, &["outside", "`allow_outside`"]);
         let loaded = ltm::scene::load_with(&folder.path("scene.toml"), allowed.clone());
         assert!(loaded.is_ok(), "case {index}: {}", loaded.expect_err("not allowed"));
     }
@@ -235,7 +235,7 @@ fn errors_quote_no_file_that_a_scene_names() {
         room(light).with("a.ies", secret),
     ] {
         let lines = match folder.load() {
-            Ok(loaded) => loaded.warnings.join("\n"),
+            Ok(loaded) => loaded.warnings.lines().join("\n"),
             Err(error) => error.to_string(),
         };
         assert!(!lines.contains("root") && !lines.contains("users"), "{lines}");

@@ -1,6 +1,7 @@
 //! What scene files mean.
 
 use glam::{Vec2, Vec3};
+use ltm::error::Warnings;
 use ltm::image::{LinearImage, write_exr};
 use ltm::light::{EnvironmentMapping, LightBasis, LightKind, LightUnit};
 use ltm::matrix::MatrixShape;
@@ -112,7 +113,7 @@ fn normals_decide_which_side_is_the_front() {
     let obj = super::ROOM_OBJ.replace("f 5 6 7 8", "vn 0 1 0\nf 5//1 6//1 7//1 8//1");
     let folder = room("").with("room.obj", obj);
     assert_eq!(front_of_light(&folder), Vec3::Y);
-    assert!(folder.load().unwrap().warnings[0].contains("2 triangles"));
+    assert!(folder.load().unwrap().warnings[0].text.contains("2 triangles"));
 }
 
 const TWO_LAMPS: &str = "mtllib room.mtl
@@ -145,7 +146,7 @@ fn earlier_lights_take_their_surfaces_first() {
     assert_eq!(loaded.scene.basis.column_count(), 5);
     assert!(loaded.warnings.is_empty());
     let dark = two_lamps("[[light]]\nmaterial = \"bulb\"\n").load().unwrap();
-    assert!(dark.warnings.iter().any(|w| w.contains("'lamp' emits")), "{:?}", dark.warnings);
+    assert!(dark.warnings.iter().any(|w| w.text.contains("'lamp' emits")), "{:?}", dark.warnings);
 }
 
 fn a_panel_replaces_a_lamp() {
@@ -252,7 +253,7 @@ fn energy_above_one_is_clamped() {
     let reflectance = Paint::Constant(Vec3::new(1.0, 0.5, 0.5));
     assert_eq!(surface_of(&folder, "snow"), Surface::Lambert { reflectance });
     let warnings = folder.load().unwrap().warnings;
-    assert_eq!(warnings.iter().filter(|w| w.contains("'snow'")).count(), 1, "{warnings:?}");
+    assert_eq!(warnings.iter().filter(|w| w.text.contains("'snow'")).count(), 1, "{warnings:?}");
 }
 
 fn textures_are_read_once() {
@@ -279,7 +280,7 @@ fn degenerate_triangles_are_left_out() {
     let obj = format!("{}f 1 1 2\nf 5 6 6\nv 0 0 0\nv 1 1 1\nv 2 2 2\nf 9 10 11\n", super::ROOM_OBJ);
     let loaded = room("").with("room.obj", obj).load().unwrap();
     assert_eq!(loaded.scene.mesh.triangles.len(), 4);
-    assert!(loaded.warnings.iter().any(|w| w.contains("3 triangles without area")), "{:?}", loaded.warnings);
+    assert!(loaded.warnings.iter().any(|w| w.text.contains("3 triangles without area")), "{:?}", loaded.warnings);
 }
 
 fn material_files_say_odd_things() {
@@ -291,7 +292,7 @@ fn material_files_say_odd_things() {
     assert!(glass("1.3").load().unwrap().warnings.is_empty());
     for ior in ["0", "-2", "1000"] {
         assert!(matches!(surface_of(&glass(ior), "ground"), Surface::Dielectric { ior: 1.5, .. }), "{ior}");
-        assert!(glass(ior).load().unwrap().warnings.iter().any(|w| w.contains("no index of refraction")), "{ior}");
+        assert!(glass(ior).load().unwrap().warnings.iter().any(|w| w.text.contains("no index of refraction")), "{ior}");
     }
     // A map without a colour beside it is as bright as it is.
     let white = LinearImage { width: 1, height: 1, pixels: vec![[1.0; 3]] };
@@ -301,7 +302,7 @@ fn material_files_say_odd_things() {
     assert_eq!(factor, Vec3::ONE);
     let folder = room("").with("room.mtl", "newmtl ground\nmap_Kd -clamp on white.exr\nnewmtl lamp\nKe 3 2 1\n");
     write_exr(&folder.path("white.exr"), &white).unwrap();
-    assert!(folder.load().unwrap().warnings.iter().any(|w| w.contains("-clamp")));
+    assert!(folder.load().unwrap().warnings.iter().any(|w| w.text.contains("-clamp")));
 }
 
 fn missing_materials_are_grey() {
@@ -309,11 +310,16 @@ fn missing_materials_are_grey() {
     let folder = room(more).with("room.obj", super::ROOM_OBJ.replace("room.mtl", "none.mtl"));
     std::fs::rename(folder.path("room.mtl"), folder.path("other.mtl")).unwrap();
     let loaded = folder.load().unwrap();
-    assert!(loaded.warnings.iter().any(|w| w.contains("none.mtl")), "{:?}", loaded.warnings);
+    assert!(loaded.warnings.iter().any(|w| w.text.contains("none.mtl")), "{:?}", loaded.warnings);
     assert_eq!(surface_of(&folder, "ground"), Surface::Lambert { reflectance: Paint::Constant(Vec3::splat(0.5)) });
     let folder = room("").with("room.obj", super::ROOM_OBJ.replace("usemtl ground", "usemtl grund"));
     assert!(
-        folder.load().unwrap().warnings.iter().any(|w| w.contains("'grund' is not described (did you mean 'ground'?)"))
+        folder
+            .load()
+            .unwrap()
+            .warnings
+            .iter()
+            .any(|w| w.text.contains("'grund' is not described (did you mean 'ground'?)"))
     );
 }
 
@@ -355,7 +361,7 @@ fn the_content_hash_follows() {
 fn built_in_scenes_pass_their_own_checks() {
     for name in ltm::scene::BUILT_IN_NAMES {
         let loaded = built_in_named(name).unwrap();
-        assert_eq!(validate(&loaded.scene).unwrap(), Vec::<String>::new(), "{name}");
+        assert_eq!(validate(&loaded.scene).unwrap(), Warnings::new(), "{name}");
         let columns = if name == "environment" { 512 } else { 1024 };
         assert_eq!(loaded.scene.basis.column_count(), columns);
         assert_eq!(loaded.lighting.weights().len(), columns);
@@ -367,7 +373,7 @@ fn built_in_scenes_pass_their_own_checks() {
 fn a_very_large_matrix_is_warned_of() {
     let loaded = room("[[light]]\ntexels = [1024, 1024]\n").load().unwrap();
     assert!(
-        loaded.warnings.iter().any(|w| w.contains("1048576 columns") && w.contains("TiB")),
+        loaded.warnings.iter().any(|w| w.text.contains("1048576 columns") && w.text.contains("TiB")),
         "{:?}",
         loaded.warnings
     );
@@ -410,14 +416,18 @@ fn textures_in_any_case() {
     let loaded = folder.load().unwrap();
     let Surface::Lambert { reflectance } = loaded.scene.materials[0].surface else { panic!("a textured floor") };
     assert_eq!(reflectance.at(&loaded.scene.textures, Vec2::ZERO), Vec3::Z);
-    let said: Vec<_> = loaded.warnings.iter().filter(|warning| warning.contains("upper and lower case")).collect();
-    assert!(said.len() == 1 && said[0].contains("3 texture names"), "{:?}", loaded.warnings);
-    assert!(said[0].contains("TEXTURES\\Wood.PNG, is ") && said[0].ends_with("Textures/wood.png"), "{}", said[0]);
+    let said: Vec<_> = loaded.warnings.iter().filter(|warning| warning.text.contains("upper and lower case")).collect();
+    assert!(said.len() == 1 && said[0].text.contains("3 texture names"), "{:?}", loaded.warnings);
+    assert!(
+        said[0].text.contains("TEXTURES\\Wood.PNG, is ") && said[0].text.ends_with("Textures/wood.png"),
+        "{}",
+        said[0]
+    );
     // The right spelling is taken where both are there, and says nothing.
     blue(folder.path("tile.png"));
     let mtl = "newmtl lamp\nKe 1 1 1\nnewmtl ground\nmap_Kd tile.png\n";
     let loaded = folder.with("room.mtl", mtl).with("room.obj", super::ROOM_OBJ).load().unwrap();
-    assert!(!loaded.warnings.iter().any(|warning| warning.contains("case")), "{:?}", loaded.warnings);
+    assert!(!loaded.warnings.iter().any(|warning| warning.text.contains("case")), "{:?}", loaded.warnings);
     assert_eq!(loaded.scene.textures[0].name, "tile.png");
 }
 
@@ -425,11 +435,11 @@ fn material_files_in_any_case() {
     let folder = room("").with("room.obj", super::ROOM_OBJ.replace("room.mtl", "ROOM.mtl"));
     let loaded = folder.load().unwrap();
     assert!(
-        loaded.warnings.iter().any(|warning| warning.contains("\"ROOM.mtl\" is read from")),
+        loaded.warnings.iter().any(|warning| warning.text.contains("\"ROOM.mtl\" is read from")),
         "{:?}",
         loaded.warnings
     );
-    assert!(!loaded.warnings.iter().any(|warning| warning.contains("grey")), "{:?}", loaded.warnings);
+    assert!(!loaded.warnings.iter().any(|warning| warning.text.contains("grey")), "{:?}", loaded.warnings);
 }
 
 fn missing_textures() {
@@ -446,7 +456,7 @@ fn missing_textures() {
         "holes.png",
         "'ground'",
         "'lamp'",
-        "--allow-missing",
+        "`allow_missing`",
     ] {
         assert!(refused.contains(name), "{name} is not in: {refused}");
     }
@@ -456,5 +466,5 @@ fn missing_textures() {
     let Surface::Lambert { reflectance } = loaded.scene.materials[0].surface else { panic!("a floor of one colour") };
     assert_eq!(reflectance.at(&[], Vec2::ZERO), Vec3::new(0.5, 0.4, 0.3));
     assert!(loaded.scene.materials[0].cutout.is_none() && loaded.scene.textures.is_empty());
-    assert_eq!(loaded.warnings.iter().filter(|warning| warning.contains("4 textures are missing")).count(), 1);
+    assert_eq!(loaded.warnings.iter().filter(|warning| warning.text.contains("4 textures are missing")).count(), 1);
 }

@@ -107,7 +107,11 @@ fn a_glb_is_geometry_of_a_scene_file() {
     let loaded = folder.load().unwrap();
     assert_eq!(loaded.scene.basis.column_count(), 8);
     assert!(matches!(loaded.scene.materials[0].surface, Surface::Mirror { .. }));
-    assert!(loaded.warnings.iter().any(|w| w.contains("1 lamps of the file are not used")), "{:?}", loaded.warnings);
+    assert!(
+        loaded.warnings.iter().any(|w| w.text.contains("1 lamps of the file are not used")),
+        "{:?}",
+        loaded.warnings
+    );
 }
 
 fn nodes_carry_their_children() {
@@ -191,7 +195,7 @@ fn strips_and_fans() {
         .as_array_mut()
         .unwrap()
         .push(json!({ "attributes": { "POSITION": positions }, "mode": 1 }));
-    assert!(of(&file).unwrap().warnings[0].contains("1 meshes of points or lines"));
+    assert!(of(&file).unwrap().warnings[0].text.contains("1 meshes of points or lines"));
 }
 
 fn indices_of_every_type() {
@@ -556,7 +560,7 @@ fn cameras_are_chosen() {
     };
     let first = with(None).unwrap();
     near(first.scene.camera.eye, [0.0, 1.0, 4.0]);
-    assert!(first.warnings[0].contains("camera 'eye' of 2 is used ('eye', 'door')"), "{:?}", first.warnings);
+    assert!(first.warnings[0].text.contains("camera 'eye' of 2 is used ('eye', 'door')"), "{:?}", first.warnings);
     for name in ["door", "wide"] {
         let camera = with(Some(name)).unwrap().scene.camera;
         near(camera.eye, [0.0, 2.0, 4.5]);
@@ -569,7 +573,7 @@ fn cameras_are_chosen() {
     file.json["cameras"] = json!([]);
     file.json["nodes"][2].as_object_mut().unwrap().remove("camera");
     let loaded = of(&file).unwrap();
-    assert!(loaded.warnings[0].contains("all of it is seen"), "{:?}", loaded.warnings);
+    assert!(loaded.warnings[0].text.contains("all of it is seen"), "{:?}", loaded.warnings);
     let camera = loaded.scene.camera;
     for Vertex { position, .. } in &loaded.scene.mesh.vertices {
         let to = *position - camera.eye;
@@ -643,6 +647,6 @@ fn what_is_not_used_is_said() {
     file.uses("KHR_materials_sheen");
     let warnings = of(&file).unwrap().warnings;
     for words in ["KHR_materials_sheen", "normal maps", "average", "alpha blending"] {
-        assert!(warnings.iter().any(|w| w.contains(words)), "{words}: {warnings:?}");
+        assert!(warnings.iter().any(|w| w.text.contains(words)), "{words}: {warnings:?}");
     }
 }

@@ -184,7 +184,7 @@ fn bad_images() {
             f.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = json!({ "index": 0 });
         })
     };
-    refused(with(json!({ "uri": "wood.png" })), &["'ground'", "wood.png", "missing", "--allow-missing"]);
+    refused(with(json!({ "uri": "wood.png" })), &["'ground'", "wood.png", "missing", "`allow_missing`"]);
     refused(with(json!({ "uri": "../wood.png" })), &["'ground'", "not in the folder"]);
     refused(with(json!({ "name": "empty" })), &["'ground'", "image 0 has no data"]);
     // What it is is seen from its bytes: a MIME type may be missing.
@@ -263,7 +263,7 @@ fn links_that_lead_elsewhere() {
     let folder = Folder::new().with("room.glb", file);
     std::os::unix::fs::symlink(outside.path("a.bin"), folder.path("a.bin")).unwrap();
     let error = load(&folder.path("room.glb")).unwrap_err().to_string();
-    assert!(error.contains("outside") && error.contains("--allow-outside"), "{error}");
+    assert!(error.contains("outside") && error.contains("`allow_outside`"), "{error}");
     let options = LoadOptions { allow_outside: true, ..Default::default() };
     load_with(&folder.path("room.glb"), options).unwrap();
 }

@@ -162,7 +162,7 @@ fn a_cube_of_plain_images() {
 fn other_irradiance_is_said() {
     let more = json!({ "irradianceCoefficients": coefficients(Vec3::splat(7.0)) });
     let loaded = of(&with_light(&pictures(8, true, radiance), more)).unwrap();
-    let [line] = &loaded.warnings[..] else { panic!("{:?}", loaded.warnings) };
+    let [line] = &loaded.warnings.lines()[..] else { panic!("{:?}", loaded.warnings) };
     assert!(line.contains("'environment'") && line.contains("mean of 3.3") && line.contains("7.000"), "{line}");
     let none = of(&with_light(&pictures(8, true, radiance), json!({ "irradianceCoefficients": [] }))).unwrap();
     assert_eq!(none.warnings.len(), 1, "{:?}", none.warnings);

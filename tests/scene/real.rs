@@ -37,7 +37,7 @@ fn every_committed_scene_file_loads() {
         let loaded = read(name.to_str().unwrap());
         assert!(loaded.scene.basis.column_count() > 0);
         // The bunny has two triangles wound against their normals.
-        let known = |w: &String| w.contains("2 triangles wound against their normals");
+        let known = |w: &ltm::error::Warning| w.text.contains("2 triangles wound against their normals");
         assert!(loaded.warnings.iter().all(known), "{name:?}: {:?}", loaded.warnings);
     }
 }

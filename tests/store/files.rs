@@ -286,7 +286,7 @@ fn merging_refuses_an_input_that_contradicts_the_output_and_can_be_stopped() {
     assert!(error.contains("block 1 differs from that in"), "{error}");
     assert!(fs::read(at("out.ltm")).unwrap() == before);
     let stopped = merge(&[at("a.ltm")], &at("new.ltm"), |done, _| done < 3);
-    assert!(matches!(stopped, Err(Error::Interrupted(_))));
+    assert!(matches!(stopped, Err(Error::Interrupted { .. })));
     let report = merge(&[at("a.ltm")], &at("new.ltm"), |_, _| true).unwrap();
     assert_eq!((report.copied, report.present), (3, 3));
     assert!(fs::read(at("new.ltm")).unwrap() == before);

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::channels::ChannelPlace;
 use super::subsampled::{FullySampled, decompress, is_subsampled, samples_in_row};
 use super::{failed, read_meta};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::open_input;
 use crate::image::rgba::refuse;
 
@@ -67,7 +67,7 @@ fn read_from(
 ) -> Result<()> {
     let reader = exr::block::read(file, false).map_err(|e| failed(path, e))?;
     if reader.headers().iter().map(|h| h.channels.list.len()).ne(counts.iter().copied()) {
-        return Err(Error::input(path.display().to_string(), "changed while it was read", "run the command again"));
+        return Err(Error::input(path.display().to_string(), "changed while it was read", Hint::Repeat));
     }
     let parts: Vec<bool> =
         counts.iter().enumerate().map(|(part, &count)| (0..count).any(|channel| wanted((part, channel)))).collect();

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
 use super::{LayerMatch, LayerRole, LightRow, LightSet, MAX_LIGHTS, MAX_SIDE, Source, TakeRow};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result, Warnings};
 use crate::files::open_input;
 use crate::image::npy::NpyHeader;
 
@@ -62,7 +62,7 @@ pub(super) fn open(path: &Path) -> Result<LightSet> {
         matches: names.iter().map(role).collect(),
         lights: names,
         has_sum: false,
-        warnings: Vec::new(),
+        warnings: Warnings::new(),
         source: Source::Array(ImageArray { path: path.to_owned(), lights: count }),
     })
 }
@@ -125,8 +125,8 @@ fn opened(path: &Path) -> Result<BufReader<File>> {
 
 const SAVE: &str = "save it as float32 [lights, height, width, 3]";
 
-/// A problem and its remedy.
-type Problem = (String, &'static str);
+/// What is wrong, and what to do.
+type Problem = (String, Hint);
 
 fn refuse(path: &Path, problem: impl Into<String>) -> Error {
     Error::input(path.display().to_string(), problem, SAVE)
@@ -154,15 +154,15 @@ type Work<'a> = dyn FnMut(ArrayLayout, &mut dyn Read) -> Result<(), String> + 'a
 fn with_array(path: &Path, work: &mut Work<'_>) -> Result<()> {
     let refused = |(problem, hint): Problem| Error::input(path.display().to_string(), problem, hint);
     let mut work_on = |reader: &mut dyn Read, most_bytes: u64, names: Option<u64>| {
-        let header = NpyHeader::read(reader).map_err(|problem| (problem, SAVE))?;
+        let header = NpyHeader::read(reader).map_err(|problem| (problem, SAVE.into()))?;
         let layout = layout(&header, names)?;
-        let values = header.values().ok_or(("its array is too large".to_owned(), SAVE))?;
+        let values = header.values().ok_or(("its array is too large".to_owned(), Hint::from(SAVE)))?;
         let needed = values.saturating_mul(layout.kind.bytes() as u64).saturating_add(header.bytes);
         if needed > most_bytes {
             let problem = format!("its array is cut short: {needed} bytes are claimed, at most {most_bytes} are there");
-            return Err((problem, SAVE));
+            return Err((problem, SAVE.into()));
         }
-        work(layout, reader).map_err(|problem| (problem, SAVE))
+        work(layout, reader).map_err(|problem| (problem, SAVE.into()))
     };
     if is_archive(path) {
         let mut archive = archive(path)?;
@@ -208,17 +208,17 @@ fn layout(header: &NpyHeader, names: Option<u64>) -> Result<ArrayLayout, Problem
         );
         let hint = "save numpy.moveaxis(a, -1, 0) if the lights come last, as in ltm.open; if they come first, save an .npz with \
                     images and lights, their names";
-        return Err((problem, hint));
+        return Err((problem, hint.into()));
     }
     let sides = 1..=MAX_SIDE;
     if !sides.contains(&height) || !sides.contains(&width) || lights == 0 {
-        return Err((of_shape(), SAVE));
+        return Err((of_shape(), SAVE.into()));
     }
     if lights > MAX_LIGHTS as u64 {
-        return Err((format!("{}; it may hold {MAX_LIGHTS} lights at most", of_shape()), SAVE));
+        return Err((format!("{}; it may hold {MAX_LIGHTS} lights at most", of_shape()), SAVE.into()));
     }
     if header.fortran_order {
-        return Err(("its array is in Fortran order".into(), "save numpy.ascontiguousarray of it"));
+        return Err(("its array is in Fortran order".into(), "save numpy.ascontiguousarray of it".into()));
     }
     let kind = match header.descr.as_str() {
         "<f2" => Kind::F16,
@@ -227,26 +227,25 @@ fn layout(header: &NpyHeader, names: Option<u64>) -> Result<ArrayLayout, Problem
         other => {
             let other = other.escape_debug();
             let problem = format!("its array is of type {other}, neither little-endian float16, float32 nor float64");
-            return Err((problem, "save it as linear light in float32: a.astype('<f4')"));
+            return Err((problem, "save it as linear light in float32: a.astype('<f4')".into()));
         }
     };
     Ok(ArrayLayout { lights: lights as usize, height: height as usize, width: width as usize, kind })
 }
 
-/// A hint on how to transpose an array of another shape.
-fn how_to_turn(shape: &[u64]) -> &'static str {
-    match *shape {
+/// What brings an array of another shape into order.
+fn how_to_turn(shape: &[u64]) -> Hint {
+    let save = match *shape {
         [_, _, 3, _] => "save numpy.moveaxis(a, -1, 0): lights come first, not last as in ltm.open",
         [_, 3, _, _] => "save a.transpose(0, 2, 3, 1): colours come last",
         [_, _, _, 4] => "save a[..., :3]: images have three colours and no alpha",
         [_, _, _, 1] => "save numpy.repeat(a, 3, -1): images have three colours",
-        [_, _, _, _, 3] => {
-            "save a.reshape(-1, *a.shape[-3:]): lights are one dimension; --texels ACROSSxDOWN makes them a grid again"
-        }
+        [_, _, _, _, 3] => return Hint::FlattenLights,
         [_, _, 3] => "save a[None] if it is the image of one light",
         [_, _, _] => "save numpy.repeat(a[..., None], 3, -1): images have three colours",
         _ => SAVE,
-    }
+    };
+    save.into()
 }
 
 /// The array `lights` of an archive: as many texts of one length as there are images.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use regex_lite::Regex;
 
 use super::{LayerMatch, LayerRole, LightSet, Source, TakeRow, hand_over_black, size_of_frame, take_pixels};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result, Warnings};
 use crate::files::{folder_of, natural_order};
 use crate::image::open_exr::{Window, common_frame, note_of_frame};
 use crate::image::read::ImageReader;
@@ -73,7 +73,7 @@ pub(super) fn open(pattern: &Path) -> Result<LightSet> {
         Error::input(path.display().to_string(), problem, hint)
     })?;
     let (width, height) = size_of_frame(pattern, &frame)?;
-    let mut warnings = said(&notes);
+    let mut warnings: Warnings = said(&notes).into_iter().collect();
     warnings.extend(note_of_frame(&frame, &windows));
     if encoded > 0 {
         let files = if encoded == 1 { "1 file is".into() } else { format!("{encoded} files are") };
@@ -157,8 +157,7 @@ impl Files {
     pub(super) fn read(&self, take: &mut TakeRow<'_>) -> Result<()> {
         let (mut buffer, mut row_buffer) = (Vec::new(), Vec::new());
         for (index, (path, data)) in self.paths.iter().enumerate() {
-            let changed =
-                || Error::input(path.display().to_string(), "changed while it was read", "run the command again");
+            let changed = || Error::input(path.display().to_string(), "changed while it was read", Hint::Repeat);
             let opened = ImageReader::open(path)?;
             if opened.windows().0 != *data {
                 return Err(changed());

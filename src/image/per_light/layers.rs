@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::roles::{Named, Roles, roles};
 use super::{LayerMatch, LayerPattern, LayerRole, LightRow, LightSet, Source, TakeRow, hand_over_black};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result, Warning, Warnings};
 use crate::files::natural_order;
 use crate::image::open_exr::{
     Channel, ChannelPlace, Colours, ExrLayer, ExrLine, Window, channels, chunk_bytes, common_frame, converted_rows,
@@ -36,7 +36,7 @@ struct ExrPart {
     matrix: Option<ColourMatrix>,
 }
 
-fn refuse(path: &Path, problem: String, hint: &str) -> Error {
+fn refuse(path: &Path, problem: String, hint: impl Into<Hint>) -> Error {
     Error::input(path.display().to_string(), problem, hint)
 }
 
@@ -47,8 +47,8 @@ pub(super) fn open(path: &Path, pattern: Option<&LayerPattern>) -> Result<LightS
     all.sort_by(|a, b| natural_order(&a.name, &b.name));
     let coloured: Vec<&ExrLayer> = all.iter().filter(|layer| layer.colours.is_some()).collect();
     let named: Vec<Named<'_>> = coloured.iter().map(|layer| named(layer)).collect();
-    let found = roles(&named, pattern).map_err(|(problem, hint)| refuse(path, problem, &hint))?;
-    let mut warnings: Vec<String> = passed_over(&named, &found).into_iter().collect();
+    let found = roles(&named, pattern).map_err(|(problem, hint)| refuse(path, problem, hint))?;
+    let mut warnings: Warnings = passed_over(&named, &found).into_iter().collect();
     let mut roles = found.roles.into_iter();
     let (mut matches, mut lights, mut images, mut sum) = (Vec::new(), Vec::new(), Vec::new(), None);
     for layer in &all {
@@ -115,13 +115,13 @@ fn named(layer: &ExrLayer) -> Named<'_> {
 
 /// A line that names layers of colours which no one can miss: without an image under all lights nothing says whether they
 /// belong to them.
-fn passed_over(layers: &[Named<'_>], found: &Roles) -> Option<String> {
+fn passed_over(layers: &[Named<'_>], found: &Roles) -> Option<Warning> {
     let has_sum = found.roles.contains(&LayerRole::Sum);
     let is_left = |(layer, role): &(&Named<'_>, &LayerRole)| **role == LayerRole::Ignored && !layer.is_grey;
     let left: Vec<String> =
         layers.iter().zip(&found.roles).filter(is_left).map(|(layer, _)| format!("'{}'", layer.name)).collect();
-    (found.is_by_elimination && !has_sum && !left.is_empty())
-        .then(|| format!("{} are taken for passes that are no lights; --layers says which layers are", left.join(", ")))
+    let text = || format!("{} are taken for passes that are no lights", left.join(", "));
+    (found.is_by_elimination && !has_sum && !left.is_empty()).then(|| Warning::new(text(), Hint::ChooseLayers))
 }
 
 /// What a renderer's passes say of the surfaces in view: albedo, normal, depth.

@@ -14,7 +14,7 @@ use std::path::Path;
 
 pub use features::FeaturePasses;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result, Warnings};
 use crate::image::open_exr::Window;
 
 /// Longest side of an image, in pixels.
@@ -101,7 +101,7 @@ pub struct LightSet {
     /// The role of each layer.
     pub matches: Vec<LayerMatch>,
     /// What looks wrong with the choice of layers, one line each, for people.
-    pub warnings: Vec<String>,
+    pub warnings: Warnings,
     source: Source,
 }
 
@@ -130,18 +130,19 @@ impl LightSet {
             Some("npy" | "npz") => array::open(path)?,
             _ => layers::open(path, layers)?,
         };
-        let refuse = |problem: String, hint: &str| Err(Error::input(path.display().to_string(), problem, hint));
+        let refuse = |problem: String, hint: Hint| Err(Error::input(path.display().to_string(), problem, hint));
         if set.lights.is_empty() {
-            let hint =
-                "say which are with --layers 'RGBA_(.+)', or name the files by a pattern such as 'room_{light}.exr'";
-            return refuse("no layer looks like a light's".into(), hint);
+            return refuse("no layer looks like a light's".into(), Hint::ChooseLayersOrFiles);
         }
         if set.lights.len() > MAX_LIGHTS {
-            return refuse(format!("it has {} lights", set.lights.len()), "give 262,144 at most");
+            return refuse(format!("it has {} lights", set.lights.len()), "give 262,144 at most".into());
         }
         let mut names = HashSet::new();
         if let Some(light) = set.lights.iter().find(|light| !names.insert(light.as_str())) {
-            return refuse(format!("two layers are of light '{light}'"), "name the layers by a narrower pattern");
+            return refuse(
+                format!("two layers are of light '{light}'"),
+                "name the layers by a narrower pattern".into(),
+            );
         }
         Ok(set)
     }

@@ -1,5 +1,6 @@
 //! Which layers of a file are lights: the conventions of renderers, and what tells a light from the other passes.
 
+use crate::error::Hint;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{LayerPattern, LayerRole};
@@ -52,7 +53,7 @@ pub(super) struct Named<'a> {
 }
 
 /// What is wrong with a choice of layers, and what to do.
-pub(super) type Refusal = (String, String);
+pub(super) type Refusal = (String, Hint);
 
 /// The roles found.
 #[derive(Debug)]
@@ -88,7 +89,7 @@ pub(super) fn roles(layers: &[Named<'_>], pattern: Option<&LayerPattern>) -> Res
     }
     if let [first, second, ..] = owners.values().collect::<Vec<_>>()[..] {
         let problem = format!("'{first}' and '{second}' are lights of two view layers");
-        return Err((problem, ONE_VIEW_LAYER.into()));
+        return Err((problem, Hint::OneViewLayer));
     }
     let role = |(index, light): (usize, Option<(String, String)>)| match light {
         Some((_, light)) => LayerRole::Light(light),
@@ -97,8 +98,6 @@ pub(super) fn roles(layers: &[Named<'_>], pattern: Option<&LayerPattern>) -> Res
     };
     Ok(Roles { roles: lights.into_iter().enumerate().map(role).collect(), is_by_elimination })
 }
-
-const ONE_VIEW_LAYER: &str = "name the layers of one view layer with --layers";
 
 /// For each layer, where it is a light: the path of names before it, and the light's name.
 type Lights = Vec<Option<(String, String)>>;
@@ -243,7 +242,7 @@ fn sum_of(layers: &[Named<'_>], lights: &Lights) -> Result<Option<usize>, Refusa
             (Some((_, first)), Some((_, second))) if path(first.stem) != path(second.stem) => {
                 let problem =
                     format!("'{}' and '{}' are each the image under some of the lights", first.name, second.name);
-                return Err((problem, ONE_VIEW_LAYER.into()));
+                return Err((problem, Hint::OneViewLayer));
             }
             (None, Some(_)) => chosen = owner,
             _ => {}
@@ -264,8 +263,7 @@ fn several_views(layers: &[Named<'_>], lights: &Lights, views: &BTreeSet<Option<
         let after = layer.name.strip_prefix(layer.stem)?;
         Some(format!("^{}(.+){}$", regex_lite::escape(before), regex_lite::escape(after)))
     });
-    let example = example.unwrap_or_else(|| "(.+)".into());
-    (problem, format!("choose the layers of one view, for example with --layers '{example}'"))
+    (problem, Hint::OneView { pattern: example.unwrap_or_else(|| "(.+)".into()) })
 }
 
 #[cfg(test)]
@@ -402,9 +400,9 @@ mod tests {
         ];
         let (problem, hint) = roles(&eyes, None).unwrap_err();
         assert!(problem.contains("'left' and 'right'"), "{problem}");
-        let example = hint.split('\'').nth(1).unwrap();
-        assert_eq!(example, r"^V\.Combined_(.+)\.left$");
-        let found = roles(&eyes, Some(&example.parse().unwrap())).unwrap().roles;
+        let Hint::OneView { pattern } = hint else { panic!("{hint:?}") };
+        assert_eq!(pattern, r"^V\.Combined_(.+)\.left$");
+        let found = roles(&eyes, Some(&pattern.parse().unwrap())).unwrap().roles;
         assert_eq!(found, [LayerRole::Sum, LayerRole::Ignored, LayerRole::Light("key".into()), LayerRole::Ignored]);
         assert!(roles(&eyes, Some(&"Combined_(.+)$".parse().unwrap())).is_err());
     }

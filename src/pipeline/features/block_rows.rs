@@ -42,7 +42,7 @@ impl<F: FnMut(BlockId) -> Result<Option<Vec<f32>>>> BlockRow<F> {
             return Ok(());
         }
         if watch.interrupted() {
-            return Err(Error::Interrupted("nothing was written".to_owned()));
+            return Err(Error::interrupted("nothing was written"));
         }
         let (side, width) = (self.shape.block_side() as usize, self.shape.width() as usize);
         self.values.clear();

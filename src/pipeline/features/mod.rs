@@ -134,7 +134,7 @@ pub fn write_features(
     let rows = strip_bytes(shape, planes) + exr_rows_need_bytes(planes.div_ceil(3), size);
     let need = ResourceEstimate { fixed_bytes: PROGRAM_BYTES + reading + rows, ..ResourceEstimate::default() };
     need.threads_within("writing features", memory_bytes)?;
-    check_known(matrix, "--layers features")?;
+    check_known(matrix, "features")?;
     let mut strip = BlockRow::new(shape, planes, |id| {
         Ok(of_block(matrix, id)?.map(|planes| [planes.features, planes.feature_variance].concat()))
     });

@@ -14,9 +14,11 @@ use super::row_spill::RowSpill;
 use super::{PackOptions, pack};
 use crate::block_records::files_of_pack;
 use crate::compress::Compressor;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result, Warning, Warnings};
 use crate::image::{FeaturePasses, LayerMatch, LayerRole, LightRow, LightSet};
-use crate::light::{Clusters, Job, Light, LightBasis, LightKind, LightUnit, Provenance, probe_lightings};
+use crate::light::{
+    Clusters, DescribedSource, Job, Light, LightBasis, LightKind, LightUnit, Provenance, probe_lightings,
+};
 use crate::matrix::{
     Block, BlockId, BlockNoise, BlockPlanes, BlockSource, CHANNELS, Feature, MatrixShape, PixelRect, TracedBlock,
 };
@@ -44,7 +46,7 @@ pub struct ImportedMatrix {
     /// The role of each layer or file.
     pub matches: Vec<LayerMatch>,
     /// What looks wrong or was added, one line each, for people.
-    pub warnings: Vec<String>,
+    pub warnings: Warnings,
     /// Relative L2 difference between the sum of lights and the image under all lights, where there is one.
     pub sum_difference: Option<f64>,
 }
@@ -179,7 +181,7 @@ impl ImportedMatrix {
         imported.add_up(set, source)?;
         let adds_up = imported.sum_difference.is_some_and(|difference| difference <= SUM_TOLERANCE);
         if !adds_up && set.matches.iter().any(denoised) {
-            imported.warnings.push("the file has denoising passes: denoised light groups no longer add up".into());
+            imported.warnings.push("the file has denoising passes: denoised light groups no longer add up");
         }
         let columns = imported.job.shape.columns();
         if let Some(known) = &mut imported.known {
@@ -277,9 +279,8 @@ impl ImportedMatrix {
         }
         for light in sums.of_others() {
             let name = &set.lights[light];
-            self.warnings.push(format!(
-                "light '{name}' is the sum of the others, which then count twice; leave it out (--layers says which layers are lights)"
-            ));
+            let text = format!("light '{name}' is the sum of the others, which then count twice");
+            self.warnings.push(Warning::new(text, Hint::LeaveLightOut));
         }
         if let Some(known) = &self.known {
             known.features.add_to(&mut content)?;
@@ -468,7 +469,7 @@ fn spill_rows(
     watch.begin("reading images", (set.images() * height) as u64, "rows");
     let mut take = |row: LightRow<'_>| {
         if watch.interrupted() {
-            return Err(Error::Interrupted("nothing was written".into()));
+            return Err(Error::interrupted("nothing was written"));
         }
         if let Some(at) = row.values.iter().position(|v| !v.is_finite()) {
             let name = set.lights.get(row.image).map_or("under all lights".to_owned(), |l| format!("of light '{l}'"));
@@ -543,6 +544,12 @@ fn basis_of(names: &[String]) -> Result<LightBasis> {
         })?;
     }
     Ok(basis)
+}
+
+impl DescribedSource for ImportedMatrix {
+    fn job(&self) -> &Job {
+        Self::job(self)
+    }
 }
 
 impl BlockSource for ImportedMatrix {

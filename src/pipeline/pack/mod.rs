@@ -31,7 +31,7 @@ use crate::container::codec::band_steps;
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightLayout, WrittenBlock};
 use crate::denoise::DENOISER_VERSION;
 use crate::denoise::{DenoisedSource, ExternalImages};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::error_estimate::ErrorMonitor;
 use crate::light::{DenoiseErrors, Job, StatedErrors};
 use crate::matrix::{BlockId, BlockSource, FactoredBlock, MatrixShape, TracedBlock};
@@ -369,8 +369,8 @@ impl Packing {
         let asked = replaced.count() > 0 || self.analysis.compressor.settings().has_fixed_rank();
         let refuses = !(self.allow_lost_lights || asked);
         if let Some(lost) = lossy_lights.first().filter(|loss| loss.is_severe() && refuses) {
-            let hint = "ask for a finer target or a higher rank; forced, it is written all the same";
-            return Err(Error::input(self.path.display().to_string(), format!("{lost}: it is not written"), hint));
+            let problem = format!("{lost}: it is not written");
+            return Err(Error::input(self.path.display().to_string(), problem, Hint::AllowLostLights));
         }
         let lights = lights.errors(cut.expected_relative_l2);
         let exposed = self.promise.as_ref().map(|promise| promise.reached_packed());
@@ -500,12 +500,8 @@ pub(crate) fn compressor_of(job: &Job, options: &PackOptions) -> Result<Compress
 fn open_basis(options: &PackOptions, job: &Job) -> Result<Option<ExternalImages>> {
     let Some(path) = &options.basis else { return Ok(None) };
     if !options.denoise {
-        let hint = "it takes a matrix whose samples were kept apart, the method auto, and neither --denoise off nor --keep-noise";
-        return Err(Error::input(
-            path.display().to_string(),
-            "is for a matrix that is cleaned, which this is not",
-            hint,
-        ));
+        let problem = "is for a matrix that is cleaned, which this is not";
+        return Err(Error::input(path.display().to_string(), problem, Hint::DenoiseMatrix));
     }
     ExternalImages::open(path, job).map(Some)
 }

@@ -1,6 +1,7 @@
 //! Result of a pack, and its text for people.
 
 use crate::compress::{AUTOMATIC_DB, CandidateSummary, Target};
+use crate::error::{Hint, Warning, Wording};
 use crate::light::{DenoiseErrors, ExposedError, LightErrors, LightLoss};
 use crate::matrix::{BlockId, ColumnIndex};
 use crate::resources::human_bytes;
@@ -94,57 +95,71 @@ pub struct Shortfall {
     pub noise_heeded: bool,
 }
 
-/// One line for people: how near, and which option goes further.
-impl std::fmt::Display for Shortfall {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+impl Shortfall {
+    /// How near, and what goes further.
+    pub fn warning(&self) -> Warning {
         let (reached, asked) = match self.target {
             Target::RelativeL2(asked) => (format!("relative L2 {:.4}", self.relative_l2), format!("{asked}")),
             Target::PsnrDb(asked) => (format!("{:.1} dB", self.psnr_db), format!("{asked} dB")),
             Target::Bytes(asked) => {
-                let over = self.file_bytes.saturating_sub(asked);
+                let (bytes, over) = (human_bytes(self.file_bytes), self.file_bytes.saturating_sub(asked));
                 let further = match self.relative_l2 < 0.999 {
                     true => "a smaller target leaves out more",
                     false => "nothing is left in it that could be left out",
                 };
-                return write!(
-                    f,
-                    "the file has {}, {over} B more than the target, {}; {further}",
-                    human_bytes(self.file_bytes),
-                    human_bytes(asked)
-                );
+                let text = format!("the file has {bytes}, {over} B more than the target, {}", human_bytes(asked));
+                return Warning::new(text, further);
             }
             Target::Slope(asked) => (format!("{:.1} dB", self.psnr_db), format!("slope {asked}")),
             Target::Automatic if self.noise_heeded => {
                 let at = self.psnr_db;
-                return write!(
-                    f,
-                    "stopped at the noise of the samples, {at:.1} dB from the matrix; --keep-noise follows it further"
-                );
+                let text = format!("stopped at the noise of the samples, {at:.1} dB from the matrix");
+                return Warning::new(text, Hint::KeepNoise);
             }
             Target::Automatic => (format!("{:.1} dB", self.psnr_db), format!("{AUTOMATIC_DB} dB")),
         };
-        let (stopped_by, further) = match self.noise_heeded {
-            true => ("the noise of the samples", "what is left out is mostly noise, --keep-noise follows it"),
-            false => ("the rank", "a higher --rank goes further"),
+        let (stopped_by, left_out, further) = match self.noise_heeded {
+            true => ("the noise of the samples", ": what is left out is mostly noise", Hint::KeepNoise),
+            false => ("the rank", "", Hint::HigherRank),
         };
-        write!(f, "{stopped_by} stopped it at {reached} from the matrix, short of the target, {asked}; {further}")
+        let text =
+            format!("{stopped_by} stopped it at {reached} from the matrix, short of the target, {asked}{left_out}");
+        Warning::new(text, further)
     }
 }
 
-/// One line for people on the result of a pack, and one more if it missed its target.
-impl std::fmt::Display for PackReport {
+/// [`Shortfall::warning`] as one line.
+impl std::fmt::Display for Shortfall {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.warning().fmt(f)
+    }
+}
+
+impl PackReport {
+    /// One line on what was reached, for people, one more where it is short of its target, and one for each lossy light: hints in the
+    /// words of a front end.
+    #[must_use]
+    pub fn worded(&self, wording: Wording) -> String {
         let ratio = self.raw_bytes as f64 / self.packed_bytes as f64;
-        write!(
-            f,
+        let mut lines = format!(
             "{} from {}, ratio {ratio:.0}×, mean rank {:.2}, {} sparse entries, error {:.5} relative L2 of the matrix",
             human_bytes(self.packed_bytes),
             human_bytes(self.raw_bytes),
             self.mean_rank,
             self.sparse_entries,
             self.relative_l2,
-        )?;
-        self.short_of_target.map_or(Ok(()), |shortfall| write!(f, "\n{shortfall}"))?;
-        self.lossy_lights.iter().try_for_each(|loss| write!(f, "\nwarning: {loss}"))
+        );
+        if let Some(shortfall) = &self.short_of_target {
+            lines += &format!("\n{}", shortfall.warning().worded(wording));
+        }
+        self.lossy_lights.iter().for_each(|loss| lines += &format!("\nwarning: {loss}"));
+        lines
+    }
+}
+
+/// [`PackReport::worded`] in the words of this library.
+impl std::fmt::Display for PackReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.worded(Hint::to_string))
     }
 }

@@ -159,8 +159,8 @@ fn need_of(container: &ContainerReader) -> ResourceEstimate {
     ResourceEstimate { fixed_bytes, per_thread_bytes: decoding_bytes(container), ..ResourceEstimate::default() }
 }
 
-/// Bytes of all factors in memory: at most 16 bits for each value.
-fn factors_bytes(container: &ContainerReader) -> u64 {
+/// Memory of all factors as they are held for relighting: 16 bits a value at most.
+pub(crate) fn factors_bytes(container: &ContainerReader) -> u64 {
     let shape = container.job().shape;
     let block = |id| {
         let values = container.rank(id) * (shape.rect(id).rows() + shape.columns());

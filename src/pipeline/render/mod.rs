@@ -194,7 +194,7 @@ pub(crate) fn trace_into(
         });
         let stopped = || {
             let kept = writer.path().display();
-            Error::Interrupted(format!("{kept} keeps the finished blocks; the same command continues"))
+            Error::interrupted_keeping(format!("{kept} keeps the finished blocks"))
         };
         let trace_one = |&id: &BlockId| {
             if watch.interrupted() {

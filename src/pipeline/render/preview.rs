@@ -64,7 +64,7 @@ pub fn preview(loaded: &LoadedScene, path: &Path, watch: &dyn Progress) -> Resul
     let traced = Instant::now();
     let image = |tracer: &Tracer| -> Result<LinearImage> {
         let pixels = tracer.trace_image(lighting.weights(), || watch.interrupted());
-        let pixels = pixels.ok_or_else(|| Error::Interrupted("no preview was written".into()))?;
+        let pixels = pixels.ok_or_else(|| Error::interrupted("no preview was written"))?;
         Ok(LinearImage { width, height, pixels })
     };
     write_png(path, &image(&tracer)?, 0.9)?;
@@ -131,7 +131,7 @@ mod tests {
         let loaded = BuiltIn { width: 64, height: 48, texels: 4 }.named("diffuse").unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
-        assert!(matches!(preview(&loaded, &path, &Stopped), Err(Error::Interrupted(_))));
+        assert!(matches!(preview(&loaded, &path, &Stopped), Err(Error::Interrupted { .. })));
         assert!(!path.exists());
     }
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{job_of, trace_into, tracer_of, tracing_need};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::folder_of;
 use crate::matrix::BlockId;
 use crate::pipeline::verify::reading_need;
@@ -29,7 +29,7 @@ pub fn repair(
         return Err(Error::input(
             path.display().to_string(),
             "was made from another scene or with other settings",
-            "give the scene file, --samples, --seed, --size and --camera that it was rendered with",
+            Hint::SameRender,
         ));
     }
     let (tracing, reading) = (tracing_need(&loaded, &job), reading_need(&reader));

@@ -13,7 +13,7 @@ pub use self::selection::Selection;
 use self::selection::{Selected, overlap};
 pub use self::source::{ColumnWeights, UnpackSource};
 use super::row_spill::RowSpill;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result, Warning};
 use crate::files::{ContinuationFile, check_output, with_suffix};
 use crate::image::{self, ImageSize};
 use crate::matrix::{BlockId, BlockSink, CHANNELS, ColumnIndex, PixelRect, TracedBlock};
@@ -75,7 +75,7 @@ pub fn unpack_to_store(
     let unpack_one = |traced: &mut TracedBlock, &id: &BlockId| {
         if watch.interrupted() {
             let kept = writer.path().display();
-            return Err(Error::Interrupted(format!("{kept} keeps the finished blocks; the same command continues")));
+            return Err(Error::interrupted_keeping(format!("{kept} keeps the finished blocks")));
         }
         let rect = job.shape.rect(id);
         traced.block.reset(rect.rows(), columns.len());
@@ -116,12 +116,9 @@ pub fn unpack_to_exr(
     check_output(path, options.overwrite)?;
     if 3 * (names.len() + 1) > NUKE_CHANNELS {
         let most = NUKE_CHANNELS / 3 - 1;
-        watch.note(&format!(
-            "{}: {} lights are more than the {most} that Nuke has channels for; choose some with --lights, or write a file \
-             for each with {{light}} in the name",
-            path.display(),
-            names.len()
-        ));
+        let (path, count) = (path.display(), names.len());
+        let text = format!("{path}: {count} lights are more than the {most} that Nuke has channels for");
+        watch.warn(&Warning::new(text, Hint::FewerLights));
     }
     let mut layers = vec!["ViewLayer.Combined".to_owned()];
     layers.extend(names.iter().map(|name| format!("ViewLayer.Combined_{name}")));
@@ -158,7 +155,7 @@ fn unpack_to_files(
     watch.begin("writing images", paths.len() as u64, "images");
     let written = (0..).zip(paths).try_for_each(|(key, path)| {
         if watch.interrupted() {
-            return Err(Error::Interrupted("the images before it are written; the same command continues".into()));
+            return Err(Error::interrupted_keeping("the images before it are written"));
         }
         let overwrite = options.overwrite || begun.has(key);
         if !begun.has(key) {
@@ -298,7 +295,7 @@ fn size_of_rect(rect: PixelRect) -> ImageSize {
 
 fn stop_if_interrupted(path: &Path, watch: &dyn Progress) -> Result<()> {
     if watch.interrupted() {
-        return Err(Error::Interrupted(format!("{} was not written", path.display())));
+        return Err(Error::interrupted(format!("{} was not written", path.display())));
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use super::super::memory::MemoryBound;
 use super::document::MAX_BYTES;
 use super::tree::{JsonItem, JsonTree};
 use super::{base64, compressed, plain};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::files::read_input;
 
 /// The bytes of all buffers of a file.
@@ -26,7 +26,7 @@ const COMPRESSED: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compressi
 /// Why a buffer cannot be used, and what to do about it.
 struct Absent {
     problem: String,
-    hint: String,
+    hint: Hint,
 }
 
 /// A parsed URI.
@@ -190,7 +190,7 @@ impl<'a> Buffers<'a> {
         let whole = match &self.data[buffer] {
             Ok(bytes) => bytes,
             Err(Absent { problem, hint }) => {
-                return Err(Error::input(self.tree.place(), format!("buffer {buffer} {problem}"), hint));
+                return Err(Error::input(self.tree.place(), format!("buffer {buffer} {problem}"), hint.clone()));
             }
         };
         let offset = stated.whole("byteOffset")?.unwrap_or(0);

@@ -8,7 +8,7 @@ use super::super::{Camera, Mesh, PixelFilter};
 use super::nodes::Placed;
 use super::plain;
 use super::tree::JsonTree;
-use crate::error::Result;
+use crate::error::{Result, Warnings};
 
 /// Pixels along the height of an image whose size nobody states.
 const USUAL_HEIGHT: u32 = 480;
@@ -32,7 +32,7 @@ pub(super) fn of(
     path: &Path,
     tree: &JsonTree,
     nodes: &[Placed<'_>],
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<Vec<FileCamera>> {
     let mut cameras = Vec::new();
     for placed in nodes {

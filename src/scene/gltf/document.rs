@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::super::memory::MemoryBound;
 use super::plain;
 use super::tree::JsonTree;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::files::read_input;
 
 /// Bytes of a file at most: what the lengths of GLB can say.
@@ -66,7 +66,7 @@ pub(super) struct GltfFile {
 }
 
 /// Reads a `.gltf` or `.glb` file, told by its first bytes.
-pub(super) fn open(path: &Path, memory: &mut MemoryBound, warnings: &mut Vec<String>) -> Result<GltfFile> {
+pub(super) fn open(path: &Path, memory: &mut MemoryBound, warnings: &mut Warnings) -> Result<GltfFile> {
     let length = std::fs::metadata(path).map_or(0, |found| found.len());
     memory.check(length, path)?;
     let mut bytes = read_input(path, "read the scene", MAX_BYTES)?;
@@ -140,7 +140,7 @@ fn tree_bytes(text: &[u8]) -> u64 {
 }
 
 /// The tree of a JSON text. No error quotes the text.
-fn tree(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<JsonTree> {
+fn tree(path: &Path, text: &[u8], warnings: &mut Warnings) -> Result<JsonTree> {
     // A mark of the byte order, and the zeros that fill up a chunk, are no JSON.
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
     let end = text.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);

@@ -11,7 +11,7 @@ use super::buffers::{Buffers, Uri, uri};
 use super::nodes::Placed;
 use super::plain;
 use super::tree::JsonTree;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::files::read_input;
 use crate::image::LUMENS_PER_WATT;
 
@@ -25,7 +25,7 @@ pub(super) fn of(
     nodes: &[Placed<'_>],
     buffers: &Buffers<'_>,
     folders: &Folders,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<Vec<LightEntry>> {
     let mut luminaires = Vec::new();
     for placed in nodes {

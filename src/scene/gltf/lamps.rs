@@ -9,7 +9,7 @@ use super::super::file::{LightEntry, LightEntryKind};
 use super::nodes::Placed;
 use super::plain;
 use super::tree::JsonItem;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 
 /// Lumens of a watt, as exporters of glTF reckon: what light of 555 nm has.
 pub(super) const EXPORTERS_LUMENS_PER_WATT: f32 = 683.0;
@@ -20,7 +20,7 @@ const NO_RANGE: f32 = 1e30;
 const ROUNDING: f32 = 1e-3;
 
 /// The lamps of the nodes. Errors: colours and intensities that are negative or not finite, cones that are none.
-pub(super) fn of(path: &Path, nodes: &[Placed<'_>], warnings: &mut Vec<String>) -> Result<Vec<LightEntry>> {
+pub(super) fn of(path: &Path, nodes: &[Placed<'_>], warnings: &mut Warnings) -> Result<Vec<LightEntry>> {
     let (mut lamps, mut ranged) = (Vec::new(), 0);
     for placed in nodes {
         let Some(light) = &placed.light else { continue };

@@ -8,7 +8,7 @@ use super::super::source::{Alpha, Description, GltfMaterial, ImageSource, Source
 use super::buffers::{Buffers, Uri, uri};
 use super::plain;
 use super::tree::{JsonItem, JsonTree};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 
 /// Extensions that give a texture images of kinds that are not read.
 const NOT_READ: [(&str, &str); 3] =
@@ -23,9 +23,10 @@ const MIN_METAL: f32 = 0.25;
 const MAPPED_ROUGHNESS: f32 = 0.5;
 
 /// All materials of a file, and one more for meshes without.
-pub(super) fn describe(path: &Path, buffers: &Buffers<'_>, warnings: &mut Vec<String>) -> Result<Vec<SourceMaterial>> {
+pub(super) fn describe(path: &Path, buffers: &Buffers<'_>, warnings: &mut Warnings) -> Result<Vec<SourceMaterial>> {
     let tree = buffers.tree;
-    let mut images = TextureImages { path, buffers, known: vec![None; tree.count("images")], warnings: Vec::new() };
+    let mut images =
+        TextureImages { path, buffers, known: vec![None; tree.count("images")], warnings: Warnings::new() };
     let mut described = Vec::new();
     let mut unused: Vec<(&str, Vec<String>)> = Vec::new();
     for index in 0..tree.count("materials") {
@@ -250,7 +251,7 @@ struct TextureImages<'a> {
     path: &'a Path,
     buffers: &'a Buffers<'a>,
     known: Vec<SourceImage>,
-    warnings: Vec<String>,
+    warnings: Warnings,
 }
 
 impl TextureImages<'_> {
@@ -327,7 +328,7 @@ pub(super) fn image_source(
     buffers: &Buffers<'_>,
     index: usize,
     place: &str,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<ImageSource> {
     // Told apart from the others of the file, for messages and for what is read once.
     let name = format!("{}, image {index}", path.display());

@@ -26,7 +26,7 @@ use super::file::LightEntry;
 use super::folders::Folders;
 use super::memory::MemoryBound;
 use super::source::Geometry;
-use crate::error::Result;
+use crate::error::{Result, Warnings};
 
 /// What a file has beside its geometry and its materials.
 #[derive(Debug, Default)]
@@ -51,7 +51,7 @@ pub(super) fn read(
     geometry: &mut Geometry,
     folders: &Folders,
     memory: &mut MemoryBound,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<FileExtras> {
     let mut file = document::open(path, memory, warnings)?;
     let buffers = buffers::load(path, &file.tree, file.binary.take(), folders, memory)?;

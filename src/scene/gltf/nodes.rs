@@ -9,7 +9,7 @@ use super::super::names::UniqueNames;
 use super::buffers::Buffers;
 use super::plain;
 use super::tree::{JsonItem, JsonTree};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 
 /// Memory of an instance that a node shows: its transform and its name.
 const INSTANCE_BYTES: u64 = 256;
@@ -42,7 +42,7 @@ pub(super) fn walk<'a>(
     path: &Path,
     buffers: &Buffers<'a>,
     memory: &mut MemoryBound,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<Vec<Placed<'a>>> {
     let tree = buffers.tree;
     let refuse = |problem: String| Error::input(path.display().to_string(), problem, "export the file again");
@@ -94,7 +94,7 @@ pub(super) fn walk<'a>(
 }
 
 /// The nodes that the scene begins with; without a scene, all that are nobody's children.
-fn roots(path: &Path, tree: &JsonTree, warnings: &mut Vec<String>) -> Result<Vec<usize>> {
+fn roots(path: &Path, tree: &JsonTree, warnings: &mut Warnings) -> Result<Vec<usize>> {
     let scenes = tree.count("scenes");
     if let Some(scene) = shown(tree)? {
         if scenes > 1 && !tree.root().has("scene") {

@@ -18,7 +18,7 @@ use super::materials::{self, Mapping};
 use super::nodes::Placed;
 use super::plain;
 use super::tree::JsonItem;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 
 /// Topology of a primitive's triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +50,7 @@ pub(super) fn add(
     first_material: usize,
     geometry: &mut Geometry,
     memory: &mut MemoryBound,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<()> {
     let mut left_out = LeftOut::default();
     let before = geometry.bytes();
@@ -101,7 +101,7 @@ pub(super) fn add(
 }
 
 impl LeftOut {
-    fn say(self, path: &Path, warnings: &mut Vec<String>) {
+    fn say(self, path: &Path, warnings: &mut Warnings) {
         let Self { lines, degenerate, turned, skins, morphs, colours, unmapped, not_repeated, not_finite } = self;
         for (count, what) in [
             (lines, "meshes of points or lines were left out"),

@@ -15,7 +15,7 @@ use super::materials::image_source;
 use super::nodes;
 use super::plain;
 use super::tree::{JsonItem, JsonTree};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 use crate::image::{ImageFacts, RgbaImage, embedded_facts, image_facts, read_embedded, read_rgba};
 use crate::scene::source::ImageSource;
 
@@ -36,7 +36,7 @@ pub(super) fn of(
     buffers: &Buffers<'_>,
     folders: &Folders,
     memory: &mut MemoryBound,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<Option<LightEntry>> {
     let scene = match nodes::shown(tree)? {
         Some(scene) => scene.extension(NAME)?,
@@ -97,7 +97,7 @@ fn read(
     place: &str,
     folders: &Folders,
     memory: &MemoryBound,
-    warnings: &mut Vec<String>,
+    warnings: &mut Warnings,
 ) -> Result<RgbaImage> {
     match source {
         ImageSource::Embedded(name, bytes) => {

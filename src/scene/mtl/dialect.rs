@@ -3,6 +3,7 @@
 //!
 //! `formats/inputs.md` has a table.
 
+use crate::error::Warnings;
 use std::path::Path;
 
 use glam::Vec3;
@@ -56,7 +57,7 @@ impl MtlMaterial {
 }
 
 /// Notes who wrote the materials of a file with these comments before the first, and turns what is written the other way round.
-pub(super) fn read_as_written(path: &Path, head: &str, materials: &mut [MtlMaterial], warnings: &mut Vec<String>) {
+pub(super) fn read_as_written(path: &Path, head: &str, materials: &mut [MtlMaterial], warnings: &mut Warnings) {
     let place = path.display();
     let is_plain = |m: &MtlMaterial| m.ior.is_some_and(|ior| (ior - 1.0).abs() < SLACK);
     let writer = if head.contains("Blender") {
@@ -90,8 +91,9 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> (Vec<MtlMaterial>, Vec<String>) {
-        let mut lines = Vec::new();
-        (parse(Path::new("a.mtl"), text.as_bytes(), &mut lines).unwrap(), lines)
+        let mut warnings = Warnings::new();
+        let materials = parse(Path::new("a.mtl"), text.as_bytes(), &mut warnings).unwrap();
+        (materials, warnings.lines())
     }
 
     #[test]

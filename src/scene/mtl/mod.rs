@@ -13,7 +13,7 @@ use std::path::Path;
 use glam::Vec3;
 
 use super::lines::{LineError, Lines, text_of, without_comment};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warnings};
 pub(super) use dialect::Writer;
 pub(super) use look::{MtlLook, Through, look_of};
 pub(super) use maps::MtlMap;
@@ -57,7 +57,7 @@ const KEYS: [&str; 15] =
 ///
 /// # Errors
 /// What is no text.
-pub(super) fn parse(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Result<Vec<MtlMaterial>> {
+pub(super) fn parse(path: &Path, text: &[u8], warnings: &mut Warnings) -> Result<Vec<MtlMaterial>> {
     let mut materials: Vec<MtlMaterial> = Vec::new();
     let mut left_out = LeftOut::default();
     let (mut reader, mut line, mut head) = (text, Vec::new(), String::new());
@@ -107,7 +107,7 @@ pub(super) fn parse(path: &Path, text: &[u8], warnings: &mut Vec<String>) -> Res
 }
 
 impl LeftOut {
-    fn report(&self, path: &Path, warnings: &mut Vec<String>) {
+    fn report(&self, path: &Path, warnings: &mut Warnings) {
         let place = path.display();
         let (count, line) = self.before_first;
         if count > 0 {
@@ -204,7 +204,7 @@ mod tests {
     use super::*;
 
     fn read(text: &str) -> Vec<MtlMaterial> {
-        parse(Path::new("a.mtl"), text.as_bytes(), &mut Vec::new()).unwrap()
+        parse(Path::new("a.mtl"), text.as_bytes(), &mut Warnings::new()).unwrap()
     }
 
     #[test]
@@ -230,15 +230,17 @@ mod tests {
     fn bad_values_are_left_out_with_their_line() {
         let bad = ["Kd 1 x 1", "Kd 1 2", "Ns", "Kd nan 0 0", "Kd -1 0 0", "map_Kd", "d", "illum x", "Kd xyz 1 1 1"];
         for text in bad {
-            let mut lines = Vec::new();
+            let mut warnings = Warnings::new();
             let text = format!("newmtl a\n{text}\nKs 0.5 0.5 0.5\n");
-            let material = parse(Path::new("a.mtl"), text.as_bytes(), &mut lines).unwrap().remove(0);
+            let material = parse(Path::new("a.mtl"), text.as_bytes(), &mut warnings).unwrap().remove(0);
+            let lines = warnings.lines();
             assert!(lines.len() == 1 && lines[0].contains("a.mtl") && lines[0].contains("line 2"), "{text}: {lines:?}");
             let rest = MtlMaterial { name: "a".into(), specular: Some(Vec3::splat(0.5)), ..Default::default() };
             assert_eq!(material, rest);
         }
-        let mut lines = Vec::new();
-        let found = parse(Path::new("a.mtl"), b"\nKd 1 1 1\nNs 20\nnewmtl a\nKd 1 1 1\n", &mut lines).unwrap();
+        let mut warnings = Warnings::new();
+        let found = parse(Path::new("a.mtl"), b"\nKd 1 1 1\nNs 20\nnewmtl a\nKd 1 1 1\n", &mut warnings).unwrap();
+        let lines = warnings.lines();
         assert_eq!((found.len(), found[0].diffuse, found[0].shininess), (1, Some(Vec3::ONE), None));
         assert!(lines.len() == 1 && lines[0].contains("2 statements") && lines[0].contains("line 2"), "{lines:?}");
     }

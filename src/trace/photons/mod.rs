@@ -357,7 +357,7 @@ impl Photons {
                 break;
             }
             if !(sending.goes_on)(Numbers { maps: count, ..numbers }.all()) {
-                return Err(Error::Interrupted("while photons were sent; the same command goes on".into()));
+                return Err(Error::interrupted_keeping("while photons were sent"));
             }
         }
         if let Some(pages) = pages {
@@ -534,7 +534,7 @@ mod tests {
         let (world, settings) = room();
         let sending = Sending { folder: None, goes_on: &|_| false };
         let stopped = Photons::new(&world, PIXELS, settings, sending, MAP_BYTES);
-        assert!(matches!(stopped, Err(Error::Interrupted(_))));
+        assert!(matches!(stopped, Err(Error::Interrupted { .. })));
         let sending = Sending { folder: Some(Path::new("/nowhere/at/all")), goes_on: &|_| true };
         let refused = Photons::new(&world, PIXELS, settings, sending, 0).unwrap_err().to_string();
         assert!(refused.contains("/nowhere/at/all"), "{refused}");

@@ -110,7 +110,7 @@ pub(super) fn middle(scene: Scene) -> Vec3 {
     let settings = TraceSettings { samples_per_pixel: 1024, seed: 1, max_depth: 2 };
     let (width, height) = (scene.camera.width, scene.camera.height);
     assert_eq!(width, height, "the camera is square");
-    let scene = LoadedScene::new(scene, Default::default(), Vec::new()).sized(3, 3).scene;
+    let scene = LoadedScene::new(scene, Default::default(), Default::default()).sized(3, 3).scene;
     let tracer = Tracer::new(scene, shape, settings).unwrap();
     let mut traced = TracedBlock::default();
     tracer.trace_block(shape.blocks().next().unwrap(), &mut traced);
@@ -142,7 +142,7 @@ pub(super) fn as_plain(json: &Value) {
 /// It shows what the plain file shows, and says these words once.
 pub(super) fn as_plain_but_says(json: &Value, words: &str) {
     let loaded = read(json);
-    let said = loaded.warnings.iter().filter(|warning| warning.contains(words)).count();
+    let said = loaded.warnings.iter().filter(|warning| warning.text.contains(words)).count();
     assert_eq!(said, 1, "'{words}' in {:?}", loaded.warnings);
     near(middle(loaded.scene), Vec3::splat(PLAIN));
 }

@@ -26,7 +26,7 @@ pub(super) fn names(folder: &Path) {
 }
 
 pub(super) fn view_layers(folder: &Path) {
-    assert!(refused(&folder.join("two.exr")).contains("--layers"));
+    assert!(refused(&folder.join("two.exr")).contains("`LayerPattern`"));
     assert_eq!(names_of(&folder.join("groups_in_bg_only.exr")), ["fill", "key"]);
 }
 

@@ -71,7 +71,7 @@ pub(super) fn other_shapes() {
         ("3, 4, 5, 4", 240, "a[..., :3]"),
         ("2, 3, 4, 5", 120, "transpose(0, 2, 3, 1)"),
         ("4, 5, 3, 7", 420, "numpy.moveaxis(a, -1, 0)"),
-        ("2, 2, 4, 5, 3", 240, "--texels"),
+        ("2, 2, 4, 5, 3", 240, "`take_for_texels`"),
         ("7,", 7, "[lights, height, width, 3]"),
     ] {
         std::fs::write(&path, npy("<f4", "False", shape, &floats32(count))).unwrap();

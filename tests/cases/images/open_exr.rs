@@ -308,7 +308,10 @@ pub(super) fn stereo_lights() {
     let (_folder, path) = file("a.exr");
     constant(&EYES, &Exr::new(2, 2), &path);
     let error = refused(&path);
-    assert!(error.contains("'left' and 'right'") && error.contains(r"--layers '^V\.Combined_(.+)\.left$'"), "{error}");
+    assert!(
+        error.contains("'left' and 'right'") && error.contains(r"`LayerPattern` '^V\.Combined_(.+)\.left$'"),
+        "{error}"
+    );
     let right = lights(&path, Some(r"^V\.Combined_(.+)\.right$")).unwrap();
     assert_eq!((right.names, right.has_sum, right.images[1][0]), (vec!["key".to_owned()], true, [2.0; 3]));
     let exr = Exr::new(2, 2).with("multiView", "stringvector", strings(&["main", "other"]));
@@ -320,7 +323,7 @@ pub(super) fn two_view_layers() {
     let (_folder, path) = file("a.exr");
     let two = ["A.Combined", "A.Combined_a", "B.Combined", "B.Combined_b"].map(|name| (name, [1.0; 3]));
     constant(&two, &Exr::new(2, 2), &path);
-    assert!(refused(&path).contains("--layers"));
+    assert!(refused(&path).contains("`LayerPattern`"));
     constant(&[two[1], two[3]], &Exr::new(2, 2), &path);
     assert!(refused(&path).contains("two view layers"));
     // Only one of them has lights.

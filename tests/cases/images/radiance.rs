@@ -178,7 +178,7 @@ pub(super) fn sky_of(folder: &std::path::Path, map: &str) -> (Vec<[f32; 3]>, Str
 
 pub(super) fn sky_weights(path: &std::path::Path) -> (Vec<[f32; 3]>, String) {
     let loaded = ltm::scene::load(path).unwrap();
-    (loaded.scene.basis.scene_weights(), loaded.warnings.join("\n"))
+    (loaded.scene.basis.scene_weights(), loaded.warnings.lines().join("\n"))
 }
 
 pub(super) fn sky() {

@@ -163,7 +163,7 @@ pub(super) fn lights(path: &Path, layers: Option<&str>) -> ltm::Result<Lights> {
         Ok(())
     })?;
     assert!(images.iter().flatten().flatten().all(|v| !v.is_nan()), "every pixel is handed over");
-    let warnings = set.warnings.join("\n");
+    let warnings = set.warnings.lines().join("\n");
     Ok(Lights { names: set.lights, size: (width, height), images, has_sum: set.has_sum, warnings })
 }
 
@@ -183,7 +183,7 @@ pub(super) fn imported(path: &Path) -> (Vec<String>, Option<f64>, String) {
         ImportedMatrix::read(&set, ImageNoise::Unknown, "test", &place, 32, &PackOptions::default(), &NoProgress)
             .unwrap();
     let names = matrix.job().basis.lights().iter().map(|light| light.name.clone()).collect();
-    (names, matrix.sum_difference, matrix.warnings.join("\n"))
+    (names, matrix.sum_difference, matrix.warnings.lines().join("\n"))
 }
 
 pub(super) fn near(found: [f32; 3], wanted: [f32; 3], tolerance: f32) {

@@ -10,7 +10,10 @@ use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use ltm::error::Warning;
 use ltm::resources::{PeakMemory, Progress};
+
+use crate::words::in_flags;
 
 /// Time between two lines of progress.
 const LINES_APART: Duration = Duration::from_millis(100);
@@ -144,6 +147,10 @@ impl Progress for Console {
         }
     }
 
+    fn warn(&self, warning: &Warning) {
+        self.note(&warning.worded(in_flags));
+    }
+
     fn interrupted(&self) -> bool {
         INTERRUPTED.load(Ordering::SeqCst)
     }
@@ -248,7 +255,7 @@ pub fn finish(program: &str, result: ltm::Result<()>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("{program}: {}", plain(&error.to_string()));
+            eprintln!("{program}: {}", plain(&error.worded(in_flags)));
             ExitCode::from(error.exit_code())
         }
     }

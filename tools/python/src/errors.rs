@@ -13,12 +13,14 @@ use pyo3::exceptions::{
 };
 use pyo3::prelude::*;
 
+use crate::words::in_arguments;
+
 create_exception!(ltm, DamagedError, PyException, "A file is damaged or cut short: repair it or make it again.");
 create_exception!(ltm, NoGpuError, PyException, "A GPU was demanded and cannot be used.");
 
 /// The exception for an error, with its one line as text.
 pub(crate) fn exception(error: &Error) -> PyErr {
-    let text = error.to_string();
+    let text = error.worded(in_arguments);
     if let Error::Io { source, .. } = error {
         return match source.kind() {
             IoKind::NotFound => PyFileNotFoundError::new_err(text),

@@ -12,6 +12,7 @@ mod matrix;
 mod slice;
 mod threads;
 mod watch;
+mod words;
 
 use pyo3::prelude::*;
 

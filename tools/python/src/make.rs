@@ -3,23 +3,23 @@
 use std::path::{Path, PathBuf};
 
 use ltm::compress::Target;
-use ltm::resources::{Watch, parse_bytes};
-use ltm::light::{Job, Provenance};
-use ltm::matrix::{BlockId, BlockSink, BlockSource, CHANNELS, MatrixShape, TracedBlock};
+use ltm::light::DescribedSource;
+use ltm::matrix::{BlockSink, BlockSource, CHANNELS, TracedBlock};
 use ltm::pipeline::{self, PackOptions, PackReport, RenderOptions, RenderReport};
+use ltm::resources::{Progress, parse_bytes};
 use ltm::scene::{BuiltIn, LoadOptions, LoadedScene};
 use ltm::store::{self, StoreOptions, StoreReader, StoreWriter};
-use ltm::{Error, Result, container};
+use ltm::{Error, MemoryMatrix, Result, container};
 use numpy::PyReadonlyArrayDyn;
 use numpy::prelude::*;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sha2::{Digest, Sha256};
 
 use crate::errors::exception;
 use crate::light::{LightTuple, basis_of};
 use crate::watch::run;
+use crate::words::in_arguments;
 
 /// Options of packing as Python gives them.
 #[derive(Clone, FromPyObject)]
@@ -69,41 +69,13 @@ fn target_of(text: &str) -> Result<Target> {
     }
 }
 
-/// A matrix in memory: lights × height × width × 3.
-struct Images<'a> {
-    shape: MatrixShape,
-    values: &'a [[f32; CHANNELS]],
-}
-
-impl BlockSource for Images<'_> {
-    fn shape(&self) -> MatrixShape {
-        self.shape
-    }
-
-    fn read_block(&self, id: BlockId, target: &mut TracedBlock) -> Result<()> {
-        let (rect, width) = (self.shape.rect(id), self.shape.width() as usize);
-        target.block.reset(rect.rows(), self.shape.columns());
-        (target.noise, target.planes) = (None, None);
-        let images = self.values.chunks_exact(width * self.shape.height() as usize);
-        for (image, column) in images.zip(target.block.entries_mut().chunks_exact_mut(rect.rows())) {
-            for (channel, plane) in column.chunks_exact_mut(rect.pixels()).enumerate() {
-                for (y, row) in plane.chunks_exact_mut(rect.width as usize).enumerate() {
-                    let pixels = &image[(rect.y as usize + y) * width + rect.x as usize..];
-                    row.iter_mut().zip(pixels).for_each(|(entry, pixel)| *entry = pixel[channel]);
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
 /// Runs `work` with a matrix in memory and the job that describes it.
 fn with_images<T: Send>(
     py: Python<'_>,
     array: &PyReadonlyArrayDyn<'_, f32>,
     (lights, source, block_side): (Vec<LightTuple>, String, u32),
     progress: Option<&Bound<'_, PyAny>>,
-    work: impl FnOnce(&Images, &Job, &dyn Watch) -> Result<T> + Send,
+    work: impl FnOnce(&MemoryMatrix<'_>, &dyn Progress) -> Result<T> + Send,
 ) -> PyResult<T> {
     let &[columns, height, width, CHANNELS] = array.shape() else {
         return Err(PyValueError::new_err("the array has not the shape lights × height × width × 3"));
@@ -114,21 +86,14 @@ fn with_images<T: Send>(
     let (values, _) = array.as_slice()?.as_chunks::<CHANNELS>();
     run(py, progress, |watch| {
         let side = |value: usize| u32::try_from(value).unwrap_or(u32::MAX);
-        let shape = MatrixShape::new(side(width), side(height), side(columns), block_side)?;
         let basis = basis_of(lights)?;
         if basis.column_count() != columns {
             let problem = format!("have {} columns, the array {columns}", basis.column_count());
             return Err(Error::input("lights", problem, "give one name for each image"));
         }
-        let content = values.chunks(1 << 16).fold(Sha256::new(), |mut hash, values| {
-            let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
-            hash.update(&bytes);
-            hash
-        });
         let program = format!("ltm for Python {}", env!("CARGO_PKG_VERSION"));
-        let provenance = Provenance { source, program, content: content.finalize().into(), ..Default::default() };
-        let job = Job { shape, basis, provenance };
-        work(&Images { shape, values }, &job, watch)
+        let matrix = MemoryMatrix::from_array(values, (side(width), side(height)), basis)?;
+        work(&matrix.with_block_side(block_side)?.made_by(source, program), watch)
     })
 }
 
@@ -147,8 +112,8 @@ pub(crate) fn pack_array<'py>(
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let options = choices.options().map_err(|error| exception(&error))?;
-    let report = with_images(py, &array, (lights, source, block_side), progress.as_ref(), |images, job, watch| {
-        pipeline::pack(images, job, &path, &options, watch)
+    let report = with_images(py, &array, (lights, source, block_side), progress.as_ref(), |matrix, watch| {
+        pipeline::pack(matrix, matrix.job(), &path, &options, watch)
     })?;
     pack_report(py, &report)
 }
@@ -167,19 +132,20 @@ pub(crate) fn write_array<'py>(
     overwrite: bool,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<()> {
-    with_images(py, &array, (lights, source, block_side), progress.as_ref(), |images, job, watch| {
+    with_images(py, &array, (lights, source, block_side), progress.as_ref(), |matrix, watch| {
+        let job = matrix.job();
         let writer = StoreWriter::create_or_resume(&path, job, StoreOptions { overwrite, ..Default::default() })?;
         watch.begin("writing", u64::from(job.shape.block_count()), "blocks");
         let mut block = TracedBlock::default();
         for id in job.shape.blocks() {
             if watch.interrupted() {
-                return Err(Error::Interrupted("the same call continues".into()));
+                return Err(Error::interrupted_keeping("what is written stays"));
             }
             if writer.is_committed(id) {
                 watch.advance(1, 0, "B");
                 continue;
             }
-            images.read_block(id, &mut block)?;
+            matrix.read_block(id, &mut block)?;
             writer.write_block(id, &block)?;
             watch.advance(1, 0, "B");
         }
@@ -264,7 +230,7 @@ pub(crate) fn render<'py>(
     let RenderChoices { overwrite, memory_bytes, .. } = choices;
     let (render, packed) = run(py, progress.as_ref(), |watch| {
         let mut loaded = scene.load(LoadOptions { allow_missing, allow_outside, memory_bytes, camera })?;
-        loaded.warnings.iter().for_each(|line| watch.note(line));
+        loaded.warnings.iter().for_each(|warning| watch.warn(warning));
         if let Some((width, height)) = size {
             loaded = loaded.sized(width, height);
         }
@@ -306,7 +272,7 @@ fn pack_report<'py>(py: Python<'py>, report: &PackReport) -> PyResult<Bound<'py,
     said.set_item("sparse_entries", report.sparse_entries)?;
     said.set_item("relative_l2", report.relative_l2)?;
     said.set_item("replaced_entries", report.replaced.count())?;
-    said.set_item("short_of_target", report.short_of_target.map(|shortfall| shortfall.to_string()))?;
+    said.set_item("short_of_target", report.short_of_target.map(|shortfall| shortfall.warning().worded(in_arguments)))?;
     said.set_item("blocks_kept", report.blocks_kept)?;
     Ok(said)
 }

@@ -4,17 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 use ltm::container::ContainerReader;
-use ltm::blob_store::is_object;
-use ltm::resources::{budget_bytes, hold_to_memory};
 use ltm::light::{Job, Lighting};
 use ltm::matrix::{BlockId, CHANNELS, FEATURE_PLANES, FactorSource, MatrixShape, PixelRect};
-use ltm::pipeline::{
-    Features, PASSES, RelightOptions, check_matrix_path, open_container, passes_need_bytes, relight_passes,
-};
+use ltm::pipeline::{Features, PASSES, RelightOptions, passes_need_bytes, relight_passes};
 use ltm::relight::{CpuRelighter, adjoint_raw, adjoint_streaming, relight_region_raw, relight_region_streaming};
+use ltm::resources::{budget_bytes, hold_to_memory};
 use ltm::scene::{Camera, in_file, stated_origin};
 use ltm::store::StoreReader;
-use ltm::{Error, Result};
+use ltm::{Error, MatrixFile, Result};
 use numpy::prelude::*;
 use numpy::{PyArray1, PyArrayDyn, PyReadonlyArrayDyn, PyReadwriteArrayDyn};
 use pyo3::exceptions::PyValueError;
@@ -36,23 +33,10 @@ pub(crate) enum Source {
 impl Source {
     /// Opens either kind, by its name or else by what it holds.
     fn open(path: &Path) -> Result<Self> {
-        let is = |wanted: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted));
-        if is_object(path) {
-            if is("ltm") {
-                check_matrix_path(path)?;
-            }
-            return open_container(path).map(Arc::new).map(Self::Container);
-        }
-        if is("ltc") {
-            return ContainerReader::open(path).map(Arc::new).map(Self::Container);
-        }
-        if is("ltm") || is("part") {
-            return StoreReader::open(path).map(Box::new).map(Self::Matrix);
-        }
-        match ContainerReader::open(path) {
-            Err(Error::Input { .. }) => StoreReader::open(path).map(Box::new).map(Self::Matrix),
-            other => other.map(Arc::new).map(Self::Container),
-        }
+        Ok(match MatrixFile::open(path)? {
+            MatrixFile::Container(container) => Self::Container(Arc::from(container)),
+            MatrixFile::Stored(matrix) => Self::Matrix(matrix),
+        })
     }
 
     pub(crate) fn job(&self) -> &Job {

@@ -9,11 +9,13 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use ltm::Result;
-use ltm::resources::Watch;
+use ltm::error::Warning;
+use ltm::resources::Progress;
 use pyo3::prelude::*;
 
 use crate::errors::{exception, panic_exception};
 use crate::threads::on_pool;
+use crate::words::in_arguments;
 
 /// How often signals and progress are looked at.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -48,7 +50,7 @@ impl Shared {
     }
 }
 
-impl Watch for Shared {
+impl Progress for Shared {
     fn begin(&self, stage: &str, total: u64, _: &str) {
         let mut said = self.said();
         said.stage = Some(Stage { name: stage.to_owned(), done: 0, total });
@@ -69,6 +71,10 @@ impl Watch for Shared {
         self.said().notes.push(line.to_owned());
     }
 
+    fn warn(&self, warning: &Warning) {
+        self.note(&warning.worded(in_arguments));
+    }
+
     fn interrupted(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
@@ -80,7 +86,7 @@ impl Watch for Shared {
 pub(crate) fn run<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
-    job: impl FnOnce(&dyn Watch) -> Result<T> + Send,
+    job: impl FnOnce(&dyn Progress) -> Result<T> + Send,
 ) -> PyResult<T> {
     let shared = Shared::default();
     let mut raised = None;

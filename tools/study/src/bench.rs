@@ -127,7 +127,7 @@ impl<'a> Bench<'a> {
     /// Errors: the user asked to stop.
     pub(super) fn stop_if_interrupted(&self) -> Result<()> {
         match self.watch.interrupted() {
-            true => Err(Error::Interrupted(format!("the study {} is not finished; its matrices are kept", self.study))),
+            true => Err(Error::interrupted(format!("the study {} is not finished; its matrices are kept", self.study))),
             false => Ok(()),
         }
     }

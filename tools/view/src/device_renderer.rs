@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use super::display::Display;
 use super::metered::Metered;
 use super::renderer::Desk;
+use super::words::line;
 use super::worker::{Event, PictureProgress, Request, Seen, SharedDevice, Wishes};
 use ltm::error::{Error, Result};
 use ltm::image::LinearImage;
@@ -151,7 +152,7 @@ impl Desk {
 
     fn lose_device(&mut self, error: &Error) {
         self.device = None;
-        self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU")));
+        self.outbox.send(Event::Failed(format!("{}; relighting on the CPU", line(&error))));
     }
 
     /// The next wishes; while there are none, the values of what is shown are read. None after the stop.

@@ -36,6 +36,7 @@ pub mod work;
 pub mod worker;
 
 mod window;
+mod words;
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -63,7 +63,7 @@ impl<'a> Metered<'a> {
 
     fn check_stop(&self) -> Result<()> {
         match self.stop.load(Ordering::Relaxed) {
-            true => Err(Error::Interrupted("the window was closed".into())),
+            true => Err(Error::interrupted("the window was closed")),
             false => Ok(()),
         }
     }

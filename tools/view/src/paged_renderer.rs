@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use super::metered::Metered;
 use super::renderer::{Desk, Pace};
+use super::words::line;
 use super::worker::{Event, PictureProgress, Request, SharedDevice, most_bytes, nearest_first};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
@@ -161,7 +162,7 @@ impl Desk {
         if device.is_some() {
             match self.serve_pages(source, metered, &ids, (budget_bytes, device)) {
                 Err(error @ (Error::NoGpu(_) | Error::Resources { .. })) => {
-                    self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU")));
+                    self.outbox.send(Event::Failed(format!("{}; relighting on the CPU", line(&error))));
                 }
                 outcome => return outcome,
             }

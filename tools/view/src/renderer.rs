@@ -9,6 +9,7 @@ use super::device_renderer::OnDevice;
 use super::display::{Display, Shown};
 use super::metered::Metered;
 use super::reach::{per_light, pixel_rows};
+use super::words::line;
 use super::worker::{Compared, Event, Outbox, Picture, PictureProgress, Request, Seen, Shared, SharedDevice, Wishes};
 use ltm::container::ContainerReader;
 use ltm::error::{Error, Result};
@@ -97,8 +98,8 @@ impl Desk {
         if let Some(device) = device {
             match OnDevice::load(device, metered) {
                 Ok(device) => (self.device, whole) = (Some(device), None),
-                Err(error @ Error::Interrupted(_)) => return Err(error),
-                Err(error) => self.outbox.send(Event::Failed(format!("{error}; relighting on the CPU"))),
+                Err(error @ Error::Interrupted { .. }) => return Err(error),
+                Err(error) => self.outbox.send(Event::Failed(format!("{}; relighting on the CPU", line(&error)))),
             }
         }
         self.has_loaded(whole.as_ref());
@@ -209,7 +210,7 @@ impl Desk {
             return false;
         }
         let before = std::mem::take(&mut *self.shared.wishes());
-        self.outbox.send(Event::Failed(format!("{error}; it is tried again with the next change")));
+        self.outbox.send(Event::Failed(format!("{}; it is tried again with the next change", line(&error))));
         let newer = self.shared.wait().unwrap_or_default();
         self.shared.wishes().add_older(newer);
         self.shared.wishes().add_older(before);
@@ -218,7 +219,7 @@ impl Desk {
 
     pub(super) fn tell(&self, outcome: Result<()>) {
         match outcome {
-            Err(error) if !self.shared.stopped() => self.outbox.send(Event::Failed(error.to_string())),
+            Err(error) if !self.shared.stopped() => self.outbox.send(Event::Failed(line(&error))),
             _ => {}
         }
     }

@@ -17,6 +17,7 @@ use super::reach::TexelReach;
 use super::renderer::Desk;
 use super::surfaces::Surfaces;
 use super::unsaved::LeftBehind;
+use super::words::line;
 use ltm::container::ContainerReader;
 use ltm::error::Result;
 use ltm::image::LinearImage;
@@ -304,7 +305,7 @@ impl Worker {
                 if let Err(error) = work(&source, means, &shared, &outbox)
                     && !shared.stopped()
                 {
-                    outbox.send(Event::Failed(error.to_string()));
+                    outbox.send(Event::Failed(line(&error)));
                 }
             })
         };
@@ -327,7 +328,7 @@ impl Worker {
     /// [`Event::Brought`].
     pub fn beside(&self, work: impl FnOnce() -> Result<Brought> + Send + 'static) {
         let outbox = self.outbox.clone();
-        std::thread::spawn(move || outbox.send(Event::Brought(work().map_err(|error| error.to_string()))));
+        std::thread::spawn(move || outbox.send(Event::Brought(work().map_err(|error| line(&error)))));
     }
 
     /// The events since the last call.

@@ -21,6 +21,7 @@ use crate::WindowOptions;
 use crate::export::write_rgba;
 use crate::recent::{Recent, RecentKind};
 use crate::unsaved::LeftBehind;
+use crate::words::line;
 use crate::worker::{Means, PictureProgress, SharedDevice};
 use ltm::error::{Error, Result};
 
@@ -129,7 +130,7 @@ impl App {
             }
             Err(error) => {
                 if self.screenshot.is_some() {
-                    self.message = Some(error.to_string());
+                    self.message = Some(line(&error));
                     return self.fail(context, error);
                 }
                 self.tell(Err(error));
@@ -147,7 +148,7 @@ impl App {
             }
             Err(error) => {
                 let old = self.document.insert(old);
-                old.files.message = Some((format!("cannot be reloaded: {error}"), true));
+                old.files.message = Some((format!("cannot be reloaded: {}", line(&error)), true));
             }
         }
     }
@@ -460,8 +461,8 @@ impl App {
     fn tell(&mut self, outcome: Result<()>) {
         let Err(error) = outcome else { return };
         match &mut self.document {
-            Some(document) => document.files.message = Some((error.to_string(), true)),
-            None => self.message = Some(error.to_string()),
+            Some(document) => document.files.message = Some((line(&error), true)),
+            None => self.message = Some(line(&error)),
         }
     }
 

@@ -9,6 +9,7 @@ use super::document::Document;
 use crate::looks;
 use crate::mixer::Mix;
 use crate::unsaved::{LeftBehind, Unsaved};
+use crate::words::line;
 use crate::worker::Brought;
 use ltm::error::Result;
 
@@ -78,7 +79,7 @@ impl Document {
             match Unsaved::begin(&state_folder, &self.session.path) {
                 Ok(place) => self.autosave.place = Some(place),
                 Err(error) => {
-                    self.files.message = Some((format!("unsaved work is not kept: {error}"), true));
+                    self.files.message = Some((format!("unsaved work is not kept: {}", line(&error)), true));
                     // Not once more in each frame.
                     self.autosave.state_folder = None;
                     return;
@@ -97,7 +98,7 @@ impl Document {
         self.autosave.is_writing = false;
         match outcome {
             Ok(()) => self.autosave.recovered.take().into_iter().for_each(LeftBehind::forget),
-            Err(error) => self.files.message = Some((format!("unsaved work is not kept: {error}"), true)),
+            Err(error) => self.files.message = Some((format!("unsaved work is not kept: {}", line(&error)), true)),
         }
     }
 }

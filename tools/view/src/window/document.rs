@@ -22,6 +22,7 @@ use crate::file_watch::FileChange;
 use crate::looks::Saved;
 use crate::mixer::Mix;
 use crate::rows::Row;
+use crate::words::line;
 use crate::work::Work;
 use crate::worker::{Brought, Event, Means, Picture, Request, Session};
 use ltm::error::Result;
@@ -214,7 +215,7 @@ impl Document {
                 }
                 Event::Brought(brought) => {
                     self.files.beside -= 1;
-                    let outcome = brought.and_then(|brought| self.take(brought).map_err(|error| error.to_string()));
+                    let outcome = brought.and_then(|brought| self.take(brought).map_err(|error| line(&error)));
                     self.files.message = match outcome {
                         Ok(message) => Some((message, false)),
                         Err(message) => Some((message, true)),
@@ -283,7 +284,7 @@ impl Document {
         if relit {
             match self.work.mix.lighting(self.session.basis()) {
                 Ok(lighting) => self.requests.lighting = Arc::new(lighting),
-                Err(error) => self.files.message = Some((error.to_string(), true)),
+                Err(error) => self.files.message = Some((line(&error), true)),
             }
             self.requests.lit = Some(self.work.mix.clone());
             if let Some(reach) = &self.requests.reach {

@@ -12,6 +12,7 @@ use super::view_panel::short;
 use crate::display::Shown;
 use crate::meter::{Area, Field, Figures, Label, Measured, Scale, coloured, labels, measure};
 use crate::surfaces::Surfaces;
+use crate::words::line;
 use crate::worker::Brought;
 
 /// What is known of the surfaces.
@@ -111,7 +112,7 @@ impl Document {
         self.meter.known = Known::Reading;
         let (path, container) = (self.session.path.clone(), self.session.container.clone());
         self.session.worker.beside(move || {
-            let surfaces = Surfaces::beside(&path, &container).map_err(|error| error.to_string());
+            let surfaces = Surfaces::beside(&path, &container).map_err(|error| line(&error));
             Ok(Brought::Surfaces(surfaces.map(Arc::new)))
         });
     }
@@ -148,7 +149,7 @@ impl Document {
                 }
                 Err(error) => {
                     (meter.shows, meter.scale) = (None, None);
-                    self.files.message = Some((error.to_string(), true));
+                    self.files.message = Some((line(&error), true));
                 }
             }
         }

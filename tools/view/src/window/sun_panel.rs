@@ -5,6 +5,7 @@ use eframe::egui::{DragValue, RichText, Ui};
 use super::document::Document;
 use super::theme::{WEAK, section};
 use crate::sun::{PlacedSun, choose_sun, nearest_texel, suns};
+use crate::words::line;
 use ltm::light::Light;
 
 /// Puts the sun onto a texel of a sky.
@@ -110,7 +111,7 @@ fn by_date(ui: &mut Ui, document: &mut Document) -> Option<[f32; 3]> {
                 format!("{:.1}° from north, {:.1}° high", angles.azimuth, angles.elevation)
             }
             Ok(_) => "below the horizon".to_owned(),
-            Err(error) => error.to_string(),
+            Err(error) => line(&error),
         };
         ui.label(RichText::new(text).size(11.5).color(WEAK));
     });

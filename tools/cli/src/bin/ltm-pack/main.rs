@@ -16,6 +16,7 @@ use ltm::store::StoreReader;
 use ltm::{Error, Result};
 use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{self, Console, EXIT_CODES, peak_memory_bytes};
+use ltm_cli::words::in_flags;
 use ltm_cli::{names, say};
 
 /// Compress a stored light transport matrix (.ltm), or images of single lights that other programs rendered, into a
@@ -195,7 +196,7 @@ fn pack_options(arguments: &Arguments) -> PackOptions {
 
 fn pack(matrix: &dyn BlockSource, job: &Job, output: &Path, arguments: &Arguments, console: &Console) -> Result<()> {
     let report = pipeline::pack(matrix, job, output, &pack_options(arguments), console)?;
-    format!("{}: {report}", output.display()).lines().for_each(|line| say!("{line}"));
+    format!("{}: {}", output.display(), report.worded(in_flags)).lines().for_each(|line| say!("{line}"));
     say_errors(&report, &job.basis);
     say!(
         "{:.1} s, {}/s of raw input, peak memory {}",

@@ -6,6 +6,7 @@ use ltm::light::column_name;
 use ltm::pipeline::{BlockComparison, ImportedMatrix, WorstEntry, total_relative_l2};
 use ltm_cli::console::plain;
 use ltm_cli::say;
+use ltm_cli::words::in_flags;
 
 /// Blocks that the table of a comparison lists at most.
 const MAX_BLOCKS: usize = 48;
@@ -36,7 +37,7 @@ pub(crate) fn print_matches(matrix: &ImportedMatrix) {
         }
         None => say!("no image under all lights: whether the lights add up cannot be checked"),
     }
-    matrix.warnings.iter().for_each(|warning| eprintln!("warning: {}", plain(warning)));
+    matrix.warnings.worded(in_flags).iter().for_each(|warning| eprintln!("warning: {}", plain(warning)));
 }
 
 /// The error of each block (of the worst ones, where there are many) and the worst place.

@@ -17,6 +17,7 @@ use crate::input::{Overrides, SceneFiles};
 use ltm_cli::compression::Compression;
 use ltm_cli::console::Console;
 use ltm_cli::say;
+use ltm_cli::words::in_flags;
 
 /// What the file says that it is.
 const FORMAT: &str = "ltm plan 1";
@@ -229,7 +230,7 @@ impl Planned {
         };
         let overrides = Overrides { samples: number(&self.value["samples"]), seed: self.value["seed"].as_u64(), size };
         let loaded = overrides.of(pipeline::load_scene(&scene, load)?);
-        loaded.warnings.iter().for_each(|warning| console.note(&format!("warning: {warning}")));
+        loaded.warnings.worded(in_flags).iter().for_each(|warning| console.note(&format!("warning: {warning}")));
         let words = self.value["compression"].as_array().ok_or_else(|| refuse("compression"))?;
         let words = words.iter().filter_map(Value::as_str);
         let line =

@@ -266,7 +266,7 @@ impl<'a> Task<'a> {
         console.begin("frames", range.len() as u64, "frames");
         let written = range.clone().try_for_each(|frame| {
             if console.interrupted() {
-                return Err(Error::Interrupted(format!("frames before {frame} are written")));
+                return Err(Error::interrupted(format!("frames before {frame} are written")));
             }
             let path = frame_path(output, frame).unwrap_or_else(|| output.clone());
             let lighting = self.restricted(frames.lighting(frame)?);

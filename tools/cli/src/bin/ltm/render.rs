@@ -16,6 +16,7 @@ use ltm::store::{Precision, StoreReader};
 use crate::input::{Overrides, SceneFiles};
 use ltm_cli::compression::{Compression, say_errors};
 use ltm_cli::console::{Console, peak_memory_bytes};
+use ltm_cli::words::in_flags;
 use ltm_cli::{names, say};
 
 #[derive(Args)]
@@ -79,7 +80,7 @@ enum Preview {
 pub(crate) fn run(options: &Render, console: &Console) -> Result<()> {
     let allowed = options.files.load_options(options.memory);
     let mut loaded = options.overrides.of(pipeline::load_scene(&options.scene, allowed)?);
-    for warning in &loaded.warnings {
+    for warning in loaded.warnings.worded(in_flags) {
         console.note(&format!("warning: {warning}"));
     }
     let extension = if options.pack { "ltc" } else { "ltm" };
@@ -159,7 +160,7 @@ fn say_reached(error: &ExposedError, samples: u32) {
 
 /// What a container is worth that was made of a scene.
 pub(crate) fn print_packed(output: &Path, packed: &PackReport) -> Result<()> {
-    packed.to_string().lines().for_each(|line| say!("{line}"));
+    packed.worded(in_flags).lines().for_each(|line| say!("{line}"));
     say_errors(packed, &ContainerReader::open(output)?.job().basis);
     say!("next: ltm relight {} -o relit.png", output.display());
     Ok(())

@@ -5,6 +5,7 @@ use std::path::Path;
 use ltm::Result;
 use ltm::scene::{LoadOptions, SceneSurvey, in_file, survey};
 use ltm_cli::say;
+use ltm_cli::words::in_flags;
 use serde_json::json;
 
 use super::{MAX_LISTED, lights_json, print_json, print_lights, print_more};
@@ -43,7 +44,7 @@ fn print(path: &Path, found: &SceneSurvey) {
     print_more(found.scene.materials.len());
     if !found.warnings.is_empty() {
         say!("remarks      {}", found.warnings.len());
-        found.warnings.iter().for_each(|line| say!("  {line}"));
+        found.warnings.worded(in_flags).iter().for_each(|line| say!("  {line}"));
     }
     if let Some(problem) = &found.refused {
         say!("cannot be rendered: {problem}");
@@ -64,6 +65,6 @@ fn print_as_json(path: &Path, found: &SceneSurvey) {
         },
         "cameras": found.cameras, "triangles": found.scene.mesh.triangles.len(),
         "columns": found.scene.basis.column_count(), "lights": lights_json(&found.scene.basis),
-        "materials": materials.collect::<Vec<_>>(), "remarks": found.warnings, "refused": found.refused,
+        "materials": materials.collect::<Vec<_>>(), "remarks": found.warnings.worded(in_flags), "refused": found.refused,
     }));
 }
