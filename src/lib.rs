@@ -28,16 +28,16 @@
 //!
 //! | module | may import |
 //! |---|---|
-//! | `error`, `encoding`, `vectors` | nothing |
+//! | `error`, `encoding`, `sections`, `vectors` | nothing |
 //! | `files`, `matrix` | `error` |
 //! | `image` | `error`, `files`, `matrix` |
-//! | `light` | `error`, `encoding`, `matrix` |
+//! | `light` | `error`, `encoding`, `sections`, `matrix` |
 //! | `look` | `error`, `files`, `light`, `image` |
 //! | `scene` | `error`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
 //! | `clean`, `compress` | `error`, `matrix`, `light`, `vectors` |
 //! | `store` | `error`, `files`, `matrix`, `light` |
-//! | `container` | `error`, `encoding`, `files`, `matrix`, `light` |
+//! | `container` | `error`, `encoding`, `sections`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
 //! | `share` | `error`, `matrix`, `light` |
 //! | `host`, `depot` | `error`, `files` |
@@ -101,6 +101,7 @@ pub mod pipeline;
 pub mod relight;
 #[cfg(feature = "scene")]
 pub mod scene;
+mod sections;
 pub mod share;
 pub mod store;
 #[cfg(feature = "scene")]

@@ -20,8 +20,9 @@ use crate::files::{check_output, replace};
 use crate::light::{Job, StatedErrors};
 use crate::matrix::{BlockId, BlockReport, FactoredBlock};
 
-/// Of [`StatedErrors`] in the file at most: 53 bytes that zstd may not make shorter, and its words for a second kind of data.
-const ERRORS_BYTES: u64 = 64;
+/// Bytes of [`StatedErrors`] in the file at most: records of 53 and heads of three sections of 8, which zstd may not make
+/// shorter, and its words for a second kind of data.
+const ERRORS_BYTES: u64 = 96;
 
 /// How a container is to be written.
 #[derive(Clone, Debug, Default)]
@@ -127,8 +128,7 @@ impl ContainerWriter {
         Ok(Self { path: path.to_owned(), job: job.clone(), lights, options, errors: StatedErrors::default(), spill })
     }
 
-    /// Has the file say what errors there are over the whole picture. Without it the file says nothing of them; those of
-    /// cleaning are said beside those of lights only, those of exposed images beside those of cleaning.
+    /// Has the file say what errors there are over the whole picture. Without it the file says nothing of them.
     pub fn state_errors(&mut self, errors: StatedErrors) {
         self.errors = errors;
     }
@@ -317,6 +317,7 @@ pub(super) fn assemble(
         }
         let mut tail = metadata::encode(job, report, errors);
         let mut trailer = Trailer {
+            version: FORMAT_VERSION,
             metadata_offset: offset,
             metadata_bytes: tail.len() as u32,
             block_count,

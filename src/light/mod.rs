@@ -21,6 +21,7 @@ pub use errors::{
 };
 pub use job::{Job, JobHash, Provenance};
 pub use lighting::Lighting;
+pub(crate) use metadata::{JOB_SECTIONS, decode_positional_job, job_of};
 pub use metadata::{decode_job, encode_job};
 pub use prior::{LightingPrior, evaluation_lightings};
 pub use probes::{PROBES, probe_lightings};

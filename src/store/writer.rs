@@ -17,7 +17,7 @@ use super::record::{Record, UnverifiedRecord};
 use super::space::crowds_out;
 use super::storage::{FileStorage, Storage, read_exact, write_all};
 use super::tile_writer::TileWriter;
-use super::{Layout, PAGE_BYTES, Precision, RECORD_BYTES};
+use super::{Layout, PAGE_BYTES, Precision, RECORD_BYTES, StoreReader};
 
 /// How a matrix is to be stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -445,14 +445,14 @@ impl<S: Storage> StoreWriter<S> {
         &self,
         id: BlockId,
         record: &Record,
-        from: &impl Storage,
+        from: &StoreReader<impl Storage>,
         scratch: &mut Vec<u8>,
     ) -> Result<()> {
         self.commit(id, || {
-            let slot = self.layout.slot_offset(id);
+            let (slot, slot_there) = (self.layout.slot_offset(id), from.layout().slot_offset(id));
             for start in (0..record.length).step_by(STAGING_BYTES) {
                 scratch.resize((record.length - start).min(STAGING_BYTES as u64) as usize, 0);
-                read_exact(from, slot + start, scratch)?;
+                read_exact(from.storage(), slot_there + start, scratch)?;
                 write_all(&self.storage, slot + start, scratch)?;
             }
             self.clear_rest(id, record.length)?;
