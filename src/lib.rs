@@ -28,18 +28,18 @@
 //!
 //! | module | may import |
 //! |---|---|
-//! | `error`, `encoding`, `sections`, `vectors` | nothing |
+//! | `error`, `decimal`, `encoding`, `sections`, `vectors` | nothing |
 //! | `files`, `matrix` | `error` |
 //! | `image` | `error`, `files`, `matrix` |
 //! | `light` | `error`, `encoding`, `sections`, `matrix` |
 //! | `look` | `error`, `files`, `light`, `image` |
-//! | `scene` | `error`, `files`, `matrix`, `light`, `image` |
+//! | `scene` | `error`, `decimal`, `files`, `matrix`, `light`, `image` |
 //! | `trace` | `error`, `matrix`, `light`, `scene` |
 //! | `clean`, `compress` | `error`, `matrix`, `light`, `vectors` |
 //! | `store` | `error`, `files`, `matrix`, `light` |
 //! | `container` | `error`, `encoding`, `sections`, `files`, `matrix`, `light` |
 //! | `relight` | `error`, `matrix`, `light`, `image` |
-//! | `share` | `error`, `matrix`, `light` |
+//! | `share` | `error`, `decimal`, `matrix`, `light` |
 //! | `host`, `depot` | `error`, `files` |
 //! | `pipeline` | `error`, `files`, `matrix`, `image`, `light`, `scene`, `trace`, `store`, `clean`, `compress`, `container`, `relight`, `share`, `host`, `depot` |
 //!
@@ -87,6 +87,7 @@
 pub mod clean;
 pub mod compress;
 pub mod container;
+mod decimal;
 pub mod depot;
 mod encoding;
 pub mod error;
