@@ -34,11 +34,7 @@ pub(super) fn of_samples(features: &Rows, channel: usize, y: usize) -> impl Iter
 /// the mean `m` of those alike, as far as what it differs by is noise: `a + α (m − a)` with `α = (v / d² − L) / (1 − L)` from 0 to 1, where
 /// `v` is the variance of the albedo, `d²` the square of `a − m`, both means around the pixel, and `L` is
 /// [`LEAST_MIRRORED_NOISE`]; with `L = 0` that is the share of least risk (Stein 1981). Elsewhere it stays as sharp as surfaces are.
-pub(super) fn of_filtered(
-    (features, variance): (&Rows, &Rows),
-    region: &Region,
-    (surfaces, pool): (&Surfaces, &Pool),
-) -> Rows {
+pub(super) fn of_filtered(features: &Rows, variance: &Rows, region: &Region, surfaces: &Surfaces, pool: &Pool) -> Rows {
     let compared = region.grown(MEAN_REACH, features);
     let read = compared.grown(MIRRORED, features);
     let mut albedo = pool.rows_like(features, CHANNELS, read.y.clone());

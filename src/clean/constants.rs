@@ -58,7 +58,8 @@ pub(super) const DIRECT_RELATIVE: f32 = 0.05;
 /// for each, on `conference-24` at 1024 × 768 pixels, of which single lamps looked blotched.
 pub(super) const INDIRECT_PILOT_NOISE: f32 = 1.0;
 pub(super) const INDIRECT_PILOT_RELATIVE: f32 = 0.05;
-pub(super) const INDIRECT_STRIDE: (usize, usize) = (3, 4);
+pub(super) const MIN_INDIRECT_STRIDE: usize = 3;
+pub(super) const MAX_INDIRECT_STRIDE: usize = 4;
 pub(super) const SIDE_OF_STRIDE: f64 = 110.0;
 /// Steps of that size that it reaches.
 pub(super) const INDIRECT_WIDE: usize = 6;
@@ -69,24 +70,27 @@ pub(super) const INDIRECT_RELATIVE: f32 = 0.03;
 /// Each image of indirect light by itself, after that: steps that its filter reaches and pixels of a step, widths and the slope. Chosen on
 /// `conference-24`, `mixed` and `cornell-glossy` at 16 samples, as the picture study has them. The same of direct light gained a
 /// thousandth of FLIP there, took as long again, and under a sky of 64 samples lost 6 dB.
-pub(super) const ALONE: (usize, usize) = (6, 4);
+pub(super) const ALONE_STEPS: usize = 6;
+pub(super) const ALONE_STEP_PIXELS: usize = 4;
 pub(super) const ALONE_NOISE: f32 = 1.4;
 pub(super) const ALONE_SLOPE: f32 = 0.03;
 pub(super) const ALONE_RELATIVE: f32 = 0.03;
 /// Large images have two passes of that in place of one: a near pass, then a far pass. Steps that the near pass reaches and pixels of a
 /// step, and its width. All constants of both passes were chosen on three lamps of `conference-24` at 1024 × 768 pixels, 16 and 64
 /// samples, which had soft blotches: ꟻLIP fell by 12 to 8 % and by 7 to 2 %.
-pub(super) const ALONE_NEAR: (usize, usize) = (4, 5);
+pub(super) const ALONE_NEAR_STEPS: usize = 4;
+pub(super) const ALONE_NEAR_STEP_PIXELS: usize = 5;
 pub(super) const ALONE_NEAR_NOISE: f32 = 2.0;
 /// Steps that the far pass reaches, and its width.
-pub(super) const ALONE_FAR: usize = 4;
+pub(super) const ALONE_FAR_STEPS: usize = 4;
 pub(super) const ALONE_FAR_NOISE: f32 = 4.0;
 /// A step of the far pass is the image's side, the root of its pixels, over this.
 pub(super) const SIDE_OF_FAR_STEP: f64 = 59.0;
 /// Pixels of a step: where it would be less than the first there is one pass only, and it is never more than the second. With 9 as the first,
 /// 512 × 512 and 640 × 480 pixels would have two passes: of `erw5-scene8`, `cornell-glossy` and `cornell-water` ꟻLIP fell by up to
 /// 1.3 % at 16 samples then, and rose by up to 1.3 % at 64.
-pub(super) const FAR_STEP: (usize, usize) = (12, 15);
+pub(super) const MIN_FAR_STEP: usize = 12;
+pub(super) const MAX_FAR_STEP: usize = 15;
 /// What an image is scaled by at most, and at least by its inverse, for their sum to stay.
 pub(super) const MOST_SCALE: f32 = 4.0;
 

@@ -40,7 +40,7 @@ mod tile;
 /// Version of what cleaning makes of images; every interrupted pack names it. To be raised with every change of that.
 pub const CLEANER_VERSION: u32 = 18;
 
-pub use cleaning::{Cleaned, Cleaning, Strip};
+pub use cleaning::{Cleaned, CleanedRegion, Cleaning, Strip};
 pub use errors::ErrorSums;
 pub use map_fit::{MapFit, TILE, tile_means};
 pub use reach::Reach;

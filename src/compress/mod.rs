@@ -37,6 +37,7 @@ mod light_sums;
 mod likeness;
 mod noise;
 mod paper;
+mod plan;
 mod range;
 mod remainder;
 mod residual;
@@ -46,10 +47,11 @@ mod size;
 
 pub use candidate::{Candidate, CandidateSummary};
 pub use compressor::Compressor;
-pub use contrasts::Contrasts;
+pub use contrasts::{ClusterMap, Contrasts};
 pub use cut::{Cut, component_bits};
 pub use light_sums::{ColumnErrors, LightErrorSums};
 pub use paper::{Selection, cur};
+pub use plan::CompressorPlan;
 pub use residual::Residual;
 pub use sanitise::{BlockSums, Replaced};
 pub use settings::{

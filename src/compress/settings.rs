@@ -44,7 +44,7 @@ pub enum Scope {
     /// Each block on its own (the paper, §3.3).
     #[default]
     Block,
-    /// The whole matrix, by [`Compressor::choose_globally`](super::Compressor::choose_globally) (the paper, §3.2);
+    /// The whole matrix, by [`CompressorPlan::choose_globally`](super::CompressorPlan::choose_globally) (the paper, §3.2);
     /// Algorithms 1–4 only. Every block still stores its own right factor: `U R` turned to the block's components.
     Global,
 }

@@ -15,12 +15,7 @@ use crate::light::names::{fits, suggest};
 use crate::light::{Light, LightBasis, LightKind, Lighting};
 
 /// Applies a file's rules to a basis. `folder` is the file's own, where its images are looked for within `reach`.
-pub(super) fn resolve(
-    place: &str,
-    (folder, reach): (&Path, &Reach),
-    file: &LookFile,
-    basis: &LightBasis,
-) -> Result<Look> {
+pub(super) fn resolve(place: &str, folder: &Path, reach: &Reach, file: &LookFile, basis: &LightBasis) -> Result<Look> {
     let resolver = Resolver { place, folder, reach, file, basis, notes: RefCell::default() };
     let bytes = (file.look.len() as u64 + 2).saturating_mul(basis.column_count() as u64 * 12);
     if bytes > MAX_LIGHTING_BYTES {

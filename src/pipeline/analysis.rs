@@ -2,57 +2,80 @@
 
 use std::path::PathBuf;
 
-use super::pack::stop_if_interrupted;
 use super::records::Records;
-use crate::compress::{Candidate, CandidateSummary, Compressor, Method, Residual};
+use crate::compress::{Candidate, CandidateSummary, Compressor, CompressorPlan, Method, Residual};
 use crate::error::Result;
-use crate::host::Watch;
 use crate::matrix::{BlockId, TracedBlock};
 
-/// Analyses blocks into records.
-pub(super) struct Analysis {
-    pub(super) compressor: Compressor,
+/// What the first pass does.
+pub(super) enum FirstPass {
+    /// Analyses the blocks that are not analysed yet.
+    Analyse(Compressor),
+    /// Reads what an earlier run has made of all blocks.
+    Read(CompressorPlan),
+}
+
+impl FirstPass {
+    pub(super) fn plan(&self) -> &CompressorPlan {
+        match self {
+            Self::Analyse(compressor) => compressor.plan(),
+            Self::Read(plan) => plan,
+        }
+    }
+
+    pub(super) fn into_plan(self) -> CompressorPlan {
+        match self {
+            Self::Analyse(compressor) => compressor.into_plan(),
+            Self::Read(plan) => plan,
+        }
+    }
+}
+
+/// The making of blocks, for people.
+#[derive(Clone, Copy)]
+pub(super) struct PackStage<'a> {
+    /// What is done.
+    pub(super) name: &'a str,
+    /// What work is counted in.
+    pub(super) work_unit: &'a str,
+}
+
+/// Analysed blocks.
+pub(super) struct Analysed {
     /// Candidates with what they lack of their blocks.
     pub(super) records: Records,
     /// The result, for messages.
     pub(super) path: PathBuf,
 }
 
-impl Analysis {
-    /// The first pass over a block: its candidate and what that lacks of it go to the spill file, if they are not there.
-    pub(super) fn analyse(
-        &self,
-        id: BlockId,
-        block: &mut TracedBlock,
-        (make, work_unit): (&(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync), &str),
-        watch: &dyn Watch,
-    ) -> Result<CandidateSummary> {
-        stop_if_interrupted(&self.path, watch)?;
-        let (summary, work) = self.take(id, block, make)?;
-        watch.advance(1, work, work_unit);
-        Ok(summary)
-    }
-
-    /// [`analyse`](Self::analyse), and the work that it was.
+impl Analysed {
+    /// The first pass over a block: its candidate and what that lacks of it go to the records, if they are not there. Gives the
+    /// work that making the block was, 0 where it was not made.
     pub(super) fn take(
         &self,
+        compressor: &Compressor,
         id: BlockId,
         block: &mut TracedBlock,
         make: &(impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync),
     ) -> Result<(CandidateSummary, u64)> {
         if self.records.has(id.0) {
-            return Ok((self.read(id)?.0.summary().clone(), 0));
+            return Ok((self.summary(id)?, 0));
         }
         let work = make(id, block)?;
         let seen = block.planes.as_ref().map_or(&[][..], |planes| &planes.emission);
-        let (candidate, sums) = self.compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), seen);
+        let (candidate, sums) = compressor.analyse_in_place(id, &mut block.block, block.noise.as_ref(), seen);
         let mut bytes = candidate.to_bytes();
         let candidate_bytes = bytes.len() as u64;
-        let projected = self.compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
+        let projected = compressor.settings().method == Method::Auto && candidate.summary().replaced.count() == 0;
         Residual::measure(block, &candidate.whole(), projected, sums).append_to(&mut bytes);
         bytes.extend(candidate_bytes.to_le_bytes());
         self.records.append(id.0, &[&bytes])?;
         Ok((candidate.summary().clone(), work))
+    }
+
+    /// What is known of an analysed block.
+    pub(super) fn summary(&self, id: BlockId) -> Result<CandidateSummary> {
+        Ok(self.read(id)?.0.summary().clone())
     }
 
     /// A candidate and its residual, back from the records.

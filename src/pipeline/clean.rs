@@ -19,14 +19,15 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
+use super::analysis::PackStage;
 use super::basis::Basis;
 use super::gather::{Gathering, floats, tile_values};
 use super::pack::stop_if_interrupted;
 use super::records::Records;
 use super::shard::ShardSet;
 use super::spill::{CLEANED, GATHERED, open_spill};
-use crate::clean::{self, Cleaning, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
-use crate::compress::Compressor;
+use crate::clean::{self, CleanedRegion, Cleaning, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
+use crate::compress::{ClusterMap, Compressor};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Need, Threads, Watch};
@@ -38,6 +39,14 @@ const WINDOW_BYTES: u64 = 512 << 20;
 
 /// Blocks that are decoded side by side.
 const BLOCKS_AT_HAND: u64 = 4;
+
+/// What is filtered one after the other.
+struct Windows {
+    /// The blocks of each.
+    blocks: Vec<Vec<BlockId>>,
+    /// Pixels around a window that its filter reads.
+    halo: u32,
+}
 
 /// A matrix whose images are cleaned, block by block.
 pub(super) struct Cleaned {
@@ -124,7 +133,7 @@ impl Cleaned {
         };
         let clusters = Clusters::of_basis(&job.basis);
         let windows = windows_of(shape, (window_blocks(shape, clusters.count()), shape.blocks_down()));
-        Self::over((windows, reach_in(shape).halo() as u32), job, path, (records, open(CLEANED)?))
+        Self::over(job, path, Windows { blocks: windows, halo: reach_in(shape).halo() as u32 }, records, open(CLEANED)?)
     }
 
     /// For these windows of the image alone, each as if the image ended at its rim. The files are gone with the process, however
@@ -137,17 +146,18 @@ impl Cleaned {
             tempfile::tempdir().map_err(Error::io("the system's temporary files", "create a folder for them"))?;
         let (path, shape) = (folder.path().join("pilot"), job.shape);
         let open = |name| open_spill(&with_suffix(&path, name), job.hash().0, shape.block_count(), false);
-        let files = (Records::File(open(GATHERED)?), open(CLEANED)?);
+        let (records, images) = (Records::File(open(GATHERED)?), open(CLEANED)?);
         // Without their names the files live as long as they are open.
         folder.close().map_err(Error::io(&path, "take the name of"))?;
-        Self::over((windows, 0), job, &path, files)
+        Self::over(job, &path, Windows { blocks: windows, halo: 0 }, records, images)
     }
 
     fn over(
-        (windows, halo): (Vec<Vec<BlockId>>, u32),
         job: &Job,
         path: &Path,
-        (records, images): (Records, ContinuationFile),
+        Windows { blocks: windows, halo }: Windows,
+        records: Records,
+        images: ContinuationFile,
     ) -> Result<Self> {
         let (shape, partition) = (job.shape, Clusters::of_basis(&job.basis));
         let clusters = partition.count();
@@ -177,7 +187,7 @@ impl Cleaned {
     pub(super) fn gather(
         &mut self,
         threads: &Threads,
-        stage: (&str, &str),
+        stage: PackStage<'_>,
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<u64> {
@@ -240,9 +250,13 @@ impl Cleaned {
         let whole = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
         let within = |range: Range<u32>, from: u32| (range.start - from) as usize..(range.end - from) as usize;
         let region = Region { x: within(across, left), y: within(down, top) };
-        let (size, block) =
-            ((whole.width as usize, whole.height as usize), self.shape.block_side().min(whole.height) as usize);
-        let mut cleaning = Cleaning::new((size, block), region, FEATURE_PLANES, guides, (reach_in(self.shape), pool));
+        let part = CleanedRegion {
+            size: (whole.width as usize, whole.height as usize),
+            block: self.shape.block_side().min(whole.height) as usize,
+            region,
+            features: FEATURE_PLANES,
+        };
+        let mut cleaning = Cleaning::new(part, reach_in(self.shape), guides, pool);
         while let Some(wanted) = cleaning.wants() {
             stop_if_interrupted(&self.gathering.path, watch)?;
             self.gathering.put(whole, &wanted, BLOCKS_AT_HAND as usize, &mut cleaning)?;
@@ -251,7 +265,7 @@ impl Cleaned {
             let is_done = |id: &&BlockId| rows.contains(&((self.shape.rect(**id).y - top) as usize));
             let done: Vec<&BlockId> = blocks.iter().filter(is_done).collect();
             for few in done.chunks(BLOCKS_AT_HAND as usize) {
-                few.par_iter().try_for_each(|id| self.keep(**id, (left, top), &cleaned))?;
+                few.par_iter().try_for_each(|id| self.keep(**id, whole, &cleaned))?;
             }
             watch.advance(done.len() as u64, 0, "px");
             cleaned.keep_in(pool);
@@ -259,13 +273,13 @@ impl Cleaned {
         Ok(())
     }
 
-    /// Appends a block of what was cleaned, which begins at a pixel of the image, unless it is there.
-    fn keep(&self, id: BlockId, (left, top): (u32, u32), cleaned: &clean::Cleaned) -> Result<()> {
+    /// Appends a block of what was cleaned of a part of the image, unless it is there.
+    fn keep(&self, id: BlockId, whole: PixelRect, cleaned: &clean::Cleaned) -> Result<()> {
         if self.images.has(id.0) {
             return Ok(());
         }
         let (rect, images) = (self.shape.rect(id), &cleaned.images);
-        let (left, top) = ((rect.x - left) as usize, (rect.y - top) as usize);
+        let (left, top) = ((rect.x - whole.x) as usize, (rect.y - whole.y) as usize);
         let part = Region { x: left..left + rect.width as usize, y: top..top + rect.height as usize };
         let mut bytes = Vec::with_capacity(4 * images.planes() * rect.pixels());
         for plane in 0..images.planes() {
@@ -409,7 +423,8 @@ impl BlockSource for Cleaned {
         let gathered = self.gathering.records.read(id.0)?;
         let parts = self.gathering.parts(id, &gathered)?;
         let images = self.images_of(id)?;
-        self.gathering.spread(id, (&parts, images), (&self.partition, &self.map), &mut target.block)?;
+        let map = ClusterMap { clusters: &self.partition, shares: &self.map };
+        self.gathering.spread(id, &parts, images, map, &mut target.block)?;
         let emission = parts.emission();
         let pixels = rows / CHANNELS;
         for seen in &emission {

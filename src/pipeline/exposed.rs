@@ -11,6 +11,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::analysis::PackStage;
 use super::clean::{Cleaned, windows_of};
 use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
@@ -219,7 +220,7 @@ impl Promise {
         let need = Need { fixed_bytes, ..cleaning };
         let threads = Threads::new(need.threads_within("measuring the error", memory_bytes)?)?;
         let source = Blocks { source: matrix, job, windows: &self.windows };
-        Ok(self.reached(&source.images(self.cleans, &threads, ("measuring the error", watch))?.shown))
+        Ok(self.reached(&source.images(self.cleans, &threads, "measuring the error", watch)?.shown))
     }
 }
 
@@ -261,7 +262,8 @@ impl Blocks<'_> {
         &self,
         cleans: bool,
         threads: &Threads,
-        (stage, watch): (&str, &dyn Watch),
+        stage: &str,
+        watch: &dyn Watch,
     ) -> Result<WindowImages> {
         let (probes, scales) = (probe_lightings(&self.job.basis), self.job.basis.column_scales());
         let sampled = Mutex::new(Images::new());
@@ -290,7 +292,7 @@ impl Blocks<'_> {
             return Ok(WindowImages { shown: sampled.clone(), sampled, cleaning_seconds: 0.0 });
         }
         let mut cleaned = Cleaned::of_windows(self.job, self.windows.to_vec())?;
-        cleaned.gather(threads, (stage, "blocks"), watch, make)?;
+        cleaned.gather(threads, PackStage { name: stage, work_unit: "blocks" }, watch, make)?;
         let begun = Instant::now();
         cleaned.filter(threads, watch)?;
         cleaned.fit(watch)?;

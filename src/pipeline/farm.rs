@@ -12,13 +12,13 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::pack::{Packing, compressor_of, need_of};
+use super::pack::{PackSource, Packing, need_of, plan_of};
 use super::render::{job_of, settings_of, tracer_of, tracing_need};
 use super::shard::{EXTENSION, Shard, ShardHead, ShardSet, hex, plan_prefix, range_prefix};
 use super::spill::check_container_output;
 use super::worker::Worker;
 use super::{PackOptions, PackReport};
-use crate::compress::{Compressor, Scope};
+use crate::compress::{CompressorPlan, Scope};
 use crate::depot::Depot;
 use crate::error::{Error, Result};
 use crate::files::with_suffix;
@@ -152,10 +152,10 @@ impl FarmJob {
     pub fn probe(self, watch: &dyn Watch) -> Result<Probe> {
         let begun = Instant::now();
         let job = &self.terms.job;
-        let compressor = self.compressor()?;
-        let merging = need_of(&compressor, job.shape, Need::default(), self.cleans().then_some(job));
+        let plan = self.plan()?;
+        let merging = need_of(&plan, job.shape, Need::default(), self.cleans().then_some(job));
         let merging = merging.bytes(1).max(self.measuring_need().bytes(1));
-        let (worker, need) = self.worker(compressor, None)?;
+        let (worker, need) = self.worker(plan, None)?;
         let threads = Threads::new(need.threads_within("probing", self.terms.options.memory_bytes)?)?;
         let tracer = tracer_of(self.loaded, &mut self.terms.job.clone(), None, watch)?;
         let setup_seconds = begun.elapsed().as_secs_f64();
@@ -231,7 +231,7 @@ impl FarmJob {
             let problem = format!("{}..{} is not a range of its blocks, 0..{count}", blocks.start, blocks.end);
             return Err(Error::input("the matrix", problem, "take the ranges of the plan"));
         }
-        let (worker, mut need) = self.worker(self.compressor()?, scratch)?;
+        let (worker, mut need) = self.worker(self.plan()?, scratch)?;
         need.fixed_bytes += depot.held_bytes();
         let output = Path::new(depot.address()).join(format!("{}..{}", blocks.start, blocks.end));
         let threads =
@@ -339,8 +339,9 @@ impl FarmJob {
         measuring.threads_within("merging", options.memory_bytes)?;
         let max_depth = self.loaded.settings.max_depth;
         job.basis.set_column_scales(Tracer::measure_column_scales(self.loaded.scene, max_depth)?)?;
-        let packing = Packing::begin(&job, b"f32", path, &options, (Need::default(), options.denoise), watch)?;
-        packing.run_shards(shards.set, watch)
+        let source = PackSource { variant: b"f32", need: Need::default(), has_planes: options.denoise };
+        let (packing, plan) = Packing::begin(&job, source, path, &options, watch)?;
+        packing.run_shards(plan.for_blocks()?, shards.set, watch)
     }
 
     /// What the merge takes while it measures the scales of columns, before it packs.
@@ -354,14 +355,14 @@ impl FarmJob {
         with_suffix(container, ".shards")
     }
 
-    fn compressor(&self) -> Result<Compressor> {
-        compressor_of(&self.terms.job, &self.terms.options)
+    fn plan(&self) -> Result<CompressorPlan> {
+        plan_of(&self.terms.job, &self.terms.options)
     }
 
     /// What builds, and what that takes.
-    fn worker(&self, compressor: Compressor, scratch: Option<&Path>) -> Result<(Worker, Need)> {
-        let need = Worker::need(&self.terms, &compressor, tracing_need(&self.loaded, &self.terms.job));
-        Ok((Worker::new(&self.terms, compressor, scratch)?, need))
+    fn worker(&self, plan: CompressorPlan, scratch: Option<&Path>) -> Result<(Worker, Need)> {
+        let need = Worker::need(&self.terms, &plan, tracing_need(&self.loaded, &self.terms.job));
+        Ok((Worker::new(&self.terms, plan, scratch)?, need))
     }
 }
 

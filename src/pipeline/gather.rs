@@ -8,10 +8,11 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
+use super::analysis::PackStage;
 use super::pack::stop_if_interrupted;
 use super::records::Records;
 use crate::clean::{self, Cleaning, Strip, Tally};
-use crate::compress::{CompressSettings, Compressor, Contrasts};
+use crate::compress::{ClusterMap, CompressSettings, Compressor, Contrasts};
 use crate::error::{Error, Result};
 use crate::host::{Threads, Watch};
 use crate::light::{Clusters, Job};
@@ -109,8 +110,8 @@ impl Gathering {
         Contrasts::bytes(job.shape.max_block_rows() as u64, columns, CONTRAST_RANK as u64)
     }
 
-    /// Takes from each of these blocks what filtering needs of it. `make` puts a block into its target and says how much work that was,
-    /// in `work_unit`. What is there already is read.
+    /// Takes from each of these blocks what filtering needs of it. `make` puts a block into its target and says how much work that was.
+    /// What is there already is read.
     ///
     /// # Errors
     /// A block without planes; those of `make` and of the disk; [`Error::Interrupted`] when the watch says so.
@@ -118,17 +119,17 @@ impl Gathering {
         &self,
         blocks: &[BlockId],
         threads: &Threads,
-        (stage, work_unit): (&str, &str),
+        stage: PackStage<'_>,
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<Tally> {
         let total = Mutex::new(Tally::new(self.clusters));
-        watch.begin(stage, blocks.len() as u64, "blocks");
+        watch.begin(stage.name, blocks.len() as u64, "blocks");
         let gather = |block: &mut TracedBlock, &id: &BlockId| -> Result<()> {
             let mut tally = Tally::new(self.clusters);
             let work = self.take(id, block, watch, &make, Some(&mut tally))?;
             total.lock().unwrap_or_else(|e| e.into_inner()).merge(&tally);
-            watch.advance(1, work, work_unit);
+            watch.advance(1, work, stage.work_unit);
             Ok(())
         };
         let done = threads.run(|| -> Result<()> { blocks.par_iter().map_init(TracedBlock::default, gather).collect() });
@@ -227,8 +228,9 @@ impl Gathering {
     pub(super) fn spread(
         &self,
         id: BlockId,
-        (parts, images): (&Parts<'_>, Vec<f32>),
-        map: (&Clusters, &[f32]),
+        parts: &Parts<'_>,
+        images: Vec<f32>,
+        map: ClusterMap<'_>,
         block: &mut Block,
     ) -> Result<()> {
         let Some(compressor) = &self.compressor else {
@@ -339,10 +341,11 @@ impl<'a> Parts<'a> {
         let (direct, rest) = self.halves.split_at(light * plane);
         let (indirect, variance) = rest.split_at(light * plane);
         let of_half = |bytes: [u8; 2]| decode_unsigned(u16::from_ne_bytes(bytes));
-        place(direct, (rect, whole), (strip.direct, light), of_half);
-        place(indirect, (rect, whole), (strip.indirect, light), of_half);
-        place(variance, (rect, whole), (strip.feature_variance, FEATURE_PLANES), of_half);
-        place(self.features, (rect, whole), (strip.features, FEATURE_PLANES), f32::from_ne_bytes);
+        let placed = Placed { rect, whole };
+        place(direct, placed, strip.direct, light, of_half);
+        place(indirect, placed, strip.indirect, light, of_half);
+        place(variance, placed, strip.feature_variance, FEATURE_PLANES, of_half);
+        place(self.features, placed, strip.features, FEATURE_PLANES, f32::from_ne_bytes);
     }
 
     fn decode(&self, rect: PixelRect, clusters: usize) -> Gathered {
@@ -360,11 +363,21 @@ impl<'a> Parts<'a> {
     }
 }
 
+/// A block in a window of the image.
+#[derive(Clone, Copy)]
+struct Placed {
+    /// The block.
+    rect: PixelRect,
+    /// The window.
+    whole: PixelRect,
+}
+
 /// Puts the planes of a block, one after the other, into the rows of a window that it stands in: those of all planes row by row.
 fn place<const BYTES: usize>(
     from: &[u8],
-    (rect, whole): (PixelRect, PixelRect),
-    (strip, planes): (&mut [f32], usize),
+    Placed { rect, whole }: Placed,
+    strip: &mut [f32],
+    planes: usize,
     value: impl Fn([u8; BYTES]) -> f32,
 ) {
     let (from, _) = from.as_chunks::<BYTES>();

@@ -10,7 +10,7 @@ use super::imported_features::ImportedFeatures;
 use super::rows::RowSpill;
 use super::spill::files_of_pack;
 use super::{PackOptions, pack};
-use crate::compress::Compressor;
+use crate::compress::CompressorPlan;
 use crate::error::{Error, Result};
 use crate::host::{Need, PROGRAM_BYTES, Threads, Watch};
 use crate::image::{FeaturePasses, LayerMatch, LayerRole, LightRow, LightSet};
@@ -322,7 +322,8 @@ impl ImportedMatrix {
     }
 
     /// Tells the noise of a block. Of two renderings it becomes the mean.
-    fn add_noise(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), target: &mut TracedBlock) -> Result<()> {
+    fn add_noise(&self, known: &KnownNoise, id: BlockId, target: &mut TracedBlock) -> Result<()> {
+        let rect = self.job.shape.rect(id);
         let (rows, columns) = (rect.rows(), self.job.shape.columns());
         let (first, other) = match &known.second {
             Some(second) => {
@@ -334,7 +335,7 @@ impl ImportedMatrix {
                 (first, other)
             }
             None => {
-                let mut more = self.with_grain(known, (id, rect), target.block.entries())?;
+                let mut more = self.with_grain(known, id, target.block.entries())?;
                 // Planes hold no light below 0: noise above the light itself would brighten the mean of the two.
                 let bound =
                     |(more, &entry): (&mut f32, &f32)| *more = more.clamp(entry.min(0.0) * 2.0, entry.max(0.0) * 2.0);
@@ -369,7 +370,8 @@ impl ImportedMatrix {
     }
 
     /// These entries of a block, each with what may be its noise.
-    fn with_grain(&self, known: &KnownNoise, (id, rect): (BlockId, PixelRect), entries: &[f32]) -> Result<Vec<f32>> {
+    fn with_grain(&self, known: &KnownNoise, id: BlockId, entries: &[f32]) -> Result<Vec<f32>> {
+        let rect = self.job.shape.rect(id);
         let (left, top) = (rect.x.min(1), rect.y.min(1));
         let grown = |at: u32, before: u32, size: u32, end: u32| (size + before + 1).min(end - (at - before));
         let around = PixelRect {
@@ -389,7 +391,7 @@ impl ImportedMatrix {
         let columns = entries.chunks_exact_mut(rect.rows()).zip(neighbours.chunks_exact(around.rows()));
         for (column, (entries, neighbours)) in columns.enumerate() {
             let seed = u64::from(id.0) << 32 | column as u64;
-            add_grain(entries, (neighbours, albedo), inside, seed);
+            add_grain(entries, neighbours, albedo, inside, seed);
         }
         Ok(entries)
     }
@@ -502,8 +504,8 @@ fn packing_need(set: &LightSet, block_side: u32, options: &PackOptions, is_noise
     let shape = MatrixShape::new(set.width, set.height, names.len() as u32, block_side)?;
     let job = Job { shape, basis: basis_of(&names)?, provenance: Provenance::default() };
     let options = options.for_source(is_noise_known && can_be_cleaned(&job));
-    let compressor = Compressor::new(&job.basis, shape, options.compress.clone())?;
-    let need = pack::need_of(&compressor, shape, Need::default(), options.denoise.then_some(&job));
+    let plan = CompressorPlan::new(&job.basis, shape, options.compress.clone())?;
+    let need = pack::need_of(&plan, shape, Need::default(), options.denoise.then_some(&job));
     need.threads_within("packing", options.memory_bytes)?;
     Ok(need)
 }
@@ -544,7 +546,7 @@ impl BlockSource for ImportedMatrix {
         target.planes = None;
         self.read_entries(&self.rows, rect, target.block.entries_mut())?;
         match &self.known {
-            Some(known) => self.add_noise(known, (id, rect), target),
+            Some(known) => self.add_noise(known, id, target),
             None => Ok(()),
         }
     }

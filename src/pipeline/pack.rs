@@ -15,7 +15,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::analysis::Analysis;
+use super::analysis::{Analysed, FirstPass, PackStage};
 use super::basis::Basis;
 use super::clean::Cleaned;
 use super::column_scales;
@@ -27,7 +27,7 @@ use super::spill::{check_container_output, files_of_pack, open_spill, spill_path
 use crate::clean::CLEANER_VERSION;
 use crate::compress::{
     AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
-    Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
+    CompressorPlan, Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
 };
 use crate::container::codec::fineness;
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightLayout, WrittenBlock};
@@ -132,14 +132,26 @@ pub fn pack(
         first.planes.is_some()
     };
     let need = Need { per_thread_bytes: reading, ..Need::default() };
-    let mut packing = Packing::begin(job, &source.variant()?, path, options, (need, has_planes), watch)?;
+    let variant = source.variant()?;
+    let of_blocks = PackSource { variant: &variant, need, has_planes };
+    let (mut packing, plan) = Packing::begin(job, of_blocks, path, options, watch)?;
     packing.measure_column_scales(source, watch)?;
-    packing.choose_globally(source, watch)?;
-    packing.ask_images(source, watch)?;
-    packing.run("reading", "B", watch, |id, block| {
+    let plan = packing.ask_images(plan, source, watch)?;
+    let first_pass = packing.choose_globally(plan, source, watch)?;
+    packing.run(first_pass, PackStage { name: "reading", work_unit: "B" }, watch, |id, block| {
         source.read_block(id, block)?;
         Ok(size_of_val(block.block.entries()) as u64)
     })
+}
+
+/// Where the blocks of a pack come from.
+pub(super) struct PackSource<'a> {
+    /// What tells them from other blocks of the same job: [`BlockSource::variant`].
+    pub(super) variant: &'a [u8],
+    /// What making them takes.
+    pub(super) need: Need,
+    /// Whether they come with planes.
+    pub(super) has_planes: bool,
 }
 
 /// A pack that has been admitted and whose files are open.
@@ -148,7 +160,7 @@ pub(super) struct Packing {
     memory: PeakMemory,
     path: PathBuf,
     job: Job,
-    analysis: Analysis,
+    analysed: Analysed,
     writer: ContainerWriter,
     /// Of the job, its entries, and the settings.
     fingerprint: [u8; 32],
@@ -162,24 +174,22 @@ pub(super) struct Packing {
 }
 
 impl Packing {
-    /// Refuses what cannot be done and opens the files. `variant` is that of the blocks' source, `source` what making them takes, and
-    /// whether they come with planes.
+    /// Refuses what cannot be done and opens the files.
     pub(super) fn begin(
         job: &Job,
-        variant: &[u8],
+        source: PackSource<'_>,
         path: &Path,
         options: &PackOptions,
-        (source, has_planes): (Need, bool),
         watch: &dyn Watch,
-    ) -> Result<Self> {
+    ) -> Result<(Self, CompressorPlan)> {
         let (begun, memory) = (Instant::now(), PeakMemory::start());
-        let options = &options.for_source(has_planes);
+        let options = &options.for_source(source.has_planes);
         let container = ContainerOptions { report: report_of(options), ..options.container.clone() };
-        let compressor = compressor_of(job, options)?;
+        let plan = plan_of(job, options)?;
         let basis = open_basis(options, job)?;
-        let mut need = need_of(&compressor, job.shape, source, options.denoise.then_some(job));
+        let mut need = need_of(&plan, job.shape, source.need, options.denoise.then_some(job));
         need.fixed_bytes += basis.as_ref().map_or(0, Basis::needs_bytes);
-        need.fixed_bytes += if options.denoise { 0 } else { compressor.asking_needs_bytes(&job.basis) };
+        need.fixed_bytes += if options.denoise { 0 } else { plan.asking_needs_bytes(&job.basis) };
         need.fixed_bytes += options.promise.as_ref().map_or(0, |promise| promise.needs_bytes());
         let overwrite = container.overwrite;
         // Before anything is said of memory and disk.
@@ -187,17 +197,17 @@ impl Packing {
         let there = files_of_pack(path);
         let there = there.each_ref().map(PathBuf::as_path);
         let threads = Threads::new(need.admit("packing", path, &there, options.memory_bytes, watch)?)?;
-        let fingerprint = options.fingerprint(job, variant, basis.as_ref());
+        let fingerprint = options.fingerprint(job, source.variant, basis.as_ref());
         let writer = ContainerWriter::create(path, job, ContainerOptions { origin: fingerprint, ..container })?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
-        let analysis = Analysis { compressor, records: Records::File(spill), path: path.clone() };
-        Ok(Self {
+        let analysed = Analysed { records: Records::File(spill), path: path.clone() };
+        let packing = Self {
             begun,
             memory,
             path,
             job,
-            analysis,
+            analysed,
             writer,
             fingerprint,
             denoise,
@@ -207,21 +217,28 @@ impl Packing {
             overwrite,
             allow_lost_lights: options.allow_lost_lights,
             threads,
-        })
+        };
+        Ok((packing, plan))
     }
 
     /// Packs what shards hold of all blocks.
     #[cfg(feature = "scene")]
-    pub(super) fn run_shards(mut self, shards: ShardSet, watch: &dyn Watch) -> Result<PackReport> {
+    pub(super) fn run_shards(
+        mut self,
+        compressor: Compressor,
+        shards: ShardSet,
+        watch: &dyn Watch,
+    ) -> Result<PackReport> {
+        let stage = PackStage { name: "reading shards", work_unit: "B" };
         let address = shards.address().to_owned();
         let absent =
             |id: BlockId, _: &mut TracedBlock| Err(Error::damaged(&address, format!("{id} is missing"), "merge again"));
         if self.denoise {
-            return self.run_cleaned(Some(shards), ("reading shards", "B"), watch, absent);
+            return self.run_cleaned(compressor.into_plan(), Some(shards), stage, watch, absent);
         }
-        let own = std::mem::replace(&mut self.analysis.records, Records::Shards(shards));
+        let own = std::mem::replace(&mut self.analysed.records, Records::Shards(shards));
         own.remove()?;
-        self.compress("reading shards", "B", watch, absent)
+        self.compress(FirstPass::Analyse(compressor), stage, watch, absent)
     }
 
     /// Takes scales of columns that are known only now, see [`LightBasis::column_scales`](crate::light::LightBasis::column_scales).
@@ -247,37 +264,40 @@ impl Packing {
     }
 
     /// Where rows and columns are chosen for the whole matrix: reads it for that, as often as the method needs.
-    fn choose_globally(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
-        let passes = u64::from(self.analysis.compressor.global_passes());
-        if passes == 0 || self.job.shape.blocks().all(|id| self.analysis.records.has(id.0)) {
-            return Ok(());
+    fn choose_globally(&self, plan: CompressorPlan, source: &dyn BlockSource, watch: &dyn Watch) -> Result<FirstPass> {
+        let passes = u64::from(plan.global_passes());
+        if passes == 0 {
+            return Ok(FirstPass::Analyse(plan.for_blocks()?));
+        }
+        if self.job.shape.blocks().all(|id| self.analysed.records.has(id.0)) {
+            return Ok(FirstPass::Read(plan));
         }
         watch.begin("choosing rows and columns", passes * u64::from(self.job.shape.block_count()), "blocks");
         let source = Watched { source, watch, path: &self.path, scales: self.job.basis.column_scales() };
-        let done = self.threads.run(|| self.analysis.compressor.choose_globally(&source));
+        let chosen = self.threads.run(|| plan.choose_globally(&source));
         watch.end();
-        done
+        Ok(FirstPass::Analyse(chosen?))
     }
 
     /// Where nothing tells how lights stand to each other: looks which are alike.
-    fn ask_images(&mut self, source: &dyn BlockSource, watch: &dyn Watch) -> Result<()> {
-        let blocks = self.analysis.compressor.blocks_asked(&self.job.basis);
+    fn ask_images(&self, plan: CompressorPlan, source: &dyn BlockSource, watch: &dyn Watch) -> Result<CompressorPlan> {
+        let blocks = plan.blocks_asked(&self.job.basis);
         if self.denoise || blocks == 0 {
-            return Ok(());
+            return Ok(plan);
         }
         watch.begin("looking which lights are alike", blocks, "blocks");
         let source = Watched { source, watch, path: &self.path, scales: self.job.basis.column_scales() };
-        let done = self.threads.run(|| self.analysis.compressor.ask_images(&self.job.basis, &source));
+        let asked = self.threads.run(|| plan.ask_images(&self.job.basis, &source));
         watch.end();
-        done
+        asked
     }
 
     /// Cleans the blocks where that is asked for, and compresses them. `make` puts a block into its target and says how much
-    /// work that was, in `work_unit`.
+    /// work that was.
     pub(super) fn run(
         self,
-        stage: &str,
-        work_unit: &str,
+        first_pass: FirstPass,
+        stage: PackStage<'_>,
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
@@ -288,22 +308,24 @@ impl Packing {
             Ok(work)
         };
         if !self.denoise {
-            return self.compress(&format!("{stage} and analysing"), work_unit, watch, make);
+            let name = format!("{} and analysing", stage.name);
+            return self.compress(first_pass, PackStage { name: &name, ..stage }, watch, make);
         }
-        self.run_cleaned(None, (stage, work_unit), watch, make)
+        self.run_cleaned(first_pass.into_plan(), None, stage, watch, make)
     }
 
     /// Cleans blocks, of which the planes come as `shards` or are taken from what `make` makes, and compresses them.
     fn run_cleaned(
         mut self,
+        plan: CompressorPlan,
         shards: Option<ShardSet>,
-        (stage, work_unit): (&str, &str),
+        stage: PackStage<'_>,
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         // What is made here on is of columns divided by their scales, and so is all that is learnt of it.
         let mut cleaned = Cleaned::begin(&self.job, &self.path, self.fingerprint, self.overwrite, shards)?;
-        let blocks_kept = cleaned.gather(&self.threads, (stage, work_unit), watch, make)?;
+        let blocks_kept = cleaned.gather(&self.threads, stage, watch, make)?;
         match &self.basis {
             Some(basis) => cleaned.take(basis, watch)?,
             None => cleaned.filter(&self.threads, watch)?,
@@ -311,8 +333,9 @@ impl Packing {
         cleaned.fit(watch)?;
         self.cleaning = cleaned.errors()?;
         let shares = cleaned.shares_of_lights(&self.job.basis)?;
-        self.analysis.compressor = self.analysis.compressor.for_lights_alone(&self.job.basis, &shares);
-        let packed = self.compress("analysing", "B", watch, |id, block| {
+        let first_pass = FirstPass::Analyse(plan.for_lights_alone(&self.job.basis, &shares).for_blocks()?);
+        let stage = PackStage { name: "analysing", work_unit: "B" };
+        let packed = self.compress(first_pass, stage, watch, |id, block| {
             cleaned.read_block(id, block)?;
             Ok(size_of_val(block.block.entries()) as u64)
         })?;
@@ -323,26 +346,34 @@ impl Packing {
     /// Runs both passes over blocks that are as they shall be stored.
     fn compress(
         mut self,
-        stage: &str,
-        work_unit: &str,
+        first_pass: FirstPass,
+        stage: PackStage<'_>,
         watch: &dyn Watch,
         make: impl Fn(BlockId, &mut TracedBlock) -> Result<u64> + Sync,
     ) -> Result<PackReport> {
         let blocks: Vec<BlockId> = self.job.shape.blocks().collect();
-        let blocks_kept = blocks.iter().filter(|&&id| self.analysis.records.has(id.0)).count() as u64;
-        if blocks_kept > 0 && matches!(self.analysis.records, Records::File(_)) {
+        let blocks_kept = blocks.iter().filter(|&&id| self.analysed.records.has(id.0)).count() as u64;
+        if blocks_kept > 0 && matches!(self.analysed.records, Records::File(_)) {
             watch.note(&format!("{}: continuing, {blocks_kept} blocks are analysed", self.path.display()));
         }
-        watch.begin(stage, blocks.len() as u64, "blocks");
-        let analyse =
-            |block: &mut TracedBlock, &id: &BlockId| self.analysis.analyse(id, block, (&make, work_unit), watch);
+        watch.begin(stage.name, blocks.len() as u64, "blocks");
+        let analyse = |block: &mut TracedBlock, &id: &BlockId| {
+            stop_if_interrupted(&self.path, watch)?;
+            let (summary, work) = match &first_pass {
+                FirstPass::Analyse(compressor) => self.analysed.take(compressor, id, block, &make)?,
+                FirstPass::Read(_) => (self.analysed.summary(id)?, 0),
+            };
+            watch.advance(1, work, stage.work_unit);
+            Ok(summary)
+        };
         let analysed = self
             .threads
             .run(|| -> Result<Vec<_>> { blocks.par_iter().map_init(TracedBlock::default, analyse).collect() });
         watch.end();
         let analysed = analysed?;
-        let fineness = self.right_fineness();
-        let cut = self.choose(&analysed, &fineness)?;
+        let plan = first_pass.plan();
+        let fineness = self.right_fineness(plan);
+        let cut = self.choose(plan, &analysed, &fineness)?;
         let replaced = ReplacedEntries::of(&analysed, &blocks);
         if replaced.count() > 0 {
             watch.note(&format!("{}: {replaced}", self.path.display()));
@@ -352,13 +383,13 @@ impl Packing {
         drop(analysed);
 
         watch.begin("packing", blocks.len() as u64, "blocks");
-        let store = |&id: &BlockId| self.store(id, (&cut, &fineness), &lights, watch);
+        let store = |&id: &BlockId| self.store(id, &cut, &fineness, &lights, watch);
         let stored = self.threads.run(|| -> Result<Vec<WrittenBlock>> { blocks.par_iter().map(store).collect() });
         watch.end();
         let stored = stored?;
         let lossy_lights = lights.lossy_lights(&self.job.basis);
         // What was replaced is no light, and who gives a rank has said what it may cost.
-        let asked = replaced.count() > 0 || self.analysis.compressor.settings().has_fixed_rank();
+        let asked = replaced.count() > 0 || plan.settings().has_fixed_rank();
         let refuses = !(self.allow_lost_lights || asked);
         if let Some(lost) = lossy_lights.first().filter(|loss| loss.is_severe() && refuses) {
             let hint = "ask for a finer target or a higher rank; forced, it is written all the same";
@@ -368,10 +399,10 @@ impl Packing {
         let exposed = self.promise.as_ref().map(|promise| promise.reached_packed());
         self.writer.state_errors(StatedErrors { lights: Some(lights), cleaning: self.cleaning, exposed });
         let summary = self.writer.finish()?;
-        self.analysis.records.remove()?;
+        self.analysed.records.remove()?;
         let sum = |part: fn(&WrittenBlock) -> f64| stored.iter().map(part).sum::<f64>();
         let (error, norm) = (sum(|s| s.report.squared_error), sum(|s| s.report.squared_norm));
-        let target = self.analysis.compressor.settings().target;
+        let target = plan.settings().target;
         let is_reached = match target {
             // What blocks take together was estimated from some of them.
             Target::Bytes(bytes) => summary.file_bytes <= bytes,
@@ -403,24 +434,24 @@ impl Packing {
 
     /// How much finer bands of right sides are stored: by what their errors do to the lightings of the prior. Where a rank is given there
     /// are no steps that they could be finer than.
-    fn right_fineness(&self) -> Arc<[i8]> {
-        let compressor = &self.analysis.compressor;
-        if compressor.settings().has_fixed_rank() {
+    fn right_fineness(&self, plan: &CompressorPlan) -> Arc<[i8]> {
+        if plan.settings().has_fixed_rank() {
             return Arc::default();
         }
-        fineness(&LightLayout::of(&self.job.basis), compressor.prior()).into()
+        fineness(&LightLayout::of(&self.job.basis), plan.prior()).into()
     }
 
     /// The second pass over a block: cuts its candidate, writes it, and adds what it lost to `lights`.
     fn store(
         &self,
         id: BlockId,
-        (cut, fineness): (&Cut, &Arc<[i8]>),
+        cut: &Cut,
+        fineness: &Arc<[i8]>,
         lights: &LightErrorSums,
         watch: &dyn Watch,
     ) -> Result<WrittenBlock> {
         stop_if_interrupted(&self.path, watch)?;
-        let (candidate, residual) = self.analysis.read(id)?;
+        let (candidate, residual) = self.analysed.read(id)?;
         let factored = kept_of(&candidate, cut, fineness);
         let encoded = self.writer.encode_divided(id, &factored)?;
         let stored = self.writer.decode(id, &encoded)?;
@@ -439,9 +470,9 @@ impl Packing {
     }
 
     /// The cut for the target; where that is a number of bytes, the one of the largest file that is not larger.
-    fn choose(&self, analysed: &[CandidateSummary], fineness: &Arc<[i8]>) -> Result<Cut> {
-        let cut = self.analysis.compressor.choose(analysed.iter());
-        match self.analysis.compressor.settings().target {
+    fn choose(&self, plan: &CompressorPlan, analysed: &[CandidateSummary], fineness: &Arc<[i8]>) -> Result<Cut> {
+        let cut = plan.choose(analysed.iter());
+        match plan.settings().target {
             Target::Bytes(bytes) if cut.slope > 0.0 => {
                 self.threads.run(|| cut_of_size(cut, bytes, |cut| self.bytes_at(cut, fineness)))
             }
@@ -455,7 +486,7 @@ impl Packing {
         let sample: Vec<BlockId> =
             (0..blocks).step_by(blocks.div_ceil(SAMPLE_BLOCKS)).map(|i| BlockId(i as u32)).collect();
         let encode = |&id: &BlockId| -> Result<(usize, usize)> {
-            let size = self.writer.encode_divided(id, &kept_of(&self.analysis.read(id)?.0, cut, fineness))?.size();
+            let size = self.writer.encode_divided(id, &kept_of(&self.analysed.read(id)?.0, cut, fineness))?.size();
             Ok((size.bytes(), size.layer_bytes.len()))
         };
         let sizes = sample.par_iter().map(encode).collect::<Result<Vec<_>>>()?;
@@ -475,14 +506,14 @@ fn kept_of(candidate: &Candidate, cut: &Cut, fineness: &Arc<[i8]>) -> FactoredBl
 /// scales have equal shares of the picture. A matrix that is cleaned knows them better, once it is.
 ///
 /// # Errors
-/// Those of [`Compressor::new`].
-pub(super) fn compressor_of(job: &Job, options: &PackOptions) -> Result<Compressor> {
-    let compressor = Compressor::new(&job.basis, job.shape, options.compress.clone())?;
-    if compressor.asks_images(&job.basis) {
-        return Ok(compressor);
+/// Those of [`CompressorPlan::new`].
+pub(super) fn plan_of(job: &Job, options: &PackOptions) -> Result<CompressorPlan> {
+    let plan = CompressorPlan::new(&job.basis, job.shape, options.compress.clone())?;
+    if plan.asks_images(&job.basis) {
+        return Ok(plan);
     }
     let lights = job.basis.lights().len();
-    Ok(compressor.for_lights_alone(&job.basis, &vec![1.0 / lights as f64; lights]))
+    Ok(plan.for_lights_alone(&job.basis, &vec![1.0 / lights as f64; lights]))
 }
 
 /// The cleaned images that the options name.
@@ -536,21 +567,20 @@ impl BlockSource for Watched<'_> {
 }
 
 /// What packing a matrix of this shape takes, or that of the job that is `cleaned`. `source` is what making its blocks takes.
-pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need, cleaned: Option<&Job>) -> Need {
+pub(super) fn need_of(plan: &CompressorPlan, shape: MatrixShape, source: Need, cleaned: Option<&Job>) -> Need {
     let (blocks, rows) = (u64::from(shape.block_count()), shape.max_block_rows() as u64);
     let columns = shape.columns() as u64;
-    let candidate =
-        compressor.candidate_bytes() + Residual::max_bytes(rows, columns, compressor.candidate_bytes() / 16);
+    let candidate = plan.candidate_bytes() + Residual::max_bytes(rows, columns, plan.candidate_bytes() / 16);
     let block_bytes = rows * columns * 4;
     // Single entries may be fifty to a row, where fifty texels are seen through it alone; one is usual where any is.
-    let sparse = if compressor.settings().method == Method::Auto { rows } else { 0 };
-    let likely = compressor.factor_bytes() + 16 * sparse + Residual::max_bytes(rows, columns, sparse);
+    let sparse = if plan.settings().method == Method::Auto { rows } else { 0 };
+    let likely = plan.factor_bytes() + 16 * sparse + Residual::max_bytes(rows, columns, sparse);
     // A rank of its own is stored whole, as 16-bit floats, in two places until it is done. Ours keeps what is worth its
     // bits: a fiftieth at the default target, a fourth where all is asked for.
-    let fixed = compressor.settings().has_fixed_rank();
+    let fixed = plan.settings().has_fixed_rank();
     let stored = if fixed { likely } else { likely / 4 };
     // The analysis of a block, and its candidate: as it is, encoded, and multiplied out in strips.
-    let compressing = compressor.needs_bytes() + 3 * candidate;
+    let compressing = plan.needs_bytes() + 3 * candidate;
     let cleaning = match cleaned {
         Some(job) => Cleaned::need(job, source.per_thread_bytes, compressing),
         None => Need { per_thread_bytes: source.per_thread_bytes + compressing, ..Need::default() },
@@ -559,7 +589,7 @@ pub(super) fn need_of(compressor: &Compressor, shape: MatrixShape, source: Need,
         fixed_bytes: source.fixed_bytes.max(PROGRAM_BYTES)
             + 4096 * blocks
             + 48 * columns
-            + compressor.global_needs_bytes()
+            + plan.global_needs_bytes()
             + cleaning.fixed_bytes,
         per_thread_bytes: block_bytes + cleaning.per_thread_bytes,
         alone_bytes: cleaning.alone_bytes,

@@ -5,6 +5,7 @@
 //! falls with the samples; their seconds say what more samples take. The render itself is then one of so many samples, the same
 //! bytes as with that number given, and goes on with it when it was stopped.
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
@@ -28,7 +29,8 @@ use crate::store::{self, StoreReader, partial_path};
 use crate::trace::{TraceSettings, Tracer};
 
 /// Samples per pixel of the pilot: first few, then more.
-const SAMPLES: (u32, u32) = (8, 32);
+const FEW_SAMPLES: u32 = 8;
+const MORE_SAMPLES: u32 = 32;
 /// Windows of the pilot that stand for the picture.
 const WINDOWS: usize = 4;
 /// Blocks by which the noise of a stored matrix is measured.
@@ -98,7 +100,7 @@ impl Law {
     /// Of squared errors of the probe lightings at few and at more samples, and the noise of those. What is measured at more is
     /// not believed where it has fallen faster than noise can. The power is one for all lightings.
     fn fitted(few: &[f64; PROBES], more: &[f64; PROBES], noise: f64) -> Self {
-        let (of_few, of_more) = (f64::from(SAMPLES.0), f64::from(SAMPLES.1));
+        let (of_few, of_more) = (f64::from(FEW_SAMPLES), f64::from(MORE_SAMPLES));
         let least = of_few / of_more;
         let believed: [f64; PROBES] = std::array::from_fn(|probe| more[probe].max(few[probe] * least));
         let sum = |squares: &[f64; PROBES]| squares.iter().filter(|square| square.is_finite()).sum::<f64>();
@@ -109,15 +111,15 @@ impl Law {
 
     /// Below the fewest samples that were measured as fast as noise falls: filters fail where there is too little to compare.
     fn error(&self, samples: f64) -> f64 {
-        let least = f64::from(SAMPLES.0).min(self.samples);
+        let least = f64::from(FEW_SAMPLES).min(self.samples);
         let few = self.square * (self.samples / samples.max(least)).powf(self.power);
         let cleaned = few * (least / samples).max(1.0);
         cleaned.min(self.noise / samples).max(0.0).sqrt()
     }
 
     /// Pairs of samples that bring the error down to this, between so many.
-    fn pairs(&self, error: f64, (least, most): (u32, u32)) -> u32 {
-        first(most, |pairs| pairs >= least && self.error(2.0 * f64::from(pairs)) <= error)
+    fn pairs(&self, error: f64, between: RangeInclusive<u32>) -> u32 {
+        first(*between.end(), |pairs| pairs >= *between.start() && self.error(2.0 * f64::from(pairs)) <= error)
     }
 }
 
@@ -254,14 +256,14 @@ impl Pilot<'_> {
         let mut job = self.job.clone();
         job.basis.set_column_scales(tracer.column_scales().to_vec())?;
         let blocks = Blocks { source: tracer, job: &job, windows };
-        blocks.images(cleans, self.threads, ("a pilot", self.watch))
+        blocks.images(cleans, self.threads, "a pilot", self.watch)
     }
 
     /// Independent samples of windows and nothing more.
     fn references(&self, windows: Vec<Vec<BlockId>>) -> Result<References> {
-        let tracer = self.tracer(self.settings(1, SAMPLES.1))?;
+        let tracer = self.tracer(self.settings(1, MORE_SAMPLES))?;
         let first = self.images(&tracer, &windows, false)?.sampled;
-        let tracer = tracer.with_settings(self.settings(2, SAMPLES.1))?;
+        let tracer = tracer.with_settings(self.settings(2, MORE_SAMPLES))?;
         let second = self.images(&tracer, &windows, false)?.sampled;
         Ok((windows, [first, second]))
     }
@@ -278,7 +280,7 @@ impl Pilot<'_> {
         };
         let share = f64::from(shape.width()) * f64::from(shape.height()) / pixels(&windows);
         let preparing = Instant::now();
-        let tracer = self.tracer(self.settings(0, SAMPLES.0))?;
+        let tracer = self.tracer(self.settings(0, FEW_SAMPLES))?;
         let (preparing, photons) = (preparing.elapsed().as_secs_f64(), tracer.photon_cost());
         let tracing = Instant::now();
         // With only a time to keep, cleaning tells no more than how long it takes.
@@ -289,24 +291,24 @@ impl Pilot<'_> {
         let seconds = Seconds {
             fixed: preparing - photons.seconds + cleaning,
             per_photon: photons.seconds / photons.sent.max(1) as f64,
-            per_sample: tracing / f64::from(SAMPLES.0) * share,
+            per_sample: tracing / f64::from(FEW_SAMPLES) * share,
         };
         if let Some(end) = rule.seconds {
             let left = PILOT_SHARE * end - begun.elapsed().as_secs_f64();
-            let each = 2.0 * seconds.per_sample * f64::from(SAMPLES.1) / share / windows.len() as f64;
+            let each = 2.0 * seconds.per_sample * f64::from(MORE_SAMPLES) / share / windows.len() as f64;
             let in_time = (left / each) as usize;
             windows.truncate(if rule.error.is_some() { in_time.max(1) } else { in_time });
         }
         // Where no error was asked for, that of packed images is nice to know where there is time for it.
         if windows.is_empty() || rule.error.is_none() && !cleans {
-            let law = Law::of_noise(worst(&noise_squares(&few.sampled)), SAMPLES.0);
+            let law = Law::of_noise(worst(&noise_squares(&few.sampled)), FEW_SAMPLES);
             return Ok((Found { law, of_packed: false, seconds }, None));
         }
         let at_hand = windows.concat();
         few.shown.retain(|id, _| at_hand.contains(id));
-        let tracer = tracer.with_settings(self.settings(1, SAMPLES.1))?;
+        let tracer = tracer.with_settings(self.settings(1, MORE_SAMPLES))?;
         let first = self.images(&tracer, &windows, self.cleans)?;
-        let tracer = tracer.with_settings(self.settings(2, SAMPLES.1))?;
+        let tracer = tracer.with_settings(self.settings(2, MORE_SAMPLES))?;
         let second = self.images(&tracer, &windows, self.cleans)?;
         let mean = |a: [f64; PROBES], b: [f64; PROBES]| std::array::from_fn(|probe| 0.5 * (a[probe] + b[probe]));
         let noise = worst(&mean(noise_squares(&first.sampled), noise_squares(&second.sampled)));
@@ -317,7 +319,7 @@ impl Pilot<'_> {
                 let of_few = error_squares(&few.shown, [&first.sampled, &second.sampled]);
                 Law::fitted(&of_few, &mean(of_first, of_second), noise)
             }
-            false => Law::of_noise(noise, SAMPLES.1),
+            false => Law::of_noise(noise, MORE_SAMPLES),
         };
         Ok((Found { law, of_packed: self.cleans, seconds }, Some((windows, [first.sampled, second.sampled]))))
     }
@@ -333,8 +335,8 @@ impl Found {
         };
         // Pairs of samples, so that the noise is known and there are as many in each half.
         // With fewer than were tried, what cleaning makes of them is a guess.
-        let least = if pilot.cleans { SAMPLES.0 / 2 } else { 1 };
-        let by_error = rule.error.map(|error| self.law.pairs(error, (least, most)));
+        let least = if pilot.cleans { FEW_SAMPLES / 2 } else { 1 };
+        let by_error = rule.error.map(|error| self.law.pairs(error, least..=most));
         let by_time = rule.seconds.map(|end| {
             let left = TRACING_SHARE * end - begun.elapsed().as_secs_f64();
             first(most, |pairs| takes(2 * pairs + 2) > left)
@@ -422,7 +424,7 @@ pub fn expected_error(matrix: &StoreReader, memory_bytes: Option<u64>, watch: &d
     };
     let threads = Threads::new(need.threads_within(MEASURING, memory_bytes)?)?;
     let blocks = Blocks { source: matrix, job: matrix.job(), windows: &blocks };
-    let images = blocks.images(false, &threads, (MEASURING, watch))?;
+    let images = blocks.images(false, &threads, MEASURING, watch)?;
     Ok(Some(worst(&noise_squares(&images.sampled)).sqrt()).filter(|error| error.is_finite()))
 }
 
@@ -547,7 +549,7 @@ mod tests {
         let windows = [job.shape.blocks().collect()];
         let blocks = Blocks { source: &tracer, job: &job, windows: &windows };
         let threads = Threads::new(rayon::current_num_threads()).unwrap();
-        blocks.images(false, &threads, ("", &Quiet)).unwrap().sampled
+        blocks.images(false, &threads, "", &Quiet).unwrap().sampled
     }
 
     /// Against a converged reference: what was asked for is kept to a half, and what is stated as reached is right to a quarter, in the

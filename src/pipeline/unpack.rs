@@ -103,7 +103,7 @@ pub fn unpack_to_exr(
     let text = path.display().to_string();
     if text.contains("{light}") {
         let paths: Vec<PathBuf> = names.iter().map(|name| text.replace("{light}", name).into()).collect();
-        unpack_to_files(source, &selected, (path, &paths), options, watch)?;
+        unpack_to_files(source, &selected, path, &paths, options, watch)?;
         return Ok(paths);
     }
     check_output(path, options.overwrite)?;
@@ -120,7 +120,14 @@ pub fn unpack_to_exr(
     layers.extend(names.iter().map(|name| format!("ViewLayer.Combined_{name}")));
     let mut images = vec![(0..selected.lights.len()).collect()];
     images.extend((0..selected.lights.len()).map(|light| vec![light]));
-    let rows = relight_images(source, &selected, (&images, images.len()), path, options, watch)?;
+    let rows = relight_images(
+        source,
+        &selected,
+        LitImages { groups: &images, in_a_file: images.len() },
+        path,
+        options,
+        watch,
+    )?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
     image::write_exr_rows(path, options.overwrite, &layers, size_of_rect(selected.rect), &mut fetch)?;
     Ok(vec![path.to_owned()])
@@ -131,7 +138,8 @@ pub fn unpack_to_exr(
 fn unpack_to_files(
     source: &dyn UnpackSource,
     selected: &Selected,
-    (pattern, paths): (&Path, &[PathBuf]),
+    pattern: &Path,
+    paths: &[PathBuf],
     options: &UnpackOptions,
     watch: &dyn Watch,
 ) -> Result<()> {
@@ -147,7 +155,7 @@ fn unpack_to_files(
         check_output(path, options.overwrite || begun.has(key))?;
     }
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
-    let rows = relight_images(source, selected, (&images, 1), pattern, options, watch)?;
+    let rows = relight_images(source, selected, LitImages { groups: &images, in_a_file: 1 }, pattern, options, watch)?;
     watch.begin("writing images", paths.len() as u64, "images");
     let written = (0..).zip(paths).try_for_each(|(key, path)| {
         if watch.interrupted() {
@@ -176,7 +184,7 @@ pub fn unpack_relit(source: &dyn UnpackSource, path: &Path, options: &UnpackOpti
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images = [(0..selected.lights.len()).collect()];
-    let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
+    let rows = relight_images(source, &selected, LitImages { groups: &images, in_a_file: 1 }, path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
     image::write_exr_rows(path, options.overwrite, &[String::new()], size_of_rect(selected.rect), &mut fetch)
 }
@@ -189,17 +197,25 @@ pub fn unpack_to_npy(source: &dyn UnpackSource, path: &Path, options: &UnpackOpt
     check_output(path, options.overwrite)?;
     let selected = options.selection.of(source.job())?;
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
-    let rows = relight_images(source, &selected, (&images, 1), path, options, watch)?;
+    let rows = relight_images(source, &selected, LitImages { groups: &images, in_a_file: 1 }, path, options, watch)?;
     let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
     image::write_npy(path, options.overwrite, images.len(), size_of_rect(selected.rect), &mut fetch)
 }
 
-/// Lights each block under groups of lights (indices into the selection) and leaves the images on disk, once there is
-/// room for them, and for files of `layers` of them each.
+/// The images that are made.
+#[derive(Clone, Copy)]
+struct LitImages<'a> {
+    /// The lights of each, as indices into the selection.
+    groups: &'a [Vec<usize>],
+    /// Images that come into one file.
+    in_a_file: usize,
+}
+
+/// Lights each block under groups of lights and leaves the images on disk, once there is room for them, and for the files.
 fn relight_images(
     source: &dyn UnpackSource,
     selected: &Selected,
-    (groups, layers): (&[Vec<usize>], usize),
+    LitImages { groups, in_a_file }: LitImages<'_>,
     beside: &Path,
     options: &UnpackOptions,
     watch: &dyn Watch,
@@ -207,7 +223,7 @@ fn relight_images(
     let shape = source.job().shape;
     let per_thread_bytes = source.reading_bytes() + 16 * shape.max_block_rows() as u64;
     let size = size_of_rect(selected.rect);
-    let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(layers, size);
+    let fixed_bytes = PROGRAM_BYTES + source.fixed_bytes() + image::exr_rows_need_bytes(in_a_file, size);
     // The images in between, and the files, which are not larger.
     let disk_bytes = 2 * RowSpill::bytes(groups.len(), size.width, size.height);
     let need = Need { fixed_bytes, per_thread_bytes, disk_bytes, ..Need::default() };

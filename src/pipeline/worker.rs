@@ -2,14 +2,14 @@
 
 use std::path::Path;
 
-use super::analysis::Analysis;
+use super::analysis::Analysed;
 use super::farm::Terms;
 use super::gather::Gathering;
 use super::pack::need_of;
 use super::records::Records;
 use super::shard::ShardHead;
 use super::spill::open_spill;
-use crate::compress::Compressor;
+use crate::compress::{Compressor, CompressorPlan};
 use crate::depot::Depot;
 use crate::error::{Error, Result};
 use crate::files::ContinuationFile;
@@ -21,7 +21,12 @@ pub(super) enum Worker {
     /// Of a matrix that is cleaned: the merge analyses it.
     Gathers(Box<Gathering>),
     /// Of one that is packed as it is.
-    Analyses(Box<Analysis>),
+    Analyses {
+        /// What analyses.
+        compressor: Box<Compressor>,
+        /// What it has analysed.
+        analysed: Analysed,
+    },
 }
 
 impl Worker {
@@ -29,7 +34,7 @@ impl Worker {
     ///
     /// # Errors
     /// The folder cannot be written.
-    pub(super) fn new(terms: &Terms, compressor: Compressor, scratch: Option<&Path>) -> Result<Self> {
+    pub(super) fn new(terms: &Terms, plan: CompressorPlan, scratch: Option<&Path>) -> Result<Self> {
         let folder = match scratch {
             Some(scratch) => tempfile::tempdir_in(scratch).map_err(Error::io(scratch, "create a folder in"))?,
             None => {
@@ -43,17 +48,17 @@ impl Worker {
         Ok(if terms.options.denoise {
             Self::Gathers(Box::new(Gathering::new(&terms.job, path, records)?))
         } else {
-            Self::Analyses(Box::new(Analysis { compressor, records, path }))
+            Self::Analyses { compressor: Box::new(plan.for_blocks()?), analysed: Analysed { records, path } }
         })
     }
 
     /// What working takes, where making a block takes `source`.
-    pub(super) fn need(terms: &Terms, compressor: &Compressor, source: Need) -> Need {
+    pub(super) fn need(terms: &Terms, plan: &CompressorPlan, source: Need) -> Need {
         let shape = terms.job.shape;
         // Where each record is.
         let places = 64 * u64::from(shape.block_count());
         if !terms.options.denoise {
-            let need = need_of(compressor, shape, source, None);
+            let need = need_of(plan, shape, source, None);
             return Need { fixed_bytes: need.fixed_bytes + places, ..need };
         }
         let per_thread_bytes = source.per_thread_bytes + Gathering::takes_bytes(&terms.job);
@@ -76,7 +81,7 @@ impl Worker {
         }
         match self {
             Self::Gathers(gathering) => gathering.take(id, block, watch, make, None),
-            Self::Analyses(analysis) => analysis.take(id, block, make).map(|(_, work)| work),
+            Self::Analyses { compressor, analysed } => analysed.take(compressor, id, block, make).map(|(_, work)| work),
         }
     }
 
@@ -102,7 +107,7 @@ impl Worker {
     fn file(&self) -> Result<&ContinuationFile> {
         let records = match self {
             Self::Gathers(gathering) => &gathering.records,
-            Self::Analyses(analysis) => &analysis.records,
+            Self::Analyses { analysed, .. } => &analysed.records,
         };
         match records {
             Records::File(file) => Ok(file),

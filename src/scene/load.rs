@@ -192,7 +192,7 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<U
     }
     let cameras = extras.cameras.iter().map(|camera| camera.name.clone()).collect();
     let origin = geometry.settle(&place, &mut warnings);
-    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), (&geometry, origin), &place, &mut warnings)?;
+    let camera = choose_camera(&extras.cameras, options.camera.as_deref(), &geometry, origin, &place, &mut warnings)?;
     let made = build(
         Read {
             place: &place,
@@ -218,7 +218,8 @@ fn load_gltf(path: &Path, options: &LoadOptions, mut memory: Memory) -> Result<U
 fn choose_camera(
     cameras: &[FileCamera],
     name: Option<&str>,
-    (geometry, origin): (&Geometry, DVec3),
+    geometry: &Geometry,
+    origin: DVec3,
     place: &str,
     warnings: &mut Vec<String>,
 ) -> Result<Camera> {

@@ -16,7 +16,7 @@ use super::accumulator::PixelSums;
 use super::bsdf::{Bsdf, Scattered};
 use super::frame::Frame;
 use super::lights::{Chances, EmitterHit, Found};
-use super::photons::{Gather, Gathered, Gathering, LANES, Photons};
+use super::photons::{Gather, Gathered, GatheredWithin, Gathering, LANES, Photons};
 use super::planes::{Layer, PlaneSums, SampleFeatures};
 use super::sampler::{Sampler, Use};
 use super::world::{MAX_PASSES, SurfacePoint, World};
@@ -82,9 +82,15 @@ struct Last {
     pdf: Option<f32>,
     cosine: f32,
     light_samples: f32,
-    /// Where photons were gathered at the last surface with more than single directions: within what radius, and with what
-    /// density over projected solid angle the path goes on from there.
-    gathered: Option<(f32, f32)>,
+    /// How photons were gathered at the last surface with more than single directions.
+    gathered: Option<GatheredWithin>,
+}
+
+/// A light sample of several.
+struct LightDraw {
+    /// Uniform numbers.
+    pair: Vec2,
+    count: u32,
 }
 
 impl Last {
@@ -112,7 +118,7 @@ impl Aside {
     /// The ray that goes on by a way from the surface that this one has come to, with this share of what it shows. None where it does not
     /// leave the surface, or the path has its `max_depth`: then it may pass straight on only.
     #[inline(always)]
-    fn onward(&self, at: &Vertex, (way, share): (&Scattered, f32), max_depth: u32) -> Option<Self> {
+    fn onward(&self, at: &Vertex, way: &Scattered, share: f32, max_depth: u32) -> Option<Self> {
         if self.vertex + 1 >= max_depth && !way.straight {
             return None;
         }
@@ -192,7 +198,8 @@ pub(super) fn trace_sample(
     (x, y): (u32, u32),
     sample: u32,
     sampler: &Sampler,
-    (sums, planes): (&mut PixelSums, Option<&mut PlaneSums<'_>>),
+    sums: &mut PixelSums,
+    planes: Option<&mut PlaneSums<'_>>,
 ) -> PathCost {
     let camera = &paths.world.scene.camera;
     let position = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filter_offset(camera, sampler.pair(Use::Pixel, 0));
@@ -220,7 +227,7 @@ impl Paths<'_> {
         let mut seen = 1.0;
         let (mut vertex, mut passes, mut travelled, mut forks) = (0, 0, 0.0, MOST_FORKS);
         loop {
-            let Some(at) = self.arrive((origin, direction), &last, (layer, throughput * seen), record) else { return };
+            let Some(at) = self.arrive((origin, direction), &last, layer, throughput * seen, record) else { return };
             // The longest paths may still pass sheets, as the shadow rays of their last vertex do.
             let at_end = vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Use::Choice, vertex + passes);
@@ -252,7 +259,8 @@ impl Paths<'_> {
                 let chances = world.lights.chances(at.point.position, at.frame.z);
                 for member in 0..light_samples {
                     let pair = sampler.member(Use::Light, vertex, member, light_samples);
-                    at.sample_light(world, &chances, throughput, (pair, light_samples), layer, record);
+                    let draw = LightDraw { pair, count: light_samples };
+                    at.sample_light(world, &chances, throughput, draw, layer, record);
                 }
                 let map = maps[usize::from(layer == Layer::Indirect)];
                 if let Some(photons) = self.photons {
@@ -261,7 +269,7 @@ impl Paths<'_> {
             } else if layer == Layer::Emission
                 && let Some((way, chance)) = at.bsdf.other_way(at.wo, choice.x)
             {
-                if let Some(aside) = here.onward(&at, (&way, chance), self.max_depth) {
+                if let Some(aside) = here.onward(&at, &way, chance, self.max_depth) {
                     self.look_aside(aside, &mut forks, sampler, record);
                 }
                 seen *= 1.0 - chance;
@@ -298,7 +306,11 @@ impl Paths<'_> {
                 pdf: (!next.singular).then_some(next.pdf),
                 cosine: next.wi.z,
                 light_samples: light_samples as f32,
-                gathered: if next.singular { last.gathered } else { radius.map(|radius| (radius, spread())) },
+                gathered: if next.singular {
+                    last.gathered
+                } else {
+                    radius.map(|radius| GatheredWithin { radius, spread: spread() })
+                },
             };
             vertex += 1;
             if vertex >= CERTAIN_VERTICES {
@@ -318,7 +330,8 @@ impl Paths<'_> {
         &self,
         (origin, direction): (Vec3, Vec3),
         last: &Last,
-        (layer, throughput): (Layer, Vec3),
+        layer: Layer,
+        throughput: Vec3,
         record: &mut Record<'_, '_>,
     ) -> Option<Vertex> {
         let world = self.world;
@@ -375,8 +388,9 @@ impl Paths<'_> {
     /// both ways too where each is likely enough, from at most `forks` more boundaries.
     fn look_aside(&self, mut aside: Aside, forks: &mut u32, sampler: &Sampler, record: &mut Record<'_, '_>) {
         while aside.passes < MAX_PASSES {
-            let (ray, light) = (aside.ray, (Layer::Emission, aside.throughput * aside.share));
-            let Some(at) = self.arrive(ray, &Last::only(ray.0, ray.1), light, record) else { return };
+            let (ray, throughput) = (aside.ray, aside.throughput * aside.share);
+            let last = Last::only(ray.0, ray.1);
+            let Some(at) = self.arrive(ray, &last, Layer::Emission, throughput, record) else { return };
             let at_end = aside.vertex + 1 >= self.max_depth;
             let mut choice = sampler.pair(Use::Choice, ASIDE + aside.vertex + aside.passes);
             if at.opacity < 1.0 {
@@ -400,12 +414,12 @@ impl Paths<'_> {
                 && chance.min(1.0 - chance) * aside.share > LEAST_SHARE
             {
                 *forks -= 1;
-                if let Some(other) = aside.onward(&at, (&way, chance), self.max_depth) {
+                if let Some(other) = aside.onward(&at, &way, chance, self.max_depth) {
                     self.look_aside(other, forks, sampler, record);
                 }
                 kept = 1.0 - chance;
             }
-            match aside.onward(&at, (&next, kept), self.max_depth) {
+            match aside.onward(&at, &next, kept, self.max_depth) {
                 Some(onward) => aside = onward,
                 None => return,
             }
@@ -457,19 +471,19 @@ impl Vertex {
         features.material = world.material_index(&self.point) + 1;
     }
 
-    /// One light sample of `count`, from a pair of uniform numbers.
+    /// One light sample.
     #[inline(always)]
     fn sample_light(
         &self,
         world: &World,
         chances: &Chances,
         throughput: Vec3,
-        (pair, count): (Vec2, u32),
+        LightDraw { pair, count }: LightDraw,
         layer: Layer,
         record: &mut Record<'_, '_>,
     ) {
-        let here = (self.point.position, &self.frame);
-        let Some(light) = world.lights.sample(&world.scene, here, chances, pair) else { return };
+        let drawn = world.lights.sample(&world.scene, self.point.position, &self.frame, chances, pair);
+        let Some(light) = drawn else { return };
         if light.towards.dot(self.normal) <= 0.0 {
             return;
         }

@@ -127,7 +127,8 @@ impl Lights {
     pub(super) fn sample(
         &self,
         scene: &Scene,
-        (position, frame): (Vec3, &Frame),
+        position: Vec3,
+        frame: &Frame,
         chances: &Chances,
         pair: Vec2,
     ) -> Option<LightSample> {
@@ -359,7 +360,8 @@ mod tests {
             let pair = Vec2::new(random.random(), random.random());
             let bin = match world.lights.sample(
                 &world.scene,
-                (position, &shading),
+                position,
+                &shading,
                 &world.lights.chances(position, shading.z),
                 pair,
             ) {

@@ -426,18 +426,19 @@ impl Photons {
         self.per_sample * std::f32::consts::PI * radius * radius
     }
 
-    /// Weight of a path that was scattered with density `spread` over projected solid angle at a surface that gathered within
-    /// `radius`, and has then found light `source` by mirrors and glass alone.
-    pub(super) fn weight_of_path(
-        &self,
-        world: &World,
-        source: u32,
-        hit: &EmitterHit,
-        (radius, spread): (f32, f32),
-    ) -> f32 {
+    /// Weight of a path that has found light `source` by mirrors and glass alone since it was scattered where photons were gathered.
+    pub(super) fn weight_of_path(&self, world: &World, source: u32, hit: &EmitterHit, at: GatheredWithin) -> f32 {
         let density = world.lights.emitted_density(&self.targets, source, hit);
-        power_heuristic(spread, self.expected_of(radius) * density)
+        power_heuristic(at.spread, self.expected_of(at.radius) * density)
     }
+}
+
+/// How photons were gathered at a surface.
+#[derive(Clone, Copy)]
+pub(super) struct GatheredWithin {
+    pub(super) radius: f32,
+    /// Density over projected solid angle with which the path goes on from there.
+    pub(super) spread: f32,
 }
 
 /// The photons of one map, and the rays that they took.
@@ -450,7 +451,7 @@ fn send(world: &World, targets: &Targets, map: u32, numbers: Numbers, settings: 
             // A seed of its own, so that photons share no numbers with the pixels.
             let sampler = Sampler::new(!settings.seed, key, index << 1);
             let Some(emitted) = world.lights.emit(&world.scene, targets, light, &sampler) else { continue };
-            photons.extend(follow(world, settings.max_depth, emitted, (&sampler, share), &mut rays));
+            photons.extend(follow(world, settings.max_depth, emitted, &sampler, share, &mut rays));
         }
     }
     photons.shrink_to_fit();

@@ -150,7 +150,7 @@ impl Near {
                 waiting[level] = (node, mask);
                 level -= 1;
                 (node, mask) = (child, boxes_near(&levels[level][child]));
-                ahead((leaves, &levels), level, (node, mask), &each);
+                ahead(leaves, &levels, level, node, mask, &each);
                 continue;
             }
             let (distances, found) = points_near(&leaves[child]);
@@ -164,9 +164,11 @@ impl Near {
 /// Fetches the children of a node that are looked at next.
 #[inline(always)]
 fn ahead(
-    (leaves, levels): (&[Leaf], &[&[Boxes]; MOST_LEVELS]),
+    leaves: &[Leaf],
+    levels: &[&[Boxes]; MOST_LEVELS],
     level: usize,
-    (node, mut mask): (usize, u32),
+    node: usize,
+    mut mask: u32,
     each: &impl Each,
 ) {
     while mask != 0 {
