@@ -27,7 +27,7 @@ use super::records::Records;
 use super::shard::ShardSet;
 use super::spill::{CLEANED, GATHERED, open_spill};
 use crate::clean::{self, CleanedRegion, Cleaning, ErrorSums, Guides, MapFit, Pool, Reach, Region, Tally};
-use crate::compress::{ClusterMap, Compressor};
+use crate::compress::{ClusterMap, CompressorPlan};
 use crate::error::{Error, Result};
 use crate::files::{ContinuationFile, with_suffix};
 use crate::host::{Need, Threads, Watch};
@@ -87,7 +87,7 @@ impl Cleaned {
         Need {
             // The map stays, and what looks for contrasts.
             fixed_bytes: (size_of::<f32>() * job.shape.columns()) as u64
-                * (clusters as u64 + Compressor::COLUMN_VALUES),
+                * (clusters as u64 + CompressorPlan::COLUMN_VALUES),
             per_thread_bytes: gathering.max(Gathering::spreads_bytes(job)),
             alone_bytes: Self::windows_need_bytes(job, blocks),
             ..Need::default()

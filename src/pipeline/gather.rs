@@ -12,7 +12,7 @@ use super::analysis::PackStage;
 use super::pack::stop_if_interrupted;
 use super::records::Records;
 use crate::clean::{self, Cleaning, Strip, Tally};
-use crate::compress::{ClusterMap, CompressSettings, Compressor, Contrasts};
+use crate::compress::{ClusterMap, CompressSettings, Compressor, CompressorPlan, Contrasts};
 use crate::error::{Error, Result};
 use crate::host::{Threads, Watch};
 use crate::light::{Clusters, Job};
@@ -64,7 +64,7 @@ impl Gathering {
         // Planes, tiles and contrasts as they come, and as bytes; before them what looks for contrasts.
         let looking = match Self::contrast_bytes(job) {
             0 => 0,
-            bytes => Compressor::needs_bytes_for(job.shape, &contrast_settings()) + 2 * bytes,
+            bytes => CompressorPlan::needs_bytes_for(job.shape, &contrast_settings()) + 2 * bytes,
         };
         2 * Self::record_bytes(job) + looking
     }

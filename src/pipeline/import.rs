@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use super::column_scales;
 use super::grain::{Inside, add_grain};
 use super::imported_features::ImportedFeatures;
-use super::rows::RowSpill;
+use super::rows::{RowPlace, RowSpill};
 use super::spill::files_of_pack;
 use super::{PackOptions, pack};
 use crate::compress::CompressorPlan;
@@ -247,11 +247,11 @@ impl ImportedMatrix {
             for y in 0..set.height as usize {
                 for channel in 0..CHANNELS {
                     if set.has_sum {
-                        rows.read((lights, channel, y), 0, &mut rest)?;
+                        rows.read(RowPlace { image: lights, channel, y, x: 0 }, &mut rest)?;
                         squared_sum += squares(&rest);
                     }
                     for (light, size) in sizes[..lights].iter_mut().enumerate() {
-                        rows.read((light, channel, y), 0, &mut row)?;
+                        rows.read(RowPlace { image: light, channel, y, x: 0 }, &mut row)?;
                         content.update(bytemuck::cast_slice(&row));
                         if rendering == 0 {
                             *size += column_scales::sizes(&row);
@@ -265,7 +265,7 @@ impl ImportedMatrix {
                         if rendering == 0 {
                             sizes[lights] += column_scales::sizes(&rest);
                         }
-                        rows.write((lights, channel, y), 0, &rest)?;
+                        rows.write(RowPlace { image: lights, channel, y, x: 0 }, &rest)?;
                     }
                     rest.fill(0.0);
                     sums.end_row();
@@ -315,7 +315,7 @@ impl ImportedMatrix {
         for (light, column) in entries.chunks_exact_mut(rect.rows()).enumerate() {
             for (row, piece) in column.chunks_exact_mut(width).enumerate() {
                 let (channel, y) = (row / height, rect.y as usize + row % height);
-                rows.read((light, channel, y), rect.x as usize, piece)?;
+                rows.read(RowPlace { image: light, channel, y, x: rect.x as usize }, piece)?;
             }
         }
         Ok(())
@@ -477,7 +477,7 @@ fn spill_rows(
         looks[row.image].add(row.values);
         let done = usize::from(row.channel + 1 == CHANNELS && row.x + row.values.len() == width);
         watch.advance(done as u64, size_of_val(row.values) as u64, "B");
-        rows.write((row.image, row.channel, row.y), row.x, row.values)
+        rows.write(RowPlace { image: row.image, channel: row.channel, y: row.y, x: row.x }, row.values)
     };
     let result = Threads::new(threads)?.run(|| set.read(&mut take));
     watch.end();

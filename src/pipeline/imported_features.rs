@@ -4,7 +4,7 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use super::rows::RowSpill;
+use super::rows::{RowPlace, RowSpill};
 use crate::error::Result;
 use crate::host::Threads;
 use crate::image::{FeaturePasses, LightRow};
@@ -49,7 +49,10 @@ impl ImportedFeatures {
                 has[rendering][row.image] = true;
                 // What is not finite is not seen.
                 let values: Vec<f32> = row.values.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect();
-                rows.write((rendering * IMAGES + row.image, row.channel, row.y), row.x, &values)
+                rows.write(
+                    RowPlace { image: rendering * IMAGES + row.image, channel: row.channel, y: row.y, x: row.x },
+                    &values,
+                )
             };
             Threads::new(threads)?.run(|| passes.read(&mut take))?;
         }
@@ -64,7 +67,7 @@ impl ImportedFeatures {
         let mut row = vec![0.0; self.size.0];
         for image in 0..2 * IMAGES {
             for (channel, y) in (0..CHANNELS).flat_map(|channel| (0..self.size.1).map(move |y| (channel, y))) {
-                self.rows.read((image, channel, y), 0, &mut row)?;
+                self.rows.read(RowPlace { image, channel, y, x: 0 }, &mut row)?;
                 content.update(bytemuck::cast_slice(&row));
             }
         }

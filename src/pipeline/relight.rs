@@ -6,7 +6,7 @@ use std::path::Path;
 use super::gpu::OnGpu;
 #[cfg(not(feature = "gpu"))]
 use super::no_gpu::OnGpu;
-use super::rows::RowSpill;
+use super::rows::{RowPlace, RowSpill};
 use super::unpack::safe_names;
 use crate::container::ContainerReader;
 use crate::error::{Error, Result};
@@ -198,13 +198,13 @@ pub fn write_relit_layers(
         for (y, pixels) in image.pixels.chunks_exact(size.width).enumerate() {
             for channel in 0..CHANNELS {
                 row.iter_mut().zip(pixels).for_each(|(value, pixel)| *value = pixel[channel]);
-                spill.write((index, channel, y), 0, &row)?;
+                spill.write(RowPlace { image: index, channel, y, x: 0 }, &row)?;
             }
         }
     }
     let names = safe_names(names.iter().map(String::as_str));
     image::write_exr_rows(path, true, &names, size, &mut |layer, channel, y, row| {
-        spill.read((layer, channel, y), 0, row)
+        spill.read(RowPlace { image: layer, channel, y, x: 0 }, row)
     })
 }
 

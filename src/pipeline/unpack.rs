@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
-use super::rows::RowSpill;
+use super::rows::{RowPlace, RowSpill};
 use super::selection::{Selected, Selection, overlap};
 use super::unpack_source::{UnpackSource, Weights};
 use crate::error::{Error, Result};
@@ -128,7 +128,7 @@ pub fn unpack_to_exr(
         options,
         watch,
     )?;
-    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read(RowPlace { image, channel, y, x: 0 }, row);
     image::write_exr_rows(path, options.overwrite, &layers, size_of_rect(selected.rect), &mut fetch)?;
     Ok(vec![path.to_owned()])
 }
@@ -166,7 +166,8 @@ fn unpack_to_files(
             // Before the file has its name: one that is not noted would be taken for someone else's.
             begun.append(key, &[])?;
         }
-        let mut fetch = |_, channel, y, row: &mut [f32]| rows.read((key as usize, channel, y), 0, row);
+        let mut fetch =
+            |_, channel, y, row: &mut [f32]| rows.read(RowPlace { image: key as usize, channel, y, x: 0 }, row);
         image::write_exr_rows(path, overwrite, &[String::new()], size_of_rect(selected.rect), &mut fetch)?;
         watch.advance(1, 1, "images");
         Ok(())
@@ -185,7 +186,7 @@ pub fn unpack_relit(source: &dyn UnpackSource, path: &Path, options: &UnpackOpti
     let selected = options.selection.of(source.job())?;
     let images = [(0..selected.lights.len()).collect()];
     let rows = relight_images(source, &selected, LitImages { groups: &images, in_a_file: 1 }, path, options, watch)?;
-    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read(RowPlace { image, channel, y, x: 0 }, row);
     image::write_exr_rows(path, options.overwrite, &[String::new()], size_of_rect(selected.rect), &mut fetch)
 }
 
@@ -198,7 +199,7 @@ pub fn unpack_to_npy(source: &dyn UnpackSource, path: &Path, options: &UnpackOpt
     let selected = options.selection.of(source.job())?;
     let images: Vec<Vec<usize>> = (0..selected.lights.len()).map(|light| vec![light]).collect();
     let rows = relight_images(source, &selected, LitImages { groups: &images, in_a_file: 1 }, path, options, watch)?;
-    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read((image, channel, y), 0, row);
+    let mut fetch = |image, channel, y, row: &mut [f32]| rows.read(RowPlace { image, channel, y, x: 0 }, row);
     image::write_npy(path, options.overwrite, images.len(), size_of_rect(selected.rect), &mut fetch)
 }
 

@@ -39,8 +39,8 @@ use crate::matrix::CHANNELS;
 use crate::scene::Scene;
 use follow::follow;
 pub(super) use near::LANES;
-use near::{Disc, Near};
-use pages::{Items, Pages};
+use near::{Disc, Near, NearInFile};
+use pages::{Items, Pages, Place, WrittenPages};
 use radius::RadiusField;
 pub(super) use targets::Targets;
 
@@ -120,8 +120,21 @@ impl Map {
     }
 
     /// The same in a file.
-    fn put(self, pages: &mut Pages) -> Result<Self> {
-        Ok(Self { leaves: pages.put(&self.leaves)?, near: self.near.put(pages)?, ..self })
+    fn put(self, pages: &mut Pages) -> Result<MapInFile> {
+        Ok(MapInFile { count: self.count, leaves: pages.put(&self.leaves)?, near: self.near.put(pages)? })
+    }
+}
+
+/// A map in a file that is being written.
+struct MapInFile {
+    count: usize,
+    leaves: Place<Leaf>,
+    near: NearInFile,
+}
+
+impl MapInFile {
+    fn open(self, pages: &WrittenPages) -> Map {
+        Map { count: self.count, leaves: pages.items(self.leaves), near: self.near.open(pages) }
     }
 }
 
@@ -338,24 +351,29 @@ impl Photons {
             return Ok((None, PhotonCost::default()));
         };
         let numbers = Numbers::of(&world.scene, pixels, settings);
-        let (mut maps, mut places, mut rays, mut held, mut pages) = (Vec::new(), Vec::new(), 0, 0, None);
-        while maps.len() < numbers.maps as usize {
-            let some = maps.len() as u32..numbers.maps.min(maps.len() as u32 + AT_ONCE);
+        let (mut maps, mut places, mut rays, mut held) = (Vec::new(), Vec::new(), 0, 0);
+        let (mut pages, mut maps_in_file) = (None, Vec::new());
+        loop {
+            let made = (maps.len() + maps_in_file.len()) as u32;
+            if made >= numbers.maps {
+                break;
+            }
+            let some = made..numbers.maps.min(made + AT_ONCE);
             let count = some.len() as u32;
             let send = |map| send(world, &targets, map, numbers, settings);
             let (photons, of_each): (Vec<_>, Vec<u64>) = some.into_par_iter().map(send).unzip();
             rays += of_each.iter().sum::<u64>();
-            if maps.len() < FEW_MAPS as usize {
+            if made < FEW_MAPS {
                 places.extend(photons.iter().flatten().map(|photon| photon.position));
             }
             let sorted: Vec<Map> = photons.into_par_iter().map(Map::sort).collect();
             for map in sorted {
                 held += map.bytes();
-                maps.push(match &mut pages {
-                    None if held <= most_bytes => map,
-                    None => map.put(pages.insert(Pages::begin(sending.folder)?))?,
-                    Some(pages) => map.put(pages)?,
-                });
+                match &mut pages {
+                    None if held <= most_bytes => maps.push(map),
+                    None => maps_in_file.push(map.put(pages.insert(Pages::begin(sending.folder)?))?),
+                    Some(pages) => maps_in_file.push(map.put(pages)?),
+                }
             }
             if places.is_empty() {
                 break;
@@ -365,7 +383,8 @@ impl Photons {
             }
         }
         if let Some(pages) = pages {
-            pages.finish()?;
+            let pages = pages.finish()?;
+            maps.extend(maps_in_file.into_iter().map(|map| map.open(&pages)));
         }
         let sent = Numbers { maps: maps.len() as u32, ..numbers };
         let per_sample = f64::from(sent.maps) * f64::from(sent.per_light) / f64::from(settings.samples_per_pixel);

@@ -9,7 +9,7 @@ use std::ops::Range;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use super::pages::{Items, Pages};
+use super::pages::{Items, Pages, Place, WrittenPages};
 use super::tree::part_at;
 use crate::error::Result;
 
@@ -59,6 +59,21 @@ pub(super) struct Near {
     levels: Vec<Items<Boxes>>,
 }
 
+/// The same in a file that is being written.
+#[derive(Debug)]
+pub(super) struct NearInFile {
+    leaves: Place<Leaf>,
+    levels: Vec<Place<Boxes>>,
+}
+
+impl NearInFile {
+    /// To be looked for in the file.
+    pub(super) fn open(self, pages: &WrittenPages) -> Near {
+        let levels = self.levels.into_iter().map(|level| pages.items(level)).collect();
+        Near { leaves: pages.items(self.leaves), levels }
+    }
+}
+
 const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
 
 impl Near {
@@ -101,10 +116,10 @@ impl Near {
     }
 
     /// The same in a file.
-    pub(super) fn put(self, pages: &mut Pages) -> Result<Self> {
+    pub(super) fn put(self, pages: &mut Pages) -> Result<NearInFile> {
         let leaves = pages.put(&self.leaves)?;
         let levels = self.levels.iter().map(|level| pages.put(level)).collect::<Result<_>>()?;
-        Ok(Self { leaves, levels })
+        Ok(NearInFile { leaves, levels })
     }
 
     /// Every leaf with points in the disc, in their order: its index, the squares of their distances, and which they are.
