@@ -1,7 +1,5 @@
 //! The first pass of a pack: each block becomes a candidate, of which the second pass keeps what the common slope allows.
 
-use std::path::PathBuf;
-
 use super::records::Records;
 use crate::compress::{Candidate, CandidateSummary, Compressor, CompressorPlan, Method, Residual};
 use crate::error::Result;
@@ -44,8 +42,6 @@ pub(super) struct PackStage<'a> {
 pub(super) struct Analysed {
     /// Candidates with what they lack of their blocks.
     pub(super) records: Records,
-    /// The result, for messages.
-    pub(super) path: PathBuf,
 }
 
 impl Analysed {

@@ -109,8 +109,8 @@ impl ImportedFeatures {
                     continue;
                 }
                 for (y, row) in plane.chunks_exact_mut(rect.width as usize).enumerate() {
-                    let place = (rendering * IMAGES + image, channel, rect.y as usize + y);
-                    self.rows.read(place, rect.x as usize, row)?;
+                    let (image, y, x) = (rendering * IMAGES + image, rect.y as usize + y, rect.x as usize);
+                    self.rows.read(RowPlace { image, channel, y, x }, row)?;
                 }
             }
         }

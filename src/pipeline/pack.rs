@@ -26,8 +26,8 @@ use super::shard::ShardSet;
 use super::spill::{check_container_output, files_of_pack, open_spill, spill_path};
 use crate::clean::CLEANER_VERSION;
 use crate::compress::{
-    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, Compressor,
-    CompressorPlan, Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
+    AUTOMATIC_DB, AUTOMATIC_MOST_DB, COMPRESSOR_VERSION, Candidate, CandidateSummary, CompressSettings, CompressorPlan,
+    Cut, LightErrorSums, Method, Residual, Target, cut_of_size,
 };
 use crate::container::codec::fineness;
 use crate::container::{ContainerOptions, ContainerReport, ContainerWriter, LightLayout, WrittenBlock};
@@ -201,7 +201,7 @@ impl Packing {
         let writer = ContainerWriter::create(path, job, ContainerOptions { origin: fingerprint, ..container })?;
         let spill = open_spill(path, fingerprint, job.shape.block_count(), overwrite)?;
         let (path, job, denoise) = (path.to_owned(), job.clone(), options.denoise);
-        let analysed = Analysed { records: Records::File(spill), path: path.clone() };
+        let analysed = Analysed { records: Records::File(spill) };
         let packing = Self {
             begun,
             memory,
@@ -225,7 +225,7 @@ impl Packing {
     #[cfg(feature = "scene")]
     pub(super) fn run_shards(
         mut self,
-        compressor: Compressor,
+        compressor: crate::compress::Compressor,
         shards: ShardSet,
         watch: &dyn Watch,
     ) -> Result<PackReport> {

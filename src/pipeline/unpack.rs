@@ -247,8 +247,9 @@ fn relight_images(
                 for y in part.y..part.y + part.height {
                     let from = (channel * rect.height as usize + (y - rect.y) as usize) * rect.width as usize;
                     let from = from + (part.x - rect.x) as usize;
-                    let place = (image, channel, (y - selected.rect.y) as usize);
-                    rows.write(place, (part.x - selected.rect.x) as usize, &lit[from..from + part.width as usize])?;
+                    let lit = &lit[from..from + part.width as usize];
+                    let (y, x) = ((y - selected.rect.y) as usize, (part.x - selected.rect.x) as usize);
+                    rows.write(RowPlace { image, channel, y, x }, lit)?;
                 }
             }
             Ok(())

@@ -48,7 +48,7 @@ impl Worker {
         Ok(if terms.options.denoise {
             Self::Gathers(Box::new(Gathering::new(&terms.job, path, records)?))
         } else {
-            Self::Analyses { compressor: Box::new(plan.for_blocks()?), analysed: Analysed { records, path } }
+            Self::Analyses { compressor: Box::new(plan.for_blocks()?), analysed: Analysed { records } }
         })
     }
 

@@ -114,6 +114,23 @@ fn documented_job(panel: &Light) -> Vec<u8> {
     )
 }
 
+/// Errors that differ in every number; column 66 is the last of [`job`].
+fn stated() -> StatedErrors {
+    let lights = LightErrors {
+        prior: 0.5,
+        all_on: 0.25,
+        random: 0.125,
+        single_mean: 2.0,
+        single_worst: 3.0,
+        worst_column: 66,
+        noise_mean: 4.0,
+        noise_worst: 5.0,
+    };
+    let cleaning = CleaningErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
+    let exposed = ExposedError { asked: 0.75, reached: 0.5 };
+    StatedErrors { lights: Some(lights), cleaning: Some(cleaning), exposed: Some(exposed) }
+}
+
 #[test]
 fn the_metadata_is_written_as_the_document_says() {
     let mut basis = LightBasis::new();
@@ -144,20 +161,8 @@ fn the_metadata_is_written_as_the_document_says() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltc");
     let options = ContainerOptions { report, partial: true, ..Default::default() };
-    let errors = LightErrors {
-        prior: 0.5,
-        all_on: 0.25,
-        random: 0.125,
-        single_mean: 2.0,
-        single_worst: 3.0,
-        worst_column: 290,
-        noise_mean: 4.0,
-        noise_worst: 5.0,
-    };
     let mut writer = ContainerWriter::create(&path, &job, options).unwrap();
-    let cleaning = CleaningErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
-    let exposed = ExposedError { asked: 0.75, reached: 0.5 };
-    let stated = StatedErrors { lights: Some(errors), cleaning: Some(cleaning), exposed: Some(exposed) };
+    let stated = stated();
     writer.state_errors(stated);
     writer.finish().unwrap();
     assert_eq!(*ContainerReader::open(&path).unwrap().errors(), stated);
@@ -185,7 +190,7 @@ fn the_metadata_is_written_as_the_document_says() {
             ("random", Value::Floats(vec![0.125])),
             ("single mean", Value::Floats(vec![2.0])),
             ("single worst", Value::Floats(vec![3.0])),
-            ("worst column", Value::Integer(290)),
+            ("worst column", Value::Integer(66)),
             ("noise mean", Value::Floats(vec![4.0])),
             ("noise worst", Value::Floats(vec![5.0])),
         ],
@@ -225,23 +230,12 @@ fn the_metadata_is_written_as_the_document_says() {
 fn each_error_is_kept_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ltc");
-    let lights = LightErrors {
-        prior: 0.5,
-        all_on: 0.25,
-        random: 0.125,
-        single_mean: 2.0,
-        single_worst: 3.0,
-        worst_column: 66,
-        noise_mean: 4.0,
-        noise_worst: 5.0,
-    };
-    let cleaning = CleaningErrors { noise_before: 1.5, noise_after: 0.75, bias: 0.0625 };
-    let exposed = ExposedError { asked: 0.75, reached: 0.5 };
+    let StatedErrors { lights, cleaning, exposed } = stated();
     for known in 0..8 {
         let stated = StatedErrors {
-            lights: Some(lights).filter(|_| known & 1 > 0),
-            cleaning: Some(cleaning).filter(|_| known & 2 > 0),
-            exposed: Some(exposed).filter(|_| known & 4 > 0),
+            lights: lights.filter(|_| known & 1 > 0),
+            cleaning: cleaning.filter(|_| known & 2 > 0),
+            exposed: exposed.filter(|_| known & 4 > 0),
         };
         let options = ContainerOptions { partial: true, overwrite: true, ..Default::default() };
         let mut writer = ContainerWriter::create(&path, &job(), options).unwrap();
